@@ -1,0 +1,32 @@
+"""What every test shares: JAX on the CPU, checked shapes, one hypothesis profile, the real data."""
+
+import os
+from pathlib import Path
+
+os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before jax is imported; a GPU run sets its own
+
+import hypothesis
+import jax
+import pytest
+from jaxtyping import install_import_hook
+
+# Shapes and types of public functions are checked in tests only. The hook sees what is imported
+# after it, so nothing above may import our packages.
+install_import_hook(["sdr_jax", "seg"], "beartype.beartype")
+
+jax.config.update("jax_numpy_rank_promotion", "raise")
+
+hypothesis.settings.register_profile("sdr", deadline=None, max_examples=30, derandomize=True)
+hypothesis.settings.load_profile("sdr")
+
+
+@pytest.fixture(scope="session")
+def camvid_dir() -> Path:
+    """The folder of a real CamVid (SegNet layout), or a skip where there is none."""
+    value = os.environ.get("CAMVID_DIR")
+    if not value:
+        pytest.skip("CAMVID_DIR is not set: it names a folder with CamVid in the SegNet layout")
+    path = Path(value)
+    if not path.is_dir():
+        pytest.fail(f"CAMVID_DIR={value} is not a folder; unset it to skip these tests")
+    return path
