@@ -1,0 +1,48 @@
+# `make demo` and `make test` do all the set-up themselves, in .venv, without root.
+OUT ?= runs/demo
+TWIN_SEED ?= 0
+PYTHON ?=
+ARGS ?=
+
+# Commands run from the root, so that a checkout in a path with spaces works.
+BIN := .venv/bin
+
+.PHONY: help setup demo test nightly lint format clean
+
+help:
+	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN_SEED=N (0)'
+	@echo 'make test      the tests, without the slow ones; ARGS="-k name" goes to pytest'
+	@echo 'make nightly   all tests'
+	@echo 'make lint      ruff (rules, format) and mypy'
+	@echo 'make format    let ruff rewrite the code'
+	@echo 'make setup     make .venv and install into it (the others do this when needed); PYTHON=...'
+	@echo 'make clean     remove caches and .venv; runs/ stays'
+
+setup:
+	@PYTHON="$(PYTHON)" sh scripts/setup.sh
+
+# Run again after a kill, it goes on where it was; run again after the end, it is done at once.
+demo: setup
+	@$(BIN)/python -m experiments.cityscapes --preset quick --out "$(OUT)" --twin-seed "$(TWIN_SEED)"
+	@echo
+	@echo 'The run is in $(OUT): figures in summary.json, learnt attributes in attributes.json, images in pictures/'
+
+test: setup
+	@$(BIN)/python -m pytest -m "not slow" $(ARGS)
+
+nightly: setup
+	@$(BIN)/python -m pytest $(ARGS)
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+format: setup
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+clean:
+	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .jax_cache
+	rm -rf -- *.egg-info
+	find . -name __pycache__ -type d -not -path './runs/*' -prune -exec rm -rf {} +

@@ -1,0 +1,197 @@
+"""The rules of the layout, checked on the syntax trees of all our sources.
+
+- The core is pure: no global randomness, no clock, no print; these live in the thin shell.
+- `scene` knows no JAX outside `scene/callback.py`, so that render workers start fast.
+- `sdr_jax`, `scene` and `seg` know neither each other nor `experiments`.
+"""
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+LIBRARIES = ("sdr_jax", "scene", "seg")
+PACKAGES = (*LIBRARIES, "experiments")
+
+# The thin shell: folders end with a slash. A `__main__.py` is a command line wherever it is.
+SHELL = (
+    "benchmarks/",
+    "experiments/",
+    "scene/callback.py",
+    "scene/dataset.py",
+    "scene/render/",
+    "scene/workers.py",
+    "seg/data/",
+)
+JAX = frozenset({"flax", "jax", "jaxlib", "optax"})
+IMPURE_MODULES = frozenset({"random", "time"})
+# What `numpy.random` has besides functions on a hidden global state.
+SEEDED = frozenset(
+    {"BitGenerator", "Generator", "PCG64", "PCG64DXSM", "Philox", "SFC64", "SeedSequence"}
+    | {"default_rng"}
+)
+
+
+def in_shell(path: str) -> bool:
+    """Whether a file, relative to the root, may touch the world."""
+    if PurePosixPath(path).name == "__main__.py":
+        return True
+    return any(path.startswith(s) if s.endswith("/") else path == s for s in SHELL)
+
+
+def forbidden_imports(path: str) -> frozenset[str]:
+    """Top-level names that a file must not import."""
+    package = path.split("/")[0]
+    names: set[str] = set()
+    if package in LIBRARIES:
+        names |= {*PACKAGES, "benchmarks", "tests"} - {package}
+    if package == "scene" and path != "scene/callback.py":
+        names |= JAX
+    if not in_shell(path):
+        names |= IMPURE_MODULES
+    return frozenset(names)
+
+
+def imported_modules(node: ast.AST) -> list[str]:
+    """Absolute dotted names that a node imports; relative imports stay in their package."""
+    if isinstance(node, ast.Import):
+        return [alias.name for alias in node.names]
+    if isinstance(node, ast.ImportFrom) and node.level == 0 and node.module:
+        return [node.module]
+    if isinstance(node, ast.Call) and node.args and isinstance(node.args[0], ast.Constant):
+        name = ast.unparse(node.func).split(".")[-1]
+        if name in ("import_module", "__import__") and isinstance(node.args[0].value, str):
+            return [node.args[0].value]
+    return []
+
+
+def dotted_names(tree: ast.AST) -> dict[str, str]:
+    """What each imported local name stands for: `np` -> `numpy`, `rand` -> `numpy.random.rand`."""
+    names = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                top = alias.name.split(".")[0]
+                names[alias.asname or top] = alias.name if alias.asname else top
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            for alias in node.names:
+                names[alias.asname or alias.name] = f"{node.module}.{alias.name}"
+    return names
+
+
+def resolve(node: ast.AST, names: dict[str, str]) -> str:
+    """The full dotted name of an attribute chain, or '' for anything else."""
+    if isinstance(node, ast.Name):
+        return names.get(node.id, node.id)
+    if isinstance(node, ast.Attribute):
+        value = resolve(node.value, names)
+        return f"{value}.{node.attr}" if value else ""
+    return ""
+
+
+def breaches(source: str, path: str) -> Iterator[str]:
+    """Yields `path:line: what is wrong` for every breach in one source text."""
+    tree = ast.parse(source, filename=path)
+    names = dotted_names(tree)
+    forbidden = forbidden_imports(path)
+    pure = not in_shell(path)
+
+    for node in ast.walk(tree):
+        where = f"{path}:{getattr(node, 'lineno', 0)}"
+        for module in imported_modules(node):
+            if module.split(".")[0] in forbidden:
+                yield f"{where}: imports {module}"
+        if not pure:
+            continue
+        if isinstance(node, ast.Name) and node.id == "print" and "print" not in names:
+            yield f"{where}: print"
+        if isinstance(node, ast.ImportFrom) and node.level == 0 and node.module == "numpy.random":
+            for alias in node.names:
+                if alias.name not in SEEDED:
+                    yield f"{where}: global numpy.random.{alias.name}"
+        if isinstance(node, ast.Attribute):
+            full = resolve(node, names)
+            if full.startswith("numpy.random.") and full.split(".")[2] not in SEEDED:
+                yield f"{where}: global {full}"
+        if isinstance(node, ast.Call):
+            full = resolve(node.func, names)
+            unseeded = not node.args and not node.keywords
+            if unseeded and full in ("numpy.random.default_rng", "numpy.random.SeedSequence"):
+                yield f"{where}: {full}() without a seed"
+
+
+def sources() -> list[Path]:
+    return sorted(p for package in PACKAGES for p in (ROOT / package).rglob("*.py"))
+
+
+def test_our_sources_keep_the_rules():
+    found = [
+        breach
+        for path in sources()
+        for breach in breaches(path.read_text(encoding="utf-8"), path.relative_to(ROOT).as_posix())
+    ]
+    assert not found, "\n" + "\n".join(found)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_package_is_walked(package):
+    walked = {path.relative_to(ROOT).as_posix() for path in sources()}
+    assert f"{package}/__init__.py" in walked
+
+
+@pytest.mark.parametrize(
+    ("path", "source", "complaint"),
+    [
+        (
+            "scene/street.py",
+            "import numpy as np\nx = np.random.rand(3)",
+            "global numpy.random.rand",
+        ),
+        ("seg/train.py", "import numpy\nnumpy.random.seed(0)", "global numpy.random.seed"),
+        ("seg/train.py", "from numpy import random as r\nr.normal()", "global numpy.random.normal"),
+        ("seg/train.py", "import numpy.random as r\nr.shuffle(x)", "global numpy.random.shuffle"),
+        ("seg/train.py", "from numpy.random import rand", "global numpy.random.rand"),
+        ("scene/street.py", "import numpy as np\nnp.random.default_rng()", "without a seed"),
+        ("sdr_jax/policy.py", "import random", "imports random"),
+        ("sdr_jax/policy.py", "from random import choice", "imports random"),
+        ("sdr_jax/policy.py", "def f():\n    from time import monotonic", "imports time"),
+        ("sdr_jax/policy.py", "print(1)", "print"),
+        ("sdr_jax/policy.py", "jax.tree.map(print, x)", "print"),
+        ("scene/street.py", "import jax.numpy as jnp", "imports jax.numpy"),
+        ("scene/dataset.py", "from jax import Array", "imports jax"),
+        ("scene/render/embree.py", "import flax", "imports flax"),
+        ("scene/street.py", "from seg.classes import CITYSCAPES", "imports seg.classes"),
+        ("scene/callback.py", "import sdr_jax", "imports sdr_jax"),
+        ("seg/data/camvid.py", "import scene.classes", "imports scene.classes"),
+        ("sdr_jax/callback.py", "from experiments import reward", "imports experiments"),
+        ("seg/train.py", "import importlib\nimportlib.import_module('scene')", "imports scene"),
+    ],
+)
+def test_a_breach_is_found(path, source, complaint):
+    found = list(breaches(source, path))
+    assert len(found) == 1
+    assert found[0].startswith(f"{path}:{source.count(chr(10)) + 1}: ")
+    assert complaint in found[0]
+
+
+@pytest.mark.parametrize(
+    ("path", "source"),
+    [
+        ("scene/street.py", "import numpy as np\nrng = np.random.default_rng(seed)\nrng.normal()"),
+        ("scene/street.py", "def f(rng: np.random.Generator):\n    return rng.random()"),
+        ("scene/street.py", "from .assets import random_tree\nfrom . import time"),
+        ("scene/callback.py", "import jax"),
+        ("scene/dataset.py", "import time\nprint(time.time())"),
+        ("scene/render/__init__.py", "print('up')"),
+        ("seg/__main__.py", "print('mIoU')"),
+        ("seg/data/camvid.py", "import time"),
+        ("sdr_jax/policy.py", "import jax\nfrom jax import random\nrandom.split(key)"),
+        ("sdr_jax/policy.py", "import jax\njax.debug.print('x')"),
+        ("sdr_jax/policy.py", "import sdr_jax.space"),
+        ("experiments/cityscapes.py", "import scene, seg, sdr_jax, time\nprint(1)"),
+    ],
+)
+def test_what_is_allowed_passes(path, source):
+    assert list(breaches(source, path)) == []
