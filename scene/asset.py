@@ -205,6 +205,50 @@ def disc(
     return Asset(mesh, flat.color[keep], flat.material[keep])
 
 
+def polygon(corners: list[Point] | np.ndarray, color: Color, material: str = "plain") -> Asset:
+    """A flat convex face of n corners in order around its edge; n - 2 faces."""
+    last = np.arange(2, len(corners))
+    faces = np.column_stack([np.zeros_like(last), last - 1, last])
+    return solid(np.asarray(corners), faces, color, material)
+
+
+def loft(
+    rings: list[np.ndarray] | np.ndarray,
+    color: Color,
+    material: str = "plain",
+    *,
+    closed: bool = True,
+    caps: bool = True,
+) -> Asset:
+    """A skin over cross-sections [rings, points, 3]; faces without area are left out.
+
+    Each section is a convex loop, or with ``closed=False`` an open line; ``caps`` fill the ends.
+    """
+    sections = np.asarray(rings, float)
+    count, points = sections.shape[:2]
+    i = np.arange(points if closed else points - 1)
+    first = points * np.arange(count - 1)[:, None]
+    a, b = first + i, first + (i + 1) % points
+    faces = [np.stack([a, b, b + points, a, b + points, a + points], -1).reshape(-1, 3)]
+    if caps:
+        k = np.arange(1, points - 1)
+        fan = np.column_stack([np.zeros_like(k), k, k + 1])
+        faces += [fan[:, ::-1], fan + points * (count - 1)]
+    vertices = sections.reshape(-1, 3)
+    triangles = np.concatenate(faces)
+    p, q, r = (vertices[triangles[:, k]] for k in range(3))
+    area = np.linalg.norm(np.cross(q - p, r - p), axis=1) / 2
+    return solid(vertices, triangles[area > 1e-9], color, material)
+
+
 def recolor(asset: Asset, color: Color) -> Asset:
     """The asset with every face in one colour."""
     return asset._replace(color=np.tile(np.asarray(color, np.float32), (len(asset.color), 1)))
+
+
+def repaint(asset: Asset, faces: np.ndarray, color: Color, material: str) -> Asset:
+    """The asset with the chosen ``faces`` (mask or indexes) in another colour and material."""
+    colors, materials = asset.color.copy(), asset.material.copy()
+    colors[faces] = color
+    materials[faces] = material_id(material)
+    return asset._replace(color=colors, material=materials)
