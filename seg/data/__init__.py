@@ -1,0 +1,18 @@
+"""Readers of real labelled images, as they are on disk."""
+
+from seg.data.camvid import list_camvid, read_camvid
+from seg.data.cityscapes import list_cityscapes, read_cityscapes
+from seg.data.errors import DataError
+from seg.data.realset import Entry, RealSet, load, subset
+
+__all__ = [
+    "DataError",
+    "Entry",
+    "RealSet",
+    "list_camvid",
+    "list_cityscapes",
+    "load",
+    "read_camvid",
+    "read_cityscapes",
+    "subset",
+]

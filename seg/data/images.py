@@ -1,0 +1,103 @@
+"""Decode one image or one label file into an array, or say clearly what is wrong with it."""
+
+import io
+from pathlib import Path
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image
+
+from seg.classes import ClassTable
+from seg.data.errors import DataError
+
+_JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
+
+
+def _read_bytes(path: Path) -> bytes:
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+
+
+def _unreadable(path: Path, why: object) -> DataError:
+    return DataError(
+        f"{path}: not a readable image, broken or truncated ({why}); put an intact copy there"
+    )
+
+
+def _decode(path: Path, data: bytes, flags: int) -> np.ndarray:
+    try:
+        pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
+    except cv2.error as error:
+        raise _unreadable(path, error) from error
+    if pixels is None:
+        raise _unreadable(path, "decoding failed" if data else "the file is empty")
+    return pixels
+
+
+def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
+    """Read a photograph.
+
+    Args:
+        path: PNG or JPEG; grey images become three equal channels, 16 bits become 8.
+
+    Returns:
+        RGB in 0..255.
+
+    Raises:
+        DataError: the file is missing, not an image, broken or truncated.
+    """
+    data = _read_bytes(path)
+    if data.startswith(_JPEG_START) and not data.rstrip(b"\0\r\n").endswith(_JPEG_END):
+        # OpenCV fills the lost part of a truncated JPEG with grey and says nothing; Pillow tells.
+        try:
+            Image.open(io.BytesIO(data)).load()
+        except OSError as error:
+            raise _unreadable(path, error) from error
+    bgr = _decode(path, data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
+
+
+def read_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
+    """Read a label file and map its values to the ids of a table.
+
+    Grey files, 8 or 16 bits, go through OpenCV; palette files through Pillow, because OpenCV would
+    replace each id by its colour.
+
+    Args:
+        path: PNG of one channel.
+        table: says which values are legal and what they mean.
+
+    Returns:
+        Ids of the table; 255 for void.
+
+    Raises:
+        DataError: the file is missing, broken, in colours, or holds a value outside the table.
+    """
+    data = _read_bytes(path)
+    try:
+        with Image.open(io.BytesIO(data)) as header:
+            mode = header.mode
+            palette_ids = np.asarray(header, np.uint8) if mode == "P" else None
+    except (OSError, SyntaxError, ValueError) as error:
+        raise _unreadable(path, error) from error
+    if mode not in ("P", "L", "1") and not mode.startswith("I"):
+        raise DataError(
+            f"{path}: a label of mode {mode}, that is colours; expected one channel of class ids "
+            f"(values 0..{np.flatnonzero(table.legal)[-1]} of {table.name})"
+        )
+    if palette_ids is not None:
+        values = palette_ids
+    else:
+        values = _decode(path, data, cv2.IMREAD_UNCHANGED)
+    if values.max() > 255 or not table.legal[values].all():
+        found = np.unique(values)
+        wrong = [int(v) for v in found if v > 255 or not table.legal[v]]
+        shown = ", ".join(map(str, wrong[:5])) + (", ..." if len(wrong) > 5 else "")
+        raise DataError(
+            f"{path}: label value {shown} lies outside the {table.name} table; "
+            f"legal values are 0..{np.flatnonzero(table.legal)[-1]}"
+        )
+    return table.from_file[values]

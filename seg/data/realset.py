@@ -1,0 +1,115 @@
+"""Real labelled images in memory, and the loading of them from a list of files."""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from seg.classes import ClassTable
+from seg.data.errors import DataError
+from seg.data.images import read_image, read_label
+
+
+class Entry(NamedTuple):
+    """One labelled image on disk."""
+
+    name: str  # file name without folder and extension, unique within a split
+    sequence: str  # the drive it was taken on: consecutive frames are nearly the same image
+    image_path: Path
+    label_path: Path
+
+
+class RealSet(NamedTuple):
+    """Labelled images of one size."""
+
+    names: tuple[str, ...]
+    sequences: tuple[str, ...]  # of each image
+    images: UInt8[np.ndarray, "n h w 3"]  # RGB
+    labels: UInt8[np.ndarray, "n h w"]  # ids of a class table, 255 void
+
+
+def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[Entry, ...]:
+    """Pick a random subset, the same for the same seed, in the order of the list.
+
+    Args:
+        entries: the whole split.
+        limit: how many to keep; None, or more than there are, keeps all.
+        seed: of the choice.
+
+    Returns:
+        The entries kept.
+
+    Raises:
+        ValueError: limit is less than 1.
+    """
+    if limit is not None and limit < 1:
+        raise ValueError(f"limit must be at least 1, or None for all images; got {limit}")
+    if limit is None or limit >= len(entries):
+        return tuple(entries)
+    kept = np.random.default_rng(seed).choice(len(entries), limit, replace=False)
+    return tuple(entries[index] for index in np.sort(kept))
+
+
+def _load_one(
+    entry: Entry, table: ClassTable, size: tuple[int, int] | None
+) -> tuple[np.ndarray, np.ndarray]:
+    image = read_image(entry.image_path)
+    label = read_label(entry.label_path, table)
+    if image.shape[:2] != label.shape:
+        raise DataError(
+            f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
+            f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must have the same size"
+        )
+    if size is None or label.shape == size:
+        return image, label
+    height, width = size
+    shrinks = height <= label.shape[0] and width <= label.shape[1]
+    image = cv2.resize(
+        image, (width, height), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    )
+    # The exact variant samples at pixel centres; plain nearest shifts labels against the image.
+    label = cv2.resize(label, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
+    return image, label
+
+
+def load(
+    entries: Sequence[Entry], table: ClassTable, size: tuple[int, int] | None = None
+) -> RealSet:
+    """Read images and labels; images are resized by area averages, labels by nearest pixel.
+
+    Args:
+        entries: from `list_camvid`, `list_cityscapes`, `subset`, or made by hand.
+        table: of the data set the files belong to.
+        size: (height, width) in pixels; None keeps the size on disk, which must then be one.
+
+    Returns:
+        The images, in the order of the entries.
+
+    Raises:
+        DataError: there is nothing to load, or a file is missing, broken, or not what it should be.
+        ValueError: size is not positive.
+    """
+    if size is not None and (size[0] < 1 or size[1] < 1):
+        raise ValueError(f"size must be a positive (height, width); got {size}")
+    if not entries:
+        raise DataError("zero images to load; expected at least one entry")
+    with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+        pairs = list(pool.map(lambda entry: _load_one(entry, table, size), entries))
+    first = pairs[0][1].shape
+    for entry, (_, label) in zip(entries, pairs, strict=True):
+        if label.shape != first:
+            raise DataError(
+                f"{entry.image_path}: {label.shape[1]}x{label.shape[0]} pixels where "
+                f"{entries[0].image_path} has {first[1]}x{first[0]}; give a size to resize them all"
+            )
+    return RealSet(
+        names=tuple(entry.name for entry in entries),
+        sequences=tuple(entry.sequence for entry in entries),
+        images=np.stack([image for image, _ in pairs]),
+        labels=np.stack([label for _, label in pairs]),
+    )

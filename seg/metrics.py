@@ -1,0 +1,99 @@
+"""Confusion matrix, intersection over union, and their mean.
+
+The rule for absent classes: the mean is over the classes that occur in the ground truth of the
+scored set. A class that never occurs there is left out (even where it was predicted: those pixels
+already count against the classes they were taken from); one that occurs and is never predicted
+counts 0.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Float64, Int64, Integer
+
+from seg.classes import IGNORE_LABEL
+
+
+def confusion_matrix(
+    labels: Integer[np.ndarray, "*shape"],
+    predictions: Integer[np.ndarray, "*shape"],
+    classes: int,
+    ignore: int = IGNORE_LABEL,
+) -> Int64[np.ndarray, "classes classes"]:
+    """Count pixels by true and by predicted class. Matrices of several batches add up.
+
+    Args:
+        labels: true class ids; `ignore` for pixels that do not count.
+        predictions: predicted class ids, same shape.
+        classes: how many classes there are.
+        ignore: the void label.
+
+    Returns:
+        Counts; row: true class, column: predicted class.
+
+    Raises:
+        ValueError: shapes differ, or an id lies outside 0 .. classes - 1.
+    """
+    if labels.shape != predictions.shape:
+        raise ValueError(
+            f"labels {labels.shape} and predictions {predictions.shape} must have the same shape"
+        )
+    counted = labels != ignore
+    truth = labels[counted].astype(np.int64)
+    guess = predictions[counted].astype(np.int64)
+    for what, ids in (("labels", truth), ("predictions", guess)):
+        if ids.size and (ids.min() < 0 or ids.max() >= classes):
+            raise ValueError(
+                f"{what} must be in 0..{classes - 1} (or {ignore}, void, in labels); "
+                f"found {ids.min()}..{ids.max()}"
+            )
+    return np.bincount(truth * classes + guess, minlength=classes * classes).reshape(
+        classes, classes
+    )
+
+
+def iou(confusion: Int64[np.ndarray, "classes classes"]) -> Float64[np.ndarray, " classes"]:
+    """Intersection over union of each class: true positives / (truth + predicted - true positives).
+
+    Args:
+        confusion: from `confusion_matrix`.
+
+    Returns:
+        IoU in [0, 1]; NaN for classes that do not occur in the ground truth.
+    """
+    hits = np.diagonal(confusion).astype(np.float64)
+    truth = confusion.sum(1)
+    union = truth + confusion.sum(0) - hits
+    return np.where(truth > 0, hits / np.maximum(union, 1), np.nan)
+
+
+def mean_iou(confusion: Int64[np.ndarray, "classes classes"]) -> float:
+    """Mean IoU over the classes that occur in the ground truth.
+
+    Args:
+        confusion: from `confusion_matrix`.
+
+    Returns:
+        mIoU in [0, 1].
+
+    Raises:
+        ValueError: the ground truth has no labelled pixel at all.
+    """
+    if not confusion.any():
+        raise ValueError("no pixel of the scored set is labelled; every label is void")
+    return float(np.nanmean(iou(confusion)))
+
+
+def absent_classes(
+    confusion: Int64[np.ndarray, "classes classes"], names: Sequence[str]
+) -> tuple[str, ...]:
+    """Name the classes that `mean_iou` leaves out, because the ground truth has none of them.
+
+    Args:
+        confusion: from `confusion_matrix`.
+        names: class names, in the order of the ids.
+
+    Returns:
+        Names, in the order of the ids.
+    """
+    return tuple(name for name, truth in zip(names, confusion.sum(1), strict=True) if truth == 0)
