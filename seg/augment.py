@@ -1,0 +1,125 @@
+"""Random mirror, colour and blur: a few numbers per image, no noise per pixel (that costs more).
+
+The randomness is an argument: `draw` makes uniform numbers on the host, `augment` is pure in images
+and numbers, and runs inside the jitted training step.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Float32, Integer, UInt8
+
+# One column of the numbers per effect.
+MIRROR, GAIN, GAMMA, CONTRAST, SATURATION, BLUR = range(6)
+DRAWS = 6
+
+MAX_GAIN = 1.4  # brightness is multiplied by 1/1.4 .. 1.4
+MAX_GAMMA = 1.4  # and raised to a power of 1/1.4 .. 1.4
+MAX_CONTRAST = 0.3  # distance from the image's mean is scaled by 0.7 .. 1.3
+MAX_SATURATION = 0.5  # distance from grey is scaled by 0.5 .. 1.5
+
+
+def draw(rng: np.random.Generator, *shape: int) -> Float32[np.ndarray, "*shape draws"]:
+    """Draw the numbers that `augment` needs.
+
+    Args:
+        rng: consumed in place.
+        *shape: of the images, e.g. (steps, batch).
+
+    Returns:
+        Uniform in [0, 1).
+    """
+    return rng.random((*shape, DRAWS), dtype=np.float32)
+
+
+def _between(u: Float[Array, " b"], low: float, high: float) -> Float[Array, "b 1 1 1"]:
+    return (low + u * (high - low))[:, None, None, None]
+
+
+def mirror(
+    images: Float[Array, "b h w c"], labels: Integer[Array, "b h w"], u: Float[Array, " b"]
+) -> tuple[Float[Array, "b h w c"], Integer[Array, "b h w"]]:
+    """Swap left and right, in image and label, where u < 0.5.
+
+    Args:
+        images: any.
+        labels: of the images.
+        u: one number per image.
+
+    Returns:
+        Images and labels.
+    """
+    flips = u < 0.5
+    return (
+        jnp.where(flips[:, None, None, None], images[:, :, ::-1], images),
+        jnp.where(flips[:, None, None], labels[:, :, ::-1], labels),
+    )
+
+
+def colour(
+    images: Float[Array, "b h w 3"], draws: Float[Array, "b draws"]
+) -> Float[Array, "b h w 3"]:
+    """Vary gamma, gain, contrast and saturation of each image.
+
+    Args:
+        images: RGB in [0, 1].
+        draws: from `draw`; 0.5 in a column leaves that quality as it is.
+
+    Returns:
+        RGB, clipped to [0, 1].
+    """
+    gamma = MAX_GAMMA ** _between(draws[:, GAMMA], -1, 1)
+    gain = MAX_GAIN ** _between(draws[:, GAIN], -1, 1)
+    contrast = _between(draws[:, CONTRAST], 1 - MAX_CONTRAST, 1 + MAX_CONTRAST)
+    saturation = _between(draws[:, SATURATION], 1 - MAX_SATURATION, 1 + MAX_SATURATION)
+    x = gain * jnp.maximum(images, 1e-4) ** gamma
+    grey = jnp.mean(x, axis=-1, keepdims=True)
+    x = grey + saturation * (x - grey)
+    mean = jnp.mean(grey, axis=(1, 2), keepdims=True)
+    return jnp.clip(mean + contrast * (x - mean), 0, 1)
+
+
+def blur(images: Float[Array, "b h w c"], u: Float[Array, " b"]) -> Float[Array, "b h w c"]:
+    """Mix each image with its 3x3 binomial blur (1 2 1 along each axis).
+
+    Args:
+        images: any.
+        u: share of the blurred image, in [0, 1].
+
+    Returns:
+        Images, same mean up to the border.
+    """
+    padded = jnp.pad(images, [(0, 0), (1, 1), (1, 1), (0, 0)], mode="edge")
+    rows = 0.25 * (padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:])
+    soft = 0.25 * (rows[:, :, :-2] + 2 * rows[:, :, 1:-1] + rows[:, :, 2:])
+    return images + u[:, None, None, None] * (soft - images)
+
+
+def augment(
+    images: UInt8[Array, "b h w 3"],
+    labels: UInt8[Array, "b h w"],
+    draws: Float[Array, "b draws"],
+    flip: bool = True,
+    colours: bool = True,
+    blurs: bool = True,
+) -> tuple[Float[Array, "b h w 3"], UInt8[Array, "b h w"]]:
+    """Mirror, colour and blur a batch.
+
+    Args:
+        images: RGB.
+        labels: class ids.
+        draws: from `draw`.
+        flip: mirror half of the images.
+        colours: vary gamma, gain, contrast, saturation.
+        blurs: mix with a blur.
+
+    Returns:
+        RGB in [0, 1], and labels.
+    """
+    x = images.astype(jnp.float32) / 255
+    if flip:
+        x, labels = mirror(x, labels, draws[:, MIRROR])
+    if colours:
+        x = colour(x, draws)
+    if blurs:
+        x = blur(x, draws[:, BLUR])
+    return x, labels
