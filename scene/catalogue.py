@@ -92,3 +92,12 @@ def asset(family: str, index: int) -> Asset:
     entry = FAMILIES[family]
     rng = np.random.default_rng([zlib.crc32(family.encode()), index])
     return entry.build(entry.sample(rng, entry.kinds[index % len(entry.kinds)]))
+
+
+@lru_cache(maxsize=4096)
+def bounds(family: str, index: int) -> np.ndarray:
+    """Low and high corner f64[2, 3] of an asset in its own frame (read-only)."""
+    vertices = asset(family, index).mesh.vertices
+    corners = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+    corners.setflags(write=False)
+    return corners

@@ -1,0 +1,73 @@
+"""The renderer as a JAX function: unit attributes and seeds in, images and labels out.
+
+The only file of the engine that knows JAX. The renderer has no gradient and is pure, so it goes through
+``jax.pure_callback``; it runs on the host, one call per batch.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, UInt8, UInt32
+
+from scene.attributes import ATTRIBUTES
+from scene.dataset import render_street
+from scene.render import RenderSettings, check_settings, renderer
+from scene.street import AssetPool
+
+RenderFn = Callable[
+    [Float[Array, "n attributes"], UInt32[Array, " n"]],
+    tuple[UInt8[Array, "n shots h w 3"], UInt8[Array, "n shots h w"]],
+]
+
+
+def render_fn(
+    settings: RenderSettings,
+    *,
+    shots: int = 1,
+    renderer_name: str = "embree",
+    pool: AssetPool | None = None,
+) -> RenderFn:
+    """A function ``(unit f32[n, 23], seeds u32[n]) -> (images, labels)`` for use inside jit.
+
+    Values outside [0, 1] are clipped, since raising inside a callback breaks the program around it;
+    NaN becomes 0.5.
+
+    Raises:
+        ValueError: settings, shots or renderer out of range; now, not inside the callback.
+    """
+    check_settings(settings)
+    renderer(renderer_name)
+    if shots < 1:
+        raise ValueError(f"shots per street must be 1 or more, not {shots}")
+    assets = pool or AssetPool()
+    size = (shots, settings.height, settings.width)
+
+    def on_host(unit: np.ndarray, seeds: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        unit = np.clip(np.nan_to_num(np.asarray(unit, np.float32), nan=0.5), 0, 1)
+        images = np.empty((len(unit), *size, 3), np.uint8)
+        labels = np.empty((len(unit), *size), np.uint8)
+        for i, (row, seed) in enumerate(zip(unit, np.asarray(seeds).tolist(), strict=True)):
+            frames = render_street(row, seed, 0, shots, settings, renderer_name, assets)
+            images[i] = [f.image for f in frames]
+            labels[i] = [f.label for f in frames]
+        return images, labels
+
+    def render(
+        unit: Float[Array, "n attributes"], seeds: UInt32[Array, " n"]
+    ) -> tuple[UInt8[Array, "n shots h w 3"], UInt8[Array, "n shots h w"]]:
+        if unit.shape[1:] != (len(ATTRIBUTES),) or seeds.shape != unit.shape[:1]:
+            raise ValueError(
+                f"expected unit [n, {len(ATTRIBUTES)}] and seeds [n], got {unit.shape}, {seeds.shape}"
+            )
+        n = unit.shape[0]
+        shapes = (
+            jax.ShapeDtypeStruct((n, *size, 3), jnp.uint8),
+            jax.ShapeDtypeStruct((n, *size), jnp.uint8),
+        )
+        return jax.pure_callback(on_host, shapes, unit, seeds, vmap_method="sequential")
+
+    return render

@@ -1,0 +1,41 @@
+"""Renderers by name, behind one protocol."""
+
+from __future__ import annotations
+
+from scene.render.protocol import (
+    Frame,
+    Renderer,
+    RendererError,
+    RenderSettings,
+    check_settings,
+)
+
+RENDERERS: tuple[str, ...] = ("embree", "opengl")
+
+__all__ = [
+    "RENDERERS",
+    "Frame",
+    "RenderSettings",
+    "Renderer",
+    "RendererError",
+    "check_settings",
+    "renderer",
+]
+
+
+def renderer(name: str) -> Renderer:
+    """The renderer called ``name``, imported only now.
+
+    Raises:
+        ValueError: unknown name.
+        RendererError: this machine lacks what the renderer needs.
+    """
+    if name == "embree":
+        from scene.render.embree import EmbreeRenderer
+
+        return EmbreeRenderer()
+    if name == "opengl":
+        from scene.render.opengl import OpenGLRenderer
+
+        return OpenGLRenderer()
+    raise ValueError(f"unknown renderer {name!r}; known: {', '.join(RENDERERS)}")

@@ -1,0 +1,90 @@
+"""What every renderer takes and gives."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from scene.sensor import CameraResponse
+from scene.street import Camera, Street
+
+
+class RenderSettings(NamedTuple):
+    """Size and quality of every image of a dataset."""
+
+    width: int = 640
+    height: int = 320
+    samples: int = 1  # rays per pixel along each axis
+    fov: float = 50.0  # horizontal field of view, degrees
+    shadows: bool = True
+    occlusion: bool = True  # ambient occlusion (embree only)
+    textures: bool = True
+    response: CameraResponse = CameraResponse()
+
+
+class Frame(NamedTuple):
+    """One shot with everything that is exactly known about it."""
+
+    image: np.ndarray  # u8[h, w, 3] sRGB
+    label: np.ndarray  # u8[h, w] train ids
+    instance: np.ndarray  # u16[h, w], 0 is the sky
+    depth: np.ndarray  # f32[h, w] metres along the optical axis, 0 for the sky
+
+
+class Renderer(Protocol):
+    """Renders all shots of a street."""
+
+    name: str
+
+    def render(self, street: Street, settings: RenderSettings) -> list[Frame]:
+        """One frame per camera of the street."""
+        ...
+
+
+class RendererError(RuntimeError):
+    """A renderer cannot run here; the message says what is missing."""
+
+
+MAX_PIXELS = 50_000_000
+
+
+def check_settings(settings: RenderSettings) -> RenderSettings:
+    """The settings themselves; raises ValueError naming the field that is out of range."""
+    if settings.width < 8 or settings.height < 8:
+        raise ValueError(
+            f"image size {settings.width}x{settings.height} is too small; 8x8 is the least"
+        )
+    if settings.width * settings.height > MAX_PIXELS:
+        raise ValueError(
+            f"image size {settings.width}x{settings.height} is over {MAX_PIXELS:,} pixels"
+        )
+    if not 1 <= settings.samples <= 8:
+        raise ValueError(f"samples must lie in 1..8, not {settings.samples}")
+    if not 5 <= settings.fov <= 150:
+        raise ValueError(f"fov must lie in 5..150 degrees, not {settings.fov}")
+    return settings
+
+
+def camera_axes(camera: Camera) -> np.ndarray:
+    """Rows: the camera's right, up and forward axes in the world, f64[3, 3]."""
+    cy, sy = math.cos(camera.yaw), math.sin(camera.yaw)
+    cp, sp = math.cos(camera.pitch), math.sin(camera.pitch)
+    forward = np.array([cp * cy, -cp * sy, -sp])
+    right = np.array([-sy, -cy, 0.0])
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+def pixel_rays(settings: RenderSettings, samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sample positions on the image plane at distance 1: f64[w * samples], f64[h * samples]."""
+    half = math.tan(math.radians(settings.fov) / 2)
+    columns, rows = settings.width * samples, settings.height * samples
+    x = ((np.arange(columns) + 0.5) / columns * 2 - 1) * half
+    y = (1 - (np.arange(rows) + 0.5) / rows * 2) * half * settings.height / settings.width
+    return x, y
+
+
+def label_sample(samples: int) -> int:
+    """Which of the ``samples`` along each axis gives a pixel its label, instance and depth."""
+    return samples // 2

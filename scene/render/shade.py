@@ -1,0 +1,177 @@
+"""The embree renderer's shader: sun, sky light, texture, gloss and haze for one sample at a time."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+
+import numpy as np
+from numba import njit
+
+from scene.materials import MATERIALS, TEXTURE_SIZE, textures
+from scene.sky import sky_radiance
+
+MISS = -1
+
+
+@cache
+def texture_levels() -> np.ndarray:
+    """Mip levels f32[materials, levels, size, size]; level k is blurred over 2^k texels."""
+    base = textures()
+    levels = [base]
+    for k in range(1, int(math.log2(TEXTURE_SIZE)) + 1):
+        n = TEXTURE_SIZE >> k
+        small = base.reshape(len(base), n, 1 << k, n, 1 << k).mean(axis=(2, 4))
+        levels.append(small.repeat(1 << k, axis=1).repeat(1 << k, axis=2))
+    return np.stack(levels, axis=1).astype(np.float32)
+
+
+@cache
+def material_rows() -> np.ndarray:
+    """f32[materials, 3]: tile (m), gloss, translucency."""
+    return np.array([[m.tile, m.gloss, m.translucency] for m in MATERIALS], np.float32)
+
+
+@njit(cache=True, fastmath=True)
+def facing_normals(faces, directions, normals, out):
+    """Normal of each hit face turned towards the viewer; faces < 0 (misses) are left out."""
+    for i in range(faces.shape[0]):
+        f = faces[i]
+        if f < 0:
+            continue
+        dot = (
+            directions[i, 0] * normals[f, 0]
+            + directions[i, 1] * normals[f, 1]
+            + directions[i, 2] * normals[f, 2]
+        )
+        sign = -1.0 if dot > 0 else 1.0
+        for k in range(3):
+            out[i, k] = sign * normals[f, k]
+
+
+@njit(cache=True, fastmath=True)
+def occlusion_directions(normals, width, out):
+    """One cosine-distributed direction per sample, stratified over every 4x4 block of samples."""
+    for i in range(normals.shape[0]):
+        x, y = i % width, i // width
+        cell = (x & 3) + 4 * (y & 3)
+        # Low-discrepancy pair over the 16 cells of a block (bit-reversed and golden-ratio steps).
+        u = (cell + 0.5) / 16.0
+        v = (cell * 0.618034 + 0.31 * ((x >> 2) & 3) + 0.17 * ((y >> 2) & 3)) % 1.0
+        radius, angle = math.sqrt(u), 6.2831853 * v
+        a, b, c = normals[i, 0], normals[i, 1], normals[i, 2]
+        # Branchless orthonormal basis (Duff et al. 2017).
+        sign = 1.0 if c >= 0 else -1.0
+        p = -1.0 / (sign + c)
+        q = a * b * p
+        dx, dy, dz = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1.0 - u)
+        out[i, 0] = dx * (1.0 + sign * a * a * p) + dy * q + dz * a
+        out[i, 1] = dx * sign * q + dy * (sign + b * b * p) + dz * b
+        out[i, 2] = -dx * sign * a - dy * b + dz * c
+
+
+@njit(cache=True, fastmath=True)
+def smooth_open(opened, faces, normals, depth, height, width, out):
+    """Mean over the 4x4 window of samples that lie on about the same surface."""
+    for y in range(height):
+        for x in range(width):
+            i = y * width + x
+            if faces[i] < 0:
+                out[i] = 1.0
+                continue
+            total, count = 0.0, 0
+            for dy in range(-2, 2):
+                for dx in range(-2, 2):
+                    yy, xx = y + dy, x + dx
+                    if yy < 0 or yy >= height or xx < 0 or xx >= width:
+                        continue
+                    j = yy * width + xx
+                    if faces[j] < 0 or abs(depth[j] - depth[i]) > 0.06 * depth[i]:
+                        continue
+                    alike = (
+                        normals[i, 0] * normals[j, 0]
+                        + normals[i, 1] * normals[j, 1]
+                        + normals[i, 2] * normals[j, 2]
+                    )
+                    if alike > 0.8:
+                        total += opened[j]
+                        count += 1
+            out[i] = total / max(count, 1)
+
+
+@njit(cache=True, fastmath=True)
+def shade(
+    faces, distance, directions, origin, normals, lit, opened, pixel_angle, textured,
+    face_color, face_material, face_instance,
+    tile_gloss, levels,
+    ambient, haze,
+    sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds,
+):  # fmt: skip
+    """Linear radiance f32[n, 3] towards the camera for n samples.
+
+    ``faces`` i32[n] (MISS for sky), ``distance`` f32[n] metres, ``lit`` f32[n] 1 where the sun is
+    seen, ``opened`` f32[n] share of the sky that is seen, ``pixel_angle`` radians between samples.
+    """
+    out = np.empty((faces.shape[0], 3), np.float32)
+    mirrored = np.empty(3, np.float32)
+    mirror = np.empty(3, np.float32)
+    size = levels.shape[2]
+    for i in range(faces.shape[0]):
+        f = faces[i]
+        if f < 0:
+            sky_radiance(
+                directions[i], sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, out[i]
+            )
+            continue
+        m = face_material[f]
+        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        t = distance[i]
+        px = origin[0] + t * directions[i, 0]
+        py = origin[1] + t * directions[i, 1]
+        pz = origin[2] + t * directions[i, 2]
+        facing = abs(
+            directions[i, 0] * nx + directions[i, 1] * ny + directions[i, 2] * nz
+        )
+        texture = 1.0
+        if textured:
+            # Project along the dominant axis; instances start at different places in the texture.
+            if abs(nz) > 0.7:
+                u, v = px, py
+            elif abs(nx) > abs(ny):
+                u, v = py, pz
+            else:
+                u, v = px, pz
+            scale = size / tile_gloss[m, 0]
+            footprint = t * pixel_angle * scale / math.sqrt(max(facing, 0.02))
+            level = min(max(int(math.log2(max(footprint, 1.0)) + 0.5), 0), levels.shape[1] - 1)
+            shift = (face_instance[f] * 37) % size
+            column = int(math.floor(u * scale) + shift) % size
+            row = int(math.floor(-v * scale)) % size
+            texture = levels[m, level, row, column]
+        cosine = nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2]
+        through = tile_gloss[m, 2]
+        direct = lit[i] * (max(cosine, 0.0) * (1 - through) + 0.6 * abs(cosine) * through)
+        up = 0.5 + 0.5 * nz
+        gloss = tile_gloss[m, 1]
+        if gloss > 0:
+            gloss = gloss + (1 - gloss) * (1 - facing) ** 5 * 0.6
+            dot = 2 * (directions[i, 0] * nx + directions[i, 1] * ny + directions[i, 2] * nz)
+            mirror[0] = directions[i, 0] - dot * nx
+            mirror[1] = directions[i, 1] - dot * ny
+            mirror[2] = directions[i, 2] - dot * nz
+            sky_radiance(
+                mirror, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, mirrored
+            )
+            if mirror[2] < 0.05:  # mirrors the street rather than the sky
+                for k in range(3):
+                    mirrored[k] *= 0.25
+        air = 1.0 - math.exp(-t / haze)
+        for k in range(3):
+            albedo = min(face_color[f, k] * texture, 0.95)
+            bounce = (0.14 * (sun[k] * max(sun_direction[2], 0.0) + ambient[k])) * (1 - up)
+            light = sun[k] * direct + opened[i] * (ambient[k] * up + bounce)
+            radiance = albedo * light
+            if gloss > 0:
+                radiance = radiance * (1 - gloss) + gloss * mirrored[k] * (0.3 + 0.7 * opened[i])
+            out[i, k] = radiance * (1 - air) + horizon[k] * air
+    return out

@@ -1,0 +1,131 @@
+"""Sun, sky and haze of one street. Radiances are linear RGB; 1 is a white wall in full light."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from scene.materials import fractal_noise
+
+CLOUD_SIZE = 256
+"""Pixels along each side of the tileable cloud map."""
+
+
+class Sky(NamedTuple):
+    """Light from above; plain arrays and floats, so that both renderers read the same."""
+
+    sun_direction: np.ndarray  # f32[3] unit vector towards the sun
+    sun: np.ndarray  # f32[3] irradiance on a surface facing the sun
+    zenith: np.ndarray  # f32[3] radiance straight up
+    horizon: np.ndarray  # f32[3] radiance at the horizon, the colour of haze
+    cloud: np.ndarray  # f32[3] radiance of a cloud
+    cover: float  # share of the sky in cloud, 0 clear .. 1 overcast
+    cloud_offset: np.ndarray  # f32[2] where in the cloud map this sky lies
+    haze: float  # metres over which all but 1/e of the light is lost
+
+    @property
+    def ambient(self) -> np.ndarray:
+        """Mean radiance of the upper hemisphere, f32[3]."""
+        clear = 0.5 * self.zenith + 0.5 * self.horizon
+        return ((1 - self.cover) * clear + self.cover * self.cloud).astype(np.float32)
+
+
+def sample_sky(
+    rng: np.random.Generator, *, intensity: float, elevation: float, azimuth: float
+) -> Sky:
+    """Draw weather for a sun at the given angles (radians) and overall ``intensity`` (1 is nominal).
+
+    The sun reddens and weakens towards the horizon; clouds take its light and give back grey.
+    """
+    cover = float(np.clip(rng.beta(0.7, 0.7), 0, 1))
+    height = math.sin(elevation)
+    air = math.exp(-0.12 / max(height, 0.05))
+    warm = np.array([1.0, 0.55 + 0.45 * air, 0.25 + 0.75 * air])
+    sun = intensity * 1.5 * air * (1 - 0.93 * cover**1.5) * warm
+    blue = np.array([0.28, 0.45, 0.80]) * rng.uniform(0.8, 1.1)
+    pale = np.array([0.80, 0.88, 1.0]) * rng.uniform(0.9, 1.2)
+    day = 0.55 + 0.45 * math.sqrt(max(height, 0.0))
+    grey = rng.uniform(0.55, 1.05)
+    direction = [
+        math.cos(elevation) * math.cos(azimuth),
+        math.cos(elevation) * math.sin(azimuth),
+        height,
+    ]
+    return Sky(
+        sun_direction=np.array(direction, np.float32),
+        sun=sun.astype(np.float32),
+        zenith=(intensity * day * blue).astype(np.float32),
+        horizon=(intensity * day * (pale * (1 - 0.4 * cover) + 0.3 * cover)).astype(np.float32),
+        cloud=(intensity * day * grey * np.array([1.0, 1.0, 1.03])).astype(np.float32),
+        cover=cover,
+        cloud_offset=rng.random(2).astype(np.float32),
+        haze=float(np.exp(rng.uniform(math.log(250), math.log(1500)))),
+    )
+
+
+@cache
+def cloud_map() -> np.ndarray:
+    """Tileable cloud thickness f32[size, size] in [0, 1] (read-only)."""
+    noise = fractal_noise(np.random.default_rng(41), CLOUD_SIZE, 4, 6)
+    rank = np.argsort(np.argsort(noise, axis=None)).reshape(noise.shape)
+    even = (rank / noise.size).astype(np.float32)  # so that a share ``cover`` of it is cloud
+    even.setflags(write=False)
+    return even
+
+
+@njit(cache=True, fastmath=True)
+def sky_radiance(direction, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, out):
+    """Radiance of the sky along one unit ``direction``, written to ``out`` [3]."""
+    up = max(direction[2], 0.0)
+    fade = (1.0 - up) ** 4
+    toward = (
+        direction[0] * sun_direction[0]
+        + direction[1] * sun_direction[1]
+        + direction[2] * sun_direction[2]
+    )
+    glow = max(toward, 0.0) ** 24 * 0.35
+    # Clouds on a plane overhead, thinning into haze at the horizon.
+    size = clouds.shape[0]
+    reach = 0.16 / (up + 0.12)
+    row = (direction[0] * reach + offset[0]) * size
+    column = (direction[1] * reach + offset[1]) * size
+    r, c = math.floor(row), math.floor(column)
+    fr, fc = row - r, column - c
+    r0, c0 = int(r) % size, int(c) % size
+    r1, c1 = (r0 + 1) % size, (c0 + 1) % size
+    thick = (clouds[r0, c0] * (1 - fc) + clouds[r0, c1] * fc) * (1 - fr) + (
+        clouds[r1, c0] * (1 - fc) + clouds[r1, c1] * fc
+    ) * fr
+    edge = (thick - (1.0 - cover)) * 5.0 + 0.5
+    opaque = min(max(edge, 0.0), 1.0) * (1.0 - 0.5 * fade)
+    body = 1.12 - 0.35 * thick
+    for k in range(3):
+        clear = zenith[k] * (1 - fade) + horizon[k] * fade + glow * sun[k]
+        out[k] = clear * (1 - opaque) + (cloud[k] * body + 0.5 * glow * sun[k]) * opaque
+
+
+@njit(cache=True, fastmath=True)
+def _sky_image(directions, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds):
+    image = np.empty((directions.shape[0], 3), np.float32)
+    for i in range(directions.shape[0]):
+        sky_radiance(
+            directions[i], sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, image[i]
+        )
+    return image
+
+
+def sky_image(sky: Sky, directions: np.ndarray) -> np.ndarray:
+    """Radiance f32[n, 3] of the sky along unit ``directions`` f32[n, 3]."""
+    return _sky_image(directions, *sky_arrays(sky))
+
+
+def sky_arrays(sky: Sky) -> tuple:
+    """The arguments that ``sky_radiance`` takes after the direction."""
+    return (
+        sky.sun_direction, sky.sun, sky.zenith, sky.horizon, sky.cloud,
+        np.float32(sky.cover), sky.cloud_offset, cloud_map(),
+    )  # fmt: skip

@@ -1,0 +1,241 @@
+"""A street: assets placed on lines along a straight road, a sky, and the camera's path.
+
+Pure in (params, seed). Every family stands on its own line on both sides of the road, at the distance
+and spacing its attributes say. Lines may interpenetrate and are never moved apart: finding attributes
+that keep them apart is the search problem. Source: section 3 of the paper.
+
+World frame: x along the road (the driving direction), y left, z up, metres; the road's centre line is
+the x axis at z = 0.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from scene import catalogue
+from scene.assets.rider import MOUNT
+from scene.attributes import StreetParams
+from scene.classes import TrainId
+from scene.ground import Ground, ground_height, sample_ground
+from scene.sky import Sky, sample_sky
+
+LINE_START, LINE_END = -15.0, 150.0
+"""Where every line of objects begins and ends, metres along the road."""
+DRIVE = 60.0
+"""Metres of road over which the camera takes its shots."""
+JITTER = 0.25
+"""Objects leave their slot's middle by up to this share of the interval."""
+FIRST_INSTANCE = 4
+"""Instances 1-3 are road, sidewalk and terrain (see ``ground.py``); 0 is the sky."""
+
+
+class AssetPool(NamedTuple):
+    """The assets a street may draw from: ``count`` consecutive indices of every family."""
+
+    first: int = 0
+    count: int = 48
+
+
+class Placement(NamedTuple):
+    """One asset standing in the street."""
+
+    family: str
+    index: int
+    train_id: int
+    instance: int
+    pose: np.ndarray  # f64[4, 4] asset frame -> world
+
+
+class Camera(NamedTuple):
+    """A pinhole camera; ``yaw`` right positive, ``pitch`` down positive, radians."""
+
+    position: tuple[float, float, float]
+    yaw: float
+    pitch: float
+
+
+class Street(NamedTuple):
+    """Everything a renderer needs, and nothing about how it renders."""
+
+    placements: tuple[Placement, ...]
+    cameras: tuple[Camera, ...]
+    sky: Sky
+    ground: Ground
+    seed: int
+
+
+class Line(NamedTuple):
+    """One line of objects: the attributes that place it and the families that stand on it."""
+
+    name: str
+    mix: tuple[tuple[str, float], ...]  # (family, share)
+    facing: str  # "road", "either", "lane" or "camera"; see _yaw
+
+
+LINES: tuple[Line, ...] = (
+    Line("building", (("building", 0.96), ("train", 0.04)), "road"),
+    Line("fence", (("fence", 0.6), ("wall", 0.4)), "road"),
+    Line("tree", (("tree", 0.7), ("bush", 0.3)), "any"),
+    Line("bicycle", (("bicycle", 0.7), ("motorcycle", 0.3)), "either"),
+    Line("person", (("person", 0.75), ("rider", 0.25)), "either"),
+    Line("pole", (("lamp", 0.4), ("traffic sign", 0.35), ("traffic light", 0.25)), "camera"),
+    Line("car", (("car", 0.9), ("bus", 0.05), ("truck", 0.05)), "lane"),
+)
+
+
+def sample_street(
+    params: StreetParams, seed: int, shots: int, pool: AssetPool | None = None
+) -> Street:
+    """One street with ``shots`` camera poses along it; the same arguments give the same street."""
+    pool = pool or AssetPool()
+    rng = np.random.default_rng(seed)
+    sky = sample_sky(
+        rng,
+        intensity=params.illumination_intensity,
+        elevation=params.illumination_angle_x,
+        azimuth=params.illumination_angle_y,
+    )
+    camera_side = -1.0 if rng.random() < params.camera_position_probability else 1.0
+    ground = sample_ground(rng)
+    placements: list[Placement] = []
+    for line in LINES:
+        # A line draws from a generator of its own, so moving one line leaves the others as they are.
+        line_rng = np.random.default_rng(rng.integers(2**32))
+        for side in (1.0, -1.0):
+            _fill(placements, line, side, camera_side, params, pool, line_rng)
+    cameras = _camera_path(params, camera_side, shots, placements, rng)
+    return Street(tuple(placements), cameras, sky, ground, seed)
+
+
+def _fill(
+    placements: list[Placement],
+    line: Line,
+    side: float,
+    camera_side: float,
+    params: StreetParams,
+    pool: AssetPool,
+    rng: np.random.Generator,
+) -> None:
+    """Fill one line on one side of the road, slot by slot."""
+    distance = getattr(params, f"{line.name}_position")
+    interval = getattr(params, f"{line.name}_interval")
+    probability = getattr(params, f"{line.name}_probability", 1.0)
+    families, shares = zip(*line.mix, strict=True)
+    start = LINE_START + rng.uniform(0, interval)
+    for slot in range(math.ceil((LINE_END - start) / interval)):
+        x = start + (slot + rng.uniform(-JITTER, JITTER)) * interval
+        family = str(rng.choice(families, p=shares))
+        index = pool.first + int(rng.integers(pool.count))
+        post = pool.first + int(rng.integers(pool.count))
+        yaw = _yaw(line.facing, family, side, side == camera_side, rng)
+        filled = rng.random() < probability
+        # Facades of neighbours that overlap would lie in one plane; 5 cm keeps their edges clean.
+        y = side * (distance + (0.05 * (slot % 3) if line.facing == "road" else 0.0))
+        if not filled:
+            continue
+        pose = _pose(x, y, yaw)
+        for part, part_index in _parts(family, index, post):
+            placements.append(
+                Placement(
+                    part,
+                    part_index,
+                    int(catalogue.FAMILIES[part].train_id),
+                    FIRST_INSTANCE + len(placements),
+                    pose,
+                )
+            )
+
+
+def _parts(family: str, index: int, other: int) -> list[tuple[str, int]]:
+    """The assets that make up one object: a rider's machine and a sign's post have their own class."""
+    if family == "rider":
+        kinds = catalogue.FAMILIES["rider"].kinds
+        return [(family, index), (MOUNT[kinds[index % len(kinds)]], other)]
+    if family in ("traffic sign", "traffic light"):
+        return [(family, index), ("signpost", other)]
+    return [(family, index)]
+
+
+def _yaw(
+    facing: str, family: str, side: float, camera_side: bool, rng: np.random.Generator
+) -> float:
+    """The heading of an object, radians left of the driving direction.
+
+    ``road``: the front looks at the road. ``lane``: with the traffic of its side. ``either``: along
+    the road one way or the other, give or take. ``camera``: lamps reach over the road, signs look
+    at the traffic. ``any``: anything.
+    """
+    turned, wobble, free = rng.random(), rng.normal(), rng.uniform(-math.pi, math.pi)
+    if facing == "road" or family == "lamp":
+        return 0.0 if side > 0 else math.pi
+    if facing == "lane":
+        return (0.0 if camera_side else math.pi) + 0.02 * wobble
+    if facing == "either":
+        return free if turned > 0.85 else (math.pi if turned > 0.45 else 0.0) + 0.15 * wobble
+    if facing == "camera":
+        return 0.1 * wobble
+    return free
+
+
+def _pose(x: float, y: float, yaw: float) -> np.ndarray:
+    """Pose of an object that stands on the ground at (x, y)."""
+    c, s = math.cos(yaw), math.sin(yaw)
+    z = ground_height(y)
+    return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
+
+
+def forward(camera: Camera) -> np.ndarray:
+    """Unit vector f64[3] along the camera's optical axis."""
+    c = math.cos(camera.pitch)
+    return np.array(
+        [c * math.cos(camera.yaw), -c * math.sin(camera.yaw), -math.sin(camera.pitch)]
+    )
+
+
+def bounds(placements: list[Placement]) -> np.ndarray:
+    """World axis-aligned boxes f64[placements, 2, 3] (low, high corner)."""
+    boxes = np.zeros((len(placements), 2, 3))
+    for i, placement in enumerate(placements):
+        low, high = catalogue.bounds(placement.family, placement.index)
+        centre, half = (low + high) / 2, (high - low) / 2
+        rotation, offset = placement.pose[:3, :3], placement.pose[:3, 3]
+        middle, reach = rotation @ centre + offset, np.abs(rotation) @ half
+        boxes[i] = middle - reach, middle + reach
+    return boxes
+
+
+def _camera_path(
+    params: StreetParams,
+    side: float,
+    shots: int,
+    placements: list[Placement],
+    rng: np.random.Generator,
+) -> tuple[Camera, ...]:
+    """Poses spread over ``DRIVE`` metres, each moved on until nothing blocks the lens."""
+    boxes = bounds(placements)
+    trees = np.array([p.train_id == TrainId.VEGETATION for p in placements], bool)
+    centre = boxes.mean(axis=1, keepdims=True)
+    # A crown is mostly air: only its middle counts as in the way.
+    boxes[trees] = centre[trees] + 0.4 * (boxes[trees] - centre[trees])
+    y = side * params.camera_position_x
+    z = ground_height(y) + params.camera_position_y
+    cameras = []
+    for shot in range(shots):
+        x = (shot + rng.random()) * DRIVE / shots
+        candidates = [
+            Camera((x + step, y, z), params.camera_rotation_y, params.camera_rotation_x)
+            for step in np.arange(0.0, 15.0, 1.5)
+        ]
+        blocked = [_blocked(camera, boxes) for camera in candidates]
+        cameras.append(candidates[int(np.argmin(blocked))])
+    return tuple(cameras)
+
+
+def _blocked(camera: Camera, boxes: np.ndarray, reach: float = 4.0) -> int:
+    """How many of the first ``reach`` metres of view lie inside a box (with 0.3 m to spare)."""
+    points = np.asarray(camera.position) + np.linspace(0, reach, 9)[:, None] * forward(camera)
+    inside = (points[:, None] > boxes[:, 0] - 0.3) & (points[:, None] < boxes[:, 1] + 0.3)
+    return int(inside.all(axis=2).any(axis=1).sum())
