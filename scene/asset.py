@@ -252,3 +252,22 @@ def repaint(asset: Asset, faces: np.ndarray, color: Color, material: str) -> Ass
     colors[faces] = color
     materials[faces] = material_id(material)
     return asset._replace(color=colors, material=materials)
+
+
+def triangles(corners: np.ndarray, color: Color, material: str = "plain") -> Asset:
+    """Loose triangles from corners [n, 3, 3] (leaves, twigs, wires)."""
+    vertices = np.asarray(corners, float).reshape(-1, 3)
+    return solid(vertices, np.arange(len(vertices)), color, material)
+
+
+def shade(asset: Asset, factor: np.ndarray) -> Asset:
+    """The asset with each face's colour multiplied by ``factor`` [faces], kept within [0, 1]."""
+    color = np.clip(asset.color * np.asarray(factor)[:, None], 0, 1)
+    return asset._replace(color=color.astype(np.float32))
+
+
+def vary(rng: np.random.Generator, color: Color, amount: float = 0.15) -> Color:
+    """A colour near ``color``: brightness off by up to ``amount``, hue by a quarter of that."""
+    factor = rng.uniform(1 - amount, 1 + amount) * rng.uniform(1 - amount / 4, 1 + amount / 4, 3)
+    red, green, blue = np.clip(np.asarray(color) * factor, 0, 1)
+    return float(red), float(green), float(blue)
