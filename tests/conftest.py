@@ -3,7 +3,11 @@
 import os
 from pathlib import Path
 
-os.environ.setdefault("JAX_PLATFORMS", "cpu")  # before jax is imported; a GPU run sets its own
+# Before jax is imported, and in the environment, so that worker processes follow.
+os.environ.setdefault("JAX_PLATFORMS", "cpu")
+# Compiling a training step takes seconds, loading it a tenth of that: the next test process loads.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".jax_cache"))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
 
 import hypothesis
 import jax
