@@ -15,7 +15,7 @@ import numpy as np
 from scene.asset import Asset, Color, Point, box, merge, polygon, quad, translate, tube, vary
 
 KINDS: tuple[str, ...] = (
-    "terrace", "shop", "office", "apartments", "detached", "warehouse", "townhouse",
+    "terrace", "shop", "office", "apartments", "detached", "warehouse", "townhouse", "hall",
 )  # fmt: skip
 
 RECESS = 0.14
@@ -47,10 +47,13 @@ class BuildingParams(NamedTuple):
     bays: int  # windows in a row
     window: tuple[float, float]  # width and height, as shares of bay and storey
     panes: tuple[int, int]  # across and up, in each window
+    doors: tuple[int, ...]  # bays with a door, where the ground floor is "door"
+    hood: float  # how far a roof over each door or an awning over a shop stands out, m; 0 for none
     ground_floor: str  # "door", "shop", "gate" or "windows"
     roof: str  # "flat", "gable" (ridge along the road), "front gable" or "hip"
     rise: float  # height of roof or parapet, m
     chimneys: int
+    chimney: Color
     balconies: tuple[int, ...]  # bays with balconies
     sills: bool
     side_windows: int  # in a row of each side wall
@@ -72,11 +75,14 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
     brick, render = _choose(rng, BRICKS), _choose(rng, RENDERS)
     white = vary(rng, (0.60, 0.60, 0.58), 0.1)
     concrete = vary(rng, (0.31, 0.30, 0.28), 0.25)
+    stuccoed = rng.random() < 0.5
     terrace = BuildingParams(
         width=float(rng.uniform(8.5, 12.0)), depth=float(rng.uniform(8.0, 10.0)),
         storeys=int(rng.integers(1, 3)), ground=float(rng.uniform(2.8, 3.2)),
         storey=float(rng.uniform(2.7, 3.0)), bays=4, window=(0.48, 0.58), panes=(1, 2),
+        doors=((0, 3), (1, 2))[rng.integers(2)], hood=0.45 if rng.random() < 0.4 else 0.0,
         ground_floor="door", roof="gable", rise=float(rng.uniform(2.0, 3.0)), chimneys=2,
+        chimney=brick,
         balconies=(), sills=True, side_windows=0, wall=brick, wall_material="brick",
         ground_wall=brick, ground_material="brick", frame=white, accent=_choose(rng, PAINTS),
         roof_color=_choose(rng, SLATES),
@@ -85,13 +91,13 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
         case "terrace":
             return terrace
         case "shop":
-            plastered = rng.random() < 0.5
             return terrace._replace(
                 storeys=int(rng.integers(1, 4)), ground=float(rng.uniform(3.4, 4.0)),
                 ground_floor="shop", ground_wall=terrace.accent, ground_material="paint",
-                wall=render if plastered else brick,
-                wall_material="plaster" if plastered else "brick",
+                wall=render if stuccoed else brick,
+                wall_material="plaster" if stuccoed else "brick",
                 roof=str(rng.choice(["gable", "flat"])), rise=float(rng.uniform(1.8, 2.5)),
+                hood=0.55 if rng.random() < 0.4 else 0.0,
                 chimneys=int(rng.integers(0, 3)), bays=int(rng.integers(3, 5)),
             )  # fmt: skip
         case "office":
@@ -108,7 +114,7 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
             return terrace._replace(
                 width=float(rng.uniform(10, 13)), depth=11.0, storeys=int(rng.integers(2, 4)),
                 ground=3.0, storey=2.9, bays=4, window=(0.5, 0.6), panes=(2, 1),
-                ground_floor="door", roof=str(rng.choice(["flat", "hip"])), rise=0.9, chimneys=0,
+                doors=(2,), hood=0.5, roof=str(rng.choice(["flat", "hip"])), rise=0.9, chimneys=0,
                 balconies=((1, 2), (0, 3))[rng.integers(2)], sills=False, side_windows=1,
                 wall=render, wall_material="plaster", ground_wall=render,
                 ground_material="plaster",
@@ -116,9 +122,10 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
         case "detached":
             return terrace._replace(
                 width=float(rng.uniform(8.0, 9.5)), storeys=1, bays=3, panes=(2, 1),
+                doors=(1,), hood=0.55,
                 window=(0.55, 0.5), roof=str(rng.choice(["front gable", "hip"])), chimneys=1,
                 rise=float(rng.uniform(2.4, 3.4)), side_windows=2,
-                wall=render if rng.random() < 0.5 else brick, wall_material="plaster",
+                wall=render, wall_material="plaster",
                 roof_color=vary(rng, (0.20, 0.08, 0.05), 0.25),
             )  # fmt: skip
         case "warehouse":
@@ -133,8 +140,18 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
             return terrace._replace(
                 width=float(rng.uniform(8.5, 10.5)), storeys=int(rng.integers(2, 4)), bays=4,
                 storey=float(rng.uniform(3.0, 3.5)), window=(0.42, 0.66), panes=(2, 2), rise=0.8,
-                roof="flat", ground_wall=render, ground_material="plaster",
-                wall=brick if rng.random() < 0.5 else render,
+                roof="flat", ground_wall=render, ground_material="plaster", doors=(3,), hood=0.0,
+                wall=render if stuccoed else brick,
+                wall_material="plaster" if stuccoed else "brick",
+            )  # fmt: skip
+        case "hall":
+            stone = vary(rng, (0.33, 0.28, 0.20), 0.2)
+            return terrace._replace(
+                width=float(rng.uniform(8.0, 10.0)), depth=12.0, storeys=1, bays=3,
+                ground=float(rng.uniform(3.4, 4.0)), storey=float(rng.uniform(4.5, 6.0)),
+                window=(0.4, 0.72), panes=(2, 3), doors=(1,), hood=0.0, roof="front gable",
+                rise=float(rng.uniform(3.5, 5.0)), chimneys=0, side_windows=3, wall=stone,
+                wall_material="concrete", ground_wall=stone, ground_material="concrete",
             )  # fmt: skip
     raise ValueError(f"unknown kind of building {kind!r}; known: {', '.join(KINDS)}")
 
@@ -194,9 +211,8 @@ def _ground_openings(params: BuildingParams) -> list[list[_Opening]]:
             ]
         case "windows":
             return [[_Opening(*s, 0.3, top, True)] for s in _columns(p, p.bays, p.window[0])]
-    door = p.bays // 2
     return [
-        [_Opening(left, right, 0.12 if bay == door else 0.9, top, bay != door)]
+        [_Opening(left, right, 0.12 if bay in p.doors else 0.9, top, bay not in p.doors)]
         for bay, (left, right) in enumerate(_columns(p, p.bays, p.window[0]))
     ]
 
@@ -267,6 +283,25 @@ def _shop_front(params: BuildingParams) -> list[Asset]:
         (ink[0], ink[1], ink[2]), "paint",
     )  # fmt: skip
     return [board, words]
+
+
+def _hoods(params: BuildingParams) -> list[Asset]:
+    """A slab over each door, or one sloping awning over the shop."""
+    p = params
+    if not p.hood:
+        return []
+    if p.ground_floor == "shop":
+        half, top, low = 0.46 * p.width, 0.77 * p.ground, 0.64 * p.ground
+        out = [(-half, -p.hood, low), (half, -p.hood, low)]
+        slope = quad([*out, (half, -0.2, top), (-half, -0.2, top)], p.frame, "cloth")
+        edge = quad(_upright(-half, half, low - 0.2, low, -p.hood), p.accent, "cloth")
+        return [slope, edge]
+    spans = list(_columns(p, p.bays, p.window[0] + 0.15))
+    return [
+        box((spans[bay][1] - spans[bay][0], p.hood, 0.16),
+            (sum(spans[bay]) / 2, -p.hood / 2, 0.84 * p.ground), p.frame, "concrete")
+        for bay in p.doors
+    ]  # fmt: skip
 
 
 def _balcony(params: BuildingParams, bay: int, storey: int) -> list[Asset]:
@@ -344,7 +379,7 @@ def _flat_roof(params: BuildingParams) -> list[Asset]:
 def _chimney(params: BuildingParams, share: float) -> list[Asset]:
     p = params
     base, top = p.ground + p.storeys * p.storey, 0.9 + p.rise
-    stack = box((0.9, 0.7, top), (0, 0, 0), p.wall, "brick")
+    stack = box((0.9, 0.7, top), (0, 0, 0), p.chimney, "brick")
     pots = [
         tube((x, 0, top), (x, 0, top + 0.4), 0.13, (0.3, 0.12, 0.06), "brick", sides=4)
         for x in (-0.22, 0.22)
@@ -358,6 +393,8 @@ def building(params: BuildingParams) -> Asset:
     parts = [*_facade(p), *_sides(p), *(_flat_roof(p) if p.roof == "flat" else _pitched_roof(p))]
     if p.ground_floor == "shop":
         parts += _shop_front(p)
+    if p.ground_floor in ("shop", "door"):
+        parts += _hoods(p)
     for bay in p.balconies:
         for storey in range(p.storeys):
             parts += _balcony(p, bay, storey)

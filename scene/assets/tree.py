@@ -13,11 +13,11 @@ import trimesh
 from scene.asset import Asset, Color, Point, merge, shade, solid, triangles, tube, vary
 
 KINDS: tuple[str, ...] = (
-    "round", "poplar", "bare", "spreading", "conifer", "half bare", "young",
+    "round", "poplar", "bare", "spreading", "conifer", "half bare", "young", "bare broad",
 )  # fmt: skip
 
 GREENS: tuple[Color, ...] = (
-    (0.04, 0.08, 0.02), (0.06, 0.10, 0.02), (0.03, 0.06, 0.025), (0.09, 0.11, 0.03),
+    (0.045, 0.075, 0.022), (0.065, 0.09, 0.025), (0.032, 0.055, 0.025), (0.09, 0.10, 0.035),
 )  # fmt: skip
 BROWNS: tuple[Color, ...] = ((0.12, 0.07, 0.025), (0.10, 0.085, 0.03), (0.07, 0.075, 0.03))
 
@@ -33,9 +33,8 @@ class TreeParams(NamedTuple):
     forks: int  # generations of branches after the limbs
     twigs: int  # thin ends of each last branch
     clumps: int  # blobs of leaves
-    cards: int  # loose leaves
+    cards: int  # loose leaves: around the blobs, else on the branches, else a cone of them
     card: float  # size of a loose leaf, m
-    cone: float  # 0 an ellipsoid crown .. 1 a cone that is widest at its foot
     leaf_color: Color
     bark_color: Color
     seed: int
@@ -48,13 +47,14 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
         height=height, trunk=height * float(rng.uniform(0.24, 0.34)),
         radius=height * float(rng.uniform(0.018, 0.026)),
         crown=height * float(rng.uniform(0.28, 0.36)),
-        limbs=5, forks=0, twigs=0, clumps=13, cards=110, card=0.5, cone=0.0,
+        limbs=5, forks=0, twigs=0, clumps=9, cards=240, card=0.45,
         leaf_color=vary(rng, GREENS[rng.integers(len(GREENS))], 0.25),
-        bark_color=vary(rng, (0.075, 0.06, 0.045), 0.3), seed=int(rng.integers(2**31)),
+        bark_color=vary(rng, (0.062, 0.050, 0.038), 0.3), seed=int(rng.integers(2**31)),
     )  # fmt: skip
     bare = round_._replace(
-        limbs=6, forks=2, twigs=4, clumps=0, cards=0, crown=height * float(rng.uniform(0.26, 0.36))
-    )
+        trunk=height * float(rng.uniform(0.16, 0.26)), limbs=7, forks=2, twigs=5, clumps=0, cards=0,
+        crown=height * float(rng.uniform(0.30, 0.40)),
+    )  # fmt: skip
     match kind:
         case "round":
             return round_
@@ -62,31 +62,35 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
             height = float(rng.uniform(8.5, 12.0))
             return round_._replace(
                 height=height, trunk=0.12 * height, crown=height * float(rng.uniform(0.11, 0.15)),
-                radius=0.02 * height, clumps=15, limbs=2,
+                radius=0.02 * height, clumps=10, limbs=2,
             )  # fmt: skip
         case "bare":
             return bare
+        case "bare broad":
+            return bare._replace(
+                crown=height * float(rng.uniform(0.42, 0.5)), radius=0.032 * height
+            )
         case "spreading":
             height = float(rng.uniform(5.0, 8.0))
             return round_._replace(
                 height=height, trunk=0.33 * height, crown=height * float(rng.uniform(0.42, 0.52)),
-                radius=0.035 * height, clumps=14, card=0.6,
+                radius=0.035 * height, clumps=10, card=0.6,
             )  # fmt: skip
         case "conifer":
             return round_._replace(
                 height=float(rng.uniform(6.0, 12.0)), trunk=float(rng.uniform(0.3, 0.8)),
-                crown=float(rng.uniform(1.5, 2.3)), cone=1.0, clumps=0, cards=340, card=0.9,
+                crown=float(rng.uniform(1.5, 2.3)), clumps=0, cards=340, card=0.9,
                 limbs=0, leaf_color=vary(rng, (0.022, 0.045, 0.022), 0.25),
             )  # fmt: skip
         case "half bare":
             return bare._replace(
-                twigs=2, cards=220, card=0.3,
+                twigs=2, cards=190, card=0.3,
                 leaf_color=vary(rng, BROWNS[rng.integers(len(BROWNS))], 0.25),
             )  # fmt: skip
         case "young":
             height = float(rng.uniform(4.0, 5.5))
             return round_._replace(
-                height=height, trunk=0.45 * height, radius=0.05, clumps=7, cards=90, card=0.35,
+                height=height, trunk=0.45 * height, radius=0.05, clumps=5, cards=150, card=0.35,
                 crown=height * float(rng.uniform(0.17, 0.23)), limbs=3,
             )  # fmt: skip
     raise ValueError(f"unknown kind of tree {kind!r}; known: {', '.join(KINDS)}")
@@ -140,7 +144,7 @@ def _grow(
         turned = heading + 0.75 * _directions(rng, 1)[0] + [0, 0, 0.25]
         turned /= np.linalg.norm(turned)
         branches += _grow(
-            rng, params, along, turned, length * rng.uniform(0.5, 0.8), 0.55 * radius, level + 1
+            rng, params, along, turned, length * rng.uniform(0.55, 0.85), 0.5 * radius, level + 1
         )
     return branches
 
@@ -164,12 +168,12 @@ def _skeleton(rng: np.random.Generator, params: TreeParams) -> list[_Branch]:
 def _wood(rng: np.random.Generator, params: TreeParams, branches: list[_Branch]) -> Asset:
     """Trunk and limbs as tubes, branches as thinner ones, twigs as slivers."""
     p = params
-    tip = p.trunk + 0.75 * (p.height - p.trunk)
+    tip = p.trunk + 0.85 * (p.height - p.trunk)
     parts = [
-        tube((0, 0, 0), (0, 0, p.trunk), p.radius, p.bark_color, "bark", end_radius=0.75 * p.radius,
+        tube((0, 0, 0), (0, 0, p.trunk), p.radius, p.bark_color, "bark", end_radius=0.7 * p.radius,
              sides=6, caps=False),
-        tube((0, 0, p.trunk), (0, 0, tip), 0.75 * p.radius, p.bark_color, "bark",
-             end_radius=0.15 * p.radius, sides=4, caps=False),
+        tube((0, 0, p.trunk), (0, 0, tip), 0.7 * p.radius, p.bark_color, "bark",
+             end_radius=0.08 * p.radius, sides=4, caps=False),
     ]  # fmt: skip
     slivers = []
     for branch in branches:
@@ -179,7 +183,7 @@ def _wood(rng: np.random.Generator, params: TreeParams, branches: list[_Branch])
                      end_radius=0.5 * branch.radius, sides=4 - branch.level, caps=False)
             )  # fmt: skip
         else:
-            width = max(branch.radius, 0.02)
+            width = max(branch.radius, 0.024)
             across = np.cross(branch.end - branch.start, _directions(rng, 1)[0] + [2, 0, 0])
             across *= width / np.linalg.norm(across).clip(1e-6)
             slivers.append([branch.start - across, branch.start + across, branch.end])
@@ -188,44 +192,59 @@ def _wood(rng: np.random.Generator, params: TreeParams, branches: list[_Branch])
     return merge(*parts)
 
 
-def _crown_points(
-    rng: np.random.Generator, params: TreeParams, count: int, inner: float
-) -> np.ndarray:
-    """Points [count, 3] in the crown, none nearer its axis than ``inner`` of its radius."""
+def _ellipsoid_points(rng: np.random.Generator, params: TreeParams, inner: float) -> np.ndarray:
+    """Middles [clumps, 3] of the crown's blobs, between ``inner`` and 0.8 of its radius."""
     p = params
     middle, half = (p.height + p.trunk) / 2, (p.height - p.trunk) / 2
-    sphere = _directions(rng, count) * rng.uniform(inner, 1.0, (count, 1))
-    turn, level = rng.uniform(0, 2 * np.pi, count), 1 - np.sqrt(rng.uniform(0, 1, count))
-    out = (1 - level) * rng.uniform(max(inner, 0.5), 1.0, count)
-    cone = np.column_stack([out * np.cos(turn), out * np.sin(turn), 2 * level - 1])
-    unit = (1 - p.cone) * sphere + p.cone * cone
-    return unit * [p.crown, p.crown, half] + [0, 0, middle]
+    out = rng.uniform(inner, 0.8, (p.clumps, 1))
+    return _directions(rng, p.clumps) * out * [p.crown, p.crown, half] + [0, 0, middle]
 
 
-def _leaves(rng: np.random.Generator, params: TreeParams, branches: list[_Branch]) -> list[Asset]:
+def _cone_points(rng: np.random.Generator, params: TreeParams) -> np.ndarray:
+    """Points [cards, 3] on and a little inside a cone with its foot at the lowest leaves."""
     p = params
-    parts = []
-    blob = p.crown * 1.15 * max(p.clumps, 1) ** (-1 / 3)
-    tall = blob * np.clip((p.height - p.trunk) / (2 * p.crown), 0.7, 1.6)
-    for centre in _crown_points(rng, p, p.clumps, 0.3) if p.clumps else ():
-        centre[2] = np.clip(centre[2], p.trunk + 0.4 * tall, p.height - 0.6 * tall)
-        parts.append(clump(rng, tuple(centre), (blob, blob, tall), p.leaf_color))
-    if p.cards and p.forks:
-        last = [b for b in branches if b.level > 0]
-        picks = rng.integers(len(last), size=p.cards)
-        along = rng.uniform(0.3, 1.0, p.cards)
-        points = [
-            last[i].start + (last[i].end - last[i].start) * t
-            for i, t in zip(picks, along, strict=True)
-        ]
-        parts.append(leaf_cards(rng, np.array(points), p.card, p.leaf_color))
-    elif p.cards:
-        parts.append(leaf_cards(rng, _crown_points(rng, p, p.cards, 0.75), p.card, p.leaf_color))
-    return parts
+    level = 1 - np.sqrt(rng.uniform(0, 1, p.cards))
+    turn = rng.uniform(0, 2 * np.pi, p.cards)
+    out = p.crown * (1 - level) * rng.uniform(0.5, 1.0, p.cards)
+    low, high = p.trunk + 0.6 * p.card, p.height - 0.5 * p.card
+    return np.column_stack([out * np.cos(turn), out * np.sin(turn), low + level * (high - low)])
+
+
+def _clumped_leaves(rng: np.random.Generator, params: TreeParams) -> list[Asset]:
+    """Blobs of leaves through the crown, and loose cards that fray the outline of each."""
+    p = params
+    wide = 1.05 * p.crown * p.clumps ** (-1 / 3)
+    tall = wide * np.clip((p.height - p.trunk) / (2 * p.crown), 0.75, 1.5)
+    centres = _ellipsoid_points(rng, p, 0.3)
+    centres[:, 2] = centres[:, 2].clip(p.trunk + 0.5 * tall, p.height - 0.8 * tall)
+    radii = np.array([wide, wide, tall])
+    blobs = [clump(rng, tuple(centre), tuple(radii), p.leaf_color) for centre in centres]
+    around = _directions(rng, p.cards) * rng.uniform(0.8, 1.25, (p.cards, 1)) * radii
+    cards = centres[rng.integers(p.clumps, size=p.cards)] + around
+    return [*blobs, leaf_cards(rng, cards, p.card, p.leaf_color)]
+
+
+def _twig_leaves(
+    rng: np.random.Generator, params: TreeParams, branches: list[_Branch]
+) -> list[Asset]:
+    """The last leaves, along the outer branches."""
+    p = params
+    outer = [b for b in branches if b.level > 0]
+    start, end = (np.array([getattr(b, name) for b in outer]) for name in ("start", "end"))
+    pick, along = rng.integers(len(outer), size=p.cards), rng.uniform(0.3, 1.0, (p.cards, 1))
+    return [leaf_cards(rng, start[pick] + (end - start)[pick] * along, p.card, p.leaf_color)]
 
 
 def tree(params: TreeParams) -> Asset:
     """Build the tree."""
-    rng = np.random.default_rng(params.seed)
-    branches = _skeleton(rng, params)
-    return merge(_wood(rng, params, branches), *_leaves(rng, params, branches))
+    p = params
+    rng = np.random.default_rng(p.seed)
+    branches = _skeleton(rng, p)
+    wood = _wood(rng, p, branches)
+    if p.clumps:
+        return merge(wood, *_clumped_leaves(rng, p))
+    if not p.cards:
+        return wood
+    if branches:
+        return merge(wood, *_twig_leaves(rng, p, branches))
+    return merge(wood, leaf_cards(rng, _cone_points(rng, p), p.card, p.leaf_color))

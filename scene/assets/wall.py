@@ -89,7 +89,7 @@ def wall(params: WallParams) -> Asset:
         red, green, blue = np.asarray(p.color) * 0.5
         parts.append(box((p.length, 0.1, p.plinth), (0, 0.01, 0), (red, green, blue), p.material))
     for share in p.piers:
-        size = (0.36, p.thickness + 0.12, p.height + p.coping + 0.12)
+        size = (0.36, p.thickness + 0.2, p.height + p.coping + 0.12)
         x = share * (p.length - size[0]) / 2
         parts.append(box(size, (x, p.thickness / 2, 0), p.color, p.material))
     return merge(*parts)
