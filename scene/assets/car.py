@@ -1,0 +1,249 @@
+"""Cars: a lofted body with wheel arches, a glazed cabin that leans inwards, four wheels."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.asset import Asset, Color, extrude, loft, merge, polygon
+from scene.assets._vehicle import (
+    BLACK,
+    GLASS,
+    HEADLAMP,
+    PLATE,
+    STEEL,
+    TAILLAMP,
+    TRIM,
+    axle,
+    box_between,
+    car_paint,
+    darker,
+    lamps,
+    panel,
+    shade,
+)
+
+
+class CarParams(NamedTuple):
+    """One car; metres, and shares of the length measured from the nose."""
+
+    length: float
+    width: float
+    height: float
+    wheelbase: float
+    wheel_radius: float
+    sill: float  # m from the ground to the underside
+    hood: float  # m, height of the bonnet at the nose
+    belt: float  # m, height of the lower edge of the windows
+    deck: float  # m, height of the body at the tail
+    cowl: float  # share: foot of the windscreen
+    roof_front: float  # share: top of the windscreen
+    roof_rear: float  # share: top of the rear window
+    tail: float  # share: foot of the rear window
+    glass_end: float  # share: where the side windows end
+    tumblehome: float  # roof width over belt width
+    color: Color = (0.4, 0.4, 0.4)
+    rim: Color = STEEL
+    trim: bool = False  # dark bumpers and sills
+    rails: bool = False  # on the roof
+
+
+_MODELS: dict[str, CarParams] = {
+    "hatchback": CarParams(
+        4.05, 1.76, 1.47, 2.56, 0.315, 0.19, 0.72, 0.93, 0.98, 0.23, 0.42, 0.86, 0.985, 0.90, 0.80
+    ),
+    "saloon": CarParams(
+        4.65, 1.82, 1.45, 2.76, 0.32, 0.18, 0.70, 0.92, 0.96, 0.26, 0.42, 0.70, 0.86, 0.80, 0.78
+    ),
+    "estate": CarParams(
+        4.65, 1.82, 1.49, 2.74, 0.32, 0.18, 0.71, 0.93, 0.96, 0.25, 0.41, 0.90, 0.985, 0.94, 0.80
+    ),
+    "suv": CarParams(
+        4.50, 1.86, 1.68, 2.67, 0.36, 0.25, 0.88, 1.08, 1.10, 0.23, 0.38, 0.90, 0.985, 0.92, 0.83
+    ),
+    "van": CarParams(
+        4.95, 1.94, 1.95, 3.10, 0.33, 0.21, 0.84, 1.12, 1.10, 0.17, 0.30, 0.965, 0.99, 0.40, 0.88
+    ),
+    "coupe": CarParams(
+        4.40, 1.82, 1.33, 2.60, 0.33, 0.16, 0.66, 0.87, 0.93, 0.31, 0.47, 0.67, 0.91, 0.78, 0.76
+    ),
+    "city car": CarParams(
+        3.55, 1.64, 1.52, 2.38, 0.285, 0.18, 0.76, 0.95, 0.98, 0.19, 0.38, 0.89, 0.985, 0.90, 0.80
+    ),
+    "people carrier": CarParams(
+        4.60, 1.84, 1.66, 2.80, 0.33, 0.19, 0.80, 1.00, 1.02, 0.17, 0.37, 0.92, 0.985, 0.94, 0.82
+    ),
+}  # fmt: skip
+KINDS: tuple[str, ...] = tuple(_MODELS)
+"""Body styles."""
+
+
+def sample_car(rng: np.random.Generator, kind: str) -> CarParams:
+    """Draw a car of one body style: size within 4 %, paint, wheels and trim."""
+    model = _MODELS[kind]
+    long, wide, tall = rng.uniform(0.96, 1.04, 3)
+    return model._replace(
+        length=model.length * long,
+        wheelbase=model.wheelbase * long,
+        width=model.width * wide,
+        height=model.height * tall,
+        hood=model.hood * rng.uniform(0.96, 1.04),
+        color=car_paint(rng),
+        rim=shade(rng, (0.06, 0.06, 0.06) if rng.random() < 0.2 else STEEL, 0.4),
+        trim=bool(rng.random() < (0.7 if kind in ("suv", "van", "city car") else 0.25)),
+        rails=bool(rng.random() < (0.6 if kind in ("suv", "estate") else 0.0)),
+    )
+
+
+def car(params: CarParams) -> Asset:
+    """The car of ``params``, nose towards +x."""
+    p = params
+    axles = _axles(p)
+    parts = [_body(p), *_cabin(p), *_ends(p)]
+    parts += [axle(x, p.width / 2 - 0.02, p.wheel_radius, 0.2, p.rim) for x in axles]
+    if p.trim:
+        parts += _sills(p, axles)
+    return merge(*parts)
+
+
+def _axles(p: CarParams) -> tuple[float, float]:
+    front = p.length * 0.3
+    return front, front - p.wheelbase
+
+
+def _side(p: CarParams) -> float:
+    """Half the width at the belt, m."""
+    return 0.465 * p.width
+
+
+def _section(p: CarParams, share: float, low: float) -> np.ndarray:
+    """The open cross-section of the body at ``share`` of the length: sill, crease, shoulder."""
+    half = np.interp(share, [0, 0.05, 0.16, 0.84, 0.96, 1], [0.80, 0.94, 1, 1, 0.95, 0.86])
+    half *= p.width / 2
+    top = np.interp(
+        share,
+        [0, 0.03, p.cowl, p.tail, max(p.tail + 0.001, 0.985), 1],
+        [p.hood - 0.07, p.hood, p.belt, max(p.belt, p.deck), p.deck, p.deck - 0.05],
+    )
+    crease = max(low + 0.04, 0.62 * p.hood)
+    left = np.array([(0.95 * half, low), (half, crease), (0.93 * half, top)])
+    line = np.concatenate([left, left[::-1] * [-1, 1]])
+    return np.column_stack([np.full(6, p.length * (0.5 - share)), line])
+
+
+def _stations(p: CarParams) -> list[tuple[float, float]]:
+    """(share of the length, height of the lower edge), with a wheel arch over each axle."""
+    arch = p.wheel_radius + 0.055
+    stations = [(0.0, p.sill + 0.05), (0.05, p.sill), (p.cowl, p.sill), (p.tail, p.sill)]
+    stations += [(0.96, p.sill), (1.0, p.sill + 0.1)]
+    for x in _axles(p):
+        centre = 0.5 - x / p.length
+        stations = [s for s in stations if abs(s[0] - centre) * p.length > arch + 0.02]
+        for across, up in ((-1.0, None), (-0.62, 0.9), (0.62, 0.9), (1.0, None)):
+            low = p.sill if up is None else p.wheel_radius + up * arch
+            stations.append((centre + across * arch / p.length, low))
+    return sorted(stations)
+
+
+def _body(p: CarParams) -> Asset:
+    sections = [_section(p, share, low) for share, low in _stations(p)]
+    floor = [section[[0, -1]] for section in sections]
+    return merge(
+        loft(np.array(sections), p.color, "paint", closed=False),
+        loft(np.array(floor), BLACK, closed=False, caps=False),
+    )
+
+
+def _cabin(p: CarParams) -> list[Asset]:
+    """Roof and pillars in body colour, with windscreen, rear and side windows laid on."""
+
+    def x(share: float) -> float:
+        return p.length * (0.5 - share)
+
+    foot = p.belt - 0.03
+    top = p.height - 0.03
+    half, half_roof = _side(p) * 0.99, _side(p) * p.tumblehome
+    middle = (p.roof_front + p.roof_rear) / 2
+    outline = [(x(p.cowl), foot), (x(p.roof_front), top), (x(middle), p.height)]
+    outline += [(x(p.roof_rear), top), (x(p.tail), foot)]
+
+    def at(along: float, height: float, side: float, out: float = 0.012) -> tuple[float, ...]:
+        share = (height - foot) / (p.height - foot)
+        return along, side * (half + (half_roof - half) * share + out), height
+
+    def screen(low: float, high: float) -> np.ndarray:
+        sign = 1 if low < high else -1  # the windscreen's top lies further back than its foot
+        ends = [(x(low), foot, -sign), (x(low), foot, sign), (x(high), top, sign)]
+        return np.array([at(*e, 0.0) for e in [*ends, (x(high), top, -sign)]])
+
+    parts = [
+        extrude(outline, 2 * half, p.color, "paint", top_width=2 * half_roof),
+        panel(screen(p.cowl, p.roof_front), (0.05, 0.95), (0.06, 0.95), GLASS, "glass"),
+        panel(screen(p.tail, p.roof_rear), (0.08, 0.92), (0.1, 0.92), GLASS, "glass"),
+    ]
+    low, high = p.belt + 0.03, top - 0.05
+    rise = (high - foot) / (top - foot)
+    front_high = p.cowl + (p.roof_front - p.cowl) * rise + 0.02
+    rear_high = min(p.tail + (p.roof_rear - p.tail) * rise - 0.015, p.glass_end)
+    pillar = p.cowl + 0.52 * (p.glass_end - p.cowl) + 0.03
+    for side in (1, -1):
+        pane = [(p.cowl + 0.04, low), (front_high, high), (rear_high, high), (p.glass_end, low)]
+        parts.append(polygon([at(x(s), z, side) for s, z in pane], GLASS, "glass"))
+        if p.glass_end > 0.6:
+            post = [(pillar - 0.01, low), (pillar - 0.008, high), (pillar + 0.012, high)]
+            post.append((pillar + 0.014, low))
+            parts.append(polygon([at(x(s), z, side, 0.02) for s, z in post], p.color, "paint"))
+        mirror = x(p.cowl + 0.055)
+        y = side * (half + 0.10)
+        parts.append(
+            box_between(
+                (mirror - 0.05, y - 0.09, p.belt), (mirror + 0.05, y + 0.09, p.belt + 0.12), TRIM
+            )
+        )
+        if p.rails:
+            rail = [(p.roof_front + 0.03, p.height), (p.roof_rear - 0.03, p.height)]
+            rail += [(s, z + 0.05) for s, z in rail[::-1]]
+            parts.append(polygon([at(x(s), z, side, -0.02) for s, z in rail], TRIM, "metal"))
+    return parts
+
+
+def _ends(p: CarParams) -> list[Asset]:
+    """Lamps, grille, plates and bumpers."""
+    front = _section(p, 0, p.sill + 0.05)[[5, 0, 2, 3]]
+    corner = _section(p, 0.05, p.sill)
+    rear = _section(p, 1, p.sill + 0.1)[[0, 5, 3, 2]]
+    bumper = TRIM if p.trim else darker(p.color, 0.8)
+    parts = [
+        panel(front, (0, 1), (0, 0.34), bumper, lift=0.02),
+        panel(front, (0.2, 0.8), (0.06, 0.26), BLACK, lift=0.03),
+        panel(front, (0.27, 0.73), (0.62, 0.88), BLACK, lift=0.01),
+        panel(front, (0.35, 0.65), (0.38, 0.56), PLATE, lift=0.02),
+        lamps(front, (0.01, 0.24), (0.64, 0.95), HEADLAMP),
+        panel(rear, (0, 1), (0, 0.3), bumper, lift=0.02),
+        panel(rear, (0.34, 0.66), (0.44, 0.60), PLATE, lift=0.015),
+        lamps(rear, (0.01, 0.2), (0.62, 0.93), TAILLAMP),
+    ]
+    nose = _section(p, 0, p.sill + 0.05)
+    for low, high in ((1, 2), (4, 3)):
+        facet = np.array([nose[low], corner[low], corner[high], nose[high]])
+        if low == 4:
+            facet = facet[[1, 0, 3, 2]]
+        parts.append(panel(facet, (0, 1), (0.55, 0.92), HEADLAMP, "lamp", lift=0.01))
+    return parts
+
+
+def _sills(p: CarParams, axles: tuple[float, float]) -> list[Asset]:
+    """Dark plastic along the lower edge between the wheels."""
+    reach = p.wheel_radius + 0.06
+    start, end = axles[0] - reach, axles[1] + reach
+    half = p.width / 2
+    strips = []
+    for side in (1, -1):
+        low, high = (
+            (side * (0.95 * half + 0.01), p.sill),
+            (side * (0.98 * half + 0.01), p.sill + 0.14),
+        )
+        corners = [(start, *low), (end, *low), (end, *high), (start, *high)]
+        strips.append(polygon(corners, TRIM))
+    return strips

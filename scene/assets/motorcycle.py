@@ -1,0 +1,228 @@
+"""Motorcycles: thick wheels, tank, engine, seat and fork; scooters with a leg shield."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.asset import Asset, Color, Point, disc, loft, merge, polygon, tube
+from scene.assets._vehicle import (
+    BLACK,
+    HEADLAMP,
+    PLATE,
+    STEEL,
+    TAILLAMP,
+    TRIM,
+    TYRE,
+    box_between,
+    darker,
+    pick,
+)
+
+SADDLE: Point = (-0.18, 0.0, 0.80)
+"""Top of the seat where the rider sits, m."""
+BAR: Point = (0.36, 0.33, 1.02)
+"""Left grip, m; the right one is its mirror image."""
+FOOT: Point = (-0.02, 0.20, 0.34)
+"""Left foot rest, m."""
+
+
+class MotorcycleParams(NamedTuple):
+    """One motorcycle; metres."""
+
+    wheel_radius: float
+    tyre: float  # width
+    wheelbase: float
+    scooter: bool
+    fairing: float  # 0 none, 1 down to the engine
+    screen: float  # height of the windscreen above the bar, 0 for none
+    cases: bool  # panniers and top case
+    tail: float  # how far the tail rises above the seat
+    color: Color = (0.02, 0.02, 0.02)
+    seat_color: Color = BLACK
+    engine_color: Color = STEEL
+
+
+_MODELS: dict[str, MotorcycleParams] = {
+    "naked": MotorcycleParams(0.315, 0.14, 1.42, False, 0.0, 0.0, False, 0.06),
+    "scooter": MotorcycleParams(0.245, 0.12, 1.30, True, 0.0, 0.12, False, 0.02),
+    "tourer": MotorcycleParams(0.320, 0.15, 1.50, False, 0.6, 0.34, True, 0.04),
+    "sports": MotorcycleParams(0.310, 0.16, 1.40, False, 1.0, 0.12, False, 0.18),
+    "delivery scooter": MotorcycleParams(0.240, 0.12, 1.30, True, 0.0, 0.30, True, 0.02),
+}
+KINDS: tuple[str, ...] = tuple(_MODELS)
+"""Body types."""
+
+_PAINTS: tuple[Color, ...] = (
+    (0.018, 0.018, 0.02),
+    (0.07, 0.07, 0.075),
+    (0.33, 0.018, 0.018),
+    (0.025, 0.06, 0.24),
+    (0.04, 0.16, 0.05),
+    (0.62, 0.62, 0.60),
+    (0.38, 0.39, 0.40),
+    (0.45, 0.16, 0.015),
+)
+
+
+def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
+    """Draw a motorcycle of one body type: size within 3 %, paint."""
+    model = _MODELS[kind]
+    return model._replace(
+        wheel_radius=model.wheel_radius * rng.uniform(0.97, 1.03),
+        wheelbase=model.wheelbase * rng.uniform(0.97, 1.03),
+        color=pick(rng, _PAINTS, 0.2),
+        seat_color=pick(rng, (BLACK, TRIM, (0.09, 0.045, 0.025))),
+        engine_color=pick(rng, (STEEL, (0.06, 0.06, 0.062), (0.15, 0.15, 0.15))),
+    )
+
+
+def motorcycle(params: MotorcycleParams) -> Asset:
+    """The motorcycle of ``params``, riding towards +x."""
+    p = params
+    parts = [_wheel(p, x) for x in (-p.wheelbase / 2, p.wheelbase / 2)]
+    body = _scooter(p) if p.scooter else _machine(p)
+    return merge(*parts, *_front(p), *body, *_extras(p))
+
+
+def _wheel(p: MotorcycleParams, x: float) -> Asset:
+    half, radius = p.tyre / 2, p.wheel_radius
+    low, high = (x, -half, radius), (x, half, radius)
+    parts = [tube(low, high, radius, TYRE, "rubber", sides=12)]
+    for y in (half, -half):
+        centre = (x, y * 1.05, radius)
+        parts.append(disc(centre, 0.66 * radius, STEEL, "metal", axis=(0, y, 0), sides=8))
+        inner = (x, y * 1.1, radius)
+        parts.append(disc(inner, 0.45 * radius, TRIM, "metal", axis=(0, y, 0), sides=6))
+    return merge(*parts)
+
+
+def _rod(start: Point, end: Point, radius: float, color: Color) -> Asset:
+    return tube(start, end, radius, color, "metal", sides=4, caps=False)
+
+
+def _slab(stations: list[tuple[float, float, float, float]], color: Color, material: str) -> Asset:
+    """A rounded body along x from (x, half width, low, high) sections, narrower above."""
+    rings = [
+        [
+            (x, half, low), (x, half, (low + high) / 2), (x, 0.55 * half, high),
+            (x, -0.55 * half, high), (x, -half, (low + high) / 2), (x, -half, low),
+        ]
+        for x, half, low, high in stations
+    ]  # fmt: skip
+    return loft(np.array(rings), color, material)
+
+
+def _front(p: MotorcycleParams) -> list[Asset]:
+    """Fork, handlebar, mirrors, headlamp and mudguard."""
+    hub, (x, y, z) = p.wheelbase / 2, BAR
+    crown = (x + 0.06, z - 0.06)
+    parts = []
+    for side in (1, -1):
+        foot = (hub, side * (p.tyre / 2 + 0.035), p.wheel_radius)
+        parts.append(_rod(foot, (crown[0], side * 0.09, crown[1]), 0.028, STEEL))
+        inner = (crown[0], side * 0.08, z - 0.02)
+        parts.append(_rod(inner, (x - 0.04, side * (y + 0.05), z), 0.018, BLACK))
+        glass = (x + 0.04, side * (y - 0.02), z + 0.17)
+        parts.append(_rod((x + 0.02, side * (y - 0.1), z), glass, 0.01, BLACK))
+        low, high = np.array(glass) - (0.015, 0.06, 0.03), np.array(glass) + (0.015, 0.06, 0.05)
+        parts.append(box_between(tuple(low), tuple(high), TRIM))
+    lamp = (crown[0] + 0.13, 0.0, crown[1] - 0.1)
+    parts.append(tube((crown[0], 0, lamp[2]), lamp, 0.085, p.color, "paint", sides=6, caps=False))
+    parts.append(disc(lamp, 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=6))
+    radius, half = p.wheel_radius + 0.025, p.tyre / 2 + 0.01
+    arc = [(hub + radius * np.cos(a), p.wheel_radius + radius * np.sin(a)) for a in (0.6, 1.5, 2.5)]
+    for (x0, z0), (x1, z1) in zip(arc[:-1], arc[1:], strict=True):
+        strip = [(x0, -half, z0), (x0, half, z0), (x1, half, z1), (x1, -half, z1)]
+        parts.append(polygon(strip, p.color, "paint"))
+    return parts
+
+
+def _machine(p: MotorcycleParams) -> list[Asset]:
+    """Tank, seat, tail, engine, frame and exhaust."""
+    x, _, z = SADDLE
+    rear, radius = -p.wheelbase / 2, p.wheel_radius
+    tail = rear - 0.12
+    tank = [(0.0, 0.11, z - 0.06, z + 0.06), (0.14, 0.15, z - 0.08, z + 0.17)]
+    tank += [(0.30, 0.13, z - 0.04, z + 0.18), (0.40, 0.06, z + 0.02, z + 0.12)]
+    seat = [(tail, 0.05, z + p.tail, z + p.tail + 0.06), (x - 0.2, 0.12, z - 0.07, z + p.tail)]
+    seat += [(x, 0.13, z - 0.09, z), (0.02, 0.09, z - 0.09, z + 0.01)]
+    parts = [
+        _slab(tank, p.color, "paint"),
+        _slab(seat, p.seat_color, "plain"),
+        box_between((-0.22, -0.14, 0.22), (0.26, 0.14, 0.52), p.engine_color, "metal"),
+        box_between((-0.16, -0.11, 0.50), (0.20, 0.11, 0.72), darker(p.engine_color, 0.4), "metal"),
+        tube((-0.1, -0.18, 0.26), (rear - 0.05, -0.2, 0.42), 0.055, STEEL, "metal", sides=5),
+        _rod((0.24, -0.15, 0.45), (-0.1, -0.18, 0.27), 0.03, STEEL),
+        _rod((0.38, 0, z + 0.02), (0.22, 0, 0.3), 0.04, BLACK),
+    ]
+    for y in (0.1, -0.1):
+        parts.append(_rod((-0.15, y, 0.42), (rear, y, radius), 0.035, BLACK))
+        parts.append(_rod((rear + 0.06, y, radius), (x - 0.12, y, z - 0.05), 0.022, STEEL))
+    if p.fairing:
+        parts.append(_fairing(p))
+    return parts
+
+
+def _fairing(p: MotorcycleParams) -> Asset:
+    """Painted shell around the headlamp and down beside the engine."""
+    low = 1.02 - 0.35 - 0.35 * p.fairing
+    stations = [(0.10, 0.20, low, 0.72), (0.34, 0.22, low + 0.05, 0.98)]
+    stations += [(0.50, 0.18, low + 0.2, 1.0), (0.62, 0.07, 0.76, 0.92)]
+    return merge(
+        _slab(stations, p.color, "paint"),
+        disc((0.63, 0.0, 0.85), 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=6),
+    )
+
+
+def _scooter(p: MotorcycleParams) -> list[Asset]:
+    """Leg shield, floor, and a rear body that hides the engine."""
+    x, _, z = SADDLE
+    rear, radius = -p.wheelbase / 2, p.wheel_radius
+    body = [(rear - 0.22, 0.07, 0.55, 0.76), (rear, 0.17, 0.36, z - 0.06)]
+    body += [(x - 0.05, 0.18, 0.26, z - 0.06), (x + 0.12, 0.14, 0.2, z - 0.08)]
+    seat = [(rear - 0.1, 0.08, z - 0.04, z + p.tail), (x - 0.1, 0.14, z - 0.08, z)]
+    seat += [(x + 0.2, 0.09, z - 0.08, z - 0.02)]
+    shield = [(0.26, 0.24, 0.22, 0.5), (0.38, 0.19, 0.4, 0.95), (0.46, 0.08, 0.5, 1.0)]
+    return [
+        _slab(body, p.color, "paint"),
+        _slab(seat, p.seat_color, "plain"),
+        _slab(shield, p.color, "paint"),
+        box_between((x + 0.05, -0.2, 0.2), (0.34, 0.2, 0.28), TRIM),
+        tube((-0.3, -0.19, radius), (rear - 0.1, -0.21, radius + 0.06), 0.06, STEEL, sides=5),
+    ]
+
+
+def _extras(p: MotorcycleParams) -> list[Asset]:
+    """Rear lamp, plate, windscreen and luggage."""
+    back = -p.wheelbase / 2 - (0.24 if p.scooter else 0.16)
+    z = SADDLE[2] - 0.08 + (0 if p.scooter else p.tail)
+    slope = [(back, -0.06, z), (back, 0.06, z), (back, 0.06, z + 0.07), (back, -0.06, z + 0.07)]
+    plate = [
+        (back - 0.02, y, h) for y, h in ((-0.1, -0.22), (0.1, -0.22), (0.1, -0.06), (-0.1, -0.06))
+    ]
+    parts = [
+        polygon(slope, TAILLAMP, "lamp"),
+        polygon(np.array(plate) + [0, 0, z], PLATE),
+    ]
+    if p.screen:
+        x, top = BAR[0] + 0.14, BAR[2] + p.screen
+        wide = 0.2 if p.screen > 0.2 else 0.14
+        low = [(x, -wide, BAR[2] - 0.08), (x, wide, BAR[2] - 0.08)]
+        screen = [*low, (x - 0.14, 0.7 * wide, top), (x - 0.14, -0.7 * wide, top)]
+        parts.append(polygon(screen, (0.12, 0.14, 0.15), "glass"))
+    if p.cases:
+        rear = -p.wheelbase / 2
+        top = SADDLE[2] + 0.06
+        reach = 0.2 if p.scooter else 0.17
+        low, high = (
+            (rear - 0.25, -reach, top),
+            (rear + 0.17, reach, top + (0.42 if p.scooter else 0.28)),
+        )
+        parts.append(box_between(low, high, p.color if p.scooter else TRIM, "paint"))
+        if not p.scooter:
+            for y in (0.24, -0.24):
+                low, high = (rear - 0.28, y - 0.1, 0.42), (rear + 0.22, y + 0.1, 0.76)
+                parts.append(box_between(low, high, p.color, "paint"))
+    return parts
