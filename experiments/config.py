@@ -1,0 +1,255 @@
+"""Every number of a run, as frozen dataclasses of plain values; the presets of both experiments."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Literal
+
+from experiments.errors import UserError
+from scene.attributes import NAMES
+from scene.render import RENDERERS, RenderSettings, check_settings
+from scene.street import AssetPool
+from seg.train import TrainSettings
+
+PRESETS = ("smoke", "quick", "paper")
+CANDIDATES = ("argmax", "wide", "spread")
+
+POSITIONS = tuple(
+    f"{n}_position" for n in ("building", "fence", "tree", "pole", "bicycle", "person", "car")
+)
+DENSITIES = (
+    "building_probability",
+    *(f"{n}_interval" for n in ("building", "fence", "tree", "bicycle", "person", "pole", "car")),
+)
+ENVIRONMENT = NAMES[:8]
+
+CITYSCAPES_GROUPS: tuple[tuple[str, ...], ...] = (
+    POSITIONS,
+    *(DENSITIES[i : i + 2] for i in range(0, 8, 2)),
+    ENVIRONMENT,
+)
+"""The paper's six groups for Cityscapes: positions, densities in four pairs, environment."""
+
+CAMVID_GROUPS: tuple[tuple[str, ...], ...] = (
+    *(POSITIONS[i : i + 2] for i in range(0, 7, 2)),
+    DENSITIES,
+    ENVIRONMENT,
+)
+"""The paper's six groups for CamVid: positions in four, densities, environment."""
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One size of the same job: render a dataset, train a net on it, score the net."""
+
+    width: int
+    """Pixels across, of rendered and real images alike."""
+    height: int
+    """Pixels down."""
+    streets: int
+    """Streets per dataset."""
+    shots: int
+    """Images per street."""
+    samples: int = 2
+    """Rays per pixel along each axis."""
+    train: TrainSettings = field(default_factory=TrainSettings)
+    """The net and how it is trained; its class table follows the target."""
+
+    @property
+    def images(self) -> int:
+        """Images per dataset."""
+        return self.streets * self.shots
+
+    def render_settings(self) -> RenderSettings:
+        """The engine's settings at this size."""
+        return RenderSettings(self.width, self.height, self.samples)
+
+
+@dataclass(frozen=True)
+class Search:
+    """How the attributes are searched for. The paper's values are those of the ``paper`` preset."""
+
+    method: Literal["sdr", "random_search"] = "sdr"
+    """The search method."""
+    bins: int = 10
+    """Values that each attribute is cut into (the paper's K)."""
+    updates_per_group: int = 8
+    """Policy updates for each group."""
+    datasets_per_update: int = 4
+    """Datasets that each update renders, trains on and scores."""
+    learning_rate: float = 1e-2
+    """Of Adam."""
+    baseline: Literal["ema", "ema_current", "leave_one_out"] = "leave_one_out"
+    """What a reward is compared with: earlier rewards (paper), those and itself (the authors' code), or the update's other rewards."""
+    normalise: bool = True
+    """Divide advantages by their size."""
+    squared_reward: bool = False
+    """(100 mIoU)^2, as in the authors' code, instead of mIoU."""
+    relaxation: float | None = None
+    """Width of a relaxed bin, as a share of the range; by default 1 / bins."""
+    unoptimised: Literal["random", "half"] = "random"
+    """What groups not optimised yet are: random (paper), or 0.5 (the authors' code)."""
+
+
+@dataclass(frozen=True)
+class Config:
+    """One run. Every field is a flag."""
+
+    search: Search
+    reward: Stage
+    """The cheap stage that gives the rewards."""
+    final: Stage
+    """The full stage that gives the reported figures."""
+    groups: tuple[tuple[str, ...], ...]
+    """Attributes that are optimised together, in order."""
+    preset: Literal["smoke", "quick", "paper"] = "quick"
+    """Where the defaults of all other flags come from."""
+    data: Path | None = None
+    """Folder of real images. CamVid also takes it from the variable CAMVID_DIR; cityscapes without it runs on the twin."""
+    out: Path = Path("runs/run")
+    """The run folder. The same command continues a run that was stopped."""
+    seed: int = 0
+    """Decides everything left to chance, but for the twin."""
+    renderer: str = "embree"
+    """embree or opengl."""
+    workers: int = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
+    """Processes, one core each; 0 works in the main process."""
+    reward_images: int | None = None
+    """At most so many real images for the reward (a seeded choice); by default all."""
+    test_images: int | None = None
+    """At most so many real images for the reported figures; by default all."""
+    test_split: str | None = None
+    """The split that is reported on; by default the data's own."""
+    holdout: str | None = None
+    """Report on this sequence (CamVid) or city (Cityscapes), taken out of the training images."""
+    twin_seed: int = 0
+    """Decides the hidden attributes of the twin, when there is no data."""
+    candidates: tuple[str, ...] = CANDIDATES
+    """Ways to relax the learnt answer: argmax (1 / bins wide), wide (0.3), spread (as the policy is sure)."""
+    candidate_seeds: int = 2
+    """Nets that each candidate is scored with, at the final size, on the reward images."""
+    default_width: float = 0.15
+    """Relaxation of the street set by eye, as a share of each range."""
+    seeds: int = 5
+    """Nets per row of the result; paired: the k-th of every row shares its seed."""
+    assets: int = 48
+    """Assets of each family that streets may draw from."""
+
+    @property
+    def pool(self) -> AssetPool:
+        """The assets that the search may use; the twin's begin elsewhere."""
+        return AssetPool(0, self.assets)
+
+
+def check(config: Config) -> Config:
+    """The configuration itself.
+
+    Raises:
+        UserError: a field out of range, by name.
+    """
+    if config.renderer not in RENDERERS:
+        raise UserError(f"--renderer {config.renderer!r} is unknown; known: {', '.join(RENDERERS)}")
+    for name in ("seeds", "candidate_seeds", "assets", "reward_images", "test_images"):
+        value = getattr(config, name)
+        if value is not None and value < 1:
+            raise UserError(f"--{name.replace('_', '-')} must be 1 or more, not {value}")
+    for name in ("workers", "seed", "twin_seed"):
+        if getattr(config, name) < 0:
+            raise UserError(f"--{name.replace('_', '-')} must be 0 or more")
+    unknown = [c for c in config.candidates if c not in CANDIDATES]
+    if unknown or not config.candidates:
+        raise UserError(f"--candidates must be some of {', '.join(CANDIDATES)}; not {unknown}")
+    if not 0 <= config.default_width <= 1:
+        raise UserError(f"--default-width must lie in [0, 1], not {config.default_width}")
+    for stage_name in ("reward", "final"):
+        stage: Stage = getattr(config, stage_name)
+        for name in ("streets", "shots"):
+            if getattr(stage, name) < 1:
+                raise UserError(f"--{stage_name}.{name} must be 1 or more")
+        if stage.width % 8 or stage.height % 8:
+            raise UserError(
+                f"--{stage_name}.width and --{stage_name}.height must be multiples of 8, "
+                f"not {stage.width}x{stage.height}"
+            )
+        for name in ("steps", "batch"):
+            if getattr(stage.train, name) < 1:
+                raise UserError(f"--{stage_name}.train.{name} must be 1 or more")
+        try:
+            check_settings(stage.render_settings())
+        except ValueError as error:
+            raise UserError(f"--{stage_name}: {error}") from None
+    for name in ("bins", "updates_per_group", "datasets_per_update"):
+        least = 2 if name == "bins" else 1
+        if getattr(config.search, name) < least:
+            raise UserError(f"--search.{name.replace('_', '-')} must be {least} or more")
+    if config.search.baseline == "leave_one_out" and config.search.datasets_per_update < 2:
+        raise UserError(
+            "--search.baseline leave_one_out needs --search.datasets-per-update 2 or more"
+        )
+    return config
+
+
+def _smoke(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Config:
+    tiny = TrainSettings(steps=12, batch=4, warmup=2)
+    return Config(
+        preset="smoke",
+        groups=groups,
+        search=Search(updates_per_group=1, datasets_per_update=2, bins=5),
+        reward=Stage(width, height, streets=2, shots=2, samples=1, train=tiny),
+        final=Stage(width, height, streets=3, shots=2, samples=1, train=replace(tiny, steps=20)),
+        reward_images=8,
+        test_images=8,
+        candidate_seeds=1,
+        candidates=("argmax", "spread"),
+        seeds=2,
+        assets=8,
+    )
+
+
+def _paper(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Config:
+    net = TrainSettings(
+        net="deeplabv2", optimizer="sgd", lr=5e-4, batch=4, warmup=0, weight_decay=1e-4,
+        colour=False, blur=False, weighted=False,
+    )  # fmt: skip
+    return Config(
+        preset="paper",
+        groups=groups,
+        search=Search(updates_per_group=50, datasets_per_update=1, baseline="ema", normalise=False),
+        reward=Stage(width, height, 18, 10, samples=1, train=replace(net, steps=1000)),
+        final=Stage(width, height, 45, 10, samples=1, train=replace(net, steps=20_000)),
+        candidates=("argmax",),
+        candidate_seeds=1,
+    )
+
+
+def cityscapes_config(preset: str) -> Config:
+    """The defaults of ``python -m experiments.cityscapes``."""
+    if preset == "smoke":
+        return _smoke(CITYSCAPES_GROUPS, 64, 32)
+    if preset == "paper":
+        return replace(_paper(CITYSCAPES_GROUPS, 640, 320), reward_images=500)
+    return Config(
+        preset="quick",
+        groups=CITYSCAPES_GROUPS,
+        search=Search(updates_per_group=6),
+        reward=Stage(64, 32, streets=12, shots=6, train=TrainSettings(steps=120)),
+        final=Stage(96, 48, streets=30, shots=6, train=TrainSettings(steps=300)),
+        reward_images=500,
+    )
+
+
+def camvid_config(preset: str) -> Config:
+    """The defaults of ``python -m experiments.camvid``."""
+    if preset == "smoke":
+        return _smoke(CAMVID_GROUPS, 64, 48)
+    if preset == "paper":
+        return _paper(CAMVID_GROUPS, 480, 360)
+    return Config(
+        preset="quick",
+        groups=CAMVID_GROUPS,
+        search=Search(updates_per_group=10),
+        reward=Stage(64, 48, streets=12, shots=8, train=TrainSettings(steps=200)),
+        final=Stage(128, 96, streets=50, shots=8, train=TrainSettings(steps=1000)),
+    )

@@ -1,0 +1,153 @@
+"""The reported figures: candidates re-scored at full size, then every row with several paired seeds.
+
+The cheap reward favours what is easy to learn, so the answer's relaxation is chosen at the final size,
+still on the reward images; only the chosen one ever meets the test images.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+
+import sdr_jax
+from experiments.config import Config
+from experiments.folder import RunFolder
+from experiments.progress import Progress
+from experiments.reward import Evaluation, Truth, evaluate, evaluate_real
+from experiments.search import SearchResult
+from experiments.targets import Split, Target
+from scene.attributes import NAMES, default_unit
+from scene.workers import WorkerPool
+
+WIDE = 0.3
+ROWS = ("random", "default", "learnt", "real")
+CANDIDATE_SEED = 1_000_000
+"""Candidates are scored with seeds that no row of the result uses."""
+
+
+def random_proposal() -> sdr_jax.Proposal:
+    """Every attribute anywhere in its range."""
+    return sdr_jax.Proposal(np.full(len(NAMES), 0.5, np.float32), np.ones(len(NAMES), np.float32))
+
+
+def default_proposal(width: float) -> sdr_jax.Proposal:
+    """The street set by eye, relaxed."""
+    return _slid(default_unit(), width)
+
+
+def candidate_proposal(name: str, result: SearchResult) -> sdr_jax.Proposal:
+    """One way to relax what the search learnt."""
+    if name == "argmax":
+        return result.argmax
+    if name == "wide":
+        return _slid(result.argmax.centre, np.maximum(result.argmax.width, WIDE))
+    return result.spread
+
+
+def _slid(centre: np.ndarray, width: float | np.ndarray) -> sdr_jax.Proposal:
+    widths = np.broadcast_to(np.asarray(width, np.float32), centre.shape)
+    return jax.tree.map(np.asarray, sdr_jax.slide(centre, widths))
+
+
+def draw_units(proposal: sdr_jax.Proposal, seed: int, streets: int) -> np.ndarray:
+    """Attributes f32[streets, 23]; with the same seed, all proposals share their random numbers."""
+    return np.asarray(sdr_jax.draw(jax.random.key(seed), proposal, streets))
+
+
+class Finals:
+    """Scores nets at the final size, each once, remembering them in the run folder."""
+
+    def __init__(
+        self,
+        config: Config,
+        target: Target,
+        split: Split,
+        folder: RunFolder,
+        workers: WorkerPool,
+        progress: Progress,
+        cost: float,
+    ) -> None:
+        self._config, self._target, self._split = config, target, split
+        self._folder, self._workers, self._progress = folder, workers, progress
+        self._cost = cost
+
+    def candidates(self, result: SearchResult) -> tuple[str, dict[str, list[float]]]:
+        """The best relaxation of the learnt answer, and every candidate's mIoU [0, 1] by seed."""
+        config = self._config
+        truth = Truth(self._split.reward.images, self._split.reward.labels)
+        proposals = {name: candidate_proposal(name, result) for name in config.candidates}
+        seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
+        records = self._score("candidate", proposals, seeds, truth)
+        scores = {
+            name: [records[name, seed]["miou"] for seed in seeds] for name in config.candidates
+        }
+        return max(config.candidates, key=lambda name: float(np.mean(scores[name]))), scores
+
+    def rows(self, learnt: sdr_jax.Proposal) -> dict[str, list[dict[str, Any]]]:
+        """Every row of the result, scored on the test images: records in the order of the seeds."""
+        config = self._config
+        truth = Truth(self._split.test.images, self._split.test.labels)
+        proposals = {
+            "random": random_proposal(),
+            "default": default_proposal(config.default_width),
+            "learnt": learnt,
+            "real": None,
+        }
+        seeds = [config.seed + k for k in range(config.seeds)]
+        records = self._score("final", proposals, seeds, truth)
+        return {row: [records[row, seed] for seed in seeds] for row in ROWS}
+
+    def _score(
+        self,
+        kind: str,
+        proposals: dict[str, sdr_jax.Proposal | None],
+        seeds: list[int],
+        truth: Truth,
+    ) -> dict[tuple[str, int], dict[str, Any]]:
+        config, table = self._config, self._target.table
+        records = {
+            (line["row"], line["seed"]): line
+            for line in self._folder.finals.lines
+            if line["kind"] == kind
+        }
+        wanted = [(row, seed) for seed in seeds for row in proposals]
+        missing = [key for key in wanted if key not in records]
+        self._progress.advance(self._cost * (len(wanted) - len(missing)), replayed=True)
+        rendered = [(row, seed) for row, seed in missing if proposals[row] is not None]
+        real = [(row, seed) for row, seed in missing if proposals[row] is None]
+
+        def keep(key: tuple[str, int], evaluation: Evaluation) -> None:
+            self._progress.advance(self._cost)
+            row, seed = key
+            record = {
+                "kind": kind,
+                "row": row,
+                "seed": seed,
+                "miou": evaluation.reward,
+                "class_iou": evaluation.class_iou,
+                "render_seconds": round(evaluation.render_seconds, 3),
+                "train_seconds": round(evaluation.train_seconds, 3),
+                "elapsed": round(self._progress.elapsed, 2),
+            }
+            self._folder.finals.append(record)
+            records[key] = record
+            self._progress.update(
+                f"{kind} nets: {row}, seed {seed} | mIoU {100 * evaluation.reward:.1f}"
+            )
+
+        tasks = [
+            (
+                config.final, table, config.renderer, config.pool,
+                draw_units(proposals[row], seed, config.final.streets), seed, truth,
+            )
+            for row, seed in rendered
+        ]  # fmt: skip
+        for index, evaluation in self._workers.map(evaluate, tasks):
+            keep(rendered[index], evaluation)
+        own = self._split.reward
+        tasks = [(config.final, table, own.images, own.labels, seed, truth) for _, seed in real]
+        for index, evaluation in self._workers.map(evaluate_real, tasks):
+            keep(real[index], evaluation)
+        return records

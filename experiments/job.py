@@ -1,0 +1,116 @@
+"""The main job from target to summary: search, choose, train the final nets, report."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from experiments import pictures, summary
+from experiments.config import Config, Stage, check
+from experiments.errors import UserError
+from experiments.finals import (
+    ROWS,
+    Finals,
+    candidate_proposal,
+    draw_units,
+    random_proposal,
+)
+from experiments.folder import RunFolder, write_json
+from experiments.progress import Progress, duration
+from experiments.reward import Truth, render, worker_environment
+from experiments.search import make_method, make_space, search, total_updates
+from experiments.targets import Target
+from scene.export import write_cityscapes
+from scene.render import RendererError, renderer
+from scene.workers import WorkerPool
+
+
+def cost(stage: Stage) -> float:
+    """About how many CPU seconds one evaluation takes; only ratios matter."""
+    pixels = stage.width * stage.height
+    rendering = 0.15 * stage.streets + 4e-6 * stage.images * pixels * stage.samples**2
+    return rendering + 7e-7 * stage.train.steps * stage.train.batch * pixels
+
+
+def run(config: Config, make_target: Callable[[Config, WorkerPool], Target]) -> dict[str, Any]:
+    """Do the whole job, or what is left of it, and return the summary.
+
+    Args:
+        config: the run; ``config.out`` is its folder.
+        make_target: ``targets.cityscapes_target`` or ``targets.camvid_target``.
+
+    Raises:
+        UserError, DataError: what a user can get wrong.
+        WorkerError: worker processes keep dying.
+    """
+    check(config)
+    make_method(config.search, make_space(config))
+    try:
+        renderer(config.renderer)
+    except RendererError as error:
+        raise UserError(str(error)) from None
+    with WorkerPool(config.workers, worker_environment()) as workers:
+        target = make_target(config, workers)
+        folder = RunFolder(config, target.name)
+        try:
+            return _run(config, target, folder, workers)
+        finally:
+            folder.close()
+
+
+def _run(config: Config, target: Target, folder: RunFolder, workers: WorkerPool) -> dict[str, Any]:
+    final_nets = len(config.candidates) * config.candidate_seeds + len(ROWS) * config.seeds
+    search_cost, final_cost = cost(config.reward), cost(config.final)
+    evaluations = total_updates(config) * config.search.datasets_per_update
+    progress = Progress(evaluations * search_cost + final_nets * final_cost, folder.elapsed)
+    progress.say(f"Target: {target.title}")
+    progress.say(
+        f"Run folder: {folder.path} | {evaluations} rewards of {config.reward.images} images at "
+        f"{config.reward.width}x{config.reward.height}, then {final_nets} nets on "
+        f"{config.final.images} at {config.final.width}x{config.final.height}"
+    )
+    if folder.continued:
+        progress.say(
+            f"Continuing: {len(folder.evaluations.lines)} rewards and {len(folder.finals.lines)} "
+            f"final nets are done, in {duration(folder.elapsed)}"
+        )
+    small = target.at(config.reward.height, config.reward.width).reward
+    truth = Truth(small.images, small.labels)
+    result = search(config, target, truth, folder, workers, progress, search_cost)
+    pictures.rewards(folder.path / "pictures", result, target.title)
+    pictures.distributions(folder.path / "pictures", result, target.title)
+
+    split = target.at(config.final.height, config.final.width)
+    finals = Finals(config, target, split, folder, workers, progress, final_cost)
+    chosen, scores = finals.candidates(result)
+    learnt = candidate_proposal(chosen, result)
+    write_json(folder.path / "attributes.json", summary.attributes(learnt))
+    rows = finals.rows(learnt)
+
+    datasets = {
+        name: render(
+            config.final,
+            config.renderer,
+            config.pool,
+            draw_units(proposal, config.seed, config.final.streets),
+            config.seed,
+        )
+        for name, proposal in (("random", random_proposal()), ("learnt", learnt))
+    }
+    write_cityscapes(datasets["learnt"], folder.path / "dataset", shots=config.final.shots)
+    pictures.samples(folder.path / "pictures", target, split.test, datasets)
+    np.save(folder.path / "pictures" / "probabilities.npy", result.probabilities)
+    report = summary.summarize(
+        config, target, folder, rows, chosen, scores, learnt, progress.elapsed
+    )
+    write_json(folder.path / "summary.json", report)
+    progress.say(summary.text(report))
+    progress.say(
+        f"Done in {duration(progress.elapsed)} "
+        f"(the twin, not real data): {folder.path / 'summary.json'}"
+        if not target.real
+        else f"Done in {duration(progress.elapsed)}: {folder.path / 'summary.json'}"
+    )
+    return report

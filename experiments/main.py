@@ -1,0 +1,77 @@
+"""The command line that both experiments share."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import tyro
+
+from experiments import job
+from experiments.config import PRESETS, Config
+from experiments.errors import UserError
+from experiments.targets import Target
+from scene.render import RendererError
+from scene.workers import WorkerError, WorkerPool
+from seg.data import DataError
+from seg.train import TrainingError
+
+
+def preset_of(arguments: Sequence[str]) -> str:
+    """The value of ``--preset`` among the arguments, by default quick.
+
+    Raises:
+        UserError: no such preset.
+    """
+    found = "quick"
+    for position, argument in enumerate(arguments):
+        if argument == "--preset":
+            found = arguments[position + 1] if position + 1 < len(arguments) else ""
+        elif argument.startswith("--preset="):
+            found = argument.partition("=")[2]
+    if found not in PRESETS:
+        raise UserError(f"--preset {found!r} is unknown; known: {', '.join(PRESETS)}")
+    return found
+
+
+def main(
+    name: str,
+    presets: Callable[[str], Config],
+    make_target: Callable[[Config, WorkerPool], Target],
+    description: str,
+    arguments: Sequence[str] | None = None,
+    data_variable: str | None = None,
+) -> int:
+    """Parse, run, and turn what went wrong into one line. Returns the exit code."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    try:
+        preset = preset_of(arguments)
+        default = replace(presets(preset), out=Path("runs") / f"{name}-{preset}")
+        if data_variable and os.environ.get(data_variable):
+            default = replace(default, data=Path(os.environ[data_variable]))
+        config = tyro.cli(
+            Config,
+            prog=f"python -m experiments.{name}",
+            description=description,
+            default=default,
+            args=arguments,
+        )
+        job.run(config, make_target)
+    except (UserError, DataError, RendererError, TrainingError) as error:
+        return _fail(str(error), 2)
+    except OSError as error:
+        where = f"{error.filename}: " if error.filename else ""
+        return _fail(f"{where}{error.strerror or error}", 2)
+    except WorkerError as error:
+        return _fail(str(error), 1)
+    except KeyboardInterrupt:
+        return _fail("stopped; the same command goes on where it was", 130)
+    return 0
+
+
+def _fail(message: str, code: int) -> int:
+    print(f"error: {message}" if code != 130 else f"\n{message}", file=sys.stderr, flush=True)
+    return code

@@ -1,0 +1,102 @@
+"""Pictures of a run: what it trains on beside what it must be good on, rewards, distributions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import matplotlib
+import numpy as np
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+
+from experiments.search import SearchResult
+from experiments.targets import Target
+from scene.attributes import ATTRIBUTES
+from scene.dataset import Dataset
+from seg.classes import ClassTable, class_table
+from seg.data import RealSet
+
+COLUMNS = 6
+
+
+def _save(figure: Figure, folder: Path, name: str) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    part = folder / f".{name}"
+    figure.savefig(part, dpi=110, bbox_inches="tight", format="png")
+    part.replace(folder / name)
+    plt.close(figure)
+
+
+def colorize(labels: np.ndarray, table: ClassTable) -> np.ndarray:
+    """Labels u8[..., h, w] of a class table as RGB; void is black."""
+    palette = np.zeros((256, 3), np.uint8)
+    palette[: len(table.colors)] = table.colors
+    return palette[labels]
+
+
+def samples(folder: Path, target: Target, test: RealSet, datasets: dict[str, Dataset]) -> None:
+    """Target, random and learnt images, their labels below each, in one picture."""
+    table = class_table(target.table)
+    pairs = [("target", test.images, test.labels)]
+    pairs += [(name, d.images, table.from_train_id[d.labels]) for name, d in datasets.items()]
+    figure, axes = plt.subplots(
+        2 * len(pairs), 1, figsize=(2.2 * COLUMNS, 3.4 * len(pairs)), squeeze=False
+    )
+    for k, (name, images, labels) in enumerate(pairs):
+        pick = np.linspace(0, len(images) - 1, min(COLUMNS, len(images))).astype(int)
+        shown = (images[pick], colorize(labels[pick], table))
+        for axis, row in zip(axes[2 * k : 2 * k + 2, 0], shown, strict=True):
+            axis.imshow(_enlarge(np.concatenate(list(row), axis=1)))
+            axis.set_axis_off()
+        axes[2 * k, 0].set_title(name, loc="left")
+    figure.suptitle(target.title)
+    _save(figure, folder, "images.png")
+
+
+def _enlarge(image: np.ndarray) -> np.ndarray:
+    scale = max(1, 1600 // image.shape[1])
+    return cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
+
+
+def rewards(folder: Path, result: SearchResult, title: str) -> None:
+    """Reward of every evaluation, the baseline, and where one group ends and the next begins."""
+    n = result.rewards.shape[1]
+    every = 100 * result.rewards.ravel()
+    figure, axis = plt.subplots(figsize=(9, 4))
+    axis.plot(np.arange(len(every)), every, ".", ms=4, color="0.6", label="reward")
+    axis.plot(np.maximum.accumulate(every), color="tab:green", lw=1, label="best so far")
+    middles = np.arange(len(result.rewards)) * n + (n - 1) / 2
+    axis.plot(
+        middles, 100 * result.rewards.mean(axis=1), color="tab:blue", lw=1, label="update's mean"
+    )
+    if np.isfinite(result.baselines).any() and np.nanmax(result.baselines) <= 1:
+        axis.plot(middles, 100 * result.baselines, color="tab:orange", lw=1.5, label="baseline")
+    for border in np.flatnonzero(np.diff(result.groups)) + 1:
+        axis.axvline(border * n - 0.5, color="0.8", lw=0.8)
+    axis.set(xlabel="evaluation", ylabel="mIoU on the reward images, %", title=title)
+    axis.legend(loc="lower right", fontsize=8)
+    _save(figure, folder, "reward.png")
+
+
+def distributions(folder: Path, result: SearchResult, title: str) -> None:
+    """The policy's distribution over the bins of each of the 23 attributes, update by update."""
+    figure, axes = plt.subplots(4, 6, figsize=(16, 9), sharex=True)
+    for index, axis in enumerate(axes.flat):
+        if index >= len(ATTRIBUTES):
+            axis.set_axis_off()
+            continue
+        attribute = ATTRIBUTES[index]
+        image = result.probabilities[:, index].T
+        axis.imshow(image, aspect="auto", origin="lower", vmin=0, vmax=1, cmap="viridis",
+                    extent=(0, len(result.rewards), 0, 1))  # fmt: skip
+        axis.set_title(attribute.name.replace("_", " "), fontsize=8)
+        ticks = (0.0, 0.5, 1.0)
+        axis.set_yticks(ticks, [f"{attribute.physical(t):.3g}" for t in ticks], fontsize=6)
+        axis.tick_params(axis="x", labelsize=6)
+    figure.supxlabel("policy update", fontsize=9)
+    figure.suptitle(title, fontsize=10)
+    figure.tight_layout()
+    _save(figure, folder, "attributes.png")

@@ -1,0 +1,141 @@
+"""What the nets must be good on: real images for the reward, and others for the reported figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from experiments.config import Config
+from experiments.errors import UserError
+from experiments.twin import TwinWorld, twin_split, twin_world
+from scene.workers import WorkerPool
+from seg.classes import IGNORE_LABEL, class_table
+from seg.data import Entry, RealSet, list_camvid, list_cityscapes, load
+from seg.data.realset import subset
+
+
+class Split(NamedTuple):
+    """Both sides of a target at one size."""
+
+    reward: RealSet
+    test: RealSet
+
+
+class Target(NamedTuple):
+    """A target; images are read (or rendered) when a size is asked for."""
+
+    name: str  # "twin", "cityscapes" or "camvid"
+    real: bool
+    table: str  # class table, see ``seg.class_table``
+    title: str  # one line for people
+    reward_names: tuple[str, ...]
+    test_names: tuple[str, ...]
+    at: Callable[[int, int], Split]  # (height, width) -> images and labels
+    twin: TwinWorld | None = None
+
+
+def twin_target(config: Config, workers: WorkerPool) -> Target:
+    """The embedded stand-in; see ``twin.py``."""
+    world = twin_world(config.twin_seed)
+
+    def split(name: str, size: tuple[int, int], images: int | None) -> RealSet:
+        return twin_split(
+            world, name, size, images=images, renderer=config.renderer, workers=workers
+        )
+
+    def at(height: int, width: int) -> Split:
+        return _checked(
+            Split(
+                split("train", (height, width), config.reward_images),
+                split("test", (height, width), config.test_images),
+            ),
+            "the twin",
+        )
+
+    first = at(config.reward.height, config.reward.width)
+    return Target(
+        name="twin",
+        real=False,
+        table="cityscapes",
+        title=f"the twin {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
+        reward_names=first.reward.names,
+        test_names=first.test.names,
+        at=at,
+        twin=world,
+    )
+
+
+def cityscapes_target(config: Config, workers: WorkerPool) -> Target:
+    """Cityscapes from ``--data``, or the twin where there is none."""
+    if config.data is None:
+        if config.holdout or config.test_split:
+            raise UserError("--holdout and --test-split need --data: the twin has no such names")
+        return twin_target(config, workers)
+    return _real_target("cityscapes", "val", list_cityscapes, config)
+
+
+def camvid_target(config: Config, workers: WorkerPool) -> Target:
+    """CamVid from ``--data``."""
+    if config.data is None:
+        raise UserError("CamVid needs its folder: --data DIR (or the variable CAMVID_DIR)")
+    return _real_target("camvid", "test", list_camvid, config)
+
+
+def _real_target(
+    name: str, test_split: str, listing: Callable[..., tuple[Entry, ...]], config: Config
+) -> Target:
+    table = class_table(name)
+    reward = listing(config.data, "train")
+    if config.holdout is not None:
+        if config.test_split is not None:
+            raise UserError("give --holdout or --test-split, not both")
+        sequences = sorted({e.sequence for e in reward})
+        test = tuple(e for e in reward if e.sequence == config.holdout)
+        reward = tuple(e for e in reward if e.sequence != config.holdout)
+        if not test or not reward:
+            raise UserError(
+                f"--holdout {config.holdout!r} must leave images on both sides; "
+                f"the training images have the sequences {', '.join(sequences)}"
+            )
+        where = f"reported on sequence {config.holdout}"
+    else:
+        test = listing(config.data, config.test_split or test_split)
+        where = f"reported on split {config.test_split or test_split}"
+    reward = subset(reward, config.reward_images, config.seed)
+    test = subset(test, config.test_images, config.seed)
+    refuse_overlap([e.name for e in reward], [e.name for e in test])
+
+    def at(height: int, width: int) -> Split:
+        size = (height, width)
+        return _checked(Split(load(reward, table, size), load(test, table, size)), str(config.data))
+
+    shared = sorted({e.sequence for e in reward} & {e.sequence for e in test})
+    note = f" (sequences {', '.join(shared)} are on both sides)" if shared else ""
+    return Target(
+        name=name,
+        real=True,
+        table=name,
+        title=f"{name}, {len(reward)} images for the reward, {where}, {len(test)} images{note}",
+        reward_names=tuple(e.name for e in reward),
+        test_names=tuple(e.name for e in test),
+        at=at,
+    )
+
+
+def refuse_overlap(reward_names: list[str], test_names: list[str]) -> None:
+    """Raise UserError if an image would both give the reward and be reported on."""
+    both = sorted(set(reward_names) & set(test_names))
+    if both:
+        raise UserError(
+            f"{len(both)} images, such as {both[0]}, are among the reward images and the test "
+            "images; choose another --test-split or --holdout"
+        )
+
+
+def _checked(split: Split, where: str) -> Split:
+    for side, images in split._asdict().items():
+        if np.all(images.labels == IGNORE_LABEL):
+            raise UserError(f"{where}: all labels of the {side} images are void")
+    return split

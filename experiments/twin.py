@@ -1,0 +1,102 @@
+"""The twin: a stand-in real world for machines without data.
+
+Our own engine renders it with hidden attribute values drawn from a stated prior, with assets that the
+search may not use, and through another camera. Its optimum is known. It is not real data, and nothing
+learnt on it is a real-data result.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.attributes import NAMES, default_unit
+from scene.dataset import render_dataset
+from scene.render import RenderSettings
+from scene.sensor import CameraResponse
+from scene.street import AssetPool
+from scene.workers import WorkerPool
+from seg.classes import class_table
+from seg.data import RealSet
+
+PRIOR_SPREAD = 0.12
+"""Hidden centres are normal around the street set by eye, with this standard deviation (unit)."""
+HIDDEN_WIDTH = 0.15
+"""Every street of the twin is uniform on an interval of this width around the hidden centre."""
+FIRST_ASSET = 100_000
+"""The twin's assets begin here; the search's end long before."""
+SHOTS = 6
+"""Images per street, that is, per sequence."""
+IMAGES = 120
+"""Images in each of its two splits, unless fewer are asked for."""
+
+
+class TwinWorld(NamedTuple):
+    """What is hidden: where the attributes lie, and how its camera sees."""
+
+    centre: np.ndarray  # f32[attributes] unit
+    width: np.ndarray  # f32[attributes]
+    response: CameraResponse
+    seed: int
+
+
+def twin_world(twin_seed: int) -> TwinWorld:
+    """Draw a twin.
+
+    Prior: each centre is the default's unit value plus N(0, 0.12), kept inside [0.08, 0.92]; the
+    camera's white balance is off by up to 8 %, its gamma by up to 12 %, its lens blurs by 0.3-0.7
+    pixels and its noise is twice the engine's.
+    """
+    rng = np.random.default_rng([2006, twin_seed])
+    centre = default_unit() + rng.normal(0, PRIOR_SPREAD, len(NAMES))
+    response = CameraResponse(
+        exposure=float(rng.uniform(0.95, 1.3)),
+        gain=tuple(rng.uniform(0.92, 1.08, 3).tolist()),
+        gamma=float(rng.uniform(0.94, 1.12)),
+        blur=float(rng.uniform(0.3, 0.7)),
+        noise=0.024,
+    )
+    return TwinWorld(
+        np.clip(centre, 0.08, 0.92).astype(np.float32),
+        np.full(len(NAMES), HIDDEN_WIDTH, np.float32),
+        response,
+        int(rng.integers(2**31)),
+    )
+
+
+def twin_split(
+    world: TwinWorld,
+    split: str,
+    size: tuple[int, int],
+    *,
+    images: int | None,
+    renderer: str,
+    workers: WorkerPool,
+) -> RealSet:
+    """Render one split, ``train`` (for the reward) or ``test``, at ``size`` (height, width).
+
+    Streets of the two splits are drawn apart, so no sequence is in both; the same world, split and
+    size give the same images.
+    """
+    streets = -(-min(images or IMAGES, IMAGES) // SHOTS)
+    number = ("train", "test").index(split)
+    rng = np.random.default_rng([world.seed, number])
+    unit = world.centre + world.width * rng.uniform(-0.5, 0.5, (streets, len(NAMES)))
+    dataset = render_dataset(
+        np.clip(unit, 0, 1),
+        world.seed + 1 + number,
+        shots=SHOTS,
+        settings=RenderSettings(size[1], size[0], samples=2, response=world.response),
+        renderer_name=renderer,
+        pool=AssetPool(FIRST_ASSET, 48),
+        workers=workers,
+    )
+    sequences = [f"twin-{split}-{street:03d}" for street in range(streets) for _ in range(SHOTS)]
+    count = min(images or IMAGES, IMAGES)
+    return RealSet(
+        names=tuple(f"{s}_{i % SHOTS}" for i, s in enumerate(sequences))[:count],
+        sequences=tuple(sequences)[:count],
+        images=dataset.images[:count],
+        labels=class_table("cityscapes").from_train_id[dataset.labels[:count]],
+    )
