@@ -75,6 +75,13 @@ def box(size: Point, base: Point, color: Color, material: str = "plain") -> Asse
     return solid(corners + np.asarray(base), np.array(faces), color, material)
 
 
+def block(low: Point, high: Point, color: Color, material: str = "plain") -> Asset:
+    """The box with opposite corners ``low`` and ``high``; 12 faces."""
+    x, y, z = ((a + b) / 2 for a, b in zip(low, high, strict=True))
+    size = (high[0] - low[0], high[1] - low[1], high[2] - low[2])
+    return box(size, (x, y, z - size[2] / 2), color, material)
+
+
 def quad(corners: list[Point] | np.ndarray, color: Color, material: str = "plain") -> Asset:
     """A flat four-cornered face, corners in order around its edge; 2 faces."""
     return solid(np.asarray(corners), np.array([[0, 1, 2], [0, 2, 3]]), color, material)

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, ellipsoid, loft, merge, repaint
-from scene.assets._vehicle import BLACK, GLASS, pick
+from scene.asset import Asset, Color, Point, ellipsoid, loft, merge, repaint, solid
+from scene.assets._palette import BLACK, GLASS, pick
 
 SKINS: tuple[Color, ...] = (
     (0.55, 0.36, 0.26),
@@ -204,11 +204,15 @@ def _head(height: float, size: float, outfit: Outfit, pose: Pose) -> Asset:
     neck = np.array([np.sin(pose.look), 0, np.cos(pose.look)])
     base = np.array(pose.hip) + TORSO * height * up
     centre = base + (NECK + 0.06 * (size - 1)) * height * neck
-    radii = np.array([0.056, 0.046, 0.068]) * height * size
+    radii = np.array([0.059, 0.049, 0.070]) * height * size
     if outfit.visor:
         radii = radii * 1.32
-    skull = ellipsoid(tuple(centre), tuple(radii), outfit.skin, "skin")
-    x, _, z = ((skull.mesh.triangles_center - centre) / radii).T
+    skull = ellipsoid((0, 0, 0), (1, 1, 1), outfit.skin, "skin")
+    x, _, z = skull.mesh.triangles_center.T
+    ball = skull.mesh.vertices
+    if outfit.helmet is not None and not outfit.visor:
+        ball = ball * np.where(ball[:, 2:] > 0.2, 1.18, 1.0)  # a cycle helmet stands off the head
+    skull = solid(centre + ball * radii, skull.mesh.faces, outfit.skin, "skin")
     if outfit.visor:
         skull = repaint(skull, np.arange(len(x)), outfit.helmet or BLACK, "paint")
         skull = repaint(skull, (x > 0.45) & (abs(z - 0.1) < 0.42), GLASS, "glass")
@@ -218,11 +222,6 @@ def _head(height: float, size: float, outfit: Outfit, pose: Pose) -> Asset:
         skull = repaint(skull, cover, outfit.hair, "cloth")
         if outfit.helmet is not None:
             skull = repaint(skull, z > 0.3, outfit.helmet, "paint")
-            skull.mesh.vertices[:] = np.where(
-                (skull.mesh.vertices - centre)[:, 2:] > 0.2 * radii[2],
-                centre + (skull.mesh.vertices - centre) * 1.18,
-                skull.mesh.vertices,
-            )
     throat = limb([base, centre - [0, 0, 0.3 * radii[2]]], [0.03 * height] * 2, outfit.skin, "skin")
     return merge(skull, throat)
 

@@ -1,59 +1,17 @@
-"""What road and rail vehicles share: wheels, hulls, glass and lamps laid on a wall, paint colours."""
+"""What road and rail vehicles share: wheels, hulls, and glass and lamps laid on their walls."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, loft, merge, polygon
-
-BLACK: Color = (0.02, 0.02, 0.02)
-TRIM: Color = (0.035, 0.035, 0.037)
-TYRE: Color = (0.02, 0.02, 0.021)
-GLASS: Color = (0.022, 0.027, 0.03)
-STEEL: Color = (0.30, 0.30, 0.31)
-HEADLAMP: Color = (0.75, 0.76, 0.74)
-TAILLAMP: Color = (0.30, 0.012, 0.012)
-PLATE: Color = (0.68, 0.68, 0.64)
-AMBER: Color = (0.65, 0.22, 0.02)
+from scene.asset import Asset, Color, loft, merge, polygon
+from scene.assets._palette import BLACK, GLASS, STEEL, TYRE
 
 Corners = np.ndarray
 """f64[4, 3]: a wall seen from outside, anticlockwise from its lower left corner."""
-
-# Share of new cars by colour in Europe, and its linear albedo.
-_CAR_PAINTS: tuple[tuple[float, Color], ...] = (
-    (0.20, (0.018, 0.018, 0.020)),  # black
-    (0.16, (0.075, 0.078, 0.083)),  # dark grey
-    (0.10, (0.19, 0.195, 0.20)),  # grey
-    (0.15, (0.40, 0.41, 0.42)),  # silver
-    (0.18, (0.64, 0.64, 0.62)),  # white
-    (0.07, (0.020, 0.040, 0.12)),  # dark blue
-    (0.04, (0.045, 0.14, 0.34)),  # light blue
-    (0.05, (0.27, 0.018, 0.018)),  # red
-    (0.02, (0.020, 0.065, 0.035)),  # green
-    (0.02, (0.34, 0.29, 0.21)),  # beige
-    (0.01, (0.50, 0.32, 0.025)),  # yellow
-)
-
-
-def shade(rng: np.random.Generator, color: Color, spread: float = 0.15) -> Color:
-    """``color`` made lighter or darker by up to ``spread`` of itself, kept in [0, 0.8]."""
-    r, g, b = (
-        float(np.clip(c, 0, 0.8)) for c in np.array(color) * (1 + rng.uniform(-1, 1) * spread)
-    )
-    return r, g, b
-
-
-def pick(rng: np.random.Generator, colors: tuple[Color, ...], spread: float = 0.15) -> Color:
-    """One of ``colors``, each as likely, a little lighter or darker."""
-    return shade(rng, colors[rng.integers(len(colors))], spread)
-
-
-def car_paint(rng: np.random.Generator) -> Color:
-    """A paint drawn as often as cars wear it."""
-    shares = np.array([share for share, _ in _CAR_PAINTS])
-    return shade(rng, _CAR_PAINTS[rng.choice(len(shares), p=shares / shares.sum())][1])
 
 
 def wheel(
@@ -136,7 +94,7 @@ def panel(
     *,
     lift: float = 0.012,
 ) -> Asset:
-    """A rectangle laid on ``wall``: shares ``u`` along and ``v`` up of it, ``lift`` m outside it."""
+    """A rectangle laid on ``wall``: shares ``u`` along and ``v`` up it, ``lift`` m outside."""
     low_left, low_right, high_right, high_left = wall
     normal = np.cross(low_right - low_left, high_left - low_left)
     outside = lift * normal / np.linalg.norm(normal)
@@ -150,15 +108,10 @@ def panel(
 def window_row(
     wall: Corners, count: int, u: tuple[float, float], v: tuple[float, float], pillar: float = 0.12
 ) -> Asset:
-    """``count`` panes side by side in the rectangle ``u``, ``v``, ``pillar`` of a bay between them."""
+    """``count`` panes side by side in the rectangle ``u``, ``v``; ``pillar`` of a bay apart."""
     edges = np.linspace(*u, count + 1)
     gap = (edges[1] - edges[0]) * pillar / 2
-    return merge(
-        *(
-            panel(wall, (a + gap, b - gap), v, GLASS, "glass")
-            for a, b in zip(edges[:-1], edges[1:], strict=True)
-        )
-    )
+    return merge(*(panel(wall, (a + gap, b - gap), v, GLASS, "glass") for a, b in pairwise(edges)))
 
 
 def hull(
@@ -184,18 +137,6 @@ def hull(
     front = np.column_stack([x + length / 2 - nose * up, section])
     rear = np.column_stack([x - length / 2 + tail * up, section])
     return loft([rear, front], color, material)
-
-
-def darker(color: Color, share: float = 0.6) -> Color:
-    """``share`` of a colour."""
-    return share * color[0], share * color[1], share * color[2]
-
-
-def box_between(low: Point, high: Point, color: Color, material: str = "plain") -> Asset:
-    """The box with opposite corners ``low`` and ``high``."""
-    (x0, y0, z0), (x1, y1, z1) = low, high
-    rings = [[(x, y0, z0), (x, y1, z0), (x, y1, z1), (x, y0, z1)] for x in (x0, x1)]
-    return loft(np.array(rings), color, material)
 
 
 def lamps(

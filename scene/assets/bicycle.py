@@ -1,13 +1,14 @@
-"""Bicycles: two wheels of thick tyre and thin spokes, a frame of tubes, handlebar, saddle, pedals."""
+"""Bicycles: two wheels with thin spokes, a frame of tubes, handlebar, saddle and pedals."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, merge, polygon, ring, tube
-from scene.assets._vehicle import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, box_between, pick
+from scene.asset import Asset, Color, Point, block, merge, polygon, ring, tube
+from scene.assets._palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, pick
 
 SADDLE: Point = (-0.28, 0.0, 0.95)
 """Top of the saddle, m."""
@@ -42,8 +43,8 @@ class BicycleParams(NamedTuple):
 
 _MODELS: dict[str, BicycleParams] = {
     "city": BicycleParams(0.345, 0.040, 1.08, 0.018, 0.05, "swept", True, False, True),
-    "racing": BicycleParams(0.340, 0.032, 1.00, 0.017, 0.02, "drop", False, False, False),
-    "mountain": BicycleParams(0.350, 0.058, 1.10, 0.024, 0.16, "flat", False, False, False),
+    "racing": BicycleParams(0.340, 0.034, 1.00, 0.017, 0.02, "drop", False, False, False),
+    "mountain": BicycleParams(0.350, 0.052, 1.10, 0.024, 0.16, "flat", False, False, False),
     "step-through": BicycleParams(0.340, 0.042, 1.10, 0.020, 0.42, "swept", True, True, True),
 }
 KINDS: tuple[str, ...] = tuple(_MODELS)
@@ -174,7 +175,7 @@ def _drive(p: BicycleParams) -> list[Asset]:
         parts.append(_rod(start, (pedal[0], side * 0.07, pedal[2]), 0.014, STEEL, "metal"))
         low = (pedal[0] - 0.05, pedal[1] - 0.05, pedal[2] - 0.012)
         high = (pedal[0] + 0.05, pedal[1] + 0.05, pedal[2] + 0.012)
-        parts.append(box_between(low, high, BLACK))
+        parts.append(block(low, high, BLACK))
     return parts
 
 
@@ -195,12 +196,12 @@ def _fittings(p: BicycleParams) -> list[Asset]:
             (p.wheelbase / 2, (0.5, 1.5, 2.4)),
         ):
             arc = [(x + radius * np.cos(a), p.wheel_radius + radius * np.sin(a)) for a in angles]
-            for (x0, z0), (x1, z1) in zip(arc[:-1], arc[1:], strict=True):
+            for (x0, z0), (x1, z1) in pairwise(arc):
                 strip = [(x0, -0.03, z0), (x0, 0.03, z0), (x1, 0.03, z1), (x1, -0.03, z1)]
                 parts.append(polygon(strip, p.color, "paint"))
     rear, top = -p.wheelbase / 2, 2 * p.wheel_radius + 0.07
     if p.rack:
-        parts.append(box_between((rear - 0.17, -0.06, top), (rear + 0.2, 0.06, top + 0.02), BLACK))
+        parts.append(block((rear - 0.17, -0.06, top), (rear + 0.2, 0.06, top + 0.02), BLACK))
         parts.append(_rod((rear - 0.1, 0.0, top), (rear, 0.0, p.wheel_radius), 0.012, BLACK))
         back = [
             (rear - 0.18, y, z) for y, z in ((-0.03, -0.05), (0.03, -0.05), (0.03, 0), (-0.03, 0))
@@ -208,8 +209,8 @@ def _fittings(p: BicycleParams) -> list[Asset]:
         parts.append(polygon(np.array(back) + [0, 0, top], TAILLAMP, "lamp"))
     if p.basket:
         x, z = p.wheelbase / 2 - 0.1, 2 * p.wheel_radius + 0.1
-        parts.append(box_between((x, -0.16, z), (x + 0.26, 0.16, z + 0.2), (0.10, 0.065, 0.035)))
+        parts.append(block((x, -0.16, z), (x + 0.26, 0.16, z + 0.2), (0.10, 0.065, 0.035)))
     elif p.mudguards:
         x, z = p.wheelbase / 2 - 0.1, 2 * p.wheel_radius + 0.08
-        parts.append(box_between((x, -0.03, z), (x + 0.06, 0.03, z + 0.07), HEADLAMP, "lamp"))
+        parts.append(block((x, -0.03, z), (x + 0.06, 0.03, z + 0.07), HEADLAMP, "lamp"))
     return parts

@@ -6,28 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, merge
-from scene.assets._vehicle import (
-    AMBER,
-    BLACK,
-    GLASS,
-    HEADLAMP,
-    PLATE,
-    STEEL,
-    TAILLAMP,
-    TRIM,
-    Walls,
-    arch,
-    axle,
-    box_between,
-    hull,
-    lamps,
-    panel,
-    pick,
-    shade,
-    walls,
-    window_row,
-)
+from scene.asset import Asset, Color, block, merge, vary
+from scene.assets._palette import AMBER, BLACK, GLASS, HEADLAMP, PLATE, STEEL, TAILLAMP, TRIM, pick
+from scene.assets._vehicle import Walls, arch, axle, hull, lamps, panel, walls, window_row
 
 
 class BusParams(NamedTuple):
@@ -82,7 +63,7 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
         height=model.height * rng.uniform(0.98, 1.02),
         bays=model.bays + int(rng.integers(0, 2)),
         color=color,
-        skirt=shade(rng, pick(rng, _LIVERIES) if rng.random() < 0.4 else BLACK, 0.3),
+        skirt=vary(rng, pick(rng, _LIVERIES) if rng.random() < 0.4 else BLACK, 0.3),
         stripe=bool(rng.random() < 0.5),
     )
 
@@ -174,5 +155,5 @@ def _ends(p: BusParams, side: Walls) -> list[Asset]:
     x, z = p.length / 2 + 0.1, min(2.3, 0.75 * p.height)
     for y in (p.width / 2 + 0.12, -p.width / 2 - 0.12):
         low, high = (x - 0.12, y - 0.09, z - 0.35), (x, y + 0.09, z)
-        parts.append(box_between(low, high, TRIM))
+        parts.append(block(low, high, TRIM))
     return parts

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, extrude, loft, merge, polygon
-from scene.assets._vehicle import (
+from scene.asset import Asset, Color, block, extrude, loft, merge, polygon, vary
+from scene.assets._palette import (
     BLACK,
     GLASS,
     HEADLAMP,
@@ -15,14 +15,10 @@ from scene.assets._vehicle import (
     STEEL,
     TAILLAMP,
     TRIM,
-    axle,
-    box_between,
     car_paint,
     darker,
-    lamps,
-    panel,
-    shade,
 )
+from scene.assets._vehicle import axle, lamps, panel
 
 
 class CarParams(NamedTuple):
@@ -90,7 +86,7 @@ def sample_car(rng: np.random.Generator, kind: str) -> CarParams:
         height=model.height * tall,
         hood=model.hood * rng.uniform(0.96, 1.04),
         color=car_paint(rng),
-        rim=shade(rng, (0.06, 0.06, 0.06) if rng.random() < 0.2 else STEEL, 0.4),
+        rim=vary(rng, (0.06, 0.06, 0.06) if rng.random() < 0.2 else STEEL, 0.4),
         trim=bool(rng.random() < (0.7 if kind in ("suv", "van", "city car") else 0.25)),
         rails=bool(rng.random() < (0.6 if kind in ("suv", "estate") else 0.0)),
     )
@@ -197,9 +193,7 @@ def _cabin(p: CarParams) -> list[Asset]:
         mirror = x(p.cowl + 0.055)
         y = side * (half + 0.10)
         parts.append(
-            box_between(
-                (mirror - 0.05, y - 0.09, p.belt), (mirror + 0.05, y + 0.09, p.belt + 0.12), TRIM
-            )
+            block((mirror - 0.05, y - 0.09, p.belt), (mirror + 0.05, y + 0.09, p.belt + 0.12), TRIM)
         )
         if p.rails:
             rail = [(p.roof_front + 0.03, p.height), (p.roof_rear - 0.03, p.height)]

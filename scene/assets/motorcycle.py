@@ -2,23 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, disc, loft, merge, polygon, tube
-from scene.assets._vehicle import (
-    BLACK,
-    HEADLAMP,
-    PLATE,
-    STEEL,
-    TAILLAMP,
-    TRIM,
-    TYRE,
-    box_between,
-    darker,
-    pick,
-)
+from scene.asset import Asset, Color, Point, block, disc, loft, merge, polygon, tube
+from scene.assets._palette import BLACK, HEADLAMP, PLATE, STEEL, TAILLAMP, TRIM, TYRE, darker, pick
 
 SADDLE: Point = (-0.18, 0.0, 0.80)
 """Top of the seat where the rider sits, m."""
@@ -87,15 +77,20 @@ def motorcycle(params: MotorcycleParams) -> Asset:
 
 
 def _wheel(p: MotorcycleParams, x: float) -> Asset:
+    """A tyre with a bright rim around a dark disc on either side."""
     half, radius = p.tyre / 2, p.wheel_radius
-    low, high = (x, -half, radius), (x, half, radius)
-    parts = [tube(low, high, radius, TYRE, "rubber", sides=12)]
+    parts = [loft([_circle(x, y, radius, radius, 12) for y in (half, -half)], TYRE, "rubber")]
     for y in (half, -half):
-        centre = (x, y * 1.05, radius)
-        parts.append(disc(centre, 0.66 * radius, STEEL, "metal", axis=(0, y, 0), sides=8))
-        inner = (x, y * 1.1, radius)
-        parts.append(disc(inner, 0.45 * radius, TRIM, "metal", axis=(0, y, 0), sides=6))
+        parts.append(polygon(_circle(x, 1.08 * y, radius, 0.66 * radius, 8), STEEL, "metal"))
+        parts.append(polygon(_circle(x, 1.16 * y, radius, 0.45 * radius, 6), TRIM, "metal"))
     return merge(*parts)
+
+
+def _circle(x: float, y: float, z: float, radius: float, sides: int) -> np.ndarray:
+    """Points of a circle that stands in the x-z plane, the first one lowest."""
+    angle = (np.arange(sides) / sides - 0.25) * 2 * np.pi
+    ring = [x + radius * np.cos(angle), np.full(sides, y), z + radius * np.sin(angle)]
+    return np.column_stack(ring)
 
 
 def _rod(start: Point, end: Point, radius: float, color: Color) -> Asset:
@@ -126,14 +121,16 @@ def _front(p: MotorcycleParams) -> list[Asset]:
         parts.append(_rod(inner, (x - 0.04, side * (y + 0.05), z), 0.018, BLACK))
         glass = (x + 0.04, side * (y - 0.02), z + 0.17)
         parts.append(_rod((x + 0.02, side * (y - 0.1), z), glass, 0.01, BLACK))
-        low, high = np.array(glass) - (0.015, 0.06, 0.03), np.array(glass) + (0.015, 0.06, 0.05)
-        parts.append(box_between(tuple(low), tuple(high), TRIM))
-    lamp = (crown[0] + 0.13, 0.0, crown[1] - 0.1)
-    parts.append(tube((crown[0], 0, lamp[2]), lamp, 0.085, p.color, "paint", sides=6, caps=False))
-    parts.append(disc(lamp, 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=6))
+        edge = [(-0.06, -0.03), (0.06, -0.03), (0.06, 0.05), (-0.06, 0.05)]
+        parts.append(polygon([(glass[0], glass[1] + dy, glass[2] + dz) for dy, dz in edge], TRIM))
+    if not p.fairing:
+        end = (crown[0] + 0.13, 0.0, crown[1] - 0.1)
+        start = (crown[0], 0.0, end[2])
+        parts.append(tube(start, end, 0.085, p.color, "paint", sides=6, caps=False))
+        parts.append(disc(end, 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=6))
     radius, half = p.wheel_radius + 0.025, p.tyre / 2 + 0.01
     arc = [(hub + radius * np.cos(a), p.wheel_radius + radius * np.sin(a)) for a in (0.6, 1.5, 2.5)]
-    for (x0, z0), (x1, z1) in zip(arc[:-1], arc[1:], strict=True):
+    for (x0, z0), (x1, z1) in pairwise(arc):
         strip = [(x0, -half, z0), (x0, half, z0), (x1, half, z1), (x1, -half, z1)]
         parts.append(polygon(strip, p.color, "paint"))
     return parts
@@ -151,9 +148,17 @@ def _machine(p: MotorcycleParams) -> list[Asset]:
     parts = [
         _slab(tank, p.color, "paint"),
         _slab(seat, p.seat_color, "plain"),
-        box_between((-0.22, -0.14, 0.22), (0.26, 0.14, 0.52), p.engine_color, "metal"),
-        box_between((-0.16, -0.11, 0.50), (0.20, 0.11, 0.72), darker(p.engine_color, 0.4), "metal"),
-        tube((-0.1, -0.18, 0.26), (rear - 0.05, -0.2, 0.42), 0.055, STEEL, "metal", sides=5),
+        block((-0.22, -0.14, 0.22), (0.26, 0.14, 0.52), p.engine_color, "metal"),
+        block((-0.16, -0.11, 0.50), (0.20, 0.11, 0.72), darker(p.engine_color, 0.4), "metal"),
+        tube(
+            (-0.1, -0.18, 0.26),
+            (rear - 0.05, -0.2, 0.42),
+            0.055,
+            STEEL,
+            "metal",
+            sides=5,
+            caps=False,
+        ),
         _rod((0.24, -0.15, 0.45), (-0.1, -0.18, 0.27), 0.03, STEEL),
         _rod((0.38, 0, z + 0.02), (0.22, 0, 0.3), 0.04, BLACK),
     ]
@@ -189,7 +194,7 @@ def _scooter(p: MotorcycleParams) -> list[Asset]:
         _slab(body, p.color, "paint"),
         _slab(seat, p.seat_color, "plain"),
         _slab(shield, p.color, "paint"),
-        box_between((x + 0.05, -0.2, 0.2), (0.34, 0.2, 0.28), TRIM),
+        block((x + 0.05, -0.2, 0.2), (0.34, 0.2, 0.28), TRIM),
         tube((-0.3, -0.19, radius), (rear - 0.1, -0.21, radius + 0.06), 0.06, STEEL, sides=5),
     ]
 
@@ -220,9 +225,9 @@ def _extras(p: MotorcycleParams) -> list[Asset]:
             (rear - 0.25, -reach, top),
             (rear + 0.17, reach, top + (0.42 if p.scooter else 0.28)),
         )
-        parts.append(box_between(low, high, p.color if p.scooter else TRIM, "paint"))
+        parts.append(block(low, high, p.color if p.scooter else TRIM, "paint"))
         if not p.scooter:
             for y in (0.24, -0.24):
                 low, high = (rear - 0.28, y - 0.1, 0.42), (rear + 0.22, y + 0.1, 0.76)
-                parts.append(box_between(low, high, p.color, "paint"))
+                parts.append(block(low, high, p.color, "paint"))
     return parts

@@ -1,4 +1,4 @@
-"""People on foot: a jointed figure that stands or walks, in everyday clothes, with or without a bag."""
+"""People on foot: a jointed figure that stands or walks, in everyday clothes."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, loft, merge, translate
+from scene.asset import Asset, Color, block, loft, merge, translate
 from scene.assets._human import (
     ANKLE,
     CLOTHES,
@@ -21,7 +21,7 @@ from scene.assets._human import (
     oval,
     sample_outfit,
 )
-from scene.assets._vehicle import box_between, pick
+from scene.assets._palette import pick
 
 
 class PersonParams(NamedTuple):
@@ -68,7 +68,9 @@ def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
         height=height,
         girth=rng.uniform(0.9, 1.2),
         head=rng.uniform(1.2, 1.3) if child else rng.uniform(0.97, 1.05),
-        stride=rng.uniform(0.0, 0.06) if still else rng.uniform(0.22, 0.42) * height,
+        stride=rng.uniform(0.0, 0.06)
+        if still
+        else rng.uniform(0.22, 0.3 if hem else 0.42) * height,
         outfit=outfit,
         hem=hem,
         hem_color=hem_color,
@@ -97,7 +99,7 @@ def _pose(p: PersonParams) -> Pose:
     leg = (THIGH + SHIN) * h
     hip = ANKLE * h + float(np.sqrt(leg**2 - half**2)) - 0.01 * h
     lift = 0.25 * half  # the heel behind leaves the ground
-    reach = 0.93 * (UPPER_ARM + FOREARM) * h
+    reach = 0.965 * (UPPER_ARM + FOREARM) * h
     swing = 0.75 * half
     shoulder = hip + TORSO * h
     out = 0.135 * h * p.girth**0.5
@@ -119,14 +121,14 @@ def _hem(p: PersonParams, pose: Pose) -> Asset:
     """A coat's tail or a skirt: a skin from the waist down over the legs."""
     waist = pose.hip[2] + 0.05 * p.height
     low = pose.hip[2] * (1 - p.hem)
-    deep = (0.07 + 0.0) * p.height * p.girth
+    deep = 0.07 * p.height * p.girth
     wide = 0.095 * p.height * p.girth**0.5
-    spread = 0.3 * p.stride * p.hem
+    stretched = max(deep * p.flare, p.stride / 2 * p.hem + 0.055 * p.height)  # over both legs
     forward = np.array([1.0, 0, 0])
     rings = [
         oval(np.array([0.01, 0, waist]), forward, 0.95 * deep, 0.95 * wide),
         oval(np.array([0, 0, pose.hip[2] - 0.05]), forward, 1.05 * deep, 1.08 * wide),
-        oval(np.array([0, 0, low]), forward, deep * p.flare + spread, wide * p.flare),
+        oval(np.array([0, 0, low]), forward, stretched, wide * p.flare),
     ]
     return loft(rings, p.hem_color, "cloth", caps=False)
 
@@ -136,8 +138,8 @@ def _bag(p: PersonParams, pose: Pose) -> Asset:
     if p.bag == "back":
         x, z = -0.075 * h * p.girth, pose.hip[2]
         low, high = (x - 0.10 * h, -0.085 * h, z + 0.05 * h), (x + 0.01, 0.085 * h, z + 0.30 * h)
-        return box_between(low, high, p.bag_color, "cloth")
+        return block(low, high, p.bag_color, "cloth")
     x, y, z = pose.hands[1]
     size = 0.11 * h
     low, high = (x - size, y - 0.06, z - 0.26 * h), (x + size, y + 0.04, z - 0.06 * h)
-    return box_between(low, high, p.bag_color, "cloth")
+    return block(low, high, p.bag_color, "cloth")

@@ -1,4 +1,4 @@
-"""Riders: the human on a bicycle or a motorcycle, without the machine, seated at its fixed points."""
+"""Riders: the human on a bicycle or a motorcycle, seated where the machine has its saddle."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, merge, transform
+from scene.asset import Asset, Color, Point, block, merge, transform
 from scene.assets import bicycle, motorcycle
 from scene.assets._human import ANKLE, TORSO, Outfit, Pose, figure, sample_outfit, spine
-from scene.assets._vehicle import box_between, pick
+from scene.assets._palette import pick
 
 
 class RiderParams(NamedTuple):
@@ -120,7 +120,7 @@ def _backpack(p: RiderParams, pose: Pose, color: Color) -> Asset:
     """A bag on the back, its sides along the spine."""
     up, forward = spine(pose)
     hip, h = np.array(pose.hip), p.height
-    bag = box_between((-0.10 * h, -0.085 * h, 0.0), (0.0, 0.085 * h, 0.22 * h), color, "cloth")
+    bag = block((-0.10 * h, -0.085 * h, 0.0), (0.0, 0.085 * h, 0.22 * h), color, "cloth")
     turn = np.eye(4)
     turn[:3, 0], turn[:3, 2] = forward, up
     turn[:3, 3] = hip + 0.25 * TORSO * h * up - 0.06 * h * p.girth * forward

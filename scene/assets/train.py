@@ -1,7 +1,7 @@
 """Trains: trams, railcars, locomotives and wagons that stand on the building line.
 
-Unlike other vehicles the origin is at the base centre of the near side: the near face lies on y = 0,
-facing -y, and the body extends to y > 0.
+Unlike other vehicles the origin is at the base centre of the near side: the near face lies on
+y = 0, facing -y, and the body extends to y > 0.
 """
 
 from __future__ import annotations
@@ -11,26 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, loft, merge, translate, tube
-from scene.assets._vehicle import (
-    AMBER,
-    BLACK,
-    GLASS,
-    HEADLAMP,
-    STEEL,
-    TAILLAMP,
-    TRIM,
-    Walls,
-    axle,
-    box_between,
-    darker,
-    hull,
-    lamps,
-    panel,
-    pick,
-    walls,
-    window_row,
-)
+from scene.asset import Asset, Color, block, loft, merge, translate, tube
+from scene.assets._palette import AMBER, BLACK, GLASS, HEADLAMP, STEEL, TAILLAMP, TRIM, darker, pick
+from scene.assets._vehicle import Walls, axle, hull, lamps, panel, walls, window_row
 
 
 class TrainParams(NamedTuple):
@@ -112,10 +95,10 @@ def _bogies(p: TrainParams) -> list[Asset]:
             (middle + 1.5, half + 0.03, p.floor + 0.02),
         )
         if p.floor > radius + 0.1:
-            parts.append(box_between((low[0], low[1], radius + 0.05), high, BLACK, "metal"))
+            parts.append(block((low[0], low[1], radius + 0.05), high, BLACK, "metal"))
     if p.floor > 0.8:
         corner = (0.18 * p.length, p.width / 2 - 0.25, p.floor)
-        parts.append(box_between((-corner[0], -corner[1], 0.35), corner, TRIM, "metal"))
+        parts.append(block((-corner[0], -corner[1], 0.35), corner, TRIM, "metal"))
     return parts
 
 
@@ -125,7 +108,7 @@ def _pantograph(p: TrainParams) -> list[Asset]:
     elbow, head = (x - 0.7, 0.0, top + 0.55), (x + 0.25, 0.0, top + 1.1)
     bar = [(head[0], y, head[2]) for y in (-0.75, 0.75)]
     return [
-        box_between((x - 0.6, -0.5, top - 0.02), (x + 0.6, 0.5, top + 0.16), TRIM),
+        block((x - 0.6, -0.5, top - 0.02), (x + 0.6, 0.5, top + 0.16), TRIM),
         tube((x + 0.3, 0, top), elbow, 0.035, STEEL, "metal", sides=4, caps=False),
         tube(elbow, head, 0.03, STEEL, "metal", sides=4, caps=False),
         tube(bar[0], bar[1], 0.03, STEEL, "metal", sides=4, caps=False),
@@ -177,7 +160,7 @@ def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]
             (joint - 0.3, -p.width / 2 - 0.03, p.floor),
             (joint + 0.3, p.width / 2 + 0.03, 0),
         )
-        parts.append(box_between(low, (high[0], high[1], p.height - 0.2), BLACK))
+        parts.append(block(low, (high[0], high[1], p.height - 0.2), BLACK))
     return parts
 
 
@@ -208,7 +191,7 @@ def _locomotive(p: TrainParams) -> list[Asset]:
             parts.append(panel(wall, (start, start + 0.12), (0.55, 0.82), TRIM, "metal"))
     reach = p.length / 2 + 0.4
     return parts + [  # buffers, one bar through the length for a pair
-        box_between((-reach, y - 0.16, 0.9), (reach, y + 0.16, 1.2), TRIM) for y in (-0.88, 0.88)
+        block((-reach, y - 0.16, 0.9), (reach, y + 0.16, 1.2), TRIM) for y in (-0.88, 0.88)
     ]
 
 
@@ -226,7 +209,7 @@ def _hopper(p: TrainParams) -> list[Asset]:
     ]
     heap = [rings[2] - [0, 0, 0.05], plan * [0.7 * end, 0.3 * half, 0] + [0, 0, p.height + 0.35]]
     parts = [loft(rings, p.color, "metal"), loft(heap, (0.05, 0.048, 0.045), "concrete")]
-    parts.append(box_between((-p.length / 2, -0.5, 0.85), (p.length / 2, 0.5, 1.1), BLACK, "metal"))
+    parts.append(block((-p.length / 2, -0.5, 0.85), (p.length / 2, 0.5, 1.1), BLACK, "metal"))
     for wall in walls(2 * end, 0.97 * p.width, p.floor + 0.9, p.height)[:2]:
         for share in np.linspace(0.02, 0.98, 9):  # ribs
             rib = (share - 0.012, share + 0.012)
@@ -237,11 +220,11 @@ def _hopper(p: TrainParams) -> list[Asset]:
 def _container(p: TrainParams) -> list[Asset]:
     """Two containers on a flat wagon."""
     half, end = p.width / 2, p.length / 2
-    frame = box_between((-end, -half, p.floor - 0.25), (end, half, p.floor), BLACK, "metal")
+    frame = block((-end, -half, p.floor - 0.25), (end, half, p.floor), BLACK, "metal")
     parts = [frame]
     for start, stop, color in ((-end + 0.3, -0.1, p.color), (0.1, end - 0.3, p.band)):
         low, high = (start, -half, p.floor), (stop, half, p.height)
-        parts.append(box_between(low, high, color, "metal"))
+        parts.append(block(low, high, color, "metal"))
         side = walls(stop - start, p.width, p.floor, p.height, x=(start + stop) / 2)
         for wall in side[:2]:
             for share in np.linspace(0.04, 0.96, 9):  # corrugation

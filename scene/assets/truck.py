@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, loft, merge
-from scene.assets._vehicle import (
+from scene.asset import Asset, Color, block, loft, merge, vary
+from scene.assets._palette import (
     AMBER,
     BLACK,
     GLASS,
@@ -18,17 +18,10 @@ from scene.assets._vehicle import (
     STEEL,
     TAILLAMP,
     TRIM,
-    arch,
-    axle,
-    box_between,
     darker,
-    hull,
-    lamps,
-    panel,
     pick,
-    shade,
-    walls,
 )
+from scene.assets._vehicle import arch, axle, hull, lamps, panel, walls
 
 
 class TruckParams(NamedTuple):
@@ -92,16 +85,19 @@ _LOADS: dict[str, tuple[Color, ...]] = {
 
 
 def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
-    """Draw a lorry of one body type: height within 5 %, colours of cab and load."""
+    """Draw a lorry of one body type: size within 6 %, colours of cab and load."""
     model = _MODELS[kind]
     body = pick(rng, _LOADS[model.load])
     lettered = model.load == "box" and rng.random() < 0.6
     cab = pick(rng, _CABS)
+    long = rng.uniform(0.95, 1.06)
     return model._replace(
+        length=model.length * long,
+        axles=(model.axles[0], *(x * long for x in model.axles[1:])),
         height=model.height * rng.uniform(0.94, 1.05),
         cab=body if model.load == "refuse" and rng.random() < 0.5 else cab,
         body=body,
-        stripe=shade(rng, cab if max(cab) < 0.4 else TRIM) if lettered else None,
+        stripe=vary(rng, cab if max(cab) < 0.4 else TRIM) if lettered else None,
     )
 
 
@@ -154,21 +150,21 @@ def _cab(p: TruckParams) -> list[Asset]:
     eyes = low + foot * (p.cab_height - low)
     for y in (p.width / 2 + 0.13, -p.width / 2 - 0.13):
         x = nose - p.rake * foot
-        parts.append(box_between((x - 0.1, y - 0.1, eyes), (x, y + 0.1, eyes + 0.5), TRIM))
+        parts.append(block((x - 0.1, y - 0.1, eyes), (x, y + 0.1, eyes + 0.5), TRIM))
     return parts
 
 
 def _chassis(p: TruckParams) -> list[Asset]:
     """Frame rails, and side guards between the axles that are far apart."""
     nose, tail, floor = p.length / 2, -p.length / 2, _floor(p)
-    parts = [box_between((tail, -0.45, floor - 0.35), (nose - 1, 0.45, floor), BLACK, "metal")]
+    parts = [block((tail, -0.45, floor - 0.35), (nose - 1, 0.45, floor), BLACK, "metal")]
     for ahead, behind in itertools.pairwise(p.axles):
         start, end = nose - behind + p.wheel_radius + 0.1, nose - ahead - p.wheel_radius - 0.1
         start, end = start, min(end, nose - p.cab_length - 0.1)
         if end - start > 1:
             for y in (p.width / 2 - 0.06, 0.06 - p.width / 2):
                 low, high = (start, y - 0.03, 0.45), (end, y + 0.03, floor - 0.1)
-                parts.append(box_between(low, high, TRIM, "metal"))
+                parts.append(block(low, high, TRIM, "metal"))
     return parts
 
 
@@ -187,9 +183,7 @@ def _box(p: TruckParams) -> list[Asset]:
     low = _floor(p)
     side = walls(length, width, low, p.height, x=x)
     parts = [
-        box_between(
-            (x - length / 2, -width / 2, low), (x + length / 2, width / 2, p.height), p.body
-        ),
+        block((x - length / 2, -width / 2, low), (x + length / 2, width / 2, p.height), p.body),
         panel(side.rear, (0.485, 0.515), (0.04, 0.96), TRIM),
     ]
     parts += [panel(wall, (0, 1), (0, 0.03), TRIM) for wall in (*side[:2], side.rear)]
@@ -203,15 +197,15 @@ def _flatbed(p: TruckParams) -> list[Asset]:
     low, half = _floor(p), width / 2
     front, rear = x + length / 2, x - length / 2
     parts = [
-        box_between((rear, -half, low), (front, half, low + 0.14), p.body, "wood"),
-        box_between((front - 0.08, -half, low), (front, half, p.height + 0.4), STEEL, "metal"),
+        block((rear, -half, low), (front, half, low + 0.14), p.body, "wood"),
+        block((front - 0.08, -half, low), (front, half, p.height + 0.4), STEEL, "metal"),
     ]
     stacks = ((0.32, 0.75, 0.62, BLACK), (0.78, 0.5, 0.95, p.body), (0.55, 0.42, 0.4, STEEL))
     for share, wide, tall, color in stacks:  # crates and pallets
         middle, reach = rear + share * length, 0.1 * length
         corner = (middle - reach, -wide * half, low + 0.14)
         far = (middle + reach, wide * half, low + 0.14 + tall * (p.height - low))
-        parts.append(box_between(corner, far, color, "wood"))
+        parts.append(block(corner, far, color, "wood"))
     return parts
 
 
@@ -227,16 +221,14 @@ def _tipper(p: TruckParams) -> list[Asset]:
     parts = [
         loft(ring, p.body, "metal"),
         loft([heap, heap * [0.4, 0.3, 1] + [0.6 * x, 0, 0.45]], _GRAVEL, "concrete"),
-        box_between(
-            (x + length / 2, -half, high - 0.1), (x + length / 2 + 0.7, half, high), p.body
-        ),
+        block((x + length / 2, -half, high - 0.1), (x + length / 2 + 0.7, half, high), p.body),
     ]
     for share in (0.12, 0.37, 0.63, 0.88):  # ribs
         for side in (1, -1):
             post = x + (share - 0.5) * length
             low_corner = (post - 0.05, side * (half - 0.02) - 0.05, low)
             high_corner = (post + 0.05, side * (half - 0.02) + 0.05, high)
-            parts.append(box_between(low_corner, high_corner, p.body, "metal"))
+            parts.append(block(low_corner, high_corner, p.body, "metal"))
     return parts
 
 
@@ -254,8 +246,8 @@ def _tanker(p: TruckParams) -> list[Asset]:
     side = walls(0.94 * length, width + 0.01, low + 0.75 * radius, low + 1.25 * radius, x=x)
     return [
         loft(rings, p.body, "paint"),
-        box_between(*walkway, TRIM),
-        box_between((x - length / 2, -0.5, low - 0.1), (x + length / 2, 0.5, low + 0.15), TRIM),
+        block(*walkway, TRIM),
+        block((x - length / 2, -0.5, low - 0.1), (x + length / 2, 0.5, low + 0.15), TRIM),
         *(panel(wall, (0, 1), (0.1, 0.5), p.cab, lift=-0.01) for wall in side[:2]),
         panel(side.rear, (0.42, 0.58), (0.2, 0.8), AMBER, lift=0.03 * length + 0.01),
     ]
@@ -273,7 +265,7 @@ def _refuse(p: TruckParams) -> list[Asset]:
     back = [(tail, half, 1.6), (tail, -half, 1.6), (tail + 0.7, -half, p.height)]
     slope = np.array([*back, (tail + 0.7, half, p.height)])
     parts = [
-        box_between((split, -half, low), (x + length / 2, half, p.height - 0.15), p.body),
+        block((split, -half, low), (x + length / 2, half, p.height - 0.15), p.body),
         loft(rings, darker(p.body, 0.8), "paint"),
         panel(slope, (0.12, 0.88), (0.02, 0.45), BLACK),
         panel(slope, (0, 1), (0.62, 0.72), AMBER),
