@@ -137,7 +137,8 @@ def _functions(
 
     def init(seed: UInt32[Array, ""], images: UInt8[Array, "n h w 3"]) -> TrainState:
         blank = jnp.zeros((1, *images.shape[1:]))
-        return resume(module.init(jax.random.key(seed), blank)["params"])
+        # The default generator compiles four times longer here (unrolled, once per kernel).
+        return resume(module.init(jax.random.key(seed, impl="rbg"), blank)["params"])
 
     def step(
         state: TrainState,
@@ -226,7 +227,7 @@ def train(
 
     Raises:
         ValueError: no images, shapes that do not match, label ids outside the table, or settings
-            that make no sense.
+            or a seed out of range.
         TrainingError: the loss is not finite.
     """
     _check(images, labels)
@@ -234,6 +235,8 @@ def train(
         raise ValueError(
             f"steps and batch must be at least 1; got {settings.steps} and {settings.batch}"
         )
+    if not 0 <= rng_seed < 2**32:
+        raise ValueError(f"rng_seed must be in 0..2**32 - 1; got {rng_seed}")
     stray = labels[(labels >= settings.classes) & (labels != IGNORE_LABEL)]
     if stray.size:
         raise ValueError(

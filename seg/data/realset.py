@@ -63,7 +63,7 @@ def _load_one(
     if image.shape[:2] != label.shape:
         raise DataError(
             f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
-            f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must have the same size"
+            f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must agree"
         )
     if size is None or label.shape == size:
         return image, label

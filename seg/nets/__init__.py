@@ -5,9 +5,16 @@ from collections.abc import Callable
 from flax import linen as nn
 
 from seg.nets.compact import Compact
+from seg.nets.deeplabv2 import DeepLabV2
+from seg.nets.fcn8s import FCN8s
 from seg.nets.normalise import normalise
+from seg.nets.vgg16 import VGG16
 
-_NETS: dict[str, Callable[..., nn.Module]] = {"compact": Compact}
+_NETS: dict[str, Callable[..., nn.Module]] = {
+    "compact": Compact,
+    "deeplabv2": DeepLabV2,
+    "fcn8s": FCN8s,
+}
 
 
 def net(name: str, classes: int) -> nn.Module:
@@ -30,4 +37,4 @@ def net(name: str, classes: int) -> nn.Module:
     return _NETS[name](classes=classes)
 
 
-__all__ = ["Compact", "net", "normalise"]
+__all__ = ["VGG16", "Compact", "DeepLabV2", "FCN8s", "net", "normalise"]

