@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from scene.asset import Asset, Color, merge, shade, solid, vary
-from scene.assets.tree import GREENS, clump, leaf_cards
+from scene.assets._foliage import GREENS, clump, directions, leaf_cards
 
 KINDS: tuple[str, ...] = ("hedge", "round", "ivy", "tall")
 
@@ -90,8 +90,7 @@ def _lumps(rng: np.random.Generator, params: BushParams) -> list[Asset]:
 def _surface_points(rng: np.random.Generator, params: BushParams) -> np.ndarray:
     """Points [cards, 3] on the upper surface of the bush."""
     p = params
-    unit = rng.normal(size=(p.cards, 3))
-    unit /= np.linalg.norm(unit, axis=1, keepdims=True)
+    unit = directions(rng, p.cards)
     unit[:, 2] = np.abs(unit[:, 2])
     if not p.lumps:
         unit /= np.abs(unit).max(axis=1, keepdims=True)

@@ -71,8 +71,8 @@ def sample_fence(rng: np.random.Generator, kind: str) -> FenceParams:
             )
         case "pedestrian guard":
             return railings._replace(
-                height=float(rng.uniform(1.0, 1.15)), posts=2, rails=(0.14, 0.78, 0.97),
-                color=steel, rail_size=0.05, gauge=0.025, material="metal",
+                height=float(rng.uniform(1.0, 1.15)), rails=(0.14, 0.78, 0.97), rail_size=0.05,
+                pitch=float(rng.uniform(0.17, 0.2)), gauge=0.025, color=steel, material="metal",
             )  # fmt: skip
         case "rails":
             return timber._replace(

@@ -126,15 +126,13 @@ def _crossbars(params: LampParams) -> list[Asset]:
 def lamp(params: LampParams) -> Asset:
     """Build the lamp."""
     p = params
-    slim = 0.65 * p.radius
-    parts = [
-        tube((0, 0, 0), (0, 0, p.height), p.radius, p.color, p.material, end_radius=slim, sides=6)
-    ]
+    column = tube((0, 0, 0), (0, 0, p.height), p.radius, p.color, p.material,
+                  end_radius=0.65 * p.radius, sides=6, caps=False)  # fmt: skip
+    parts = [column]
     if p.foot:
-        parts.append(
-            tube((0, 0, 0), (0, 0, p.foot), 1.5 * p.radius, p.color, p.material,
-                 end_radius=1.3 * p.radius, sides=6)
-        )  # fmt: skip
+        foot = tube((0, 0, 0), (0, 0, p.foot), 1.5 * p.radius, p.color, p.material,
+                    end_radius=0.95 * p.radius, sides=6, caps=False)  # fmt: skip
+        parts.append(foot)
     for reach in p.arms:
         parts += _arm(p, reach)
     heads = {"lantern": _lantern, "globe": _globe, "crossbars": _crossbars}

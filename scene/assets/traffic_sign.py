@@ -73,18 +73,14 @@ def _ringed(outline: Outline, border: Color, field: Color, inner: float) -> tupl
     return Layer(outline, border), Layer(_scaled(outline, inner), field)
 
 
-def _digits(color: Color, width: float, height: float) -> tuple[Layer, ...]:
-    """Two blocky digits with a hole in the second: read as a number from afar."""
-    w, h = width, height
-    first = (
-        _rectangle(-w, h / 2, -0.12, h), _rectangle(-w, -h, -0.12, -h / 2),
-        _rectangle(-0.4 * w - 0.12, -h, -0.12, h),
-    )  # fmt: skip
-    second = (
-        _rectangle(0.08, -h, 0.08 + 0.35 * w, h), _rectangle(0.65 * w, -h, w, h),
-        _rectangle(0.08, 0.7 * h, w, h), _rectangle(0.08, -h, w, -0.7 * h),
-    )  # fmt: skip
-    return tuple(Layer(outline, color) for outline in first + second)
+def _number(color: Color, width: float, height: float) -> tuple[Layer, ...]:
+    """A blocky 30."""
+    w, h, pen = width, height, 0.14
+    three = [_rectangle(-w, z - pen / 2, -0.06, z + pen / 2) for z in (h - pen / 2, 0, pen / 2 - h)]
+    three.append(_rectangle(-0.06 - pen, -h, -0.06, h))
+    zero = [_rectangle(x, -h, x + pen, h) for x in (0.06, w - pen)]
+    zero += [_rectangle(0.06, z, w, z + pen) for z in (-h, h - pen)]
+    return tuple(Layer(outline, color) for outline in three + zero)
 
 
 def _arrow(color: Color, turn: float) -> tuple[Layer, ...]:
@@ -117,7 +113,7 @@ def sample_traffic_sign(rng: np.random.Generator, kind: str) -> TrafficSignParam
     radius = float(rng.uniform(0.30, 0.42))
     match kind:
         case "speed limit":
-            layers = (*_ringed(CIRCLE, red, white, 0.78), *_digits(BLACK, 0.48, 0.36))
+            layers = (*_ringed(CIRCLE, red, white, 0.78), *_number(BLACK, 0.5, 0.38))
         case "warning":
             bar = Layer(_rectangle(-0.09, -0.12, 0.09, 0.42), BLACK)
             dot = Layer(_rectangle(-0.09, -0.32, 0.09, -0.18), BLACK)
@@ -127,8 +123,9 @@ def sample_traffic_sign(rng: np.random.Generator, kind: str) -> TrafficSignParam
             turns = (-np.pi / 2, 0.0, np.pi / 2, np.pi * 3 / 4)
             layers = (*_ringed(CIRCLE, white, blue, 0.94), *_arrow(white, rng.choice(turns)))
         case "stop":
-            word = Layer(_rectangle(-0.68, -0.2, 0.68, 0.2), white)
-            layers = (*_ringed(OCTAGON, white, red, 0.93), word)
+            letters = (_rectangle(x, -0.24, x + 0.24, 0.24) for x in (-0.66, -0.3, 0.06, 0.42))
+            word = (Layer(letter, white) for letter in letters)
+            layers = (*_ringed(OCTAGON, white, red, 0.93), *word)
         case "parking":
             strokes = (
                 _rectangle(-0.35, -0.6, -0.12, 0.6), _rectangle(-0.35, 0.4, 0.35, 0.6),

@@ -1,24 +1,18 @@
-"""Trees: a recursively branching skeleton, and leaves as ragged clumps and loose cards.
-
-``clump`` and ``leaf_cards`` also make the bushes.
-"""
+"""Trees: a recursively branching skeleton, and leaves as ragged clumps and loose cards."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 
-from scene.asset import Asset, Color, Point, merge, shade, solid, triangles, tube, vary
+from scene.asset import Asset, Color, merge, triangles, tube, vary
+from scene.assets._foliage import GREENS, clump, directions, leaf_cards
 
 KINDS: tuple[str, ...] = (
     "round", "poplar", "bare", "spreading", "conifer", "half bare", "young", "bare broad",
 )  # fmt: skip
 
-GREENS: tuple[Color, ...] = (
-    (0.045, 0.075, 0.022), (0.065, 0.09, 0.025), (0.032, 0.055, 0.025), (0.09, 0.10, 0.035),
-)  # fmt: skip
 BROWNS: tuple[Color, ...] = ((0.12, 0.07, 0.025), (0.10, 0.085, 0.03), (0.07, 0.075, 0.03))
 
 
@@ -68,7 +62,7 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
             return bare
         case "bare broad":
             return bare._replace(
-                crown=height * float(rng.uniform(0.42, 0.5)), radius=0.032 * height
+                crown=height * float(rng.uniform(0.4, 0.46)), radius=0.032 * height
             )
         case "spreading":
             height = float(rng.uniform(5.0, 8.0))
@@ -96,31 +90,6 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
     raise ValueError(f"unknown kind of tree {kind!r}; known: {', '.join(KINDS)}")
 
 
-def clump(rng: np.random.Generator, centre: Point, radii: Point, color: Color) -> Asset:
-    """A lumpy blob of leaves, 20 faces, darker below; its corners stick out unevenly."""
-    sphere = trimesh.creation.icosphere(subdivisions=0)
-    stretch = rng.uniform(0.65, 1.3, (len(sphere.vertices), 1))
-    vertices = np.asarray(sphere.vertices) * stretch * np.asarray(radii) + np.asarray(centre)
-    blob = solid(vertices, sphere.faces, color, "foliage")
-    up = np.asarray(sphere.face_normals)[:, 2]
-    return shade(blob, (0.85 + 0.3 * up) * rng.uniform(0.65, 1.35, len(up)))
-
-
-def leaf_cards(rng: np.random.Generator, centres: np.ndarray, size: float, color: Color) -> Asset:
-    """Loose triangles about ``centres`` [n, 3], each turned and toned at random."""
-    corners = rng.normal(size=(len(centres), 3, 3))
-    corners -= corners.mean(axis=1, keepdims=True)
-    corners *= size / np.linalg.norm(corners, axis=2, keepdims=True).clip(0.3) * 0.7
-    cards = triangles(centres[:, None] + corners, color, "foliage")
-    return shade(cards, rng.uniform(0.55, 1.45, len(centres)))
-
-
-def _directions(rng: np.random.Generator, count: int) -> np.ndarray:
-    """Unit vectors [count, 3], even over the sphere."""
-    vectors = rng.normal(size=(count, 3))
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
 class _Branch(NamedTuple):
     start: np.ndarray
     end: np.ndarray
@@ -141,10 +110,10 @@ def _grow(
     children = 3 if level < params.forks else params.twigs
     for child in range(children):
         along = start + (end - start) * rng.uniform(0.45, 1.0 if child else 0.95)
-        turned = heading + 0.75 * _directions(rng, 1)[0] + [0, 0, 0.25]
+        turned = heading + 0.75 * directions(rng, 1)[0] + [0, 0, 0.35]
         turned /= np.linalg.norm(turned)
         branches += _grow(
-            rng, params, along, turned, length * rng.uniform(0.55, 0.85), 0.5 * radius, level + 1
+            rng, params, along, turned, length * rng.uniform(0.5, 0.8), 0.5 * radius, level + 1
         )
     return branches
 
@@ -184,7 +153,7 @@ def _wood(rng: np.random.Generator, params: TreeParams, branches: list[_Branch])
             )  # fmt: skip
         else:
             width = max(branch.radius, 0.024)
-            across = np.cross(branch.end - branch.start, _directions(rng, 1)[0] + [2, 0, 0])
+            across = np.cross(branch.end - branch.start, directions(rng, 1)[0] + [2, 0, 0])
             across *= width / np.linalg.norm(across).clip(1e-6)
             slivers.append([branch.start - across, branch.start + across, branch.end])
     if slivers:
@@ -197,7 +166,7 @@ def _ellipsoid_points(rng: np.random.Generator, params: TreeParams, inner: float
     p = params
     middle, half = (p.height + p.trunk) / 2, (p.height - p.trunk) / 2
     out = rng.uniform(inner, 0.8, (p.clumps, 1))
-    return _directions(rng, p.clumps) * out * [p.crown, p.crown, half] + [0, 0, middle]
+    return directions(rng, p.clumps) * out * [p.crown, p.crown, half] + [0, 0, middle]
 
 
 def _cone_points(rng: np.random.Generator, params: TreeParams) -> np.ndarray:
@@ -219,7 +188,7 @@ def _clumped_leaves(rng: np.random.Generator, params: TreeParams) -> list[Asset]
     centres[:, 2] = centres[:, 2].clip(p.trunk + 0.5 * tall, p.height - 0.8 * tall)
     radii = np.array([wide, wide, tall])
     blobs = [clump(rng, tuple(centre), tuple(radii), p.leaf_color) for centre in centres]
-    around = _directions(rng, p.cards) * rng.uniform(0.8, 1.25, (p.cards, 1)) * radii
+    around = directions(rng, p.cards) * rng.uniform(0.8, 1.25, (p.cards, 1)) * radii
     cards = centres[rng.integers(p.clumps, size=p.cards)] + around
     return [*blobs, leaf_cards(rng, cards, p.card, p.leaf_color)]
 
