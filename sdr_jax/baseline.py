@@ -1,0 +1,90 @@
+"""Baselines: what a reward is compared with, so that its noise moves the policy less."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+
+class BaselineState(NamedTuple):
+    """What a baseline remembers of past rewards."""
+
+    value: Float[Array, ""]  # the average so far
+    seen: Int[Array, ""]  # how many updates it has seen
+
+
+class Baseline(NamedTuple):
+    """A pair of pure functions."""
+
+    init: Callable[[], BaselineState]
+    # (state, rewards f32[n]) -> (advantages f32[n], state)
+    advantage: Callable[[BaselineState, Float[Array, "n"]], tuple[Float[Array, "n"], BaselineState]]
+
+
+def ema(decay: float = 0.9, includes_current: bool = False) -> Baseline:
+    """Exponential moving average of past rewards, `b <- decay b + (1 - decay) mean(rewards)`.
+
+    The first update has no past: its baseline is the mean of its own rewards. With one data set
+    per update this makes the first advantage zero.
+
+    Args:
+        decay: in [0, 1).
+        includes_current: False (the paper, "over previous rewards"): an update's baseline has not
+            seen its rewards, so the estimate is unbiased. True (the authors' code): it has, which
+            shrinks every advantage and biases the estimate a little.
+
+    Returns:
+        The baseline.
+
+    Raises:
+        ValueError: decay outside [0, 1).
+
+    Source: section "Scalable Discretization-and-Relaxation", below the second equation.
+    """
+    if not 0 <= decay < 1:
+        raise ValueError(f"decay is {decay}, but must lie in [0, 1)")
+
+    def advantage(
+        state: BaselineState, rewards: Float[Array, "n"]
+    ) -> tuple[Float[Array, "n"], BaselineState]:
+        mean = rewards.mean()
+        first = state.seen == 0
+        past = jnp.where(first, mean, state.value)
+        present = jnp.where(first, mean, decay * past + (1 - decay) * mean)
+        advantages = rewards - (present if includes_current else past)
+        return advantages, BaselineState(present, state.seen + 1)
+
+    return Baseline(_init, advantage)
+
+
+def leave_one_out() -> Baseline:
+    """Compares each data set with the others of its update, `b_k = mean of r_j over j != k`.
+
+    It needs two or more data sets per update (ValueError when traced with one), has no memory and
+    leaves the estimate unbiased. Not in the paper; Kool et al. 2019, "Buy 4 REINFORCE samples".
+    """
+
+    def advantage(
+        state: BaselineState, rewards: Float[Array, "n"]
+    ) -> tuple[Float[Array, "n"], BaselineState]:
+        n = rewards.shape[0]
+        if n < 2:
+            raise ValueError("leave_one_out needs at least 2 data sets per update, got 1")
+        mean = rewards.mean()
+        return (rewards - mean) * n / (n - 1), BaselineState(mean, state.seen + 1)
+
+    return Baseline(_init, advantage)
+
+
+def normalise(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array, "n"]:
+    """Divides advantages by their size, `a / (sqrt(mean(a^2)) + eps)`.
+
+    The size is the standard deviation around zero, not around the mean: with one data set, or with
+    rewards that are all alike, the latter is 0 and the quotient would explode.
+    """
+    return advantages / (jnp.sqrt(jnp.mean(advantages**2)) + eps)
+
+
+def _init() -> BaselineState:
+    return BaselineState(jnp.zeros((), jnp.float32), jnp.zeros((), jnp.int32))

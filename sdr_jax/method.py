@@ -1,0 +1,82 @@
+"""The one interface of every search method: a tuple of pure functions."""
+
+from typing import Any, NamedTuple, Protocol, runtime_checkable
+
+from jaxtyping import Array, Float, Int, Key
+
+from sdr_jax.space import Proposal
+
+State = Any
+"""A method's state: a NamedTuple of arrays, to be passed on and not looked into."""
+
+
+class Info(NamedTuple):
+    """What one update did; for progress lines and plots, never needed to go on."""
+
+    reward_mean: Float[Array, ""]  # mean of the update's rewards
+    reward_best: Float[Array, ""]  # the best of them
+    baseline: Float[Array, ""]  # mean baseline, in units of transformed rewards; NaN without one
+    advantages: Float[Array, "n"]  # what the gradient was weighted with
+    entropy: Float[Array, ""]  # of the distribution sampled from, before the update, in nats
+    grad_norm: Float[Array, ""]  # L2 norm of the policy's gradient
+    group: Int[Array, ""]  # the group the update was for
+
+
+@runtime_checkable
+class InitFn(Protocol):
+    """Makes the first state."""
+
+    def __call__(self, rng_key: Key[Array, ""]) -> State:
+        """The key is consumed."""
+
+
+@runtime_checkable
+class SampleFn(Protocol):
+    """Proposes n data sets."""
+
+    def __call__(
+        self, rng_key: Key[Array, ""], state: State, n: int
+    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+        """The key is consumed, n is static; actions are for `update`, proposals to be scored."""
+
+
+@runtime_checkable
+class UpdateFn(Protocol):
+    """Learns from the rewards of what `sample` proposed."""
+
+    def __call__(
+        self, state: State, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[State, Info]:
+        """Higher rewards are better. Whoever calls makes sure that they are finite."""
+
+
+@runtime_checkable
+class ProposalFn(Protocol):
+    """Answers with one proposal, f32[attributes] each."""
+
+    def __call__(self, state: State) -> Proposal:
+        """May be asked at any time."""
+
+
+@runtime_checkable
+class ProbabilitiesFn(Protocol):
+    """The distribution over bins that `sample` would use for each attribute."""
+
+    def __call__(self, state: State) -> Float[Array, "attributes bins"]:
+        """Zero for bins an attribute lacks."""
+
+
+class Method(NamedTuple):
+    """A search method. All functions are pure and jitted, and work under jit, scan and vmap.
+
+    A pure function cannot raise: a NaN reward spoils the state it is given to. Check rewards
+    before `update`, or keep the state from before it, as `run.make_step` makes easy.
+    """
+
+    init: InitFn
+    sample: SampleFn
+    update: UpdateFn
+    solution: ProposalFn  # the answer
+    spread: ProposalFn  # the answer, left wide where the method is unsure
+    probabilities: ProbabilitiesFn
+    updates: int | None  # how many updates the method takes; None for any number

@@ -1,0 +1,211 @@
+"""Attribute spaces, and the proposals that every search method speaks.
+
+An attribute is a number in [0, 1], cut into bins. A *proposal* is what a data set is made from: one
+interval per attribute, from which every street of the data set draws its own value.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+UNDECIDED = -1
+"""The action of an attribute nothing is known about yet."""
+
+UNOPTIMISED = ("random", "half")
+"""What an undecided attribute may be: drawn from all of [0, 1], or 0.5."""
+
+BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
+
+
+@dataclass(frozen=True)
+class Space:
+    """The attributes to search over; static and hashable. Most easily built with `space`.
+
+    Attributes:
+        names: one unique name per attribute.
+        bins: how many bins each attribute is cut into (the paper's K, which may differ), >= 2.
+        groups: a partition of the attributes' indices; groups are optimised in this order.
+    """
+
+    names: tuple[str, ...]
+    bins: tuple[int, ...]
+    groups: tuple[tuple[int, ...], ...]
+
+    def __post_init__(self) -> None:
+        """Validates; see `space` for what is refused."""
+        if not self.names:
+            raise ValueError("a space needs at least one attribute")
+        _refuse_duplicates(self.names, "attribute name(s)")
+        if len(self.bins) != len(self.names):
+            raise ValueError(f"{len(self.names)} attributes, but {len(self.bins)} numbers of bins")
+        for name, bins in zip(self.names, self.bins, strict=True):
+            if bins < 2:
+                raise ValueError(f"attribute {name!r} has {bins} bins, at least 2 are needed")
+        if any(not group for group in self.groups):
+            raise ValueError("a group needs at least one attribute")
+        members = [index for group in self.groups for index in group]
+        for index in members:
+            if not 0 <= index < len(self.names):
+                raise ValueError(
+                    f"groups hold attribute {index}, but there are only {len(self.names)}"
+                )
+        _refuse_duplicates([self.names[index] for index in members], "attribute(s) in the groups")
+        missing = [name for index, name in enumerate(self.names) if index not in members]
+        if missing:
+            raise ValueError(f"in no group: {', '.join(map(repr, missing))}")
+
+    @property
+    def attributes(self) -> int:
+        """How many attributes there are."""
+        return len(self.names)
+
+    @property
+    def max_bins(self) -> int:
+        """The largest number of bins of any attribute."""
+        return max(self.bins)
+
+
+def space(
+    names: Sequence[str],
+    bins: int | Sequence[int] = 10,
+    groups: Sequence[Sequence[str]] | None = None,
+) -> Space:
+    """Builds a `Space` from names.
+
+    Args:
+        names: one unique name per attribute.
+        bins: the number of bins of all attributes, or one number for each.
+        groups: the partition into groups, by name, in the order in which they will be optimised.
+            By default all attributes are one group: nothing but their joint optimum will do.
+
+    Returns:
+        The space.
+
+    Raises:
+        ValueError: a name that is unknown, given twice or in no group, fewer than two bins, or an
+            empty group.
+
+    Source: section "Scalable Discretization-and-Relaxation", "Method scalability".
+    """
+    names = tuple(names)
+    per_attribute = (bins,) * len(names) if isinstance(bins, int) else tuple(bins)
+    groups = (names,) if groups is None else groups
+    unknown = [name for group in groups for name in group if name not in names]
+    if unknown:
+        raise ValueError(
+            f"unknown attribute(s) in the groups: {', '.join(map(repr, unknown))}; "
+            f"known are {', '.join(names)}"
+        )
+    indices = tuple(tuple(names.index(name) for name in group) for group in groups)
+    return Space(names, per_attribute, indices)
+
+
+class Proposal(NamedTuple):
+    """A distribution over streets: each attribute uniform on an interval of [0, 1]."""
+
+    centre: Float[Array, "*batch attributes"]  # the middle of the interval
+    width: Float[Array, "*batch attributes"]  # its length
+
+
+def slide(
+    centre: Float[Array, "*batch attributes"], width: Float[Array, "*batch attributes"]
+) -> Proposal:
+    """Makes a proposal, moving intervals that stick out of [0, 1] back inside at full width.
+
+    Clipping the drawn values instead would pile them up at the borders.
+    """
+    width = jnp.clip(width, 0.0, 1.0)
+    return Proposal(jnp.clip(centre, width / 2, 1 - width / 2), width)
+
+
+def check_relaxation(
+    space: Space, width: float | tuple[float, ...] | None, unoptimised: str
+) -> None:
+    """Raises ValueError if `relax` cannot work with these options."""
+    if unoptimised not in UNOPTIMISED:
+        raise ValueError(f"unoptimised is {unoptimised!r}, but must be one of {UNOPTIMISED}")
+    if width is None:
+        return
+    widths = np.asarray(width, np.float64)
+    if widths.shape not in ((), (space.attributes,)):
+        raise ValueError(f"{widths.size} widths for {space.attributes} attributes")
+    if not np.all((widths >= 0) & (widths <= 1)):
+        raise ValueError(f"width is {width}, but must lie in [0, 1]")
+
+
+def bin_widths(space: Space, width: float | tuple[float, ...] | None) -> Float[Array, "attributes"]:
+    """The width of each attribute's relaxed bin: `width`, or by default 1 / K."""
+    default = 1 / np.asarray(space.bins, np.float32)
+    return jnp.broadcast_to(
+        jnp.asarray(default if width is None else width, jnp.float32), (space.attributes,)
+    )
+
+
+def relax(
+    space: Space,
+    actions: Int[Array, "*batch attributes"],
+    width: float | tuple[float, ...] | None = None,
+    unoptimised: str = "random",
+) -> Proposal:
+    """Turns bins into intervals: `centre = (k + 0.5) / K`, `width = 1 / K`.
+
+    With these defaults the bins tile [0, 1]. The paper publishes neither the shape nor the width of
+    the variance it injects; a uniform over the bin is ours.
+
+    Args:
+        space: the attribute space.
+        actions: bins, int[*batch attributes], each in [0, K), or -1 where nothing is decided.
+        width: another width, for all attributes or one for each, in [0, 1]. Wider intervals slide
+            back inside at the borders; 0 is no relaxation at all.
+        unoptimised: what -1 means: "random" (the paper: centre 0.5, width 1) or "half" (the
+            authors' code: 0.5, relaxed like any decided value).
+
+    Returns:
+        The proposal, f32[*batch attributes] each.
+
+    Raises:
+        ValueError: a width outside [0, 1] or another meaning of -1.
+
+    Source: section "Scalable Discretization-and-Relaxation".
+    """
+    check_relaxation(space, width, unoptimised)
+    bins = jnp.broadcast_to(jnp.asarray(space.bins, jnp.float32), actions.shape)
+    widths = jnp.broadcast_to(bin_widths(space, width), actions.shape)
+    decided = actions >= 0
+    centre = jnp.where(decided, (actions.astype(jnp.float32) + 0.5) / bins, 0.5)
+    if unoptimised == "random":
+        widths = jnp.where(decided, widths, 1.0)
+    return slide(centre, widths)
+
+
+def draw(
+    rng_key: Key[Array, ""], proposal: Proposal, streets: int
+) -> Float[Array, "*batch streets attributes"]:
+    """Draws the attributes of every street, uniform on the proposal's intervals.
+
+    Args:
+        rng_key: consumed.
+        proposal: f32[*batch attributes] each.
+        streets: how many streets to draw for each proposal.
+
+    Returns:
+        Values in [0, 1), f32[*batch streets attributes].
+    """
+    *batch, attributes = proposal.centre.shape
+    shape = (*batch, streets, attributes)
+    low = jnp.broadcast_to((proposal.centre - proposal.width / 2)[..., None, :], shape)
+    width = jnp.broadcast_to(proposal.width[..., None, :], shape)
+    unit = low + width * jax.random.uniform(rng_key, shape)
+    return jnp.clip(unit, 0.0, BELOW_ONE)  # rounding could reach 1
+
+
+def _refuse_duplicates(names: Sequence[str], what: str) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"{what} given more than once: {', '.join(map(repr, twice))}")
