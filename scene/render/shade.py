@@ -120,7 +120,16 @@ def shade(
         f = faces[i]
         if f < 0:
             sky_radiance(
-                directions[i], sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, out[i]
+                directions[i],
+                sun_direction,
+                sun,
+                zenith,
+                horizon,
+                cloud,
+                cover,
+                offset,
+                clouds,
+                out[i],
             )
             continue
         m = face_material[f]
@@ -129,9 +138,7 @@ def shade(
         px = origin[0] + t * directions[i, 0]
         py = origin[1] + t * directions[i, 1]
         pz = origin[2] + t * directions[i, 2]
-        facing = abs(
-            directions[i, 0] * nx + directions[i, 1] * ny + directions[i, 2] * nz
-        )
+        facing = abs(directions[i, 0] * nx + directions[i, 1] * ny + directions[i, 2] * nz)
         texture = 1.0
         if textured:
             # Project along the dominant axis; instances start at different places in the texture.
@@ -146,7 +153,7 @@ def shade(
             level = min(max(int(math.log2(max(footprint, 1.0)) + 0.5), 0), levels.shape[1] - 1)
             shift = (face_instance[f] * 37) % size
             column = int(math.floor(u * scale) + shift) % size
-            row = int(math.floor(-v * scale)) % size
+            row = math.floor(-v * scale) % size
             texture = levels[m, level, row, column]
         cosine = nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2]
         through = tile_gloss[m, 2]
