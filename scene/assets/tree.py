@@ -41,7 +41,7 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
         height=height, trunk=height * float(rng.uniform(0.24, 0.34)),
         radius=height * float(rng.uniform(0.018, 0.026)),
         crown=height * float(rng.uniform(0.28, 0.36)),
-        limbs=5, forks=0, twigs=0, clumps=9, cards=240, card=0.45,
+        limbs=5, forks=0, twigs=0, clumps=11, cards=200, card=0.45,
         leaf_color=vary(rng, GREENS[rng.integers(len(GREENS))], 0.25),
         bark_color=vary(rng, (0.062, 0.050, 0.038), 0.3), seed=int(rng.integers(2**31)),
     )  # fmt: skip
@@ -56,7 +56,7 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
             height = float(rng.uniform(8.5, 12.0))
             return round_._replace(
                 height=height, trunk=0.12 * height, crown=height * float(rng.uniform(0.11, 0.15)),
-                radius=0.02 * height, clumps=10, limbs=2,
+                radius=0.02 * height, clumps=12, limbs=2,
             )  # fmt: skip
         case "bare":
             return bare
@@ -68,7 +68,7 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
             height = float(rng.uniform(5.0, 8.0))
             return round_._replace(
                 height=height, trunk=0.33 * height, crown=height * float(rng.uniform(0.42, 0.52)),
-                radius=0.035 * height, clumps=10, card=0.6,
+                radius=0.035 * height, clumps=12, card=0.6,
             )  # fmt: skip
         case "conifer":
             return round_._replace(
@@ -161,12 +161,17 @@ def _wood(rng: np.random.Generator, params: TreeParams, branches: list[_Branch])
     return merge(*parts)
 
 
-def _ellipsoid_points(rng: np.random.Generator, params: TreeParams, inner: float) -> np.ndarray:
-    """Middles [clumps, 3] of the crown's blobs, between ``inner`` and 0.8 of its radius."""
+def _ellipsoid_points(rng: np.random.Generator, params: TreeParams) -> np.ndarray:
+    """Middles [clumps, 3] of the crown's blobs, spread evenly by the golden angle."""
     p = params
+    index = np.arange(p.clumps)
+    level = (2 * index + 1) / p.clumps - 1
+    turn = 2.4 * index + rng.uniform(0, 2 * np.pi)
+    out = np.sqrt(1 - level**2)
+    unit = np.column_stack([out * np.cos(turn), out * np.sin(turn), level])
+    unit *= rng.uniform([0.35, 0.35, 0.65], 0.8, (p.clumps, 3))
     middle, half = (p.height + p.trunk) / 2, (p.height - p.trunk) / 2
-    out = rng.uniform(inner, 0.8, (p.clumps, 1))
-    return directions(rng, p.clumps) * out * [p.crown, p.crown, half] + [0, 0, middle]
+    return unit * [p.crown, p.crown, half] + [0, 0, middle]
 
 
 def _cone_points(rng: np.random.Generator, params: TreeParams) -> np.ndarray:
@@ -184,7 +189,7 @@ def _clumped_leaves(rng: np.random.Generator, params: TreeParams) -> list[Asset]
     p = params
     wide = 1.05 * p.crown * p.clumps ** (-1 / 3)
     tall = wide * np.clip((p.height - p.trunk) / (2 * p.crown), 0.75, 1.5)
-    centres = _ellipsoid_points(rng, p, 0.3)
+    centres = _ellipsoid_points(rng, p)
     centres[:, 2] = centres[:, 2].clip(p.trunk + 0.5 * tall, p.height - 0.8 * tall)
     radii = np.array([wide, wide, tall])
     blobs = [clump(rng, tuple(centre), tuple(radii), p.leaf_color) for centre in centres]
