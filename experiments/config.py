@@ -82,7 +82,8 @@ class Search:
     learning_rate: float = 1e-2
     """Of Adam."""
     baseline: Literal["ema", "ema_current", "leave_one_out"] = "leave_one_out"
-    """What a reward is compared with: earlier rewards (paper), those and itself (the authors' code), or the update's other rewards."""
+    """What a reward is compared with: earlier rewards (paper), those and itself (the authors' code),
+    or the update's other rewards."""
     normalise: bool = True
     """Divide advantages by their size."""
     squared_reward: bool = False
@@ -107,7 +108,8 @@ class Config:
     preset: Literal["smoke", "quick", "paper"] = "quick"
     """Where the defaults of all other flags come from."""
     data: Path | None = None
-    """Folder of real images. CamVid also takes it from the variable CAMVID_DIR; cityscapes without it runs on the twin."""
+    """Folder of real images. CamVid also takes it from the variable CAMVID_DIR; cityscapes without it
+    runs on the twin."""
     out: Path = Path("runs/run")
     """The run folder. The same command continues a run that was stopped."""
     seed: int = 0

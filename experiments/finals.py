@@ -20,6 +20,7 @@ from experiments.search import SearchResult
 from experiments.targets import Split, Target
 from scene.attributes import NAMES, default_unit
 from scene.workers import WorkerPool
+from sdr_jax.space import slide
 
 WIDE = 0.3
 ROWS = ("random", "default", "learnt", "real")
@@ -48,7 +49,7 @@ def candidate_proposal(name: str, result: SearchResult) -> sdr_jax.Proposal:
 
 def _slid(centre: np.ndarray, width: float | np.ndarray) -> sdr_jax.Proposal:
     widths = np.broadcast_to(np.asarray(width, np.float32), centre.shape)
-    return jax.tree.map(np.asarray, sdr_jax.slide(centre, widths))
+    return jax.tree.map(np.asarray, slide(centre, widths))
 
 
 def draw_units(proposal: sdr_jax.Proposal, seed: int, streets: int) -> np.ndarray:

@@ -51,7 +51,7 @@ def twin_world(twin_seed: int) -> TwinWorld:
     rng = np.random.default_rng([2006, twin_seed])
     centre = default_unit() + rng.normal(0, PRIOR_SPREAD, len(NAMES))
     response = CameraResponse(
-        exposure=float(rng.uniform(0.95, 1.3)),
+        exposure=float(rng.uniform(0.85, 1.15)),
         gain=tuple(rng.uniform(0.92, 1.08, 3).tolist()),
         gamma=float(rng.uniform(0.94, 1.12)),
         blur=float(rng.uniform(0.3, 0.7)),

@@ -37,6 +37,7 @@ class Attribute(NamedTuple):
 
 
 # fmt: off
+# ruff: noqa: E501
 ATTRIBUTES: tuple[Attribute, ...] = (
     Attribute("illumination_intensity", 0.3, 1.7, "linear", 0.9, "x nominal", "brightness of sun and sky"),
     Attribute("illumination_angle_x", 8, 80, "linear", 35, "deg", "sun elevation above the horizon"),

@@ -50,8 +50,8 @@ def ground_height(y: float) -> float:
 
 def sample_ground(rng: np.random.Generator) -> Ground:
     """Draw a road surface: shade, markings, crosswalks every 40-90 m, grass, gravel or paving."""
-    grey = rng.uniform(0.07, 0.16)
-    paving = rng.uniform(0.14, 0.3)
+    grey = rng.uniform(0.05, 0.13)
+    paving = rng.uniform(0.08, 0.24)
     warmth = rng.uniform(0.0, 0.12)
     kind = rng.choice(["grass", "dry grass", "earth"], p=[0.6, 0.25, 0.15])
     terrain = {

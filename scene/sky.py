@@ -29,9 +29,9 @@ class Sky(NamedTuple):
 
     @property
     def ambient(self) -> np.ndarray:
-        """Mean radiance of the upper hemisphere, f32[3]."""
+        """Light f32[3] that a surface gets from the sky; houses hide a good third of it in a street."""
         clear = 0.5 * self.zenith + 0.5 * self.horizon
-        return ((1 - self.cover) * clear + self.cover * self.cloud).astype(np.float32)
+        return (0.55 * ((1 - self.cover) * clear + self.cover * self.cloud)).astype(np.float32)
 
 
 def sample_sky(
@@ -45,11 +45,11 @@ def sample_sky(
     height = math.sin(elevation)
     air = math.exp(-0.12 / max(height, 0.05))
     warm = np.array([1.0, 0.55 + 0.45 * air, 0.25 + 0.75 * air])
-    sun = intensity * 1.5 * air * (1 - 0.93 * cover**1.5) * warm
-    blue = np.array([0.28, 0.45, 0.80]) * rng.uniform(0.8, 1.1)
-    pale = np.array([0.80, 0.88, 1.0]) * rng.uniform(0.9, 1.2)
+    sun = intensity * 1.9 * air * (1 - 0.93 * cover**1.5) * warm
+    blue = np.array([0.45, 0.68, 1.05]) * rng.uniform(0.85, 1.25)
+    pale = np.array([0.86, 0.93, 1.0]) * rng.uniform(1.2, 1.8)
     day = 0.55 + 0.45 * math.sqrt(max(height, 0.0))
-    grey = rng.uniform(0.55, 1.05)
+    grey = rng.uniform(0.8, 1.6)
     direction = [
         math.cos(elevation) * math.cos(azimuth),
         math.cos(elevation) * math.sin(azimuth),
@@ -63,7 +63,7 @@ def sample_sky(
         cloud=(intensity * day * grey * np.array([1.0, 1.0, 1.03])).astype(np.float32),
         cover=cover,
         cloud_offset=rng.random(2).astype(np.float32),
-        haze=float(np.exp(rng.uniform(math.log(250), math.log(1500)))),
+        haze=float(np.exp(rng.uniform(math.log(500), math.log(3000)))),
     )
 
 
