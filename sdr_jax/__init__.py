@@ -1,4 +1,13 @@
-"""Learning to simulate complex scenes: the optimiser, without scenes or images."""
+"""Learning to simulate complex scenes: the optimiser, without scenes or images.
+
+    attributes = space(["car", "tree", "sun"], groups=[["car", "tree"], ["sun"]])
+    method = sdr(attributes)
+    reward_fn = lambda rng_key, proposals: -((proposals.centre - 0.3) ** 2).sum(axis=1)
+    state, record = jax.jit(lambda key: run(key, method, reward_fn, n=4))(jax.random.key(0))
+    method.solution(state)  # centre and width of every attribute
+
+A reward that must leave JAX, such as rendering images and training on them: `host_reward`.
+"""
 
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import HostReward, host_reward
@@ -9,7 +18,7 @@ from sdr_jax.reinforce import reinforce_loss
 from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.run import Record, RewardFn, make_step, run
 from sdr_jax.sdr import sdr
-from sdr_jax.space import Proposal, Space, draw, relax, space
+from sdr_jax.space import Proposal, Space, draw, relax, slide, space
 
 __all__ = [
     "Baseline",
@@ -32,6 +41,7 @@ __all__ = [
     "relax",
     "run",
     "sdr",
+    "slide",
     "space",
     "squared_percent",
 ]

@@ -114,7 +114,8 @@ class Proposal(NamedTuple):
 
 
 def slide(
-    centre: Float[Array, "*batch attributes"], width: Float[Array, "*batch attributes"]
+    centre: Float[Array | np.ndarray, "*batch attributes"],
+    width: Float[Array | np.ndarray, "*batch attributes"],
 ) -> Proposal:
     """Makes a proposal, moving intervals that stick out of [0, 1] back inside at full width.
 
@@ -149,7 +150,7 @@ def bin_widths(space: Space, width: float | tuple[float, ...] | None) -> Float[A
 
 def relax(
     space: Space,
-    actions: Int[Array, "*batch attributes"],
+    actions: Int[Array | np.ndarray, "*batch attributes"],
     width: float | tuple[float, ...] | None = None,
     unoptimised: str = "random",
 ) -> Proposal:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sdr_jax import Proposal, Space, draw, relax, space
+from sdr_jax import Proposal, Space, draw, relax, slide, space
 
 NAMES = ["car", "tree", "fence"]
 SPACE = space(NAMES, bins=[10, 4, 7], groups=[["fence"], ["car", "tree"]])
@@ -77,6 +77,16 @@ def test_wider_bins_slide_inside_and_keep_their_width(action: int, percent: int)
     moved = np.abs(centre - (np.asarray(actions) + 0.5) / np.asarray(SPACE.bins))
     inside = (centre - width / 2 > 1e-6) & (centre + width / 2 < 1 - 1e-6)
     assert np.all(np.where(inside, moved, 0) < 1e-6)
+
+
+def test_numpy_arrays_are_welcome() -> None:
+    proposal = slide(np.asarray([0.0, 0.5, 1.0], np.float32), np.full(3, 0.5, np.float32))
+    np.testing.assert_allclose(proposal.centre, [0.25, 0.5, 0.75])
+    stored = Proposal(*map(np.asarray, proposal))
+    np.testing.assert_array_equal(
+        draw(jax.random.key(0), stored, 2), draw(jax.random.key(0), proposal, 2)
+    )
+    np.testing.assert_allclose(relax(SPACE, np.asarray([0, 0, -1])).width, [0.1, 0.25, 1])
 
 
 def test_one_width_per_attribute() -> None:
