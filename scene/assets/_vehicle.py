@@ -7,11 +7,45 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, loft, merge, polygon
+from scene.asset import Asset, Color, Point, loft, merge, polygon, tube
 from scene.assets._palette import BLACK, GLASS, STEEL, TYRE
 
 Corners = np.ndarray
 """f64[4, 3]: a wall seen from outside, anticlockwise from its lower left corner."""
+
+
+def circle(centre: Point, radius: float, sides: int) -> np.ndarray:
+    """Points [sides, 3] of a circle that stands in the x-z plane, the first one lowest."""
+    angle = (np.arange(sides) / sides - 0.25) * 2 * np.pi
+    ring = np.column_stack([np.cos(angle), np.zeros(sides), np.sin(angle)])
+    return np.asarray(centre) + radius * ring
+
+
+def rod(start: Point, end: Point, radius: float, color: Color, material: str = "metal") -> Asset:
+    """A thin bar of four sides without ends; 8 faces."""
+    return tube(start, end, radius, color, material, sides=4, caps=False)
+
+
+def card(
+    centre: Point, width: float, height: float, color: Color, material: str = "plain"
+) -> Asset:
+    """An upright rectangle across the way of travel (plate, lamp, mirror)."""
+    corners = [(0, y * width / 2, z * height / 2) for y, z in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+    return polygon(np.array(corners) + centre, color, material)
+
+
+def mudguard(
+    hub: Point, radius: float, width: float, angles: tuple[float, ...], color: Color
+) -> Asset:
+    """A strip around a wheel through ``angles``, radians from straight ahead up and back."""
+    edges = [
+        [
+            (hub[0] + radius * np.cos(a), hub[1] + side * width / 2, hub[2] + radius * np.sin(a))
+            for side in (1, -1)
+        ]
+        for a in angles
+    ]
+    return loft(np.array(edges), color, "paint", closed=False, caps=False)
 
 
 def wheel(
@@ -25,16 +59,14 @@ def wheel(
     sides: int = 10,
 ) -> Asset:
     """A wheel on the ground at ``x`` with its outer face at ``y``; 4 faces a side less 4."""
-    angle = (np.arange(sides) / sides - 0.25) * 2 * np.pi
-    circle = np.column_stack([np.cos(angle), np.zeros(sides), np.sin(angle)])
     outward = np.sign(y)
-    face = np.array([x, y, radius]) + radius * circle
+    face = circle((x, y, radius), radius, sides)
     inner = face - [0, outward * width, 0]
     tyre = merge(loft([inner, face], TYRE, "rubber", caps=False), polygon(face, TYRE, "rubber"))
     if rim is None:
         return tyre
-    rim_face = np.array([x, y + 0.008 * outward, radius]) + rim_share * radius * circle
-    return merge(tyre, polygon(rim_face, rim, "metal"))
+    disc = circle((x, y + 0.008 * outward, radius), rim_share * radius, sides)
+    return merge(tyre, polygon(disc, rim, "metal"))
 
 
 def axle(

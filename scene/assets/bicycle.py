@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, block, merge, polygon, ring, tube
+from scene.asset import Asset, Color, Point, block, merge, polygon, ring
 from scene.assets._palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, pick
+from scene.assets._vehicle import card, circle, mudguard, rod
 
 SADDLE: Point = (-0.28, 0.0, 0.95)
 """Top of the saddle, m."""
@@ -61,6 +61,7 @@ _PAINTS: tuple[Color, ...] = (
     (0.42, 0.20, 0.02),
     (0.10, 0.28, 0.30),
 )
+_WICKER: Color = (0.10, 0.065, 0.035)
 _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))
 
 
@@ -98,10 +99,6 @@ def _wheel(p: BicycleParams, x: float) -> Asset:
     return merge(*parts)
 
 
-def _rod(start: Point, end: Point, radius: float, color: Color, material: str = "paint") -> Asset:
-    return tube(start, end, radius, color, material, sides=4, caps=False)
-
-
 def _steering(p: BicycleParams) -> tuple[Point, Point, Point]:
     """Front hub, foot of the head tube and its top, on one line."""
     hub = (p.wheelbase / 2, 0.0, p.wheel_radius)
@@ -112,25 +109,30 @@ def _steering(p: BicycleParams) -> tuple[Point, Point, Point]:
 def _frame(p: BicycleParams) -> list[Asset]:
     """The diamond: down, top and seat tube, stays and fork."""
     hub, foot, head = _steering(p)
-    rear = (-p.wheelbase / 2, 0.0, p.wheel_radius)
-    share = 0.80  # of the way from the crank to the saddle
-    seat = tuple(c + share * (s - c) for c, s in zip(CRANK, SADDLE, strict=True))
-    joint = tuple(s - p.step * (s - c) / 0.66 for c, s in zip(CRANK, seat, strict=True))
-    top = head if p.step < 0.3 else foot
+    seat = _on_seat_tube(0.80)
+    joint = _on_seat_tube(0.80 - 1.2 * p.step)
+    front = head if p.step < 0.3 else foot
     parts = [
-        _rod(CRANK, foot, 1.15 * p.tube, p.color),
-        _rod(joint, (top[0], 0.0, top[2] - 0.02), p.tube, p.color),
-        _rod(CRANK, seat, p.tube, p.color),
-        _rod(seat, SADDLE, 0.8 * p.tube, STEEL, "metal"),
-        _rod(foot, head, 1.2 * p.tube, p.color),
+        rod(CRANK, foot, 1.15 * p.tube, p.color, "paint"),
+        rod(joint, (front[0], 0.0, front[2] - 0.02), p.tube, p.color, "paint"),
+        rod(CRANK, seat, p.tube, p.color, "paint"),
+        rod(seat, SADDLE, 0.8 * p.tube, STEEL),
+        rod(foot, head, 1.2 * p.tube, p.color, "paint"),
     ]
-    wide = p.tyre / 2 + 0.02
-    for y in (wide, -wide):
-        at_hub = (rear[0], y, rear[2])
-        parts.append(_rod((CRANK[0], 0.6 * y, CRANK[2]), at_hub, 0.7 * p.tube, p.color))
-        parts.append(_rod((seat[0], 0.6 * y, seat[2] - 0.04), at_hub, 0.6 * p.tube, p.color))
-        parts.append(_rod((foot[0], y, foot[2]), (hub[0], y, hub[2]), 0.7 * p.tube, p.color))
+    for y in (p.tyre / 2 + 0.02, -p.tyre / 2 - 0.02):
+        rear = (-p.wheelbase / 2, y, p.wheel_radius)
+        parts += [
+            rod((CRANK[0], 0.6 * y, CRANK[2]), rear, 0.7 * p.tube, p.color, "paint"),
+            rod((seat[0], 0.6 * y, seat[2] - 0.04), rear, 0.6 * p.tube, p.color, "paint"),
+            rod((foot[0], y, foot[2]), (hub[0], y, hub[2]), 0.7 * p.tube, p.color, "paint"),
+        ]
     return parts
+
+
+def _on_seat_tube(share: float) -> Point:
+    """The point at ``share`` of the way from the crank to the saddle."""
+    (x0, y0, z0), (x1, y1, z1) = CRANK, SADDLE
+    return x0 + share * (x1 - x0), y0 + share * (y1 - y0), z0 + share * (z1 - z0)
 
 
 def _handlebar(p: BicycleParams) -> list[Asset]:
@@ -138,7 +140,7 @@ def _handlebar(p: BicycleParams) -> list[Asset]:
     _, _, head = _steering(p)
     x, y, z = BAR
     clamp = (head[0] - 0.01, 0.0, z - 0.01) if p.bar != "drop" else (x - 0.03, 0.0, z - 0.02)
-    parts = [_rod(head, clamp, 0.9 * p.tube, STEEL, "metal")]
+    parts = [rod(head, clamp, 0.9 * p.tube, STEEL)]
     for side in (1, -1):
         if p.bar == "drop":
             bend, hook = (x + 0.01, side * (y - 0.03), z), (x + 0.11, side * (y - 0.03), z - 0.05)
@@ -148,7 +150,7 @@ def _handlebar(p: BicycleParams) -> list[Asset]:
             back = 0.12 if p.bar == "swept" else 0.02
             knee = (clamp[0], side * 0.14, z)
             lines = [(clamp, knee, STEEL), (knee, (x - back, side * (y + 0.05), z), BLACK)]
-        parts += [_rod(a, b, 0.015, color, "metal") for a, b, color in lines]
+        parts += [rod(a, b, 0.015, color) for a, b, color in lines]
     return parts
 
 
@@ -162,9 +164,8 @@ def _drive(p: BicycleParams) -> list[Asset]:
         polygon([(tip, 0, z), (tail, 0.075, z), (tail, 0, z - 0.07), (x, 0, z - 0.05)], BLACK),
         polygon([(tip, 0, z), (tail, -0.075, z), (tail, 0, z - 0.07), (x, 0, z - 0.05)], BLACK),
     ]
-    angle = np.arange(8) * np.pi / 4
-    sprocket = np.column_stack([np.cos(angle), np.zeros(8), np.sin(angle)]) * 0.085
-    parts.append(polygon(sprocket + [CRANK[0], -0.045, CRANK[2]], STEEL, "metal"))
+    sprocket = circle((CRANK[0], -0.045, CRANK[2]), 0.085, 8)
+    parts.append(polygon(sprocket, STEEL, "metal"))
     rear = -p.wheelbase / 2
     low, high = (rear, -0.05, p.wheel_radius - 0.02), (CRANK[0], -0.05, CRANK[2] + 0.07)
     chain = [low, (CRANK[0], -0.05, CRANK[2] - 0.07), high, (rear, -0.05, p.wheel_radius + 0.02)]
@@ -172,7 +173,7 @@ def _drive(p: BicycleParams) -> list[Asset]:
     for pedal in pedals():
         side = np.sign(pedal[1])
         start = (CRANK[0], side * 0.06, CRANK[2])
-        parts.append(_rod(start, (pedal[0], side * 0.07, pedal[2]), 0.014, STEEL, "metal"))
+        parts.append(rod(start, (pedal[0], side * 0.07, pedal[2]), 0.014, STEEL))
         low = (pedal[0] - 0.05, pedal[1] - 0.05, pedal[2] - 0.012)
         high = (pedal[0] + 0.05, pedal[1] + 0.05, pedal[2] + 0.012)
         parts.append(block(low, high, BLACK))
@@ -188,29 +189,22 @@ def pedals() -> tuple[Point, Point]:
 
 def _fittings(p: BicycleParams) -> list[Asset]:
     """Mudguards, rack, basket and lamps."""
-    radius = p.wheel_radius + 0.02
     parts = []
+    rear, front = -p.wheelbase / 2, p.wheelbase / 2
+    top = 2 * p.wheel_radius + 0.07
     if p.mudguards:
-        for x, angles in (
-            (-p.wheelbase / 2, (0.6, 1.5, 2.3, 3.1)),
-            (p.wheelbase / 2, (0.5, 1.5, 2.4)),
-        ):
-            arc = [(x + radius * np.cos(a), p.wheel_radius + radius * np.sin(a)) for a in angles]
-            for (x0, z0), (x1, z1) in pairwise(arc):
-                strip = [(x0, -0.03, z0), (x0, 0.03, z0), (x1, 0.03, z1), (x1, -0.03, z1)]
-                parts.append(polygon(strip, p.color, "paint"))
-    rear, top = -p.wheelbase / 2, 2 * p.wheel_radius + 0.07
+        for x, angles in ((rear, (0.6, 1.5, 2.3, 3.1)), (front, (0.5, 1.5, 2.4))):
+            hub = (x, 0.0, p.wheel_radius)
+            parts.append(mudguard(hub, p.wheel_radius + 0.02, 0.06, angles, p.color))
     if p.rack:
         parts.append(block((rear - 0.17, -0.06, top), (rear + 0.2, 0.06, top + 0.02), BLACK))
-        parts.append(_rod((rear - 0.1, 0.0, top), (rear, 0.0, p.wheel_radius), 0.012, BLACK))
-        back = [
-            (rear - 0.18, y, z) for y, z in ((-0.03, -0.05), (0.03, -0.05), (0.03, 0), (-0.03, 0))
-        ]
-        parts.append(polygon(np.array(back) + [0, 0, top], TAILLAMP, "lamp"))
+        parts.append(rod((rear - 0.1, 0.0, top), (rear, 0.0, p.wheel_radius), 0.012, BLACK))
+        parts.append(card((rear - 0.18, 0.0, top - 0.025), 0.06, 0.05, TAILLAMP, "lamp"))
+    x = front - 0.1
     if p.basket:
-        x, z = p.wheelbase / 2 - 0.1, 2 * p.wheel_radius + 0.1
-        parts.append(block((x, -0.16, z), (x + 0.26, 0.16, z + 0.2), (0.10, 0.065, 0.035)))
+        low, high = (x, -0.16, top + 0.03), (x + 0.26, 0.16, top + 0.23)
+        parts.append(block(low, high, _WICKER))
     elif p.mudguards:
-        x, z = p.wheelbase / 2 - 0.1, 2 * p.wheel_radius + 0.08
-        parts.append(block((x, -0.03, z), (x + 0.06, 0.03, z + 0.07), HEADLAMP, "lamp"))
+        low, high = (x, -0.03, top + 0.01), (x + 0.06, 0.03, top + 0.08)
+        parts.append(block(low, high, HEADLAMP, "lamp"))
     return parts

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, merge, vary
+from scene.asset import Asset, Color, block, merge
 from scene.assets._palette import AMBER, BLACK, GLASS, HEADLAMP, PLATE, STEEL, TAILLAMP, TRIM, pick
 from scene.assets._vehicle import Walls, arch, axle, hull, lamps, panel, walls, window_row
 
@@ -63,7 +63,7 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
         height=model.height * rng.uniform(0.98, 1.02),
         bays=model.bays + int(rng.integers(0, 2)),
         color=color,
-        skirt=vary(rng, pick(rng, _LIVERIES) if rng.random() < 0.4 else BLACK, 0.3),
+        skirt=pick(rng, _LIVERIES if rng.random() < 0.4 else (BLACK, TRIM)),
         stripe=bool(rng.random() < 0.5),
     )
 
@@ -85,10 +85,10 @@ def bus(params: BusParams) -> Asset:
         if deck:
             parts.append(window_row(side.right, p.bays, (start, end), (low, high), 0.09))
     for wall in (side.left, side.right):
-        parts.append(panel(wall, (0, 1), (0, 0.1), p.skirt))
+        parts.append(panel(wall, (0, 1), (0, 0.1), p.skirt, lift=0.006))
         if p.stripe:
             low = p.glass[0] / p.decks
-            parts.append(panel(wall, (0, 1), (low - 0.09, low - 0.03), p.skirt))
+            parts.append(panel(wall, (0, 1), (low - 0.09, low - 0.03), p.skirt, lift=0.006))
     return merge(*parts)
 
 
@@ -154,6 +154,5 @@ def _ends(p: BusParams, side: Walls) -> list[Asset]:
     ]
     x, z = p.length / 2 + 0.1, min(2.3, 0.75 * p.height)
     for y in (p.width / 2 + 0.12, -p.width / 2 - 0.12):
-        low, high = (x - 0.12, y - 0.09, z - 0.35), (x, y + 0.09, z)
-        parts.append(block(low, high, TRIM))
+        parts.append(block((x - 0.12, y - 0.09, z - 0.35), (x, y + 0.09, z), TRIM))
     return parts

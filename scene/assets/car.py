@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, extrude, loft, merge, polygon, vary
+from scene.asset import Asset, Color, Point, block, extrude, loft, merge, polygon, vary
 from scene.assets._palette import (
     BLACK,
     GLASS,
@@ -108,11 +108,6 @@ def _axles(p: CarParams) -> tuple[float, float]:
     return front, front - p.wheelbase
 
 
-def _side(p: CarParams) -> float:
-    """Half the width at the belt, m."""
-    return 0.465 * p.width
-
-
 def _section(p: CarParams, share: float, low: float) -> np.ndarray:
     """The open cross-section of the body at ``share`` of the length: sill, crease, shoulder."""
     half = np.interp(share, [0, 0.05, 0.16, 0.84, 0.96, 1], [0.80, 0.94, 1, 1, 0.95, 0.86])
@@ -125,7 +120,7 @@ def _section(p: CarParams, share: float, low: float) -> np.ndarray:
     crease = max(low + 0.04, 0.62 * p.hood)
     left = np.array([(0.95 * half, low), (half, crease), (0.93 * half, top)])
     line = np.concatenate([left, left[::-1] * [-1, 1]])
-    return np.column_stack([np.full(6, p.length * (0.5 - share)), line])
+    return np.column_stack([np.full(6, _at(p, share)), line])
 
 
 def _stations(p: CarParams) -> list[tuple[float, float]]:
@@ -151,54 +146,68 @@ def _body(p: CarParams) -> Asset:
     )
 
 
+def _at(p: CarParams, share: float) -> float:
+    """X at a share of the length, m."""
+    return p.length * (0.5 - share)
+
+
+def _roofline(p: CarParams) -> tuple[float, float]:
+    """Where the cabin meets the body, and the top of its windscreen; m."""
+    return p.belt - 0.03, p.height - 0.03
+
+
+def _beside(p: CarParams, share: float, height: float, side: int, out: float = 0.012) -> Point:
+    """A point ``out`` m outside the cabin's leaning flank, left for ``side`` 1."""
+    foot, _ = _roofline(p)
+    lean = (height - foot) / (p.height - foot)
+    half = 0.465 * p.width * (0.99 + (p.tumblehome - 0.99) * lean)
+    return _at(p, share), side * (half + out), height
+
+
 def _cabin(p: CarParams) -> list[Asset]:
-    """Roof and pillars in body colour, with windscreen, rear and side windows laid on."""
-
-    def x(share: float) -> float:
-        return p.length * (0.5 - share)
-
-    foot = p.belt - 0.03
-    top = p.height - 0.03
-    half, half_roof = _side(p) * 0.99, _side(p) * p.tumblehome
+    """Roof and pillars in body colour, with windscreen and rear window laid on."""
+    foot, top = _roofline(p)
     middle = (p.roof_front + p.roof_rear) / 2
-    outline = [(x(p.cowl), foot), (x(p.roof_front), top), (x(middle), p.height)]
-    outline += [(x(p.roof_rear), top), (x(p.tail), foot)]
+    outline = [(p.cowl, foot), (p.roof_front, top), (middle, p.height)]
+    outline += [(p.roof_rear, top), (p.tail, foot)]
+    width, top_width = (2 * _beside(p, 0, z, 1, 0)[1] for z in (foot, p.height))
 
-    def at(along: float, height: float, side: float, out: float = 0.012) -> tuple[float, ...]:
-        share = (height - foot) / (p.height - foot)
-        return along, side * (half + (half_roof - half) * share + out), height
+    def screen(low: float, high: float, right: int) -> np.ndarray:
+        ends = ((low, foot, right), (low, foot, -right), (high, top, -right), (high, top, right))
+        return np.array([_beside(p, *end, 0) for end in ends])
 
-    def screen(low: float, high: float) -> np.ndarray:
-        sign = 1 if low < high else -1  # the windscreen's top lies further back than its foot
-        ends = [(x(low), foot, -sign), (x(low), foot, sign), (x(high), top, sign)]
-        return np.array([at(*e, 0.0) for e in [*ends, (x(high), top, -sign)]])
-
-    parts = [
-        extrude(outline, 2 * half, p.color, "paint", top_width=2 * half_roof),
-        panel(screen(p.cowl, p.roof_front), (0.05, 0.95), (0.06, 0.95), GLASS, "glass"),
-        panel(screen(p.tail, p.roof_rear), (0.08, 0.92), (0.1, 0.92), GLASS, "glass"),
+    front = screen(p.cowl, p.roof_front, -1)
+    rear = screen(p.tail, p.roof_rear, 1)
+    shell = [(_at(p, share), z) for share, z in outline]
+    return [
+        extrude(shell, width, p.color, "paint", top_width=top_width),
+        panel(front, (0.05, 0.95), (0.06, 0.95), GLASS, "glass"),
+        panel(rear, (0.08, 0.92), (0.1, 0.92), GLASS, "glass"),
+        *_flank(p, 1),
+        *_flank(p, -1),
     ]
+
+
+def _flank(p: CarParams, side: int) -> list[Asset]:
+    """Side windows with a pillar between them, the mirror and the roof rail of one side."""
+    foot, top = _roofline(p)
     low, high = p.belt + 0.03, top - 0.05
     rise = (high - foot) / (top - foot)
-    front_high = p.cowl + (p.roof_front - p.cowl) * rise + 0.02
-    rear_high = min(p.tail + (p.roof_rear - p.tail) * rise - 0.015, p.glass_end)
-    pillar = p.cowl + 0.52 * (p.glass_end - p.cowl) + 0.03
-    for side in (1, -1):
-        pane = [(p.cowl + 0.04, low), (front_high, high), (rear_high, high), (p.glass_end, low)]
-        parts.append(polygon([at(x(s), z, side) for s, z in pane], GLASS, "glass"))
-        if p.glass_end > 0.6:
-            post = [(pillar - 0.01, low), (pillar - 0.008, high), (pillar + 0.012, high)]
-            post.append((pillar + 0.014, low))
-            parts.append(polygon([at(x(s), z, side, 0.02) for s, z in post], p.color, "paint"))
-        mirror = x(p.cowl + 0.055)
-        y = side * (half + 0.10)
-        parts.append(
-            block((mirror - 0.05, y - 0.09, p.belt), (mirror + 0.05, y + 0.09, p.belt + 0.12), TRIM)
-        )
-        if p.rails:
-            rail = [(p.roof_front + 0.03, p.height), (p.roof_rear - 0.03, p.height)]
-            rail += [(s, z + 0.05) for s, z in rail[::-1]]
-            parts.append(polygon([at(x(s), z, side, -0.02) for s, z in rail], TRIM, "metal"))
+    front = p.cowl + (p.roof_front - p.cowl) * rise + 0.02
+    rear = min(p.tail + (p.roof_rear - p.tail) * rise - 0.015, p.glass_end)
+    pane = [(p.cowl + 0.04, low), (front, high), (rear, high), (p.glass_end, low)]
+    parts = [polygon([_beside(p, *corner, side) for corner in pane], GLASS, "glass")]
+    if p.glass_end > 0.6:  # more than one window
+        x = p.cowl + 0.52 * (p.glass_end - p.cowl) + 0.03
+        post = [(x - 0.01, low), (x - 0.008, high), (x + 0.012, high), (x + 0.014, low)]
+        parts.append(polygon([_beside(p, *end, side, 0.02) for end in post], p.color, "paint"))
+    x, y, z = _beside(p, p.cowl + 0.055, p.belt, side, 0.1)
+    parts.append(block((x - 0.05, y - 0.09, z), (x + 0.05, y + 0.09, z + 0.12), TRIM))
+    if p.rails:
+        start, end = p.roof_front + 0.03, p.roof_rear - 0.03
+        rail = [(start, 0.0), (end, 0.0), (end, 0.05), (start, 0.05)]
+        corners = [_beside(p, s, p.height + up, side, -0.02) for s, up in rail]
+        parts.append(polygon(corners, TRIM, "metal"))
     return parts
 
 
@@ -219,10 +228,8 @@ def _ends(p: CarParams) -> list[Asset]:
         lamps(rear, (0.01, 0.2), (0.62, 0.93), TAILLAMP),
     ]
     nose = _section(p, 0, p.sill + 0.05)
-    for low, high in ((1, 2), (4, 3)):
-        facet = np.array([nose[low], corner[low], corner[high], nose[high]])
-        if low == 4:
-            facet = facet[[1, 0, 3, 2]]
+    left = np.array([corner[1], nose[1], nose[2], corner[2]])
+    for facet in (left, left[[1, 0, 3, 2]] * [1, -1, 1]):  # lamps reach round the corners
         parts.append(panel(facet, (0, 1), (0.55, 0.92), HEADLAMP, "lamp", lift=0.01))
     return parts
 
@@ -234,10 +241,8 @@ def _sills(p: CarParams, axles: tuple[float, float]) -> list[Asset]:
     half = p.width / 2
     strips = []
     for side in (1, -1):
-        low, high = (
-            (side * (0.95 * half + 0.01), p.sill),
-            (side * (0.98 * half + 0.01), p.sill + 0.14),
-        )
-        corners = [(start, *low), (end, *low), (end, *high), (start, *high)]
-        strips.append(polygon(corners, TRIM))
+        low, high = side * (0.95 * half + 0.01), side * (0.98 * half + 0.01)
+        ends = [(start, low), (end, low), (end, high), (start, high)]
+        heights = (p.sill, p.sill, p.sill + 0.14, p.sill + 0.14)
+        strips.append(polygon([(*e, z) for e, z in zip(ends, heights, strict=True)], TRIM))
     return strips

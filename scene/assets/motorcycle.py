@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from scene.asset import Asset, Color, Point, block, disc, loft, merge, polygon, tube
 from scene.assets._palette import BLACK, HEADLAMP, PLATE, STEEL, TAILLAMP, TRIM, TYRE, darker, pick
+from scene.assets._vehicle import card, circle, mudguard, rod
 
 SADDLE: Point = (-0.18, 0.0, 0.80)
 """Top of the seat where the rider sits, m."""
@@ -79,22 +79,14 @@ def motorcycle(params: MotorcycleParams) -> Asset:
 def _wheel(p: MotorcycleParams, x: float) -> Asset:
     """A tyre with a bright rim around a dark disc on either side."""
     half, radius = p.tyre / 2, p.wheel_radius
-    parts = [loft([_circle(x, y, radius, radius, 12) for y in (half, -half)], TYRE, "rubber")]
+    tread = [circle((x, y, radius), radius, 12) for y in (half, -half)]
+    parts = [loft(tread, TYRE, "rubber")]
     for y in (half, -half):
-        parts.append(polygon(_circle(x, 1.08 * y, radius, 0.66 * radius, 8), STEEL, "metal"))
-        parts.append(polygon(_circle(x, 1.16 * y, radius, 0.45 * radius, 6), TRIM, "metal"))
+        parts += [
+            polygon(circle((x, 1.08 * y, radius), 0.66 * radius, 8), STEEL, "metal"),
+            polygon(circle((x, 1.16 * y, radius), 0.45 * radius, 6), TRIM, "metal"),
+        ]
     return merge(*parts)
-
-
-def _circle(x: float, y: float, z: float, radius: float, sides: int) -> np.ndarray:
-    """Points of a circle that stands in the x-z plane, the first one lowest."""
-    angle = (np.arange(sides) / sides - 0.25) * 2 * np.pi
-    ring = [x + radius * np.cos(angle), np.full(sides, y), z + radius * np.sin(angle)]
-    return np.column_stack(ring)
-
-
-def _rod(start: Point, end: Point, radius: float, color: Color) -> Asset:
-    return tube(start, end, radius, color, "metal", sides=4, caps=False)
 
 
 def _slab(stations: list[tuple[float, float, float, float]], color: Color, material: str) -> Asset:
@@ -116,24 +108,20 @@ def _front(p: MotorcycleParams) -> list[Asset]:
     parts = []
     for side in (1, -1):
         foot = (hub, side * (p.tyre / 2 + 0.035), p.wheel_radius)
-        parts.append(_rod(foot, (crown[0], side * 0.09, crown[1]), 0.028, STEEL))
+        parts.append(rod(foot, (crown[0], side * 0.09, crown[1]), 0.028, STEEL))
         inner = (crown[0], side * 0.08, z - 0.02)
-        parts.append(_rod(inner, (x - 0.04, side * (y + 0.05), z), 0.018, BLACK))
+        parts.append(rod(inner, (x - 0.04, side * (y + 0.05), z), 0.018, BLACK))
         glass = (x + 0.04, side * (y - 0.02), z + 0.17)
-        parts.append(_rod((x + 0.02, side * (y - 0.1), z), glass, 0.01, BLACK))
-        edge = [(-0.06, -0.03), (0.06, -0.03), (0.06, 0.05), (-0.06, 0.05)]
-        parts.append(polygon([(glass[0], glass[1] + dy, glass[2] + dz) for dy, dz in edge], TRIM))
+        parts.append(rod((x + 0.02, side * (y - 0.1), z), glass, 0.01, BLACK))
+        parts.append(card(glass, 0.12, 0.08, TRIM))
     if not p.fairing:
         end = (crown[0] + 0.13, 0.0, crown[1] - 0.1)
         start = (crown[0], 0.0, end[2])
         parts.append(tube(start, end, 0.085, p.color, "paint", sides=6, caps=False))
         parts.append(disc(end, 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=6))
-    radius, half = p.wheel_radius + 0.025, p.tyre / 2 + 0.01
-    arc = [(hub + radius * np.cos(a), p.wheel_radius + radius * np.sin(a)) for a in (0.6, 1.5, 2.5)]
-    for (x0, z0), (x1, z1) in pairwise(arc):
-        strip = [(x0, -half, z0), (x0, half, z0), (x1, half, z1), (x1, -half, z1)]
-        parts.append(polygon(strip, p.color, "paint"))
-    return parts
+    centre = (hub, 0.0, p.wheel_radius)
+    guard = mudguard(centre, p.wheel_radius + 0.025, p.tyre + 0.02, (0.6, 1.5, 2.5), p.color)
+    return [*parts, guard]
 
 
 def _machine(p: MotorcycleParams) -> list[Asset]:
@@ -150,21 +138,13 @@ def _machine(p: MotorcycleParams) -> list[Asset]:
         _slab(seat, p.seat_color, "plain"),
         block((-0.22, -0.14, 0.22), (0.26, 0.14, 0.52), p.engine_color, "metal"),
         block((-0.16, -0.11, 0.50), (0.20, 0.11, 0.72), darker(p.engine_color, 0.4), "metal"),
-        tube(
-            (-0.1, -0.18, 0.26),
-            (rear - 0.05, -0.2, 0.42),
-            0.055,
-            STEEL,
-            "metal",
-            sides=5,
-            caps=False,
-        ),
-        _rod((0.24, -0.15, 0.45), (-0.1, -0.18, 0.27), 0.03, STEEL),
-        _rod((0.38, 0, z + 0.02), (0.22, 0, 0.3), 0.04, BLACK),
+        rod((-0.1, -0.18, 0.26), (rear - 0.05, -0.2, 0.42), 0.06, STEEL),
+        rod((0.24, -0.15, 0.45), (-0.1, -0.18, 0.27), 0.03, STEEL),
+        rod((0.38, 0, z + 0.02), (0.22, 0, 0.3), 0.04, BLACK),
     ]
     for y in (0.1, -0.1):
-        parts.append(_rod((-0.15, y, 0.42), (rear, y, radius), 0.035, BLACK))
-        parts.append(_rod((rear + 0.06, y, radius), (x - 0.12, y, z - 0.05), 0.022, STEEL))
+        parts.append(rod((-0.15, y, 0.42), (rear, y, radius), 0.035, BLACK))
+        parts.append(rod((rear + 0.06, y, radius), (x - 0.12, y, z - 0.05), 0.022, STEEL))
     if p.fairing:
         parts.append(_fairing(p))
     return parts
@@ -203,13 +183,9 @@ def _extras(p: MotorcycleParams) -> list[Asset]:
     """Rear lamp, plate, windscreen and luggage."""
     back = -p.wheelbase / 2 - (0.24 if p.scooter else 0.16)
     z = SADDLE[2] - 0.08 + (0 if p.scooter else p.tail)
-    slope = [(back, -0.06, z), (back, 0.06, z), (back, 0.06, z + 0.07), (back, -0.06, z + 0.07)]
-    plate = [
-        (back - 0.02, y, h) for y, h in ((-0.1, -0.22), (0.1, -0.22), (0.1, -0.06), (-0.1, -0.06))
-    ]
     parts = [
-        polygon(slope, TAILLAMP, "lamp"),
-        polygon(np.array(plate) + [0, 0, z], PLATE),
+        card((back, 0.0, z + 0.035), 0.12, 0.07, TAILLAMP, "lamp"),
+        card((back - 0.02, 0.0, z - 0.14), 0.2, 0.16, PLATE),
     ]
     if p.screen:
         x, top = BAR[0] + 0.14, BAR[2] + p.screen
@@ -218,16 +194,17 @@ def _extras(p: MotorcycleParams) -> list[Asset]:
         screen = [*low, (x - 0.14, 0.7 * wide, top), (x - 0.14, -0.7 * wide, top)]
         parts.append(polygon(screen, (0.12, 0.14, 0.15), "glass"))
     if p.cases:
-        rear = -p.wheelbase / 2
-        top = SADDLE[2] + 0.06
-        reach = 0.2 if p.scooter else 0.17
-        low, high = (
-            (rear - 0.25, -reach, top),
-            (rear + 0.17, reach, top + (0.42 if p.scooter else 0.28)),
-        )
-        parts.append(block(low, high, p.color if p.scooter else TRIM, "paint"))
-        if not p.scooter:
-            for y in (0.24, -0.24):
-                low, high = (rear - 0.28, y - 0.1, 0.42), (rear + 0.22, y + 0.1, 0.76)
-                parts.append(block(low, high, p.color, "paint"))
+        parts += _cases(p)
     return parts
+
+
+def _cases(p: MotorcycleParams) -> list[Asset]:
+    """A delivery box on a scooter; panniers and a top case on a tourer."""
+    rear, low = -p.wheelbase / 2, SADDLE[2] + 0.06
+    if p.scooter:
+        return [block((rear - 0.25, -0.2, low), (rear + 0.17, 0.2, low + 0.42), p.color, "paint")]
+    top = block((rear - 0.25, -0.17, low), (rear + 0.17, 0.17, low + 0.28), TRIM)
+    return [top] + [
+        block((rear - 0.28, y - 0.1, 0.42), (rear + 0.22, y + 0.1, 0.76), p.color, "paint")
+        for y in (0.24, -0.24)
+    ]

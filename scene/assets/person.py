@@ -97,7 +97,7 @@ def _pose(p: PersonParams) -> Pose:
     """Left foot ahead, right arm ahead; the hips sink as the feet part."""
     h, half = p.height, p.stride / 2
     leg = (THIGH + SHIN) * h
-    hip = ANKLE * h + float(np.sqrt(leg**2 - half**2)) - 0.01 * h
+    hip = ANKLE * h + float(np.sqrt(leg**2 - half**2)) - 0.003 * h
     lift = 0.25 * half  # the heel behind leaves the ground
     reach = 0.965 * (UPPER_ARM + FOREARM) * h
     swing = 0.75 * half
@@ -123,7 +123,7 @@ def _hem(p: PersonParams, pose: Pose) -> Asset:
     low = pose.hip[2] * (1 - p.hem)
     deep = 0.07 * p.height * p.girth
     wide = 0.095 * p.height * p.girth**0.5
-    stretched = max(deep * p.flare, p.stride / 2 * p.hem + 0.055 * p.height)  # over both legs
+    stretched = max(deep * p.flare, p.stride / 2 * p.hem + 0.075 * p.height)  # over both legs
     forward = np.array([1.0, 0, 0])
     rings = [
         oval(np.array([0.01, 0, waist]), forward, 0.95 * deep, 0.95 * wide),

@@ -82,7 +82,7 @@ def sample_rider(rng: np.random.Generator, kind: str) -> RiderParams:
         girth=rng.uniform(0.95, 1.15),
         lean=rng.uniform(*_LEANS[kind]),
         outfit=outfit,
-        backpack=pick(rng, _JERSEYS, 0.4) if kind == "cyclist with backpack" else None,
+        backpack=pick(rng, _JERSEYS) if kind == "cyclist with backpack" else None,
     )
 
 

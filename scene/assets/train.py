@@ -11,9 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, loft, merge, translate, tube
+from scene.asset import Asset, Color, block, loft, merge, translate
 from scene.assets._palette import AMBER, BLACK, GLASS, HEADLAMP, STEEL, TAILLAMP, TRIM, darker, pick
-from scene.assets._vehicle import Walls, axle, hull, lamps, panel, walls, window_row
+from scene.assets._vehicle import Walls, axle, hull, lamps, panel, rod, walls, window_row
 
 
 class TrainParams(NamedTuple):
@@ -109,9 +109,9 @@ def _pantograph(p: TrainParams) -> list[Asset]:
     bar = [(head[0], y, head[2]) for y in (-0.75, 0.75)]
     return [
         block((x - 0.6, -0.5, top - 0.02), (x + 0.6, 0.5, top + 0.16), TRIM),
-        tube((x + 0.3, 0, top), elbow, 0.035, STEEL, "metal", sides=4, caps=False),
-        tube(elbow, head, 0.03, STEEL, "metal", sides=4, caps=False),
-        tube(bar[0], bar[1], 0.03, STEEL, "metal", sides=4, caps=False),
+        rod((x + 0.3, 0, top), elbow, 0.035, STEEL),
+        rod(elbow, head, 0.03, STEEL),
+        rod(bar[0], bar[1], 0.03, STEEL),
     ]
 
 
