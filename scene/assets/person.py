@@ -11,6 +11,7 @@ from scene.assets._human import (
     ANKLE,
     CLOTHES,
     FOREARM,
+    HAIRS,
     SHIN,
     THIGH,
     TORSO,
@@ -50,6 +51,8 @@ def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
     child = kind == "child"
     height = rng.uniform(1.0, 1.4) if child else float(np.clip(rng.normal(1.71, 0.09), 1.52, 1.92))
     outfit = sample_outfit(rng)
+    if child:
+        outfit = outfit._replace(hair=pick(rng, HAIRS[:-1]))  # not grey
     hem, hem_color, flare = 0.0, outfit.top, 1.1
     if kind == "coat":
         hem, flare = rng.uniform(0.35, 0.6), 1.15
@@ -123,12 +126,12 @@ def _hem(p: PersonParams, pose: Pose) -> Asset:
     low = pose.hip[2] * (1 - p.hem)
     deep = 0.07 * p.height * p.girth
     wide = 0.095 * p.height * p.girth**0.5
-    stretched = max(deep * p.flare, p.stride / 2 * p.hem + 0.075 * p.height)  # over both legs
+    stretched = max(1.2 * deep * p.flare, p.stride / 2 * p.hem + 0.1 * p.height)  # over both legs
     forward = np.array([1.0, 0, 0])
     rings = [
         oval(np.array([0.01, 0, waist]), forward, 0.95 * deep, 0.95 * wide),
-        oval(np.array([0, 0, pose.hip[2] - 0.05]), forward, 1.05 * deep, 1.08 * wide),
-        oval(np.array([0, 0, low]), forward, stretched, wide * p.flare),
+        oval(np.array([0, 0, pose.hip[2] - 0.05]), forward, 1.3 * deep, 1.15 * wide),
+        oval(np.array([0, 0, low]), forward, stretched, 1.1 * wide * p.flare),
     ]
     return loft(rings, p.hem_color, "cloth", caps=False)
 
