@@ -67,8 +67,8 @@ def colour(
     Returns:
         RGB, clipped to [0, 1].
     """
-    gamma = MAX_GAMMA ** _between(draws[:, GAMMA], -1, 1)
-    gain = MAX_GAIN ** _between(draws[:, GAIN], -1, 1)
+    gamma = MAX_GAMMA ** _between(draws[:, GAMMA], -1.0, 1.0)
+    gain = MAX_GAIN ** _between(draws[:, GAIN], -1.0, 1.0)
     contrast = _between(draws[:, CONTRAST], 1 - MAX_CONTRAST, 1 + MAX_CONTRAST)
     saturation = _between(draws[:, SATURATION], 1 - MAX_SATURATION, 1 + MAX_SATURATION)
     x = gain * jnp.maximum(images, 1e-4) ** gamma

@@ -1,0 +1,154 @@
+"""The CamVid reader, on tiny folders and on the real one."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from seg.classes import CAMVID_11
+from seg.data import DataError, list_camvid, load, read_camvid, subset
+
+from .conftest import H, W, label_values, write_image, write_label
+
+
+def test_public_lists_are_read(camvid):
+    data = read_camvid(camvid, "train")
+    assert data.names == ("0001TP_000001", "0001TP_000002", "Seq05VD_f00003")
+    assert data.sequences == ("0001TP", "0001TP", "Seq05VD")
+    assert data.images.shape == (3, H, W, 3) and data.images.dtype == np.uint8
+    for i, label in enumerate(data.labels):
+        np.testing.assert_array_equal(label, CAMVID_11.from_file[label_values(i, 11)])
+
+
+def test_folders_without_lists_give_the_same(camvid):
+    listed = read_camvid(camvid, "train")
+    (camvid / "train.txt").unlink()
+    found = read_camvid(camvid, "train")
+    assert found.names == listed.names
+    np.testing.assert_array_equal(found.labels, listed.labels)
+
+
+@pytest.mark.parametrize("listed", ["png", "jpg"])
+def test_the_extension_on_disk_wins(camvid, listed):
+    on_disk = {"png": "jpg", "jpg": "png"}[listed]
+    for path in (camvid / "train").iterdir():
+        Image.open(path).save(path.with_suffix(f".{on_disk}"))
+        if on_disk != "png":
+            path.unlink()
+    text = (camvid / "train.txt").read_text()
+    (camvid / "train.txt").write_text(text.replace(".png /", f".{listed} /"))
+    entries = list_camvid(camvid, "train")
+    assert {entry.image_path.suffix for entry in entries} == {f".{on_disk}"}
+    assert len(load(entries, CAMVID_11).images) == 3
+
+
+def test_relative_lists_and_blank_lines(camvid):
+    text = (camvid / "train.txt").read_text().replace("/SegNet/CamVid/", "")
+    (camvid / "train.txt").write_text(f"\n{text}\n\n")
+    assert len(list_camvid(camvid, "train")) == 3
+
+
+def test_resizing(tmp_path):
+    corners = np.array([[0, 1], [2, 3]])
+    write_label(tmp_path / "trainannot" / "a_1.png", np.kron(corners, np.ones((6, 8), int)))
+    shades = np.kron(60 * corners, np.ones((6, 8), int)).astype(np.uint8)
+    (tmp_path / "train").mkdir()
+    Image.fromarray(shades).convert("RGB").save(tmp_path / "train" / "a_1.png")
+    for size in ((4, 4), (2, 2), (24, 32)):
+        data = read_camvid(tmp_path, "train", size)
+        assert data.images.shape == (1, *size, 3) and data.labels.shape == (1, *size)
+        if size != (24, 32):
+            np.testing.assert_array_equal(data.images[0, ..., 0], 60 * data.labels[0].astype(int))
+        blocks = np.kron(corners, np.ones((size[0] // 2, size[1] // 2), int))
+        np.testing.assert_array_equal(data.labels[0], blocks)
+
+
+def test_limit_is_a_seeded_subset_in_order(camvid):
+    entries = list_camvid(camvid, "train")
+    assert subset(entries, 2, seed=1) == subset(entries, 2, seed=1)
+    assert len({subset(entries, 2, seed) for seed in range(20)}) == 3
+    assert all(list(kept) == sorted(kept) for kept in (subset(entries, 2, s) for s in range(5)))
+    assert subset(entries, 99) == subset(entries, None) == entries
+    assert len(read_camvid(camvid, "train", limit=2).names) == 2
+    with pytest.raises(ValueError, match="limit must be at least 1"):
+        subset(entries, 0)
+
+
+def test_missing_folder(tmp_path):
+    with pytest.raises(DataError, match=r"gone: no such folder; expected CamVid"):
+        list_camvid(tmp_path / "gone", "train")
+
+
+def test_missing_split_lists_those_that_exist(camvid):
+    (camvid / "val").mkdir()
+    (camvid / "valannot").mkdir()
+    with pytest.raises(DataError, match=r"no split 'test'.*Splits there: train, val"):
+        list_camvid(camvid, "test")
+
+
+def test_zero_images(camvid):
+    (camvid / "train.txt").write_text("\n")
+    with pytest.raises(DataError, match=r"train\.txt: zero images"):
+        list_camvid(camvid, "train")
+    (camvid / "val").mkdir()
+    (camvid / "valannot").mkdir()
+    with pytest.raises(DataError, match="val: zero images"):
+        list_camvid(camvid, "val")
+    with pytest.raises(DataError, match="zero images to load"):
+        load((), CAMVID_11)
+
+
+@pytest.mark.parametrize("with_list", [True, False])
+def test_image_without_label(camvid, with_list):
+    (camvid / "trainannot" / "0001TP_000002.png").unlink()
+    if not with_list:
+        (camvid / "train.txt").unlink()
+    with pytest.raises(DataError, match=r"0001TP_000002\.png: image without label; expected .*png"):
+        list_camvid(camvid, "train")
+
+
+def test_listed_image_that_does_not_exist(camvid):
+    (camvid / "train" / "0001TP_000002.png").unlink()
+    with pytest.raises(DataError, match=r"0001TP_000002\.png: no such image"):
+        list_camvid(camvid, "train")
+
+
+def test_malformed_list(camvid):
+    (camvid / "train.txt").write_text("train/a.png\n")
+    with pytest.raises(DataError, match=r"train\.txt, line 1: expected 'image label'"):
+        list_camvid(camvid, "train")
+    (camvid / "train.txt").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(DataError, match=r"train\.txt: not a readable text file"):
+        list_camvid(camvid, "train")
+
+
+def test_image_and_label_of_different_size(camvid):
+    write_image(camvid / "train" / "0001TP_000002.png", size=(H + 1, W))
+    with pytest.raises(DataError, match=r"0001TP_000002\.png: 8x6 .* 8x7; both must agree"):
+        read_camvid(camvid, "train")
+
+
+def test_images_of_different_size_need_a_size(camvid):
+    write_image(camvid / "train" / "0001TP_000002.png", size=(H + 1, W))
+    write_label(camvid / "trainannot" / "0001TP_000002.png", np.zeros((H + 1, W)))
+    with pytest.raises(DataError, match=r"0001TP_000002\.png: 8x7 .* 8x6; give a size"):
+        read_camvid(camvid, "train")
+    assert read_camvid(camvid, "train", (3, 4)).labels.shape == (3, 3, 4)
+
+
+def test_size_must_be_positive(camvid):
+    with pytest.raises(ValueError, match=r"size must be a positive \(height, width\)"):
+        read_camvid(camvid, "train", (0, 4))
+
+
+def test_real_camvid(camvid_dir):
+    entries = list_camvid(camvid_dir, "train")
+    assert len(entries) == 367 and len(list_camvid(camvid_dir, "val")) == 101
+    assert {entry.sequence for entry in entries} == {"0001TP", "0006R0", "0016E5"}
+    data = load(subset(entries, 40, seed=1), CAMVID_11, (90, 120))
+    share = np.bincount(data.labels.ravel(), minlength=256) / data.labels.size
+    # Shares over all 367 images: road .32, building .23, sky .17, void .04.
+    for name, expected in (("road", 0.32), ("building", 0.23), ("sky", 0.17)):
+        assert share[CAMVID_11.classes.index(name)] == pytest.approx(expected, abs=0.06)
+    assert 0 < share[255] < 0.1
+    sky, road = (data.images[data.labels == i].mean() for i in (0, 3))
+    assert sky > road + 40

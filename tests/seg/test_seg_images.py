@@ -1,0 +1,121 @@
+"""Decoding of single image and label files."""
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from seg.classes import CAMVID_11, CITYSCAPES_19
+from seg.data import DataError
+from seg.data.images import read_image, read_label
+
+IDS = np.array([[0, 3, 10], [11, 5, 1]])
+MAPPED = np.array([[0, 3, 10], [255, 5, 1]], np.uint8)
+
+
+def test_images_are_rgb(tmp_path):
+    path = tmp_path / "red.png"
+    Image.new("RGB", (3, 2), (250, 10, 20)).save(path)
+    image = read_image(path)
+    assert image.shape == (2, 3, 3) and image.dtype == np.uint8
+    assert (image == (250, 10, 20)).all()
+
+
+@pytest.mark.parametrize("mode", ["L", "LA", "RGBA", "P"])
+def test_other_kinds_of_images_become_rgb(tmp_path, mode):
+    path = tmp_path / "image.png"
+    Image.new("RGB", (3, 2), (102, 102, 102)).convert(mode).save(path)
+    assert (read_image(path) == 102).all()
+
+
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_grey_labels_of_8_and_16_bits(tmp_path, dtype):
+    path = tmp_path / "label.png"
+    cv2.imwrite(str(path), IDS.astype(dtype))
+    np.testing.assert_array_equal(read_label(path, CAMVID_11), MAPPED)
+
+
+def test_palette_labels_keep_their_ids(tmp_path):
+    path = tmp_path / "label.png"
+    picture = Image.fromarray(IDS.astype(np.uint8)).convert("P")
+    picture.putdata(IDS.ravel().tolist())
+    picture.putpalette(np.random.default_rng(0).integers(0, 256, 768).tolist())
+    picture.save(path)
+    assert Image.open(path).mode == "P"
+    np.testing.assert_array_equal(read_label(path, CAMVID_11), MAPPED)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_every_legal_label_is_mapped_by_the_table(tmp_path_factory, seed):
+    path = tmp_path_factory.mktemp("label") / "label.png"
+    values = np.random.default_rng(seed).integers(0, 34, (4, 5), dtype=np.uint8)
+    cv2.imwrite(str(path), values)
+    np.testing.assert_array_equal(read_label(path, CITYSCAPES_19), CITYSCAPES_19.from_file[values])
+
+
+@pytest.mark.parametrize("extension", ["png", "jpg"])
+@pytest.mark.parametrize("keep", [0.0, 0.5, 0.9])
+def test_truncated_images(tmp_path, extension, keep):
+    path = tmp_path / f"image.{extension}"
+    noise = np.random.default_rng(0).integers(0, 256, (40, 50, 3), dtype=np.uint8)
+    Image.fromarray(noise).save(path)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(keep * len(data))])
+    with pytest.raises(DataError, match=rf"image\.{extension}: not a readable image"):
+        read_image(path)
+
+
+def test_a_jpeg_with_bytes_after_its_end_is_read(tmp_path):
+    path = tmp_path / "image.jpg"
+    Image.new("RGB", (9, 7), (40, 50, 60)).save(path)
+    path.write_bytes(path.read_bytes() + b"camera notes")
+    assert read_image(path).shape == (7, 9, 3)
+
+
+@pytest.mark.parametrize("mode", ["L", "P", "I;16"])
+def test_truncated_labels(tmp_path, mode):
+    path = tmp_path / "label.png"
+    noise = np.random.default_rng(0).integers(0, 12, (40, 50))
+    if mode == "P":
+        Image.fromarray(noise.astype(np.uint8)).convert("P").save(path)
+    else:
+        cv2.imwrite(str(path), noise.astype(np.uint8 if mode == "L" else np.uint16))
+    data = path.read_bytes()
+    path.write_bytes(data[: len(data) // 2])
+    with pytest.raises(DataError, match=r"label\.png: not a readable image"):
+        read_label(path, CAMVID_11)
+
+
+@pytest.mark.parametrize("read", [read_image, lambda path: read_label(path, CAMVID_11)])
+def test_files_that_are_no_images(tmp_path, read):
+    path = tmp_path / "notes.png"
+    path.write_text("not an image")
+    with pytest.raises(DataError, match=r"notes\.png: not a readable image"):
+        read(path)
+    with pytest.raises(DataError, match=r"gone\.png: cannot be read \(No such file"):
+        read(tmp_path / "gone.png")
+
+
+@pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA"])
+def test_labels_in_colours(tmp_path, mode):
+    path = tmp_path / "label.png"
+    Image.new(mode, (3, 2)).save(path)
+    with pytest.raises(DataError, match=rf"label\.png: a label of mode {mode}.*one channel"):
+        read_label(path, CAMVID_11)
+
+
+@pytest.mark.parametrize(
+    ("value", "dtype", "table", "message"),
+    [
+        (12, np.uint8, CAMVID_11, r"label value 12 lies outside the camvid table.*0\.\.11"),
+        (34, np.uint8, CITYSCAPES_19, r"label value 34 lies .* cityscapes table.*0\.\.33"),
+        (300, np.uint16, CAMVID_11, "label value 300 lies"),
+    ],
+)
+def test_values_outside_the_table(tmp_path, value, dtype, table, message):
+    path = tmp_path / "label.png"
+    cv2.imwrite(str(path), np.array([[0, value], [1, 2]], dtype))
+    with pytest.raises(DataError, match=rf"label\.png: {message}"):
+        read_label(path, table)

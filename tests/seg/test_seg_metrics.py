@@ -1,0 +1,101 @@
+"""Confusion matrix, IoU, and the rule for absent classes."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from seg.metrics import absent_classes, confusion_matrix, iou, mean_iou
+
+CLASSES = 4
+
+
+def random_pair(seed):
+    rng = np.random.default_rng(seed)
+    labels = rng.integers(0, CLASSES, (3, 5, 6), dtype=np.uint8)
+    labels[rng.random(labels.shape) < 0.2] = 255
+    return rng, labels, rng.integers(0, CLASSES, labels.shape, dtype=np.uint8)
+
+
+def test_by_hand():
+    labels = np.array([[0, 0, 0, 1], [1, 2, 255, 255]], np.uint8)
+    guesses = np.array([[0, 0, 1, 1], [0, 1, 2, 0]], np.uint8)
+    confusion = confusion_matrix(labels, guesses, 3)
+    np.testing.assert_array_equal(confusion, [[2, 1, 0], [1, 1, 0], [0, 1, 0]])
+    assert confusion.dtype == np.int64
+    np.testing.assert_allclose(iou(confusion), [2 / 4, 1 / 4, 0])
+    assert mean_iou(confusion) == pytest.approx(0.25)
+
+
+def test_absent_classes_are_left_out_even_when_predicted():
+    confusion = confusion_matrix(np.array([0, 0, 1]), np.array([0, 2, 1]), CLASSES)
+    np.testing.assert_allclose(iou(confusion), [0.5, 1, np.nan, np.nan])
+    assert mean_iou(confusion) == pytest.approx(0.75)
+    assert absent_classes(confusion, ("a", "b", "c", "d")) == ("c", "d")
+
+
+def test_present_but_never_predicted_counts_zero():
+    confusion = confusion_matrix(np.array([0, 1]), np.array([0, 0]), 2)
+    assert mean_iou(confusion) == pytest.approx((0.5 + 0) / 2)
+
+
+def test_all_void_has_no_mean():
+    confusion = confusion_matrix(np.full((2, 2), 255, np.uint8), np.zeros((2, 2), np.uint8), 3)
+    assert not confusion.any()
+    with pytest.raises(ValueError, match="every label is void"):
+        mean_iou(confusion)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_permuting_labels_permutes_the_matrix(seed):
+    rng, labels, guesses = random_pair(seed)
+    order = rng.permutation(CLASSES).astype(np.uint8)
+    renamed = np.where(labels == 255, 255, order[labels % CLASSES]).astype(np.uint8)
+    before = confusion_matrix(labels, guesses, CLASSES)
+    after = confusion_matrix(renamed, order[guesses], CLASSES)
+    np.testing.assert_array_equal(after[np.ix_(order, order)], before)
+    assert mean_iou(after) == pytest.approx(mean_iou(before))
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_void_pixels_do_not_count(seed):
+    rng, labels, guesses = random_pair(seed)
+    elsewhere = rng.integers(0, CLASSES, labels.shape, dtype=np.uint8)
+    changed = np.where(labels == 255, elsewhere, guesses)
+    confusion = confusion_matrix(labels, guesses, CLASSES)
+    np.testing.assert_array_equal(confusion_matrix(labels, changed, CLASSES), confusion)
+    assert confusion.sum() == (labels != 255).sum()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_matrices_add_up_over_images(seed):
+    _, labels, guesses = random_pair(seed)
+    parts = [confusion_matrix(*pair, classes=CLASSES) for pair in zip(labels, guesses, strict=True)]
+    np.testing.assert_array_equal(sum(parts), confusion_matrix(labels, guesses, CLASSES))
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_iou_is_a_share_and_the_truth_scores_one(seed):
+    _, labels, guesses = random_pair(seed)
+    values = iou(confusion_matrix(labels, guesses, CLASSES))
+    assert np.nanmin(values) >= 0 and np.nanmax(values) <= 1
+    truth = np.where(labels == 255, 0, labels).astype(np.uint8)
+    assert mean_iou(confusion_matrix(labels, truth, CLASSES)) == 1
+
+
+@pytest.mark.parametrize(
+    ("labels", "guesses", "message"),
+    [
+        ([0, 4], [0, 0], r"labels must be in 0\.\.3 .*found 0\.\.4"),
+        ([0, 1], [0, 255], r"predictions must be in 0\.\.3"),
+        ([0, -1], [0, 0], r"labels must be in 0\.\.3"),
+    ],
+)
+def test_ids_outside_the_classes(labels, guesses, message):
+    with pytest.raises(ValueError, match=message):
+        confusion_matrix(np.array(labels), np.array(guesses), CLASSES)
+
+
+def test_shapes_must_agree():
+    with pytest.raises((TypeError, ValueError)):  # TypeError: from the shape check of the tests
+        confusion_matrix(np.zeros((2, 2), int), np.zeros((2, 3), int), CLASSES)

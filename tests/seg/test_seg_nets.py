@@ -1,0 +1,141 @@
+"""Nets: shapes and parameter counts at full size (without running), behaviour at a small one."""
+
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from flax import linen as nn
+from hypothesis import given
+from hypothesis import strategies as st
+
+from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, net, normalise
+from seg.nets.fcn8s import bilinear_kernel
+from seg.nets.resize import bilinear, repeat_pixels, space_to_depth
+
+VGG16_CONVS = 14_714_688
+
+
+def outline(module, *shape):
+    """Output and parameters as shapes, from `eval_shape`: nothing is computed."""
+    rngs = {"params": jax.random.key(0), "dropout": jax.random.key(1)}
+    train = {} if isinstance(module, VGG16) else {"train": True}
+    run = lambda images: module.init_with_output(rngs, images, **train)  # noqa: E731
+    out, variables = jax.eval_shape(run, jax.ShapeDtypeStruct(shape, jnp.float32))
+    assert set(variables) == {"params"}
+    return out, sum(leaf.size for leaf in jax.tree.leaves(variables))
+
+
+def conv(side, c_in, c_out):
+    return side * side * c_in * c_out + c_out
+
+
+def test_vgg16_has_the_published_count():
+    channels = [3, 64, 64, 128, 128, 256, 256, 256, 512, 512, 512, 512, 512, 512]
+    by_hand = sum(conv(3, c_in, c_out) for c_in, c_out in pairwise(channels))
+    assert by_hand == VGG16_CONVS
+    for atrous in (False, True):
+        assert outline(VGG16(atrous=atrous), 1, 64, 96, 3)[1] == VGG16_CONVS
+
+
+def test_vgg16_strides():
+    plain, _ = outline(VGG16(), 1, 320, 640, 3)
+    assert [p.shape[1:] for p in plain] == [
+        (160, 320, 64),
+        (80, 160, 128),
+        (40, 80, 256),
+        (20, 40, 512),
+        (10, 20, 512),
+    ]
+    atrous, _ = outline(VGG16(atrous=True), 1, 320, 640, 3)
+    assert [p.shape[1] for p in atrous] == [160, 80, 40, 40, 40]
+
+
+@pytest.mark.parametrize("classes", [11, 19, 21])
+def test_fcn8s_count(classes):
+    out, count = outline(FCN8s(classes), 2, 360, 480, 3)
+    heads = conv(7, 512, 4096) + conv(1, 4096, 4096)
+    scores = conv(1, 4096, classes) + conv(1, 512, classes) + conv(1, 256, classes)
+    assert out.shape == (2, 360, 480, classes)
+    assert count == VGG16_CONVS + heads + scores + 2 * 4 * 4 * classes**2
+
+
+@pytest.mark.parametrize("classes", [11, 19, 21])
+def test_deeplabv2_count(classes):
+    out, count = outline(DeepLabV2(classes), 2, 320, 640, 3)
+    branch = conv(3, 512, 1024) + conv(1, 1024, 1024) + conv(1, 1024, classes)
+    assert out.shape == (2, 320, 640, classes)
+    assert count == VGG16_CONVS + 4 * branch
+
+
+def test_compact_count():
+    def block(c_in, c_out):
+        return 9 * c_in * c_out + 2 * c_out  # no bias; GroupNorm has two numbers per channel
+
+    by_hand = block(49, 24) + block(24, 24) + block(24, 48) + 2 * block(48, 48)
+    by_hand += conv(1, 48, 24) + block(24, 24) + conv(1, 24, 11)
+    out, count = outline(Compact(11), 1, 96, 128, 3)
+    assert count == by_hand == 74_675
+    assert out.shape == (1, 96, 128, 11)
+
+
+@pytest.mark.parametrize("name", ["compact", "fcn8s", "deeplabv2"])
+@pytest.mark.parametrize("size", [(48, 64), (45, 61), (33, 32)])
+def test_logits_have_the_size_of_the_image(name, size):
+    out, _ = outline(net(name, 5), 1, *size, 3)
+    assert out.shape == (1, *size, 5) and out.dtype == jnp.float32
+
+
+def test_factory_errors():
+    with pytest.raises(ValueError, match=r"unknown net 'unet'; .*: compact, deeplabv2, fcn8s"):
+        net("unet", 11)
+    with pytest.raises(ValueError, match="at least one class"):
+        net("compact", 0)
+
+
+@pytest.mark.parametrize("kind", [FCN8s, DeepLabV2])
+def test_narrow_vgg_nets_run_and_drop_out(kind):
+    module = kind(3, width=4, hidden=8)
+    images = jax.random.normal(jax.random.key(0), (1, 32, 32, 3))
+
+    rng = np.random.default_rng(0)
+    variables = jax.tree.map(
+        lambda leaf: rng.normal(0, 0.2, leaf.shape).astype(np.float32),
+        jax.eval_shape(module.init, jax.random.key(0), images),
+    )
+    noisy = jax.jit(lambda key: module.apply(variables, images, train=True, rngs={"dropout": key}))
+    first, again, other = (noisy(jax.random.key(seed)) for seed in (1, 1, 2))
+    assert jnp.isfinite(first).all()
+    np.testing.assert_array_equal(first, again)
+    assert not np.allclose(first, other)
+
+
+def test_transposed_convolution_starts_bilinear():
+    x = jax.random.normal(jax.random.key(0), (1, 5, 6, 3))
+    double = nn.ConvTranspose(3, (4, 4), (2, 2), use_bias=False, kernel_init=bilinear_kernel)
+    y, _ = double.init_with_output(jax.random.key(0), x)
+    inside = np.s_[:, 1:-1, 1:-1]  # at the border one sees zeros, the other repeats
+    np.testing.assert_allclose(y[inside], bilinear(x, 2)[inside], atol=1e-6)
+
+
+def test_space_to_depth_by_hand():
+    x = jnp.arange(16.0).reshape(1, 4, 4, 1)
+    folded = space_to_depth(x, 2)
+    np.testing.assert_array_equal(folded[0, 0, 1], [2, 3, 6, 7])
+    np.testing.assert_array_equal(folded[0, 1, 0], [8, 9, 12, 13])
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_repeated_pixels_average_back(seed):
+    x = jnp.asarray(np.random.default_rng(seed).normal(size=(2, 3, 4, 5)), jnp.float32)
+    large = repeat_pixels(x, 2)
+    assert large.shape == (2, 6, 8, 5)
+    np.testing.assert_allclose(space_to_depth(large, 2).reshape(2, 3, 4, 4, 5).mean(3), x)
+
+
+def test_normalise_by_hand():
+    mean_colour = jnp.broadcast_to(jnp.array([0.485, 0.456, 0.406])[None, None, None], (1, 2, 2, 3))
+    np.testing.assert_allclose(normalise(mean_colour), np.zeros((1, 2, 2, 3)), atol=1e-6)
+    white = normalise(jnp.ones((1, 1, 1, 3)))[0, 0, 0]
+    np.testing.assert_allclose(white, [0.515 / 0.229, 0.544 / 0.224, 0.594 / 0.225], rtol=1e-5)

@@ -1,0 +1,62 @@
+"""Schedules and optimisers."""
+
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from seg.optim import descend, optimizer, poly_schedule
+
+
+def test_poly_decay_by_hand():
+    rates = poly_schedule(5e-4, 1000)
+    assert rates.dtype == np.float32 and rates.shape == (1000,)
+    assert rates[0] == pytest.approx(5e-4)
+    assert rates[500] == pytest.approx(5e-4 * 0.5**0.9)
+    assert rates[-1] == pytest.approx(5e-4 * 0.001**0.9)
+
+
+def test_warm_up_by_hand():
+    rates = poly_schedule(1.0, 10, power=1.0, warmup=3)
+    np.testing.assert_allclose(rates[:4], [0.25, 0.5 * 0.9, 0.75 * 0.8, 0.7], rtol=1e-6)
+
+
+@given(st.integers(1, 300), st.floats(0.1, 3), st.integers(0, 40))
+def test_rates_are_positive_and_fall_after_the_warm_up(steps, power, warmup):
+    rates = poly_schedule(0.1, steps, power, warmup)
+    assert (rates > 0).all() and rates.max() <= np.float32(0.1)
+    assert (np.diff(rates[warmup:]) < 0).all()
+
+
+def test_sgd_by_hand():
+    transform = optimizer("sgd", momentum=0.9, weight_decay=0.1)
+    params = {"w": jnp.array([1.0])}
+    state = transform.init(params)
+    direction, state = transform.update({"w": jnp.array([2.0])}, state, params)
+    np.testing.assert_allclose(direction["w"], [2.1], rtol=1e-6)
+    params = descend(params, direction, 0.5)
+    np.testing.assert_allclose(params["w"], [-0.05], rtol=1e-5)
+    direction, state = transform.update({"w": jnp.array([1.0])}, state, params)
+    np.testing.assert_allclose(direction["w"], [0.9 * 2.1 + 1 - 0.005], rtol=1e-5)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_adam_is_optax_adam(seed):
+    rng = np.random.default_rng(seed)
+    ours, theirs = optimizer("adam"), optax.adam(0.01)
+    a = b = {"w": jnp.asarray(rng.normal(size=3), jnp.float32)}
+    state_a, state_b = ours.init(a), theirs.init(b)
+    for _ in range(3):
+        gradient = {"w": jnp.asarray(rng.normal(size=3), jnp.float32)}
+        direction, state_a = ours.update(gradient, state_a, a)
+        a = descend(a, direction, 0.01)
+        updates, state_b = theirs.update(gradient, state_b, b)
+        b = optax.apply_updates(b, updates)
+    np.testing.assert_allclose(a["w"], b["w"], rtol=1e-5)
+
+
+def test_unknown_optimizer():
+    with pytest.raises(ValueError, match="unknown optimizer 'lion'; known optimizers: adam, sgd"):
+        optimizer("lion")

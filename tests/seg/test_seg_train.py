@@ -1,0 +1,188 @@
+"""Training, prediction, scoring, on tiny images of one shape (each new shape is a compilation)."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+import seg
+from seg import TrainingError, TrainSettings, mean_iou, predict, score
+from seg.data import list_camvid, load
+from seg.train import _check, _functions, _plan, train
+
+SETTINGS = TrainSettings(steps=150, batch=2, warmup=5, predict_batch=4)
+
+
+def toy(count=2, seed=0):
+    """Upper half sky, lower half road, a car on it; one colour per class and some noise."""
+    rng = np.random.default_rng(seed)
+    labels = np.zeros((count, 32, 32), np.uint8)
+    labels[:, 16:] = 3
+    for label in labels:
+        column = rng.integers(4, 20)
+        label[18:28, column : column + 8] = 8
+        label[:2] = 255
+    palette = np.zeros((256, 3))
+    palette[[0, 3, 8, 255]] = [(90, 140, 220), (100, 100, 100), (200, 40, 30), (0, 0, 0)]
+    images = palette[labels] + rng.normal(0, 8, (*labels.shape, 3))
+    return np.clip(images, 0, 255).astype(np.uint8), labels
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    images, labels = toy()
+    return train(0, images, labels, SETTINGS)
+
+
+def test_two_images_are_learnt_by_heart(fitted):
+    images, labels = toy()
+    confusion = score(fitted, images, labels, SETTINGS)
+    assert confusion.sum() == (labels != 255).sum()
+    assert mean_iou(confusion) > 0.9
+
+
+def test_same_seed_same_net_other_seed_another(fitted):
+    again = train(0, *toy(), SETTINGS)
+    other = train(1, *toy(), SETTINGS)
+    for a, b in zip(jax.tree.leaves(fitted), jax.tree.leaves(again), strict=True):
+        np.testing.assert_array_equal(a, b)
+    pairs = zip(jax.tree.leaves(fitted), jax.tree.leaves(other), strict=True)
+    assert any(not np.array_equal(a, b) for a, b in pairs)
+
+
+def test_padding_of_the_last_batch_changes_nothing(fitted):
+    images, _ = toy(6)
+    whole = predict(fitted, images, SETTINGS)
+    assert whole.shape == (6, 32, 32) and whole.dtype == np.uint8
+    np.testing.assert_array_equal(predict(fitted, images[:5], SETTINGS), whole[:5])
+    np.testing.assert_array_equal(predict(fitted, images[5:], SETTINGS), whole[5:])
+
+
+def test_progress_is_told(fitted):
+    told = []
+    train(0, *toy(), replace(SETTINGS, steps=120), progress=lambda *args: told.append(args))
+    assert [step for step, _ in told] == [50, 100, 120]
+    assert told[-1][1] < told[0][1]
+
+
+def test_training_can_go_on_from_given_parameters(fitted):
+    before = jax.tree.map(np.array, fitted)
+    further = train(3, *toy(), replace(SETTINGS, steps=1, lr=1e-4), params=fitted)
+    for a, b, c in zip(*map(jax.tree.leaves, (fitted, before, further)), strict=True):
+        np.testing.assert_array_equal(a, b)
+        np.testing.assert_allclose(a, c, atol=2e-4)
+
+
+def test_scanned_steps_are_the_same_steps(monkeypatch):
+    settings = replace(SETTINGS, steps=3, lr=1e-3)
+    stepped = train(0, *toy(), settings)
+    monkeypatch.setattr(jax, "default_backend", lambda: "gpu")
+    scanned = train(0, *toy(), settings)
+    for a, b in zip(jax.tree.leaves(stepped), jax.tree.leaves(scanned), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-4)
+
+
+def test_all_void_labels_change_nothing_but_do_no_harm():
+    images, labels = toy()
+    params = train(0, images, np.full_like(labels, 255), replace(SETTINGS, steps=2))
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
+
+
+def test_a_loss_that_is_not_finite_is_an_error():
+    with pytest.raises(TrainingError, match=r"loss is nan after 50 of 60 steps; .*1e\+30"):
+        train(0, *toy(), replace(SETTINGS, steps=60, lr=1e30))
+
+
+def test_state_keeps_structure_shapes_and_dtypes():
+    images, labels = toy()
+    for name in ("adam", "sgd"):
+        functions = _functions("compact", 11, name, 0.9, 1e-4, True, True, True)
+        state = jax.eval_shape(functions.init, np.uint32(0), images)
+        row = _plan(0, len(images), SETTINGS).rows(0)
+        data = (images, labels, np.ones(11, np.float32), np.uint32(0))
+        after, loss = jax.eval_shape(functions.step, state, *data, row)
+        assert jax.tree.structure(after) == jax.tree.structure(state)
+        same = jax.tree.map(lambda a, b: (a.shape, a.dtype) == (b.shape, b.dtype), state, after)
+        assert all(jax.tree.leaves(same))
+        assert loss.shape == ()
+
+
+def test_every_image_is_seen_equally_often():
+    plan = _plan(0, 6, TrainSettings(steps=9, batch=4))
+    assert plan.picks.shape == (9, 4) and len(plan.draws) == len(plan.lr) == 9
+    np.testing.assert_array_equal(np.bincount(plan.picks.ravel()), [6] * 6)
+
+
+def test_what_is_compiled_is_kept():
+    arguments = ("compact", 11, "adam", 0.9, 0.0, True, True, True)
+    assert _functions(*arguments) is _functions(*arguments)
+
+
+@pytest.mark.parametrize(
+    ("images", "labels", "message"),
+    [
+        (np.zeros((0, 8, 8, 3), np.uint8), np.zeros((0, 8, 8), np.uint8), "zero images"),
+        (np.zeros((2, 8, 8, 1), np.uint8), None, r"images must be u8\[n, h, w, 3\]"),
+        (np.zeros((2, 8, 8, 3), np.float32), None, "got float32"),
+        (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 9), np.uint8), "one per pixel"),
+        (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((3, 8, 8), np.uint8), "one per pixel"),
+        (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.int32), "got int32"),
+    ],
+)
+def test_arrays_that_do_not_fit(images, labels, message):
+    with pytest.raises(ValueError, match=message):
+        _check(images, labels)
+
+
+def test_labels_outside_the_table():
+    images, labels = toy()
+    with pytest.raises(
+        ValueError, match=r"label 11 lies outside the camvid table: expected 0\.\.10"
+    ):
+        train(0, images, np.where(labels == 3, 11, labels).astype(np.uint8), SETTINGS)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"steps": 0}, "steps and batch must be at least 1"),
+        ({"batch": 0}, "steps and batch must be at least 1"),
+        ({"net": "unet"}, "unknown net 'unet'"),
+        ({"table": "kitti"}, "unknown class table 'kitti'"),
+        ({"optimizer": "lion"}, "unknown optimizer 'lion'"),
+    ],
+)
+def test_settings_that_make_no_sense(change, message):
+    with pytest.raises(ValueError, match=message):
+        train(0, *toy(), replace(SETTINGS, **change))
+
+
+@pytest.mark.parametrize("seed", [-1, 2**32])
+def test_seeds_have_32_bits(seed):
+    with pytest.raises(ValueError, match="rng_seed must be in"):
+        train(seed, *toy(), SETTINGS)
+
+
+def test_public_names_exist():
+    assert all(hasattr(seg, name) for name in seg.__all__)
+    with pytest.raises(AttributeError, match="no attribute 'colour_table'"):
+        _ = seg.colour_table
+
+
+def test_reading_data_does_not_load_jax():
+    code = "import seg.data, seg.metrics, sys; assert not {'jax', 'flax'} & set(sys.modules)"
+    root = Path(seg.__file__).parents[1]
+    subprocess.run([sys.executable, "-c", code], cwd=root, check=True)
+
+
+def test_real_images_are_learnt(camvid_dir):
+    entries = [e for e in list_camvid(camvid_dir, "train") if e.sequence != "0006R0"]
+    data = load(entries, seg.CAMVID_11, (48, 64))
+    held_out = load(list_camvid(camvid_dir, "val"), seg.CAMVID_11, (48, 64))
+    settings = TrainSettings()
+    params = train(0, data.images, data.labels, settings)
+    assert 0.20 < mean_iou(score(params, held_out.images, held_out.labels, settings)) < 0.32
