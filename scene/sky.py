@@ -7,7 +7,6 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from scene.materials import fractal_noise
 
@@ -77,54 +76,8 @@ def cloud_map() -> np.ndarray:
     return even
 
 
-@njit(cache=True, fastmath=True)
-def sky_radiance(direction, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, out):
-    """Radiance of the sky along one unit ``direction``, written to ``out`` [3]."""
-    up = max(direction[2], 0.0)
-    fade = (1.0 - up) ** 4
-    toward = (
-        direction[0] * sun_direction[0]
-        + direction[1] * sun_direction[1]
-        + direction[2] * sun_direction[2]
-    )
-    glow = max(toward, 0.0) ** 24 * 0.35
-    # Clouds on a plane overhead, thinning into haze at the horizon.
-    size = clouds.shape[0]
-    reach = 0.16 / (up + 0.12)
-    row = (direction[0] * reach + offset[0]) * size
-    column = (direction[1] * reach + offset[1]) * size
-    r, c = math.floor(row), math.floor(column)
-    fr, fc = row - r, column - c
-    r0, c0 = int(r) % size, int(c) % size
-    r1, c1 = (r0 + 1) % size, (c0 + 1) % size
-    thick = (clouds[r0, c0] * (1 - fc) + clouds[r0, c1] * fc) * (1 - fr) + (
-        clouds[r1, c0] * (1 - fc) + clouds[r1, c1] * fc
-    ) * fr
-    edge = (thick - (1.0 - cover)) * 5.0 + 0.5
-    opaque = min(max(edge, 0.0), 1.0) * (1.0 - 0.5 * fade)
-    body = 1.12 - 0.35 * thick
-    for k in range(3):
-        clear = zenith[k] * (1 - fade) + horizon[k] * fade + glow * sun[k]
-        out[k] = clear * (1 - opaque) + (cloud[k] * body + 0.5 * glow * sun[k]) * opaque
-
-
-@njit(cache=True, fastmath=True)
-def _sky_image(directions, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds):
-    image = np.empty((directions.shape[0], 3), np.float32)
-    for i in range(directions.shape[0]):
-        sky_radiance(
-            directions[i], sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, image[i]
-        )
-    return image
-
-
-def sky_image(sky: Sky, directions: np.ndarray) -> np.ndarray:
-    """Radiance f32[n, 3] of the sky along unit ``directions`` f32[n, 3]."""
-    return _sky_image(directions, *sky_arrays(sky))
-
-
 def sky_arrays(sky: Sky) -> tuple:
-    """The arguments that ``sky_radiance`` takes after the direction."""
+    """The arguments that ``shade.sky_radiance`` takes after the direction."""
     return (
         sky.sun_direction, sky.sun, sky.zenith, sky.horizon, sky.cloud,
         np.float32(sky.cover), sky.cloud_offset, cloud_map(),

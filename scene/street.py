@@ -235,7 +235,11 @@ def _camera_path(
 
 
 def _blocked(camera: Camera, boxes: np.ndarray, reach: float = 4.0) -> int:
-    """How many of the first ``reach`` metres of view lie inside a box (with 0.3 m to spare)."""
+    """How much of the first ``reach`` metres of view lies inside boxes (with 0.3 m to spare).
+
+    Standing inside one counts more than any view into one.
+    """
     points = np.asarray(camera.position) + np.linspace(0, reach, 9)[:, None] * forward(camera)
     inside = (points[:, None] > boxes[:, 0] - 0.3) & (points[:, None] < boxes[:, 1] + 0.3)
-    return int(inside.all(axis=2).any(axis=1).sum())
+    hidden = inside.all(axis=2).any(axis=1)
+    return int(hidden.sum()) + len(points) * int(hidden[0])

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from scene.materials import MATERIALS, TEXTURE_SIZE, textures
-from scene.sky import sky_radiance
+from scene.sky import Sky, sky_arrays
 
 MISS = -1
 
@@ -30,6 +30,61 @@ def texture_levels() -> np.ndarray:
 def material_rows() -> np.ndarray:
     """f32[materials, 3]: tile (m), gloss, translucency."""
     return np.array([[m.tile, m.gloss, m.translucency] for m in MATERIALS], np.float32)
+
+
+@njit(cache=True, fastmath=True)
+def sky_radiance(direction, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, out):
+    """Radiance of the sky along one unit ``direction``, written to ``out`` [3]."""
+    up = max(direction[2], 0.0)
+    fade = (1.0 - up) ** 4
+    toward = (
+        direction[0] * sun_direction[0]
+        + direction[1] * sun_direction[1]
+        + direction[2] * sun_direction[2]
+    )
+    glow = max(toward, 0.0) ** 24 * 0.35
+    # Clouds on a plane overhead, thinning into haze at the horizon.
+    size = clouds.shape[0]
+    reach = 0.16 / (up + 0.12)
+    row = (direction[0] * reach + offset[0]) * size
+    column = (direction[1] * reach + offset[1]) * size
+    r, c = math.floor(row), math.floor(column)
+    fr, fc = row - r, column - c
+    r0, c0 = int(r) % size, int(c) % size
+    r1, c1 = (r0 + 1) % size, (c0 + 1) % size
+    thick = (clouds[r0, c0] * (1 - fc) + clouds[r0, c1] * fc) * (1 - fr) + (
+        clouds[r1, c0] * (1 - fc) + clouds[r1, c1] * fc
+    ) * fr
+    edge = (thick - (1.0 - cover)) * 5.0 + 0.5
+    opaque = min(max(edge, 0.0), 1.0) * (1.0 - 0.5 * fade)
+    body = 1.12 - 0.35 * thick
+    for k in range(3):
+        clear = zenith[k] * (1 - fade) + horizon[k] * fade + glow * sun[k]
+        out[k] = clear * (1 - opaque) + (cloud[k] * body + 0.5 * glow * sun[k]) * opaque
+
+
+@njit(cache=True, fastmath=True)
+def _sky_image(directions, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds):
+    image = np.empty((directions.shape[0], 3), np.float32)
+    for i in range(directions.shape[0]):
+        sky_radiance(
+            directions[i],
+            sun_direction,
+            sun,
+            zenith,
+            horizon,
+            cloud,
+            cover,
+            offset,
+            clouds,
+            image[i],
+        )
+    return image
+
+
+def sky_image(sky: Sky, directions: np.ndarray) -> np.ndarray:
+    """Radiance f32[n, 3] of the sky along unit ``directions`` f32[n, 3]."""
+    return _sky_image(directions, *sky_arrays(sky))
 
 
 @njit(cache=True, fastmath=True)
@@ -57,7 +112,7 @@ def occlusion_directions(normals, width, out):
         cell = (x & 3) + 4 * (y & 3)
         # Low-discrepancy pair over the 16 cells of a block (bit-reversed and golden-ratio steps).
         u = (cell + 0.5) / 16.0
-        v = (cell * 0.618034 + 0.31 * ((x >> 2) & 3) + 0.17 * ((y >> 2) & 3)) % 1.0
+        v = cell * 0.618034 % 1.0
         radius, angle = math.sqrt(u), 6.2831853 * v
         a, b, c = normals[i, 0], normals[i, 1], normals[i, 2]
         # Branchless orthonormal basis (Duff et al. 2017).

@@ -1,0 +1,264 @@
+"""Lines of objects along a road, and the camera's drive."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scene import catalogue
+from scene.attributes import default_unit, street_params
+from scene.ground import ground_height
+from scene.street import (
+    FIRST_INSTANCE,
+    JITTER,
+    LINE_END,
+    LINE_START,
+    LINES,
+    AssetPool,
+    Placement,
+    bounds,
+    forward,
+    sample_street,
+)
+
+POOL = AssetPool(0, 4)
+DEFAULT = street_params(default_unit())
+SEEDS = st.integers(0, 2**32 - 1)
+UNITS = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed).random(23))
+LINE_OF = {family: line.name for line in LINES for family, _ in line.mix}
+
+
+def street(params=DEFAULT, seed=0, shots=1, pool=POOL):
+    return sample_street(params, seed, shots, pool)
+
+
+def same(a, b):
+    """Whether two lists of placements are bitwise the same, instance ids aside."""
+    return len(a) == len(b) and all(
+        p._replace(pose=0, instance=0) == q._replace(pose=0, instance=0)
+        and p.pose.tobytes() == q.pose.tobytes()
+        for p, q in zip(a, b, strict=True)
+    )
+
+
+def by_line(placements):
+    """Placements of every line; a rider's machine and a sign's post go with the first part."""
+    lines = {line.name: [] for line in LINES}
+    line, pose = None, None
+    for placement in placements:
+        if placement.pose is not pose:
+            line, pose = LINE_OF[placement.family], placement.pose
+        lines[line].append(placement)
+    return lines
+
+
+def objects(placements):
+    """One placement per object: riders without their machines, signs without their posts."""
+    first = []
+    for placement in placements:
+        if not first or placement.pose is not first[-1].pose:
+            first.append(placement)
+    return first
+
+
+@given(UNITS, SEEDS)
+def test_the_same_arguments_give_the_same_street(unit, seed):
+    params = street_params(unit)
+    a, b = street(params, seed, 2), street(params, seed, 2)
+    assert same(a.placements, b.placements)
+    assert (a.cameras, a.ground, a.seed) == (b.cameras, b.ground, b.seed)
+    assert all(np.array_equal(x, y) for x, y in zip(a.sky, b.sky, strict=True))
+
+
+def test_another_seed_gives_another_street():
+    a, b = street(seed=1), street(seed=2)
+    assert not same(a.placements, b.placements)
+    assert a.ground != b.ground
+    assert a.cameras != b.cameras
+    assert a.sky.cover != b.sky.cover
+
+
+@given(UNITS, SEEDS)
+def test_instances_are_numbered_from_the_first_without_gaps(unit, seed):
+    placements = street(street_params(unit), seed).placements
+    numbers = [p.instance for p in placements]
+    assert numbers == list(range(FIRST_INSTANCE, FIRST_INSTANCE + len(placements)))
+
+
+@given(UNITS, SEEDS)
+def test_every_object_stands_on_the_ground_below_it(unit, seed):
+    for p in street(street_params(unit), seed).placements:
+        y, z = p.pose[1:3, 3]
+        assert z == ground_height(y)
+        assert p.pose[:3, 2].tolist() == [0, 0, 1]  # upright
+        assert np.linalg.det(p.pose[:3, :3]) == pytest.approx(1)
+        low = catalogue.bounds(p.family, p.index)[0, 2]
+        if p.family in ("rider", "traffic sign", "traffic light"):
+            assert low > 0.05  # on a machine or a post
+        else:
+            assert low == pytest.approx(0, abs=0.01)
+
+
+@given(UNITS, SEEDS)
+def test_all_objects_of_a_line_share_its_distance_on_both_sides(unit, seed):
+    params = street_params(unit)
+    for name, placements in by_line(street(params, seed).placements).items():
+        y = np.array([p.pose[1, 3] for p in placements])
+        distance = getattr(params, f"{name}_position")
+        # Facades step back by up to 10 cm, lest neighbours that overlap lie in one plane.
+        spare = 0.1 if name in ("building", "fence") else 0.0
+        assert ((np.abs(y) >= distance - 1e-9) & (np.abs(y) <= distance + spare + 1e-9)).all()
+
+
+def test_buildings_are_placed_by_their_near_face_and_look_at_the_road():
+    placements = by_line(street(seed=3).placements)["building"]
+    boxes = bounds(placements)
+    near = np.abs(boxes[:, :, 1]).min(axis=1)
+    assert len(placements) > 10
+    # Steps, awnings and sills stand out by less than a metre; walls go back from the line.
+    assert (near > DEFAULT.building_position - 1.0).all()
+    assert (near < DEFAULT.building_position + 0.2).all()
+    for p in placements:
+        assert p.pose[1, 1] == pytest.approx(math.copysign(1, p.pose[1, 3]))
+
+
+@given(SEEDS, st.sampled_from([line.name for line in LINES]), st.floats(0, 1))
+def test_moving_a_line_leaves_all_others_as_they_are(seed, moved, unit):
+    # From sidewalk to terrain, so that the height of the ground is the same.
+    params = DEFAULT._replace(**{f"{moved}_position": 9 + 5 * unit})
+    before, after = by_line(street(seed=seed).placements), by_line(street(params, seed).placements)
+    for name in before:
+        if name != moved:
+            assert same(before[name], after[name])
+    assert [p[:3] for p in before[moved]] == [p[:3] for p in after[moved]]
+    x_before, x_after = ([p.pose[0, 3] for p in b[moved]] for b in (before, after))
+    assert x_before == x_after
+
+
+@given(SEEDS, st.sampled_from([line.name for line in LINES]))
+def test_thinning_a_line_leaves_all_others_as_they_are(seed, thinned):
+    params = DEFAULT._replace(**{f"{thinned}_interval": 33.0})
+    before, after = by_line(street(seed=seed).placements), by_line(street(params, seed).placements)
+    for name in before:
+        assert same(before[name], after[name]) == (name != thinned)
+
+
+@given(SEEDS, st.floats(1.5, 50))
+def test_neighbours_are_an_interval_apart_give_or_take_the_jitter(seed, interval):
+    params = DEFAULT._replace(person_interval=interval)
+    people = objects(by_line(street(params, seed).placements)["person"])
+    for side in (1, -1):
+        x = np.array([p.pose[0, 3] for p in people if p.pose[1, 3] * side > 0])
+        assert (np.abs(np.diff(x) - interval) <= 2 * JITTER * interval + 1e-9).all()
+        assert ((x >= LINE_START - JITTER * interval) & (x <= LINE_END + JITTER * interval)).all()
+
+
+@pytest.mark.parametrize("interval", [5.0, 16.0, 50.0])
+def test_density_is_the_inverse_of_the_interval_on_average(interval):
+    params = DEFAULT._replace(pole_interval=interval)
+    counts = [len(objects(by_line(street(params, s).placements)["pole"])) for s in range(100)]
+    assert np.mean(counts) == pytest.approx(2 * (LINE_END - LINE_START) / interval, rel=0.04)
+
+
+@pytest.mark.parametrize(("probability", "share"), [(0.0, 0.0), (0.3, 0.3), (1.0, 1.0)])
+def test_slots_of_the_building_line_are_filled_with_their_probability(probability, share):
+    params = DEFAULT._replace(building_probability=probability)
+    counts = [len(by_line(street(params, s).placements)["building"]) for s in range(100)]
+    slots = 2 * (LINE_END - LINE_START) / DEFAULT.building_interval
+    assert np.mean(counts) / slots == pytest.approx(share, abs=0.04)
+
+
+def test_families_of_a_line_come_in_their_shares():
+    poles = [
+        p.family
+        for seed in range(60)
+        for p in objects(by_line(street(seed=seed).placements)["pole"])
+    ]
+    for family, share in next(line.mix for line in LINES if line.name == "pole"):
+        assert poles.count(family) / len(poles) == pytest.approx(share, abs=0.05)
+
+
+def test_riders_sit_on_a_machine_and_signs_hang_on_a_post():
+    placements = [p for seed in range(20) for p in street(seed=seed).placements]
+    pairs = set()
+    for p, other in pairwise(placements):
+        if p.family in ("rider", "traffic sign", "traffic light"):
+            assert other.pose is p.pose
+            pairs.add((p.family, other.family))
+    assert pairs == {
+        ("rider", "bicycle"),
+        ("rider", "motorcycle"),
+        ("traffic sign", "signpost"),
+        ("traffic light", "signpost"),
+    }
+
+
+def test_only_assets_of_the_pool_appear():
+    indices = {p.index for s in range(5) for p in street(seed=s, pool=AssetPool(7, 3)).placements}
+    assert indices == {7, 8, 9}
+
+
+@pytest.mark.parametrize(
+    ("probability", "low", "high"), [(0.0, 0, 0), (0.5, 0.35, 0.65), (1, 1, 1)]
+)
+def test_the_camera_is_on_the_right_with_its_probability(probability, low, high):
+    params = DEFAULT._replace(camera_position_probability=probability)
+    right = [street(params, s).cameras[0].position[1] < 0 for s in range(150)]
+    assert low <= np.mean(right) <= high
+
+
+@given(UNITS, SEEDS)
+def test_the_camera_drives_on_at_its_height_and_looks_where_it_should(unit, seed):
+    params = street_params(unit)
+    cameras = street(params, seed, 5).cameras
+    for camera in cameras:
+        _, y, z = camera.position
+        assert abs(y) == pytest.approx(params.camera_position_x)
+        assert z == pytest.approx(ground_height(y) + params.camera_position_y)
+        assert (camera.yaw, camera.pitch) == (params.camera_rotation_y, params.camera_rotation_x)
+    assert all(0 <= c.position[0] <= 60 + 15 for c in cameras)
+
+
+def test_shots_are_spread_over_the_drive():
+    x = [c.position[0] for c in street(seed=5, shots=6).cameras]
+    assert all(10 * k <= v <= 10 * (k + 1) + 13.5 for k, v in enumerate(x))
+
+
+def test_forward_is_along_the_road_right_for_yaw_and_down_for_pitch():
+    camera = street().cameras[0]
+    assert forward(camera._replace(yaw=0, pitch=0)) == pytest.approx([1, 0, 0])
+    assert forward(camera._replace(yaw=math.pi / 2, pitch=0)) == pytest.approx([0, -1, 0])
+    assert forward(camera._replace(yaw=0, pitch=math.pi / 2)) == pytest.approx([0, 0, -1])
+
+
+def test_the_camera_moves_on_out_of_a_bus_in_its_way():
+    # A line of vehicles where the camera drives: blocked nearly everywhere, it takes the gaps.
+    params = DEFAULT._replace(
+        camera_position_x=3.0, car_position=3.0, car_interval=12.0, camera_position_probability=0.0
+    )
+    inside = 0
+    for seed in range(30):
+        drawn = street(params, seed, 4)
+        boxes = bounds(by_line(drawn.placements)["car"])
+        for camera in drawn.cameras:
+            place = np.asarray(camera.position)
+            inside += ((boxes[:, 0] < place) & (place < boxes[:, 1])).all(axis=1).any()
+    assert inside == 0
+
+
+def test_bounds_of_a_turned_placement():
+    pose = np.array([[0.0, -1, 0, 10], [1, 0, 0, 3], [0, 0, 1, 0.5], [0, 0, 0, 1]])
+    low, high = catalogue.bounds("car", 0)
+    (box,) = bounds([Placement("car", 0, 13, 4, pose)])
+    assert box[0] == pytest.approx([10 - high[1], 3 + low[0], 0.5 + low[2]])
+    assert box[1] == pytest.approx([10 - low[1], 3 + high[0], 0.5 + high[2]])
+
+
+def test_an_unknown_family_and_a_negative_index_are_refused_by_name():
+    with pytest.raises(ValueError, match="unknown asset family 'tram'; known: building"):
+        catalogue.asset("tram", 0)
+    with pytest.raises(ValueError, match="car must be 0 or more"):
+        catalogue.asset("car", -1)
