@@ -1,0 +1,31 @@
+"""What the README shows must work as it stands there."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+ROOT = Path(__file__).parents[1]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_example_of_the_optimiser_runs_and_learns(capsys):
+    (code,) = re.findall(r"```python\n(.*?)```", README, flags=re.DOTALL)
+    scope: dict = {}
+    exec(compile(code, "README.md", "exec"), scope)
+    centre = np.asarray(scope["method"].solution(scope["state"]).centre)
+    assert np.abs(centre - [0.85, 0.25, 0.45]).max() < 0.25
+    assert capsys.readouterr().out.strip().startswith("[")
+
+
+def test_files_and_modules_it_names_exist():
+    for path in re.findall(r"\]\(([^)#:]+)\)", README):
+        assert (ROOT / path).exists(), path
+    for module in re.findall(r"python -m ([\w.]+)", README):
+        assert (ROOT / module.replace(".", "/")).with_suffix(".py").exists(), module
+
+
+def test_no_placeholder_is_left():
+    assert not re.findall(r"RESULTS_|LIMITS$|TODO", README, flags=re.MULTILINE)
