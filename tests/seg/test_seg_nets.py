@@ -119,6 +119,18 @@ def test_transposed_convolution_starts_bilinear():
     np.testing.assert_allclose(y[inside], bilinear(x, 2)[inside], atol=1e-6)
 
 
+@given(st.integers(0, 2**32 - 1))
+def test_bilinear_is_that_of_jax(seed):
+    x = jnp.asarray(np.random.default_rng(seed).normal(size=(2, 3, 5, 4)), jnp.float32)
+    expected = jax.image.resize(x, (2, 12, 20, 4), "bilinear")
+    np.testing.assert_allclose(bilinear(x, 4), expected, atol=1e-6)
+
+
+def test_bilinear_by_hand():
+    row = bilinear(jnp.array([0.0, 4.0]).reshape(1, 1, 2, 1), 2)
+    np.testing.assert_allclose(row[0, :, :, 0], [[0, 1, 3, 4], [0, 1, 3, 4]])
+
+
 def test_space_to_depth_by_hand():
     x = jnp.arange(16.0).reshape(1, 4, 4, 1)
     folded = space_to_depth(x, 2)
