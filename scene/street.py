@@ -132,8 +132,9 @@ def _fill(
         post = pool.first + int(rng.integers(pool.count))
         yaw = _yaw(line.facing, family, side, side == camera_side, rng)
         filled = rng.random() < probability
-        # Facades of neighbours that overlap would lie in one plane; 5 cm keeps their edges clean.
-        y = side * (distance + (0.05 * (slot % 3) if line.facing == "road" else 0.0))
+        # Facades of neighbours that overlap would lie in one plane; a step back keeps their edges
+        # clean. It is no round number, since walls have relief in whole centimetres.
+        y = side * (distance + (0.0437 * (slot % 3) if line.facing == "road" else 0.0))
         if not filled:
             continue
         pose = _pose(x, y, yaw)

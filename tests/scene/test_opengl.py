@@ -1,0 +1,185 @@
+"""The opengl renderer against embree, and what happens where OpenGL fails."""
+
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scene.attributes import default_unit, street_params
+from scene.classes import TrainId
+from scene.dataset import render_dataset
+from scene.render import RendererError, RenderSettings, renderer
+from scene.sensor import CameraResponse
+from scene.street import AssetPool, sample_street
+
+ROOT = Path(__file__).resolve().parents[2]
+POOL = AssetPool(0, 6)
+SMALL = RenderSettings(width=96, height=64)
+
+
+@pytest.fixture(scope="module")
+def opengl():
+    try:
+        return renderer("opengl")
+    except RendererError as error:
+        pytest.skip(str(error))
+
+
+def street(seed, shots=1, *, random=False):
+    rng = np.random.default_rng([3, seed])
+    unit = rng.random(23) if random else default_unit()
+    return sample_street(street_params(unit), seed, shots, POOL)
+
+
+@pytest.mark.parametrize("random", [False, True], ids=["default", "random"])
+@pytest.mark.parametrize("seed", range(4))
+def test_labels_instances_and_depth_agree_with_embree(opengl, seed, random):
+    drawn = street(seed, 2, random=random)
+    settings = RenderSettings(width=640, height=320, shadows=False, occlusion=False, textures=False)
+    for a, b in zip(
+        renderer("embree").render(drawn, settings), opengl.render(drawn, settings), strict=True
+    ):
+        assert (a.label != b.label).mean() < 0.001  # 0.005 is promised
+        # Facades of neighbours may lie in one plane: there, either is right.
+        assert (a.instance != b.instance).mean() < 0.005
+        same = (a.instance == b.instance) & (a.depth > 0)
+        error = np.abs(a.depth - b.depth)[same] / a.depth[same]
+        assert np.quantile(error, 0.99) < 1e-4
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_pictures_look_alike(opengl, seed):
+    drawn = street(seed)
+    settings = RenderSettings(width=320, height=160, response=CameraResponse(noise=0.0))
+    a, b = (r.render(drawn, settings)[0].image.astype(float) for r in (renderer("embree"), opengl))
+    assert b.mean() == pytest.approx(a.mean(), abs=5)
+    # Shadow maps and occlusion on screen are approximations; nothing else differs.
+    assert np.abs(a - b).mean() < 5
+    plain = settings._replace(shadows=False, occlusion=False)
+    a, b = (r.render(drawn, plain)[0].image.astype(float) for r in (renderer("embree"), opengl))
+    assert np.abs(a - b).mean() < 0.1
+
+
+def test_shadows_agree_with_embree(opengl):
+    sunny = street(1)
+    sunny = sunny._replace(sky=sunny.sky._replace(cover=0.0, sun=np.float32([1.5, 1.4, 1.3])))
+    settings = RenderSettings(
+        width=320, height=160, occlusion=False, response=CameraResponse(noise=0.0)
+    )
+    lit = {}
+    for r in (renderer("embree"), opengl):
+        with_it = r.render(sunny, settings)[0].image.astype(int)
+        without = r.render(sunny, settings._replace(shadows=False))[0].image.astype(int)
+        lit[r.name] = (without - with_it).sum(axis=2) < 30
+    assert 0.2 < lit["embree"].mean() < 0.9
+    assert (lit["embree"] != lit["opengl"]).mean() < 0.03
+
+
+def test_samples_are_averaged_and_labels_picked_as_in_embree(opengl):
+    drawn = street(2)
+    for samples in (2, 3):
+        settings = SMALL._replace(samples=samples, occlusion=False)
+        a, b = renderer("embree").render(drawn, settings)[0], opengl.render(drawn, settings)[0]
+        assert (a.label != b.label).mean() < 0.005
+        assert np.abs(a.image.astype(float) - b.image).mean() < 3
+
+
+def test_any_thread_may_call_and_gets_the_same_bytes(opengl):
+    drawn = street(0)
+    here = opengl.render(drawn, SMALL)[0]
+    with ThreadPoolExecutor(3) as threads:
+        for frame in threads.map(lambda _: opengl.render(drawn, SMALL)[0], range(6)):
+            assert all(a.tobytes() == b.tobytes() for a, b in zip(here, frame, strict=True))
+
+
+def test_pictures_of_several_sizes_do_not_disturb_each_other(opengl):
+    drawn = street(0)
+    first = opengl.render(drawn, SMALL)[0]
+    for width in (64, 80, 112, 128, 200):
+        opengl.render(drawn, SMALL._replace(width=width))
+    assert opengl.render(drawn, SMALL)[0].image.tobytes() == first.image.tobytes()
+
+
+def test_workers_draw_the_same_bytes(opengl):
+    units = np.stack([default_unit(), np.full(23, 0.5, np.float32)])
+    here, there = (
+        render_dataset(
+            units, 1, shots=1, settings=SMALL, renderer_name="opengl", pool=POOL, workers=workers
+        )
+        for workers in (0, 1)
+    )
+    assert here.images.tobytes() == there.images.tobytes()
+    assert here.labels.tobytes() == there.labels.tobytes()
+
+
+def test_after_a_failure_resources_are_free_and_the_next_picture_is_right(opengl, monkeypatch):
+    from scene.render import raster
+
+    drawn = street(0)
+    before = opengl.render(drawn, SMALL)[0]
+    deleted = []
+    delete = raster.Rasterizer.delete
+    monkeypatch.setattr(raster.Rasterizer, "delete", lambda r: (deleted.append(r), delete(r)))
+    with monkeypatch.context() as broken:
+        broken.setattr(
+            raster._FaceRenderer,
+            "_forward_pass",
+            lambda *_, **__: (_ for _ in ()).throw(raster.OpenGLError("out of\nmemory")),
+        )
+        with pytest.raises(RendererError, match=r"^OpenGL failed \(out of memory\); .*embree$"):
+            opengl.render(drawn, SMALL)
+    assert len(deleted) == 1
+    assert opengl.render(drawn, SMALL)[0].image.tobytes() == before.image.tobytes()
+
+
+def test_too_large_a_picture_is_refused_in_one_line(opengl, monkeypatch):
+    wide = RenderSettings(width=20_000, height=8)
+    with pytest.raises(RendererError, match=r"20000x8 samples are more than .* embree"):
+        opengl.render(street(0), wide)
+    assert (opengl.render(street(0), SMALL)[0].label == TrainId.ROAD).any()
+
+
+@pytest.mark.parametrize(
+    ("setting", "value"),
+    [("EGL_DEVICE_ID", "99"), ("PYOPENGL_PLATFORM", "nonsense"), ("hide", "pyrender")],
+)
+def test_where_opengl_is_missing_one_line_says_what_to_install(setting, value):
+    hide = f"sys.modules[{value!r}] = None\n" if setting == "hide" else ""
+    code = (
+        f"import sys\n{hide}"
+        "from scene.render import RendererError, renderer\n"
+        "try:\n    renderer('opengl')\n"
+        "except RendererError as error:\n    print(error)\n"
+        "print(renderer('embree').name)\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT), setting: value},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.returncode == 0, done.stderr
+    message, name = done.stdout.splitlines()
+    assert message.startswith("the opengl renderer cannot start (")
+    assert "apt-get install libegl1 libgl1-mesa-dri" in message
+    assert "--renderer embree" in message
+    assert name == "embree"
+
+
+def test_importing_the_renderers_does_not_load_opengl():
+    code = "import sys, scene.render, scene.render.opengl; print('OpenGL' in sys.modules)"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    assert done.stdout.strip() == "False", done.stderr

@@ -1,0 +1,326 @@
+"""What every renderer must do: exact labels, instances and depth, and pictures that obey the light."""
+
+import math
+
+import numpy as np
+import pytest
+
+from scene.asset import box
+from scene.attributes import BY_NAME, default_unit, street_params
+from scene.catalogue import FAMILIES
+from scene.classes import CLASS_NAMES, TrainId
+from scene.geometry import SKY_INSTANCE, build
+from scene.ground import sample_ground
+from scene.render import (
+    RENDERERS,
+    RendererError,
+    RenderSettings,
+    check_settings,
+    renderer,
+)
+from scene.render.protocol import camera_axes, label_sample, pixel_rays
+from scene.sensor import CameraResponse
+from scene.sky import sample_sky
+from scene.street import AssetPool, Camera, Placement, Street, sample_street
+
+POOL = AssetPool(0, 4)
+SMALL = RenderSettings(width=96, height=64)
+QUIET = SMALL._replace(response=CameraResponse(noise=0.0))
+LEVEL = Camera((0.0, 0.0, 1.5), yaw=0.0, pitch=0.0)
+
+
+@pytest.fixture(params=RENDERERS)
+def draw(request):
+    """``draw(street, settings)``: the first frame, by each renderer in turn."""
+    try:
+        chosen = renderer(request.param)
+    except RendererError as error:
+        pytest.skip(str(error))
+    return lambda street, settings=QUIET: chosen.render(street, settings)[0]
+
+
+def default_street(seed=0, shots=1, **changes):
+    params = street_params(default_unit())._replace(**changes)
+    return sample_street(params, seed, shots, POOL)
+
+
+def bare_street(*placements, camera=LEVEL, cover=0.0, intensity=1.0, elevation=0.7, azimuth=1.2):
+    """Road and sky only, with what is put there by hand; unpainted asphalt."""
+    rng = np.random.default_rng(0)
+    sky = sample_sky(rng, intensity=intensity, elevation=elevation, azimuth=azimuth)
+    ground = sample_ground(rng)._replace(crosswalks=(), edge_lines=0, dash=(1e-3, 1e6))
+    sky = sky._replace(cover=cover, haze=1e5)
+    return Street(tuple(placements), (camera,), sky, ground, seed=0)
+
+
+def at(family, x, y, z=0.0, index=0, instance=4):
+    """A placement facing along the road."""
+    pose = np.eye(4)
+    pose[:3, 3] = x, y, z
+    return Placement(family, index, int(FAMILIES[family].train_id), instance, pose)
+
+
+def project(point, camera, settings):
+    """Column and row (of pixels, as floats) where a world point appears."""
+    right, up, forward = camera_axes(camera) @ (np.asarray(point) - camera.position)
+    scale = settings.width / 2 / math.tan(math.radians(settings.fov) / 2)
+    return settings.width / 2 + scale * right / forward, settings.height / 2 - scale * up / forward
+
+
+# -- the protocol --------------------------------------------------------------------------------
+
+
+def test_axes_are_right_handed_and_yaw_turns_right():
+    right, up, forward = camera_axes(LEVEL)
+    assert forward == pytest.approx([1, 0, 0])
+    assert right == pytest.approx([0, -1, 0])
+    assert up == pytest.approx([0, 0, 1])
+    turned = camera_axes(LEVEL._replace(yaw=math.radians(30), pitch=math.radians(10)))
+    assert turned @ turned.T == pytest.approx(np.eye(3))
+    assert turned[2, 1] < 0  # to the right
+    assert turned[2, 2] < 0  # down
+    assert turned[0, 2] == 0  # no roll
+
+
+def test_rays_span_the_field_of_view_symmetrically():
+    x, y = pixel_rays(RenderSettings(width=8, height=16, fov=90), 1)
+    assert x == pytest.approx(np.arange(-3.5, 4) / 4)
+    assert y == pytest.approx(np.arange(7.5, -8, -1) / 4)
+
+
+@pytest.mark.parametrize("samples", range(1, 9))
+def test_the_label_is_taken_nearest_to_the_middle_of_a_pixel(samples):
+    positions = (np.arange(samples) + 0.5) / samples
+    offset = abs(positions - 0.5)
+    assert offset[label_sample(samples)] == pytest.approx(offset.min())
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"width": 4}, "4x320 is too small"),
+        ({"height": 0}, "640x0 is too small"),
+        ({"width": 100_000, "height": 100_000}, "over 50,000,000 pixels"),
+        ({"samples": 0}, "samples must lie in 1..8, not 0"),
+        ({"samples": 9}, "samples must lie in 1..8, not 9"),
+        ({"fov": 0.0}, "fov must lie in 5..150 degrees, not 0"),
+        ({"fov": math.nan}, "fov must lie in 5..150 degrees, not nan"),
+    ],
+)
+def test_settings_out_of_range_are_refused_by_name(change, message):
+    with pytest.raises(ValueError, match=message):
+        check_settings(RenderSettings(**change))
+
+
+def test_renderers_check_their_settings(draw):
+    with pytest.raises(ValueError, match="samples"):
+        draw(bare_street(), SMALL._replace(samples=0))
+
+
+def test_an_unknown_renderer_is_refused_with_the_known_names():
+    with pytest.raises(ValueError, match="unknown renderer 'vulkan'; known: embree, opengl"):
+        renderer("vulkan")
+
+
+# -- labels, instances, depth --------------------------------------------------------------------
+
+
+def test_depth_of_the_road_under_a_level_camera_is_height_over_slope(draw):
+    frame = draw(bare_street())
+    _, y = pixel_rays(QUIET, 1)
+    slope = np.broadcast_to(-y[:, None], frame.depth.shape)
+    road = frame.instance == 1
+    assert road.mean() > 0.2
+    # Near the horizon floats run out; there a per mille of error is allowed.
+    np.testing.assert_allclose(frame.depth[road], (1.5 / slope)[road], rtol=1e-3)
+
+
+def test_the_upper_half_of_an_empty_street_is_sky_and_the_lower_is_ground(draw):
+    frame = draw(bare_street())
+    assert (frame.label[:31] == TrainId.SKY).all()
+    assert (frame.label[33:] != TrainId.SKY).all()
+    assert set(np.unique(frame.label[33:])) == {
+        TrainId.ROAD,
+        TrainId.SIDEWALK,
+        TrainId.TERRAIN,
+    }
+
+
+def test_the_kerb_is_where_projection_says(draw):
+    frame = draw(bare_street(), QUIET._replace(width=160, height=120))
+    row = 76
+    depth = frame.depth[row, 80]
+    column, _ = project((depth, 5.0, 0.0), LEVEL, QUIET._replace(width=160, height=120))
+    labels = frame.label[row]
+    road = np.flatnonzero(labels == TrainId.ROAD)
+    assert road.min() == pytest.approx(column, abs=1)
+    assert road.max() + 1 == pytest.approx(160 - column, abs=1)
+
+
+@pytest.mark.parametrize("samples", [1, 2, 3])
+def test_a_box_is_labelled_where_projection_says(draw, samples, monkeypatch):
+    cube = box((1.0, 2.0, 1.0), (0, 0, 0), (0.8, 0.1, 0.1))
+    monkeypatch.setattr("scene.catalogue.asset", lambda family, index: cube)
+    settings = QUIET._replace(width=200, height=100, samples=samples)
+    camera = Camera((1.0, 0.5, 1.6), yaw=0.1, pitch=0.05)
+    # An index that no cache has seen.
+    frame = draw(bare_street(at("bus", 11.5, 0, 0.5, index=10**6), camera=camera), settings)
+    front = [(11.0, y, z) for y in (-1, 1) for z in (0.5, 1.5)]
+    columns, rows = np.array([project(p, camera, settings) for p in front]).T
+    seen = np.argwhere(frame.label == TrainId.BUS)
+    assert (frame.instance[frame.label == TrainId.BUS] == 4).all()
+    assert seen.min(axis=0) == pytest.approx([rows.min(), columns.min()], abs=1.5)
+    assert (seen.max(axis=0) + 1)[0] == pytest.approx(rows.max(), abs=1.5)
+    centre = round(rows.mean()), round(columns.mean())
+    assert frame.label[centre] == TrainId.BUS
+    forward = camera_axes(camera)[2]
+    expected = np.dot(np.array([11.0, 0, 1.0]) - camera.position, forward)
+    assert frame.depth[centre] == pytest.approx(expected, rel=0.01)
+
+
+def test_faces_are_seen_from_both_sides(draw):
+    street = bare_street(at("traffic sign", 6, 0, 0))
+    behind = street._replace(cameras=(LEVEL._replace(position=(12.0, 0.0, 1.5), yaw=math.pi),))
+    for side in (street, behind):
+        assert (draw(side).label == TrainId.TRAFFIC_SIGN).sum() > 20
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_parts_of_a_frame_agree(draw, seed):
+    street = default_street(seed)
+    frame = draw(street, SMALL)
+    assert frame.image.shape == (64, 96, 3)
+    assert [a.dtype for a in frame] == [np.uint8, np.uint8, np.uint16, np.float32]
+    assert np.array_equal(frame.label, build(street).train_id[frame.instance])
+    sky = frame.instance == SKY_INSTANCE
+    assert np.array_equal(frame.depth == 0, sky)
+    assert np.array_equal(frame.label == TrainId.SKY, sky)
+    assert (frame.depth[~sky] > 0.04).all()
+    assert frame.depth.max() < 1000
+
+
+def test_labels_do_not_depend_on_light_or_quality(draw):
+    street = default_street(1)
+    dark = street._replace(sky=default_street(2).sky)
+    plain = SMALL._replace(shadows=False, occlusion=False, textures=False)
+    a, b, c = draw(street), draw(dark), draw(street, plain)
+    assert a.label.tobytes() == b.label.tobytes() == c.label.tobytes()
+
+
+def test_odd_samples_keep_the_labels_of_one_sample(draw):
+    street = default_street(1)
+    one, three = draw(street), draw(street, QUIET._replace(samples=3))
+    assert (one.label != three.label).mean() < 0.001
+    assert np.abs(one.image.astype(int) - three.image).mean() > 0.5  # yet edges are smoother
+
+
+# -- light ---------------------------------------------------------------------------------------
+
+
+def test_the_same_street_gives_the_same_bytes_and_another_seed_does_not(draw):
+    a, b, other = (draw(default_street(s), SMALL) for s in (5, 5, 6))
+    assert all(x.tobytes() == y.tobytes() for x, y in zip(a, b, strict=True))
+    assert (a.image != other.image).mean() > 0.5
+    assert (a.label != other.label).any()
+
+
+def test_a_shadow_falls_away_from_the_sun_and_darkens(draw):
+    # The sun stands left, ahead: the shadow of a bus on the left falls on the road.
+    street = bare_street(at("bus", 14, 4.5), elevation=0.6, azimuth=math.pi / 2)
+    with_it = draw(street)
+    without = draw(street, QUIET._replace(shadows=False))
+    change = with_it.image.astype(int).mean(axis=2) - without.image.mean(axis=2)
+    road = with_it.label == TrainId.ROAD
+    darker = road & (change < -10)
+    assert darker.sum() > 200
+    assert change[road].max() < 5  # and nothing gets lighter
+    columns = np.nonzero(darker)[1]
+    x = with_it.depth[darker]
+    y = -(columns + 0.5 - 48) / 48 * math.tan(math.radians(25)) * x
+    # A bus is 2.8 m or so high; at this elevation its shadow reaches height / tan(0.6).
+    assert -4 < y.min() < 2.5
+    assert 8 < np.median(x) < 22
+
+
+def test_occlusion_darkens_what_is_close_to_other_things(draw):
+    street = default_street(2)
+    with_it, without = draw(street), draw(street, QUIET._replace(occlusion=False))
+    seen = with_it.label != TrainId.SKY
+    change = with_it.image[seen].astype(int) - without.image[seen]
+    assert change.mean() < -2
+    assert np.array_equal(with_it.image[~seen], without.image[~seen])
+
+
+def test_textures_roughen_the_asphalt(draw):
+    street = bare_street(camera=LEVEL._replace(pitch=0.3))
+    rough, flat = draw(street), draw(street, QUIET._replace(textures=False))
+    grain = [np.diff(f.image[-20:, 40:56].astype(float), axis=1).std() for f in (rough, flat)]
+    assert grain[0] > 1.5 * grain[1]
+
+
+def test_the_picture_brightens_with_the_sun(draw):
+    dim, normal, bright = (
+        draw(bare_street(intensity=i)).image.astype(float) for i in (0.3, 0.9, 1.7)
+    )
+    assert (dim <= normal).all()
+    assert (normal <= bright).all()
+    assert dim[:20].mean() < normal[:20].mean() - 20
+    assert dim[40:].mean() < normal[40:].mean() - 10 < bright[40:].mean() - 20
+
+
+def test_haze_takes_distant_things_into_the_horizon(draw):
+    clear = bare_street(camera=LEVEL)
+    hazy = clear._replace(sky=clear.sky._replace(haze=40.0))
+    a, b = draw(clear).image.astype(float), draw(hazy).image.astype(float)
+    near, far = np.s_[58:, 40:56], np.s_[33:35, 40:56]
+    assert np.abs(a[near] - b[near]).mean() < np.abs(a[far] - b[far]).mean() / 3
+
+
+def test_sensor_noise_is_drawn_anew_for_every_shot(draw):
+    street = bare_street()
+    clean, noisy = draw(street), draw(street, SMALL)
+    assert 0.5 < (noisy.image.astype(int) - clean.image).std() < 8
+    twice = street._replace(cameras=(LEVEL, LEVEL))
+    name = "embree"
+    a, b = renderer(name).render(twice, SMALL)
+    assert a.label.tobytes() == b.label.tobytes()
+    assert a.image.tobytes() != b.image.tobytes()
+
+
+# -- pictures ------------------------------------------------------------------------------------
+
+
+def test_pictures_have_the_statistics_of_streets(draw):
+    frames = [draw(default_street(seed), SMALL) for seed in range(6)]
+    images = np.stack([f.image for f in frames]).astype(float)
+    labels = np.stack([f.label for f in frames])
+    share = {name: (labels == i).mean() for i, name in enumerate(CLASS_NAMES)}
+    assert 85 < images.mean() < 165
+    assert 30 < images.std() < 85
+    assert (images == 255).mean() < 0.15
+    assert (images < 3).mean() < 0.05
+    assert 0.2 < share["road"] < 0.5
+    assert 0.15 < share["building"] < 0.5
+    assert 0.03 < share["sky"] < 0.3
+    assert 0.01 < share["sidewalk"] < 0.2
+    assert 0.01 < share["vegetation"] < 0.25
+    assert 0.005 < share["car"] < 0.2
+    assert 0.001 < share["person"] < 0.1
+    # Trees are green, the sky is at least as blue as red.
+    colour = {n: images[labels == CLASS_NAMES.index(n)].mean(axis=0) for n in ("vegetation", "sky")}
+    assert colour["vegetation"][1] > colour["vegetation"][2]
+    assert colour["sky"][2] >= colour["sky"][0]
+    assert colour["sky"].mean() > images.mean()
+
+
+def test_every_class_occurs_over_some_streets(draw):
+    near = {"person_interval": 4.0, "bicycle_interval": 5.0, "pole_interval": 8.0}
+    wide = {"building_position": 14.0, "fence_position": 10.0, "fence_interval": 6.0}
+    assert all(BY_NAME[name].low <= v <= BY_NAME[name].high for name, v in {**near, **wide}.items())
+    seen: set[int] = set()
+    for seed in range(40):
+        seen |= set(np.unique(draw(default_street(seed, car_interval=8.0, **near, **wide)).label))
+        if len(seen) == len(CLASS_NAMES):
+            return
+    missing = [name for i, name in enumerate(CLASS_NAMES) if i not in seen]
+    pytest.fail(f"never seen: {', '.join(missing)}")
