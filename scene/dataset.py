@@ -7,7 +7,7 @@ the size and the renderer, never on the number of workers.
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -43,7 +43,7 @@ def render_street(
     return renderer(renderer_name).render(street_of(unit, seed, index, shots, pool), settings)
 
 
-def _images_and_labels(*task) -> tuple[np.ndarray, np.ndarray]:
+def _images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
     frames = render_street(*task)
     return np.stack([f.image for f in frames]), np.stack([f.label for f in frames])
 

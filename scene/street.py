@@ -36,14 +36,14 @@ class AssetPool(NamedTuple):
     """The assets a street may draw from: ``count`` consecutive indices of every family."""
 
     first: int = 0
-    count: int = 48
+    count: int = 48  # type: ignore[assignment]  # hides tuple.count
 
 
 class Placement(NamedTuple):
     """One asset standing in the street."""
 
     family: str
-    index: int
+    index: int  # type: ignore[assignment]  # hides tuple.index
     train_id: int
     instance: int
     pose: np.ndarray  # f64[4, 4] asset frame -> world
@@ -191,9 +191,7 @@ def _pose(x: float, y: float, yaw: float) -> np.ndarray:
 def forward(camera: Camera) -> np.ndarray:
     """Unit vector f64[3] along the camera's optical axis."""
     c = math.cos(camera.pitch)
-    return np.array(
-        [c * math.cos(camera.yaw), -c * math.sin(camera.yaw), -math.sin(camera.pitch)]
-    )
+    return np.array([c * math.cos(camera.yaw), -c * math.sin(camera.yaw), -math.sin(camera.pitch)])
 
 
 def bounds(placements: list[Placement]) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""The embree renderer's shader: sun, sky light, texture, gloss and haze for one sample at a time."""
+"""The shader of all renderers: sun, sky light, texture, gloss and haze for one sample at a time."""
 
 from __future__ import annotations
 
@@ -12,6 +12,8 @@ from scene.materials import MATERIALS, TEXTURE_SIZE, textures
 from scene.sky import Sky, sky_arrays
 
 MISS = -1
+
+Array = np.ndarray
 
 
 @cache
@@ -33,7 +35,18 @@ def material_rows() -> np.ndarray:
 
 
 @njit(cache=True, fastmath=True)
-def sky_radiance(direction, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, out):
+def sky_radiance(
+    direction: Array,
+    sun_direction: Array,
+    sun: Array,
+    zenith: Array,
+    horizon: Array,
+    cloud: Array,
+    cover: np.float32,
+    offset: Array,
+    clouds: Array,
+    out: Array,
+) -> None:
     """Radiance of the sky along one unit ``direction``, written to ``out`` [3]."""
     up = max(direction[2], 0.0)
     fade = (1.0 - up) ** 4
@@ -64,7 +77,17 @@ def sky_radiance(direction, sun_direction, sun, zenith, horizon, cloud, cover, o
 
 
 @njit(cache=True, fastmath=True)
-def _sky_image(directions, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds):
+def _sky_image(
+    directions: Array,
+    sun_direction: Array,
+    sun: Array,
+    zenith: Array,
+    horizon: Array,
+    cloud: Array,
+    cover: np.float32,
+    offset: Array,
+    clouds: Array,
+) -> Array:
     image = np.empty((directions.shape[0], 3), np.float32)
     for i in range(directions.shape[0]):
         sky_radiance(
@@ -88,7 +111,7 @@ def sky_image(sky: Sky, directions: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True, fastmath=True)
-def facing_normals(faces, directions, normals, out):
+def facing_normals(faces: Array, directions: Array, normals: Array, out: Array) -> None:
     """Normal of each hit face turned towards the viewer; faces < 0 (misses) are left out."""
     for i in range(faces.shape[0]):
         f = faces[i]
@@ -105,7 +128,7 @@ def facing_normals(faces, directions, normals, out):
 
 
 @njit(cache=True, fastmath=True)
-def occlusion_directions(normals, width, out):
+def occlusion_directions(normals: Array, width: int, out: Array) -> None:
     """One cosine-distributed direction per sample, stratified over every 4x4 block of samples."""
     for i in range(normals.shape[0]):
         x, y = i % width, i // width
@@ -126,7 +149,9 @@ def occlusion_directions(normals, width, out):
 
 
 @njit(cache=True, fastmath=True)
-def smooth_open(opened, faces, normals, depth, height, width, out):
+def smooth_open(
+    opened: Array, faces: Array, normals: Array, depth: Array, height: int, width: int, out: Array
+) -> None:
     """Mean over the 4x4 window of samples that lie on about the same surface."""
     for y in range(height):
         for x in range(width):
@@ -156,12 +181,31 @@ def smooth_open(opened, faces, normals, depth, height, width, out):
 
 @njit(cache=True, fastmath=True)
 def shade(
-    faces, distance, directions, origin, normals, lit, opened, pixel_angle, textured,
-    face_color, face_material, face_instance,
-    tile_gloss, levels,
-    ambient, haze,
-    sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds,
-):  # fmt: skip
+    faces: Array,
+    distance: Array,
+    directions: Array,
+    origin: Array,
+    normals: Array,
+    lit: Array,
+    opened: Array,
+    pixel_angle: np.float32,
+    textured: bool,
+    face_color: Array,
+    face_material: Array,
+    face_instance: Array,
+    tile_gloss: Array,
+    levels: Array,
+    ambient: Array,
+    haze: np.float32,
+    sun_direction: Array,
+    sun: Array,
+    zenith: Array,
+    horizon: Array,
+    cloud: Array,
+    cover: np.float32,
+    offset: Array,
+    clouds: Array,
+) -> Array:
     """Linear radiance f32[n, 3] towards the camera for n samples.
 
     ``faces`` i32[n] (MISS for sky), ``distance`` f32[n] metres, ``lit`` f32[n] 1 where the sun is
