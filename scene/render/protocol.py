@@ -19,7 +19,7 @@ class RenderSettings(NamedTuple):
     samples: int = 1  # rays per pixel along each axis
     fov: float = 50.0  # horizontal field of view, degrees
     shadows: bool = True
-    occlusion: bool = True  # ambient occlusion (embree only)
+    occlusion: bool = True  # ambient occlusion; on screen only in opengl
     textures: bool = True
     response: CameraResponse = CameraResponse()
 
