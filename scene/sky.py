@@ -28,9 +28,12 @@ class Sky(NamedTuple):
 
     @property
     def ambient(self) -> np.ndarray:
-        """Light f32[3] that a surface gets from the sky; houses hide a good third of it in a street."""
+        """Light f32[3] that a surface in a street gets from the sky.
+
+        A clear sky is brightest at the horizon, where houses hide it; a grey one overhead.
+        """
         clear = 0.5 * self.zenith + 0.5 * self.horizon
-        return (0.55 * ((1 - self.cover) * clear + self.cover * self.cloud)).astype(np.float32)
+        return ((1 - self.cover) * 0.55 * clear + self.cover * 0.75 * self.cloud).astype(np.float32)
 
 
 def sample_sky(
