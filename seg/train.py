@@ -211,6 +211,7 @@ def train(
     settings: TrainSettings,
     progress: Callable[[int, float], None] | None = None,
     params: Params | None = None,
+    stepwise: bool | None = None,
 ) -> Params:
     """Train a net; the same arguments give the same parameters.
 
@@ -221,6 +222,8 @@ def train(
         settings: everything else.
         progress: called every 50 steps with the steps done and the loss of the last one.
         params: start from these (they are not changed); None starts afresh.
+        stepwise: call the step from the host (True) or scan it in chunks (False); by default as
+            suits the backend. The steps are the same.
 
     Returns:
         The parameters after the last step.
@@ -264,7 +267,8 @@ def train(
     else:
         # The step donates its state, so work on a copy.
         state = functions.resume(jax.tree.map(jnp.array, params))
-    stepwise = jax.default_backend() == "cpu"
+    if stepwise is None:
+        stepwise = jax.default_backend() == "cpu"
     for start in range(0, settings.steps, _CHUNK):
         stop = min(start + _CHUNK, settings.steps)
         if stepwise:
