@@ -1,1 +1,63 @@
-"""SceneX: a street-scene engine with exact labels of the 19 Cityscapes classes."""
+"""SceneX: a street-scene engine with exact labels of the 19 Cityscapes classes.
+
+    import numpy as np
+    import scene
+
+    units = np.random.default_rng(0).random((4, len(scene.ATTRIBUTES)), np.float32)  # 4 streets
+    dataset = scene.render_dataset(units, 0, shots=2, settings=scene.RenderSettings(160, 120, 2))
+    dataset.images, dataset.labels  # u8[8, 120, 160, 3], u8[8, 120, 160] train ids
+
+Names are imported on first use, so that the table of attributes does not load a renderer.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from scene.attributes import ATTRIBUTES, StreetParams, default_unit, street_params
+    from scene.classes import CLASS_NAMES, TrainId, colorize
+    from scene.dataset import Dataset, render_dataset, render_street
+    from scene.export import write_cityscapes
+    from scene.render import RENDERERS, Frame, RendererError, RenderSettings, renderer
+    from scene.sensor import CameraResponse
+    from scene.street import AssetPool, Street, sample_street
+
+_HOMES = {
+    "scene.attributes": ("ATTRIBUTES", "StreetParams", "default_unit", "street_params"),
+    "scene.classes": ("CLASS_NAMES", "TrainId", "colorize"),
+    "scene.dataset": ("Dataset", "render_dataset", "render_street"),
+    "scene.export": ("write_cityscapes",),
+    "scene.render": ("RENDERERS", "Frame", "RenderSettings", "RendererError", "renderer"),
+    "scene.sensor": ("CameraResponse",),
+    "scene.street": ("AssetPool", "Street", "sample_street"),
+}
+_HOME = {name: module for module, names in _HOMES.items() for name in names}
+
+__all__ = [
+    "ATTRIBUTES",
+    "CLASS_NAMES",
+    "RENDERERS",
+    "AssetPool",
+    "CameraResponse",
+    "Dataset",
+    "Frame",
+    "RenderSettings",
+    "RendererError",
+    "Street",
+    "StreetParams",
+    "TrainId",
+    "colorize",
+    "default_unit",
+    "render_dataset",
+    "render_street",
+    "renderer",
+    "sample_street",
+    "street_params",
+    "write_cityscapes",
+]
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'scene' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
