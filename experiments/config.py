@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import os
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
+
+from tyro.constructors import PrimitiveConstructorSpec
 
 from experiments.errors import UserError
+from experiments.twin import FIRST_ASSET
 from scene.attributes import NAMES
 from scene.render import RENDERERS, RenderSettings, check_settings
 from scene.street import AssetPool
+from seg.nets import net
+from seg.optim import optimizer
 from seg.train import TrainSettings
 
 PRESETS = ("smoke", "quick", "paper")
-CANDIDATES = ("argmax", "wide", "spread")
+CANDIDATES = ("argmax", "spread", "broad")
 
 POSITIONS = tuple(
     f"{n}_position" for n in ("building", "fence", "tree", "pole", "bicycle", "person", "car")
@@ -38,6 +44,22 @@ CAMVID_GROUPS: tuple[tuple[str, ...], ...] = (
     ENVIRONMENT,
 )
 """The paper's six groups for CamVid: positions in four, densities, environment."""
+
+
+Group = Annotated[
+    tuple[str, ...],
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="NAME,NAME,...",
+        instance_from_str=lambda words: tuple(words[0].split(",")),
+        is_instance=lambda value: isinstance(value, tuple),
+        str_from_instance=lambda group: [",".join(group)],
+    ),
+]
+"""Names of attributes; on the command line one word, with commas."""
+
+SEED_END = 2**31
+"""Seeds lie below: what is derived from them must fit into 32 bits."""
 
 
 @dataclass(frozen=True)
@@ -89,7 +111,7 @@ class Search:
     squared_reward: bool = False
     """(100 mIoU)^2, as in the authors' code, instead of mIoU."""
     relaxation: float | None = None
-    """Width of a relaxed bin, as a share of the range; by default 1 / bins."""
+    """Width of a relaxed bin, as a share of the range; by default 1 / bins, so that bins tile it."""
     unoptimised: Literal["random", "half"] = "random"
     """What groups not optimised yet are: random (paper), or 0.5 (the authors' code)."""
 
@@ -103,8 +125,8 @@ class Config:
     """The cheap stage that gives the rewards."""
     final: Stage
     """The full stage that gives the reported figures."""
-    groups: tuple[tuple[str, ...], ...]
-    """Attributes that are optimised together, in order."""
+    groups: tuple[Group, ...]
+    """Attributes that are optimised together, in this order: one word per group, all 23 in one each."""
     preset: Literal["smoke", "quick", "paper"] = "quick"
     """Where the defaults of all other flags come from."""
     data: Path | None = None
@@ -129,7 +151,8 @@ class Config:
     twin_seed: int = 0
     """Decides the hidden attributes of the twin, when there is no data."""
     candidates: tuple[str, ...] = CANDIDATES
-    """Ways to relax the learnt answer: argmax (1 / bins wide), wide (0.3), spread (as the policy is sure)."""
+    """Ways to relax the learnt answer: argmax (best bins), spread (as wide as the policy is unsure),
+    broad (the same, at least half of each range)."""
     candidate_seeds: int = 2
     """Nets that each candidate is scored with, at the final size, on the reward images."""
     default_width: float = 0.15
@@ -157,12 +180,22 @@ def check(config: Config) -> Config:
         value = getattr(config, name)
         if value is not None and value < 1:
             raise UserError(f"--{name.replace('_', '-')} must be 1 or more, not {value}")
+    if config.assets >= FIRST_ASSET:
+        raise UserError(
+            f"--assets must be less than {FIRST_ASSET}, where the twin's begin, not {config.assets}"
+        )
     for name in ("workers", "seed", "twin_seed"):
         if getattr(config, name) < 0:
             raise UserError(f"--{name.replace('_', '-')} must be 0 or more")
-    unknown = [c for c in config.candidates if c not in CANDIDATES]
-    if unknown or not config.candidates:
-        raise UserError(f"--candidates must be some of {', '.join(CANDIDATES)}; not {unknown}")
+    if config.seed >= SEED_END:
+        raise UserError(f"--seed must be less than {SEED_END}, not {config.seed}")
+    if not config.candidates or set(config.candidates) - set(CANDIDATES):
+        raise UserError(
+            f"--candidates must be some of {', '.join(CANDIDATES)}; "
+            f"not {' '.join(config.candidates) or 'none'}"
+        )
+    if len(set(config.candidates)) < len(config.candidates):
+        raise UserError(f"--candidates {' '.join(config.candidates)} names one of them twice")
     if not 0 <= config.default_width <= 1:
         raise UserError(f"--default-width must lie in [0, 1], not {config.default_width}")
     for stage_name in ("reward", "final"):
@@ -175,22 +208,50 @@ def check(config: Config) -> Config:
                 f"--{stage_name}.width and --{stage_name}.height must be multiples of 8, "
                 f"not {stage.width}x{stage.height}"
             )
-        for name in ("steps", "batch"):
-            if getattr(stage.train, name) < 1:
-                raise UserError(f"--{stage_name}.train.{name} must be 1 or more")
         try:
             check_settings(stage.render_settings())
         except ValueError as error:
             raise UserError(f"--{stage_name}: {error}") from None
+        _check_training(f"--{stage_name}.train", stage.train)
     for name in ("bins", "updates_per_group", "datasets_per_update"):
         least = 2 if name == "bins" else 1
         if getattr(config.search, name) < least:
             raise UserError(f"--search.{name.replace('_', '-')} must be {least} or more")
+    if not 0 < config.search.learning_rate < math.inf:
+        raise UserError(
+            f"--search.learning-rate must be positive, not {config.search.learning_rate}"
+        )
     if config.search.baseline == "leave_one_out" and config.search.datasets_per_update < 2:
         raise UserError(
             "--search.baseline leave_one_out needs --search.datasets-per-update 2 or more"
         )
     return config
+
+
+def _check_training(flag: str, train: TrainSettings) -> None:
+    """Raise UserError for settings that no net can be trained with; ``flag`` is their prefix."""
+    for name in ("steps", "batch", "predict_batch"):
+        if getattr(train, name) < 1:
+            raise UserError(f"{flag}.{name.replace('_', '-')} must be 1 or more")
+    for name in ("warmup", "power", "momentum", "weight_decay"):
+        if not 0 <= getattr(train, name) < math.inf:
+            raise UserError(f"{flag}.{name.replace('_', '-')} must be 0 or more")
+    if not 0 < train.lr < math.inf:
+        raise UserError(f"{flag}.lr must be positive, not {train.lr}")
+    try:
+        net(train.net, train.classes)
+        optimizer(train.optimizer)
+    except ValueError as error:
+        raise UserError(f"{flag}: {error}") from None
+
+
+def with_table(config: Config, name: str) -> Config:
+    """The configuration with nets that tell apart the classes of a table."""
+
+    def told(stage: Stage) -> Stage:
+        return replace(stage, train=replace(stage.train, table=name))
+
+    return replace(config, reward=told(config.reward), final=told(config.final))
 
 
 def _smoke(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Config:
@@ -229,17 +290,19 @@ def _paper(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Conf
 def cityscapes_config(preset: str) -> Config:
     """The defaults of ``python -m experiments.cityscapes``."""
     if preset == "smoke":
-        return _smoke(CITYSCAPES_GROUPS, 64, 32)
+        return with_table(_smoke(CITYSCAPES_GROUPS, 64, 32), "cityscapes")
     if preset == "paper":
-        return replace(_paper(CITYSCAPES_GROUPS, 640, 320), reward_images=500)
-    return Config(
+        paper = _paper(CITYSCAPES_GROUPS, 640, 320)
+        return with_table(replace(paper, reward_images=500), "cityscapes")
+    quick = Config(
         preset="quick",
         groups=CITYSCAPES_GROUPS,
-        search=Search(updates_per_group=6),
+        search=Search(updates_per_group=8, datasets_per_update=4, relaxation=0.3),
         reward=Stage(64, 32, streets=12, shots=6, train=TrainSettings(steps=120)),
         final=Stage(96, 48, streets=30, shots=6, train=TrainSettings(steps=300)),
         reward_images=500,
     )
+    return with_table(quick, "cityscapes")
 
 
 def camvid_config(preset: str) -> Config:
@@ -251,7 +314,8 @@ def camvid_config(preset: str) -> Config:
     return Config(
         preset="quick",
         groups=CAMVID_GROUPS,
-        search=Search(updates_per_group=10),
+        search=Search(updates_per_group=12, datasets_per_update=8, relaxation=0.3),
         reward=Stage(64, 48, streets=12, shots=8, train=TrainSettings(steps=200)),
         final=Stage(128, 96, streets=50, shots=8, train=TrainSettings(steps=1000)),
+        candidate_seeds=3,
     )

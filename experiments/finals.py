@@ -6,6 +6,7 @@ still on the reward images; only the chosen one ever meets the test images.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import jax
@@ -22,7 +23,8 @@ from scene.attributes import NAMES, default_unit
 from scene.workers import WorkerPool
 from sdr_jax.space import slide
 
-WIDE = 0.3
+BROAD = 0.5
+"""Least width of the broad candidate's intervals."""
 ROWS = ("random", "default", "learnt", "real")
 CANDIDATE_SEED = 1_000_000
 """Candidates are scored with seeds that no row of the result uses."""
@@ -30,7 +32,7 @@ CANDIDATE_SEED = 1_000_000
 
 def random_proposal() -> sdr_jax.Proposal:
     """Every attribute anywhere in its range."""
-    return sdr_jax.Proposal(np.full(len(NAMES), 0.5, np.float32), np.ones(len(NAMES), np.float32))
+    return _slid(np.full(len(NAMES), 0.5, np.float32), 1.0)
 
 
 def default_proposal(width: float) -> sdr_jax.Proposal:
@@ -42,8 +44,8 @@ def candidate_proposal(name: str, result: SearchResult) -> sdr_jax.Proposal:
     """One way to relax what the search learnt."""
     if name == "argmax":
         return result.argmax
-    if name == "wide":
-        return _slid(result.argmax.centre, np.maximum(result.argmax.width, WIDE))
+    if name == "broad":
+        return _slid(np.asarray(result.spread.centre), np.maximum(result.spread.width, BROAD))
     return result.spread
 
 
@@ -103,7 +105,7 @@ class Finals:
     def _score(
         self,
         kind: str,
-        proposals: dict[str, sdr_jax.Proposal | None],
+        proposals: Mapping[str, sdr_jax.Proposal | None],
         seeds: list[int],
         truth: Truth,
     ) -> dict[tuple[str, int], dict[str, Any]]:
@@ -116,8 +118,12 @@ class Finals:
         wanted = [(row, seed) for seed in seeds for row in proposals]
         missing = [key for key in wanted if key not in records]
         self._progress.advance(self._cost * (len(wanted) - len(missing)), replayed=True)
-        rendered = [(row, seed) for row, seed in missing if proposals[row] is not None]
-        real = [(row, seed) for row, seed in missing if proposals[row] is None]
+        rendered = [
+            ((row, seed), draw_units(proposal, seed, config.final.streets))
+            for row, seed in missing
+            if (proposal := proposals[row]) is not None
+        ]
+        real = [key for key in missing if proposals[key[0]] is None]
 
         def keep(key: tuple[str, int], evaluation: Evaluation) -> None:
             self._progress.advance(self._cost)
@@ -141,14 +147,14 @@ class Finals:
         tasks = [
             (
                 config.final, table, config.renderer, config.pool,
-                draw_units(proposals[row], seed, config.final.streets), seed, truth,
+                units, seed, truth,
             )
-            for row, seed in rendered
+            for (_, seed), units in rendered
         ]  # fmt: skip
         for index, evaluation in self._workers.map(evaluate, tasks):
-            keep(rendered[index], evaluation)
+            keep(rendered[index][0], evaluation)
         own = self._split.reward
-        tasks = [(config.final, table, own.images, own.labels, seed, truth) for _, seed in real]
-        for index, evaluation in self._workers.map(evaluate_real, tasks):
+        bound = [(config.final, table, own.images, own.labels, seed, truth) for _, seed in real]
+        for index, evaluation in self._workers.map(evaluate_real, bound):
             keep(real[index], evaluation)
         return records

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, is_dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO, NoReturn, TextIO
 
 from experiments.config import Config
 from experiments.errors import UserError
@@ -22,15 +24,55 @@ PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "p
 FREE_FIELDS = ("out", "workers")
 """Fields that may differ when a run is continued."""
 
+EVALUATION_FIELDS = {
+    "update": int,
+    "dataset": int,
+    "actions": list,
+    "seed": int,
+    "reward": float,
+    "class_iou": list,
+    "render_seconds": float,
+    "train_seconds": float,
+    "elapsed": float,
+}
+"""One line of ``evaluations.jsonl``."""
+FINAL_FIELDS = {
+    "kind": str,
+    "row": str,
+    "seed": int,
+    "miou": float,
+    "class_iou": list,
+    "render_seconds": float,
+    "train_seconds": float,
+    "elapsed": float,
+}
+"""One line of ``finals.jsonl``."""
 
-def write_atomically(path: Path, text: str) -> None:
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors of the disk name ``path``; a write that finds the disk full names no file by itself."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = str(path)
+        raise
+
+
+def write_atomically(path: Path, data: str | bytes) -> None:
     """Write a whole file or nothing."""
-    temporary = path.with_name(path.name + ".part")
-    with open(temporary, "w", encoding="utf-8") as file:
-        file.write(text)
-        file.flush()
-        os.fsync(file.fileno())
-    os.replace(temporary, path)
+    part = path.with_name(path.name + ".part")
+    with naming(path):
+        try:
+            with open(part, "wb") as file:
+                file.write(data.encode() if isinstance(data, str) else data)
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(part, path)
+        except BaseException:
+            with suppress(OSError):
+                part.unlink()
+            raise
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -54,37 +96,66 @@ def _differences(ours: Any, theirs: Any, name: str = "") -> Iterator[tuple[str, 
         yield name, ours, theirs
 
 
-class Log:
-    """Lines of JSON, appended one by one; a half-written last line is dropped on reading."""
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not JSON")
 
-    def __init__(self, path: Path) -> None:
+
+class Log:
+    """Lines of JSON, appended one by one; a half-written last line is dropped on reading.
+
+    Args:
+        path: the file; it is made with the first line.
+        fields: name and type of what every line must hold.
+
+    Raises:
+        UserError: a line is not as this program writes it.
+    """
+
+    def __init__(self, path: Path, fields: dict[str, type]) -> None:
         self._path = path
-        self._file: TextIO | None = None
+        self._file: BinaryIO | None = None
         self.lines: list[dict[str, Any]] = []
         whole = 0
         if path.exists():
             for line in path.read_bytes().splitlines(keepends=True):
                 if not line.endswith(b"\n"):
                     break
-                try:
-                    self.lines.append(json.loads(line))
-                except ValueError:
-                    raise UserError(
-                        f"{path}: line {len(self.lines) + 1} is not JSON; "
-                        "remove it and all after it, or use another --out"
-                    ) from None
+                self.lines.append(self._parse(line, fields))
                 whole += len(line)
             if whole < path.stat().st_size:
                 with open(path, "r+b") as file:
                     file.truncate(whole)
 
+    def _parse(self, line: bytes, fields: dict[str, type]) -> dict[str, Any]:
+        where = f"{self._path}: line {len(self.lines) + 1}"
+        cure = "remove it and all after it, or use another --out"
+        try:
+            record = json.loads(line, parse_constant=_refuse_constant)
+        except ValueError:
+            raise UserError(f"{where} is not JSON; {cure}") from None
+        if not isinstance(record, dict):
+            raise UserError(f"{where} is no JSON object; {cure}")
+        for name, kind in fields.items():
+            if not isinstance(record.get(name), kind):
+                raise UserError(f"{where}: {name} must be of type {kind.__name__}; {cure}")
+        return record
+
     def append(self, record: dict[str, Any]) -> None:
-        """Add one line and see it to the disk."""
-        if self._file is None:
-            self._file = open(self._path, "a", encoding="utf-8")
-        self._file.write(json.dumps(record, allow_nan=False) + "\n")
-        self._file.flush()
-        os.fsync(self._file.fileno())
+        """Add one line and see it to the disk; on a full disk, no part of it stays."""
+        line = (json.dumps(record, allow_nan=False) + "\n").encode()
+        with naming(self._path):
+            if self._file is None:
+                self._file = open(self._path, "ab", buffering=0)
+            before = os.fstat(self._file.fileno()).st_size
+            try:
+                rest = memoryview(line)
+                while rest:
+                    rest = rest[self._file.write(rest) :]
+                os.fsync(self._file.fileno())
+            except OSError:
+                with suppress(OSError):
+                    self._file.truncate(before)
+                raise
         self.lines.append(record)
 
     def close(self) -> None:
@@ -94,43 +165,69 @@ class Log:
             self._file = None
 
 
+def refuse_foreign(config: Config, target: str) -> None:
+    """Raise UserError if ``config.out`` cannot take this run; nothing on the disk is changed.
+
+    Args:
+        config: the run; ``config.out`` is new, empty, or holds the same run.
+        target: name of the target.
+    """
+    path, stored = config.out, config.out / "config.json"
+    if path.exists() and not path.is_dir():
+        raise UserError(f"--out {path} is a file; it must be a folder")
+    if not path.exists():
+        return
+    if not stored.exists():
+        if {p.name for p in path.iterdir()} - {"lock", "config.json.part"}:
+            raise UserError(f"--out {path} holds other files and no run; choose another")
+        return
+    try:
+        found = json.loads(stored.read_text(encoding="utf-8"))
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise UserError(f"{stored} is no JSON object; use another --out")
+    found.pop("versions", None)
+    for name, ours, theirs in _differences({"target": target, **plain(config)}, found):
+        if name not in FREE_FIELDS:
+            raise UserError(
+                f"--out {path} holds a run with {name} = {theirs}, not {ours}; "
+                "use the same flags to continue it, or another --out"
+            )
+
+
 class RunFolder:
     """Opens a run folder, new or to be continued, and keeps a second process out of it.
 
     Raises:
-        UserError: the folder holds the run of another configuration, something that is no run, or
-            is in use.
+        UserError: the folder holds the run of another configuration, something that is no run, is
+            in use, or cannot be written.
     """
 
     def __init__(self, config: Config, target: str) -> None:
         self.path = config.out
-        wanted = {"target": target, **plain(config)}
-        if self.path.exists() and not self.path.is_dir():
-            raise UserError(f"--out {self.path} is a file; it must be a folder")
-        stored = self.path / "config.json"
-        if self.path.exists() and any(self.path.iterdir()) and not stored.exists():
-            leftovers = {"lock", "config.json.part"}
-            if {p.name for p in self.path.iterdir()} - leftovers:
-                raise UserError(f"--out {self.path} holds other files and no run; choose another")
-        self.path.mkdir(parents=True, exist_ok=True)
-        self._lock = self._take_lock()
-        if stored.exists():
-            try:
-                found = json.loads(stored.read_text(encoding="utf-8"))
-            except ValueError:
-                raise UserError(f"{stored} is not JSON; use another --out") from None
-            found.pop("versions", None)
-            for name, ours, theirs in _differences(wanted, found):
-                if name not in FREE_FIELDS:
-                    raise UserError(
-                        f"--out {self.path} holds a run with {name} = {theirs}, not {ours}; "
-                        "use the same flags to continue it, or another --out"
-                    )
-        else:
-            write_json(stored, {**wanted, "versions": versions()})
-        self.continued = (self.path / "evaluations.jsonl").exists()
-        self.evaluations = Log(self.path / "evaluations.jsonl")
-        self.finals = Log(self.path / "finals.jsonl")
+        refuse_foreign(config, target)
+        new = not self.path.exists()
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._lock = self._take_lock()
+        except OSError as error:
+            raise UserError(
+                f"--out {self.path} cannot be written ({error.strerror}); choose another"
+            ) from None
+        try:
+            stored = self.path / "config.json"
+            if not stored.exists():
+                wanted = {"target": target, **plain(config)}
+                write_json(stored, {**wanted, "versions": versions()})
+            self.continued = (self.path / "evaluations.jsonl").exists()
+            self.evaluations = Log(self.path / "evaluations.jsonl", EVALUATION_FIELDS)
+            self.finals = Log(self.path / "finals.jsonl", FINAL_FIELDS)
+        except BaseException:
+            self._lock.close()
+            if new:
+                shutil.rmtree(self.path, ignore_errors=True)
+            raise
 
     def _take_lock(self) -> TextIO:
         file = open(self.path / "lock", "w", encoding="utf-8")
@@ -140,7 +237,7 @@ class RunFolder:
             return file
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
+        except BlockingIOError:
             file.close()
             raise UserError(f"--out {self.path} is in use by another run") from None
         return file

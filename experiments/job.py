@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from experiments import pictures, summary
 from experiments.config import Config, Stage, check
 from experiments.errors import UserError
@@ -17,11 +15,11 @@ from experiments.finals import (
     draw_units,
     random_proposal,
 )
-from experiments.folder import RunFolder, write_json
+from experiments.folder import RunFolder, refuse_foreign, write_json
 from experiments.progress import Progress, duration
 from experiments.reward import Truth, render, worker_environment
 from experiments.search import make_method, make_space, search, total_updates
-from experiments.targets import Target
+from experiments.targets import Split, Target
 from scene.export import write_cityscapes
 from scene.render import RendererError, renderer
 from scene.workers import WorkerPool
@@ -52,15 +50,20 @@ def run(config: Config, make_target: Callable[[Config, WorkerPool], Target]) -> 
     except RendererError as error:
         raise UserError(str(error)) from None
     with WorkerPool(config.workers, worker_environment()) as workers:
+        # Whatever the user got wrong shows before the folder is made: options, folder, images.
         target = make_target(config, workers)
+        refuse_foreign(config, target.name)
+        small = target.at(config.reward.height, config.reward.width)
         folder = RunFolder(config, target.name)
         try:
-            return _run(config, target, folder, workers)
+            return _run(config, target, small, folder, workers)
         finally:
             folder.close()
 
 
-def _run(config: Config, target: Target, folder: RunFolder, workers: WorkerPool) -> dict[str, Any]:
+def _run(
+    config: Config, target: Target, small: Split, folder: RunFolder, workers: WorkerPool
+) -> dict[str, Any]:
     final_nets = len(config.candidates) * config.candidate_seeds + len(ROWS) * config.seeds
     search_cost, final_cost = cost(config.reward), cost(config.final)
     evaluations = total_updates(config) * config.search.datasets_per_update
@@ -76,8 +79,7 @@ def _run(config: Config, target: Target, folder: RunFolder, workers: WorkerPool)
             f"Continuing: {len(folder.evaluations.lines)} rewards and {len(folder.finals.lines)} "
             f"final nets are done, in {duration(folder.elapsed)}"
         )
-    small = target.at(config.reward.height, config.reward.width).reward
-    truth = Truth(small.images, small.labels)
+    truth = Truth(small.reward.images, small.reward.labels)
     result = search(config, target, truth, folder, workers, progress, search_cost)
     pictures.rewards(folder.path / "pictures", result, target.title)
     pictures.distributions(folder.path / "pictures", result, target.title)
@@ -101,7 +103,6 @@ def _run(config: Config, target: Target, folder: RunFolder, workers: WorkerPool)
     }
     write_cityscapes(datasets["learnt"], folder.path / "dataset", shots=config.final.shots)
     pictures.samples(folder.path / "pictures", target, split.test, datasets)
-    np.save(folder.path / "pictures" / "probabilities.npy", result.probabilities)
     report = summary.summarize(
         config, target, folder, rows, chosen, scores, learnt, progress.elapsed
     )

@@ -64,7 +64,8 @@ def main(
         return _fail(str(error), 2)
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        return _fail(f"{where}{error.strerror or error}", 2)
+        cure = "once that is put right, the same command goes on"
+        return _fail(f"{where}{error.strerror or error}; {cure}", 2)
     except WorkerError as error:
         return _fail(str(error), 1)
     except KeyboardInterrupt:
@@ -73,5 +74,6 @@ def main(
 
 
 def _fail(message: str, code: int) -> int:
-    print(f"error: {message}" if code != 130 else f"\n{message}", file=sys.stderr, flush=True)
+    line = " ".join(message.split())
+    print(f"error: {line}" if code != 130 else f"\n{line}", file=sys.stderr, flush=True)
     return code

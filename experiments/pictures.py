@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from pathlib import Path
 
 import cv2
@@ -12,6 +13,7 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
+from experiments.folder import naming, write_atomically
 from experiments.search import SearchResult
 from experiments.targets import Target
 from scene.attributes import ATTRIBUTES
@@ -23,11 +25,16 @@ COLUMNS = 6
 
 
 def _save(figure: Figure, folder: Path, name: str) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    part = folder / f".{name}"
-    figure.savefig(part, dpi=110, bbox_inches="tight", format="png")
-    part.replace(folder / name)
+    data = io.BytesIO()
+    figure.savefig(data, dpi=110, bbox_inches="tight", format="png")
     plt.close(figure)
+    _write(folder, name, data)
+
+
+def _write(folder: Path, name: str, data: io.BytesIO) -> None:
+    with naming(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    write_atomically(folder / name, data.getvalue())
 
 
 def colorize(labels: np.ndarray, table: ClassTable) -> np.ndarray:
@@ -82,7 +89,13 @@ def rewards(folder: Path, result: SearchResult, title: str) -> None:
 
 
 def distributions(folder: Path, result: SearchResult, title: str) -> None:
-    """The policy's distribution over the bins of each of the 23 attributes, update by update."""
+    """The policy's distribution over the bins of each of the 23 attributes, update by update.
+
+    The numbers are kept beside the picture, f32[updates, 23, bins].
+    """
+    data = io.BytesIO()
+    np.save(data, result.probabilities)
+    _write(folder, "probabilities.npy", data)
     figure, axes = plt.subplots(4, 6, figsize=(16, 9), sharex=True)
     for index, axis in enumerate(axes.flat):
         if index >= len(ATTRIBUTES):

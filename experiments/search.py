@@ -43,15 +43,19 @@ def make_space(config: Config) -> sdr_jax.Space:
 
 
 def make_method(search: Search, space: sdr_jax.Space) -> sdr_jax.Method:
-    """The search method that the configuration asks for."""
-    if search.method == "random_search":
-        return sdr_jax.random_search(space, width=search.relaxation)
+    """The search method that the configuration asks for.
+
+    Raises:
+        UserError: an option out of range.
+    """
     baseline = {
         "ema": sdr_jax.ema,
         "ema_current": lambda: sdr_jax.ema(includes_current=True),
         "leave_one_out": sdr_jax.leave_one_out,
     }[search.baseline]()
     try:
+        if search.method == "random_search":
+            return sdr_jax.random_search(space, width=search.relaxation)
         return sdr_jax.sdr(
             space,
             optax.adam(search.learning_rate),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ from experiments.errors import UserError
 from experiments.twin import TwinWorld, twin_split, twin_world
 from scene.workers import WorkerPool
 from seg.classes import IGNORE_LABEL, class_table
-from seg.data import Entry, RealSet, list_camvid, list_cityscapes, load
+from seg.data import DataError, Entry, RealSet, list_camvid, list_cityscapes, load
 from seg.data.realset import subset
 
 
@@ -38,6 +39,7 @@ class Target(NamedTuple):
 
 def twin_target(config: Config, workers: WorkerPool) -> Target:
     """The embedded stand-in; see ``twin.py``."""
+    _check_table(config, "cityscapes")
     world = twin_world(config.twin_seed)
 
     def split(name: str, size: tuple[int, int], images: int | None) -> RealSet:
@@ -45,6 +47,7 @@ def twin_target(config: Config, workers: WorkerPool) -> Target:
             world, name, size, images=images, renderer=config.renderer, workers=workers
         )
 
+    @lru_cache(maxsize=1)
     def at(height: int, width: int) -> Split:
         return _checked(
             Split(
@@ -86,6 +89,7 @@ def camvid_target(config: Config, workers: WorkerPool) -> Target:
 def _real_target(
     name: str, test_split: str, listing: Callable[..., tuple[Entry, ...]], config: Config
 ) -> Target:
+    _check_table(config, name)
     table = class_table(name)
     reward = listing(config.data, "train")
     if config.holdout is not None:
@@ -101,12 +105,18 @@ def _real_target(
             )
         where = f"reported on sequence {config.holdout}"
     else:
-        test = listing(config.data, config.test_split or test_split)
+        try:
+            test = listing(config.data, config.test_split or test_split)
+        except DataError as error:
+            raise UserError(
+                f"{error}; --test-split or --holdout choose other images to report on"
+            ) from None
         where = f"reported on split {config.test_split or test_split}"
     reward = subset(reward, config.reward_images, config.seed)
     test = subset(test, config.test_images, config.seed)
     refuse_overlap([e.name for e in reward], [e.name for e in test])
 
+    @lru_cache(maxsize=1)
     def at(height: int, width: int) -> Split:
         size = (height, width)
         return _checked(Split(load(reward, table, size), load(test, table, size)), str(config.data))
@@ -122,6 +132,13 @@ def _real_target(
         test_names=tuple(e.name for e in test),
         at=at,
     )
+
+
+def _check_table(config: Config, table: str) -> None:
+    for stage in ("reward", "final"):
+        found = getattr(config, stage).train.table
+        if found != table:
+            raise UserError(f"--{stage}.train.table must be {table} for this target, not {found}")
 
 
 def refuse_overlap(reward_names: list[str], test_names: list[str]) -> None:

@@ -20,7 +20,7 @@ def write_cityscapes(dataset: Dataset, folder: Path, *, shots: int, city: str = 
     not at all, and replaces an earlier one.
 
     Raises:
-        OSError: the disk is full or read-only; nothing is left behind.
+        OSError: the disk is full or read-only, with the file's name; nothing is left behind.
     """
     part = folder.with_name(folder.name + ".part")
     shutil.rmtree(part, ignore_errors=True)
@@ -49,4 +49,7 @@ def _write(path: Path, image: np.ndarray) -> None:
     done, data = cv2.imencode(".png", image)
     if not done:
         raise OSError(f"cannot encode {path}")
-    path.write_bytes(data.tobytes())
+    try:
+        path.write_bytes(data.tobytes())
+    except OSError as error:  # a full disk tells no name
+        raise OSError(error.errno, error.strerror, str(path)) from error
