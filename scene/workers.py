@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
 from typing import Any
 
 import cv2
@@ -88,25 +91,46 @@ class WorkerPool:
                 self.workers,
                 mp_context=context,
                 initializer=_start,
-                initargs=(context.Value("i", 0), self._environment),
+                initargs=(context.Value("i", 0),),
             )
-        left: dict[Future, int] = {
-            self._executor.submit(function, *task): index
-            for index, task in enumerate(tasks)
-            if index not in done
-        }
+        with _inherited(self._environment):
+            left: dict[Future, int] = {
+                self._executor.submit(function, *task): index
+                for index, task in enumerate(tasks)
+                if index not in done
+            }
         while left:
             ready, _ = wait(left, return_when=FIRST_COMPLETED)
             for future in ready:
                 yield left.pop(future), future.result()
 
 
-def _start(counter: Any, environment: dict[str, str]) -> None:
-    """Give each worker one core of its own, and leave Ctrl-C to the parent."""
-    import signal
+@contextmanager
+def _inherited(environment: dict[str, str]) -> Iterator[None]:
+    """What processes started meanwhile find from their first moment on, before they import anything.
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    The variables of ``environment``, and a blocked SIGINT: Ctrl-C is the parent's business.
+    """
+    before = {name: os.environ.get(name) for name in environment}
     os.environ.update(environment)
+    if hasattr(signal, "pthread_sigmask"):
+        mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        if hasattr(signal, "pthread_sigmask"):
+            signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
+
+
+def _start(counter: Any) -> None:
+    """Give each worker one core of its own, leave Ctrl-C to the parent, and end with it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     with counter.get_lock():
         number = counter.value
         counter.value += 1
@@ -114,3 +138,11 @@ def _start(counter: Any, environment: dict[str, str]) -> None:
     if hasattr(os, "sched_setaffinity"):
         cores = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {cores[number % len(cores)]})
+
+
+def _end_with_parent() -> None:
+    """A parent that was killed cannot stop its workers, who would wait for work for ever."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(1)
