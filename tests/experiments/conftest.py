@@ -1,0 +1,155 @@
+"""Tiny real data in the public layouts, tiny runs of the whole job, and what they leave."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from experiments.config import Config, camvid_config, cityscapes_config
+
+ROOT = Path(__file__).resolve().parents[2]
+H, W = 12, 16
+
+TINY = (
+    "--preset", "smoke", "--workers", "1", "--candidates", "argmax",
+    "--reward.train.steps", "6", "--final.train.steps", "8",
+)  # fmt: skip
+"""The smoke preset, smaller still; of twelve rewards and nine final nets."""
+
+
+def write_pair(image: Path, label: Path, seed: int, highest: int) -> None:
+    """A random photograph, and labels 0..highest in blocks."""
+    rng = np.random.default_rng(seed)
+    for path, values in (
+        (image, rng.integers(0, 256, (H, W, 3))),
+        (label, np.kron(rng.integers(0, highest + 1, (H // 4, W // 4)), np.ones((4, 4)))),
+    ):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        Image.fromarray(values.astype(np.uint8)).save(path)
+
+
+@pytest.fixture
+def camvid(tmp_path: Path) -> Path:
+    """Train (two sequences, two images each) and test (two images)."""
+    root = tmp_path / "camvid"
+    for split, names in {
+        "train": ["A_1", "A_2", "B_1", "B_2"],
+        "test": ["B_8", "C_1"],
+    }.items():
+        for k, name in enumerate(names):
+            write_pair(root / split / f"{name}.png", root / f"{split}annot" / f"{name}.png", k, 10)
+    return root
+
+
+@pytest.fixture
+def cityscapes(tmp_path: Path) -> Path:
+    """Train and val, a city each, two images each."""
+    root = tmp_path / "cityscapes"
+    for split, city in (("train", "aachen"), ("val", "ulm")):
+        for k in range(2):
+            stem = f"{city}_000000_{k:06d}"
+            write_pair(
+                root / "leftImg8bit" / split / city / f"{stem}_leftImg8bit.png",
+                root / "gtFine" / split / city / f"{stem}_gtFine_labelIds.png",
+                k,
+                33,
+            )
+    return root
+
+
+@pytest.fixture
+def tiny_twin(tmp_path: Path) -> Config:
+    """A smoke configuration of the twin."""
+    return replace(cityscapes_config("smoke"), out=tmp_path / "run", workers=0)
+
+
+@pytest.fixture
+def tiny_camvid(tmp_path: Path, camvid: Path) -> Config:
+    """A smoke configuration of the CamVid above."""
+    return replace(camvid_config("smoke"), out=tmp_path / "run", workers=0, data=camvid)
+
+
+class Job:
+    """The whole job as a user starts it, in a process group of its own."""
+
+    def __init__(self, out: Path, *flags: str, experiment: str = "cityscapes") -> None:
+        self.out = out
+        self._stdout = out.with_suffix(".stdout").open("w+")
+        self._stderr = out.with_suffix(".stderr").open("w+")
+        command = [sys.executable, "-m", f"experiments.{experiment}", *flags, "--out", str(out)]
+        # Shells start background jobs with SIGINT ignored, and children would inherit that.
+        before = signal.signal(signal.SIGINT, signal.default_int_handler)
+        try:
+            self.process = subprocess.Popen(
+                command,
+                cwd=ROOT,
+                stdin=subprocess.DEVNULL,
+                stdout=self._stdout,
+                stderr=self._stderr,
+                env={k: v for k, v in os.environ.items() if k != "CAMVID_DIR"},
+                start_new_session=True,
+            )
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    def finish(self, timeout: float = 300) -> tuple[int, str, str]:
+        """Exit code, standard output, standard error; the whole group is gone afterwards."""
+        try:
+            code = self.process.wait(timeout)
+        finally:
+            self.kill()
+        texts = []
+        for file in (self._stdout, self._stderr):
+            file.seek(0)
+            texts.append(file.read())
+            file.close()
+        return code, texts[0], texts[1]
+
+    def send(self, number: signal.Signals) -> None:
+        """Signal the whole group, as a terminal does."""
+        os.killpg(self.process.pid, number)
+
+    def kill(self) -> None:
+        """End the whole group, at once."""
+        try:
+            self.send(signal.SIGKILL)
+        except ProcessLookupError:
+            pass
+
+
+def lines(path: Path) -> list[dict[str, Any]]:
+    """The whole lines of a log."""
+    if not path.exists():
+        return []
+    return [json.loads(line) for line in path.read_bytes().split(b"\n")[:-1]]
+
+
+@pytest.fixture(scope="session")
+def unbroken(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """The run folder of one whole tiny job on the twin, and its output."""
+    out = tmp_path_factory.mktemp("job") / "unbroken"
+    code, stdout, stderr = Job(out, *TINY).finish()
+    assert (code, stderr) == (0, "")
+    return out, stdout
+
+
+@pytest.fixture
+def start_job() -> Any:
+    """Starts jobs as ``Job`` does, and ends those that a failed test leaves running."""
+    jobs: list[Job] = []
+
+    def start(*arguments: Any, **options: Any) -> Job:
+        jobs.append(Job(*arguments, **options))
+        return jobs[-1]
+
+    yield start
+    for job in jobs:
+        job.kill()

@@ -1,0 +1,183 @@
+"""The whole job from the command line: what it leaves, and that kills do not change the answer."""
+
+import json
+import os
+import signal
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from experiments.config import Config, cityscapes_config
+from experiments.finals import ROWS, draw_units, random_proposal
+from experiments.reward import Truth, evaluate, worker_environment
+from scene.attributes import NAMES
+from scene.workers import WorkerPool
+from seg.data import read_cityscapes
+
+from .conftest import TINY, Job, lines
+
+SCORES = ("rows", "random", "default", "learnt", "gain", "candidates", "chosen_candidate")
+
+
+def wait_for(job: Job, log: str, count: int, timeout: float = 240) -> None:
+    """Return as soon as a log of the run folder has so many lines."""
+    end = time.monotonic() + timeout
+    while len(lines(job.out / log)) < count:
+        assert job.process.poll() is None, "the job ended before it could be stopped"
+        assert time.monotonic() < end, f"{log} has not got {count} lines in {timeout} s"
+        time.sleep(0.02)
+
+
+def children(pid: int) -> list[int]:
+    """Processes that a process started, as Linux tells; none elsewhere."""
+    try:
+        with open(f"/proc/{pid}/task/{pid}/children") as file:
+            return [int(child) for child in file.read().split()]
+    except OSError:
+        return []
+
+
+def alive(pid: int) -> bool:
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def test_output_says_from_first_to_last_line_that_the_twin_is_not_real(unbroken):
+    _, stdout = unbroken
+    printed = stdout.splitlines()
+    assert printed[0].startswith("Target: the twin 0") and "NOT real data" in printed[0]
+    assert any("the twin, NOT real data" in line for line in printed[1:])
+    assert "not real data" in printed[-1] and "summary.json" in printed[-1]
+    progress = [line for line in printed if line.startswith("[")]
+    assert len(progress) == 6 + 9
+    assert all("mIoU" in line and " left" in line for line in progress)
+    assert all("best" in line and "baseline" in line for line in progress[:6])
+
+
+def test_the_run_folder_is_complete(unbroken):
+    out, _ = unbroken
+    assert {p.name for p in out.iterdir()} == {
+        "attributes.json", "config.json", "dataset", "evaluations.jsonl", "finals.jsonl", "lock",
+        "pictures", "summary.json",
+    }  # fmt: skip
+    assert {p.name for p in (out / "pictures").iterdir()} == {
+        "attributes.png", "images.png", "probabilities.npy", "reward.png",
+    }  # fmt: skip
+    for path in out.glob("pictures/*.png"):
+        assert min(Image.open(path).size) > 200
+    dataset = read_cityscapes(out / "dataset", "train")
+    assert dataset.images.shape == (6, 32, 64, 3)
+    assert len(lines(out / "evaluations.jsonl")) == 12
+    assert len(lines(out / "finals.jsonl")) == 1 + 4 * 2
+
+
+def test_the_summary_has_what_scripts_rely_on(unbroken):
+    out, _ = unbroken
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["target"], summary["real"], summary["preset"]) == ("twin", False, "smoke")
+    assert (summary["reward_images"], summary["test_images"]) == (8, 8)
+    assert summary["evaluations"] == 12
+    assert set(summary["seconds"]) == {"render", "train", "total"}
+    assert set(summary["rows"]) == set(ROWS)
+    for row in ROWS:
+        entry = summary["rows"][row]
+        assert len(entry["miou"]) == 2 and len(entry["per_class"]) == 19
+        assert entry["ci95"][0] <= entry["mean"] <= entry["ci95"][1]
+        assert all(0 <= miou <= 100 for miou in entry["miou"])
+    differences = np.subtract(summary["learnt"]["miou"], summary["random"]["miou"])
+    assert summary["gain"]["mean"] == pytest.approx(differences.mean())
+    assert set(summary["recovery"]["by_attribute"]) == set(NAMES)
+    attributes = json.loads((out / "attributes.json").read_text())
+    assert list(attributes) == list(NAMES)
+
+
+def test_stopped_and_killed_it_ends_with_the_answer_of_an_unbroken_run(
+    unbroken, start_job, tmp_path
+):
+    out = tmp_path / "broken"
+
+    job = start_job(out, *TINY)
+    wait_for(job, "evaluations.jsonl", 1)
+    job.send(signal.SIGINT)  # as a terminal does, to the main process and to its workers
+    code, _, stderr = job.finish()
+    assert (code, stderr.strip()) == (130, "stopped; the same command goes on where it was")
+
+    job = start_job(out, *TINY)
+    wait_for(job, "evaluations.jsonl", 7)
+    job.kill()
+    job.finish()
+    with open(out / "evaluations.jsonl", "a") as log:
+        log.write('{"update": 4, "data')  # as a kill within a write leaves it
+
+    job = start_job(out, *TINY)
+    wait_for(job, "finals.jsonl", 3)
+    workers = children(job.process.pid)
+    os.kill(job.process.pid, signal.SIGKILL)  # the main process alone
+    job.process.wait()
+    end = time.monotonic() + 20
+    while any(alive(pid) for pid in workers):
+        assert time.monotonic() < end, "workers outlive a killed main process"
+        time.sleep(0.05)
+    job.finish()
+
+    code, stdout, stderr = start_job(out, *TINY).finish()
+    assert (code, stderr) == (0, "")
+    continuing = next(line for line in stdout.splitlines() if line.startswith("Continuing"))
+    assert "12 rewards" in continuing and "0 final nets" not in continuing
+
+    whole, _ = unbroken
+    assert (out / "attributes.json").read_bytes() == (whole / "attributes.json").read_bytes()
+    found, wanted = (json.loads((p / "summary.json").read_text()) for p in (out, whole))
+    assert {k: found[k] for k in SCORES} == {k: wanted[k] for k in SCORES}
+    assert found.keys() == wanted.keys()
+    np.testing.assert_array_equal(
+        np.load(out / "pictures" / "probabilities.npy"),
+        np.load(whole / "pictures" / "probabilities.npy"),
+    )
+    theirs = read_cityscapes(whole / "dataset", "train")
+    ours = read_cityscapes(out / "dataset", "train")
+    np.testing.assert_array_equal(ours.images, theirs.images)
+    np.testing.assert_array_equal(ours.labels, theirs.labels)
+
+
+def test_rewards_do_not_depend_on_the_number_of_workers():
+    config: Config = cityscapes_config("smoke")
+    stage = replace(config.reward, train=replace(config.reward.train, steps=4))
+    rng = np.random.default_rng(0)
+    truth = Truth(
+        rng.integers(0, 256, (3, 32, 64, 3), dtype=np.uint8),
+        rng.integers(0, 19, (3, 32, 64), dtype=np.uint8),
+    )
+    tasks = [
+        (stage, "cityscapes", "embree", config.pool, units, seed, truth)
+        for seed in (1, 2**32 - 1)
+        for units in [draw_units(random_proposal(), seed % 1000, stage.streets)]
+    ]
+    found = []
+    for workers in (0, 1, 2):
+        with WorkerPool(workers, worker_environment()) as pool:
+            answers = dict(pool.map(evaluate, tasks))
+        found.append([answers[k].confusion for k in range(2)])
+    np.testing.assert_array_equal(found[1], found[0])
+    np.testing.assert_array_equal(found[2], found[0])
+    assert found[0][0].sum() == 3 * 32 * 64 and (found[0][0] != found[0][1]).any()
+
+
+def test_smoke_run_on_real_camvid(camvid_dir, start_job, tmp_path):
+    flags = [*TINY, "--data", str(camvid_dir), "--holdout", "0006R0"]
+    code, stdout, stderr = start_job(tmp_path / "run", *flags, experiment="camvid").finish()
+    assert (code, stderr) == (0, "")
+    first = stdout.splitlines()[0]
+    assert first.startswith("Target: camvid") and "reported on sequence 0006R0" in first
+    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    assert (summary["target"], summary["real"]) == ("camvid", True)
+    assert (summary["reward_images"], summary["test_images"]) == (8, 8)
+    assert "recovery" not in summary
+    assert all(0 < summary["rows"][row]["mean"] < 100 for row in ROWS)
+    assert "twin" not in stdout

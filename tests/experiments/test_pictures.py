@@ -1,0 +1,93 @@
+"""The three pictures: written whole, of the right things."""
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+import sdr_jax
+from experiments import folder as folder_module
+from experiments import pictures
+from experiments.search import SearchResult
+from experiments.targets import Target
+from scene.dataset import Dataset
+from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL
+from seg.data import RealSet
+
+N = 4
+TARGET = Target("camvid", True, "camvid", "the title", (), (), lambda height, width: None)
+
+
+@pytest.fixture
+def result() -> SearchResult:
+    rng = np.random.default_rng(0)
+    half = sdr_jax.Proposal(np.full(23, 0.5, np.float32), np.ones(23, np.float32))
+    probabilities = rng.dirichlet(np.ones(5), (6, 23)).astype(np.float32)
+    return SearchResult(
+        half, half, rng.random((6, 2)).astype(np.float32), np.full(6, 0.4, np.float32),
+        np.repeat(np.arange(3), 2), probabilities,
+    )  # fmt: skip
+
+
+def test_colours_are_the_tables():
+    labels = np.array([[0, 1], [10, IGNORE_LABEL]], np.uint8)
+    np.testing.assert_array_equal(
+        pictures.colorize(labels, CITYSCAPES_19),
+        [[(128, 64, 128), (244, 35, 232)], [(70, 130, 180), (0, 0, 0)]],
+    )
+    np.testing.assert_array_equal(pictures.colorize(labels, CAMVID_11)[0, 0], (128, 128, 128))
+
+
+def test_rewards_and_distributions(result, tmp_path):
+    pictures.rewards(tmp_path / "pictures", result, "title")
+    pictures.distributions(tmp_path / "pictures", result, "title")
+    names = {"reward.png", "attributes.png", "probabilities.npy"}
+    assert {p.name for p in (tmp_path / "pictures").iterdir()} == names
+    for name in ("reward.png", "attributes.png"):
+        picture = np.asarray(Image.open(tmp_path / "pictures" / name).convert("RGB"))
+        assert min(picture.shape[:2]) > 300 and picture.std() > 5
+    kept = np.load(tmp_path / "pictures" / "probabilities.npy")
+    np.testing.assert_array_equal(kept, result.probabilities)
+
+
+@pytest.mark.parametrize("baselines", [np.full(6, np.nan), np.full(6, 900.0)])
+def test_rewards_without_a_baseline_in_their_unit(result, tmp_path, baselines):
+    pictures.rewards(tmp_path, result._replace(baselines=baselines), "title")
+    assert (tmp_path / "reward.png").exists()
+
+
+def test_samples_show_target_random_and_learnt_with_labels(tmp_path, monkeypatch):
+    shown = []
+    monkeypatch.setattr(pictures, "_enlarge", lambda image: shown.append(image) or image)
+    rng = np.random.default_rng(1)
+    images = rng.integers(0, 256, (3, N, 8, 16, 3), dtype=np.uint8)
+    labels = rng.integers(0, 11, (3, N, 8, 16), dtype=np.uint8)
+    test = RealSet(("n",) * N, ("s",) * N, images[0], labels[0])
+    datasets = {name: Dataset(images[k], labels[k]) for k, name in ((1, "random"), (2, "learnt"))}
+    pictures.samples(tmp_path, TARGET, test, datasets)
+    assert len(shown) == 6 and (tmp_path / "images.png").exists()
+    for k in range(3):
+        ids = labels[k] if k == 0 else CAMVID_11.from_train_id[labels[k]]
+        np.testing.assert_array_equal(shown[2 * k], np.concatenate(list(images[k]), axis=1))
+        expected = pictures.colorize(ids, CAMVID_11)
+        np.testing.assert_array_equal(shown[2 * k + 1], np.concatenate(list(expected), axis=1))
+
+
+def test_a_full_disk_leaves_no_half_picture(result, tmp_path, monkeypatch):
+    def fsync(descriptor):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(folder_module.os, "fsync", fsync)
+    with pytest.raises(OSError) as caught:
+        pictures.rewards(tmp_path / "pictures", result, "title")
+    assert caught.value.filename == str(tmp_path / "pictures" / "reward.png")
+    assert list((tmp_path / "pictures").iterdir()) == []
+
+
+def test_small_images_are_enlarged_by_whole_numbers():
+    image = np.arange(2 * 96 * 3, dtype=np.uint8).reshape(2, 96, 3)
+    large = pictures._enlarge(image)
+    assert large.shape == (2 * 16, 96 * 16, 3)
+    np.testing.assert_array_equal(
+        cv2.resize(large, (96, 2), interpolation=cv2.INTER_NEAREST), image
+    )
