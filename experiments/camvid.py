@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import sys
 
-from experiments.config import camvid_config
-from experiments.main import main
-from experiments.targets import camvid_target
-
 if __name__ == "__main__":
+    # Not at the top: worker processes load this file, too, and need nothing of the command line.
+    from experiments.config import camvid_config
+    from experiments.main import main
+    from experiments.targets import camvid_target
+
     sys.exit(
         main("camvid", camvid_config, camvid_target, __doc__ or "", data_variable="CAMVID_DIR")
     )

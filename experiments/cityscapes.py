@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import sys
 
-from experiments.config import cityscapes_config
-from experiments.main import main
-from experiments.targets import cityscapes_target
-
 if __name__ == "__main__":
+    # Not at the top: worker processes load this file, too, and need nothing of the command line.
+    from experiments.config import cityscapes_config
+    from experiments.main import main
+    from experiments.targets import cityscapes_target
+
     sys.exit(main("cityscapes", cityscapes_config, cityscapes_target, __doc__ or ""))

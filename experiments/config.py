@@ -116,7 +116,7 @@ class Search:
     """What groups not optimised yet are: random (paper), or 0.5 (the authors' code)."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class Config:
     """One run. Every field is a flag."""
 
@@ -125,13 +125,10 @@ class Config:
     """The cheap stage that gives the rewards."""
     final: Stage
     """The full stage that gives the reported figures."""
-    groups: tuple[Group, ...]
-    """Attributes that are optimised together, in this order: one word per group, all 23 in one each."""
     preset: Literal["smoke", "quick", "paper"] = "quick"
     """Where the defaults of all other flags come from."""
     data: Path | None = None
-    """Folder of real images. CamVid also takes it from the variable CAMVID_DIR; cityscapes without it
-    runs on the twin."""
+    """Folder of real images. By default the variable CAMVID_DIR (camvid), or the twin (cityscapes)."""
     out: Path = Path("runs/run")
     """The run folder. The same command continues a run that was stopped."""
     seed: int = 0
@@ -161,6 +158,8 @@ class Config:
     """Nets per row of the result; paired: the k-th of every row shares its seed."""
     assets: int = 48
     """Assets of each family that streets may draw from."""
+    groups: tuple[Group, ...]
+    """Attributes optimised together, one word per group, in this order; each of the 23 in one group."""
 
     @property
     def pool(self) -> AssetPool:
