@@ -46,7 +46,9 @@ class Family(NamedTuple):
 
 
 FAMILIES: dict[str, Family] = {
-    "building": Family(TrainId.BUILDING, building.KINDS, building.sample_building, building.building),
+    "building": Family(
+        TrainId.BUILDING, building.KINDS, building.sample_building, building.building
+    ),
     "train": Family(TrainId.TRAIN, train.KINDS, train.sample_train, train.train),
     "fence": Family(TrainId.FENCE, fence.KINDS, fence.sample_fence, fence.fence),
     "wall": Family(TrainId.WALL, wall.KINDS, wall.sample_wall, wall.wall),

@@ -63,7 +63,7 @@ def build(street: Street) -> Geometry:
         instances.append(instance)
         train_id[instance] = GROUND_INSTANCES[instance]
     for placement in street.placements:
-        own = _asset_arrays(placement.family, placement.index)
+        own = _asset_arrays(placement.family, placement.asset)
         rotation = placement.pose[:3, :3].astype(np.float32)
         offset = placement.pose[:3, 3].astype(np.float32)
         parts.append(

@@ -76,13 +76,17 @@ def sample_ground(rng: np.random.Generator) -> Ground:
     )
 
 
-def _strip(y0: float, y1: float, z: float, color: tuple[float, float, float], material: str) -> Asset:
+def _strip(
+    y0: float, y1: float, z: float, color: tuple[float, float, float], material: str
+) -> Asset:
     """A ground strip between two distances from the centre line (both signs give both sides)."""
     x0, x1 = GROUND_START, GROUND_END
     return quad([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], color, material)
 
 
-def _paint(x: float, y: float, length: float, width: float, color: tuple[float, float, float]) -> Asset:
+def _paint(
+    x: float, y: float, length: float, width: float, color: tuple[float, float, float]
+) -> Asset:
     """A painted rectangle centred on (x, y)."""
     a, b = length / 2, width / 2
     z = PAINT_LIFT
@@ -123,6 +127,12 @@ def ground_assets(ground: Ground) -> dict[int, Asset]:
         )
         sidewalk.append(kerb)
         terrain.append(
-            _strip(side * outer, side * GROUND_SIDE, KERB_HEIGHT, ground.terrain, ground.terrain_material)
+            _strip(
+                side * outer,
+                side * GROUND_SIDE,
+                KERB_HEIGHT,
+                ground.terrain,
+                ground.terrain_material,
+            )
         )
     return {1: merge(*road), 2: merge(*sidewalk), 3: merge(*terrain)}

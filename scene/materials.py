@@ -142,7 +142,9 @@ def _asphalt(rng: np.random.Generator, size: int) -> np.ndarray:
     wear = fractal_noise(rng, size, 2, 4)
     patch = np.zeros((size, size), np.float32)
     for _ in range(3):
-        r, c, h, w = (int(v) for v in rng.integers([0, 0, 8, 8], [size, size, size // 4, size // 2]))
+        r, c, h, w = (
+            int(v) for v in rng.integers([0, 0, 8, 8], [size, size, size // 4, size // 2])
+        )
         patch[r : r + h, c : c + w] = rng.choice([-0.25, 0.2])
     return 0.5 * wear + 0.35 * _speckle(rng, size) + patch
 

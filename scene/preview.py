@@ -1,7 +1,7 @@
 """A contact sheet: rendered images with their labels and depth below.
 
-    python -m scene.preview --out sheet.png                      # streets set by eye
-    python -m scene.preview --attributes random --renderer opengl --out sheet.png
+python -m scene.preview --out sheet.png                      # streets set by eye
+python -m scene.preview --attributes random --renderer opengl --out sheet.png
 """
 
 from __future__ import annotations

@@ -18,9 +18,7 @@ class CameraResponse(NamedTuple):
     noise: float = 0.012  # standard deviation of sensor noise at mid grey, of full scale
 
 
-def develop(
-    radiance: np.ndarray, response: CameraResponse, rng: np.random.Generator
-) -> np.ndarray:
+def develop(radiance: np.ndarray, response: CameraResponse, rng: np.random.Generator) -> np.ndarray:
     """Linear radiance f32[h, w, 3] to an sRGB image u8[h, w, 3].
 
     The tone curve x / (1 + x^4)^(1/4) leaves shadows and middle tones alone and only bends the sky's

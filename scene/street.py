@@ -33,17 +33,17 @@ FIRST_INSTANCE = 4
 
 
 class AssetPool(NamedTuple):
-    """The assets a street may draw from: ``count`` consecutive indices of every family."""
+    """The assets a street may draw from: ``size`` consecutive indices of every family."""
 
     first: int = 0
-    count: int = 48  # type: ignore[assignment]  # hides tuple.count
+    size: int = 48
 
 
 class Placement(NamedTuple):
     """One asset standing in the street."""
 
     family: str
-    index: int  # type: ignore[assignment]  # hides tuple.index
+    asset: int  # index of the asset in its family
     train_id: int
     instance: int
     pose: np.ndarray  # f64[4, 4] asset frame -> world
@@ -128,8 +128,8 @@ def _fill(
     for slot in range(math.ceil((LINE_END - start) / interval)):
         x = start + (slot + rng.uniform(-JITTER, JITTER)) * interval
         family = str(rng.choice(families, p=shares))
-        index = pool.first + int(rng.integers(pool.count))
-        post = pool.first + int(rng.integers(pool.count))
+        index = pool.first + int(rng.integers(pool.size))
+        post = pool.first + int(rng.integers(pool.size))
         yaw = _yaw(line.facing, family, side, side == camera_side, rng)
         filled = rng.random() < probability
         # Facades of neighbours that overlap would lie in one plane; a step back keeps their edges
@@ -198,7 +198,7 @@ def bounds(placements: list[Placement]) -> np.ndarray:
     """World axis-aligned boxes f64[placements, 2, 3] (low, high corner)."""
     boxes = np.zeros((len(placements), 2, 3))
     for i, placement in enumerate(placements):
-        low, high = catalogue.bounds(placement.family, placement.index)
+        low, high = catalogue.bounds(placement.family, placement.asset)
         centre, half = (low + high) / 2, (high - low) / 2
         rotation, offset = placement.pose[:3, :3], placement.pose[:3, 3]
         middle, reach = rotation @ centre + offset, np.abs(rotation) @ half

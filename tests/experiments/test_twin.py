@@ -84,7 +84,7 @@ def test_its_assets_are_not_the_searchs(renders, presets, preset):
     split("train")
     [(_, _, options)] = renders
     ours, theirs = presets(preset).pool, options["pool"]
-    assert ours.first + ours.count <= FIRST_ASSET == theirs.first
+    assert ours.first + ours.size <= FIRST_ASSET == theirs.first
 
 
 def test_its_splits_are_disjoint(renders):

@@ -58,9 +58,9 @@ def test_streets_of_neighbouring_seeds_are_not_the_same():
 
 def test_the_pool_of_assets_is_that_of_the_street():
     street = street_of(default_unit(), 1, 0, 1, AssetPool(5, 2))
-    assert {p.index for p in street.placements} == {5, 6}
+    assert {p.asset for p in street.placements} == {5, 6}
     default = sample_street(street_params(default_unit()), street.seed, 1)
-    assert {p.index for p in default.placements} <= set(range(48))
+    assert {p.asset for p in default.placements} <= set(range(48))
 
 
 def test_an_open_pool_is_used_and_left_open(here):

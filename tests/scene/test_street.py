@@ -95,7 +95,7 @@ def test_every_object_stands_on_the_ground_below_it(unit, seed):
         assert z == ground_height(y)
         assert p.pose[:3, 2].tolist() == [0, 0, 1]  # upright
         assert np.linalg.det(p.pose[:3, :3]) == pytest.approx(1)
-        low = catalogue.bounds(p.family, p.index)[0, 2]
+        low = catalogue.bounds(p.family, p.asset)[0, 2]
         if p.family in ("rider", "traffic sign", "traffic light"):
             assert low > 0.05  # on a machine or a post
         else:
@@ -197,7 +197,7 @@ def test_riders_sit_on_a_machine_and_signs_hang_on_a_post():
 
 
 def test_only_assets_of_the_pool_appear():
-    indices = {p.index for s in range(5) for p in street(seed=s, pool=AssetPool(7, 3)).placements}
+    indices = {p.asset for s in range(5) for p in street(seed=s, pool=AssetPool(7, 3)).placements}
     assert indices == {7, 8, 9}
 
 
