@@ -53,7 +53,12 @@ def run(config: Config, make_target: Callable[[Config, WorkerPool], Target]) -> 
         # Whatever the user got wrong shows before the folder is made: options, folder, images.
         target = make_target(config, workers)
         refuse_foreign(config, target.name)
+        title = f"Target: {target.title}"
+        if not target.real:  # rendering it takes a while; say at once that it is not real
+            print(title, flush=True)
         small = target.at(config.reward.height, config.reward.width)
+        if target.real:
+            print(title, flush=True)
         folder = RunFolder(config, target.name)
         try:
             return _run(config, target, small, folder, workers)
@@ -68,7 +73,6 @@ def _run(
     search_cost, final_cost = cost(config.reward), cost(config.final)
     evaluations = total_updates(config) * config.search.datasets_per_update
     progress = Progress(evaluations * search_cost + final_nets * final_cost, folder.elapsed)
-    progress.say(f"Target: {target.title}")
     progress.say(
         f"Run folder: {folder.path} | {evaluations} rewards of {config.reward.images} images at "
         f"{config.reward.width}x{config.reward.height}, then {final_nets} nets on "

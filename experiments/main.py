@@ -47,6 +47,8 @@ def main(
 ) -> int:
     """Parse, run, and turn what went wrong into one line. Returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
+    # On a GPU the policy must leave the memory to the workers' nets.
+    os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
     try:
         preset = preset_of(arguments)
         default = replace(presets(preset), out=Path("runs") / f"{name}-{preset}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.config import Config
 from experiments.errors import UserError
-from experiments.twin import TwinWorld, twin_split, twin_world
+from experiments.twin import TwinWorld, twin_names, twin_split, twin_world
 from scene.workers import WorkerPool
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data import DataError, Entry, RealSet, list_camvid, list_cityscapes, load
@@ -57,14 +57,13 @@ def twin_target(config: Config, workers: WorkerPool) -> Target:
             "the twin",
         )
 
-    first = at(config.reward.height, config.reward.width)
     return Target(
         name="twin",
         real=False,
         table="cityscapes",
         title=f"the twin {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
-        reward_names=first.reward.names,
-        test_names=first.test.names,
+        reward_names=tuple(n for n, _ in twin_names("train", config.reward_images)),
+        test_names=tuple(n for n, _ in twin_names("test", config.test_images)),
         at=at,
         twin=world,
     )

@@ -65,6 +65,13 @@ def twin_world(twin_seed: int) -> TwinWorld:
     )
 
 
+def twin_names(split: str, images: int | None) -> tuple[tuple[str, str], ...]:
+    """(name, sequence) of every image of a split, without rendering any."""
+    count = min(images or IMAGES, IMAGES)
+    sequences = [f"twin-{split}-{k // SHOTS:03d}" for k in range(count)]
+    return tuple((f"{s}_{k % SHOTS}", s) for k, s in enumerate(sequences))
+
+
 def twin_split(
     world: TwinWorld,
     split: str,
@@ -79,7 +86,8 @@ def twin_split(
     Streets of the two splits are drawn apart, so no sequence is in both; the same world, split and
     size give the same images.
     """
-    streets = -(-min(images or IMAGES, IMAGES) // SHOTS)
+    names, sequences = zip(*twin_names(split, images), strict=True)
+    count, streets = len(names), len(set(sequences))
     number = ("train", "test").index(split)
     rng = np.random.default_rng([world.seed, number])
     unit = world.centre + world.width * rng.uniform(-0.5, 0.5, (streets, len(NAMES)))
@@ -92,11 +100,9 @@ def twin_split(
         pool=AssetPool(FIRST_ASSET, 48),
         workers=workers,
     )
-    sequences = [f"twin-{split}-{street:03d}" for street in range(streets) for _ in range(SHOTS)]
-    count = min(images or IMAGES, IMAGES)
     return RealSet(
-        names=tuple(f"{s}_{i % SHOTS}" for i, s in enumerate(sequences))[:count],
-        sequences=tuple(sequences)[:count],
+        names=names,
+        sequences=sequences,
         images=dataset.images[:count],
         labels=class_table("cityscapes").from_train_id[dataset.labels[:count]],
     )
