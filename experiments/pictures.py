@@ -49,16 +49,20 @@ def samples(folder: Path, target: Target, test: RealSet, datasets: dict[str, Dat
     table = class_table(target.table)
     pairs = [("target", test.images, test.labels)]
     pairs += [(name, d.images, table.from_train_id[d.labels]) for name, d in datasets.items()]
+    tall = test.images.shape[1] / test.images.shape[2]
     figure, axes = plt.subplots(
-        2 * len(pairs), 1, figsize=(2.2 * COLUMNS, 3.4 * len(pairs)), squeeze=False
-    )
-    for k, (name, images, labels) in enumerate(pairs):
+        len(pairs), 1, figsize=(2.2 * COLUMNS, len(pairs) * (4.4 * tall + 0.3)), squeeze=False,
+        layout="constrained",
+    )  # fmt: skip
+    for axis, (name, images, labels) in zip(axes[:, 0], pairs, strict=True):
         pick = np.linspace(0, len(images) - 1, min(COLUMNS, len(images))).astype(int)
-        shown = (images[pick], colorize(labels[pick], table))
-        for axis, row in zip(axes[2 * k : 2 * k + 2, 0], shown, strict=True):
-            axis.imshow(_enlarge(np.concatenate(list(row), axis=1)))
-            axis.set_axis_off()
-        axes[2 * k, 0].set_title(name, loc="left")
+        rows = [
+            np.concatenate(list(row), axis=1)
+            for row in (images[pick], colorize(labels[pick], table))
+        ]
+        axis.imshow(_enlarge(np.concatenate(rows)))
+        axis.set_axis_off()
+        axis.set_title(name, loc="left")
     figure.suptitle(target.title)
     _save(figure, folder, "images.png")
 
