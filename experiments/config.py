@@ -296,10 +296,11 @@ def cityscapes_config(preset: str) -> Config:
     quick = Config(
         preset="quick",
         groups=CITYSCAPES_GROUPS,
-        search=Search(updates_per_group=8, datasets_per_update=4, relaxation=0.3),
+        search=Search(updates_per_group=10, datasets_per_update=4, relaxation=0.3),
         reward=Stage(64, 32, streets=12, shots=6, train=TrainSettings(steps=120)),
         final=Stage(96, 48, streets=30, shots=6, train=TrainSettings(steps=300)),
         reward_images=500,
+        seeds=8,
     )
     return with_table(quick, "cityscapes")
 
