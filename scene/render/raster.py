@@ -17,7 +17,7 @@ import numpy as np
 
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 if not hasattr(np, "infty"):  # pyrender 0.1.45 knows NumPy 1 only
-    np.inf = np.inf  # type: ignore[attr-defined, misc]
+    np.infty = np.inf  # type: ignore[attr-defined]  # noqa: NPY201
 
 import pyrender
 from OpenGL import GL
@@ -89,11 +89,8 @@ class Rasterizer:
         self._offscreen.viewport_width, self._offscreen.viewport_height = width, height
         try:
             return self._offscreen.render(self._scene, RenderFlags.SEG, {self._mesh: 0})
-        except (
-            OpenGLError,
-            AssertionError,
-            MemoryError,
-        ) as error:  # pyrender asserts its EGL calls
+        # pyrender asserts its EGL calls.
+        except (OpenGLError, AssertionError, MemoryError) as error:
             reason = " ".join(str(error).split()) or "the context is lost"
             raise RendererError(f"OpenGL failed ({reason}); try --renderer embree") from error
 
