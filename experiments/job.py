@@ -15,8 +15,9 @@ from experiments.finals import (
     draw_units,
     random_proposal,
 )
-from experiments.folder import RunFolder, refuse_foreign, write_json
+from experiments.folder import RunFolder, refuse_foreign, write_atomically, write_json
 from experiments.progress import Progress, duration
+from experiments.report import html as report_html
 from experiments.reward import Truth, render, worker_environment
 from experiments.search import make_method, make_space, search, total_updates
 from experiments.targets import Split, Target
@@ -92,7 +93,8 @@ def _run(
     finals = Finals(config, target, split, folder, workers, progress, final_cost)
     chosen, scores = finals.candidates(result)
     learnt = candidate_proposal(chosen, result)
-    write_json(folder.path / "attributes.json", summary.attributes(learnt))
+    attributes = summary.attributes(learnt)
+    write_json(folder.path / "attributes.json", attributes)
     rows = finals.rows(learnt)
 
     datasets = {
@@ -110,6 +112,7 @@ def _run(
     report = summary.summarize(
         config, target, folder, rows, chosen, scores, learnt, progress.elapsed
     )
+    write_atomically(folder.path / "report.html", report_html(report, attributes))
     write_json(folder.path / "summary.json", report)
     progress.say(summary.text(report))
     progress.say(

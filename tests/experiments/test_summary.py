@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import replace
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import strategies as st
 import sdr_jax
 from experiments.config import cityscapes_config
 from experiments.folder import write_json
+from experiments.report import html
 from experiments.summary import attributes, summarize, text
 from experiments.targets import Target
 from experiments.twin import twin_world
@@ -131,3 +133,26 @@ def test_physical_values_stay_in_the_table(centre, width):
         assert physical["unit"] == BY_NAME[attribute.name].unit
         low, middle, high = physical["low"], physical["centre"], physical["high"]
         assert attribute.low - 1e-3 <= low <= middle <= high <= attribute.high + 1e-3
+
+
+def test_the_report_shows_the_figures_and_says_that_the_twin_is_not_real():
+    learnt = sdr_jax.Proposal(np.full(23, 0.5, np.float32), np.full(23, 0.1, np.float32))
+    page = html(made(), attributes(learnt))
+    assert "not a result on real data" in page and "not a result" not in html(
+        made(real=True), attributes(learnt)
+    )
+    parser = ElementTree.fromstring(
+        page.split("<body>")[1].join(["<body>", ""]).split("</html>")[0]
+    )
+    cells = [[c.text for c in row] for row in parser.iter("tr")]
+    assert ["learnt attributes", "40.0", "-87.1 to 167.1"] in cells
+    assert ["gain, learnt minus random", "+25.0", "-38.5 to 88.5"] in cells
+    assert ["car position", "7.5", "6.85", "8.15", "m"] in [row[:5] for row in cells]
+    absent = class_table("cityscapes").classes[-1]
+    assert [absent] + ["not in the truth"] * 4 in cells
+
+
+def test_the_report_escapes_what_it_is_told():
+    learnt = sdr_jax.Proposal(np.full(23, 0.5, np.float32), np.full(23, 0.1, np.float32))
+    page = html(made() | {"note": "<script>"}, attributes(learnt))
+    assert "<script>" not in page and "&lt;script&gt;" in page

@@ -1,0 +1,96 @@
+"""``report.html``: the run on one page, for people. Figures come from the summary, pictures lie beside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from html import escape
+from typing import Any
+
+from experiments.finals import ROWS
+
+STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; }
+table { border-collapse: collapse; margin: 1em 0; }
+th, td { border-bottom: 1px solid #ddd; padding: .25em .8em; text-align: right; }
+th:first-child, td:first-child { text-align: left; }
+img { max-width: 100%; }
+.twin { background: #fff3cd; padding: .6em 1em; }
+"""
+MEANING = {
+    "random": "random attributes",
+    "default": "attributes set by eye",
+    "learnt": "learnt attributes",
+    "real": "the reward images themselves",
+}
+PICTURES = {
+    "images.png": "The target beside what the nets were trained on",
+    "reward.png": "Rewards of the search",
+    "attributes.png": "The policy's distribution over the bins of each attribute, update by update",
+}
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    def line(cells: Sequence[str], tag: str) -> str:
+        return "<tr>" + "".join(f"<{tag}>{escape(c)}</{tag}>" for c in cells) + "</tr>"
+
+    return "\n".join(["<table>", line(head, "th"), *(line(row, "td") for row in rows), "</table>"])
+
+
+def _interval(ci95: Sequence[float] | None) -> str:
+    return "one seed" if ci95 is None else f"{ci95[0]:.1f} to {ci95[1]:.1f}"
+
+
+def _percent(value: float | None) -> str:
+    return "not in the truth" if value is None else f"{value:.1f}"
+
+
+def html(summary: dict[str, Any], attributes: dict[str, Any]) -> str:
+    """The whole page.
+
+    Args:
+        summary: as in ``summary.json``.
+        attributes: as in ``attributes.json``.
+    """
+    rows, gain = summary["rows"], summary["gain"]
+    scores = [(MEANING[r], f"{rows[r]['mean']:.1f}", _interval(rows[r]["ci95"])) for r in ROWS] + [
+        ("gain, learnt minus random", f"{gain['mean']:+.1f}", _interval(gain["ci95"]))
+    ]
+    classes = [
+        (name, *(_percent(rows[r]["per_class"][name]) for r in ROWS))
+        for name in rows["real"]["per_class"]
+    ]
+    learnt = [
+        (
+            name.replace("_", " "),
+            *(f"{a['physical'][key]:.4g}" for key in ("centre", "low", "high")),
+            a["physical"]["unit"],
+            a["meaning"],
+        )
+        for name, a in attributes.items()
+    ]
+    warning = (
+        ""
+        if summary["real"]
+        else "<p class='twin'>The twin: this is not a result on real data.</p>"
+    )
+    pictures = "\n".join(
+        f"<h2>{escape(title)}</h2>\n<img src='pictures/{name}' alt='{escape(title)}' />"
+        for name, title in PICTURES.items()
+    )
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>{escape(summary["note"])}</title>
+<style>{STYLE}</style></head><body>
+<h1>{escape(summary["note"])}</h1>
+{warning}
+<p>mIoU in percent on {summary["test_images"]} test images, scored at {escape(summary["scored_at"])}, over
+{len(rows["random"]["miou"])} paired seeds, with 95 % intervals. {summary["evaluations"]} rewards on
+{summary["reward_images"]} images, {summary["seconds"]["total"] / 60:.0f} minutes, preset
+{escape(summary["preset"])}, relaxation "{escape(summary["chosen_candidate"])}".</p>
+{_table(("training images", "mIoU", "95 % interval"), scores)}
+{pictures}
+<h2>IoU of each class</h2>
+{_table(("class", *(MEANING[r] for r in ROWS)), classes)}
+<h2>Learnt attributes</h2>
+{_table(("attribute", "centre", "from", "to", "unit", "meaning"), learnt)}
+</body></html>
+"""
