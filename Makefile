@@ -25,7 +25,7 @@ setup:
 demo: setup
 	@$(BIN)/python -m experiments.cityscapes --preset quick --out "$(OUT)" --twin-seed "$(TWIN_SEED)"
 	@echo
-	@echo 'The run is in $(OUT): figures in summary.json, learnt attributes in attributes.json, images in pictures/'
+	@echo 'The run is in $(OUT): open report.html; figures in summary.json, learnt attributes in attributes.json'
 
 test: setup
 	@$(BIN)/python -m pytest -m "not slow" $(ARGS)

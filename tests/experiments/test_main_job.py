@@ -64,7 +64,7 @@ def test_the_run_folder_is_complete(unbroken):
     out, _ = unbroken
     assert {p.name for p in out.iterdir()} == {
         "attributes.json", "config.json", "dataset", "evaluations.jsonl", "finals.jsonl", "lock",
-        "pictures", "summary.json",
+        "pictures", "report.html", "summary.json",
     }  # fmt: skip
     assert {p.name for p in (out / "pictures").iterdir()} == {
         "attributes.png", "images.png", "probabilities.npy", "reward.png",
