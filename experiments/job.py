@@ -73,7 +73,11 @@ def _run(
     final_nets = len(config.candidates) * config.candidate_seeds + len(ROWS) * config.seeds
     search_cost, final_cost = cost(config.reward), cost(config.final)
     evaluations = total_updates(config) * config.search.datasets_per_update
-    progress = Progress(evaluations * search_cost + final_nets * final_cost, folder.elapsed)
+    progress = Progress(
+        evaluations * search_cost + final_nets * final_cost,
+        folder.elapsed,
+        label="" if target.real else "twin, not real | ",
+    )
     progress.say(
         f"Run folder: {folder.path} | {evaluations} rewards of {config.reward.images} images at "
         f"{config.reward.width}x{config.reward.height}, then {final_nets} nets on "

@@ -22,10 +22,15 @@ class Progress:
     Args:
         total: units of the whole job.
         elapsed: seconds spent by earlier sessions.
+        label: what every line of progress says before anything else.
+        stream: where to print; by default standard output.
     """
 
-    def __init__(self, total: float, elapsed: float = 0.0, stream: TextIO | None = None) -> None:
+    def __init__(
+        self, total: float, elapsed: float = 0.0, label: str = "", stream: TextIO | None = None
+    ) -> None:
         self._total = total
+        self._label = label
         self._done = 0.0
         self._worked = 0.0
         self._before = elapsed
@@ -60,7 +65,7 @@ class Progress:
     def update(self, text: str) -> None:
         """Print where the job is; on a terminal each line replaces the one before."""
         left = "" if self.left is None else f" | {duration(self.left)} left"
-        line = f"[{100 * min(self._done / self._total, 1):3.0f} %] {text}{left}"
+        line = f"[{100 * min(self._done / self._total, 1):3.0f} %] {self._label}{text}{left}"
         if self._stream.isatty():
             self._stream.write(f"\r\x1b[2K{line}")
             self._stream.flush()

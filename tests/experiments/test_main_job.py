@@ -58,6 +58,7 @@ def test_output_says_from_first_to_last_line_that_the_twin_is_not_real(unbroken)
     assert len(progress) == 6 + 9
     assert all("mIoU" in line and " left" in line for line in progress)
     assert all("best" in line and "baseline" in line for line in progress[:6])
+    assert all("twin, not real" in line for line in progress)
 
 
 def test_the_run_folder_is_complete(unbroken):

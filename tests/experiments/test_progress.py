@@ -80,3 +80,13 @@ def test_a_terminal_has_one_line_that_is_written_over(clock):
     told.update("two")
     told.say("end")
     assert stream.getvalue() == "\r\x1b[2K[  0 %] one\r\x1b[2K[  0 %] two\nend\n"
+
+
+def test_the_label_stands_on_every_line_of_progress():
+    stream = io.StringIO()
+    told = Progress(total=2, label="twin, not real | ", stream=stream)
+    told.update("search")
+    told.advance(1)
+    told.update("finals")
+    lines = stream.getvalue().splitlines()
+    assert len(lines) == 2 and all("] twin, not real | " in line for line in lines)
