@@ -80,7 +80,7 @@ def cloud_map() -> np.ndarray:
 
 
 def sky_arrays(sky: Sky) -> tuple:
-    """The arguments that ``shade.sky_radiance`` takes after the direction."""
+    """The sky as the plain tuple that compiled code takes, see ``shade.sky_radiance``."""
     return (
         sky.sun_direction, sky.sun, sky.zenith, sky.horizon, sky.cloud,
         np.float32(sky.cover), sky.cloud_offset, cloud_map(),

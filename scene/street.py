@@ -72,7 +72,7 @@ class Line(NamedTuple):
 
     name: str
     mix: tuple[tuple[str, float], ...]  # (family, share)
-    facing: str  # "road", "either", "lane" or "camera"; see _yaw
+    facing: str  # "road", "lane", "either", "camera" or "any"; see _yaw
 
 
 LINES: tuple[Line, ...] = (

@@ -35,19 +35,9 @@ def material_rows() -> np.ndarray:
 
 
 @njit(cache=True, fastmath=True)
-def sky_radiance(
-    direction: Array,
-    sun_direction: Array,
-    sun: Array,
-    zenith: Array,
-    horizon: Array,
-    cloud: Array,
-    cover: np.float32,
-    offset: Array,
-    clouds: Array,
-    out: Array,
-) -> None:
-    """Radiance of the sky along one unit ``direction``, written to ``out`` [3]."""
+def sky_radiance(direction: Array, sky: tuple, out: Array) -> None:
+    """Radiance of ``sky`` (see ``sky_arrays``) along one unit ``direction``, written to ``out`` [3]."""
+    sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds = sky
     up = max(direction[2], 0.0)
     fade = (1.0 - up) ** 4
     toward = (
@@ -77,37 +67,16 @@ def sky_radiance(
 
 
 @njit(cache=True, fastmath=True)
-def _sky_image(
-    directions: Array,
-    sun_direction: Array,
-    sun: Array,
-    zenith: Array,
-    horizon: Array,
-    cloud: Array,
-    cover: np.float32,
-    offset: Array,
-    clouds: Array,
-) -> Array:
+def _sky_image(directions: Array, sky: tuple) -> Array:
     image = np.empty((directions.shape[0], 3), np.float32)
     for i in range(directions.shape[0]):
-        sky_radiance(
-            directions[i],
-            sun_direction,
-            sun,
-            zenith,
-            horizon,
-            cloud,
-            cover,
-            offset,
-            clouds,
-            image[i],
-        )
+        sky_radiance(directions[i], sky, image[i])
     return image
 
 
 def sky_image(sky: Sky, directions: np.ndarray) -> np.ndarray:
     """Radiance f32[n, 3] of the sky along unit ``directions`` f32[n, 3]."""
-    return _sky_image(directions, *sky_arrays(sky))
+    return _sky_image(directions, sky_arrays(sky))
 
 
 @njit(cache=True, fastmath=True)
@@ -197,20 +166,14 @@ def shade(
     levels: Array,
     ambient: Array,
     haze: np.float32,
-    sun_direction: Array,
-    sun: Array,
-    zenith: Array,
-    horizon: Array,
-    cloud: Array,
-    cover: np.float32,
-    offset: Array,
-    clouds: Array,
+    sky: tuple,
 ) -> Array:
     """Linear radiance f32[n, 3] towards the camera for n samples.
 
     ``faces`` i32[n] (MISS for sky), ``distance`` f32[n] metres, ``lit`` f32[n] 1 where the sun is
     seen, ``opened`` f32[n] share of the sky that is seen, ``pixel_angle`` radians between samples.
     """
+    sun_direction, sun, _, horizon, _, _, _, _ = sky
     out = np.empty((faces.shape[0], 3), np.float32)
     mirrored = np.empty(3, np.float32)
     mirror = np.empty(3, np.float32)
@@ -218,18 +181,7 @@ def shade(
     for i in range(faces.shape[0]):
         f = faces[i]
         if f < 0:
-            sky_radiance(
-                directions[i],
-                sun_direction,
-                sun,
-                zenith,
-                horizon,
-                cloud,
-                cover,
-                offset,
-                clouds,
-                out[i],
-            )
+            sky_radiance(directions[i], sky, out[i])
             continue
         m = face_material[f]
         nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
@@ -265,9 +217,7 @@ def shade(
             mirror[0] = directions[i, 0] - dot * nx
             mirror[1] = directions[i, 1] - dot * ny
             mirror[2] = directions[i, 2] - dot * nz
-            sky_radiance(
-                mirror, sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds, mirrored
-            )
+            sky_radiance(mirror, sky, mirrored)
             if mirror[2] < 0.05:  # mirrors the street rather than the sky
                 for k in range(3):
                     mirrored[k] *= 0.25

@@ -113,7 +113,7 @@ def expose(
         np.float32(rays.spacing), settings.textures,
         geometry.color, geometry.material, geometry.instance,
         shade.material_rows(), shade.texture_levels(),
-        sky.ambient, np.float32(sky.haze), *sky_arrays(sky),
+        sky.ambient, np.float32(sky.haze), sky_arrays(sky),
     )  # fmt: skip
     image = radiance.reshape(rays.rows, rays.columns, 3)
     if settings.samples > 1:
