@@ -25,7 +25,14 @@ from sdr_jax.space import slide
 
 BROAD = 0.5
 """Least width of the broad candidate's intervals."""
-ROWS = ("random", "default", "learnt", "real")
+TRAINED_ON = {
+    "random": "random attributes",
+    "default": "attributes set by eye",
+    "learnt": "learnt attributes",
+    "real": "the reward images themselves",
+}
+"""What the nets of each row of the result were trained on."""
+ROWS = tuple(TRAINED_ON)
 CANDIDATE_SEED = 1_000_000
 """Candidates are scored with seeds that no row of the result uses."""
 

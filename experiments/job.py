@@ -108,6 +108,7 @@ def _run(
             config.pool,
             draw_units(proposal, config.seed, config.final.streets),
             config.seed,
+            workers,
         )
         for name, proposal in (("random", random_proposal()), ("learnt", learnt))
     }
@@ -119,10 +120,6 @@ def _run(
     write_atomically(folder.path / "report.html", report_html(report, attributes))
     write_json(folder.path / "summary.json", report)
     progress.say(summary.text(report))
-    progress.say(
-        f"Done in {duration(progress.elapsed)} "
-        f"(the twin, not real data): {folder.path / 'summary.json'}"
-        if not target.real
-        else f"Done in {duration(progress.elapsed)}: {folder.path / 'summary.json'}"
-    )
+    note = "" if target.real else " (the twin, not real data)"
+    progress.say(f"Done in {duration(progress.elapsed)}{note}: {folder.path / 'summary.json'}")
     return report

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
-from experiments.finals import ROWS
+from experiments.finals import ROWS, TRAINED_ON
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; }
@@ -16,12 +16,6 @@ th:first-child, td:first-child { text-align: left; }
 img { max-width: 100%; }
 .twin { background: #fff3cd; padding: .6em 1em; }
 """
-MEANING = {
-    "random": "random attributes",
-    "default": "attributes set by eye",
-    "learnt": "learnt attributes",
-    "real": "the reward images themselves",
-}
 PICTURES = {
     "images.png": "The target beside what the nets were trained on",
     "reward.png": "Rewards of the search",
@@ -52,9 +46,9 @@ def html(summary: dict[str, Any], attributes: dict[str, Any]) -> str:
         attributes: as in ``attributes.json``.
     """
     rows, gain = summary["rows"], summary["gain"]
-    scores = [(MEANING[r], f"{rows[r]['mean']:.1f}", _interval(rows[r]["ci95"])) for r in ROWS] + [
-        ("gain, learnt minus random", f"{gain['mean']:+.1f}", _interval(gain["ci95"]))
-    ]
+    scores = [
+        (TRAINED_ON[r], f"{rows[r]['mean']:.1f}", _interval(rows[r]["ci95"])) for r in ROWS
+    ] + [("gain, learnt minus random", f"{gain['mean']:+.1f}", _interval(gain["ci95"]))]
     classes = [
         (name, *(_percent(rows[r]["per_class"][name]) for r in ROWS))
         for name in rows["real"]["per_class"]
@@ -89,7 +83,7 @@ def html(summary: dict[str, Any], attributes: dict[str, Any]) -> str:
 {_table(("training images", "mIoU", "95 % interval"), scores)}
 {pictures}
 <h2>IoU of each class</h2>
-{_table(("class", *(MEANING[r] for r in ROWS)), classes)}
+{_table(("class", *TRAINED_ON.values()), classes)}
 <h2>Learnt attributes</h2>
 {_table(("attribute", "centre", "from", "to", "unit", "meaning"), learnt)}
 </body></html>

@@ -17,6 +17,7 @@ import numpy as np
 from experiments.config import Stage
 from scene.dataset import Dataset, render_dataset
 from scene.street import AssetPool
+from scene.workers import WorkerPool
 from seg.classes import class_table
 from seg.metrics import iou, mean_iou
 from seg.train import score, train
@@ -49,8 +50,15 @@ class Evaluation(NamedTuple):
         return [float(v) if p else None for v, p in zip(values, present, strict=True)]
 
 
-def render(stage: Stage, renderer: str, pool: AssetPool, units: np.ndarray, seed: int) -> Dataset:
-    """The dataset of a stage from attributes f32[streets, 23], in this process."""
+def render(
+    stage: Stage,
+    renderer: str,
+    pool: AssetPool,
+    units: np.ndarray,
+    seed: int,
+    workers: int | WorkerPool = 0,
+) -> Dataset:
+    """The dataset of a stage from attributes f32[streets, 23]; by default in this process."""
     return render_dataset(
         units,
         seed,
@@ -58,6 +66,7 @@ def render(stage: Stage, renderer: str, pool: AssetPool, units: np.ndarray, seed
         settings=stage.render_settings(),
         renderer_name=renderer,
         pool=pool,
+        workers=workers,
     )
 
 

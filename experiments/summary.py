@@ -8,7 +8,7 @@ import numpy as np
 
 import sdr_jax
 from experiments.config import Config
-from experiments.finals import ROWS
+from experiments.finals import ROWS, TRAINED_ON
 from experiments.folder import RunFolder
 from experiments.stats import mean_ci95, paired_gain
 from experiments.targets import Target
@@ -107,15 +107,9 @@ def text(summary: dict[str, Any]) -> str:
         f"mIoU in percent on {summary['test_images']} test images ({kind}), "
         f"{len(summary['random']['miou'])} paired seeds, scored at {summary['scored_at']}:"
     ]
-    meaning = {
-        "random": "random attributes",
-        "default": "attributes set by eye",
-        "learnt": "learnt attributes",
-        "real": "trained on the reward images themselves",
-    }
-    for row in ROWS:
+    for row, meaning in TRAINED_ON.items():
         entry = summary["rows"][row]
-        lines.append(f"  {row:8s} {entry['mean']:5.1f}  {_interval(entry['ci95'])}  {meaning[row]}")
+        lines.append(f"  {row:8s} {entry['mean']:5.1f}  {_interval(entry['ci95'])}  {meaning}")
     gain = summary["gain"]
     lines.append(f"  gain     {gain['mean']:+5.1f}  {_interval(gain['ci95'])}  learnt minus random")
     if summary["classes_absent_from_truth"]:
