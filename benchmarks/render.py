@@ -15,11 +15,11 @@ import time
 import numpy as np
 
 from benchmarks.report import Row, parser, report
+from scene.catalogue import AssetPool
 from scene.dataset import render_dataset, street_of
 from scene.geometry import build
 from scene.preview import units
 from scene.render import RENDERERS, RendererError, RenderSettings, renderer
-from scene.street import AssetPool
 from scene.workers import WorkerPool
 
 SIZES = ((64, 48, 2), (128, 96, 2), (640, 320, 1))

@@ -13,8 +13,8 @@ from tyro.constructors import PrimitiveConstructorSpec
 from experiments.errors import UserError
 from experiments.twin import FIRST_ASSET
 from scene.attributes import NAMES
+from scene.catalogue import AssetPool
 from scene.render import RENDERERS, RenderSettings, check_settings
-from scene.street import AssetPool
 from seg.nets import net
 from seg.optim import optimizer
 from seg.train import TrainSettings

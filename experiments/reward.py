@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from experiments.config import Stage
+from scene.catalogue import AssetPool
 from scene.dataset import Dataset, render_dataset
-from scene.street import AssetPool
 from scene.workers import WorkerPool
 from seg.classes import class_table
 from seg.metrics import iou, mean_iou

@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.attributes import NAMES, default_unit
+from scene.catalogue import AssetPool
 from scene.dataset import render_dataset
 from scene.render import RenderSettings
 from scene.sensor import CameraResponse
-from scene.street import AssetPool
 from scene.workers import WorkerPool
 from seg.classes import class_table
 from seg.data import RealSet

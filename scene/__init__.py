@@ -15,21 +15,23 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from scene.attributes import ATTRIBUTES, StreetParams, default_unit, street_params
+    from scene.catalogue import AssetPool
     from scene.classes import CLASS_NAMES, TrainId, colorize
     from scene.dataset import Dataset, render_dataset, render_street
     from scene.export import write_cityscapes
     from scene.render import RENDERERS, Frame, RendererError, RenderSettings, renderer
     from scene.sensor import CameraResponse
-    from scene.street import AssetPool, Street, sample_street
+    from scene.street import Street, sample_street
 
 _HOMES = {
     "scene.attributes": ("ATTRIBUTES", "StreetParams", "default_unit", "street_params"),
+    "scene.catalogue": ("AssetPool",),
     "scene.classes": ("CLASS_NAMES", "TrainId", "colorize"),
     "scene.dataset": ("Dataset", "render_dataset", "render_street"),
     "scene.export": ("write_cityscapes",),
     "scene.render": ("RENDERERS", "Frame", "RenderSettings", "RendererError", "renderer"),
     "scene.sensor": ("CameraResponse",),
-    "scene.street": ("AssetPool", "Street", "sample_street"),
+    "scene.street": ("Street", "sample_street"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8, UInt32
 
 from scene.attributes import ATTRIBUTES
+from scene.catalogue import AssetPool
 from scene.dataset import render_street
 from scene.render import RenderSettings, check_settings, renderer
-from scene.street import AssetPool
 
 RenderFn = Callable[
     [Float[Array, "n attributes"], UInt32[Array, " n"]],

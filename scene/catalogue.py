@@ -80,6 +80,42 @@ FAMILIES: dict[str, Family] = {
 }
 
 
+COUNTS: dict[str, int] = {
+    "building": 106,
+    "train": 8,
+    "fence": 16,
+    "wall": 16,
+    "tree": 24,
+    "bush": 16,
+    "bicycle": 18,
+    "motorcycle": 18,
+    "person": 200,
+    "rider": 30,
+    "lamp": 16,
+    "signpost": 16,
+    "traffic sign": 40,
+    "traffic light": 10,
+    "car": 195,
+    "bus": 28,
+    "truck": 39,
+}
+"""Assets of the full catalogue; any larger index works, too."""
+
+
+class AssetPool(NamedTuple):
+    """The assets a street may draw from: consecutive indices of every family."""
+
+    first: int = 0
+    size: int | None = None  # of every family; None: as many as ``COUNTS`` says
+    fraction: float = 1.0  # share of them that is used (the half-asset study)
+
+
+def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int:
+    """Draw the index of one asset of ``family``."""
+    size = COUNTS[family] if pool.size is None else pool.size
+    return pool.first + int(rng.integers(max(1, round(size * pool.fraction))))
+
+
 @lru_cache(maxsize=4096)
 def asset(family: str, index: int) -> Asset:
     """The ``index``-th asset of a family.

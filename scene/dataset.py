@@ -12,8 +12,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.attributes import check_unit, street_params
+from scene.catalogue import AssetPool
 from scene.render import Frame, RenderSettings, check_settings, renderer
-from scene.street import AssetPool, Street, sample_street
+from scene.street import Street, sample_street
 from scene.workers import WorkerPool
 
 

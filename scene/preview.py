@@ -14,10 +14,10 @@ import cv2
 import numpy as np
 
 from scene.attributes import NAMES, default_unit
+from scene.catalogue import AssetPool
 from scene.classes import colorize
 from scene.dataset import render_street
 from scene.render import RENDERERS, Frame, RendererError, RenderSettings
-from scene.street import AssetPool
 
 RELAXATION = 0.15
 """Width of the interval around the default that each street is drawn from."""

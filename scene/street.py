@@ -18,6 +18,7 @@ import numpy as np
 from scene import catalogue
 from scene.assets.rider import MOUNT
 from scene.attributes import StreetParams
+from scene.catalogue import AssetPool, pick
 from scene.classes import TrainId
 from scene.ground import Ground, ground_height, sample_ground
 from scene.sky import Sky, sample_sky
@@ -30,13 +31,6 @@ JITTER = 0.25
 """Objects leave their slot's middle by up to this share of the interval."""
 FIRST_INSTANCE = 4
 """Instances 1-3 are road, sidewalk and terrain (see ``ground.py``); 0 is the sky."""
-
-
-class AssetPool(NamedTuple):
-    """The assets a street may draw from: ``size`` consecutive indices of every family."""
-
-    first: int = 0
-    size: int = 48
 
 
 class Placement(NamedTuple):
@@ -128,8 +122,8 @@ def _fill(
     for slot in range(math.ceil((LINE_END - start) / interval)):
         x = start + (slot + rng.uniform(-JITTER, JITTER)) * interval
         family = str(rng.choice(families, p=shares))
-        index = pool.first + int(rng.integers(pool.size))
-        post = pool.first + int(rng.integers(pool.size))
+        index = pick(pool, family, rng)
+        other = int(rng.integers(2**31))
         yaw = _yaw(line.facing, family, side, side == camera_side, rng)
         filled = rng.random() < probability
         # Facades of neighbours that overlap would lie in one plane; a step back keeps their edges
@@ -138,7 +132,7 @@ def _fill(
         if not filled:
             continue
         pose = _pose(x, y, yaw)
-        for part, part_index in _parts(family, index, post):
+        for part, part_index in _parts(family, index, other, pool):
             placements.append(
                 Placement(
                     part,
@@ -150,13 +144,15 @@ def _fill(
             )
 
 
-def _parts(family: str, index: int, other: int) -> list[tuple[str, int]]:
+def _parts(family: str, index: int, seed: int, pool: AssetPool) -> list[tuple[str, int]]:
     """The assets that make up one object: a rider's machine and a sign's post have their own class."""
+    rng = np.random.default_rng(seed)
     if family == "rider":
         kinds = catalogue.FAMILIES["rider"].kinds
-        return [(family, index), (MOUNT[kinds[index % len(kinds)]], other)]
+        mount = MOUNT[kinds[index % len(kinds)]]
+        return [(family, index), (mount, pick(pool, mount, rng))]
     if family in ("traffic sign", "traffic light"):
-        return [(family, index), ("signpost", other)]
+        return [(family, index), ("signpost", pick(pool, "signpost", rng))]
     return [(family, index)]
 
 

@@ -6,10 +6,11 @@ from hypothesis import strategies as st
 
 from scene import catalogue
 from scene.attributes import default_unit, street_params
+from scene.catalogue import AssetPool
 from scene.classes import TrainId
 from scene.geometry import SKY_INSTANCE, build
 from scene.materials import MATERIALS
-from scene.street import AssetPool, Placement, sample_street
+from scene.street import Placement, sample_street
 
 POOL = AssetPool(0, 4)
 DEFAULT = street_params(default_unit())

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from scene.attributes import default_unit, street_params
+from scene.catalogue import AssetPool
 from scene.classes import TrainId
 from scene.dataset import render_dataset
 from scene.render import RendererError, RenderSettings, renderer
 from scene.sensor import CameraResponse
-from scene.street import AssetPool, sample_street
+from scene.street import sample_street
 
 ROOT = Path(__file__).resolve().parents[2]
 POOL = AssetPool(0, 6)

@@ -7,7 +7,7 @@ import pytest
 
 from scene.asset import box
 from scene.attributes import BY_NAME, default_unit, street_params
-from scene.catalogue import FAMILIES
+from scene.catalogue import FAMILIES, AssetPool
 from scene.classes import CLASS_NAMES, TrainId
 from scene.geometry import SKY_INSTANCE, build
 from scene.ground import sample_ground
@@ -21,7 +21,7 @@ from scene.render import (
 from scene.render.protocol import camera_axes, label_sample, pixel_rays
 from scene.sensor import CameraResponse
 from scene.sky import sample_sky
-from scene.street import AssetPool, Camera, Placement, Street, sample_street
+from scene.street import Camera, Placement, Street, sample_street
 
 POOL = AssetPool(0, 4)
 SMALL = RenderSettings(width=96, height=64)

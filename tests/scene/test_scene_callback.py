@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from scene.callback import render_fn
+from scene.catalogue import AssetPool
 from scene.dataset import render_street
 from scene.render import RendererError, RenderSettings, renderer
-from scene.street import AssetPool
 
 POOL = AssetPool(0, 3)
 TINY = RenderSettings(width=48, height=32)

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from scene import catalogue
 from scene.attributes import default_unit, street_params
+from scene.catalogue import AssetPool
 from scene.ground import ground_height
 from scene.street import (
     FIRST_INSTANCE,
@@ -17,7 +18,6 @@ from scene.street import (
     LINE_END,
     LINE_START,
     LINES,
-    AssetPool,
     Placement,
     bounds,
     forward,
