@@ -1,4 +1,4 @@
-"""Buildings, walls, fences, plants, posts, signs and lights: sound, of real sizes, repeatable."""
+"""Buildings, trees and bushes: sound, of real sizes, repeatable."""
 
 import hashlib
 import importlib
@@ -10,30 +10,21 @@ from hypothesis import strategies as st
 from trimesh.ray.ray_pyembree import RayMeshIntersector as Rays
 
 from scene.asset import Asset
-from scene.assets import signpost
 from scene.materials import MATERIALS, material_id
 
 BUDGET = {
-    "building": 350, "wall": 60, "fence": 200, "tree": 600, "bush": 150, "lamp": 120,
-    "signpost": 60, "traffic_light": 200, "traffic_sign": 120,
+    "building": 350, "tree": 600, "bush": 150,
 }  # fmt: skip
 """Most triangles of each family."""
 
 LIMITS = {
     # low and high corner of the space an asset keeps to, metres
     "building": ((-7.5, -0.6, 0), (7.5, 12.5, 20)),
-    "wall": ((-2, -0.15, 0), (2, 0.6, 3.2)),
-    "fence": ((-2, -0.2, 0), (2, 0.2, 2.5)),
     "tree": ((-8, -8, 0), (8, 8, 13)),
     "bush": ((-2.6, -1.4, 0), (2.6, 1.4, 2.6)),
-    "lamp": ((-0.5, -3, 0), (0.5, 3, 9.5)),
-    "signpost": ((-0.1, -0.1, 0), (0.1, 0.1, signpost.MAX_HEIGHT)),
-    "traffic_light": ((-0.5, -0.6, 1.4), (0, 0.6, 4)),
-    "traffic_sign": ((-0.15, -1.1, 1.2), (0, 1.1, 3.1)),
 }
 FAMILIES = {name: importlib.import_module(f"scene.assets.{name}") for name in BUDGET}
 KINDS = [(name, kind) for name, module in FAMILIES.items() for kind in module.KINDS]
-HANGING = ("traffic_light", "traffic_sign")
 
 every_kind = pytest.mark.parametrize(("family", "kind"), KINDS)
 seeds = st.integers(0, 2**32 - 1)
@@ -78,8 +69,7 @@ def test_a_sound_asset(family, kind, seed):
     assert np.isfinite(mesh.vertices).all()
     low, high = LIMITS[family]
     assert (mesh.bounds[0] >= np.array(low) - 1e-9).all() and (mesh.bounds[1] <= high).all()
-    if family not in HANGING:
-        assert mesh.bounds[0, 2] == pytest.approx(0, abs=1e-9)
+    assert mesh.bounds[0, 2] == pytest.approx(0, abs=1e-9)
 
 
 @every_kind
@@ -121,7 +111,7 @@ def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
     assert hits.all()
 
 
-@pytest.mark.parametrize(("family", "kind"), [k for k in KINDS if k[0] in ("building", "wall")])
+@pytest.mark.parametrize(("family", "kind"), [k for k in KINDS if k[0] == "building"])
 @given(seed=seeds)
 def test_faces_towards_the_road_never_fight_for_one_plane(family, kind, seed):
     """No upright face lies within 3 cm before or behind another one that faces the same way."""
@@ -135,14 +125,6 @@ def test_faces_towards_the_road_never_fight_for_one_plane(family, kind, seed):
     inside = (side > 1e-9).all(axis=-1) | (side < -1e-9).all(axis=-1)
     near = np.abs(depth[:, None] - depth) < 0.03
     assert (inside & near).sum() == len(facing)  # each lies in itself alone
-
-
-@pytest.mark.parametrize("kind", FAMILIES["fence"].KINDS)
-@given(seed=seeds)
-def test_one_sees_through_a_fence(kind, seed):
-    asset = make("fence", kind, seed)
-    share = fill(asset, 0.02, asset.mesh.bounds[1, 2] - 0.02)
-    assert 0.03 < share < (0.97 if kind == "boards" else 0.8)
 
 
 @pytest.mark.parametrize("kind", ["bare", "bare broad", "half bare"])
@@ -165,51 +147,3 @@ def test_leaves_vary_in_shade(family):
         asset = make(family, kind, 1)
         leaves = asset.material == material_id("foliage")
         assert not leaves.any() or asset.color[leaves].std(axis=0).max() > 0.005
-
-
-@given(seed=seeds)
-def test_every_sign_and_light_hangs_on_every_post(seed):
-    for kind in signpost.KINDS:
-        post = make("signpost", kind, seed)
-        assert post.mesh.bounds[1, 2] >= signpost.MIN_HEIGHT
-        shaft = np.abs(post.mesh.vertices[post.mesh.vertices[:, 2] > 0.6][:, :2]).max()
-        assert shaft <= 1.15 * signpost.MAX_RADIUS + 1e-9
-    for family in HANGING:
-        for kind in FAMILIES[family].KINDS:
-            mesh = make(family, kind, seed).mesh
-            assert mesh.bounds[0, 2] < signpost.MIN_HEIGHT - 0.05
-            assert -0.07 < mesh.bounds[1, 0] <= -signpost.MAX_RADIUS + 0.01
-            assert mesh.bounds[0, 1] < 0 < mesh.bounds[1, 1]
-
-
-@given(seed=seeds)
-def test_sign_shows_its_face_to_the_camera_and_grey_to_the_back(seed):
-    for kind in FAMILIES["traffic_sign"].KINDS:
-        params = FAMILIES["traffic_sign"].sample_traffic_sign(np.random.default_rng(seed), kind)
-        asset = FAMILIES["traffic_sign"].traffic_sign(params)
-        level = params.centre + 0.01
-        back = Rays(asset.mesh).intersects_first([[5.0, 0.001, level]], [[-1.0, 0, 0]])[0]
-        assert np.allclose(asset.color[back], np.float32(params.back))
-        front = Rays(asset.mesh).intersects_first([[-5.0, 0.001, level]], [[1.0, 0, 0]])[0]
-        assert any(
-            np.allclose(asset.color[front], np.float32(la.color)) for la in params.layers[1:]
-        )
-
-
-@given(seed=seeds)
-def test_one_lamp_shines_in_each_head(seed):
-    for kind in FAMILIES["traffic_light"].KINDS:
-        asset = make("traffic_light", kind, seed)
-        lenses = asset.color[asset.material == material_id("lamp")].max(axis=1).reshape(-1, 8)
-        heads = 2 if kind == "double" else 1
-        assert (lenses.min(axis=1) > 0.9).sum() == heads
-        assert len(lenses) == heads * {"pedestrian": 2, "tall": 4}.get(kind, 3)
-
-
-@given(seed=seeds)
-def test_street_lamp_arm_reaches_over_the_road(seed):
-    for kind in ("arm", "curved", "double"):
-        mesh = make("lamp", kind, seed).mesh
-        high = mesh.vertices[mesh.vertices[:, 2] > 4]
-        assert high[:, 1].min() < -1
-        assert (high[:, 1].max() > 1) == (kind == "double")
