@@ -19,8 +19,18 @@ def parser(description: str | None) -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         description=description, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--json", type=Path, help="also write machine, versions and rows here")
+    parser.add_argument("--json", type=_new_file, help="also write machine, versions and rows here")
     return parser
+
+
+def _new_file(text: str) -> Path:
+    """A path that can be written; better known before the work than after it."""
+    path = Path(text)
+    if path.is_dir() or not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(
+            f"{text} is no place for a file: no such folder to put it in"
+        )
+    return path
 
 
 def machine() -> dict[str, Any]:
@@ -38,15 +48,30 @@ def machine() -> dict[str, Any]:
 
 def report(rows: list[Row], path: Path | None) -> None:
     """Print the rows as a table; with ``path``, write everything there as JSON."""
+    print(table(rows))
+    write(path, rows=rows)
+
+
+def table(rows: list[Row]) -> str:
+    """Rows as a Markdown table, aligned for the eye; the columns are those of the first row."""
     columns = list(rows[0])
     cells = [[_text(row[c]) for c in columns] for row in rows]
     widths = [max(len(c), *(len(r[i]) for r in cells)) for i, c in enumerate(columns)]
-    for line in [columns, *cells]:
-        print("  ".join(text.rjust(width) for text, width in zip(line, widths, strict=True)))
+    lines = [columns, ["-" * width for width in widths], *cells]
+    return "\n".join(
+        "| " + " | ".join(t.ljust(w) for t, w in zip(line, widths, strict=True)) + " |"
+        for line in lines
+    )
+
+
+def write(path: Path | None, **values: Any) -> None:
+    """Write machine, versions and ``values`` as one JSON object; None writes nothing."""
     if path is not None:
-        value = {"machine": machine(), "versions": versions(), "rows": rows}
+        value = {"machine": machine(), "versions": versions(), **values}
         write_atomically(path, json.dumps(value, indent=2) + "\n")
 
 
 def _text(value: Any) -> str:
+    if value is None:
+        return "-"
     return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,1 @@
+"""Do renders transfer to real images? ``python -m benchmarks.transfer``."""

@@ -1,0 +1,167 @@
+"""Do renders transfer to real images, and do they look real to a net that knows real ones?
+
+    python -m benchmarks.transfer --data CAMVID --json transfer.json
+
+On CamVid's sequences 0016E5 and 0001TP (0006R0 is never read): nets trained on renders with random and with
+default attributes, scored on real images; the same on default streets without one ingredient, paired by
+seed; and nets trained on real images, scored on renders and on close-ups of single assets, which
+``close-ups-*.png`` in ``--out`` shows. ``--out`` remembers finished nets: the same command goes on, and
+begins anew where the engine has changed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from benchmarks.report import Row, parser, table, write
+from benchmarks.transfer import tables
+from benchmarks.transfer.nets import ATTRIBUTES, PARTS, REAL, WITHOUT, Net, nets, steering_set
+from benchmarks.transfer.recipe import TABLE, Recipe, call
+from experiments.errors import UserError
+from experiments.folder import Log, naming, write_atomically
+from experiments.progress import Progress
+from experiments.reward import worker_environment
+from scene.workers import WorkerError, WorkerPool
+from seg.classes import class_table
+from seg.data import DataError
+from seg.train import TrainingError
+
+FIELDS: dict[str, type] = {"key": dict, "scores": dict}
+"""One line of ``nets.jsonl``; scores are confusion matrices as lists."""
+Scores = dict[str, list[dict[str, Any]]]
+"""Row -> scores of its nets, in the order of their seeds."""
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    options = _options(arguments)
+    try:
+        _run(options)
+    except (UserError, DataError, TrainingError) as error:
+        return _fail(f"error: {error}", 2)
+    except OSError as error:
+        return _fail(f"error: {error.filename}: {error.strerror}; the same command goes on", 2)
+    except WorkerError as error:
+        return _fail(f"error: {error}", 1)
+    except KeyboardInterrupt:
+        return _fail("\nstopped; the same command goes on where it was", 130)
+    return 0
+
+
+def _fail(message: str, code: int) -> int:
+    print(message, file=sys.stderr, flush=True)
+    return code
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    command = parser(__doc__)
+    command.prog = "python -m benchmarks.transfer"
+    found, default = os.environ.get("CAMVID_DIR"), Recipe()
+    command.add_argument(
+        "--data", type=Path, default=found and Path(found), help="CamVid; by default CAMVID_DIR"
+    )
+    command.add_argument(
+        "--out", type=Path, default=Path("runs/transfer"), help="folder of finished nets"
+    )
+    command.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="these tables")
+    for flag, value, meaning in (
+        ("--seeds", 3, "nets of each row"),
+        ("--streets", default.streets, f"of each dataset, {default.shots} images each"),
+        ("--steps", default.steps, "of a net trained on renders"),
+        ("--real-steps", default.real_steps, "of a net trained on real images"),
+        ("--close-ups", default.close_ups, "of each asset family, for each net"),
+        ("--workers", 2, "processes, one core each"),
+    ):
+        command.add_argument(flag, type=_count, default=value, help=f"{meaning} ({value})")
+    options = command.parse_args(arguments)
+    if options.data is None:
+        command.error("CamVid needs its folder: --data DIR (or the variable CAMVID_DIR)")
+    return options
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number from 1 on, not {text!r}")
+    return int(text)
+
+
+def _run(options: argparse.Namespace) -> None:
+    recipe = Recipe(
+        streets=options.streets,
+        steps=options.steps,
+        real_steps=options.real_steps,
+        close_ups=options.close_ups,
+    )
+    wanted = nets(recipe, steering_set(options.data, recipe), options.only, range(options.seeds))
+    with naming(options.out):
+        options.out.mkdir(parents=True, exist_ok=True)
+    log = Log(options.out / "nets.jsonl", FIELDS)
+    try:
+        scores = _train(wanted, log, options)
+    finally:
+        log.close()
+    found = summary(scores, class_table(TABLE).classes)
+    for title, rows in found.items():
+        print(f"\n{title}\n{table(rows)}")
+    write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **found)
+
+
+def _train(wanted: Sequence[Net], log: Log, options: argparse.Namespace) -> Scores:
+    """The scores of every net, trained now or remembered."""
+    done = {_name(line["key"]): line["scores"] for line in log.lines}
+    missing = [net for net in wanted if _name(net.key) not in done]
+    progress = Progress(sum(net.cost for net in wanted))
+    progress.advance(sum(n.cost for n in wanted) - sum(n.cost for n in missing), replayed=True)
+    with WorkerPool(options.workers, worker_environment()) as workers:
+        for index, (scores, sheet) in workers.map(call, [net.task for net in missing]):
+            key = missing[index].key
+            if sheet is not None:
+                _, data = cv2.imencode(".png", sheet[..., ::-1])
+                write_atomically(options.out / f"close-ups-{key['seed']}.png", data.tobytes())
+            log.append({"key": key, "scores": scores})
+            done[_name(key)] = scores
+            progress.advance(missing[index].cost)
+            progress.update(f"{key['net']}, seed {key['seed']}")
+    found: Scores = {}
+    for net in wanted:
+        found.setdefault(net.key["net"], []).append(done[_name(net.key)])
+    return found
+
+
+def _name(key: dict[str, Any]) -> str:
+    return json.dumps(key, sort_keys=True)
+
+
+def summary(scores: Scores, classes: Sequence[str]) -> dict[str, list[Row]]:
+    """The tables for which there are nets."""
+    real = {name: [np.array(one["real"]) for one in every] for name, every in scores.items()}
+    found = {}
+    if ATTRIBUTES[0] in real:
+        found["transfer"] = tables.transfer_rows({n: real[n] for n in ATTRIBUTES}, classes)
+    without = {
+        name.removeprefix(WITHOUT): c for name, c in real.items() if name.startswith(WITHOUT)
+    }
+    if without:
+        found["ingredients"] = tables.ingredient_rows(real["default"], without, classes)
+    if REAL in real:
+        renders = [np.array(one["renders"]) for one in scores[REAL]]
+        families = {
+            family: np.sum([one["close-ups"][family] for one in scores[REAL]], axis=0)
+            for family in scores[REAL][0]["close-ups"]
+        }
+        found["recognition"] = tables.recognition_rows(real[REAL], renders, classes)
+        found["close-ups"] = tables.close_up_rows(families, real[REAL], classes)
+    return found
+
+
+if __name__ == "__main__":
+    sys.exit(main())

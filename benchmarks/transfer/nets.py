@@ -1,0 +1,98 @@
+"""Which nets the tables need, and on which real images they are trained and tested."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import scene
+import seg
+from benchmarks.transfer.ingredients import INGREDIENTS
+from benchmarks.transfer.recipe import TABLE, Recipe, real_net, rendered_net, units
+from experiments.reward import Truth
+from seg.classes import class_table
+from seg.data import DataError, RealSet, list_camvid, load
+
+SEQUENCES = ("0001TP", "0016E5")
+"""Drives of CamVid that may steer the engine; results are reported on the other, which is never read."""
+BLOCKS = 5
+"""Each drive is cut into so many stretches; a net trained on real images is tested on one of them."""
+ATTRIBUTES = ("random", "default")
+PARTS = ("transfer", "ingredients", "recognition")
+REAL = "real"
+WITHOUT = "without "
+REAL_COST = 3.0
+"""What a net trained on real images costs, close-ups included, against one trained on renders."""
+
+
+class Net(NamedTuple):
+    """One net to train."""
+
+    key: dict[str, Any]  # what it is, plain values: nets with the same key are the same
+    cost: float
+    task: tuple  # function and arguments
+
+
+def steering_set(root: Path, recipe: Recipe) -> RealSet:
+    """The labelled images of the sequences that may steer the engine, in the order they were taken.
+
+    Raises:
+        DataError: the folder is not CamVid, or lacks a sequence.
+    """
+    entries = {e.name: e for split in ("train", "val") for e in list_camvid(root, split)}
+    chosen = [entries[name] for name in sorted(entries) if entries[name].sequence in SEQUENCES]
+    missing = sorted(set(SEQUENCES) - {e.sequence for e in chosen})
+    if missing:
+        raise DataError(f"{root}: train and val have no image of sequence {', '.join(missing)}")
+    return load(chosen, class_table(TABLE), (recipe.height, recipe.width))
+
+
+def held_out(sequences: Sequence[str], block: int) -> np.ndarray:
+    """bool[n]: the images of the ``block``-th stretch of every sequence."""
+    names = np.asarray(sequences)
+    chosen = np.zeros(len(names), bool)
+    for name in set(sequences):
+        chosen[np.array_split(np.flatnonzero(names == name), BLOCKS)[block % BLOCKS]] = True
+    return chosen
+
+
+def engine() -> str:
+    """A name for the sources that decide the figures: what another engine scored is not ours."""
+    digest = hashlib.sha256()
+    for package in (scene, seg):
+        root = Path(package.__path__[0])
+        for path in sorted(root.rglob("*.py")):
+            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def nets(recipe: Recipe, real: RealSet, parts: Sequence[str], seeds: Sequence[int]) -> list[Net]:
+    """Every net that the tables in ``parts`` need, the longest first so that workers end together."""
+    truth = Truth(real.images, real.labels)
+    same = {"engine": engine(), "recipe": recipe._asdict(), "images": len(real.images)}
+    found = []
+
+    def add(name: str, seed: int, cost: float, *task: Any) -> None:
+        found.append(Net({**same, "net": name, "seed": seed}, cost, task))
+
+    for seed in seeds if "recognition" in parts else ():
+        unseen = held_out(real.sequences, seed)
+        sides = [Truth(truth.images[side], truth.labels[side]) for side in (~unseen, unseen)]
+        default = units(recipe, "default", seed)
+        add(REAL, seed, REAL_COST, real_net, recipe, *sides, default, seed)
+    for seed in seeds:
+        drawn = {name: units(recipe, name, seed) for name in ATTRIBUTES}
+        rows: list[tuple[str, str | None, str]] = []
+        if "transfer" in parts:
+            rows.append(("random", None, "random"))
+        if "transfer" in parts or "ingredients" in parts:
+            rows.append(("default", None, "default"))
+        if "ingredients" in parts:
+            rows += [(WITHOUT + name, name, "default") for name in INGREDIENTS]
+        for name, without, attributes in rows:
+            add(name, seed, 1.0, rendered_net, recipe, without, drawn[attributes], seed, truth)
+    return found
