@@ -1,20 +1,30 @@
 """Images with labels per second, both renderers side by side on the same streets.
 
     python -m benchmarks.render --json render.json
+    python -m benchmarks.render --peers     # other renderers that are installed, on the same street
 
-Streets set by eye, street building included; workers are started and warm before the clock runs.
-``ratio`` is the speed against the first row of the same size.
+Streets set by eye, street building included; workers are started and warm before the clock runs. ``ratio``
+is the speed against the first row of the same size. The split is of one process alone, in ms per image:
+``build`` (the street, its arrays and its sky), ``bvh`` (hierarchies, or upload to OpenGL), ``rays`` (what is
+seen and lit), ``shade`` (to the finished frame), ``write`` (image and label as PNG, not part of the speed).
 """
 
 from __future__ import annotations
 
+import resource
 import statistics
+import subprocess
 import sys
+import tempfile
 import time
+from collections import defaultdict
+from pathlib import Path
 
+import cv2
 import numpy as np
 
-from benchmarks.report import Row, parser, report
+from benchmarks.peers import PEERS, export_street, run_peer
+from benchmarks.report import Row, parser, table, write
 from scene.catalogue import AssetPool
 from scene.dataset import render_dataset, street_of
 from scene.geometry import build
@@ -22,14 +32,29 @@ from scene.preview import units
 from scene.render import RENDERERS, RendererError, RenderSettings, renderer
 from scene.workers import WorkerPool
 
-SIZES = ((64, 48, 2), (128, 96, 2), (640, 320, 1))
-"""Width, height, rays per pixel along each axis: the quick preset's two stages and the paper's size."""
+SIZES = ((64, 48, 2), (128, 96, 2), (640, 320, 1), (1024, 512, 1))
+"""Width, height, rays per pixel along each axis: the quick preset's two stages and the paper's sizes."""
+STAGES = ("build", "bvh", "rays", "shade", "write")
+FIRST_IMAGE = """
+import numpy as np
+from scene.attributes import default_unit
+from scene.dataset import render_dataset
+from scene.render import RenderSettings
+render_dataset(default_unit()[None], 0, shots=1, settings=RenderSettings(640, 320))
+"""
 
 
-def measure(name: str, size: tuple[int, int, int], workers: int, streets: int, shots: int) -> float:
-    """Images per second: the median of three datasets, after one that warms up."""
-    width, height, samples = size
-    settings = RenderSettings(width, height, samples)
+def _memory(_: int) -> float:
+    """Peak memory of this process, MiB."""
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak / (2**20 if sys.platform == "darwin" else 2**10)
+
+
+def speed(
+    name: str, size: tuple[int, int, int], workers: int, streets: int, shots: int
+) -> tuple[float, float]:
+    """Images per second, the median of three datasets after one that warms up; MiB per worker."""
+    settings = RenderSettings(*size)
     speeds = []
     with WorkerPool(workers) as pool:
         for repeat in range(4):
@@ -43,19 +68,43 @@ def measure(name: str, size: tuple[int, int, int], workers: int, streets: int, s
                 workers=pool,
             )
             speeds.append(streets * shots / (time.perf_counter() - started))
-    return statistics.median(speeds[1:])
+        memory = max(peak for _, peak in pool.map(_memory, [(k,) for k in range(workers)]))
+    return statistics.median(speeds[1:]), memory
 
 
-def main() -> int:
-    """The command line; returns the exit code."""
-    command = parser(__doc__)
-    command.add_argument("--streets", type=int, default=4)
-    command.add_argument("--shots", type=int, default=6, help="images per street")
-    options = command.parse_args()
-    streets = units("default", options.streets, 0)
-    counts = [len(build(street_of(u, 0, k, 1, AssetPool())).faces) for k, u in enumerate(streets)]
+def split(name: str, size: tuple[int, int, int], streets: int, shots: int) -> dict[str, float]:
+    """Milliseconds per image of every stage: the median over streets, each rendered once before."""
+    settings, draw = RenderSettings(*size), renderer(name)
+    costs = defaultdict(list)
+    for k, unit in enumerate(units("default", streets, 0)):
+        for warm in (False, True):
+            spent: dict[str, float] = defaultdict(float)
+            last = time.perf_counter()
+
+            def lap(stage: str) -> None:
+                nonlocal last
+                now = time.perf_counter()
+                spent[stage] += 1000 * (now - last) / shots  # noqa: B023
+                last = now
+
+            street = street_of(unit, 0, k, shots, AssetPool())
+            frames = draw.render(street, settings, lap)
+            for frame in frames:
+                cv2.imencode(".png", frame.image)
+                cv2.imencode(".png", frame.label)
+            lap("write")
+            if warm:
+                for stage in STAGES:
+                    costs[stage].append(spent[stage])
+    return {f"{stage}_ms": statistics.median(costs[stage]) for stage in STAGES}
+
+
+def renderers(sizes: list[tuple[int, int, int]], streets: int, shots: int) -> list[Row]:
+    """One row for each size, renderer and number of workers."""
+    drawn = [street_of(u, 0, k, 1, AssetPool()) for k, u in enumerate(units("default", streets, 0))]
+    triangles = int(np.mean([build(street).triangles for street in drawn]))
     rows: list[Row] = []
-    for size in SIZES:
+    for size in sizes:
         base = None
         for name in RENDERERS:
             try:
@@ -63,9 +112,10 @@ def main() -> int:
             except RendererError as error:
                 print(f"{name} left out: {error}", file=sys.stderr)
                 continue
+            cost = split(name, size, min(streets, 4), shots)
             for workers in (1, 2):
-                speed = measure(name, size, workers, options.streets, options.shots)
-                base = base or speed
+                images_per_s, memory = speed(name, size, workers, streets, shots)
+                base = base or images_per_s
                 rows.append(
                     {
                         "renderer": name,
@@ -73,12 +123,75 @@ def main() -> int:
                         "height": size[1],
                         "rays_per_pixel": size[2] ** 2,
                         "workers": workers,
-                        "triangles": int(np.mean(counts)),
-                        "images_per_s": speed,
-                        "ratio": speed / base,
+                        "triangles": triangles,
+                        "images_per_s": images_per_s,
+                        "ratio": images_per_s / base,
+                        **cost,
+                        "mib_per_worker": memory,
                     }
                 )
-    report(rows, options.json)
+                print(
+                    f"{name} {size[0]}x{size[1]}, {workers} workers: {images_per_s:.1f} images/s",
+                    file=sys.stderr,
+                    flush=True,
+                )
+    return rows
+
+
+def starts() -> list[Row]:
+    """Seconds until the first image: of a new process, and of a worker beside a running one."""
+    rows: list[Row] = []
+    started = time.perf_counter()
+    subprocess.run([sys.executable, "-c", FIRST_IMAGE], check=True)
+    rows.append({"start": "new process to first image", "seconds": time.perf_counter() - started})
+    settings = RenderSettings(64, 48)
+    with WorkerPool(1) as pool:
+        for label in ("new worker to first street", "warm worker to next street"):
+            started = time.perf_counter()
+            render_dataset(units("default", 1, 0), 0, shots=1, settings=settings, workers=pool)
+            rows.append({"start": label, "seconds": time.perf_counter() - started})
+    return rows
+
+
+def peers(pythons: list[str], width: int, height: int, ours_ms: float) -> list[Row]:
+    """Milliseconds per image of other renderers on one street set by eye, as one merged mesh."""
+    rows: list[Row] = [
+        {"renderer": "embree, one worker", "what": "image and label", "ms": ours_ms, "ratio": 1.0}
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        export_street(
+            Path(folder), street_of(units("default", 1, 0)[0], 0, 0, 1, AssetPool()), width, height
+        )
+        for name in PEERS:
+            timed = next(filter(None, (run_peer(p, name, Path(folder)) for p in pythons)), [])
+            for what, ms in timed:
+                rows.append({"renderer": name, "what": what, "ms": ms, "ratio": ms / ours_ms})
+    return rows
+
+
+def main() -> int:
+    """The command line; returns the exit code."""
+    command = parser(__doc__)
+    command.add_argument("--streets", type=int, default=6)
+    command.add_argument("--shots", type=int, default=6, help="images per street")
+    command.add_argument("--peers", action="store_true", help="measure other renderers, too")
+    command.add_argument(
+        "--peer-python", default=sys.executable, help="another Python in which some are installed"
+    )
+    options = command.parse_args()
+    rows = renderers(list(SIZES), options.streets, options.shots)
+    print(table(rows))
+    others = {"starts": starts()}
+    if options.peers:
+        single = next(
+            r for r in rows if (r["renderer"], r["width"], r["workers"]) == ("embree", 640, 1)
+        )
+        pythons = list(dict.fromkeys((sys.executable, options.peer_python)))
+        others["peers"] = peers(pythons, 640, 320, 1000 / single["images_per_s"])
+    for extra in others.values():
+        print()
+        print(table(extra))
+    write(options.json, rows=rows, **others)
     return 0
 
 

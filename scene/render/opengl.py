@@ -15,16 +15,32 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 from numba import njit
 
-from scene.geometry import Geometry, build
+from scene.geometry import World, build, world
 from scene.render import shade
 from scene.render.protocol import (
     Frame,
+    Lap,
     RendererError,
     RenderSettings,
     camera_axes,
     check_settings,
+    no_lap,
 )
-from scene.render.shot import Rays, Visible, expose, sample_rays, sunward, visible
+from scene.render.shot import (
+    Hits,
+    Light,
+    Rays,
+    Segments,
+    Surroundings,
+    Visible,
+    expose,
+    sample_rays,
+    sky_segments,
+    spread,
+    sun_segments,
+    surroundings,
+    visible,
+)
 from scene.street import Camera, Street
 
 if TYPE_CHECKING:
@@ -55,7 +71,7 @@ class OpenGLRenderer:
         """
         _on_gl_thread(_rasterizer)
 
-    def render(self, street: Street, settings: RenderSettings) -> list[Frame]:
+    def render(self, street: Street, settings: RenderSettings, lap: Lap = no_lap) -> list[Frame]:
         """One frame per camera of the street; see ``protocol.Renderer``.
 
         Raises:
@@ -63,7 +79,7 @@ class OpenGLRenderer:
             RendererError: OpenGL failed; its resources have been freed.
         """
         check_settings(settings)
-        return _on_gl_thread(lambda: _render(street, settings))
+        return _on_gl_thread(lambda: _render(street, settings, lap))
 
 
 @cache
@@ -99,47 +115,113 @@ def _release() -> None:
             _rasterizer.cache_clear()
 
 
-def _render(street: Street, settings: RenderSettings) -> list[Frame]:
+def _render(street: Street, settings: RenderSettings, lap: Lap) -> list[Frame]:
     geometry = build(street)
+    merged = world(geometry)
+    around = surroundings(street, geometry, settings)
+    lap("build")
     rasterizer = _rasterizer()
     try:
-        rasterizer.load(geometry.vertices, geometry.faces)
-        return [
-            _shoot(rasterizer, geometry, street, camera, shot, settings)
-            for shot, camera in enumerate(street.cameras)
-        ]
+        rasterizer.load(
+            merged.vertices, np.arange(len(merged.vertices), dtype=np.int32).reshape(-1, 3)
+        )
+        lap("bvh")
+        frames = []
+        for shot, camera in enumerate(street.cameras):
+            rays = sample_rays(camera, settings)
+            picture = rasterizer.draw(*_view(camera, settings), rays.columns, rays.rows)
+            seen = visible(rays, geometry, _hits(picture, rays, merged))
+            light = _light(rasterizer, around, merged, camera, rays, picture, seen, settings)
+            lap("rays")
+            frames.append(expose(around, shot, rays, seen, light, settings))
+            lap("shade")
+        return frames
     except BaseException:
         _release()
         raise
 
 
-def _shoot(
+def _hits(picture: np.ndarray, rays: Rays, merged: World) -> Hits:
+    """What OpenGL drew, as the other renderers say it."""
+    n = rays.rows * rays.columns
+    hits = Hits(
+        np.empty(n, np.int32), np.empty(n, np.int32), *(np.empty(n, np.float32) for _ in range(3))
+    )
+    _read(
+        picture.reshape(n, 2), rays.origin, rays.directions, rays.along,
+        merged.vertices, merged.instance, merged.face, *hits,
+    )  # fmt: skip
+    return hits
+
+
+@njit(cache=True, fastmath=True)
+def _read(
+    picture: np.ndarray,
+    origin: np.ndarray,
+    directions: np.ndarray,
+    along: np.ndarray,
+    vertices: np.ndarray,
+    instances: np.ndarray,
+    faces: np.ndarray,
+    face: np.ndarray,
+    instance: np.ndarray,
+    distance: np.ndarray,
+    u: np.ndarray,
+    v: np.ndarray,
+) -> None:
+    """Faces, distances and places within the faces from a picture of face numbers and depths."""
+    for i in range(face.shape[0]):
+        drawn = int(picture[i, 0])
+        if drawn < 0:
+            face[i], instance[i] = shade.MISS, 0
+            distance[i] = u[i] = v[i] = 0
+            continue
+        face[i], instance[i] = faces[drawn], instances[drawn]
+        distance[i] = picture[i, 1] / along[i]
+        # Barycentric coordinates of the point, from dot products with the two edges.
+        bb = bc = cc = pb = pc = np.float32(0)
+        for k in range(3):
+            a = vertices[3 * drawn, k]
+            edge_b, edge_c = vertices[3 * drawn + 1, k] - a, vertices[3 * drawn + 2, k] - a
+            p = origin[k] + distance[i] * directions[i, k] - a
+            bb += edge_b * edge_b
+            bc += edge_b * edge_c
+            cc += edge_c * edge_c
+            pb += p * edge_b
+            pc += p * edge_c
+        area = bb * cc - bc * bc
+        scale = 1 / area if area > 1e-20 else np.float32(0)
+        u[i] = min(max((cc * pb - bc * pc) * scale, 0.0), 1.0)
+        v[i] = min(max((bb * pc - bc * pb) * scale, 0.0), 1.0 - u[i])
+
+
+def _light(
     rasterizer: Rasterizer,
-    geometry: Geometry,
-    street: Street,
+    around: Surroundings,
+    merged: World,
     camera: Camera,
-    shot: int,
+    rays: Rays,
+    picture: np.ndarray,
+    seen: Visible,
     settings: RenderSettings,
-) -> Frame:
-    rays = sample_rays(camera, settings)
-    picture = rasterizer.draw(*_view(camera, settings), rays.columns, rays.rows)
-    depth = picture[..., 1].ravel()
-    seen = visible(rays, geometry, picture[..., 0].ravel().astype(np.int32), depth / rays.along)
-    lit = np.ones(len(depth), np.float32)
+) -> Light:
+    """Sun and sky at each sample, from pictures instead of rays."""
+    lit = np.ones(len(seen.points), np.float32)
     if settings.shadows:
-        _cast_shadows(rasterizer, geometry, rays, seen, street.sky.sun_direction, lit)
-    opened = np.ones(len(depth), np.float32)
+        drawn = picture[..., 0].ravel().astype(np.int32)
+        segments = sun_segments(seen, around)
+        _cast_shadows(rasterizer, merged, rays, seen, drawn, segments, lit)
+    opened = np.ones(len(seen.points), np.float32)
     if settings.occlusion:
-        outwards = np.empty_like(rays.directions)
-        shade.occlusion_directions(seen.normals, rays.columns, outwards)
-        raw = np.ones(len(depth), np.float32)
+        segments = sky_segments(seen, rays)
+        free = np.ones(len(segments.wanted), np.float32)
         axes = camera_axes(camera).astype(np.float32)
-        _open_on_screen(rays, seen, outwards, axes, picture, np.float32(rays.spacing), raw)
-        shade.smooth_open(
-            raw, seen.faces, seen.normals, seen.distance, rays.rows, rays.columns, opened
-        )
-        opened = 0.15 + 0.85 * opened
-    return expose(street, shot, geometry, rays, seen, lit, opened, settings)
+        _open_on_screen(
+            rays.origin, np.float32(rays.spacing), seen.hits.distance, segments.starts,
+            segments.directions, segments.wanted, axes, picture, free,
+        )  # fmt: skip
+        opened = spread(free, seen, rays)
+    return Light(lit, opened)
 
 
 def _view(camera: Camera, settings: RenderSettings) -> tuple[np.ndarray, np.ndarray]:
@@ -163,33 +245,31 @@ def _pose(axes: np.ndarray, place: np.ndarray) -> np.ndarray:
 
 @njit(cache=True, fastmath=True)
 def _open_on_screen(
-    rays: Rays,
-    seen: Visible,
-    outwards: np.ndarray,
+    origin: np.ndarray,
+    spacing: np.float32,
+    distance: np.ndarray,
+    starts: np.ndarray,
+    directions: np.ndarray,
+    wanted: np.ndarray,
     axes: np.ndarray,
     picture: np.ndarray,
-    spacing: np.float32,
-    opened: np.ndarray,
+    free: np.ndarray,
 ) -> None:
-    """Set ``opened`` to 0 where a few steps along ``outwards`` pass behind something seen."""
-    columns, rows = rays.columns, rays.rows
-    for i in range(seen.faces.shape[0]):
-        if seen.faces[i] < 0:
+    """Set ``free`` to 0 where a few steps along a ray into the open pass behind something seen."""
+    rows, columns = picture.shape[0], picture.shape[1]
+    width = (columns + 1) // 2
+    for j in range(wanted.shape[0]):
+        if not wanted[j]:
             continue
         # The ground is always there, in view or not.
-        if outwards[i, 2] < 0 and 0 < seen.points[i, 2] < -REACH * outwards[i, 2]:
-            opened[i] = 0.0
+        if directions[j, 2] < 0 and 0.02 < starts[j, 2] < -REACH * directions[j, 2]:
+            free[j] = 0.0
             continue
-        start = 0.01 + 0.004 * seen.distance[i]
+        start = 0.004 * distance[2 * (j // width) * columns + 2 * (j % width)]
         for reach in STEPS:
             x, y, z = np.float32(0), np.float32(0), np.float32(0)
             for k in range(3):
-                place = (
-                    seen.points[i, k]
-                    - rays.origin[k]
-                    + start * seen.normals[i, k]
-                    + reach * outwards[i, k]
-                )
+                place = starts[j, k] - origin[k] + (start + reach) * directions[j, k]
                 x += place * axes[0, k]
                 y += place * axes[1, k]
                 z += place * axes[2, k]
@@ -202,16 +282,17 @@ def _open_on_screen(
             behind = z - picture[row, column, 1]
             # What is much nearer stands in front rather than over it.
             if picture[row, column, 0] >= 0 and 0.002 * z < behind < 0.3 + reach:
-                opened[i] = 0.0
+                free[j] = 0.0
                 break
 
 
 def _cast_shadows(
     rasterizer: Rasterizer,
-    geometry: Geometry,
+    merged: World,
     rays: Rays,
     seen: Visible,
-    sun_direction: np.ndarray,
+    drawn: np.ndarray,
+    segments: Segments,
     lit: np.ndarray,
 ) -> None:
     """Set ``lit`` f32[n] to the share of sunlight that reaches each sample.
@@ -219,16 +300,19 @@ def _cast_shadows(
     The street is drawn from the sun once for each range of depths, just wide enough for what the
     camera sees there.
     """
-    towards = sun_direction.astype(np.float64)
+    towards = segments.directions[0].astype(np.float64)
     across = np.cross(np.eye(3)[np.abs(towards).argmin()], towards)
     axes = np.stack([across, np.cross(towards, across), towards])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
-    top = float((geometry.vertices @ axes[2].astype(np.float32)).max()) + 1.0
+    top = float((merged.vertices @ axes[2].astype(np.float32)).max()) + 1.0
     size = int(np.clip(2 ** math.ceil(math.log2(1.5 * rays.columns)), 256, 2048))
     cascade = np.empty(len(lit), np.int8)
     local = np.empty((len(lit), 3), np.float32)
-    normals = sunward(seen, geometry, sun_direction)
-    bounds = _seen_by_the_sun(rays, seen, axes.astype(np.float32), CASCADES, cascade, local)
+    outwards = (segments.starts - seen.points) / shade.OFFSET
+    depth = seen.hits.distance * rays.along
+    bounds = _seen_by_the_sun(
+        depth, segments.wanted, seen.points, axes.astype(np.float32), CASCADES, cascade, local
+    )
     for k in np.unique(cascade[cascade >= 0]):
         low, high = bounds[k, 0] - 0.05, bounds[k, 1] + 0.05
         centre, half, reach = (low + high) / 2, (high - low) / 2, top - low[2] + 1.0
@@ -237,15 +321,16 @@ def _cast_shadows(
         projection[2, 3] = -1.0
         picture = rasterizer.draw(_pose(axes, place), projection, size, size)
         _compare(
-            k, cascade, seen.faces, local, normals, axes.astype(np.float32),
+            k, cascade, drawn, local, outwards, axes.astype(np.float32),
             low, high, np.float32(top), picture, lit,
         )  # fmt: skip
 
 
 @njit(cache=True)
 def _seen_by_the_sun(
-    rays: Rays,
-    seen: Visible,
+    depth: np.ndarray,
+    wanted: np.ndarray,
+    points: np.ndarray,
     axes: np.ndarray,
     edges: tuple[float, ...],
     cascade: np.ndarray,
@@ -256,11 +341,10 @@ def _seen_by_the_sun(
     bounds[:, 0], bounds[:, 1] = 1e9, -1e9
     for i in range(cascade.shape[0]):
         cascade[i] = -1
-        if seen.faces[i] < 0:
+        if not wanted[i]:
             continue
-        depth = seen.distance[i] * rays.along[i]
         for k in range(len(edges)):
-            if depth < edges[k]:
+            if depth[i] < edges[k]:
                 cascade[i] = k
                 break
         if cascade[i] < 0:
@@ -268,7 +352,7 @@ def _seen_by_the_sun(
         for a in range(3):
             value = np.float32(0)
             for b in range(3):
-                value += axes[a, b] * seen.points[i, b]
+                value += axes[a, b] * points[i, b]
             local[i, a] = value
             bounds[cascade[i], 0, a] = min(bounds[cascade[i], 0, a], value)
             bounds[cascade[i], 1, a] = max(bounds[cascade[i], 1, a], value)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -31,6 +32,16 @@ class Frame(NamedTuple):
     label: np.ndarray  # u8[h, w] train ids
     instance: np.ndarray  # u16[h, w], 0 is the sky
     depth: np.ndarray  # f32[h, w] metres along the optical axis, 0 for the sky
+    normal: np.ndarray  # f32[h, w, 3] unit, in the camera's frame, 0 for the sky; see below
+    # x is to the camera's right, y up, z from the scene towards the camera.
+
+
+Lap = Callable[[str], None]
+"""Told the name of each stage of rendering when it is over, for those who time them."""
+
+
+def no_lap(stage: str) -> None:
+    """Nobody times."""
 
 
 class Renderer(Protocol):
@@ -38,8 +49,15 @@ class Renderer(Protocol):
 
     name: str
 
-    def render(self, street: Street, settings: RenderSettings) -> list[Frame]:
-        """One frame per camera of the street."""
+    def render(self, street: Street, settings: RenderSettings, lap: Lap = no_lap) -> list[Frame]:
+        """One frame per camera of the street.
+
+        Args:
+            street: what to render.
+            settings: size and quality.
+            lap: called after the stages ``build`` (street to arrays), ``bvh`` (or upload), ``rays``
+                (what is seen and lit) and ``shade`` (to finished frames), the last two once a shot.
+        """
         ...
 
 

@@ -1,31 +1,53 @@
-"""The shader of all renderers: sun, sky light, texture, gloss and haze for one sample at a time."""
+"""The shader of all renderers: sun, sky light, texture, gloss and haze for one sample at a time.
+
+Everything here is compiled and alike for all renderers. A compiled function calls only functions of its
+own file: the compiler's cache does not notice changes elsewhere.
+"""
 
 from __future__ import annotations
 
 import math
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
-from scene.materials import MATERIALS, TEXTURE_SIZE, textures
-from scene.sky import Sky, sky_arrays
+from scene.materials import MATERIALS, textures
 
 MISS = -1
+"""Face of a sample that sees the sky."""
+OFFSET = 1e-2
+"""Metres along the normal from a surface to the start of its next ray."""
+DARKEST = 0.12
+"""Share of the sky's light that reaches a surface from which no sky is seen."""
+BOUNCE = 0.17
+"""Share of the light on the ground that comes back up."""
 
 Array = np.ndarray
 
 
+class Textures(NamedTuple):
+    """Every material's texture at every level of detail, in one row of bytes."""
+
+    texels: np.ndarray  # u8[materials, texels], level after level; 100 is a factor of 1
+    start: np.ndarray  # i32[levels] first texel of a level
+    size: np.ndarray  # i32[levels] texels along each side
+
+
 @cache
-def texture_levels() -> np.ndarray:
-    """Mip levels f32[materials, levels, size, size]; level k is blurred over 2^k texels."""
-    base = textures()
-    levels = [base]
-    for k in range(1, int(math.log2(TEXTURE_SIZE)) + 1):
-        n = TEXTURE_SIZE >> k
-        small = base.reshape(len(base), n, 1 << k, n, 1 << k).mean(axis=(2, 4))
-        levels.append(small.repeat(1 << k, axis=1).repeat(1 << k, axis=2))
-    return np.stack(levels, axis=1).astype(np.float32)
+def texture_levels() -> Textures:
+    """The textures and their means over 2 x 2, 4 x 4, ... texels."""
+    level = textures()
+    levels = [level]
+    while level.shape[1] > 1:
+        n = level.shape[1] // 2
+        level = level.reshape(len(level), n, 2, n, 2).mean(axis=(2, 4))
+        levels.append(level)
+    size = np.array([x.shape[1] for x in levels], np.int32)
+    texels = np.concatenate([x.reshape(len(x), -1) for x in levels], axis=1)
+    start = np.cumsum(size**2, dtype=np.int32) - size**2
+    return Textures(np.clip(100 * texels + 0.5, 0, 255).astype(np.uint8), start, size)
 
 
 @cache
@@ -35,199 +57,322 @@ def material_rows() -> np.ndarray:
 
 
 @njit(cache=True, fastmath=True)
-def sky_radiance(direction: Array, sky: tuple, out: Array) -> None:
-    """Radiance of ``sky`` (see ``sky_arrays``) along one unit ``direction``, written to ``out`` [3]."""
-    sun_direction, sun, zenith, horizon, cloud, cover, offset, clouds = sky
-    up = max(direction[2], 0.0)
-    fade = (1.0 - up) ** 4
-    toward = (
-        direction[0] * sun_direction[0]
-        + direction[1] * sun_direction[1]
-        + direction[2] * sun_direction[2]
-    )
-    glow = max(toward, 0.0) ** 24 * 0.35
-    # Clouds on a plane overhead, thinning into haze at the horizon.
-    size = clouds.shape[0]
-    reach = 0.16 / (up + 0.12)
-    row = (direction[0] * reach + offset[0]) * size
-    column = (direction[1] * reach + offset[1]) * size
-    r, c = math.floor(row), math.floor(column)
-    fr, fc = row - r, column - c
-    r0, c0 = int(r) % size, int(c) % size
-    r1, c1 = (r0 + 1) % size, (c0 + 1) % size
-    thick = (clouds[r0, c0] * (1 - fc) + clouds[r0, c1] * fc) * (1 - fr) + (
-        clouds[r1, c0] * (1 - fc) + clouds[r1, c1] * fc
-    ) * fr
-    edge = (thick - (1.0 - cover)) * 5.0 + 0.5
-    opaque = min(max(edge, 0.0), 1.0) * (1.0 - 0.5 * fade)
-    body = 1.12 - 0.35 * thick
-    for k in range(3):
-        clear = zenith[k] * (1 - fade) + horizon[k] * fade + glow * sun[k]
-        out[k] = clear * (1 - opaque) + (cloud[k] * body + 0.5 * glow * sun[k]) * opaque
+def look(
+    origin: Array,
+    directions: Array,
+    distance: Array,
+    instance: Array,
+    face: Array,
+    u: Array,
+    v: Array,
+    face_normal: Array,
+    face_corners: Array,
+    pose: Array,
+    flat: Array,
+    smooth: Array,
+    points: Array,
+) -> None:
+    """What lies at each hit: the face's own normal, the smoothed one, both towards the viewer, the point.
+
+    Misses get an upward normal and the ray's origin.
+    """
+    for i in range(face.shape[0]):
+        f = face[i]
+        if f < 0:
+            for k in range(3):
+                flat[i, k] = smooth[i, k] = 1.0 if k == 2 else 0.0
+                points[i, k] = origin[k]
+            continue
+        m = pose[instance[i]]
+        w = 1 - u[i] - v[i]
+        a, b, c = face_normal[f, 0], face_normal[f, 1], face_normal[f, 2]
+        p = w * face_corners[f, 0, 0] + u[i] * face_corners[f, 1, 0] + v[i] * face_corners[f, 2, 0]
+        q = w * face_corners[f, 0, 1] + u[i] * face_corners[f, 1, 1] + v[i] * face_corners[f, 2, 1]
+        r = w * face_corners[f, 0, 2] + u[i] * face_corners[f, 1, 2] + v[i] * face_corners[f, 2, 2]
+        shrink = 1 / math.sqrt(max(p * p + q * q + r * r, 1e-12))
+        toward_flat, toward_smooth = 0.0, 0.0
+        for k in range(3):
+            flat[i, k] = m[k, 0] * a + m[k, 1] * b + m[k, 2] * c
+            smooth[i, k] = shrink * (m[k, 0] * p + m[k, 1] * q + m[k, 2] * r)
+            toward_flat += flat[i, k] * directions[i, k]
+            toward_smooth += smooth[i, k] * directions[i, k]
+            points[i, k] = origin[k] + distance[i] * directions[i, k]
+        for k in range(3):
+            if toward_flat > 0:
+                flat[i, k] = -flat[i, k]
+            # At a silhouette the smoothed normal may lean away; then it is the flat one.
+            if toward_flat * toward_smooth <= 0:
+                smooth[i, k] = flat[i, k]
+            elif toward_smooth > 0:
+                smooth[i, k] = -smooth[i, k]
 
 
 @njit(cache=True, fastmath=True)
-def _sky_image(directions: Array, sky: tuple) -> Array:
-    image = np.empty((directions.shape[0], 3), np.float32)
-    for i in range(directions.shape[0]):
-        sky_radiance(directions[i], sky, image[i])
-    return image
+def sun_rays(
+    face: Array,
+    flat: Array,
+    smooth: Array,
+    points: Array,
+    sun_direction: Array,
+    face_material: Array,
+    rows: Array,
+    starts: Array,
+    wanted: Array,
+) -> None:
+    """Where each sample's ray to the sun begins, and whether it needs one.
 
-
-def sky_image(sky: Sky, directions: np.ndarray) -> np.ndarray:
-    """Radiance f32[n, 3] of the sky along unit ``directions`` f32[n, 3]."""
-    return _sky_image(directions, sky_arrays(sky))
-
-
-@njit(cache=True, fastmath=True)
-def facing_normals(faces: Array, directions: Array, normals: Array, out: Array) -> None:
-    """Normal of each hit face turned towards the viewer; faces < 0 (misses) are left out."""
-    for i in range(faces.shape[0]):
-        f = faces[i]
+    It begins on the viewer's side, but for leaves, which the sun shines through, on the sun's own.
+    What faces away from the sun is dark without asking.
+    """
+    for i in range(face.shape[0]):
+        f = face[i]
+        wanted[i] = 0
+        for k in range(3):
+            starts[i, k] = points[i, k]
         if f < 0:
             continue
-        dot = (
-            directions[i, 0] * normals[f, 0]
-            + directions[i, 1] * normals[f, 1]
-            + directions[i, 2] * normals[f, 2]
-        )
-        sign = -1.0 if dot > 0 else 1.0
+        by_face, by_normal = 0.0, 0.0
         for k in range(3):
-            out[i, k] = sign * normals[f, k]
+            by_face += flat[i, k] * sun_direction[k]
+            by_normal += smooth[i, k] * sun_direction[k]
+        sign = 1.0
+        if rows[face_material[f], 2] > 0:
+            sign = 1.0 if by_face >= 0 else -1.0
+        elif by_face <= 0 or by_normal <= 0:
+            continue
+        wanted[i] = 1
+        for k in range(3):
+            starts[i, k] += sign * OFFSET * flat[i, k]
 
 
 @njit(cache=True, fastmath=True)
-def occlusion_directions(normals: Array, width: int, out: Array) -> None:
-    """One cosine-distributed direction per sample, stratified over every 4x4 block of samples."""
-    for i in range(normals.shape[0]):
-        x, y = i % width, i // width
-        cell = (x & 3) + 4 * (y & 3)
-        # Low-discrepancy pair over the 16 cells of a block (bit-reversed and golden-ratio steps).
-        u = (cell + 0.5) / 16.0
-        v = cell * 0.618034 % 1.0
-        radius, angle = math.sqrt(u), 6.2831853 * v
-        a, b, c = normals[i, 0], normals[i, 1], normals[i, 2]
-        # Branchless orthonormal basis (Duff et al. 2017).
-        sign = 1.0 if c >= 0 else -1.0
-        p = -1.0 / (sign + c)
-        q = a * b * p
-        dx, dy, dz = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1.0 - u)
-        out[i, 0] = dx * (1.0 + sign * a * a * p) + dy * q + dz * a
-        out[i, 1] = dx * sign * q + dy * (sign + b * b * p) + dz * b
-        out[i, 2] = -dx * sign * a - dy * b + dz * c
-
-
-@njit(cache=True, fastmath=True)
-def smooth_open(
-    opened: Array, faces: Array, normals: Array, depth: Array, height: int, width: int, out: Array
+def sky_rays(
+    face: Array,
+    flat: Array,
+    points: Array,
+    columns: int,
+    height: int,
+    width: int,
+    starts: Array,
+    directions: Array,
+    wanted: Array,
 ) -> None:
-    """Mean over the 4x4 window of samples that lie on about the same surface."""
+    """One cosine-distributed ray for every second sample each way, stratified over 4 x 4 of them."""
     for y in range(height):
         for x in range(width):
-            i = y * width + x
-            if faces[i] < 0:
-                out[i] = 1.0
+            j, i = y * width + x, 2 * y * columns + 2 * x
+            wanted[j] = face[i] >= 0
+            # Low-discrepancy pair over the 16 cells of a block.
+            cell = (x & 3) + 4 * (y & 3)
+            s = (cell + 0.5) / 16.0
+            radius, angle = math.sqrt(s), 6.2831853 * (cell * 0.618034 % 1.0)
+            a, b, c = flat[i, 0], flat[i, 1], flat[i, 2]
+            # Branchless orthonormal basis (Duff et al. 2017).
+            sign = 1.0 if c >= 0 else -1.0
+            p = -1.0 / (sign + c)
+            q = a * b * p
+            dx, dy, dz = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1.0 - s)
+            directions[j, 0] = dx * (1.0 + sign * a * a * p) + dy * q + dz * a
+            directions[j, 1] = dx * sign * q + dy * (sign + b * b * p) + dz * b
+            directions[j, 2] = -dx * sign * a - dy * b + dz * c
+            for k in range(3):
+                starts[j, k] = points[i, k] + OFFSET * flat[i, k]
+
+
+@njit(cache=True, fastmath=True)
+def spread_open(
+    seen_open: Array,
+    face: Array,
+    flat: Array,
+    distance: Array,
+    rows: int,
+    columns: int,
+    out: Array,
+) -> None:
+    """From one yes or no at every second sample to the share of open sky at each.
+
+    First the mean over 4 x 4 rays that lie on about the same surface, then between the four nearest
+    means, again only across the same surface.
+    """
+    height, width = (rows + 1) // 2, (columns + 1) // 2
+    mean = np.empty(height * width, np.float32)
+    for y in range(height):
+        for x in range(width):
+            j, i = y * width + x, 2 * y * columns + 2 * x
+            if face[i] < 0:
+                mean[j] = 1.0
                 continue
-            total, count = 0.0, 0
+            total, count = seen_open[j], np.float32(1)
+            bound = 0.06 * distance[i]
             for dy in range(-2, 2):
+                yy = y + dy
+                if yy < 0 or yy >= height:
+                    continue
                 for dx in range(-2, 2):
-                    yy, xx = y + dy, x + dx
-                    if yy < 0 or yy >= height or xx < 0 or xx >= width:
+                    xx = x + dx
+                    if xx < 0 or xx >= width or (dx == 0 and dy == 0):
                         continue
-                    j = yy * width + xx
-                    if faces[j] < 0 or abs(depth[j] - depth[i]) > 0.06 * depth[i]:
+                    n = 2 * yy * columns + 2 * xx
+                    if face[n] < 0 or abs(distance[n] - distance[i]) > bound:
                         continue
                     alike = (
-                        normals[i, 0] * normals[j, 0]
-                        + normals[i, 1] * normals[j, 1]
-                        + normals[i, 2] * normals[j, 2]
+                        flat[i, 0] * flat[n, 0] + flat[i, 1] * flat[n, 1] + flat[i, 2] * flat[n, 2]
                     )
                     if alike > 0.8:
-                        total += opened[j]
+                        total += seen_open[yy * width + xx]
                         count += 1
-            out[i] = total / max(count, 1)
+            mean[j] = total / count
+    for row in range(rows):
+        for column in range(columns):
+            i = row * columns + column
+            if face[i] < 0:
+                out[i] = 1.0
+                continue
+            y, x = row >> 1, column >> 1
+            if not (row & 1 or column & 1):
+                out[i] = DARKEST + (1 - DARKEST) * mean[y * width + x]
+                continue
+            total, weight = np.float32(0), np.float32(0)
+            for yy in range(y, min(y + (row & 1), height - 1) + 1):
+                for xx in range(x, min(x + (column & 1), width - 1) + 1):
+                    n = 2 * yy * columns + 2 * xx
+                    if face[n] < 0:
+                        continue
+                    near = np.float32(1e-3)
+                    if abs(distance[n] - distance[i]) < 0.06 * distance[i]:
+                        alike = (
+                            flat[i, 0] * flat[n, 0]
+                            + flat[i, 1] * flat[n, 1]
+                            + flat[i, 2] * flat[n, 2]
+                        )
+                        if alike > 0.8:
+                            near = np.float32(1)
+                    total += near * mean[yy * width + xx]
+                    weight += near
+            value = total / weight if weight > 0 else np.float32(1)
+            out[i] = DARKEST + (1 - DARKEST) * value
+
+
+@njit(cache=True, fastmath=True)
+def _sky(x: float, y: float, z: float, panorama: Array, out: Array) -> None:
+    """Radiance of the sky along a unit direction, see ``scene.sky.panorama``."""
+    height, width = panorama.shape[0], panorama.shape[1]
+    column = (math.atan2(y, x) / 6.2831853 + 0.5) * width - 0.5
+    elevation = math.asin(min(max(z, 0.0), 1.0)) / 1.5707963
+    row = min(max(height * math.sqrt(elevation) - 0.5, 0.0), height - 1.001)
+    c, r = math.floor(column), int(row)
+    right, down = column - c, row - r
+    c0 = int(c) % width
+    c1 = (c0 + 1) % width
+    for k in range(3):
+        out[k] = (panorama[r, c0, k] * (1 - right) + panorama[r, c1, k] * right) * (1 - down) + (
+            panorama[r + 1, c0, k] * (1 - right) + panorama[r + 1, c1, k] * right
+        ) * down
+
+
+@njit(cache=True, fastmath=True)
+def _texture(
+    m: int, u: float, v: float, level: int, shift: int, texels: Array, start: Array, size: Array
+) -> float:
+    """Bilinear lookup at ``u``, ``v`` in tiles; ``shift`` moves the pattern by that many texels."""
+    n = size[level]
+    x = u * n + (shift * n) / size[0] - 0.5
+    y = v * n - 0.5
+    fx, fy = math.floor(x), math.floor(y)
+    right, down = x - fx, y - fy
+    c0, r0 = int(fx) & (n - 1), int(fy) & (n - 1)
+    c1, r1 = (c0 + 1) & (n - 1), (r0 + 1) & (n - 1)
+    a, b = start[level] + r0 * n, start[level] + r1 * n
+    top = texels[m, a + c0] * (1 - right) + texels[m, a + c1] * right
+    bottom = texels[m, b + c0] * (1 - right) + texels[m, b + c1] * right
+    return 0.01 * (top * (1 - down) + bottom * down)
 
 
 @njit(cache=True, fastmath=True)
 def shade(
-    faces: Array,
+    face: Array,
+    instance: Array,
     distance: Array,
     directions: Array,
-    origin: Array,
-    normals: Array,
+    points: Array,
+    flat: Array,
+    smooth: Array,
     lit: Array,
     opened: Array,
     pixel_angle: np.float32,
     textured: bool,
     face_color: Array,
     face_material: Array,
-    face_instance: Array,
-    tile_gloss: Array,
-    levels: Array,
+    rows: Array,
+    texels: Array,
+    start: Array,
+    size: Array,
+    sun_direction: Array,
+    sun: Array,
     ambient: Array,
+    horizon: Array,
     haze: np.float32,
-    sky: tuple,
+    wetness: np.float32,
+    panorama: Array,
 ) -> Array:
     """Linear radiance f32[n, 3] towards the camera for n samples.
 
-    ``faces`` i32[n] (MISS for sky), ``distance`` f32[n] metres, ``lit`` f32[n] 1 where the sun is
-    seen, ``opened`` f32[n] share of the sky that is seen, ``pixel_angle`` radians between samples.
+    ``lit`` is 1 where the sun is seen, ``opened`` the share of the sky that is seen, ``pixel_angle``
+    the radians between samples; the rest as in ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
     """
-    sun_direction, sun, _, horizon, _, _, _, _ = sky
-    out = np.empty((faces.shape[0], 3), np.float32)
+    out = np.empty((face.shape[0], 3), np.float32)
     mirrored = np.empty(3, np.float32)
-    mirror = np.empty(3, np.float32)
-    size = levels.shape[2]
-    for i in range(faces.shape[0]):
-        f = faces[i]
+    ground_light = np.empty(3, np.float32)
+    for k in range(3):
+        ground_light[k] = BOUNCE * (sun[k] * max(sun_direction[2], 0.0) + ambient[k])
+    for i in range(face.shape[0]):
+        f = face[i]
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         if f < 0:
-            sky_radiance(directions[i], sky, out[i])
+            _sky(dx, dy, dz, panorama, out[i])
             continue
         m = face_material[f]
-        nx, ny, nz = normals[i, 0], normals[i, 1], normals[i, 2]
+        nx, ny, nz = smooth[i, 0], smooth[i, 1], smooth[i, 2]
         t = distance[i]
-        px = origin[0] + t * directions[i, 0]
-        py = origin[1] + t * directions[i, 1]
-        pz = origin[2] + t * directions[i, 2]
-        facing = abs(directions[i, 0] * nx + directions[i, 1] * ny + directions[i, 2] * nz)
+        toward = dx * nx + dy * ny + dz * nz
         texture = 1.0
         if textured:
             # Project along the dominant axis; instances start at different places in the texture.
-            if abs(nz) > 0.7:
-                u, v = px, py
-            elif abs(nx) > abs(ny):
-                u, v = py, pz
-            else:
-                u, v = px, pz
-            scale = size / tile_gloss[m, 0]
-            footprint = t * pixel_angle * scale / math.sqrt(max(facing, 0.02))
-            level = min(max(int(math.log2(max(footprint, 1.0)) + 0.5), 0), levels.shape[1] - 1)
-            shift = (face_instance[f] * 37) % size
-            column = int(math.floor(u * scale) + shift) % size
-            row = math.floor(-v * scale) % size
-            texture = levels[m, level, row, column]
+            a, b = points[i, 0], -points[i, 2]
+            if abs(flat[i, 2]) > 0.7:
+                b = -points[i, 1]
+            elif abs(flat[i, 0]) > abs(flat[i, 1]):
+                a = points[i, 1]
+            tile = rows[m, 0]
+            footprint = t * pixel_angle * size[0] / (tile * math.sqrt(max(abs(toward), 0.02)))
+            level = min(int(math.log2(max(footprint, 1.0)) + 0.5), len(size) - 1)
+            shift = (instance[i] * 37) & (size[0] - 1)
+            texture = _texture(m, a / tile, b / tile, level, shift, texels, start, size)
         cosine = nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2]
-        through = tile_gloss[m, 2]
+        through = rows[m, 2]
         direct = lit[i] * (max(cosine, 0.0) * (1 - through) + 0.6 * abs(cosine) * through)
         up = 0.5 + 0.5 * nz
-        gloss = tile_gloss[m, 1]
+        gloss = rows[m, 1]
+        wet = 0.0
+        if wetness > 0 and flat[i, 2] > 0.9 and points[i, 2] < 0.2:
+            wet = wetness
+            gloss = max(gloss, 0.05 * wet)
         if gloss > 0:
-            gloss = gloss + (1 - gloss) * (1 - facing) ** 5 * 0.6
-            dot = 2 * (directions[i, 0] * nx + directions[i, 1] * ny + directions[i, 2] * nz)
-            mirror[0] = directions[i, 0] - dot * nx
-            mirror[1] = directions[i, 1] - dot * ny
-            mirror[2] = directions[i, 2] - dot * nz
-            sky_radiance(mirror, sky, mirrored)
-            if mirror[2] < 0.05:  # mirrors the street rather than the sky
-                for k in range(3):
-                    mirrored[k] *= 0.25
+            gloss += (
+                (1 - gloss) * (1 - min(abs(toward), 1.0)) ** 5 * (0.6 if wet == 0 else 0.8 * wet)
+            )
+            mx, my, mz = dx - 2 * toward * nx, dy - 2 * toward * ny, dz - 2 * toward * nz
+            _sky(mx, my, abs(mz), panorama, mirrored)
+            # Low rays meet the street's other side rather than the sky.
+            sky_share = min(max(mz * 3.0 + 0.1, 0.12), 1.0) * (0.3 + 0.7 * opened[i])
+            for k in range(3):
+                mirrored[k] = min(mirrored[k], 2.5) * sky_share
         air = 1.0 - math.exp(-t / haze)
         for k in range(3):
-            albedo = min(face_color[f, k] * texture, 0.95)
-            bounce = (0.14 * (sun[k] * max(sun_direction[2], 0.0) + ambient[k])) * (1 - up)
-            light = sun[k] * direct + opened[i] * (ambient[k] * up + bounce)
+            albedo = min(face_color[f, k] * texture, 0.95) * (1 - 0.45 * wet)
+            light = sun[k] * direct + opened[i] * (ambient[k] * up + ground_light[k] * (1 - up))
             radiance = albedo * light
             if gloss > 0:
-                radiance = radiance * (1 - gloss) + gloss * mirrored[k] * (0.3 + 0.7 * opened[i])
+                radiance = radiance * (1 - gloss) + gloss * mirrored[k]
             out[i, k] = radiance * (1 - air) + horizon[k] * air
     return out

@@ -13,12 +13,32 @@ import cv2
 import numpy as np
 from numba import njit
 
-from scene.geometry import SKY_INSTANCE, Geometry
+from scene.geometry import Geometry
 from scene.render import shade
 from scene.render.protocol import Frame, RenderSettings, camera_axes, label_sample, pixel_rays
 from scene.sensor import develop
-from scene.sky import sky_arrays
 from scene.street import Camera, Street
+
+
+try:  # TEMPORARY until sky.py has it
+    from scene.sky import panorama
+except ImportError:
+
+    def panorama(sky, columns):
+        rows = columns // 4
+        el = np.pi / 2 * ((np.arange(rows) + 0.5) / rows) ** 2
+        az = -np.pi + 2 * np.pi * (np.arange(columns) + 0.5) / columns
+        fade = (1 - np.sin(el)[:, None, None]) ** 4
+        clear = sky.zenith * (1 - fade) + sky.horizon * fade + 0 * az[None, :, None]
+        return (clear * (1 - sky.cover) + sky.cover * sky.cloud).astype(np.float32)
+
+
+try:
+    from scene.sensor import vary
+except ImportError:
+
+    def vary(response, rng):
+        return response
 
 
 class Rays(NamedTuple):
@@ -32,13 +52,53 @@ class Rays(NamedTuple):
     spacing: float  # between neighbours, radians at the image's centre
 
 
+class Hits(NamedTuple):
+    """Where each sample's ray ends."""
+
+    face: np.ndarray  # i32[n] of the geometry, shade.MISS for the sky
+    instance: np.ndarray  # i32[n], 0 for the sky
+    distance: np.ndarray  # f32[n] metres along the ray; anything for the sky
+    u: np.ndarray  # f32[n] share of the face's second corner; anything for the sky
+    v: np.ndarray  # f32[n] share of its third
+
+
 class Visible(NamedTuple):
     """What each sample sees."""
 
-    faces: np.ndarray  # i32[n], shade.MISS for the sky
-    distance: np.ndarray  # f32[n] metres along the ray; anything for the sky
-    normals: np.ndarray  # f32[n, 3] of the face, turned towards the viewer; up for the sky
+    hits: Hits
+    flat: np.ndarray  # f32[n, 3] normal of the face, turned towards the viewer; up for the sky
+    smooth: np.ndarray  # f32[n, 3] the same for the curved surface the face stands for
     points: np.ndarray  # f32[n, 3] where the ray meets the face; its origin for the sky
+
+
+class Segments(NamedTuple):
+    """Rays of which only matters whether anything is in their way."""
+
+    starts: np.ndarray  # f32[n, 3]
+    directions: np.ndarray  # f32[n, 3] or, where all run alike, f32[1, 3]
+    wanted: np.ndarray  # u8[n], 0: the answer is not needed
+
+
+class Light(NamedTuple):
+    """What light reaches each sample."""
+
+    lit: np.ndarray  # f32[n], 1 where the sun is seen, 0 in shadow
+    opened: np.ndarray  # f32[n], share of the sky that is seen
+
+
+class Surroundings(NamedTuple):
+    """What all shots of a street have in common."""
+
+    street: Street
+    geometry: Geometry
+    panorama: np.ndarray  # f32[rows, columns, 3]
+
+
+def surroundings(street: Street, geometry: Geometry, settings: RenderSettings) -> Surroundings:
+    """Paint the street's sky, about as fine as the image will show it."""
+    wide = settings.width * settings.samples * 360 / settings.fov
+    columns = int(2 ** np.clip(round(math.log2(wide / 2)), 8, 10))
+    return Surroundings(street, geometry, panorama(street.sky, columns))
 
 
 def sample_rays(camera: Camera, settings: RenderSettings) -> Rays:
@@ -66,71 +126,121 @@ def _fill_rays(
                 )
 
 
-def visible(rays: Rays, geometry: Geometry, faces: np.ndarray, distance: np.ndarray) -> Visible:
-    """Complete ``faces`` i32[n] and ``distance`` f32[n] with normals and points."""
-    normals = np.zeros_like(rays.directions)
-    normals[:, 2] = 1.0
-    shade.facing_normals(faces, rays.directions, geometry.normal, normals)
-    reach = np.where(faces != shade.MISS, distance, 0)[:, None]
-    return Visible(faces, distance, normals, rays.origin + reach * rays.directions)
-
-
-def sunward(seen: Visible, geometry: Geometry, sun_direction: np.ndarray) -> np.ndarray:
-    """Normals f32[n, 3] on the side from which the sun is looked for.
-
-    That is the viewer's side, but the sun's own for leaves, which it shines through.
-    """
-    leafy = (shade.material_rows()[:, 2] > 0)[geometry.material[seen.faces]]
-    behind = leafy & (seen.faces != shade.MISS) & (seen.normals @ sun_direction < 0)
-    return np.where(behind[:, None], -seen.normals, seen.normals)
-
-
-def expose(
-    street: Street,
-    shot: int,
-    geometry: Geometry,
-    rays: Rays,
-    seen: Visible,
-    lit: np.ndarray,
-    opened: np.ndarray,
-    settings: RenderSettings,
-) -> Frame:
-    """Shade, average and develop the samples, and pick label, instance and depth of every pixel.
-
-    Args:
-        street: gives the light, and with ``shot`` the seed of the sensor's noise.
-        shot: which of the street's cameras.
-        geometry: the street's faces.
-        rays: the samples.
-        seen: what they see.
-        lit: f32[n], 1 where the sun is seen, 0 in shadow.
-        opened: f32[n], share of the sky that is seen.
-        settings: size and quality.
-    """
-    sky = street.sky
-    radiance = shade.shade(
-        seen.faces, seen.distance, rays.directions, rays.origin, seen.normals, lit, opened,
-        np.float32(rays.spacing), settings.textures,
-        geometry.color, geometry.material, geometry.instance,
-        shade.material_rows(), shade.texture_levels(),
-        sky.ambient, np.float32(sky.haze), sky_arrays(sky),
+def visible(rays: Rays, geometry: Geometry, hits: Hits) -> Visible:
+    """Complete hits with normals and points."""
+    flat, smooth, points = (np.empty_like(rays.directions) for _ in range(3))
+    shade.look(
+        rays.origin, rays.directions, hits.distance, hits.instance, hits.face, hits.u, hits.v,
+        geometry.normal, geometry.corners, geometry.pose, flat, smooth, points,
     )  # fmt: skip
-    image = radiance.reshape(rays.rows, rays.columns, 3)
+    return Visible(hits, flat, smooth, points)
+
+
+def sun_segments(seen: Visible, around: Surroundings) -> Segments:
+    """The rays to the sun of all samples that may see it."""
+    sun = around.street.sky.sun_direction
+    starts = np.empty_like(seen.points)
+    wanted = np.empty(len(starts), np.uint8)
+    shade.sun_rays(
+        seen.hits.face, seen.flat, seen.smooth, seen.points, sun,
+        around.geometry.material, shade.material_rows(), starts, wanted,
+    )  # fmt: skip
+    return Segments(starts, sun[None], wanted)
+
+
+def sky_segments(seen: Visible, rays: Rays) -> Segments:
+    """A ray into the open for every second sample each way, see ``spread``."""
+    height, width = (rays.rows + 1) // 2, (rays.columns + 1) // 2
+    starts, directions = (np.empty((height * width, 3), np.float32) for _ in range(2))
+    wanted = np.empty(height * width, np.uint8)
+    shade.sky_rays(
+        seen.hits.face, seen.flat, seen.points, rays.columns, height, width,
+        starts, directions, wanted,
+    )  # fmt: skip
+    return Segments(starts, directions, wanted)
+
+
+def spread(free: np.ndarray, seen: Visible, rays: Rays) -> np.ndarray:
+    """Share f32[n] of open sky from ``free`` f32, 1 for each ray of ``sky_segments`` that gets away."""
+    opened = np.empty(len(seen.points), np.float32)
+    shade.spread_open(
+        free, seen.hits.face, seen.flat, seen.hits.distance, rays.rows, rays.columns, opened
+    )
+    return opened
+
+
+def radiance(
+    around: Surroundings, rays: Rays, seen: Visible, light: Light, settings: RenderSettings
+) -> np.ndarray:
+    """Linear radiance f32[h, w, 3] of every pixel."""
+    sky, geometry, hits = around.street.sky, around.geometry, seen.hits
+    samples = shade.shade(
+        hits.face, hits.instance, hits.distance, rays.directions, seen.points, seen.flat,
+        seen.smooth, light.lit, light.opened, np.float32(rays.spacing), settings.textures,
+        geometry.color, geometry.material, shade.material_rows(), *shade.texture_levels(),
+        sky.sun_direction, sky.sun, sky.ambient, sky.horizon,
+        np.float32(sky.haze), np.float32(getattr(sky, "wetness", 0.0)), around.panorama,
+    )  # fmt: skip
+    image = samples.reshape(rays.rows, rays.columns, 3)
     if settings.samples > 1:
         # Tones are compressed before averaging, so that bright sky does not eat thin poles.
         image = cv2.resize(
             np.minimum(image, 2.0), (settings.width, settings.height), interpolation=cv2.INTER_AREA
         )
-    rng = np.random.default_rng([street.seed, shot])
+    return image
+
+
+def expose(
+    around: Surroundings,
+    shot: int,
+    rays: Rays,
+    seen: Visible,
+    light: Light,
+    settings: RenderSettings,
+) -> Frame:
+    """Shade, average and develop the samples, and pick label, instance, depth and normal of every pixel.
+
+    Args:
+        around: the street, which gives the light and the seed of what the camera adds.
+        shot: which of the street's cameras.
+        rays: the samples.
+        seen: what they see.
+        light: what reaches it.
+        settings: size and quality.
+    """
+    street, hits = around.street, seen.hits
+    image = radiance(around, rays, seen, light, settings)
+    camera = vary(settings.response, np.random.default_rng([street.seed, 2**16]))
+    image = develop(image, camera, np.random.default_rng([street.seed, shot]))
 
     k = label_sample(settings.samples)
     pick = np.s_[k :: settings.samples, k :: settings.samples]
-    found = seen.faces.reshape(rays.rows, rays.columns)[pick]
-    instance = np.where(found == shade.MISS, SKY_INSTANCE, geometry.instance[found])
-    depth = np.where(seen.faces != shade.MISS, seen.distance * rays.along, 0)
+
+    def pixels(values: np.ndarray) -> np.ndarray:
+        return values.reshape(rays.rows, rays.columns, *values.shape[1:])[pick]
+
+    instance = pixels(hits.instance).astype(np.uint16)
+    axes = camera_axes(street.cameras[shot]).astype(np.float32)
+    axes[2] *= -1
+    normal = np.empty((*instance.shape, 3), np.float32)
+    _turn(pixels(seen.smooth), instance, axes, normal)
     return Frame(
-        develop(image, settings.response, rng),
-        geometry.train_id[instance],
-        instance.astype(np.uint16),
-        depth.reshape(rays.rows, rays.columns)[pick].astype(np.float32),
+        image=image,
+        label=around.geometry.train_id[instance],
+        instance=instance,
+        depth=pixels(hits.distance) * pixels(rays.along),  # a miss has distance 0
+        normal=normal,
     )
+
+
+@njit(cache=True, fastmath=True)
+def _turn(world: np.ndarray, instance: np.ndarray, axes: np.ndarray, out: np.ndarray) -> None:
+    """Normals in the camera's frame; 0 where nothing was hit."""
+    for row in range(world.shape[0]):
+        for column in range(world.shape[1]):
+            seen = instance[row, column] != 0
+            for k in range(3):
+                value = np.float32(0)
+                for a in range(3):
+                    value += axes[k, a] * world[row, column, a]
+                out[row, column, k] = value if seen else 0

@@ -178,6 +178,35 @@ def test_a_box_is_labelled_where_projection_says(draw, samples, monkeypatch):
     assert frame.depth[centre] == pytest.approx(expected, rel=0.01)
 
 
+def test_normals_are_those_of_the_ground_in_the_camera_s_frame(draw):
+    pitch = 0.3
+    frame = draw(bare_street(camera=LEVEL._replace(pitch=pitch, yaw=0.4)))
+    road = frame.instance == 1
+    expected = np.broadcast_to([0, math.cos(pitch), math.sin(pitch)], (road.sum(), 3))
+    np.testing.assert_allclose(frame.normal[road], expected, atol=1e-3)
+
+
+def test_normals_are_unit_face_the_camera_and_are_zero_in_the_sky(draw):
+    frame = draw(default_street(3))
+    sky = frame.instance == SKY_INSTANCE
+    assert (frame.normal[sky] == 0).all()
+    np.testing.assert_allclose(np.linalg.norm(frame.normal[~sky], axis=1), 1, atol=1e-3)
+    x, y = pixel_rays(QUIET, 1)
+    rays = np.stack(np.broadcast_arrays(x, y[:, None], -1.0), axis=-1)
+    assert ((frame.normal * rays).sum(axis=-1)[~sky] < 1e-3).all()
+
+
+@pytest.mark.parametrize("name", RENDERERS)
+def test_a_lap_is_called_after_every_stage(name):
+    try:
+        chosen = renderer(name)
+    except RendererError as error:
+        pytest.skip(str(error))
+    stages: list[str] = []
+    chosen.render(default_street(0, shots=2), QUIET, stages.append)
+    assert stages == ["build", "bvh", "rays", "shade", "rays", "shade"]
+
+
 def test_faces_are_seen_from_both_sides(draw):
     street = bare_street(at("traffic sign", 6, 0, 0))
     behind = street._replace(cameras=(LEVEL._replace(position=(12.0, 0.0, 1.5), yaw=math.pi),))
@@ -190,7 +219,8 @@ def test_the_parts_of_a_frame_agree(draw, seed):
     street = default_street(seed)
     frame = draw(street, SMALL)
     assert frame.image.shape == (64, 96, 3)
-    assert [a.dtype for a in frame] == [np.uint8, np.uint8, np.uint16, np.float32]
+    dtypes = [np.uint8, np.uint8, np.uint16, np.float32, np.float32]
+    assert [a.dtype for a in frame] == dtypes
     assert np.array_equal(frame.label, build(street).train_id[frame.instance])
     sky = frame.instance == SKY_INSTANCE
     assert np.array_equal(frame.depth == 0, sky)

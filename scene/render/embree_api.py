@@ -1,0 +1,200 @@
+"""The C interface of Intel Embree 4, found in the ``embreex`` wheel and called from compiled loops.
+
+embreex itself casts one ray at a time and knows no instances. The library inside its wheel has packets of
+eight rays and instancing, which together make a street several times faster; its C interface is the
+published one of Embree 4 (``rtcore.h``), and is all that is used here.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+from ctypes import c_char_p, c_int, c_size_t, c_uint, c_void_p
+from functools import cache
+from pathlib import Path
+
+import llvmlite.binding
+import numpy as np
+from numba import types
+
+from scene.render.protocol import RendererError
+
+PATTERNS = (
+    "embreex.libs/libembree4*.so*",  # Linux
+    "embreex.libs/embree4*.dll",  # Windows
+    "embreex/.dylibs/libembree4*.dylib",  # macOS
+    "embreex/embree4*.dll",
+)
+TRIANGLE, INSTANCE = 0, 121  # RTCGeometryType
+INDEX, VERTEX = 0, 1  # RTCBufferType
+UINT3, FLOAT3, FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134  # RTCFormat
+COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
+LANES = 8
+"""Rays in a packet."""
+
+_SIGNATURES = {
+    "rtcNewDevice": (c_void_p, (c_char_p,)),
+    "rtcGetDeviceError": (c_int, (c_void_p,)),
+    "rtcNewScene": (c_void_p, (c_void_p,)),
+    "rtcCommitScene": (None, (c_void_p,)),
+    "rtcReleaseScene": (None, (c_void_p,)),
+    "rtcNewGeometry": (c_void_p, (c_void_p, c_int)),
+    "rtcSetSharedGeometryBuffer": (
+        None,
+        (c_void_p, c_int, c_uint, c_int, c_void_p, c_size_t, c_size_t, c_size_t),
+    ),
+    "rtcSetGeometryInstancedScene": (None, (c_void_p, c_void_p)),
+    "rtcSetGeometryTransform": (None, (c_void_p, c_uint, c_int, c_void_p)),
+    "rtcCommitGeometry": (None, (c_void_p,)),
+    "rtcAttachGeometryByID": (None, (c_void_p, c_void_p, c_uint)),
+    "rtcReleaseGeometry": (None, (c_void_p,)),
+}
+
+
+def _find() -> Path:
+    spec = importlib.util.find_spec("embreex")
+    if spec is None or spec.origin is None:
+        raise RendererError(
+            "the embree renderer needs the embreex wheel (pip install embreex); "
+            "where it has none, use --renderer opengl"
+        )
+    site = Path(spec.origin).parents[1]
+    for pattern in PATTERNS:
+        for found in sorted(site.glob(pattern)):
+            return found
+    raise RendererError(
+        f"no Embree 4 library lies beside embreex in {site}; reinstall the embreex wheel "
+        "(4.3 or later), or use --renderer opengl"
+    )
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """Embree, loaded once; its symbols are then known to compiled code, too.
+
+    Raises:
+        RendererError: no embreex wheel, or none with Embree 4 in it.
+    """
+    path = _find()
+    try:
+        # The wheel's own module first: it knows where the libraries that Embree needs lie.
+        import embreex.rtcore  # noqa: F401
+
+        llvmlite.binding.load_library_permanently(str(path))
+        found = ctypes.CDLL(str(path))
+        for name, (result, arguments) in _SIGNATURES.items():
+            function = getattr(found, name)
+            function.restype, function.argtypes = result, arguments
+    except (OSError, ImportError, RuntimeError, AttributeError) as error:
+        raise RendererError(f"Embree cannot be loaded from {path} ({error})") from error
+    return found
+
+
+@cache
+def device() -> int:
+    """Embree's device of this process: one thread, since workers are processes."""
+    handle = library().rtcNewDevice(b"threads=1")
+    if not handle:
+        raise RendererError("Embree starts no device on this processor")
+    return int(handle)
+
+
+class _QueryArguments(ctypes.Structure):
+    """``RTCIntersectArguments``, which ``RTCOccludedArguments`` is laid out like."""
+
+    _fields_ = (
+        ("flags", c_int),
+        ("feature_mask", c_int),
+        ("context", c_void_p),
+        ("filter", c_void_p),
+        ("function", c_void_p),
+    )
+
+
+_COHERENT = _QueryArguments(COHERENT, -1, None, None, None)
+_INCOHERENT = _QueryArguments(0, -1, None, None, None)
+
+
+def query_arguments(*, coherent: bool) -> int:
+    """Address of the arguments for rays that run alike, or each its own way."""
+    return ctypes.addressof(_COHERENT if coherent else _INCOHERENT)
+
+
+_packet = types.void(types.uintp, types.uintp, types.uintp, types.uintp)
+intersect8 = types.ExternalFunction("rtcIntersect8", _packet)
+"""For compiled code: (valid, scene, ray-hit packet, arguments), all addresses."""
+occluded8 = types.ExternalFunction("rtcOccluded8", _packet)
+"""For compiled code: (valid, scene, ray packet, arguments), all addresses."""
+
+
+class Tree:
+    """A bounding volume hierarchy over one mesh; it keeps the arrays alive that Embree reads.
+
+    Args:
+        vertices: f32[v, 3].
+        faces: i32[f, 3].
+    """
+
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+        self._embree = library()
+        # Embree reads 16 bytes at each vertex, so one more must follow the last.
+        self._vertices = np.concatenate([vertices, np.zeros((1, 3), np.float32)])
+        self._faces = np.ascontiguousarray(faces, np.int32)
+        self.scene = int(self._embree.rtcNewScene(device()))
+        self._attach()
+        self._embree.rtcCommitScene(self.scene)
+        check("a mesh")
+
+    def _attach(self) -> None:
+        embree, vertices, faces = self._embree, self._vertices, self._faces
+        mesh = embree.rtcNewGeometry(device(), TRIANGLE)
+        embree.rtcSetSharedGeometryBuffer(
+            mesh, VERTEX, 0, FLOAT3, vertices.ctypes.data, 0, 12, len(vertices)
+        )
+        embree.rtcSetSharedGeometryBuffer(
+            mesh, INDEX, 0, UINT3, faces.ctypes.data, 0, 12, len(faces)
+        )
+        embree.rtcCommitGeometry(mesh)
+        embree.rtcAttachGeometryByID(self.scene, mesh, 0)
+        embree.rtcReleaseGeometry(mesh)
+
+    def __del__(self) -> None:
+        if hasattr(self, "scene"):
+            self._embree.rtcReleaseScene(self.scene)
+
+
+class Forest:
+    """A scene of instances of trees; instance ids are those that hits report.
+
+    Args:
+        trees: one for each instance.
+        ids: the instances' ids, above 0 or equal.
+        poses: f32[n, 3, 4] from the trees' frames to the world.
+    """
+
+    def __init__(self, trees: list[Tree], ids: list[int], poses: np.ndarray) -> None:
+        self._embree = embree = library()
+        self._trees = trees
+        poses = np.ascontiguousarray(poses, np.float32)
+        self.scene = int(embree.rtcNewScene(device()))
+        for tree, number, pose in zip(trees, ids, poses, strict=True):
+            instance = embree.rtcNewGeometry(device(), INSTANCE)
+            embree.rtcSetGeometryInstancedScene(instance, tree.scene)
+            embree.rtcSetGeometryTransform(instance, 0, FLOAT3X4_ROW_MAJOR, pose.ctypes.data)
+            embree.rtcCommitGeometry(instance)
+            embree.rtcAttachGeometryByID(self.scene, instance, number)
+            embree.rtcReleaseGeometry(instance)
+        embree.rtcCommitScene(self.scene)
+        check("a street")
+
+    def __del__(self) -> None:
+        if hasattr(self, "scene"):
+            self._embree.rtcReleaseScene(self.scene)
+
+
+def check(what: str) -> None:
+    """Raise RendererError if Embree could not build ``what``."""
+    code = library().rtcGetDeviceError(device())
+    if code:
+        reason = {4: "out of memory", 5: "unsupported processor"}.get(code, f"error {code}")
+        raise RendererError(f"Embree could not build {what}: {reason}")
