@@ -1,7 +1,8 @@
 """Every asset family, and the way from (family, index) to a mesh.
 
 The catalogue is open-ended: any index gives an asset, its kind ``index % len(kinds)``, the rest drawn
-from a generator seeded by family and index, so the same (family, index) is the same asset anywhere.
+from a generator seeded by family and index, so the same (family, index) is the same asset anywhere. A
+user's own assets stand beside them, named by the path of their file.
 """
 
 from __future__ import annotations
@@ -9,10 +10,12 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable
 from functools import lru_cache
+from pathlib import PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from scene import ground, library, sky
 from scene.asset import Asset
 from scene.assets import (
     bicycle,
@@ -33,7 +36,7 @@ from scene.assets import (
     truck,
     wall,
 )
-from scene.classes import TrainId
+from scene.classes import CLASS_NAMES, TrainId
 
 
 class Family(NamedTuple):
@@ -101,41 +104,139 @@ COUNTS: dict[str, int] = {
 }
 """Assets of the full catalogue; any larger index works, too."""
 
+REDRAWN: dict[str, dict[int, int]] = {}
+"""Assets that came out like an earlier one, family -> index -> which further draw is taken instead.
+
+``python -m scene.assets --redraw`` prints this table anew, after a generator has changed.
+"""
+
+
+USES = ("both", "own", "built-in")
+"""Values of ``AssetPool.use``."""
+
 
 class AssetPool(NamedTuple):
-    """The assets a street may draw from: consecutive indices of every family."""
+    """The assets a street may draw from: consecutive indices of every family, and a user's own."""
 
     first: int = 0
-    size: int | None = None  # of every family; None: as many as ``COUNTS`` says
-    fraction: float = 1.0  # share of them that is used (the half-asset study)
+    size: int | None = None  # built-in ones of every family; None: as many as ``COUNTS`` says
+    fraction: float = 1.0  # share that is used, of built-in and own ones (the half-asset study)
+    own: str = ""  # folder of own assets, see ``library``
+    use: str = "both"  # which ones: "both", "own" or "built-in"
 
 
-def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int:
-    """Draw the index of one asset of ``family``."""
+def check_pool(pool: AssetPool) -> AssetPool:
+    """The pool itself.
+
+    Raises:
+        ValueError: a field out of range, by name.
+        LibraryError: the folder of own assets cannot be used; see ``library``.
+    """
+    if pool.use not in USES:
+        raise ValueError(f"asset use {pool.use!r} is unknown; known: {', '.join(USES)}")
+    if not 0 < pool.fraction <= 1:
+        raise ValueError(f"asset fraction must lie in (0, 1], not {pool.fraction}")
+    if pool.first < 0:
+        raise ValueError(f"the first asset must be 0 or more, not {pool.first}")
+    if pool.size is not None and pool.size < 1:
+        raise ValueError(f"asset count must be 1 or more, not {pool.size}")
+    if pool.use == "own" and not pool.own:
+        raise ValueError("asset use 'own' needs a folder of own assets")
+    if pool.own:
+        library.check(pool.own)
+    return pool
+
+
+def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | None:
+    """Draw one asset of ``family``: an index, or the path of an own one; None where there is none.
+
+    With both in use, every asset is as likely as any other. Always takes one number from ``rng``.
+    """
     size = COUNTS[family] if pool.size is None else pool.size
-    return pool.first + int(rng.integers(max(1, round(size * pool.fraction))))
+    count = 0 if pool.use == "own" else max(1, round(size * pool.fraction))
+    own = own_assets(pool, family)
+    if count + len(own) == 0:
+        rng.integers(1)
+        return None
+    drawn = int(rng.integers(count + len(own)))
+    return pool.first + drawn if drawn < count else own[drawn - count]
+
+
+def own_assets(pool: AssetPool, family: str) -> tuple[str, ...]:
+    """Paths of the own assets that a pool offers for a family, in a fixed order."""
+    if not pool.own or pool.use == "built-in":
+        return ()
+    found = library.scan(pool.own).get(family, ())
+    return found[: max(1, round(len(found) * pool.fraction))]
+
+
+def absent(pool: AssetPool) -> tuple[str, ...]:
+    """Families of which a pool has no asset, so that their places in a street stay empty."""
+    if pool.use != "own":
+        return ()
+    return tuple(family for family in FAMILIES if not own_assets(pool, family))
 
 
 @lru_cache(maxsize=4096)
-def asset(family: str, index: int) -> Asset:
-    """The ``index``-th asset of a family.
+def asset(family: str, ref: int | str) -> Asset:
+    """The built-in asset of a family with an index, or the own asset at a path.
+
+    Files are read once in a process; what changes on disk later is not seen.
 
     Raises:
         ValueError: unknown family or negative index.
+        LibraryError: the file cannot be used.
     """
     if family not in FAMILIES:
         raise ValueError(f"unknown asset family {family!r}; known: {', '.join(FAMILIES)}")
-    if index < 0:
-        raise ValueError(f"asset index of {family} must be 0 or more, not {index}")
+    if isinstance(ref, str):
+        return library.load(family, ref)
+    if ref < 0:
+        raise ValueError(f"asset index of {family} must be 0 or more, not {ref}")
+    seed = [zlib.crc32(family.encode()), ref]
+    redraws = REDRAWN.get(family, {}).get(ref, 0)
+    rng = np.random.default_rng(seed + [redraws] if redraws else seed)
     entry = FAMILIES[family]
-    rng = np.random.default_rng([zlib.crc32(family.encode()), index])
-    return entry.build(entry.sample(rng, entry.kinds[index % len(entry.kinds)]))
+    return entry.build(entry.sample(rng, kind(family, ref)))
 
 
 @lru_cache(maxsize=4096)
-def bounds(family: str, index: int) -> np.ndarray:
+def bounds(family: str, ref: int | str) -> np.ndarray:
     """Low and high corner f64[2, 3] of an asset in its own frame (read-only)."""
-    vertices = asset(family, index).mesh.vertices
+    vertices = asset(family, ref).mesh.vertices
     corners = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
     corners.setflags(write=False)
     return corners
+
+
+def kind(family: str, ref: int | str) -> str:
+    """The kind of a built-in asset, or the file name of an own one."""
+    if isinstance(ref, str):
+        return PurePath(ref).name
+    kinds = FAMILIES[family].kinds
+    return kinds[ref % len(kinds)]
+
+
+def families_of(name: str) -> tuple[str, ...]:
+    """The families of a class, or the one family called ``name``.
+
+    Raises:
+        ValueError: neither a class with assets nor a family.
+    """
+    found = tuple(f for f, row in FAMILIES.items() if CLASS_NAMES[row.train_id] == name)
+    if not found and name not in FAMILIES:
+        known = dict.fromkeys([CLASS_NAMES[row.train_id] for row in FAMILIES.values()])
+        raise ValueError(
+            f"no assets of class {name!r}; known: {', '.join(known | dict.fromkeys(FAMILIES))}"
+        )
+    return found or (name,)
+
+
+def surfaces() -> dict[str, tuple[str, ...]]:
+    """Names of what covers the ground and the sky, by class."""
+    return {
+        "road": tuple(row.name for row in ground.ROADS),
+        "sidewalk": tuple(row.name for row in ground.SIDEWALKS),
+        "terrain": tuple(row.name for row in ground.TERRAINS),
+        "sky": tuple(row.name for row in sky.SKIES),
+    }
