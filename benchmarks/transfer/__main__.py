@@ -16,6 +16,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -73,29 +74,35 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--out", type=Path, default=Path("runs/transfer"), help="folder of finished nets"
     )
     command.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="these tables")
-    for flag, value, meaning in (
-        ("--seeds", 3, "nets of each row"),
-        ("--streets", default.streets, f"of each dataset, {default.shots} images each"),
-        ("--steps", default.steps, "of a net trained on renders"),
-        ("--real-steps", default.real_steps, "of a net trained on real images"),
-        ("--close-ups", default.close_ups, "of each asset family, for each net"),
-        ("--workers", 2, "processes, one core each"),
+    for flag, value, least, meaning in (
+        ("--seeds", 3, 1, "nets of each row"),
+        ("--width", default.width, 8, "pixels across, of renders and real images alike"),
+        ("--height", default.height, 8, "pixels down"),
+        ("--streets", default.streets, 1, f"of each dataset, {default.shots} images each"),
+        ("--steps", default.steps, 1, "of a net trained on renders"),
+        ("--real-steps", default.real_steps, 1, "of a net trained on real images"),
+        ("--close-ups", default.close_ups, 1, "of each asset family, for each net"),
+        ("--workers", 2, 0, "processes, one core each; 0 works in this one"),
     ):
-        command.add_argument(flag, type=_count, default=value, help=f"{meaning} ({value})")
+        command.add_argument(
+            flag, type=partial(_count, least), default=value, help=f"{meaning} ({value})"
+        )
     options = command.parse_args(arguments)
     if options.data is None:
         command.error("CamVid needs its folder: --data DIR (or the variable CAMVID_DIR)")
     return options
 
 
-def _count(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number from 1 on, not {text!r}")
+def _count(least: int, text: str) -> int:
+    if not text.isdecimal() or int(text) < least:
+        raise argparse.ArgumentTypeError(f"must be a whole number from {least} on, not {text!r}")
     return int(text)
 
 
 def _run(options: argparse.Namespace) -> None:
     recipe = Recipe(
+        width=options.width,
+        height=options.height,
         streets=options.streets,
         steps=options.steps,
         real_steps=options.real_steps,

@@ -1,0 +1,184 @@
+"""The transfer benchmark: which images it reads, what it shows the nets, and its tables."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from benchmarks.transfer import tables
+from benchmarks.transfer.__main__ import main
+from benchmarks.transfer.closeups import DISTANCE, _crossed, close_up, close_ups
+from benchmarks.transfer.ingredients import INGREDIENTS, render_world
+from benchmarks.transfer.nets import BLOCKS, held_out, steering_set
+from benchmarks.transfer.recipe import TABLE, Recipe, units, world
+from scene.render import RenderSettings
+from scene.street import FIRST_INSTANCE
+from seg.data import DataError
+
+CLASSES = ("sky", "road", "car")
+TINY = Recipe(width=32, height=24, samples=2, streets=1, shots=2)
+
+
+def write_image(root, split, name):
+    rng = np.random.default_rng(len(name))
+    for folder, values in (
+        (split, rng.integers(0, 256, (24, 32, 3))),
+        (f"{split}annot", np.kron(rng.integers(0, 11, (6, 8)), np.ones((4, 4)))),
+    ):
+        (root / folder).mkdir(parents=True, exist_ok=True)
+        Image.fromarray(values.astype(np.uint8)).save(root / folder / f"{name}.png")
+
+
+@pytest.fixture
+def camvid(tmp_path):
+    """Both splits; of the drive that steers nothing there are only broken files."""
+    root = tmp_path / "camvid"
+    for split, names in {
+        "train": ["0001TP_1", "0001TP_2", "0016E5_1", "0006R0_1"],
+        "val": ["0016E5_0"],
+    }.items():
+        for name in names:
+            write_image(root, split, name)
+    for folder in ("train", "trainannot"):
+        (root / folder / "0006R0_1.png").write_bytes(b"not an image")
+    return root
+
+
+# -- real images ---------------------------------------------------------------------------------
+
+
+def test_the_drive_that_results_are_reported_on_is_never_read(camvid):
+    found = steering_set(camvid, TINY)
+    assert found.names == ("0001TP_1", "0001TP_2", "0016E5_0", "0016E5_1")
+    assert found.images.shape == (4, 24, 32, 3)
+
+
+def test_a_folder_without_one_of_the_drives_is_refused(camvid):
+    for path in camvid.rglob("0016E5_*"):
+        path.unlink()
+    write_image(camvid, "val", "0001TP_9")
+    with pytest.raises(DataError, match="no image of sequence 0016E5"):
+        steering_set(camvid, TINY)
+
+
+@given(st.lists(st.integers(BLOCKS, 30), min_size=1, max_size=3))
+def test_every_image_is_held_out_once_and_in_one_piece(lengths):
+    sequences = [str(k) for k, length in enumerate(lengths) for _ in range(length)]
+    chosen = np.stack([held_out(sequences, block) for block in range(BLOCKS)])
+    assert (chosen.sum(axis=0) == 1).all()
+    assert chosen.any(axis=1).all()
+    ends = np.abs(np.diff(chosen.astype(int), axis=1, prepend=0, append=0)).sum(axis=1)
+    assert (ends <= 2 * len(lengths)).all()
+
+
+# -- what is rendered ----------------------------------------------------------------------------
+
+
+def test_every_ingredient_shows_in_the_picture_and_leaves_the_street_standing():
+    drawn = units(TINY, "default", 0)
+    whole, labels = render_world(world(TINY), drawn, 0, TINY.shots, TABLE)
+    for name in INGREDIENTS:
+        images, found = render_world(world(TINY, name), drawn, 0, TINY.shots, TABLE)
+        assert images.shape == whole.shape
+        assert (images != whole).any(), name
+        if "assets" not in name and name != "oversampling":
+            assert np.array_equal(found, labels), name
+
+
+@pytest.mark.parametrize("family", ["person", "rider", "bus"])
+def test_a_close_up_looks_at_its_asset(family):
+    street, instance = close_up(family, 1, 0)
+    chosen = street.placements[instance - FIRST_INSTANCE]
+    assert chosen.family == family
+    assert [p.instance for p in street.placements] == list(
+        range(FIRST_INSTANCE, FIRST_INSTANCE + len(street.placements))
+    )
+    camera = street.cameras[0]
+    x, y = chosen.pose[:2, 3] - camera.position[:2]
+    assert x == pytest.approx(DISTANCE[family])
+    assert math.atan2(-y, x) == pytest.approx(camera.yaw)
+    picture = close_ups(family, 1, 1, RenderSettings(64, 48))[0]
+    rows, columns = np.nonzero(picture.mask)
+    assert len(rows) > 10
+    assert 20 < np.median(columns) < 44
+
+
+@given(st.lists(st.floats(-9, 9), min_size=6, max_size=6), st.floats(0, 1), st.floats(0.1, 3))
+def test_a_box_on_the_line_is_crossed_and_a_box_above_it_is_not(ends, share, half):
+    start, end = np.array(ends[:3]), np.array(ends[3:])
+    middle = start + share * (end - start)
+    above = middle + [0, 0, 40]
+    boxes = np.array([[centre - half, centre + half] for centre in (middle, above)])
+    assert _crossed(boxes, start, end).tolist() == [True, False]
+
+
+# -- tables --------------------------------------------------------------------------------------
+
+
+def test_worth_is_paired_by_seed():
+    good, bad = np.diag([4, 4, 4]), np.array([[4, 0, 0], [0, 2, 2], [0, 2, 2]])
+    rows = tables.ingredient_rows([good, bad], {"haze": [bad, bad]}, CLASSES)
+    # Road and car fall from 1 to 2/6: mIoU from 1 to 5/9.
+    assert rows[0]["without"] == "haze"
+    assert rows[0]["worth"] == pytest.approx(100 * (4 / 9) / 2)
+    assert rows[0]["error"] == pytest.approx(100 * (4 / 9) / 2)
+    assert rows[0]["gains"].startswith(("road +33.3", "car +33.3"))
+    assert tables.ingredient_rows([good], {"haze": [bad]}, CLASSES)[0]["error"] is None
+
+
+def test_recognition_by_hand():
+    real, renders = np.diag([2, 2, 2]), np.array([[4, 0, 0], [1, 3, 0], [0, 9, 1]])
+    rows = {r["class"]: r for r in tables.recognition_rows([real], [renders], CLASSES)}
+    assert rows["car"]["real recall"] == 100
+    assert rows["car"]["render recall"] == 10
+    assert rows["car"]["render IoU"] == pytest.approx(10)
+    assert rows["car"]["taken for"] == "road 90"
+    assert rows["mean"]["render recall"] == pytest.approx((100 + 75 + 10) / 3)
+
+
+# -- the command line ----------------------------------------------------------------------------
+
+
+def test_the_same_command_trains_nothing_again(camvid, tmp_path, capsys):
+    command = [
+        "--data", str(camvid), "--out", str(tmp_path / "out"), "--json", str(tmp_path / "t.json"),
+        "--only", "transfer", "--seeds", "1", "--streets", "1", "--steps", "2", "--workers", "0",
+        "--width", "32", "--height", "24",
+    ]  # fmt: skip
+    assert main(command) == 0
+    printed = capsys.readouterr().out
+    log = (tmp_path / "out" / "nets.jsonl").read_bytes()
+    assert len(log.splitlines()) == 2
+    rows = json.loads((tmp_path / "t.json").read_text())["transfer"]
+    assert [row["attributes"] for row in rows] == ["random", "default"]
+    assert main(command) == 0
+    assert (tmp_path / "out" / "nets.jsonl").read_bytes() == log
+    assert capsys.readouterr().out.splitlines()[-3:] == printed.splitlines()[-3:]
+
+
+@pytest.mark.parametrize(
+    ("change", "complaint"),
+    [
+        (["--data", "nowhere"], "nowhere: no such folder"),
+        (["--seeds", "0"], "from 1 on, not '0'"),
+        (["--steps", "many"], "from 1 on, not 'many'"),
+        (["--only", "looks"], "invalid choice"),
+        (["--json", "nowhere/t.json"], "no place for a file"),
+        (["--out", "{data}/train.txt"], "train.txt"),
+    ],
+)
+def test_bad_input_is_one_error_and_exit_code_2(camvid, capsys, change, complaint):
+    (camvid / "train.txt").write_text("train/0001TP_1.png trainannot/0001TP_1.png\n")
+    (camvid / "val.txt").write_text("val/0016E5_0.png valannot/0016E5_0.png\n")
+    command = ["--data", str(camvid), "--workers", "0"]
+    command += [word.format(data=camvid) for word in change]
+    try:
+        code = main(command)
+    except SystemExit as error:
+        code = error.code
+    assert code == 2
+    assert complaint in capsys.readouterr().err.splitlines()[-1]
