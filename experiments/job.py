@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+import numpy as np
+
 from experiments import pictures, summary
 from experiments.config import Config, Stage, check
 from experiments.errors import UserError
@@ -21,7 +23,8 @@ from experiments.report import html as report_html
 from experiments.reward import Truth, render, worker_environment
 from experiments.search import make_method, make_space, search, total_updates
 from experiments.targets import Split, Target
-from scene.export import write_cityscapes
+from scene.export import ExportError, export_dataset, read_dataset
+from scene.proposal import Proposal
 from scene.render import RendererError, renderer
 from scene.workers import WorkerPool
 
@@ -101,18 +104,31 @@ def _run(
     write_json(folder.path / "attributes.json", attributes)
     rows = finals.rows(learnt)
 
-    datasets = {
-        name: render(
-            config.final,
-            config.renderer,
-            config.pool,
-            draw_units(proposal, config.seed, config.final.streets),
-            config.seed,
-            workers,
-        )
+    stage = config.final
+    units = {
+        name: draw_units(proposal, config.seed, stage.streets)
         for name, proposal in (("random", random_proposal()), ("learnt", learnt))
     }
-    write_cityscapes(datasets["learnt"], folder.path / "dataset", shots=config.final.shots)
+    try:
+        export_dataset(
+            units["learnt"],
+            config.seed,
+            folder.path / "dataset",
+            shots=stage.shots,
+            settings=stage.render_settings(),
+            renderer_name=config.renderer,
+            pool=config.pool,
+            proposal=Proposal(np.asarray(learnt.centre), np.asarray(learnt.width)),
+            workers=workers,
+        )
+    except ExportError as error:
+        raise UserError(str(error)) from None
+    datasets = {
+        "random": render(
+            stage, config.renderer, config.pool, units["random"], config.seed, workers
+        ),
+        "learnt": read_dataset(folder.path / "dataset"),
+    }
     pictures.samples(folder.path / "pictures", target, split.test, datasets)
     report = summary.summarize(
         config, target, folder, rows, chosen, scores, learnt, progress.elapsed

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from scene.catalogue import AssetPool
     from scene.classes import CLASS_NAMES, TrainId, colorize
     from scene.dataset import Dataset, render_dataset, render_street
-    from scene.export import write_cityscapes
+    from scene.export import export_dataset
     from scene.render import RENDERERS, Frame, RendererError, RenderSettings, renderer
     from scene.sensor import CameraResponse
     from scene.street import Street, sample_street
@@ -28,7 +28,7 @@ _HOMES = {
     "scene.catalogue": ("AssetPool",),
     "scene.classes": ("CLASS_NAMES", "TrainId", "colorize"),
     "scene.dataset": ("Dataset", "render_dataset", "render_street"),
-    "scene.export": ("write_cityscapes",),
+    "scene.export": ("export_dataset",),
     "scene.render": ("RENDERERS", "Frame", "RenderSettings", "RendererError", "renderer"),
     "scene.sensor": ("CameraResponse",),
     "scene.street": ("Street", "sample_street"),
@@ -50,12 +50,12 @@ __all__ = [
     "TrainId",
     "colorize",
     "default_unit",
+    "export_dataset",
     "render_dataset",
     "render_street",
     "renderer",
     "sample_street",
     "street_params",
-    "write_cityscapes",
 ]
 
 

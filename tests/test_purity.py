@@ -20,8 +20,13 @@ SHELL = (
     "benchmarks/",
     "experiments/",
     "scene/callback.py",
+    "scene/check.py",
+    "scene/command.py",
     "scene/dataset.py",
+    "scene/export.py",
+    "scene/formats/",
     "scene/render/",
+    "scene/stats.py",
     "scene/workers.py",
     "seg/data/",
 )

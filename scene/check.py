@@ -1,0 +1,147 @@
+"""Checks an exported dataset: whether its files are whole, and all its labels say the same.
+
+python -m scene.check streets
+
+One line for each finding. Exit code 0: nothing found; 1: findings; 2: not a dataset.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scene.classes import CLASS_NAMES, LABEL_IDS
+from scene.command import Parser
+from scene.formats.edges import Overlap, overlap
+from scene.formats.files import read_json
+from scene.formats.planes import ids_of
+from scene.formats.read import Described, describe
+from scene.formats.segments import label_ids
+from scene.formats.verify import load, verify
+
+LEAST_LIFT = 2.5
+"""Depth jumps on id edges, over what chance gives. Ours: about 5; labels off by one pixel: 1.6."""
+ENOUGH_JUMPS = 1000
+"""Depth jumps on id edges without which their number says nothing."""
+EVERYWHERE = ("road", "sidewalk", "sky")
+"""Classes that a dataset of ``ENOUGH_IMAGES`` cannot be without."""
+ENOUGH_IMAGES = 20
+ENOUGH_PLACED = 100
+"""Objects of a class placed in the streets of a dataset of which at least one must be seen."""
+
+
+def findings(folder: Path) -> Iterator[str]:
+    """Yield one line for everything that is wrong with a dataset.
+
+    Raises:
+        ValueError: the folder holds no dataset.
+    """
+    dataset = describe(folder)
+    yield from _stray_files(dataset)
+    known: dict[str, Any] = {}
+    for name, path in dataset.layout.summaries(dataset.split).items():
+        try:
+            known[name] = _by_stem(dataset, name, read_json(dataset.folder / path))
+        except FileNotFoundError:
+            yield f"{dataset.folder / path} is missing"
+        except (OSError, ValueError) as error:
+            yield str(error)
+        except (LookupError, TypeError, AttributeError) as error:
+            yield f"{dataset.folder / path} is not as the format wants it: {error!r}"
+    if len(known) < len(dataset.layout.summaries(dataset.split)):
+        return
+    pixels, containing, edges, complete = Counter[int](), Counter[int](), Overlap(), True
+    for stem in dataset.stems:
+        planes, faults = load(dataset, stem)
+        yield from faults
+        told = {name: by_stem.get(stem, []) for name, by_stem in known.items()}
+        yield from (f"{stem}: {fault}" for fault in verify(planes, told))
+        if "panoptic" not in planes:
+            complete = False
+            continue
+        ids = ids_of(planes["panoptic"])
+        values, counts = np.unique(label_ids(ids), return_counts=True)
+        pixels.update(dict(zip(values.tolist(), counts.tolist(), strict=True)))
+        containing.update(values.tolist())
+        if "depth" in planes:
+            edges = edges.plus(overlap(ids, planes["depth"]))
+    if complete:
+        yield from _statistics(dataset, pixels, containing)
+    if edges.aligned + edges.shifted > ENOUGH_JUMPS and edges.lift < LEAST_LIFT:
+        yield (
+            f"label and depth edges disagree: {edges.lift:.1f} times as many meet as by chance, "
+            f"{LEAST_LIFT} is the least"
+        )
+
+
+def _stray_files(dataset: Described) -> Iterator[str]:
+    """Files in the folders of images that belong to no image."""
+    expected = {dataset.path(k, s) for s in dataset.stems for k in dataset.layout.files}
+    for folder in sorted({path.parent for path in expected}):
+        if folder.is_dir():
+            for path in sorted(folder.iterdir()):
+                if path.is_file() and path not in expected:
+                    yield f"{path} belongs to no image"
+
+
+def _by_stem(dataset: Described, name: str, found: Any) -> dict[str, list[dict[str, Any]]]:
+    """What a file about all images says of each of them."""
+    stem_of = {}
+    for image in found["images"]:
+        file = Path(image["file_name"]).name
+        stem_of[image["id"]] = file.split(".")[0].split("_leftImg8bit")[0].split("_gtFine")[0]
+        if (image["width"], image["height"]) != dataset.size:
+            raise ValueError(f"{dataset.folder}: {name} lists {file} with another size")
+    missing = sorted(set(dataset.stems) ^ set(stem_of.values()))
+    if missing:
+        raise ValueError(f"{dataset.folder}: {name} and dataset.json differ on {missing[0]}")
+    by_stem: dict[str, list[dict[str, Any]]] = {stem: [] for stem in dataset.stems}
+    for annotation in found["annotations"]:
+        told = annotation["segments_info"] if name == "panoptic" else [annotation]
+        by_stem[stem_of[annotation["image_id"]]] += told
+    return by_stem
+
+
+def _statistics(
+    dataset: Described, pixels: Counter[int], containing: Counter[int]
+) -> Iterator[str]:
+    """Compare what was seen with what ``dataset.json`` says, and look for classes that are missing."""
+    total = len(dataset.stems) * dataset.size[0] * dataset.size[1]
+    told = dataset.description
+    for name, label in zip(CLASS_NAMES, LABEL_IDS.tolist(), strict=True):
+        share = round(pixels[label] / total, 9)
+        for key, seen in (("class_frequency", share), ("images_with_class", containing[label])):
+            says = told.get(key, {}).get(name)
+            if not isinstance(says, int | float) or abs(says - seen) > 1e-8:
+                yield f"dataset.json: {key} of {name} is {says}, but {seen} in the labels"
+        placed = told.get("placed", {}).get(name, 0)
+        if not containing[label] and placed >= ENOUGH_PLACED:
+            yield f"{name}: {placed} stand in the streets, and none is in any image"
+        if not containing[label] and name in EVERYWHERE and len(dataset.stems) >= ENOUGH_IMAGES:
+            yield f"{name} is in no image"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    command = Parser("scene.check", __doc__)
+    command.add_argument("dataset", type=Path, help="folder that scene.render wrote")
+    options = command.parse_args(arguments)
+    found = 0
+    try:
+        for line in findings(options.dataset):
+            print(line, flush=True)
+            found += 1
+    except (ValueError, OSError) as error:
+        command.error(str(error))
+    if not found:
+        print(f"{options.dataset}: nothing found")
+    return int(found > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,85 @@
+"""Panoptic segments: one id per pixel, and what is known about the pixels of each id.
+
+Ids follow Cityscapes: ``labelId * 1000 + k`` for the k-th object of a class with instances (person to
+bicycle), ``labelId`` for all pixels of any other class together.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import ndimage
+
+from scene.classes import LABEL_IDS, VOID, TrainId
+
+FIRST_THING = int(TrainId.PERSON)
+"""Train ids from here on are things: their objects are told apart."""
+PER_CLASS = 1000
+"""Ids of one class of things in one image."""
+
+LABEL_OF_TRAIN = np.zeros(256, np.uint8)
+"""u8[256]: train id -> Cityscapes labelId, 0 (unlabelled) for void."""
+LABEL_OF_TRAIN[: len(LABEL_IDS)] = LABEL_IDS
+TRAIN_OF_LABEL = np.full(256, VOID, np.uint8)
+"""u8[256]: Cityscapes labelId -> train id, void for all that is not evaluated."""
+TRAIN_OF_LABEL[LABEL_IDS] = np.arange(len(LABEL_IDS))
+for _table in (LABEL_OF_TRAIN, TRAIN_OF_LABEL):
+    _table.setflags(write=False)
+
+
+class Segment(NamedTuple):
+    """The pixels of one id."""
+
+    id: int
+    label_id: int
+    area: int  # pixels
+    box: tuple[int, int, int, int]  # left, top, width, height in pixels
+
+
+def is_thing(train_id: int) -> bool:
+    """Whether objects of the class are told apart."""
+    return FIRST_THING <= train_id < len(LABEL_IDS)
+
+
+def panoptic_ids(label: np.ndarray, instance: np.ndarray) -> np.ndarray:
+    """Segment ids i32[h, w] from train ids u8[h, w] and instances u16[h, w] of a street.
+
+    Objects of a class are numbered from 0 in the order of the street's instances.
+
+    Raises:
+        ValueError: more objects of one class than ids.
+    """
+    ids = LABEL_OF_TRAIN[label].astype(np.int32)
+    things = (label >= FIRST_THING) & (label < len(LABEL_IDS))
+    seen, first, inverse = np.unique(instance[things], return_index=True, return_inverse=True)
+    class_of = label[things][first]
+    number = np.zeros(len(seen), np.int32)
+    for train_id in np.unique(class_of):
+        members = class_of == train_id
+        if members.sum() > PER_CLASS:
+            raise ValueError(f"over {PER_CLASS} objects of train id {train_id} in one image")
+        number[members] = np.arange(members.sum())
+    ids[things] = (LABEL_OF_TRAIN[class_of].astype(np.int32) * PER_CLASS + number)[inverse]
+    return ids
+
+
+def label_ids(ids: np.ndarray) -> np.ndarray:
+    """Cityscapes labelIds u8[h, w] of segment ids."""
+    return np.where(ids < PER_CLASS, ids, ids // PER_CLASS).astype(np.uint8)
+
+
+def segments(ids: np.ndarray) -> list[Segment]:
+    """All segments of an image in the order of their ids; pixels without a label (0) have none."""
+    values, inverse = np.unique(ids, return_inverse=True)
+    inverse = inverse.reshape(ids.shape)
+    areas = np.bincount(inverse.ravel(), minlength=len(values))
+    found = []
+    for value, area, where in zip(values, areas, ndimage.find_objects(inverse + 1), strict=True):
+        if value == 0:
+            continue
+        rows, columns = where
+        box = (columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+        label = int(value) if value < PER_CLASS else int(value) // PER_CLASS
+        found.append(Segment(int(value), label, int(area), box))
+    return found

@@ -1,0 +1,92 @@
+"""Which streets a dataset is made from: an interval of [0, 1] per attribute, and what is drawn from it.
+
+The same idea as the search's proposals, in NumPy and drawn street by street, so that any street of a
+dataset can be made again without those before it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from scene.attributes import NAMES, check_unit, default_unit
+
+RELAXATION = 0.15
+"""Width of the intervals around the street set by eye, as a share of each range."""
+BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
+UNITS_STREAM = 1
+"""Third word of the seed, apart from the streams that the streets themselves draw from."""
+
+
+class Proposal(NamedTuple):
+    """A distribution over streets: each attribute uniform on an interval of [0, 1]."""
+
+    centre: np.ndarray  # f32[23], the middle of the interval
+    width: np.ndarray  # f32[23], its length
+
+
+def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
+    """A proposal whose intervals, where they stick out of [0, 1], are moved inside at full width."""
+    centre = np.asarray(centre, np.float32)
+    width = np.clip(np.broadcast_to(np.asarray(width, np.float32), centre.shape), 0, 1)
+    return Proposal(np.clip(centre, width / 2, 1 - width / 2), width)
+
+
+def random_proposal() -> Proposal:
+    """Every attribute anywhere in its range."""
+    return slide(np.full(len(NAMES), 0.5), 1.0)
+
+
+def default_proposal() -> Proposal:
+    """The street set by eye, relaxed."""
+    return slide(default_unit(), RELAXATION)
+
+
+def parse_proposal(value: Any) -> Proposal:
+    """The proposal in a file: every attribute by name, with a unit value or an interval.
+
+    A number is the value of all streets. An interval is ``{"centre": c, "width": w}``, or that below
+    ``"unit"``, as in the ``attributes.json`` of a run.
+
+    Raises:
+        ValueError: not an object, an unknown or missing attribute, or a value outside [0, 1], by name.
+    """
+    if not isinstance(value, dict):
+        raise ValueError("expected a JSON object of attribute names and unit values")
+    for name in value:
+        if name not in NAMES:
+            raise ValueError(f"unknown attribute {name!r}; known: {', '.join(NAMES)}")
+    for name in NAMES:
+        if name not in value:
+            raise ValueError(f"attribute {name} is missing; all {len(NAMES)} must be given")
+    rows = [_interval(name, value[name]) for name in NAMES]
+    centre, width = np.array(rows, np.float32).T
+    return slide(check_unit(centre), width)
+
+
+def _interval(name: str, entry: Any) -> tuple[float, float]:
+    """Centre and width of one attribute, both in [0, 1]."""
+    if isinstance(entry, dict):
+        unit = entry.get("unit", entry)
+        if not isinstance(unit, dict) or "centre" not in unit:
+            raise ValueError(f"attribute {name}: expected a number, or centre and width")
+        found = (unit["centre"], unit.get("width", 0.0))
+    else:
+        found = (entry, 0.0)
+    for number in found:
+        if isinstance(number, bool) or not isinstance(number, int | float):
+            raise ValueError(f"attribute {name} is {number!r}; unit values are numbers in [0, 1]")
+        if not 0 <= number <= 1:
+            raise ValueError(f"attribute {name} is {number}; unit values must lie in [0, 1]")
+    return float(found[0]), float(found[1])
+
+
+def draw(proposal: Proposal, seed: int, streets: int) -> np.ndarray:
+    """Attributes f32[streets, 23] in [0, 1); street ``k`` depends on (proposal, seed, k) only."""
+    units = np.empty((streets, len(NAMES)), np.float32)
+    low = proposal.centre - proposal.width / 2
+    for street in range(streets):
+        rng = np.random.default_rng([seed, street, UNITS_STREAM])
+        units[street] = low + proposal.width * rng.random(len(NAMES), dtype=np.float32)
+    return np.clip(units, 0.0, BELOW_ONE)  # rounding could reach 1

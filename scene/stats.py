@@ -1,0 +1,160 @@
+"""Statistics of a dataset, beside those of the images it is meant to be like.
+
+python -m scene.stats streets
+python -m scene.stats streets --against CamVid --only 0016E5 --only 0001TP --json stats.json
+
+For each class its share of the labelled pixels, its mean row (0 at the top, 1 at the bottom) and the share
+of images it is in. CamVid's 11 classes are those of the table where it is the target.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from scene.classes import CLASS_NAMES
+from scene.command import Parser
+from scene.formats.files import json_text
+from scene.formats.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
+
+
+class Statistics(NamedTuple):
+    """What is counted in a set of labelled images."""
+
+    images: int
+    frequency: np.ndarray  # f64[classes], share of all labelled pixels
+    mean_row: np.ndarray  # f64[classes] in [0, 1] from the top, NaN where a class is nowhere
+    containing: np.ndarray  # i64[classes], images in which a class is
+    void: float  # share of pixels without a label
+    mean_rgb: np.ndarray  # f64[3] in 0..255
+
+
+def count(pairs: Iterable[tuple[np.ndarray, np.ndarray]], classes: int) -> Statistics:
+    """Count images u8[h, w, 3] with labels u8[h, w]; values from ``classes`` on are void."""
+    pixels, rows = np.zeros(classes, np.int64), np.zeros(classes)
+    containing, rgb, images, total = np.zeros(classes, np.int64), np.zeros(3), 0, 0
+    for image, label in pairs:
+        height = label.shape[0]
+        by_row = np.zeros((height, 256), np.int64)
+        np.add.at(by_row, (np.arange(height)[:, None], label), 1)
+        here = by_row[:, :classes]
+        pixels += here.sum(axis=0)
+        rows += ((np.arange(height) + 0.5) / height) @ here
+        containing += here.any(axis=0)
+        rgb += image.reshape(-1, 3).sum(axis=0, dtype=np.int64)
+        images += 1
+        total += label.size
+    labelled = int(pixels.sum())
+    return Statistics(
+        images,
+        pixels / max(labelled, 1),
+        np.where(pixels > 0, rows / np.maximum(pixels, 1), np.nan),
+        containing,
+        1 - labelled / max(total, 1),
+        rgb / max(total, 1),
+    )
+
+
+def compare(
+    dataset: Path, against: Path | None, prefixes: tuple[str, ...]
+) -> tuple[tuple[str, ...], dict[str, Statistics]]:
+    """Names of the classes, and the statistics of ``dataset`` and, if given, of the ``target``.
+
+    Raises:
+        ValueError, OSError: a folder holds no images, or a file is damaged, by name.
+    """
+    ours = open_pictures(dataset)
+    theirs = None if against is None else open_pictures(against, prefixes)
+    classes, pairs = ours.classes, ours.pairs
+    if theirs is not None and theirs.classes != classes:
+        if classes != CLASS_NAMES or theirs.classes != CAMVID:
+            raise ValueError(f"{dataset} and {against} have other classes")
+        classes = CAMVID
+        pairs = ((image, CAMVID_OF_TRAIN[label]) for image, label in ours.pairs)
+    found = {"dataset": count(pairs, len(classes))}
+    if theirs is not None:
+        found["target"] = count(theirs.pairs, len(classes))
+    return classes, found
+
+
+def report(classes: tuple[str, ...], statistics: Statistics) -> dict[str, Any]:
+    """Statistics as plain values; None for the mean row of a class that is nowhere."""
+    rows = zip(
+        classes,
+        statistics.frequency.tolist(),
+        statistics.mean_row.tolist(),
+        statistics.containing.tolist(),
+        strict=True,
+    )
+    return {
+        "images": statistics.images,
+        "mean_rgb": np.round(statistics.mean_rgb, 2).tolist(),
+        "void": round(statistics.void, 6),
+        "classes": {
+            name: {
+                "frequency": round(frequency, 8),
+                "mean_row": None if np.isnan(row) else round(row, 4),
+                "images": images,
+            }
+            for name, frequency, row, images in rows
+        },
+    }
+
+
+def table(classes: tuple[str, ...], found: dict[str, Statistics]) -> str:
+    """The statistics side by side, for people."""
+    names = list(found)
+    lines = [
+        " " * 14
+        + "".join(
+            f"{title:^{10 * len(names)}}" for title in ("pixels %", "mean row", "in images %")
+        ),
+        f"{'class':14s}" + "".join(f"{name:>10s}" for _ in range(3) for name in names),
+    ]
+    for k, name in enumerate(classes):
+        sets = found.values()
+        cells = [f"{100 * s.frequency[k]:10.3f}" for s in sets]
+        cells += [
+            " " * 9 + "-" if np.isnan(s.mean_row[k]) else f"{s.mean_row[k]:10.2f}" for s in sets
+        ]
+        cells += [f"{100 * s.containing[k] / max(s.images, 1):10.0f}" for s in sets]
+        lines.append(f"{name:14s}" + "".join(cells))
+    for name, s in found.items():
+        red, green, blue = s.mean_rgb
+        lines.append(
+            f"{name}: {s.images} images, mean RGB {red:.0f}/{green:.0f}/{blue:.0f}, "
+            f"{100 * s.void:.1f} % of pixels without a label"
+        )
+    return "\n".join(lines)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    command = Parser("scene.stats", __doc__)
+    command.add_argument("dataset", type=Path, help="folder that scene.render wrote")
+    command.add_argument(
+        "--against", type=Path, help="folder of CamVid, of Cityscapes or of another dataset"
+    )
+    command.add_argument(
+        "--only", action="append", default=[], metavar="PREFIX",
+        help="of real images, only those called PREFIX...; may be given again",
+    )  # fmt: skip
+    command.add_argument("--json", type=Path, help="file for the same figures")
+    options = command.parse_args(arguments)
+    try:
+        classes, found = compare(options.dataset, options.against, tuple(options.only))
+        if options.json is not None:
+            plain = {name: report(classes, s) for name, s in found.items()}
+            options.json.write_text(json_text(plain), encoding="utf-8")
+    except (ValueError, OSError) as error:
+        command.error(str(error))
+    print(table(classes, found))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

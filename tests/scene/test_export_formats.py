@@ -1,0 +1,243 @@
+"""Segments, masks, encodings and files of a dataset, without rendering."""
+
+import errno
+import json
+import os
+import struct
+import zlib
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pycocotools import mask as coco_mask
+
+from scene.formats import files, rle
+from scene.formats.coco import SUPERCATEGORIES, categories
+from scene.formats.description import difference, outcome, street_entries
+from scene.formats.edges import overlap
+from scene.formats.layout import FORMATS, layout
+from scene.formats.planes import (
+    depth_plane,
+    disparity_plane,
+    ids_of,
+    normals_of,
+    normals_plane,
+    panoptic_plane,
+)
+from scene.formats.segments import label_ids, panoptic_ids, segments
+from scene.formats.shot import image_record
+from scene.render import RenderSettings
+
+seeds = st.integers(0, 2**32 - 1)
+ROAD, SKY, PERSON, CAR = 0, 10, 11, 13
+
+
+def picture(seed, height=12, width=17):
+    """Labels and instances of blocks of things on a road under a sky."""
+    rng = np.random.default_rng(seed)
+    instance = np.where(np.arange(height)[:, None] < height // 2, 0, 1).repeat(width, axis=1)
+    train_of = np.concatenate([[SKY, ROAD, 1, 9], rng.integers(0, 19, 30)])
+    for _ in range(12):
+        y, x = rng.integers(0, height), rng.integers(0, width)
+        instance[y : y + rng.integers(1, 5), x : x + rng.integers(1, 5)] = rng.integers(4, 34)
+    return train_of[instance].astype(np.uint8), instance.astype(np.uint16)
+
+
+def test_segments_by_hand():
+    label = np.array([[SKY, SKY, CAR, CAR], [ROAD, PERSON, CAR, CAR], [ROAD, 255, CAR, 255]])
+    instance = np.array([[0, 0, 9, 7], [1, 30, 9, 7], [1, 5, 9, 5]])
+    ids = panoptic_ids(label.astype(np.uint8), instance.astype(np.uint16))
+    assert ids.tolist() == [[23, 23, 26001, 26000], [7, 24000, 26001, 26000], [7, 0, 26001, 0]]
+    assert [tuple(s) for s in segments(ids)] == [
+        (7, 7, 2, (0, 1, 1, 2)),
+        (23, 23, 2, (0, 0, 2, 1)),
+        (24000, 24, 1, (1, 1, 1, 1)),
+        (26000, 26, 2, (3, 0, 1, 2)),
+        (26001, 26, 3, (2, 0, 1, 3)),
+    ]
+
+
+@given(seeds)
+def test_every_object_has_one_id_and_every_id_one_object(seed):
+    label, instance = picture(seed)
+    ids = panoptic_ids(label, instance)
+    things = label >= PERSON
+    pairs = {*zip(ids[things].tolist(), instance[things].tolist(), strict=True)}
+    assert len(pairs) == len({i for i, _ in pairs}) == len({k for _, k in pairs})
+    assert ids.max() < 2**16  # fits Cityscapes' picture
+    np.testing.assert_array_equal(label_ids(ids)[~things], ids[~things])
+    assert sum(s.area for s in segments(ids)) == ids.size
+
+
+def test_more_objects_than_ids_are_refused():
+    label = np.full((40, 40), CAR, np.uint8)
+    with pytest.raises(ValueError, match="over 1000 objects of train id 13"):
+        panoptic_ids(label, np.arange(4, 1604, dtype=np.uint16).reshape(40, 40))
+
+
+@given(seeds)
+def test_masks_are_those_of_the_coco_api(seed):
+    ids = panoptic_ids(*picture(seed))
+    runs = rle.Runs(ids)
+    for segment in segments(ids):
+        theirs = coco_mask.encode(np.asfortranarray(ids == segment.id).astype(np.uint8))
+        text = rle.encode(runs.counts(segment.id))
+        assert text == theirs["counts"].decode()
+        assert coco_mask.toBbox(theirs).tolist() == list(segment.box)
+        assert coco_mask.area(theirs) == segment.area
+        np.testing.assert_array_equal(rle.mask(rle.decode(text), *ids.shape), ids == segment.id)
+
+
+@given(st.lists(st.integers(0, 10**7), min_size=1))
+def test_counts_of_any_size_survive(counts):
+    assert rle.decode(rle.encode(counts)) == counts
+
+
+def test_bad_masks_are_refused():
+    assert rle.Runs(np.ones((2, 3), np.int32)).counts(7) == [6]
+    with pytest.raises(ValueError, match="ends within a number"):
+        rle.decode("P")
+    with pytest.raises(ValueError, match="does not belong"):
+        rle.decode("0 ")
+    with pytest.raises(ValueError, match="runs of 5 pixels for an image of 3x2"):
+        rle.mask([2, 3], 2, 3)
+
+
+def test_encodings_by_hand():
+    depth = np.array([[0, 0.001, 1, 12.344, 655.35, 5000]], np.float32)
+    assert depth_plane(depth).tolist() == [[0, 1, 100, 1234, 65535, 65535]]
+    settings = RenderSettings(2048, 1024, fov=90)  # focal length 1024
+    [[sky, near, far]] = disparity_plane(np.array([[0, 0.1, 21.4]], np.float32), settings).tolist()
+    assert (sky, near) == (0, 65535)
+    assert (far - 1) / 256 == pytest.approx(0.209313 * 1024 / 21.4, abs=1 / 256)
+    normal = np.array([[[0, 0, 0], [1, 0, 0], [0, -1, 0]]], np.float32)
+    assert normals_plane(normal).tolist() == [[[0, 0, 0], [255, 128, 128], [128, 0, 128]]]
+    assert panoptic_plane(np.array([[26001]])).tolist() == [[[145, 101, 0]]]
+
+
+@given(seeds)
+def test_encodings_come_back(seed):
+    rng = np.random.default_rng(seed)
+    normal = rng.normal(size=(5, 4, 3))
+    normal /= np.linalg.norm(normal, axis=2, keepdims=True)
+    np.testing.assert_allclose(normals_of(normals_plane(normal)), normal, atol=0.0040)
+    ids = rng.integers(0, 2**24, (5, 4), dtype=np.int32)
+    np.testing.assert_array_equal(ids_of(panoptic_plane(ids)), ids)
+
+
+@pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+def test_pictures_come_back_from_their_files(shape, dtype, tmp_path):
+    plane = np.random.default_rng(0).integers(0, np.iinfo(dtype).max, shape).astype(dtype)
+    (tmp_path / "a.png").write_bytes(files.png(plane))
+    np.testing.assert_array_equal(files.read_png(tmp_path / "a.png"), plane)
+
+
+@given(seeds, st.floats(0, 1, exclude_max=True))
+def test_every_cut_of_a_picture_is_found(seed, where):
+    data = files.png(np.random.default_rng(seed).integers(0, 256, (9, 9), dtype=np.uint8))
+    assert files.png_fault(data) is None
+    assert files.png_fault(data[: int(where * len(data))]) is not None
+
+
+def test_damage_of_a_picture_is_found(tmp_path):
+    data = files.png(np.zeros((9, 9), np.uint8))
+    middle = data.index(b"IDAT") + 6
+    broken = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+    assert files.png_fault(broken) == "is damaged"
+    assert files.png_fault(b"GIF89a") == "is no PNG file"
+    empty = struct.pack(">I", 0) + b"IEND" + struct.pack(">I", zlib.crc32(b"IEND"))
+    (tmp_path / "a.png").write_bytes(data[:8] + empty)
+    with pytest.raises(ValueError, match=r"a\.png cannot be decoded"):
+        files.read_png(tmp_path / "a.png")
+
+
+def test_lists_written_in_pieces_are_json():
+    members = {"a": [], "b": [1], "c": [{"x": "é"}, None]}
+    assert json.loads("".join(files.json_lines(members))) == members
+    with pytest.raises(ValueError):
+        "".join(files.json_lines({"a": [float("nan")]}))
+
+
+def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
+    target = tmp_path / "deep" / "a.txt"
+    assert files.write(target, (str(k) for k in range(3)), tmp_path) == 3
+    assert target.read_text() == "012"
+
+    def failing():
+        yield "x"
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with pytest.raises(OSError) as caught:
+        files.write(target, failing(), tmp_path)
+    assert caught.value.errno == errno.ENOSPC and caught.value.filename == str(target)
+    assert target.read_text() == "012" and {p.name for p in tmp_path.iterdir()} == {"deep"}
+
+
+def test_difference_names_the_setting():
+    ours = {"seed": 1, "render": {"width": 8, "fov": 50}}
+    assert difference(ours, {"seed": 1, "render": {"width": 8, "fov": 50}}) is None
+    assert difference(ours, {"seed": 1, "render": {"width": 9, "fov": 50}}) == (
+        "render.width",
+        8,
+        9,
+    )
+    assert difference(ours, {"seed": 1, "render": None})[0] == "render"
+
+
+@given(seeds)
+def test_attributes_are_written_so_that_they_come_back(seed):
+    units = np.random.default_rng(seed).random((2, 23), np.float32)
+    np.testing.assert_array_equal(np.array(street_entries(units), np.float32), units)
+
+
+def test_outcome_by_hand():
+    image = np.zeros((2, 2, 3), np.uint8)
+    image[..., 0] = 100
+    label = np.array([[SKY, SKY], [ROAD, CAR]], np.uint8)
+    records = [
+        image_record(image, label, panoptic_ids(label, label.astype(np.uint16))),
+        image_record(0 * image, np.full_like(label, SKY), np.full((2, 2), 23, np.int32)),
+    ]
+    found = outcome([{"placed": {"car": 2}, "images": records}], pixels=4)
+    assert found["class_frequency"]["sky"] == 0.75 and found["class_frequency"]["car"] == 0.125
+    assert found["images_with_class"]["sky"] == 2 and found["images_with_class"]["bus"] == 0
+    assert found["mean_rgb"] == [50, 0, 0] and found["placed"] == {"car": 2}
+    assert [("rle" in s) for s in records[0]["segments"]] == [False, False, True]
+
+
+def test_outlines_of_labels_meet_those_of_depth_unless_they_are_shifted():
+    ids, depth = np.zeros((60, 60), np.int32), np.full((60, 60), 900.0)
+    for k, x in enumerate(range(3, 55, 11)):
+        ids[10:50, x : x + 5], depth[10:50, x : x + 5] = 26000 + k, 300
+    assert overlap(ids, depth).lift > 10
+    assert overlap(np.roll(ids, 2, axis=1), depth).lift < 1
+    assert (
+        overlap(ids, np.where(ids > 0, 0, depth)).aligned == 0
+    )  # the sky's outline does not count
+
+
+def test_categories_are_those_of_cityscapes():
+    from cityscapesscripts.helpers.labels import name2label
+
+    assert len(SUPERCATEGORIES) == 19
+    for entry in categories():
+        label = name2label[entry["name"]]
+        assert entry == {
+            "id": label.id,
+            "name": label.name,
+            "supercategory": label.category,
+            "isthing": int(label.hasInstances),
+            "color": list(label.color),
+        }
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_no_two_files_of_a_format_share_a_path(name):
+    paths = [path for stem in ("a", "b") for path in layout(name).paths("train", stem).values()] + [
+        *layout(name).summaries("train").values()
+    ]
+    assert len(set(paths)) == len(paths)
+    with pytest.raises(ValueError, match="unknown format 'voc'; known: cityscapes, coco"):
+        layout("voc")

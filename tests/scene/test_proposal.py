@@ -1,0 +1,89 @@
+"""Intervals of attributes: what a file may say, and what is drawn from them."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scene.attributes import NAMES, default_unit
+from scene.proposal import (
+    RELAXATION,
+    default_proposal,
+    draw,
+    parse_proposal,
+    random_proposal,
+    slide,
+)
+
+VALUES = dict.fromkeys(NAMES, 0.25)
+
+
+def test_intervals_at_the_border_slide_inside_by_hand():
+    centre, width = slide(np.array([0.0, 0.5, 0.98]), np.array([0.2, 1.0, 0.1]))
+    np.testing.assert_allclose(centre, [0.1, 0.5, 0.95], rtol=1e-6)
+    np.testing.assert_allclose(width, [0.2, 1.0, 0.1], rtol=1e-6)
+
+
+@given(
+    st.lists(st.floats(0, 1), min_size=23, max_size=23),
+    st.floats(0, 1),
+    st.integers(0, 2**32 - 1),
+)
+def test_draws_stay_on_their_interval_and_below_one(centre, width, seed):
+    proposal = slide(np.array(centre), width)
+    units = draw(proposal, seed, 5)
+    assert units.dtype == np.float32 and units.shape == (5, 23)
+    assert (np.abs(units - proposal.centre) <= proposal.width / 2 + 1e-6).all()
+    assert (units >= 0).all() and (units < 1).all()
+
+
+def test_a_street_does_not_depend_on_how_many_there_are():
+    many = draw(random_proposal(), 3, 9)
+    np.testing.assert_array_equal(draw(random_proposal(), 3, 4), many[:4])
+    assert len(np.unique(many)) == many.size
+    assert not np.array_equal(draw(random_proposal(), 4, 9), many)
+
+
+def test_draws_fill_their_interval():
+    units = draw(random_proposal(), 0, 2000)
+    np.testing.assert_allclose(units.mean(axis=0), 0.5, atol=0.03)
+    np.testing.assert_allclose(units.std(axis=0), 12**-0.5, atol=0.02)
+    spread = draw(default_proposal(), 0, 2000) - slide(default_unit(), RELAXATION).centre
+    np.testing.assert_allclose(spread.std(axis=0), RELAXATION * 12**-0.5, rtol=0.1)
+
+
+def test_a_file_gives_values_or_intervals():
+    given = {
+        **VALUES,
+        NAMES[1]: {"centre": 0.5, "width": 0.2},
+        NAMES[2]: {"unit": {"centre": 0.9, "width": 0.4}, "physical": {}, "meaning": "x"},
+    }
+    proposal = parse_proposal(given)
+    np.testing.assert_allclose(proposal.centre[:4], [0.25, 0.5, 0.8, 0.25], rtol=1e-6)
+    np.testing.assert_allclose(proposal.width[:4], [0, 0.2, 0.4, 0], rtol=1e-6)
+
+
+def without(name):
+    return {key: value for key, value in VALUES.items() if key != name}
+
+
+@pytest.mark.parametrize(
+    ("value", "message"),
+    [
+        ([0.5] * 23, "expected a JSON object"),
+        ({**VALUES, "car_postion": 0.5}, "unknown attribute 'car_postion'; known: illum"),
+        (without("car_position"), "attribute car_position is missing; all 23"),
+        ({**VALUES, "car_position": 1.5}, r"attribute car_position is 1.5; .* \[0, 1\]"),
+        ({**VALUES, "car_position": -0.1}, "attribute car_position is -0.1"),
+        ({**VALUES, "car_position": float("nan")}, "attribute car_position is nan"),
+        ({**VALUES, "car_position": "0.5"}, "attribute car_position is '0.5'"),
+        ({**VALUES, "car_position": True}, "attribute car_position is True"),
+        ({**VALUES, "car_position": None}, "attribute car_position is None"),
+        ({**VALUES, "car_position": {"width": 0.5}}, "car_position: expected a number, or centre"),
+        ({**VALUES, "car_position": {"centre": 0.5, "width": 2}}, "car_position is 2"),
+        ({**VALUES, "car_position": {"unit": 3}}, "car_position: expected a number"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named(value, message):
+    with pytest.raises(ValueError, match=message):
+        parse_proposal(value)
