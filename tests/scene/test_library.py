@@ -1,0 +1,319 @@
+"""Own assets: read from every format, stood on the ground in metres, or refused by name."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+from trimesh.visual import TextureVisuals
+from trimesh.visual.material import PBRMaterial, SimpleMaterial
+
+from scene import catalogue, library
+from scene.library import FOLDERS, LibraryError, check, load, manifest, scan
+from scene.materials import material_id
+
+CAR = (4.4, 1.8, 1.5)
+"""Length, width and height of the box that stands for a car, metres."""
+RED = (200, 40, 30, 255)
+
+
+def car(extents=CAR):
+    """A red box with z up, off its place."""
+    mesh = trimesh.creation.box(extents)
+    mesh.apply_translation((7, 3, 2))
+    mesh.visual.vertex_colors = np.tile(RED, (8, 1))
+    return mesh
+
+
+def y_up(mesh):
+    """The same with y up and the front along z, as glTF has it."""
+    turn = np.eye(4)
+    turn[:3, :3] = [[0, 1, 0], [0, 0, 1], [1, 0, 0]]
+    mesh.apply_transform(turn)
+    return mesh
+
+
+@pytest.fixture
+def shelf(tmp_path):
+    """``shelf(path, mesh_or_bytes, column=...)`` puts a file there with its row; gives the folder."""
+    rows: list[dict[str, str]] = []
+
+    def put(name, content, listed=True, **columns):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(content, bytes):
+            path.write_bytes(content)
+        else:
+            content.export(path)
+        if listed:
+            row = {"file": name, "author": "A. Maker", "licence": "CC0-1.0", "source": "own work"}
+            rows.append({**row, **columns})
+        header = list(dict.fromkeys(key for row in rows for key in row))
+        lines = [header, *([row.get(key, "") for key in header] for row in rows)]
+        text = "".join(",".join(line) + "\n" for line in lines)
+        (tmp_path / "assets.csv").write_text(text, encoding="utf-8")
+        return str(tmp_path)
+
+    return put
+
+
+def only(folder, family="car"):
+    (path,) = scan(folder)[family]
+    return catalogue.asset(family, path)
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl"])
+def test_every_format_is_read_and_stood_on_the_ground(shelf, suffix):
+    mesh = y_up(car()) if suffix in ("glb", "gltf") else car()
+    asset = only(shelf(f"car/box.{suffix}", mesh))
+    half = np.array(CAR) / 2
+    assert asset.mesh.bounds[0] == pytest.approx([-half[0], -half[1], 0], abs=1e-5)
+    assert asset.mesh.bounds[1] == pytest.approx([half[0], half[1], CAR[2]], abs=1e-5)
+    assert len(asset.mesh.faces) == len(asset.color) == len(asset.material) == 12
+    assert asset.color.dtype == np.float32 and asset.material.dtype == np.uint8
+
+
+def test_colours_of_vertices_become_linear(shelf):
+    asset = only(shelf("car/box.ply", car()))
+    expected = [((v / 255 + 0.055) / 1.055) ** 2.4 for v in RED[:2]]
+    assert asset.color[:, :2] == pytest.approx(np.tile(expected, (12, 1)), abs=1e-3)
+
+
+def test_colours_of_gltf_are_linear_already_and_clear_ones_are_glass(shelf):
+    mesh = y_up(trimesh.creation.box(CAR))
+    paint = PBRMaterial(baseColorFactor=[0.2, 0.4, 0.6, 0.5])
+    mesh.visual = TextureVisuals(uv=np.zeros((8, 2)), material=paint)
+    asset = only(shelf("car/box.glb", mesh))
+    assert asset.color == pytest.approx(np.tile([0.2, 0.4, 0.6], (12, 1)), abs=3e-3)
+    assert set(asset.material) == {material_id("glass")}
+
+
+def card(opacity=255):
+    """A square of two triangles standing in the x-z plane, its left half red, its right half blue."""
+    picture = np.zeros((2, 4, 4), np.uint8)
+    picture[:, :2], picture[:, 2:] = (255, 0, 0, 255), (0, 0, 255, opacity)
+    corners = np.array([[-1, 0, 0], [0, 0, 0], [0, 0, 2], [-1, 0, 2]], float)
+    vertices = np.concatenate([corners, corners + [1, 0, 0]])
+    faces = [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
+    uv = np.column_stack([(vertices[:, 0] + 1) / 2 * 0.98 + 0.01, vertices[:, 2] / 2])
+    uv[:4, 0] = np.clip(uv[:4, 0], 0, 0.49)
+    uv[4:, 0] = np.clip(uv[4:, 0], 0.51, 1)
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    paint = PBRMaterial(baseColorTexture=Image.fromarray(picture))
+    mesh.visual = TextureVisuals(uv=uv, material=paint)
+    return y_up(mesh)
+
+
+def test_a_texture_gives_each_face_its_colour(shelf):
+    asset = only(shelf("tree/card.glb", card()), "tree")
+    middle = asset.mesh.triangles_center[:, 0]
+    assert (asset.color[middle < 0] == [1, 0, 0]).all()
+    assert (asset.color[middle > 0] == [0, 0, 1]).all()
+
+
+def test_faces_of_clear_texture_are_left_out(shelf):
+    asset = only(shelf("tree/card.glb", card(opacity=0)), "tree")
+    assert (asset.color == [1, 0, 0]).all() and len(asset.color) == 2
+    assert asset.mesh.extents == pytest.approx([1, 0, 2])
+
+
+def test_a_class_folder_may_be_written_with_an_underscore_or_be_a_family(shelf):
+    plate = trimesh.creation.box((0.02, 0.7, 0.7))
+    shelf("traffic_sign/stop.stl", plate)
+    shelf("vegetation/oak.stl", trimesh.creation.box((3, 3, 6)))
+    folder = shelf("bush/box.stl", trimesh.creation.box((1, 1, 1)))
+    assert {family: len(paths) for family, paths in scan(folder).items()} == {
+        "traffic sign": 1, "tree": 1, "bush": 1,
+    }  # fmt: skip
+    assert check(folder) == 3
+
+
+def test_every_family_has_a_folder_and_a_size():
+    assert set(library.SIZES) == set(catalogue.FAMILIES) == set(FOLDERS.values())
+
+
+@pytest.mark.parametrize("family", catalogue.FAMILIES)
+def test_our_own_assets_would_be_of_plausible_size(family, shelf):
+    ours = catalogue.asset(family, 0).mesh
+    folder = shelf(f"{family}/ours.stl", ours)
+    (path,) = scan(folder)[family]
+    theirs = load(family, path).mesh
+    assert sorted(theirs.extents) == pytest.approx(sorted(ours.extents), rel=1e-4)
+
+
+def test_a_sign_without_a_pole_hangs_before_the_built_in_one(shelf):
+    folder = shelf("traffic sign/stop.stl", trimesh.creation.box((0.02, 0.7, 0.7)))
+    low, high = only(folder, "traffic sign").mesh.bounds
+    assert low[2] == pytest.approx(library.HUNG)
+    assert high[0] == pytest.approx(-library.POLE_RADIUS)
+
+
+def test_a_house_looks_at_the_road(shelf):
+    house = trimesh.creation.box((8, 12, 9))  # 8 deep, its front along x
+    low, high = only(shelf("building/h.stl", house), "building").mesh.bounds
+    assert low == pytest.approx([-6, 0, 0], abs=1e-6)
+    assert high == pytest.approx([6, 8, 9], abs=1e-6)
+
+
+@pytest.mark.parametrize(("up", "forward"), [("y", "z"), ("z", "-y"), ("-x", "y"), ("x", "")])
+def test_axes_are_told_by_the_manifest(shelf, up, forward):
+    axes = {name: math.copysign(1, -name.startswith("-")) * np.eye(3)["xyz".index(name[-1])]
+            for name in ("x", "-x", "y", "-y", "z", "-z")}  # fmt: skip
+    z, x = axes[up], axes[forward or "y"]
+    mesh = car()
+    turn = np.eye(4)
+    turn[:3, :3] = np.stack([x, np.cross(z, x), z]).T
+    mesh.apply_transform(turn)
+    folder = shelf("car/box.stl", mesh, up=up, forward=forward)
+    assert only(folder).mesh.extents == pytest.approx(CAR, abs=1e-5)
+
+
+def test_another_unit_is_told_by_its_factor_and_mended_in_the_manifest(shelf):
+    folder = shelf("car/box.stl", car(100 * np.array(CAR)))
+    with pytest.raises(LibraryError, match=r"box\.stl: is 440 m long.*scale 0\.01 \(centimetres\)"):
+        check(folder)
+
+
+def test_the_manifest_scales(shelf):
+    folder = shelf("car/box.stl", car(1000 * np.array(CAR)), scale="0.001")
+    assert only(folder).mesh.extents == pytest.approx(CAR, abs=1e-5)
+
+
+def test_a_file_on_its_side_is_told(shelf):
+    folder = shelf("person/p.stl", trimesh.creation.box((0.5, 1.8, 0.3)))
+    with pytest.raises(LibraryError, match=r"p\.stl: .*column 'up'"):
+        check(folder)
+
+
+def test_the_licences_are_kept(shelf):
+    folder = shelf("car/box.stl", car(), author="B. Other")
+    (row,) = manifest(folder)
+    assert row.file == "car/box.stl"
+    assert (row.author, row.licence, row.source) == ("B. Other", "CC0-1.0", "own work")
+
+
+@pytest.mark.parametrize("suffix", ["glb", "gltf", "obj", "ply", "stl"])
+@pytest.mark.parametrize("content", [b"", b"garbage\x00\xff" * 9])
+def test_a_broken_file_is_named(shelf, suffix, content):
+    folder = shelf(f"car/bad.{suffix}", content)
+    with pytest.raises(LibraryError, match=rf"bad\.{suffix}: (broken|has no faces)"):
+        check(folder)
+
+
+def test_a_truncated_file_is_named(shelf):
+    folder = shelf("car/cut.glb", y_up(car()).export(file_type="glb")[:-40])
+    with pytest.raises(LibraryError, match=r"cut\.glb: broken"):
+        check(folder)
+
+
+def test_a_mesh_without_faces_is_named(shelf):
+    folder = shelf("car/empty.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n")
+    with pytest.raises(LibraryError, match=r"empty\.obj: (has no faces|broken)"):
+        check(folder)
+
+
+def test_vertices_that_are_no_numbers_are_named(shelf):
+    mesh = car()
+    mesh.vertices[0] = np.nan
+    folder = shelf("car/nan.ply", mesh)
+    with pytest.raises(LibraryError, match=r"nan\.ply: has vertices that are not finite"):
+        check(folder)
+
+
+def test_too_many_faces_are_named(shelf, monkeypatch):
+    monkeypatch.setattr("scene.mesh_file.MOST_FACES", 11)
+    folder = shelf("car/box.stl", car())
+    with pytest.raises(LibraryError, match=r"box\.stl: has 12 faces; at most 11"):
+        check(folder)
+
+
+def test_a_missing_texture_is_named(shelf, tmp_path):
+    text = b"mtllib box.mtl\nusemtl a\nv 0 0 0\nv 4 0 0\nv 0 2 1\nvt 0 0\nf 1/1 2/1 3/1\n"
+    folder = shelf("car/box.obj", text)
+    with pytest.raises(LibraryError, match=r"box\.obj: refers to box\.mtl, which is not there"):
+        check(folder)
+    (tmp_path / "car/box.mtl").write_text("newmtl a\nmap_Kd paint.png\n")
+    with pytest.raises(LibraryError, match=r"box\.obj: refers to paint\.png, which is not there"):
+        check(folder)
+
+
+def test_a_missing_texture_of_gltf_is_named(shelf, tmp_path):
+    folder = shelf("car/box.gltf", y_up(car()))
+    path = tmp_path / "car/box.gltf"
+    content = json.loads(path.read_text())
+    path.write_text(json.dumps({**content, "images": [{"uri": "my%20paint.png"}]}))
+    with pytest.raises(LibraryError, match=r"box\.gltf: refers to my paint\.png, which is not"):
+        check(folder)
+
+
+def test_a_texture_of_obj_is_read(shelf, tmp_path):
+    mesh = trimesh.creation.box(CAR)
+    picture = Image.new("RGB", (2, 2), (0, 255, 0))
+    mesh.visual = TextureVisuals(uv=np.full((8, 2), 0.3), material=SimpleMaterial(image=picture))
+    asset = only(shelf("car/box.obj", mesh))
+    assert (asset.color == [0, 1, 0]).all()
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("file,author,licence\ncar/box.stl,A,B\n", "no column 'source'"),
+        ("file,author,licence,source\ncar/box.stl,A,,C\n", "line 2: licence is empty"),
+        ("file,author,licence,source\n", "has no row for car/box.stl"),
+        ("", "has no row for car/box.stl"),
+        (
+            "file,author,licence,source\ncar/box.stl,A,B,C\ncar/gone.stl,A,B,C\n",
+            "names car/gone.stl, which is not there",
+        ),
+        (
+            "file,author,licence,source\ncar/box.stl,A,B,C\ncar/box.stl,A,B,C\n",
+            "line 3: car/box.stl stands there twice",
+        ),
+        (
+            "file,author,licence,source,scale\ncar/box.stl,A,B,C,-1\n",
+            "line 2: scale must be a positive number, not '-1'",
+        ),
+        (
+            "file,author,licence,source,up\ncar/box.stl,A,B,C,north\n",
+            "box.stl: up is 'north'; known: x, -x",
+        ),
+        (
+            "file,author,licence,source,up,forward\ncar/box.stl,A,B,C,z,-z\n",
+            "box.stl: up z and forward -z are the same axis",
+        ),
+    ],
+)
+def test_a_wrong_manifest_is_named(shelf, tmp_path, text, complaint):
+    folder = shelf("car/box.stl", car())
+    (tmp_path / "assets.csv").write_text(text)
+    with pytest.raises(LibraryError) as caught:
+        check(folder)
+    assert complaint in str(caught.value) and str(tmp_path) in str(caught.value)
+
+
+def test_a_missing_manifest_is_named(shelf, tmp_path):
+    folder = shelf("car/box.stl", car())
+    (tmp_path / "assets.csv").unlink()
+    with pytest.raises(LibraryError, match=r"assets\.csv is missing"):
+        check(folder)
+
+
+def test_wrong_folders_are_named(shelf, tmp_path):
+    with pytest.raises(LibraryError, match="not there"):
+        check(str(tmp_path / "nowhere"))
+    file = tmp_path / "file"
+    file.write_text("")
+    with pytest.raises(LibraryError, match="is not a folder"):
+        check(str(file))
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    with pytest.raises(LibraryError, match="holds no mesh file"):
+        check(str(empty))
+    empty.rmdir()
+    folder = shelf("spaceship/x.stl", car())
+    with pytest.raises(LibraryError, match=r"spaceship is no class that assets can have; known: b"):
+        check(folder)
