@@ -1,4 +1,4 @@
-"""People on foot: a jointed figure that stands or walks, in everyday clothes."""
+"""People on foot: who they are, how they stand or walk, what they wear and carry."""
 
 from __future__ import annotations
 
@@ -6,143 +6,245 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, loft, merge, translate
+from scene.asset import Asset, Color, Point, merge, translate
+from scene.assets._body import figure
+from scene.assets._carried import PRAM_HANDLE, carried
+from scene.assets._head import head
 from scene.assets._human import (
     ANKLE,
-    CLOTHES,
     FOREARM,
-    HAIRS,
+    HIP_HALF,
     SHIN,
     THIGH,
-    TORSO,
     UPPER_ARM,
+    Body,
     Outfit,
     Pose,
-    figure,
-    oval,
-    sample_outfit,
+    shoulders,
 )
 from scene.assets._palette import pick
+from scene.assets._wardrobe import BRIGHT, CLOTHES, sample_outfit
 
 
 class PersonParams(NamedTuple):
-    """One person on foot; metres."""
+    """One person on foot."""
 
-    height: float
-    girth: float  # 1 for average
-    head: float  # 1 for an adult
-    stride: float  # m between the feet, along x
+    body: Body
     outfit: Outfit
-    hem: float  # share of the leg that a coat or skirt covers, 0 for none
-    hem_color: Color
-    flare: float  # width of the hem over that of the hips
-    bag: str  # "", "hand" or "back"
-    bag_color: Color
+    gait: str  # "walk", "stand" or "run"
+    phase: float  # of the step, in [0, 1): 0 the left heel lands
+    vigour: float  # of the step, 1 for a brisk walk
+    arms: tuple[str, str]  # left and right, see ``_ARMS``
+    stoop: float  # lean of the back, radians
+    turn: float  # of the head, radians to the left
+    things: tuple[str, ...]  # see ``_carried.py``
+    thing_color: Color
+    second_color: Color
 
 
-KINDS: tuple[str, ...] = (
-    "standing", "walking", "with bag", "backpack", "coat", "skirt", "child",
-)  # fmt: skip
+class Kind(NamedTuple):
+    """What a kind of person fixes; the rest is drawn."""
+
+    wear: tuple[str, ...]  # one of these styles of ``_wardrobe.py``
+    gait: str = "walk"  # "walk", "stand", "run", or "any" of the first two
+    arms: tuple[str, str] = ("swing", "swing")
+    things: tuple[str, ...] = ()
+
+
+_KINDS: dict[str, Kind] = {
+    "walking in a jacket": Kind(("jacket",)),
+    "standing in a jumper": Kind(("jumper",), "stand", ("hang", "hang")),
+    "long coat": Kind(("long coat",)),
+    "skirt": Kind(("skirt",)),
+    "dress": Kind(("dress",), "any", ("swing", "strap")),
+    "puffer jacket": Kind(("puffer",), "any", ("pocket", "pocket")),
+    "suit with briefcase": Kind(("suit",), "walk", ("swing", "carry"), ("briefcase",)),
+    "shorts": Kind(("t-shirt and shorts",)),
+    "hood up": Kind(("hood",), "any", ("pocket", "pocket")),
+    "on the phone": Kind(("jacket", "jumper", "short coat"), "any", ("swing", "phone")),
+    "reading a phone": Kind(("hoodie", "jumper", "puffer"), "stand", ("text", "text")),
+    "backpack": Kind(("jacket", "hoodie", "t-shirt"), "walk", ("strap", "strap"), ("backpack",)),
+    "shopping bags": Kind(
+        ("short coat", "jumper", "jacket"), "any", ("carry", "carry"), ("shopping",)
+    ),
+    "suitcase": Kind(("jacket", "short coat", "jumper"), "walk", ("swing", "pull"), ("suitcase",)),
+    "shoulder bag": Kind(
+        ("jumper", "t-shirt", "short coat"), "walk", ("swing", "hang"), ("shoulder bag",)
+    ),
+    "umbrella": Kind(("long coat", "short coat", "jacket"), "any", ("hang", "hold"), ("umbrella",)),
+    "pushing a pram": Kind(("jacket", "jumper", "short coat"), "walk", ("push", "push"), ("pram",)),
+    "pushing a buggy": Kind(("t-shirt", "puffer", "skirt"), "walk", ("push", "push"), ("buggy",)),
+    "child": Kind(("t-shirt and shorts", "dress", "hoodie", "jumper"), "any"),
+    "schoolchild": Kind(("puffer", "jumper", "skirt"), "walk", ("swing", "strap"), ("backpack",)),
+    "elderly with stick": Kind(("short coat", "jacket"), "walk", ("hang", "stick"), ("stick",)),
+    "jogger": Kind(("sports",), "run", ("run", "run")),
+    "workman": Kind(("work",), "any", ("hang", "swing")),
+    "headscarf": Kind(("robe",), "any", ("hang", "hang"), ("handbag",)),
+    "arms folded": Kind(("jumper", "jacket", "suit"), "stand", ("folded", "folded")),
+    "coffee": Kind(("suit", "short coat", "hoodie"), "any", ("pocket", "cup"), ("cup",)),
+    "carrying a box": Kind(("t-shirt", "work", "jumper"), "walk", ("lift", "lift"), ("box",)),
+    "hands on hips": Kind(("t-shirt", "sports", "work"), "stand", ("hip", "hip")),
+}
+KINDS: tuple[str, ...] = tuple(_KINDS)
 """What sets a person apart at a glance."""
+
+# The wrist from the shoulder (forward, out, up) as shares of the height, and where the elbow points
+# (forward, out, up). "swing" and "run" follow from the step instead.
+_ARMS: dict[str, tuple[Point, Point]] = {
+    "hang": ((0.02, 0.035, -0.312), (-1.0, 0.5, -0.2)),
+    "carry": ((0.0, 0.035, -0.318), (-1.0, 0.4, -0.2)),
+    "pull": ((-0.07, 0.05, -0.295), (-0.4, 0.8, -0.2)),
+    "pocket": ((0.055, 0.012, -0.262), (-1.0, 0.7, -0.2)),
+    "phone": ((0.045, -0.035, 0.085), (0.7, 0.7, -1.0)),
+    "text": ((0.155, -0.055, -0.105), (-0.4, 0.5, -1.0)),
+    "strap": ((0.085, -0.035, -0.115), (-0.5, 0.7, -1.0)),
+    "hold": ((0.125, -0.03, -0.10), (-0.5, 0.5, -1.0)),
+    "stick": ((0.10, 0.05, -0.27), (-1.0, 0.4, -0.2)),
+    "folded": ((0.105, -0.145, -0.135), (-0.3, 1.0, -0.6)),
+    "cup": ((0.14, -0.01, -0.13), (-0.5, 0.5, -1.0)),
+    "lift": ((0.20, 0.0, -0.16), (-0.5, 0.5, -1.0)),
+    "hip": ((0.03, 0.005, -0.215), (-0.5, 1.0, -0.2)),
+}
 
 
 def sample_person(rng: np.random.Generator, kind: str) -> PersonParams:
-    """Draw a person: adults 1.52-1.92 m, children 1.0-1.4 m, clothes, gait."""
-    child = kind == "child"
-    height = rng.uniform(1.0, 1.4) if child else float(np.clip(rng.normal(1.71, 0.09), 1.52, 1.92))
-    outfit = sample_outfit(rng)
-    if child:
-        outfit = outfit._replace(hair=pick(rng, HAIRS[:-1]))  # not grey
-    hem, hem_color, flare = 0.0, outfit.top, 1.1
-    if kind == "coat":
-        hem, flare = rng.uniform(0.35, 0.6), 1.15
-        outfit = outfit._replace(short_sleeves=False)
-    elif kind == "skirt":
-        hem, flare, hem_color = (
-            rng.uniform(0.4, 0.75),
-            rng.uniform(1.2, 1.6),
-            pick(rng, CLOTHES, 0.3),
-        )
-        outfit = outfit._replace(
-            long_hair=True, legs=outfit.skin if rng.random() < 0.6 else outfit.legs
-        )
-    still = kind == "standing" or rng.random() < 0.15
+    """Draw a person of one of ``KINDS``: adults 1.52-1.95 m, children 0.95-1.4 m."""
+    if kind not in _KINDS:
+        raise ValueError(f"unknown kind of person {kind!r}; known: {', '.join(KINDS)}")
+    entry = _KINDS[kind]
+    child, old = kind in ("child", "schoolchild"), kind == "elderly with stick"
+    curves = float(rng.choice([0.0, 0.2, 0.85, 1.0]))
+    tall = float(np.clip(rng.normal(1.77 - 0.13 * curves, 0.07), 1.52, 1.95))
+    build = float(np.clip(rng.normal(1.0, 0.13), 0.82, 1.35))
+    young = float(rng.uniform(0.95, 1.4))
+    outfit, curves = sample_outfit(rng, str(rng.choice(entry.wear)), curves, old=old, child=child)
+    if kind == "schoolchild":
+        outfit = outfit._replace(hat="")
+    gait = str(rng.choice(("walk", "stand"))) if entry.gait == "any" else entry.gait
+    left, right = entry.arms
+    sway = rng.uniform(0.55, 1.15) * (0.5 if old else 1.0)
     return PersonParams(
-        height=height,
-        girth=rng.uniform(0.9, 1.2),
-        head=rng.uniform(1.2, 1.3) if child else rng.uniform(0.97, 1.05),
-        stride=rng.uniform(0.0, 0.06)
-        if still
-        else rng.uniform(0.22, 0.3 if hem else 0.42) * height,
+        body=Body(
+            height=young if child else tall - 0.06 * old,
+            girth=0.95 if child else build,
+            head=float(np.interp(young, [0.9, 1.4], [1.42, 1.15])) if child else 1.0,
+            curves=0.2 * curves if child else curves,
+            belly=0.0 if child else float(max(0.0, 0.16 * (build - 1.0))),
+        ),
         outfit=outfit,
-        hem=hem,
-        hem_color=hem_color,
-        flare=flare,
-        bag={"with bag": "hand", "backpack": "back"}.get(kind, ""),
-        bag_color=pick(rng, CLOTHES, 0.4),
+        gait=gait,
+        phase=float(rng.random()),
+        vigour=float(sway),
+        arms=(right, left) if rng.random() < 0.5 and not entry.things else (left, right),
+        stoop=float(rng.uniform(0.22, 0.4)) if old else float(rng.uniform(-0.01, 0.06)),
+        turn=float(rng.normal(0, 0.3)),
+        things=entry.things,
+        thing_color=pick(rng, CLOTHES + BRIGHT, 0.3),
+        second_color=pick(rng, BRIGHT + CLOTHES, 0.3),
     )
 
 
 def person(params: PersonParams) -> Asset:
-    """The person of ``params``, walking towards +x."""
+    """The person of ``params``, facing +x, the lowest shoe on the ground."""
     p = params
     pose = _pose(p)
-    parts = [figure(p.height, p.girth, p.head, p.outfit, pose)]
-    if p.hem:
-        parts.append(_hem(p, pose))
-    if p.bag:
-        parts.append(_bag(p, pose))
-    body = merge(*parts)
-    return translate(body, (0, 0, -float(body.mesh.vertices[:, 2].min())))
+    parts = [figure(p.body, p.outfit, pose), head(p.body, p.outfit, pose)]
+    low = min(float(part.mesh.vertices[:, 2].min()) for part in parts)
+    whole = translate(merge(*parts), (0, 0, -low))
+    pose = _lifted(pose, -low)
+    things = [carried(thing, p.body, pose, p.thing_color, p.second_color) for thing in p.things]
+    return merge(whole, *things)
+
+
+def _lifted(pose: Pose, by: float) -> Pose:
+    def up(point: Point) -> Point:
+        return point[0], point[1], point[2] + by
+
+    left, right = pose.hands
+    return pose._replace(hip=up(pose.hip), hands=(up(left), up(right)))
+
+
+def _bump(phase: float, at: float, width: float) -> float:
+    """A bell of height 1 around ``at`` on the circle of phases."""
+    away = (phase - at + 0.5) % 1 - 0.5
+    return float(np.exp(-((away / width) ** 2)))
+
+
+def _step(phase: float, vigour: float, run: bool) -> tuple[float, float, float]:
+    """Angles of one leg at ``phase`` of its step: thigh forward, knee bent, shoe's toes down.
+
+    Bells fitted by eye to the curves of gait analysis: the knee yields a little at the landing and
+    folds as the leg swings through; the heel lands first and leaves first.
+    """
+    swing = (0.62 if run else 0.40) * vigour
+    thigh = swing * np.cos(2 * np.pi * phase) + (0.22 if run else 0.07) * vigour
+    fold = (1.75 if run else 1.02) * vigour
+    knee = 0.09 + (0.45 if run else 0.2) * vigour * _bump(phase, 0.13, 0.09)
+    knee += fold * _bump(phase, 0.71, 0.13)
+    toes = 0.95 * vigour * _bump(phase, 0.60, 0.10) - 0.3 * vigour * _bump(phase, 0.0, 0.06)
+    if run:
+        toes += 0.7 * _bump(phase, 0.72, 0.12)
+    return float(thigh), float(knee), float(toes)
+
+
+def _legs(p: PersonParams) -> tuple[list[Point], list[float]]:
+    """Ankles below the hips at the origin, and the pitch of the shoes."""
+    h, ankles, toes = p.body.height, [], []
+    for k, side in enumerate((1, -1)):
+        if p.gait == "stand":
+            # One leg carries, the other rests a little ahead with a soft knee.
+            ease = (0.02 + 0.16 * p.vigour) if (p.phase < 0.5) == (k == 0) else 0.02
+            thigh, knee, pitch = ease, 1.6 * ease, 0.0
+        else:
+            thigh, knee, pitch = _step((p.phase + 0.5 * k) % 1, p.vigour, p.gait == "run")
+        x = THIGH * np.sin(thigh) + SHIN * np.sin(thigh - knee)
+        z = -THIGH * np.cos(thigh) - SHIN * np.cos(thigh - knee)
+        spread = 0.05 + 0.03 * p.vigour if p.gait == "stand" else 0.75 * HIP_HALF
+        ankles.append((float(x) * h, side * spread * h, float(z) * h))
+        toes.append(pitch)
+    return ankles, toes
 
 
 def _pose(p: PersonParams) -> Pose:
-    """Left foot ahead, right arm ahead; the hips sink as the feet part."""
-    h, half = p.height, p.stride / 2
-    leg = (THIGH + SHIN) * h
-    hip = ANKLE * h + float(np.sqrt(leg**2 - half**2)) - 0.003 * h
-    lift = 0.25 * half  # the heel behind leaves the ground
-    reach = 0.965 * (UPPER_ARM + FOREARM) * h
-    swing = 0.75 * half
-    shoulder = hip + TORSO * h
-    out = 0.135 * h * p.girth**0.5
-    drop = shoulder - float(np.sqrt(max(reach**2 - swing**2, 0.01)))
-    lean = 0.04 + 0.1 * p.stride
-    return Pose(
-        hip=(0, 0, hip),
-        lean=lean,
-        hands=(
-            (lean * TORSO * h - swing, out, drop),
-            (lean * TORSO * h + swing + 0.02, -out, drop),
-        ),
-        ankles=((half, 0.045 * h, ANKLE * h), (-half, -0.045 * h, ANKLE * h + lift)),
-        toes=(-0.2 * half, 1.6 * half),
+    """Joints of the whole body, the shoulders turning against the hips."""
+    h = p.body.height
+    ankles, toes = _legs(p)
+    hip = ANKLE * h - min(z for _, _, z in ankles)
+    moving = p.gait != "stand"
+    ahead = float(np.cos(2 * np.pi * p.phase)) * p.vigour if moving else 0.0
+    pose = Pose(
+        hip=(0.0, 0.0, hip),
+        lean=p.stoop + (0.16 if p.gait == "run" else 0.02 * p.vigour),
+        hands=((0, 0, 0), (0, 0, 0)),
+        ankles=tuple((x, y, z + hip) for x, y, z in ankles),  # type: ignore[arg-type]
+        toes=(toes[0], toes[1]),
+        look=(0.42 if "text" in p.arms else 0.05) + 0.5 * p.stoop,
+        turn=0.0 if "text" in p.arms else p.turn,
+        twist=(0.3 if p.gait == "run" else 0.14) * ahead,
     )
+    hands, elbows = [], []
+    for k, shoulder in enumerate(shoulders(p.body, pose)):
+        side = 1 - 2 * k
+        wrist, elbow = _arm(p, p.arms[k], -ahead * side)
+        x, y, z = shoulder + h * np.array([wrist[0], wrist[1] * side, wrist[2]])
+        if p.arms[k] == "push":
+            x, y, z = PRAM_HANDLE[0] - 0.05, 0.16 * side, PRAM_HANDLE[1]
+        if p.arms[k] == "folded":
+            z, x = z - 0.025 * h * k, x + 0.02 * h * k  # one forearm lies before the other
+        hands.append((float(x), float(y), float(z)))
+        elbows.append(elbow)
+    return pose._replace(hands=(hands[0], hands[1]), elbows=(elbows[0], elbows[1]))
 
 
-def _hem(p: PersonParams, pose: Pose) -> Asset:
-    """A coat's tail or a skirt: a skin from the waist down over the legs."""
-    waist = pose.hip[2] + 0.05 * p.height
-    low = pose.hip[2] * (1 - p.hem)
-    deep = 0.07 * p.height * p.girth
-    wide = 0.095 * p.height * p.girth**0.5
-    stretched = max(1.2 * deep * p.flare, p.stride / 2 * p.hem + 0.1 * p.height)  # over both legs
-    forward = np.array([1.0, 0, 0])
-    rings = [
-        oval(np.array([0.01, 0, waist]), forward, 0.95 * deep, 0.95 * wide),
-        oval(np.array([0, 0, pose.hip[2] - 0.05]), forward, 1.3 * deep, 1.15 * wide),
-        oval(np.array([0, 0, low]), forward, stretched, 1.1 * wide * p.flare),
-    ]
-    return loft(rings, p.hem_color, "cloth", caps=False)
-
-
-def _bag(p: PersonParams, pose: Pose) -> Asset:
-    h = p.height
-    if p.bag == "back":
-        x, z = -0.075 * h * p.girth, pose.hip[2]
-        low, high = (x - 0.10 * h, -0.085 * h, z + 0.05 * h), (x + 0.01, 0.085 * h, z + 0.30 * h)
-        return block(low, high, p.bag_color, "cloth")
-    x, y, z = pose.hands[1]
-    size = 0.11 * h
-    low, high = (x - size, y - 0.06, z - 0.26 * h), (x + size, y + 0.04, z - 0.06 * h)
-    return block(low, high, p.bag_color, "cloth")
+def _arm(p: PersonParams, name: str, ahead: float) -> tuple[Point, Point]:
+    """The wrist from the shoulder and the elbow's direction; ``ahead`` from -1 to 1 of a swing."""
+    if name in _ARMS:
+        return _ARMS[name]
+    run = name == "run"
+    if name == "push":
+        return (0.2, 0.0, -0.2), (-0.6, 0.6, -1.0)
+    angle = (0.65 if run else 0.42) * ahead + (-0.1 if run else 0.02)
+    elbow = 1.6 if run else 0.22 + 0.18 * max(ahead, 0)
+    x = UPPER_ARM * np.sin(angle) + FOREARM * np.sin(angle + elbow)
+    z = -UPPER_ARM * np.cos(angle) - FOREARM * np.cos(angle + elbow)
+    return (float(x), 0.03 + 0.01 * p.body.girth, float(z)), (-1.0, 0.35, -0.3)

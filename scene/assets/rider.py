@@ -6,83 +6,97 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, block, merge, transform
+from scene.asset import Asset, Color, Point, merge
 from scene.assets import bicycle, motorcycle
-from scene.assets._human import ANKLE, TORSO, Outfit, Pose, figure, sample_outfit, spine
+from scene.assets._body import figure
+from scene.assets._carried import backpack
+from scene.assets._head import head
+from scene.assets._human import ANKLE, Body, Outfit, Pose
 from scene.assets._palette import pick
+from scene.assets._wardrobe import BRIGHT, CLOTHES, HI_VIS, REFLECTING, sample_outfit
 
 
 class RiderParams(NamedTuple):
     """One rider; metres and radians."""
 
     mount: str  # "bicycle" or "motorcycle"
-    height: float  # standing
-    girth: float  # 1 for average
+    body: Body
     lean: float  # of the back, forward from upright
+    turn: float  # of the head to the left
     outfit: Outfit
-    backpack: Color | None
+    bag: Color | None  # of what is on the back
+    bag_size: float = 1.0
 
 
-MOUNT: dict[str, str] = {
-    "cyclist upright": "bicycle",
-    "cyclist racing": "bicycle",
-    "motorcyclist upright": "motorcycle",
-    "motorcyclist sports": "motorcycle",
-    "cyclist with backpack": "bicycle",
-    "scooter rider": "motorcycle",
+class Kind(NamedTuple):
+    """What a kind of rider fixes; the rest is drawn."""
+
+    mount: str
+    style: str  # of the clothes, see ``_wardrobe.py``
+    lean: tuple[float, float]
+    hat: tuple[str, ...]  # one of these
+    bag: float = 0.0  # its size, 0 for none
+
+
+_KINDS: dict[str, Kind] = {
+    "cyclist upright": Kind("bicycle", "jacket", (0.25, 0.42), ("", "", "beanie", "cap")),
+    "cyclist racing": Kind("bicycle", "sports", (0.80, 0.98), ("cycle helmet",)),
+    "cyclist in hi-vis": Kind("bicycle", "work", (0.38, 0.55), ("cycle helmet",)),
+    "cyclist with backpack": Kind("bicycle", "hoodie", (0.40, 0.60), ("cycle helmet", ""), 1.0),
+    "cyclist in a skirt": Kind("bicycle", "skirt", (0.22, 0.36), ("", "cycle helmet")),
+    "cyclist in shorts": Kind("bicycle", "t-shirt and shorts", (0.45, 0.65), ("cycle helmet", "")),
+    "courier": Kind("bicycle", "puffer", (0.40, 0.58), ("cycle helmet", "hood"), 1.7),
+    "motorcyclist upright": Kind("motorcycle", "jacket", (0.15, 0.28), ("full helmet",)),
+    "motorcyclist sports": Kind("motorcycle", "jacket", (0.62, 0.80), ("full helmet",)),
+    "motorcyclist in hi-vis": Kind("motorcycle", "work", (0.18, 0.34), ("full helmet",)),
+    "scooter rider": Kind("motorcycle", "short coat", (0.08, 0.20), ("open helmet",)),
+    "scooter courier": Kind("motorcycle", "puffer", (0.08, 0.2), ("open helmet",), 1.6),
 }
+MOUNT: dict[str, str] = {name: kind.mount for name, kind in _KINDS.items()}
 """The family of the machine under each kind of rider."""
 KINDS: tuple[str, ...] = tuple(MOUNT)
-"""How a rider sits and on what."""
+"""How a rider sits, on what, and in which clothes."""
 
-_LEANS: dict[str, tuple[float, float]] = {
-    "cyclist upright": (0.30, 0.45),
-    "cyclist racing": (0.80, 0.98),
-    "cyclist with backpack": (0.40, 0.60),
-    "motorcyclist upright": (0.15, 0.28),
-    "motorcyclist sports": (0.62, 0.80),
-    "scooter rider": (0.08, 0.20),
-}
-_JERSEYS: tuple[Color, ...] = (
-    (0.40, 0.02, 0.02),
-    (0.03, 0.16, 0.45),
-    (0.45, 0.50, 0.03),
-    (0.55, 0.55, 0.53),
-    (0.02, 0.02, 0.02),
-    (0.50, 0.17, 0.02),
-)
 _LEATHERS: tuple[Color, ...] = ((0.018, 0.018, 0.02), (0.05, 0.05, 0.053), (0.07, 0.04, 0.025))
 _HELMETS: tuple[Color, ...] = (
-    (0.02, 0.02, 0.02),
-    (0.62, 0.62, 0.60),
-    (0.35, 0.02, 0.02),
-    (0.03, 0.09, 0.30),
-    (0.30, 0.31, 0.32),
-)
+    (0.02, 0.02, 0.02), (0.62, 0.62, 0.60), (0.35, 0.02, 0.02), (0.03, 0.09, 0.30),
+    (0.30, 0.31, 0.32), (0.45, 0.40, 0.03),
+)  # fmt: skip
 
 
 def sample_rider(rng: np.random.Generator, kind: str) -> RiderParams:
-    """Draw a rider of one kind: size, how far the back leans, clothes and helmet."""
-    outfit = sample_outfit(rng)
-    helmet = pick(rng, _HELMETS)
-    if MOUNT[kind] == "motorcycle":
-        scooter = kind == "scooter rider"
-        outfit = outfit._replace(helmet=helmet, visor=not scooter, short_sleeves=False)
-        if not scooter:
-            outfit = outfit._replace(top=pick(rng, _LEATHERS, 0.4), legs=pick(rng, _LEATHERS, 0.4))
-    elif kind == "cyclist racing":
-        outfit = outfit._replace(
-            top=pick(rng, _JERSEYS), legs=(0.02, 0.02, 0.02), helmet=helmet, short_sleeves=True
-        )
-    elif rng.random() < 0.5:
-        outfit = outfit._replace(helmet=helmet)
+    """Draw a rider of one of ``KINDS``: size, how far the back leans, clothes and helmet."""
+    if kind not in _KINDS:
+        raise ValueError(f"unknown kind of rider {kind!r}; known: {', '.join(KINDS)}")
+    entry = _KINDS[kind]
+    outfit, curves = sample_outfit(rng, entry.style, float(rng.choice([0.0, 0.1, 0.9])))
+    outfit = outfit._replace(hat=str(rng.choice(entry.hat)), hat_color=pick(rng, _HELMETS))
+    if outfit.hat == "hood":
+        outfit = outfit._replace(hat_color=outfit.top)
+    if entry.style != "skirt":
+        outfit = outfit._replace(hem=0.0)
+    if entry.mount == "motorcycle":
+        outfit = outfit._replace(sleeves=1.0, trousers=1.0, padding=max(outfit.padding, 0.010))
+        if entry.style == "jacket":
+            suit = pick(rng, _LEATHERS, 0.4)
+            stripe = pick(rng, BRIGHT) if rng.random() < 0.5 else None
+            outfit = outfit._replace(
+                top=suit, legs=pick(rng, _LEATHERS, 0.4), accent=stripe, shirt=None, stripes=False
+            )
+    if entry.style == "work":
+        outfit = outfit._replace(top=HI_VIS[int(rng.random() < 0.2)], bands=REFLECTING)
     return RiderParams(
-        mount=MOUNT[kind],
-        height=rng.uniform(1.62, 1.86),
-        girth=rng.uniform(0.95, 1.15),
-        lean=rng.uniform(*_LEANS[kind]),
+        mount=entry.mount,
+        body=Body(
+            height=float(rng.uniform(1.64, 1.86) - 0.04 * curves),
+            girth=float(rng.uniform(0.9, 1.15)),
+            curves=curves,
+        ),
+        lean=float(rng.uniform(*entry.lean)),
+        turn=float(rng.normal(0, 0.15)),
         outfit=outfit,
-        backpack=pick(rng, _JERSEYS) if kind == "cyclist with backpack" else None,
+        bag=pick(rng, BRIGHT + CLOTHES, 0.3) if entry.bag else None,
+        bag_size=entry.bag or 1.0,
     )
 
 
@@ -90,12 +104,15 @@ def rider(params: RiderParams) -> Asset:
     """The rider of ``params``, facing +x, where the machine of the same pose has its saddle."""
     p = params
     pose = _pose(p)
-    body = figure(p.height, p.girth, 1.0, p.outfit, pose)
-    return body if p.backpack is None else merge(body, _backpack(p, pose, p.backpack))
+    parts = [figure(p.body, p.outfit, pose), head(p.body, p.outfit, pose)]
+    if p.bag is not None:
+        parts.append(backpack(p.body, pose, p.bag, p.bag_size))
+    return merge(*parts)
 
 
 def _pose(p: RiderParams) -> Pose:
-    h = p.height
+    """Seat on the saddle, hands on the bar, shoes on the pedals or rests."""
+    h = p.body.height
     if p.mount == "bicycle":
         saddle, bar, feet = bicycle.SADDLE, bicycle.BAR, bicycle.pedals()
         toes = (0.25, 0.1)
@@ -105,23 +122,14 @@ def _pose(p: RiderParams) -> Pose:
         feet, toes = ((x, y, z), (x, -y, z)), (0.1, 0.1)
     hands: list[Point] = [(bar[0] - 0.05, side * bar[1], bar[2] + 0.04) for side in (1, -1)]
     ankles: list[Point] = [(x - 0.05, y, z + ANKLE * h + 0.02) for x, y, z in feet]
+    elbow = (-0.5, 1.0, -0.8)
     return Pose(
-        hip=(saddle[0], 0.0, saddle[2] + 0.055 * h),
+        hip=(saddle[0], 0.0, saddle[2] + 0.062 * h),
         lean=p.lean,
         hands=(hands[0], hands[1]),
         ankles=(ankles[0], ankles[1]),
         toes=toes,
-        elbows=(-0.5, 1.0, -0.8),
-        look=0.55 * p.lean,
+        elbows=(elbow, elbow),
+        look=0.5 * p.lean,
+        turn=p.turn,
     )
-
-
-def _backpack(p: RiderParams, pose: Pose, color: Color) -> Asset:
-    """A bag on the back, its sides along the spine."""
-    up, forward = spine(pose)
-    hip, h = np.array(pose.hip), p.height
-    bag = block((-0.10 * h, -0.085 * h, 0.0), (0.0, 0.085 * h, 0.22 * h), color, "cloth")
-    turn = np.eye(4)
-    turn[:3, 0], turn[:3, 2] = forward, up
-    turn[:3, 3] = hip + 0.25 * TORSO * h * up - 0.06 * h * p.girth * forward
-    return transform(bag, turn)
