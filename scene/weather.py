@@ -1,0 +1,70 @@
+"""Weathers by name: what covers the sky, which light comes through, how far one sees, how wet it is."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+Range = tuple[float, float]
+Colour = tuple[float, float, float]
+
+
+class Weather(NamedTuple):
+    """One row of the table; colours are linear RGB under a nominal sun, 1 is a sunlit white wall."""
+
+    name: str
+    clouds: str  # kind of cloud map, see ``clouds.KINDS``
+    cover: Range  # share of the sky in cloud
+    scale: Range  # size of the cloud map overhead, in heights of the cloud base
+    lift: float  # how upright clouds stand at the horizon: 0.1 a flat deck .. 0.5 towers
+    crisp: Range  # sharpness of cloud edges; 2 melts, 40 cuts
+    opacity: float  # of a cloud's thick parts, 0 a veil .. 1 hides the blue
+    relief: float  # contrast of a cloud's bright and dark sides, 0 .. 1
+    zenith: Colour
+    horizon: Colour
+    cloud: Colour
+    sun: float  # share of the sunlight that comes through, 1 under a blue sky
+    haze: Range  # metres
+    wetness: Range
+    below: float  # only under a sun lower than this, degrees
+
+
+# fmt: off
+# ruff: noqa: E501
+SKIES: tuple[Weather, ...] = (
+    Weather("fair cumulus",     "heaps",   (.16, .34), (3.2, 4.6), .42, (14, 40), 1.0, .42, (.34, .60, 1.05), (.95, 1.10, 1.28), (1.45, 1.47, 1.50), .95, (1200, 4000), (0, 0), 90),
+    Weather("bright overcast",  "sheet",   (.96, .99), (3.0, 5.0), .22, (2, 4),   1.0, .10, (1.1, 1.15, 1.2), (1.50, 1.53, 1.56), (1.50, 1.52, 1.56), .10, (500, 1800), (0, .1), 90),
+    Weather("clear",            "streaks", (.02, .08), (3.0, 5.0), .20, (2, 4),   .35, .05, (.30, .56, 1.05), (.98, 1.12, 1.28), (1.30, 1.33, 1.38), 1.0, (1500, 5000), (0, 0), 90),
+    Weather("dark stratocumulus", "fleece", (.80, .93), (3.0, 4.6), .20, (5, 9),  1.0, .55, (.22, .30, .38), (.62, .68, .66), (.34, .38, .42), .05, (800, 2500), (0, .3), 90),
+    Weather("veiled sun",       "streaks", (.75, .95), (3.0, 5.0), .22, (1, 2),   .75, .08, (.55, .75, 1.05), (1.35, 1.40, 1.46), (1.35, 1.38, 1.42), .55, (500, 1800), (0, 0), 90),
+    Weather("rain",             "rags",    (.96, .99), (2.6, 4.0), .18, (3, 5),   1.0, .40, (.30, .33, .36), (.46, .49, .51), (.40, .43, .46), .02, (220, 700), (.7, 1), 90),
+    Weather("broken cloud",     "fleece",  (.42, .68), (2.6, 4.2), .30, (7, 16),  1.0, .45, (.33, .58, 1.0), (1.05, 1.16, 1.26), (1.20, 1.24, 1.30), .70, (900, 3500), (0, .2), 90),
+    Weather("low gold",         "streaks", (.15, .45), (3.0, 5.0), .20, (2, 5),   .65, .15, (.36, .50, .78), (1.30, 1.02, .70), (1.25, 1.00, .80), .95, (500, 2500), (0, 0), 22),
+    Weather("mist",             "sheet",   (.97, .99), (3.0, 5.0), .40, (1, 2),   1.0, .03, (.85, .88, .90), (.95, .97, .99), (.92, .95, .97), .06, (90, 260), (.2, .6), 90),
+    Weather("cirrus",           "streaks", (.25, .55), (2.6, 4.6), .20, (2, 5),   .70, .10, (.32, .58, 1.05), (1.00, 1.12, 1.26), (1.40, 1.42, 1.46), .90, (1200, 4000), (0, 0), 90),
+    Weather("dull overcast",    "sheet",   (.95, .99), (2.6, 4.2), .18, (3, 5),   1.0, .28, (.55, .60, .66), (.82, .86, .88), (.70, .74, .79), .04, (400, 1500), (0, .4), 90),
+    Weather("towering cumulus", "heaps",   (.36, .54), (2.0, 2.8), .60, (20, 45), 1.0, .55, (.30, .54, .98), (.95, 1.08, 1.22), (1.40, 1.43, 1.48), .85, (1200, 4000), (0, .2), 90),
+    Weather("dusk",             "fleece",  (.35, .80), (2.8, 4.6), .20, (4, 8),   .95, .40, (.10, .15, .27), (.52, .40, .34), (.20, .20, .25), .18, (500, 2000), (0, .4), 16),
+    Weather("hazy",             "sheet",   (.10, .30), (3.0, 5.0), .25, (1, 2),   .40, .05, (.52, .72, 1.0), (1.25, 1.30, 1.34), (1.25, 1.30, 1.36), .80, (250, 700), (0, 0), 90),
+    Weather("mackerel",         "ripples", (.45, .70), (2.6, 3.8), .22, (4, 8),   .85, .25, (.34, .58, 1.0), (1.02, 1.14, 1.26), (1.30, 1.33, 1.38), .75, (900, 3000), (0, 0), 90),
+    Weather("after rain",       "fleece",  (.55, .75), (2.4, 3.6), .34, (9, 18),  1.0, .60, (.26, .48, .92), (.92, 1.04, 1.16), (.85, .92, 1.02), .80, (1500, 5000), (.5, .9), 90),
+)
+# fmt: on
+
+
+def sample_weather(rng: np.random.Generator, elevation: float, share: float = 1.0) -> Weather:
+    """Draw one of the first ``share`` of ``SKIES`` that suits a sun at ``elevation`` radians.
+
+    A sky of the low sun is kept with a probability that falls from 1 at the horizon to 0 at its own
+    limit; otherwise one of the others takes its place.
+    """
+    known = SKIES[: max(1, round(share * len(SKIES)))]
+    drawn = known[int(rng.integers(len(known)))]
+    chance, other = rng.random(), rng.random()
+    height = math.degrees(elevation)
+    if drawn.below >= 90 or chance < 1 - height / drawn.below:
+        return drawn
+    usual = [w for w in known if w.below >= 90]
+    return usual[int(other * len(usual))]
