@@ -19,9 +19,9 @@ MISS = -1
 """Face of a sample that sees the sky."""
 OFFSET = 1e-2
 """Metres along the normal from a surface to the start of its next ray."""
-DARKEST = 0.12
+DARKEST = 0.05
 """Share of the sky's light that reaches a surface from which no sky is seen."""
-BOUNCE = 0.17
+BOUNCE = 0.12
 """Share of the light on the ground that comes back up."""
 
 Array = np.ndarray
@@ -272,11 +272,11 @@ def _sky(x: float, y: float, z: float, panorama: Array, out: Array) -> None:
 
 @njit(cache=True, fastmath=True)
 def _texture(
-    m: int, u: float, v: float, level: int, shift: int, texels: Array, start: Array, size: Array
+    m: int, u: float, v: float, level: int, texels: Array, start: Array, size: Array
 ) -> float:
-    """Bilinear lookup at ``u``, ``v`` in tiles; ``shift`` moves the pattern by that many texels."""
+    """Bilinear lookup at ``u``, ``v`` in tiles."""
     n = size[level]
-    x = u * n + (shift * n) / size[0] - 0.5
+    x = u * n - 0.5
     y = v * n - 0.5
     fx, fy = math.floor(x), math.floor(y)
     right, down = x - fx, y - fy
@@ -345,9 +345,12 @@ def shade(
                 a = points[i, 1]
             tile = rows[m, 0]
             footprint = t * pixel_angle * size[0] / (tile * math.sqrt(max(abs(toward), 0.02)))
-            level = min(int(math.log2(max(footprint, 1.0)) + 0.5), len(size) - 1)
-            shift = (instance[i] * 37) & (size[0] - 1)
-            texture = _texture(m, a / tile, b / tile, level, shift, texels, start, size)
+            level = 0
+            while footprint > 1.4142 and level < len(size) - 1:
+                footprint *= 0.5
+                level += 1
+            shift = instance[i] * 0.1446  # of a tile
+            texture = _texture(m, a / tile + shift, b / tile, level, texels, start, size)
         cosine = nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2]
         through = rows[m, 2]
         direct = lit[i] * (max(cosine, 0.0) * (1 - through) + 0.6 * abs(cosine) * through)

@@ -17,20 +17,8 @@ from scene.geometry import Geometry
 from scene.render import shade
 from scene.render.protocol import Frame, RenderSettings, camera_axes, label_sample, pixel_rays
 from scene.sensor import develop
+from scene.sky import panorama
 from scene.street import Camera, Street
-
-
-try:  # TEMPORARY until sky.py has it
-    from scene.sky import panorama
-except ImportError:
-
-    def panorama(sky, columns):
-        rows = columns // 4
-        el = np.pi / 2 * ((np.arange(rows) + 0.5) / rows) ** 2
-        az = -np.pi + 2 * np.pi * (np.arange(columns) + 0.5) / columns
-        fade = (1 - np.sin(el)[:, None, None]) ** 4
-        clear = sky.zenith * (1 - fade) + sky.horizon * fade + 0 * az[None, :, None]
-        return (clear * (1 - sky.cover) + sky.cover * sky.cloud).astype(np.float32)
 
 
 try:
@@ -179,7 +167,7 @@ def radiance(
         seen.smooth, light.lit, light.opened, np.float32(rays.spacing), settings.textures,
         geometry.color, geometry.material, shade.material_rows(), *shade.texture_levels(),
         sky.sun_direction, sky.sun, sky.ambient, sky.horizon,
-        np.float32(sky.haze), np.float32(getattr(sky, "wetness", 0.0)), around.panorama,
+        np.float32(sky.haze), np.float32(sky.wetness), around.panorama,
     )  # fmt: skip
     image = samples.reshape(rays.rows, rays.columns, 3)
     if settings.samples > 1:
