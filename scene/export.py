@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import os
 import shutil
+import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from importlib import import_module
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from scene import library
 from scene.attributes import check_unit
-from scene.catalogue import AssetPool
+from scene.catalogue import AssetPool, check_pool
 from scene.classes import CLASS_NAMES
 from scene.dataset import Dataset, street_of
 from scene.formats import description
@@ -30,8 +31,6 @@ from scene.proposal import Proposal
 from scene.render import RenderSettings, check_settings, renderer
 from scene.workers import WorkerPool
 
-MANIFEST = "assets.csv"
-"""Authors and licences of the user's own assets; it goes wherever their pictures go."""
 BLOCK = 4096
 """Bytes that disks give out at a time."""
 MARGIN = 1.2
@@ -115,9 +114,9 @@ def export_dataset(
     check_settings(settings)
     layout(format)
     renderer(renderer_name)
+    pool = check_pool(pool or AssetPool())
     plan = Plan(
-        Path(folder), format, split, images, shots, seed, settings, renderer_name,
-        pool or AssetPool(),
+        Path(folder), format, split, images, shots, seed, settings, renderer_name, pool
     )  # fmt: skip
     wanted = _settings(plan, units, proposal)
     if not _complete(plan.folder, wanted):
@@ -204,17 +203,13 @@ def _summarize(plan: Plan, streets: int, scratch: Path) -> dict[str, Any]:
     for name, path in kind_of.summaries(plan.split).items():
         text = kind_of.summary_text(name, plan.split, images, size)
         write(plan.folder / path, text, scratch)
-    licences: Any = []
-    own = getattr(plan.pool, "own", None)
-    if own:
-        licences = import_module("scene.library").manifest(Path(own))
-        listing = Path(own) / MANIFEST
-        if listing.exists():
-            write(plan.folder / MANIFEST, listing.read_bytes(), scratch)
+    if _own_folder(plan.pool):
+        # Authors and licences go wherever the pictures of their assets go.
+        listing = Path(plan.pool.own) / library.MANIFEST
+        write(plan.folder / library.MANIFEST, listing.read_bytes(), scratch)
     found = {
         **read_json(plan.folder / WORK / "settings.json"),
         "encodings": description.ENCODINGS,
-        "licences": description.plain(licences),
         **description.outcome(records(), size[0] * size[1]),
     }
     write(plan.folder / DESCRIPTION, json_text(found), scratch)
@@ -232,10 +227,26 @@ def _settings(plan: Plan, units: np.ndarray, proposal: Proposal | None) -> dict[
         "seed": plan.seed,
         "renderer": plan.renderer,
         "render": description.plain(plan.settings),
-        "assets": description.plain(plan.pool),
+        "assets": {**plan.pool._asdict(), "own": Path(plan.pool.own).name},
+        "own_assets": _own_assets(plan.pool),
         "attributes": None if proposal is None else description.attribute_entry(proposal),
         "streets": description.street_entries(units),
     }
+
+
+def _own_folder(pool: AssetPool) -> str:
+    """The folder of own assets, if any of them may appear."""
+    return "" if pool.use == "built-in" else pool.own
+
+
+def _own_assets(pool: AssetPool) -> list[dict[str, Any]]:
+    """What the manifest says of every own asset, and a checksum, since a file may be exchanged."""
+    folder = _own_folder(pool)
+    rows = library.manifest(folder) if folder else ()
+    return [
+        {**row._asdict(), "crc32": zlib.crc32((Path(folder) / row.file).read_bytes())}
+        for row in rows
+    ]
 
 
 def _complete(folder: Path, wanted: dict[str, Any]) -> bool:

@@ -10,9 +10,8 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
-from scene.catalogue import AssetPool
+from scene.catalogue import USES, AssetPool
 from scene.command import Parser, duration, end_line, show, size
 from scene.export import export_dataset
 from scene.formats.files import read_json
@@ -47,8 +46,13 @@ def parser() -> Parser:
     add("--shots", type=int, default=6, help="images per street")
     add("--samples", type=int, default=2, help="rays per pixel along each axis")
     add("--renderer", choices=RENDERERS, default="embree")
-    add("--assets", type=Path, help="folder of your own assets")
-    add("--asset-use", choices=("both", "own", "built-in"), default="both")
+    add(
+        "--assets",
+        default="",
+        metavar="DIR",
+        help="folder of your own assets, see scene/library.py",
+    )
+    add("--asset-use", choices=USES, default="both", help="which assets may appear")
     add("--asset-fraction", type=float, default=1.0, help="share of the assets that is used")
     return options
 
@@ -69,22 +73,6 @@ def proposal(source: str) -> Proposal:
     except ValueError as error:
         where = "" if str(error).startswith(source) else f"{source}: "
         raise ValueError(f"{where}{error}") from None
-
-
-def pool(assets: Path | None, use: str, fraction: float) -> AssetPool:
-    """The assets to draw from.
-
-    Raises:
-        ValueError: options out of range, or that do not go together.
-    """
-    if not 0 < fraction <= 1:
-        raise ValueError(f"--asset-fraction must lie in (0, 1], not {fraction}")
-    if assets is None:
-        if use == "own":
-            raise ValueError("--asset-use own needs --assets DIR")
-        return AssetPool(fraction=fraction)
-    fields: dict[str, Any] = {"own": str(assets), "use": use}
-    return AssetPool(fraction=fraction, **fields)
 
 
 def reporter() -> Callable[[int, int, int], None]:
@@ -128,7 +116,9 @@ def main(arguments: list[str] | None = None) -> int:
             format=options.format,
             split=options.split,
             renderer_name=options.renderer,
-            pool=pool(options.assets, options.asset_use, options.asset_fraction),
+            pool=AssetPool(
+                fraction=options.asset_fraction, own=options.assets, use=options.asset_use
+            ),
             proposal=chosen,
             workers=options.workers,
             progress=reporter(),

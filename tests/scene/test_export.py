@@ -1,0 +1,367 @@
+"""Exports: the same bytes however they come about, and nothing lost or overwritten."""
+
+import errno
+import itertools
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from scene import export
+from scene.attributes import NAMES
+from scene.catalogue import AssetPool
+from scene.export import ExportError, export_dataset, read_dataset
+from scene.formats import files
+from scene.formats.layout import FORMATS
+from scene.proposal import draw, random_proposal
+from scene.render import RenderSettings
+from scene.render.__main__ import main
+
+ROOT = Path(__file__).resolve().parents[2]
+TINY = RenderSettings(width=64, height=48)
+UNITS = draw(random_proposal(), 5, 3)
+
+
+def run(folder, **changes):
+    options = {
+        "shots": 2, "images": 5, "settings": TINY, "pool": AssetPool(0, 3),
+        "proposal": random_proposal(),
+    }  # fmt: skip
+    return export_dataset(changes.pop("units", UNITS), 7, folder, **{**options, **changes})
+
+
+def tree(folder):
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module", params=FORMATS)
+def unbroken(request, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("unbroken") / "dataset"
+    run(folder, format=request.param)
+    return folder
+
+
+@pytest.fixture
+def format(unbroken):
+    return json.loads((unbroken / "dataset.json").read_text())["format"]
+
+
+def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
+    found = json.loads((unbroken / "dataset.json").read_text())
+    assert found["images"] == 5 and found["shots"] == 2 and found["seed"] == 7
+    assert found["render"]["width"] == 64 and found["render"]["response"]
+    assert found["renderer"] == "embree" and found["split"] == "train"
+    assert found["assets"]["size"] == 3 and found["own_assets"] == []
+    np.testing.assert_array_equal(np.array(found["streets"], np.float32), UNITS)
+    assert found["attributes"]["car_position"] == {"centre": 0.5, "width": 1.0}
+    assert list(found["attributes"]) == list(NAMES)
+    assert found["versions"]["numpy"] == np.__version__
+    dataset = read_dataset(unbroken)
+    share = np.bincount(dataset.labels.ravel(), minlength=19) / dataset.labels.size
+    np.testing.assert_allclose(list(found["class_frequency"].values()), share, atol=1e-9)
+    containing = [int((dataset.labels == k).any(axis=(1, 2)).sum()) for k in range(19)]
+    assert list(found["images_with_class"].values()) == containing
+    np.testing.assert_allclose(found["mean_rgb"], dataset.images.mean(axis=(0, 1, 2)), atol=1e-3)
+    assert found["placed"]["building"] > 0
+    assert not (unbroken / ".export").exists()
+
+
+def test_files_do_not_depend_on_the_number_of_workers(unbroken, format, tmp_path):
+    run(tmp_path / "a", format=format, workers=2)
+    assert tree(tmp_path / "a") == tree(unbroken)
+
+
+@pytest.mark.parametrize("writes", [0, 1, 4, 13, 22, 30])
+def test_an_export_cut_short_anywhere_continues_to_the_same_files(
+    unbroken, format, writes, tmp_path, monkeypatch
+):
+    left = iter(range(writes))
+    real = os.replace
+
+    def cut(source, target):
+        if next(left, None) is None:
+            os.rename(source, f"{source}.left")  # a kill would not have tidied up
+            raise KeyboardInterrupt
+        real(source, target)
+
+    monkeypatch.setattr(files.os, "replace", cut)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "a", format=format)
+    monkeypatch.undo()
+    assert not (tmp_path / "a" / "dataset.json").exists()
+    seen = []
+    run(tmp_path / "a", format=format, progress=lambda *state: seen.append(state))
+    assert tree(tmp_path / "a") == tree(unbroken)
+    assert [done for done, _, _ in seen] == sorted(done for done, _, _ in seen)
+    assert seen[-1][:2] == (5, 5) and all(images == 5 for _, images, _ in seen)
+
+
+def test_finished_streets_are_not_rendered_again(tmp_path, monkeypatch):
+    rendered = []
+    real = export._export_street
+
+    def street(plan, index, unit):
+        if index == 2 and len(rendered) == 2:
+            rendered.append("cut")
+            raise KeyboardInterrupt
+        rendered.append(index)
+        return real(plan, index, unit)
+
+    monkeypatch.setattr(export, "_export_street", street)
+    with pytest.raises(KeyboardInterrupt):
+        run(tmp_path / "a")
+    # A file that lost its end, as when the power goes, is made again.
+    victim = next((tmp_path / "a" / "depth").rglob("scenex_000001_000000*"))
+    victim.write_bytes(victim.read_bytes()[:50])
+    run(tmp_path / "a")
+    assert rendered == [0, 1, "cut", 1, 2]
+
+
+def test_a_complete_export_is_left_alone(unbroken, format):
+    before = {path: path.stat().st_mtime_ns for path in unbroken.rglob("*")}
+    (unbroken / ".export" / "parts").mkdir(parents=True)  # a kill came before it was removed
+    assert run(unbroken, format=format)["images"] == 5
+    after = {path: path.stat().st_mtime_ns for path in unbroken.rglob("*") if path.is_file()}
+    assert after == {path: t for path, t in before.items() if path.is_file()}
+    assert not (unbroken / ".export").exists()
+
+
+@pytest.mark.parametrize("finished", [True, False])
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"settings": TINY._replace(width=72)}, "render.width = 64, not 72"),
+        ({"shots": 3, "images": 7}, "images = 5, not 7"),
+        ({"format": "coco"}, "format = cityscapes, not coco"),
+        ({"split": "val"}, "split = train, not val"),
+        ({"pool": AssetPool(0, 3, 0.5)}, "assets.fraction = 1.0, not 0.5"),
+        ({"units": UNITS[::-1]}, "other streets"),
+        ({"proposal": None}, "other attributes|attributes = "),
+    ],
+)
+def test_an_export_of_other_settings_is_kept(changes, message, finished, tmp_path, monkeypatch):
+    folder = tmp_path / "a"
+    if finished:
+        run(folder)
+    else:
+        monkeypatch.setattr(export, "_summarize", lambda *_: {})
+        run(folder)
+        monkeypatch.undo()
+    before = tree(folder)
+    with pytest.raises(ExportError, match=f"{folder} holds an export with .*({message})"):
+        run(folder, **changes)
+    assert tree(folder) == before
+
+
+def test_other_folders_are_kept(tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    with pytest.raises(ExportError, match="holds other files and no export"):
+        run(tmp_path)
+    with pytest.raises(ExportError, match="is a file"):
+        run(tmp_path / "notes.txt")
+    assert tree(tmp_path) == {"notes.txt": b"mine"}
+
+
+def test_a_second_process_is_kept_out(tmp_path):
+    def second(done, images, written):
+        with pytest.raises(ExportError, match="in use by another export"):
+            run(tmp_path / "a")
+
+    run(tmp_path / "a", progress=second)
+
+
+def test_a_full_disk_is_named_and_the_same_call_continues(tmp_path, monkeypatch):
+    count = itertools.count()
+
+    class Full:
+        def __init__(self, file):
+            self.file = file
+
+        def __enter__(self):
+            return self
+
+        def __exit__(self, *_):
+            self.file.close()
+
+        def __getattr__(self, name):
+            return getattr(self.file, name)
+
+        def write(self, data):
+            if next(count) >= 27:  # in the second street
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            return self.file.write(data)
+
+    monkeypatch.setattr(files, "open", lambda *a: Full(open(*a)), raising=False)
+    with pytest.raises(OSError) as caught:
+        run(tmp_path / "a")
+    assert caught.value.errno == errno.ENOSPC
+    assert Path(caught.value.filename).is_relative_to(tmp_path / "a")
+    assert not Path(caught.value.filename).exists()
+    assert not list((tmp_path / "a" / ".export" / "parts").iterdir())
+    assert len(list((tmp_path / "a" / ".export" / "streets").iterdir())) == 1
+    monkeypatch.undo()
+    run(tmp_path / "a")
+    run(tmp_path / "b")
+    assert tree(tmp_path / "a") == tree(tmp_path / "b")
+
+
+def test_too_small_a_disk_is_refused_before_anything_is_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(
+        export.shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(10**9, 10**9, 100_000)
+    )
+    with pytest.raises(ExportError, match=r"about 0\.0 GB are needed and 0\.0 GB are free"):
+        run(tmp_path / "deep" / "a")
+    assert list(tmp_path.iterdir()) == []
+    monkeypatch.undo()
+    need = sum(-(-len(data) // 4096) * 4096 for data in tree(run_to(tmp_path / "a")).values())
+    monkeypatch.setattr(
+        export.shutil, "disk_usage", lambda path: shutil._ntuple_diskusage(0, 0, 2 * need)
+    )
+    run(tmp_path / "b")  # the estimate is not twice what it takes
+
+
+def run_to(folder):
+    run(folder)
+    return folder
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"units": np.zeros((2, 22))}, "23 values"),
+        ({"units": np.full((3, 23), np.nan)}, "illumination_intensity is nan"),
+        ({"units": np.zeros((0, 23))}, r"shape \[streets, 23\]"),
+        ({"shots": 0}, "shots per street must be 1 or more"),
+        ({"images": 7}, "7 images do not fit 3 streets of 2 shots"),
+        ({"images": 4}, "4 images do not fit 3 streets"),
+        ({"split": "test"}, "unknown split 'test'; known: train, val"),
+        ({"format": "voc"}, "unknown format 'voc'"),
+        ({"renderer_name": "povray"}, "unknown renderer"),
+        ({"pool": AssetPool(use="own")}, "needs a folder of own assets"),
+    ],
+)
+def test_bad_arguments_are_refused_by_name(changes, message, tmp_path):
+    with pytest.raises(ValueError, match=message):
+        run(tmp_path / "a", **changes)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_own_assets_travel_with_their_licences(tmp_path):
+    own = tmp_path / "assets"
+    (own / "car").mkdir(parents=True)
+    faces = [(1, 2, 3), (1, 3, 4), (5, 7, 6), (5, 8, 7), (1, 5, 6), (1, 6, 2)]
+    faces += [(2, 6, 7), (2, 7, 3), (3, 7, 8), (3, 8, 4), (4, 8, 5), (4, 5, 1)]
+    corners = itertools.product((0, 1.5), (-0.9, 0.9), (-2, 2))
+    order = [0, 1, 3, 2, 4, 5, 7, 6]
+    corners = [(x, z, y) for z, y, x in corners]
+    lines = ["v {} {} {}".format(*corners[i]) for i in order]
+    lines += ["f {} {} {}".format(*face) for face in faces]
+    (own / "car" / "box.obj").write_text("\n".join(lines))
+    (own / "assets.csv").write_text(
+        "file,author,licence,source,up\ncar/box.obj,Ada,CC0-1.0,made by hand,z\n"
+    )
+    found = run(tmp_path / "a", pool=AssetPool(0, 3, own=str(own)))
+    [entry] = found["own_assets"]
+    assert entry["author"] == "Ada" and entry["licence"] == "CC0-1.0"
+    assert found["assets"]["own"] == "assets"
+    assert (tmp_path / "a" / "assets.csv").read_bytes() == (own / "assets.csv").read_bytes()
+    (own / "car" / "box.obj").write_text("# another\n" + "\n".join(lines))
+    with pytest.raises(ExportError, match="other own_assets"):
+        run(tmp_path / "a", pool=AssetPool(0, 3, own=str(own)))
+
+
+def command(*arguments):
+    return main(["--images", "2", "--size", "64x48", "--workers", "0", *map(str, arguments)])
+
+
+def test_the_command_line_exports_and_reports(tmp_path, capsys):
+    assert command("--out", tmp_path / "a", "--attributes", "random", "--shots", 1) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("[  0 %] 0 of 2 images | 0.0 MB")
+    assert lines[1].startswith("[ 50 %] 1 of 2 images | ") and lines[1].endswith(" left")
+    assert "2 images in " in lines[-1] and "dataset.json" in lines[-1]
+    stored = json.loads((tmp_path / "a" / "dataset.json").read_text())
+    attributes = {name: stored["attributes"][name] for name in NAMES}
+    (tmp_path / "attributes.json").write_text(json.dumps(attributes))
+    file = tmp_path / "attributes.json"
+    assert command("--out", tmp_path / "b", "--attributes", file, "--shots", 1) == 0
+    assert tree(tmp_path / "a") == tree(tmp_path / "b")
+
+
+BAD = {
+    "--images 0": "--images must lie in 1..10,000,000, not 0",
+    "--size 0x48": "image size 0x48 is too small",
+    "--size 10000x10000": "image size 10000x10000 is over 50,000,000 pixels",
+    "--size 64": "argument --size: must look like 640x320, not '64'",
+    "--seed -1": "--seed must be 0 or more, not -1",
+    "--shots 0": "--shots must be 1 or more, not 0",
+    "--workers -1": "--workers must be 0 or more",
+    "--samples 99": "samples must lie in 1..8",
+    "--format voc": "invalid choice: 'voc'",
+    "--split test": "invalid choice: 'test'",
+    "--asset-fraction 0": "asset fraction must lie in (0, 1], not 0.0",
+    "--asset-fraction nan": "asset fraction must lie in (0, 1], not nan",
+    "--assets nowhere": "nowhere is not there",
+    "--attributes nowhere.json": "nowhere.json",
+    "--attributes garbled.json": "garbled.json is no JSON file",
+    "--attributes list.json": "list.json: expected a JSON object",
+    "--attributes unknown.json": "unknown.json: unknown attribute 'car_speed'",
+    "--attributes outside.json": "outside.json: attribute car_position is 1.01",
+    "--attributes nan.json": "nan.json is no JSON file: NaN",
+}
+
+
+@pytest.mark.parametrize("flags", BAD)
+def test_bad_input_is_one_line_and_exit_code_two(flags, tmp_path, capsys, monkeypatch):
+    values = dict.fromkeys(NAMES, 0.5)
+    for name, text in {
+        "garbled": '{"car_position": ',
+        "list": "[]",
+        "unknown": json.dumps({**values, "car_speed": 0.5}),
+        "outside": json.dumps({**values, "car_position": 1.01}),
+        "nan": json.dumps({**values, "car_position": float("nan")}),
+    }.items():
+        (tmp_path / f"{name}.json").write_text(text)
+    monkeypatch.chdir(tmp_path)
+    before = tree(tmp_path)
+    with pytest.raises(SystemExit) as caught:
+        command("--out", "a", *flags.split())
+    assert caught.value.code == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and BAD[flags] in error
+    assert tree(tmp_path) == before
+
+
+@pytest.mark.slow
+def test_killed_at_random_moments_and_continued_gives_the_same_files(tmp_path):
+    arguments = [
+        sys.executable, "-m", "scene.render", "--images", "8", "--size", "96x64", "--shots", "2",
+        "--workers", "2", "--seed", "3", "--out",
+    ]  # fmt: skip
+    broken, whole = tmp_path / "broken", tmp_path / "whole"
+    subprocess.run([*arguments, str(whole)], check=True, cwd=ROOT, capture_output=True)
+    rng = np.random.default_rng(0)
+    for files_wanted in np.sort(rng.integers(1, 75, 3)):
+        process = subprocess.Popen(
+            [*arguments, str(broken)], cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE
+        )
+        while process.poll() is None:
+            if sum(1 for p in broken.rglob("*.*") if p.is_file()) >= files_wanted:
+                process.send_signal(signal.SIGKILL)
+                break
+            time.sleep(0.002)
+        assert process.wait() == -signal.SIGKILL, process.stderr.read()
+    assert not (broken / "dataset.json").exists()
+    subprocess.run([*arguments, str(broken)], check=True, cwd=ROOT, capture_output=True)
+    assert tree(broken) == tree(whole)
