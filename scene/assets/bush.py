@@ -1,69 +1,123 @@
-"""Bushes (class vegetation): lumpy bodies of leaves with loose leaves around them."""
+"""Bushes (class vegetation): clipped hedges, loose shrubs, climbers, planted beds and tall grass."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 
-from scene.asset import Asset, Color, merge, shade, solid, vary
-from scene.assets._foliage import GREENS, clump, directions, leaf_cards
+from scene.asset import Asset, Color, box, merge, shade, solid, triangles, vary
+from scene.assets._foliage import AUTUMNS, GREENS, IVY, directions, leaf_cards, slivers, tufts
 
-KINDS: tuple[str, ...] = ("hedge", "round", "ivy", "tall")
+KINDS: tuple[str, ...] = (
+    "hedge", "round", "ivy", "tall", "bare", "beech hedge", "planter", "grass", "flowers",
+    "box balls", "laurel", "bramble",
+)  # fmt: skip
+
+PETALS: tuple[Color, ...] = (
+    (0.55, 0.05, 0.06), (0.60, 0.45, 0.05), (0.50, 0.12, 0.35), (0.62, 0.60, 0.55),
+)  # fmt: skip
 
 
 class BushParams(NamedTuple):
-    """A box of leaves, or lumps of leaves on the ground."""
+    """A body of one ``form`` and what grows on or out of it."""
 
+    form: str  # "box", "mounds", "stems", "blades" or "trough"
     length: float  # along x, m
     width: float  # along y, m
     height: float  # m
-    lumps: int  # blobs side by side; 0 for a clipped box
-    cards: int  # loose leaves on the surface
-    card: float  # size of a loose leaf, m
+    parts: int  # mounds, stems or blades
+    leaves: int  # loose leaves on the surface
+    leaf: float  # size of a leaf, m
     color: Color
+    bloom: Color  # petals, wood of bare stems, or the trough
+    blooms: int  # petals on the surface
     seed: int
 
 
 def sample_bush(rng: np.random.Generator, kind: str) -> BushParams:
     """Draw a bush of one of ``KINDS``."""
-    size = float(rng.uniform(0.8, 1.6))
+    between = rng.uniform
+    size = float(between(0.9, 1.7))
     round_ = BushParams(
-        length=size, width=size, height=size * float(rng.uniform(0.7, 0.95)), lumps=3, cards=60,
-        card=0.22, color=vary(rng, GREENS[rng.integers(len(GREENS))], 0.3),
+        form="mounds", length=size, width=size, height=size * float(between(0.7, 0.95)), parts=5,
+        leaves=900, leaf=0.11, color=vary(rng, GREENS[rng.integers(len(GREENS))], 0.3),
+        bloom=vary(rng, PETALS[rng.integers(len(PETALS))], 0.2), blooms=0,
         seed=int(rng.integers(2**31)),
+    )  # fmt: skip
+    hedge = round_._replace(
+        form="box", length=float(between(2.8, 4.2)), width=float(between(0.6, 1.0)),
+        height=float(between(0.9, 1.9)), parts=0, leaves=1500, leaf=0.1,
     )  # fmt: skip
     match kind:
         case "round":
             return round_
         case "hedge":
-            return round_._replace(
-                length=float(rng.uniform(2.5, 4.0)), width=float(rng.uniform(0.6, 1.0)),
-                height=float(rng.uniform(0.9, 1.9)), lumps=0, cards=55, card=0.2,
-            )  # fmt: skip
+            return hedge
         case "ivy":
             return round_._replace(
-                length=float(rng.uniform(1.8, 3.0)), width=0.6, height=float(rng.uniform(0.6, 1.2)),
-                lumps=4, cards=65, card=0.3, color=vary(rng, (0.03, 0.055, 0.02), 0.3),
+                length=float(between(2.4, 3.8)), width=0.7, height=float(between(1.2, 2.2)),
+                parts=7, leaves=1300, leaf=0.15, color=vary(rng, IVY, 0.3),
             )  # fmt: skip
         case "tall":
             return round_._replace(
-                length=float(rng.uniform(1.0, 1.6)), width=float(rng.uniform(0.9, 1.3)),
-                height=float(rng.uniform(1.8, 2.4)), lumps=4, cards=65, card=0.28,
+                length=float(between(0.9, 1.4)), width=float(between(0.9, 1.2)),
+                height=float(between(1.8, 2.4)), parts=7, leaves=1100,
+            )  # fmt: skip
+        case "bare":
+            return round_._replace(
+                form="stems", parts=130, leaves=0, height=float(between(1.2, 2.1)),
+                bloom=vary(rng, (0.13, 0.06, 0.04), 0.35),
+            )  # fmt: skip
+        case "beech hedge":
+            return hedge._replace(
+                color=vary(rng, AUTUMNS[1 + rng.integers(3)], 0.3), height=float(between(1.5, 2.3))
+            )
+        case "planter":
+            return round_._replace(
+                form="trough", length=float(between(1.2, 2.2)), width=float(between(0.5, 0.8)),
+                height=float(between(0.8, 1.2)), parts=4, leaves=500, blooms=120,
+            )  # fmt: skip
+        case "grass":
+            return round_._replace(
+                form="blades", length=float(between(1.0, 2.6)), width=float(between(0.6, 1.2)),
+                height=float(between(0.7, 1.3)), parts=900, leaves=0,
+                color=vary(rng, (0.21, 0.19, 0.085), 0.3),
+            )  # fmt: skip
+        case "flowers":
+            return round_._replace(
+                length=float(between(1.8, 3.4)), width=float(between(0.8, 1.3)), parts=9,
+                height=float(between(0.4, 0.7)), leaves=700, leaf=0.09, blooms=420,
+            )  # fmt: skip
+        case "box balls":
+            return round_._replace(
+                length=float(between(2.0, 3.4)), width=0.9, height=float(between(0.7, 1.0)), parts=3,
+                leaves=1200, leaf=0.06, color=vary(rng, (0.065, 0.085, 0.04), 0.25),
+            )  # fmt: skip
+        case "laurel":
+            return round_._replace(
+                length=float(between(2.0, 3.2)), width=float(between(1.0, 1.6)), parts=8,
+                height=float(between(1.3, 2.0)), leaf=0.19, color=vary(rng, (0.085, 0.11, 0.05), 0.2),
+            )  # fmt: skip
+        case "bramble":
+            return round_._replace(
+                form="stems", length=float(between(1.8, 3.2)), width=float(between(1.0, 1.8)),
+                height=float(between(0.8, 1.4)), parts=110, leaves=420, leaf=0.12,
+                bloom=vary(rng, (0.11, 0.05, 0.04), 0.2),
             )  # fmt: skip
     raise ValueError(f"unknown kind of bush {kind!r}; known: {', '.join(KINDS)}")
 
 
-def _hedge(rng: np.random.Generator, params: BushParams) -> Asset:
-    """A clipped box whose faces are uneven: rings around the length, closed at both ends."""
+def _box(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
+    """A clipped box whose faces are uneven, and points on its surface."""
     p = params
-    outline = np.array([[-1, 0], [-1, 0.55], [-0.85, 1], [0.85, 1], [1, 0.55], [1, 0]])
-    stations, n = 8, len(outline)
+    outline = np.array([[-1, 0], [-1.02, 0.5], [-0.97, 0.93], [-0.8, 1], [0.8, 1], [0.97, 0.93],
+                        [1.02, 0.5], [1, 0]])  # fmt: skip
+    stations, n = 12, len(outline)
     vertices = np.empty((stations, n, 3))
     vertices[..., 0] = np.linspace(-p.length / 2, p.length / 2, stations)[:, None]
-    vertices[..., 1:] = outline * [p.width / 2, p.height]
-    uneven = rng.normal(0, 0.06, vertices.shape)
+    vertices[..., 1:] = outline * [p.width / 2, 0.97 * p.height]
+    uneven = rng.normal(0, 0.035, vertices.shape)
     uneven[:, [0, -1], 2] = 0
     ring, edge = np.mgrid[0 : stations - 1, 0 : n - 1].reshape(2, -1) * [[n], [1]]
     a = ring + edge
@@ -71,40 +125,102 @@ def _hedge(rng: np.random.Generator, params: BushParams) -> Asset:
     faces = [np.column_stack([a, a + 1, a + n + 1]), np.column_stack([a, a + n + 1, a + n])]
     faces += [fan, fan + (stations - 1) * n]
     body = solid((vertices + uneven).reshape(-1, 3), np.concatenate(faces), p.color, "foliage")
-    return shade(body, rng.uniform(0.7, 1.3, len(body.color)))
-
-
-def _lumps(rng: np.random.Generator, params: BushParams) -> list[Asset]:
-    """Blobs side by side, the first the highest."""
-    p = params
-    blobs = []
-    for i in range(p.lumps):
-        share = 1.0 if i == 0 else float(rng.uniform(0.5, 0.85))
-        along, across = rng.uniform(-0.3, 0.3, 2) * (i > 0)
-        centre = (float(along) * p.length, float(across) * p.width, 0.45 * share * p.height)
-        radii = (0.34 * p.length, 0.4 * p.width, 0.5 * share * p.height)
-        blobs.append(clump(rng, centre, radii, p.color))
-    return blobs
-
-
-def _surface_points(rng: np.random.Generator, params: BushParams) -> np.ndarray:
-    """Points [cards, 3] on the upper surface of the bush."""
-    p = params
-    unit = directions(rng, p.cards)
+    unit = directions(rng, p.leaves)
     unit[:, 2] = np.abs(unit[:, 2])
-    if not p.lumps:
-        unit /= np.abs(unit).max(axis=1, keepdims=True)
-        unit[:, 0] = rng.uniform(-1, 1, p.cards)
-    return unit * [p.length / 2, p.width / 2, p.height - p.card / 2]
+    unit /= np.abs(unit).max(axis=1, keepdims=True)
+    ends = np.abs(unit[:, 0]) == 1
+    unit[~ends, 0] = rng.uniform(-1, 1, (~ends).sum())
+    return (
+        shade(body, rng.uniform(0.45, 0.75, len(body.color))),
+        unit * [p.length / 2, p.width / 2, p.height - p.leaf / 2],
+    )
+
+
+def _mounds(rng: np.random.Generator, params: BushParams, foot: float) -> tuple[Asset, np.ndarray]:
+    """Dark lumps side by side, and points on and under their surface."""
+    p = params
+    n = p.parts
+    along = (np.linspace(-1, 1, n) if n > 1 else np.zeros(1)) * (1 - 1 / n) * 0.9
+    share = rng.uniform(0.65, 1.0, n)
+    share[n // 2] = 1.0
+    tall = (p.height - foot) * share
+    radii = np.column_stack([np.full(n, max(0.62 * p.length / n, 0.3 * p.width)),
+                             np.full(n, 0.42 * p.width), 0.5 * tall])  # fmt: skip
+    radii[:, 0] = np.minimum(radii[:, 0], 0.5 * p.length)
+    off = rng.uniform(-0.12, 0.12, n) * p.width
+    centres = np.column_stack(
+        [along * (p.length / 2 - radii[:, 0]).clip(0), off, foot + 0.5 * tall]
+    )
+    per = -(-p.leaves // n)
+    unit = directions(rng, n * per) * rng.uniform(0.8, 1.0, (n * per, 1))
+    points = np.repeat(centres, per, 0) + unit * np.repeat(radii, per, 0)
+    core = directions(rng, n * 60)
+    lumps = leaf_cards(
+        rng, np.repeat(centres, 60, 0) + 0.6 * core * np.repeat(radii, 60, 0), 0.5 * p.width / 1.6,
+        p.color, 0.5,
+    )  # fmt: skip
+    return lumps, points
+
+
+def _stems(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
+    """Stems that spread from the ground, side twigs along them, and points where leaves sit."""
+    p = params
+    half = np.array([p.length, p.width]) / 2
+    foot = np.column_stack([rng.uniform(-0.45, 0.45, (p.parts, 2)) * half, np.zeros(p.parts)])
+    tip = directions(rng, p.parts) * [0.9 * half[0], 0.9 * half[1], 0]
+    tip[:, 2] = p.height * rng.uniform(0.55, 1.0, p.parts)
+    share = rng.uniform(0.3, 0.9, (3 * p.parts, 1))
+    knots = np.repeat(foot, 3, 0) * (1 - share) + np.repeat(tip, 3, 0) * share
+    side = knots + directions(rng, len(knots)) * 0.3 + [0, 0, 0.12]
+    side = np.clip(side, [-half[0], -half[1], 0.05], [half[0], half[1], p.height])
+    wood = merge(slivers(rng, foot, tip, 0.05, p.bloom), slivers(rng, knots, side, 0.022, p.bloom))
+    points = side[rng.integers(len(side), size=p.leaves)]
+    return wood, points
+
+
+def _blades(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:
+    """Blades of tall grass that lean outwards, darker at the foot of the tuft."""
+    p = params
+    half = np.array([p.length, p.width]) / 2
+    foot = np.column_stack([rng.uniform(-0.75, 0.75, (p.parts, 2)) * half, np.zeros(p.parts)])
+    lean = np.clip(foot[:, :2] + rng.normal(0, 0.16, (p.parts, 2)), -half, half)
+    tip = np.column_stack([lean, p.height * rng.uniform(0.5, 1.0, p.parts)])
+    side = directions(rng, p.parts) * [0.025, 0.025, 0]
+    blades = triangles(np.stack([foot - side, foot + side, tip], 1), p.color, "foliage")
+    return shade(blades, rng.uniform(0.4, 1.6, p.parts)), np.empty((0, 3))
 
 
 def bush(params: BushParams) -> Asset:
     """Build the bush."""
-    rng = np.random.default_rng(params.seed)
-    body = _lumps(rng, params) if params.lumps else [_hedge(rng, params)]
-    cards = leaf_cards(rng, _surface_points(rng, params), params.card, params.color)
-    whole = merge(*body, cards)
+    p = params
+    rng = np.random.default_rng(p.seed)
+    parts = []
+    match p.form:
+        case "box":
+            body, points = _box(rng, p)
+        case "stems":
+            body, points = _stems(rng, p)
+        case "blades":
+            body, points = _blades(rng, p)
+        case "trough":
+            trough = 0.45 * p.height
+            body, points = _mounds(rng, p, trough - 0.05)
+            parts.append(
+                box((p.length, p.width, trough), (0, 0, 0), (0.20, 0.18, 0.15), "concrete")
+            )
+        case _:
+            body, points = _mounds(rng, p, 0.0)
+    parts.append(body)
+    if len(points):
+        # Leaves low on the body lie in its own shadow.
+        tone = 0.55 + 0.75 * np.clip(points[:, 2] / p.height, 0, 1)
+        parts.append(leaf_cards(rng, points, p.leaf, p.color, tone))
+    if p.blooms:
+        high = points[np.argsort(points[:, 2])[-len(points) // 2 :]]
+        chosen = high[rng.integers(len(high), size=p.blooms // 4)]
+        parts.append(tufts(rng, chosen + [0, 0, 0.04], 0.08, 4, 0.09, p.bloom))
+    whole = merge(*parts)
     # What would be below the ground lies on it.
-    vertices = np.maximum(whole.mesh.vertices, [-np.inf, -np.inf, 0])
-    mesh = trimesh.Trimesh(vertices, whole.mesh.faces, process=False)
+    mesh = whole.mesh.copy()
+    mesh.vertices = np.maximum(whole.mesh.vertices, [-np.inf, -np.inf, 0])
     return whole._replace(mesh=mesh)

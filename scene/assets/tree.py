@@ -1,4 +1,9 @@
-"""Trees: a recursively branching skeleton, and leaves as ragged clumps and loose cards."""
+"""Trees: wood that forks from the trunk down to twigs, and leaves in tufts at its ends.
+
+A tree grows one generation at a time: limbs leave the trunk, branches the limbs, shoots the branches and
+twigs the shoots. How long the limbs are at each height (the crown's outline), how steeply they leave and
+how they bend make the species; how many of the twigs carry a tuft makes the season.
+"""
 
 from __future__ import annotations
 
@@ -6,219 +11,331 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, merge, triangles, tube, vary
-from scene.assets._foliage import GREENS, clump, directions, leaf_cards
+from scene.asset import Asset, Color, merge, translate, tube, vary
+from scene.assets._foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
 
 KINDS: tuple[str, ...] = (
-    "round", "poplar", "bare", "spreading", "conifer", "half bare", "young", "bare broad",
+    "bare lime", "plane", "half bare", "conifer", "bare broad", "poplar", "pollard", "willow",
+    "young", "birch", "spreading", "bare poplar", "autumn", "ivied", "pine", "young bare",
+    "cypress", "bare vase",
 )  # fmt: skip
 
-BROWNS: tuple[Color, ...] = ((0.12, 0.07, 0.025), (0.10, 0.085, 0.03), (0.07, 0.075, 0.03))
+GOLDEN = 2.399963
+"""The golden angle: limbs that follow one another around the trunk by it never line up (radians)."""
+TWIG = 0.024
+"""Width of the thinnest twigs, metres: a bundle of real ones, as a camera resolves it."""
+REACH = 7.5
+"""Metres from the foot that no twig goes beyond."""
+TOP = 0.985
+"""Share of the height that wood keeps to, so that leaves end at the height."""
 
 
 class TreeParams(NamedTuple):
-    """A trunk, limbs that fork ``forks`` times, and a crown of clumps and cards."""
+    """A trunk, four generations of wood, and leaves."""
 
     height: float  # m
-    trunk: float  # height of the first limbs, m
+    trunk: float  # height of the first limb, m
     radius: float  # of the trunk at the foot, m
-    crown: float  # radius of the crown, m
+    crown: float  # length of the longest limb, m
+    outline: str  # of the crown: "oval", "cone", "column", "vase" or "top"
+    leader: float  # share of the height that the trunk reaches
     limbs: int  # that leave the trunk
-    forks: int  # generations of branches after the limbs
-    twigs: int  # thin ends of each last branch
-    clumps: int  # blobs of leaves
-    cards: int  # loose leaves: around the blobs, else on the branches, else a cone of them
-    card: float  # size of a loose leaf, m
+    angle: float  # between limb and trunk, degrees
+    lift: float  # how limbs and branches bend up (or down, below 0) on their way
+    forks: tuple[int, int, int]  # branches of a limb, shoots of a branch, twigs of a shoot
+    leafy: float  # share of the shoots that carry a tuft
+    each: int  # leaves in a tuft
+    tuft: float  # radius of a tuft, m
+    leaf: float  # size of a leaf, m
     leaf_color: Color
     bark_color: Color
+    staked: bool  # a young tree between two stakes
+    ivy: int  # leaves of ivy around the trunk
     seed: int
 
 
 def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
     """Draw a tree of one of ``KINDS``."""
-    height = float(rng.uniform(6.0, 10.5))
-    round_ = TreeParams(
-        height=height, trunk=height * float(rng.uniform(0.24, 0.34)),
-        radius=height * float(rng.uniform(0.018, 0.026)),
-        crown=height * float(rng.uniform(0.28, 0.36)),
-        limbs=5, forks=0, twigs=0, clumps=11, cards=200, card=0.45,
-        leaf_color=vary(rng, GREENS[rng.integers(len(GREENS))], 0.25),
-        bark_color=vary(rng, (0.062, 0.050, 0.038), 0.3), seed=int(rng.integers(2**31)),
+    between = rng.uniform
+    tall = float(between(8, 13))
+    green = vary(rng, GREENS[rng.integers(len(GREENS))], 0.25)
+    rust = vary(rng, AUTUMNS[rng.integers(len(AUTUMNS))], 0.25)
+    bark = vary(rng, (0.062, 0.052, 0.043), 0.35)
+    bare = TreeParams(
+        height=tall, trunk=tall * float(between(0.18, 0.28)), radius=0.021 * tall,
+        crown=tall * float(between(0.26, 0.34)), outline="oval", leader=0.9, limbs=15,
+        angle=float(between(42, 55)), lift=0.16, forks=(6, 5, 3), leafy=0.0, each=0, tuft=0.3,
+        leaf=0.2, leaf_color=green, bark_color=bark, staked=False, ivy=0,
+        seed=int(rng.integers(2**31)),
     )  # fmt: skip
-    bare = round_._replace(
-        trunk=height * float(rng.uniform(0.16, 0.26)), limbs=7, forks=2, twigs=5, clumps=0, cards=0,
-        crown=height * float(rng.uniform(0.30, 0.40)),
-    )  # fmt: skip
+    leafy = bare._replace(
+        forks=(5, 3, 0), leafy=float(between(0.75, 0.95)), each=20, tuft=0.44, leaf=0.25
+    )
     match kind:
-        case "round":
-            return round_
-        case "poplar":
-            height = float(rng.uniform(8.5, 12.0))
-            return round_._replace(
-                height=height, trunk=0.12 * height, crown=height * float(rng.uniform(0.11, 0.15)),
-                radius=0.02 * height, clumps=12, limbs=2,
-            )  # fmt: skip
-        case "bare":
+        case "bare lime":
             return bare
-        case "bare broad":
-            return bare._replace(
-                crown=height * float(rng.uniform(0.4, 0.46)), radius=0.032 * height
-            )
-        case "spreading":
-            height = float(rng.uniform(5.0, 8.0))
-            return round_._replace(
-                height=height, trunk=0.33 * height, crown=height * float(rng.uniform(0.42, 0.52)),
-                radius=0.035 * height, clumps=12, card=0.6,
-            )  # fmt: skip
-        case "conifer":
-            return round_._replace(
-                height=float(rng.uniform(6.0, 12.0)), trunk=float(rng.uniform(0.3, 0.8)),
-                crown=float(rng.uniform(1.5, 2.3)), clumps=0, cards=340, card=0.9,
-                limbs=0, leaf_color=vary(rng, (0.022, 0.045, 0.022), 0.25),
+        case "plane":
+            return leafy._replace(
+                outline="oval", crown=0.38 * tall, angle=58.0, leader=0.8,
+                bark_color=vary(rng, (0.16, 0.15, 0.12), 0.2), tuft=0.5,
             )  # fmt: skip
         case "half bare":
             return bare._replace(
-                twigs=2, cards=190, card=0.3,
-                leaf_color=vary(rng, BROWNS[rng.integers(len(BROWNS))], 0.25),
+                forks=(5, 4, 2), leafy=float(between(0.25, 0.4)), each=7, tuft=0.35, leaf=0.17,
+                leaf_color=rust,
+            )  # fmt: skip
+        case "conifer":
+            return leafy._replace(
+                trunk=0.08 * tall, crown=0.24 * tall, outline="cone", leader=1.0, limbs=38,
+                angle=92.0, lift=-0.05, forks=(4, 0, 0), leafy=1.0, each=15, tuft=0.36, leaf=0.26,
+                radius=0.015 * tall, leaf_color=vary(rng, (0.055, 0.072, 0.052), 0.25),
+            )  # fmt: skip
+        case "bare broad":
+            return bare._replace(
+                trunk=0.2 * tall, crown=float(between(0.42, 0.5)) * tall, outline="vase",
+                leader=0.6, limbs=11, angle=62.0, lift=0.2, radius=0.034 * tall, forks=(7, 6, 3),
+            )  # fmt: skip
+        case "poplar":
+            tall = float(between(10, 13.8))
+            return leafy._replace(
+                height=tall, trunk=0.1 * tall, crown=0.19 * tall, outline="column", leader=0.97,
+                limbs=24, angle=20.0, lift=0.1, forks=(4, 2, 0), radius=0.018 * tall, tuft=0.36, each=15,
+            )  # fmt: skip
+        case "pollard":
+            tall = float(between(5, 7.5))
+            return bare._replace(
+                height=tall, trunk=0.5 * tall, crown=0.2 * tall, outline="top", leader=0.62,
+                limbs=9, angle=65.0, lift=0.25, forks=(9, 4, 0), radius=0.04 * tall,
+                bark_color=vary(rng, (0.10, 0.085, 0.065), 0.2),
+            )  # fmt: skip
+        case "willow":
+            tall = float(between(6.5, 9.5))
+            return leafy._replace(
+                height=tall, trunk=0.28 * tall, crown=0.5 * tall, outline="vase", leader=0.6,
+                limbs=12, angle=40.0, lift=-0.35, forks=(7, 5, 0), leafy=1.0, each=6, tuft=0.26,
+                leaf=0.15, leaf_color=vary(rng, (0.22, 0.215, 0.085), 0.2), radius=0.035 * tall,
             )  # fmt: skip
         case "young":
-            height = float(rng.uniform(4.0, 5.5))
-            return round_._replace(
-                height=height, trunk=0.45 * height, radius=0.05, clumps=5, cards=150, card=0.35,
-                crown=height * float(rng.uniform(0.17, 0.23)), limbs=3,
+            tall = float(between(4.2, 6))
+            return leafy._replace(
+                height=tall, trunk=0.42 * tall, crown=0.2 * tall, radius=0.05, limbs=9, each=9,
+                forks=(4, 2, 0), tuft=0.25, leaf=0.14, staked=True,
+            )  # fmt: skip
+        case "birch":
+            return bare._replace(
+                trunk=0.25 * tall, crown=0.25 * tall, angle=36.0, lift=-0.12, leader=1.0, limbs=18,
+                forks=(5, 5, 2), radius=0.013 * tall, leafy=0.3, each=5, leaf=0.12,
+                leaf_color=vary(rng, (0.22, 0.18, 0.04), 0.25),
+                bark_color=vary(rng, (0.42, 0.41, 0.38), 0.1),
+            )  # fmt: skip
+        case "spreading":
+            tall = float(between(5.5, 7.5))
+            return leafy._replace(
+                height=tall, trunk=0.28 * tall, crown=0.62 * tall, outline="vase", leader=0.62,
+                limbs=11, angle=66.0, lift=0.1, radius=0.03 * tall, tuft=0.5, each=20,
+            )  # fmt: skip
+        case "bare poplar":
+            tall = float(between(10.5, 14))
+            return bare._replace(
+                height=tall, trunk=0.14 * tall, crown=0.2 * tall, outline="column", leader=0.97,
+                limbs=24, angle=16.0, lift=0.12, forks=(5, 4, 2), radius=0.018 * tall,
+            )  # fmt: skip
+        case "autumn":
+            return leafy._replace(leaf_color=rust, leafy=0.7, angle=45.0, outline="oval")
+        case "ivied":
+            return bare._replace(ivy=1100, leaf_color=IVY, leaf=0.22, limbs=12, forks=(5, 5, 3))
+        case "pine":
+            return leafy._replace(
+                trunk=0.55 * tall, crown=0.26 * tall, outline="top", leader=0.92, limbs=12,
+                angle=78.0, lift=0.1, forks=(5, 3, 0), leafy=0.8, each=14, tuft=0.36, leaf=0.2,
+                bark_color=vary(rng, (0.20, 0.09, 0.045), 0.2),
+                leaf_color=vary(rng, (0.075, 0.095, 0.062), 0.25),
+            )  # fmt: skip
+        case "young bare":
+            tall = float(between(4.5, 6.5))
+            return bare._replace(
+                height=tall, trunk=0.4 * tall, crown=0.2 * tall, radius=0.045, limbs=9, angle=38.0,
+                forks=(4, 4, 2), staked=True,
+            )  # fmt: skip
+        case "cypress":
+            tall = float(between(5, 9))
+            return leafy._replace(
+                height=tall, trunk=0.05 * tall, crown=0.16 * tall, outline="column", leader=0.97,
+                limbs=30, angle=14.0, forks=(4, 2, 0), leafy=1.0, each=11, tuft=0.28, leaf=0.21,
+                leaf_color=vary(rng, (0.050, 0.066, 0.046), 0.25), radius=0.016 * tall,
+            )  # fmt: skip
+        case "bare vase":
+            tall = float(between(6.5, 9.5))
+            return bare._replace(
+                height=tall, trunk=0.2 * tall, crown=0.62 * tall, outline="vase", leader=0.32,
+                limbs=8, angle=28.0, lift=0.04, forks=(7, 5, 4), radius=0.026 * tall,
+                bark_color=vary(rng, (0.085, 0.050, 0.042), 0.25),
             )  # fmt: skip
     raise ValueError(f"unknown kind of tree {kind!r}; known: {', '.join(KINDS)}")
 
 
-class _Branch(NamedTuple):
-    start: np.ndarray
-    end: np.ndarray
-    radius: float
-    level: int
+def _reach(outline: str, level: np.ndarray) -> np.ndarray:
+    """Length of limbs, as a share of the longest, by ``level`` in the crown (0 foot, 1 top)."""
+    match outline:
+        case "cone":
+            return 1.05 - 0.95 * level
+        case "column":
+            return 0.85 - 0.45 * level**2
+        case "vase":
+            return 1.0 - 0.35 * level
+        case "top":
+            return 0.75 + 0.25 * level
+    return np.sqrt(np.clip(1 - (1.5 * level - 0.55) ** 2, 0.06, 1))
+
+
+class _Wood(NamedTuple):
+    """One generation of branches."""
+
+    lines: np.ndarray  # f64[n, points, 3]
+    radius: np.ndarray  # f64[n, points]
+
+    @property
+    def length(self) -> np.ndarray:
+        return np.linalg.norm(np.diff(self.lines, axis=1), axis=2).sum(1)
 
 
 def _grow(
-    rng: np.random.Generator, params: TreeParams, start: np.ndarray, heading: np.ndarray,
-    length: float, radius: float, level: int,
-) -> list[_Branch]:  # fmt: skip
-    """A branch and all that forks from it, kept below the tree's height."""
-    end = start + heading * length
-    end[2] = min(end[2], params.height - 0.1 * rng.random())
-    branches = [_Branch(start, end, radius, level)]
-    if level > params.forks:
-        return branches
-    children = 3 if level < params.forks else params.twigs
-    for child in range(children):
-        along = start + (end - start) * rng.uniform(0.45, 1.0 if child else 0.95)
-        turned = heading + 0.75 * directions(rng, 1)[0] + [0, 0, 0.35]
-        turned /= np.linalg.norm(turned)
-        branches += _grow(
-            rng, params, along, turned, length * rng.uniform(0.5, 0.8), 0.5 * radius, level + 1
-        )
-    return branches
+    rng: np.random.Generator, start: np.ndarray, heading: np.ndarray, length: np.ndarray,
+    radius: np.ndarray, lift: float, points: int,
+) -> _Wood:  # fmt: skip
+    """Branches from ``start`` [n, 3] that wander off their ``heading`` and bend by ``lift``."""
+    lines = [start]
+    step = (length / (points - 1))[:, None]
+    for _ in range(points - 1):
+        heading = heading + rng.normal(0, 0.16, heading.shape) + [0, 0, lift]
+        heading /= np.linalg.norm(heading, axis=1, keepdims=True)
+        lines.append(lines[-1] + step * heading)
+    taper = np.linspace(1, 0.3, points)
+    return _Wood(np.stack(lines, 1), radius[:, None] * taper)
 
 
-def _skeleton(rng: np.random.Generator, params: TreeParams) -> list[_Branch]:
-    """Limbs around the upper trunk with everything that forks from them."""
+def _fork(
+    rng: np.random.Generator, parents: _Wood, children: int, lift: float, points: int
+) -> _Wood:
+    """So many children along the outer part of each parent; the first goes on from its tip."""
+    n, last = len(parents.lines), parents.lines.shape[1] - 1
+    share = 1 - (np.arange(children) + rng.uniform(0, 0.8, (n, children))) / children * 0.75
+    share[:, 0] = 1.0
+    position = np.minimum(share * last, last - 1e-6)
+    at, rest = position.astype(int), (position % 1)[..., None]
+    row = np.arange(n)[:, None]
+    low, high = parents.lines[row, at], parents.lines[row, at + 1]
+    along = high - low
+    along /= np.linalg.norm(along, axis=2, keepdims=True).clip(1e-9)
+    side = np.cross(along, rng.normal(size=along.shape))
+    side /= np.linalg.norm(side, axis=2, keepdims=True).clip(1e-9)
+    off = np.where(share == 1, rng.uniform(0.1, 0.35, share.shape),
+                   rng.uniform(0.55, 1.15, share.shape))[..., None]  # fmt: skip
+    heading = np.cos(off) * along + np.sin(off) * side
+    length = parents.length[:, None] * rng.uniform(0.38, 0.62, share.shape)
+    radius = 0.62 * parents.radius[row, at]
+    start = low + rest * along * np.linalg.norm(high - low, axis=2, keepdims=True)
+    flat = (start.reshape(-1, 3), heading.reshape(-1, 3), length.ravel(), radius.ravel())
+    return _grow(rng, *flat, lift, points)
+
+
+def _trunk(rng: np.random.Generator, params: TreeParams) -> _Wood:
+    """A trunk that leans and wanders a little, with a flare at the foot."""
     p = params
-    span = p.height - p.trunk
-    branches = []
-    for limb in range(p.limbs):
-        turn = 2 * np.pi * (limb + rng.uniform(-0.3, 0.3)) / p.limbs
-        share = limb / max(p.limbs, 1)
-        out, up = p.crown * (1 - 0.5 * share), 0.5 * span * rng.uniform(0.6, 1.0)
-        heading = np.array([out * np.cos(turn), out * np.sin(turn), up]) * 0.62
-        length = float(np.linalg.norm(heading))
-        start = np.array([0, 0, p.trunk + 0.45 * span * share])
-        branches += _grow(rng, p, start, heading / length, length, 0.5 * p.radius, 0)
-    return branches
+    points = 9
+    level = np.linspace(0, p.leader, points)
+    wander = np.cumsum(rng.normal(0, 0.012 * p.height, (points, 2)), 0) * level[:, None]
+    line = np.column_stack([wander, level * p.height * TOP])
+    taper = (1 - 0.85 * np.linspace(0, 1, points) ** 1.3) * (p.leader > 0.7) + (p.leader <= 0.7) * (
+        1 - 0.4 * np.linspace(0, 1, points)
+    )
+    taper[0] = 1.35
+    return _Wood(line[None], p.radius * taper[None])
 
 
-def _wood(rng: np.random.Generator, params: TreeParams, branches: list[_Branch]) -> Asset:
-    """Trunk and limbs as tubes, branches as thinner ones, twigs as slivers."""
+def _limbs(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> _Wood:
+    """Limbs around the trunk, from the first to the leader's tip."""
     p = params
-    tip = p.trunk + 0.85 * (p.height - p.trunk)
-    parts = [
-        tube((0, 0, 0), (0, 0, p.trunk), p.radius, p.bark_color, "bark", end_radius=0.7 * p.radius,
-             sides=6, caps=False),
-        tube((0, 0, p.trunk), (0, 0, tip), 0.7 * p.radius, p.bark_color, "bark",
-             end_radius=0.08 * p.radius, sides=4, caps=False),
-    ]  # fmt: skip
-    slivers = []
-    for branch in branches:
-        if branch.level < 2:
-            parts.append(
-                tube(tuple(branch.start), tuple(branch.end), branch.radius, p.bark_color, "bark",
-                     end_radius=0.5 * branch.radius, sides=4 - branch.level, caps=False)
-            )  # fmt: skip
-        else:
-            width = max(branch.radius, 0.024)
-            across = np.cross(branch.end - branch.start, directions(rng, 1)[0] + [2, 0, 0])
-            across *= width / np.linalg.norm(across).clip(1e-6)
-            slivers.append([branch.start - across, branch.start + across, branch.end])
-    if slivers:
-        parts.append(triangles(np.array(slivers), p.bark_color, "bark"))
-    return merge(*parts)
+    level = np.linspace(0, 1, p.limbs) ** 0.9
+    top = p.leader * p.height * TOP
+    foot = min(p.trunk, 0.9 * top)
+    z = foot + (0.98 * top - foot) * level
+    line, thickness = trunk.lines[0], trunk.radius[0]
+    start = np.column_stack([np.interp(z, line[:, 2], line[:, k]) for k in (0, 1)] + [z])
+    turn = GOLDEN * np.arange(p.limbs) + rng.uniform(0, 2 * np.pi) + rng.normal(0, 0.2, p.limbs)
+    tilt = np.radians(p.angle * (1.1 - 0.35 * level) * rng.uniform(0.85, 1.15, p.limbs))
+    heading = np.column_stack([np.sin(tilt) * np.cos(turn), np.sin(tilt) * np.sin(turn),
+                               np.cos(tilt)])  # fmt: skip
+    length = p.crown * _reach(p.outline, level) * rng.uniform(0.8, 1.1, p.limbs)
+    radius = np.minimum(0.5 * np.interp(z, line[:, 2], thickness), 0.045 * length + 0.01)
+    return _grow(rng, start, heading, length, radius, p.lift, 4 if p.limbs > 16 else 5)
 
 
-def _ellipsoid_points(rng: np.random.Generator, params: TreeParams) -> np.ndarray:
-    """Middles [clumps, 3] of the crown's blobs, spread evenly by the golden angle."""
+def _ivy(rng: np.random.Generator, params: TreeParams, trunk: _Wood) -> Asset:
+    """Leaves around the lower trunk, more of them low."""
     p = params
-    index = np.arange(p.clumps)
-    level = (2 * index + 1) / p.clumps - 1
-    turn = 2.4 * index + rng.uniform(0, 2 * np.pi)
-    out = np.sqrt(1 - level**2)
-    unit = np.column_stack([out * np.cos(turn), out * np.sin(turn), level])
-    unit *= rng.uniform([0.35, 0.35, 0.65], 0.8, (p.clumps, 3))
-    middle, half = (p.height + p.trunk) / 2, (p.height - p.trunk) / 2
-    return unit * [p.crown, p.crown, half] + [0, 0, middle]
+    z = 0.1 + rng.random(p.ivy) ** 1.4 * 0.55 * p.height
+    turn, out = rng.uniform(0, 2 * np.pi, p.ivy), 2.2 * p.radius * rng.uniform(0.6, 1.3, p.ivy)
+    line = trunk.lines[0]
+    x, y = (np.interp(z, line[:, 2], line[:, k]) for k in (0, 1))
+    return leaf_cards(
+        rng, np.column_stack([x + out * np.cos(turn), y + out * np.sin(turn), z]), p.leaf, IVY
+    )
 
 
-def _cone_points(rng: np.random.Generator, params: TreeParams) -> np.ndarray:
-    """Points [cards, 3] on and a little inside a cone with its foot at the lowest leaves."""
-    p = params
-    level = 1 - np.sqrt(rng.uniform(0, 1, p.cards))
-    turn = rng.uniform(0, 2 * np.pi, p.cards)
-    out = p.crown * (1 - level) * rng.uniform(0.5, 1.0, p.cards)
-    low, high = p.trunk + 0.6 * p.card, p.height - 0.5 * p.card
-    return np.column_stack([out * np.cos(turn), out * np.sin(turn), low + level * (high - low)])
-
-
-def _clumped_leaves(rng: np.random.Generator, params: TreeParams) -> list[Asset]:
-    """Blobs of leaves through the crown, and loose cards that fray the outline of each."""
-    p = params
-    wide = 1.05 * p.crown * p.clumps ** (-1 / 3)
-    tall = wide * np.clip((p.height - p.trunk) / (2 * p.crown), 0.75, 1.5)
-    centres = _ellipsoid_points(rng, p)
-    centres[:, 2] = centres[:, 2].clip(p.trunk + 0.5 * tall, p.height - 0.8 * tall)
-    radii = np.array([wide, wide, tall])
-    blobs = [clump(rng, tuple(centre), tuple(radii), p.leaf_color) for centre in centres]
-    around = directions(rng, p.cards) * rng.uniform(0.8, 1.25, (p.cards, 1)) * radii
-    cards = centres[rng.integers(p.clumps, size=p.cards)] + around
-    return [*blobs, leaf_cards(rng, cards, p.card, p.leaf_color)]
-
-
-def _twig_leaves(
-    rng: np.random.Generator, params: TreeParams, branches: list[_Branch]
-) -> list[Asset]:
-    """The last leaves, along the outer branches."""
-    p = params
-    outer = [b for b in branches if b.level > 0]
-    start, end = (np.array([getattr(b, name) for b in outer]) for name in ("start", "end"))
-    pick, along = rng.integers(len(outer), size=p.cards), rng.uniform(0.3, 1.0, (p.cards, 1))
-    return [leaf_cards(rng, start[pick] + (end - start)[pick] * along, p.card, p.leaf_color)]
+def _stakes(params: TreeParams) -> list[Asset]:
+    """Two posts beside a young tree and the strap that ties it to them."""
+    wood, side = (0.22, 0.15, 0.085), 0.28
+    post = tube((0, 0, 0), (0, 0, 1.3), 0.04, wood, "wood", sides=6)
+    strap = tube((0, -side, 1.15), (0, side, 1.15), 0.025, (0.02, 0.02, 0.02), "rubber", sides=4)
+    return [translate(post, (0, -side, 0)), translate(post, (0, side, 0)), strap]
 
 
 def tree(params: TreeParams) -> Asset:
     """Build the tree."""
     p = params
     rng = np.random.default_rng(p.seed)
-    branches = _skeleton(rng, p)
-    wood = _wood(rng, p, branches)
-    if p.clumps:
-        return merge(wood, *_clumped_leaves(rng, p))
-    if not p.cards:
-        return wood
-    if branches:
-        return merge(wood, *_twig_leaves(rng, p, branches))
-    return merge(wood, leaf_cards(rng, _cone_points(rng, p), p.card, p.leaf_color))
+    trunk = _trunk(rng, p)
+    limbs = _limbs(rng, p, trunk)
+    # Trunks and limbs show their roundness; branches and shoots are too thin for it.
+    generations = [limbs]
+    for children, points in zip(p.forks, (3, 3, 2), strict=True):
+        if children:
+            generations.append(_fork(rng, generations[-1], children, p.lift, points))
+    wood = [tubes(*trunk, 8, p.bark_color), tubes(*limbs, 5, p.bark_color)]
+    wood += [
+        tubes(g.lines, np.maximum(g.radius, 0.008), sides, p.bark_color)
+        for g, sides in zip(generations[1:3], (3, 2), strict=False)
+    ]
+    if len(generations) > 3:
+        ends = generations[3].lines
+        wood.append(slivers(rng, ends[:, 0], ends[:, -1], TWIG, p.bark_color))
+    leaves = []
+    if p.leafy:
+        carriers = generations[min(2, len(generations) - 1)].lines
+        chosen = carriers[rng.random(len(carriers)) < p.leafy]
+        centres = chosen[:, -1] + rng.uniform(0, 0.4, (len(chosen), 1)) * (
+            chosen[:, -2] - chosen[:, -1]
+        )
+        radii = p.tuft * rng.uniform(0.7, 1.3, len(centres))
+        leaves = [tufts(rng, centres, radii, p.each, p.leaf, p.leaf_color)]
+    if p.ivy:
+        leaves.append(_ivy(rng, p, trunk))
+    whole = merge(*wood, *leaves, *(_stakes(p) if p.staked else []))
+    return _within(whole, p)
+
+
+def _within(asset: Asset, params: TreeParams) -> Asset:
+    """The tree squeezed to its height and to ``REACH``, with nothing below the ground."""
+    vertices = asset.mesh.vertices.copy()
+    z = vertices[:, 2]
+    high = z.max()
+    if high > params.height:
+        above = z > params.trunk
+        squeeze = (params.height - params.trunk) / (high - params.trunk)
+        z[above] = params.trunk + (z[above] - params.trunk) * squeeze
+    np.maximum(z, 0, out=z)
+    vertices[:, :2] *= min(1.0, REACH / np.abs(vertices[:, :2]).max())
+    mesh = asset.mesh.copy()
+    mesh.vertices = vertices
+    return asset._replace(mesh=mesh)

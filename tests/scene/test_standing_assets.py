@@ -13,18 +13,22 @@ from scene.asset import Asset
 from scene.materials import MATERIALS, material_id
 
 BUDGET = {
-    "building": 350, "tree": 600, "bush": 150,
+    "building": 350, "tree": 7000, "bush": 2500,
 }  # fmt: skip
 """Most triangles of each family."""
 
 LIMITS = {
     # low and high corner of the space an asset keeps to, metres
     "building": ((-7.5, -0.6, 0), (7.5, 12.5, 20)),
-    "tree": ((-8, -8, 0), (8, 8, 13)),
+    "tree": ((-8, -8, 0), (8, 8, 14.2)),
     "bush": ((-2.6, -1.4, 0), (2.6, 1.4, 2.6)),
 }
 FAMILIES = {name: importlib.import_module(f"scene.assets.{name}") for name in BUDGET}
 KINDS = [(name, kind) for name, module in FAMILIES.items() for kind in module.KINDS]
+
+BARE = ["bare lime", "half bare", "bare broad", "pollard", "birch", "bare poplar", "ivied",
+        "young bare", "bare vase"]  # fmt: skip
+"""Kinds of trees that carry few leaves or none."""
 
 every_kind = pytest.mark.parametrize(("family", "kind"), KINDS)
 seeds = st.integers(0, 2**32 - 1)
@@ -127,7 +131,7 @@ def test_faces_towards_the_road_never_fight_for_one_plane(family, kind, seed):
     assert (inside & near).sum() == len(facing)  # each lies in itself alone
 
 
-@pytest.mark.parametrize("kind", ["bare", "bare broad", "half bare"])
+@pytest.mark.parametrize("kind", BARE)
 @given(seed=seeds)
 def test_sky_shows_through_a_bare_tree(kind, seed):
     asset = make("tree", kind, seed)
@@ -135,8 +139,29 @@ def test_sky_shows_through_a_bare_tree(kind, seed):
     assert 0.02 < fill(asset, 0.4 * top, top) < 0.6
 
 
+def test_two_trees_in_five_are_bare_or_half_bare():
+    kinds = FAMILIES["tree"].KINDS
+    assert set(BARE) <= set(kinds)
+    assert sum(kinds[index % len(kinds)] in BARE for index in range(24)) >= 0.4 * 24
+
+
+@given(seed=seeds)
+def test_wood_of_a_tree_tapers_from_the_foot_to_the_twigs(seed):
+    mesh = make("tree", "bare lime", seed).mesh
+    foot = mesh.triangles[..., 2].min(axis=1)
+    assert mesh.area_faces[foot > 5].mean() < 0.2 * mesh.area_faces[foot < 0.1].mean()
+
+
+@given(seed=seeds)
+def test_a_young_tree_stands_between_stakes(seed):
+    for kind in ("young", "young bare"):
+        asset = make("tree", kind, seed)
+        wood = asset.mesh.triangles[asset.material == material_id("wood")]
+        assert wood[..., 2].max() > 1 and wood[..., 1].min() < -0.2 < 0.2 < wood[..., 1].max()
+
+
 def test_leafy_crowns_are_ragged_but_closed():
-    asset = make("tree", "round", 0)
+    asset = make("tree", "plane", 0)
     top = asset.mesh.bounds[1, 2]
     assert 0.3 < fill(asset, 0.4 * top, top) < 0.9
 
