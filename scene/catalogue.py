@@ -37,6 +37,7 @@ from scene.assets import (
     wall,
 )
 from scene.classes import CLASS_NAMES, TrainId
+from scene.redrawn import REDRAWN
 
 
 class Family(NamedTuple):
@@ -104,13 +105,6 @@ COUNTS: dict[str, int] = {
 }
 """Assets of the full catalogue; any larger index works, too."""
 
-REDRAWN: dict[str, dict[int, int]] = {}
-"""Assets that came out like an earlier one, family -> index -> which further draw is taken instead.
-
-``python -m scene.assets --redraw`` prints this table anew, after a generator has changed.
-"""
-
-
 USES = ("both", "own", "built-in")
 """Values of ``AssetPool.use``."""
 
@@ -152,13 +146,13 @@ def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | 
 
     With both in use, every asset is as likely as any other. Always takes one number from ``rng``.
     """
+    share = rng.random()
     size = COUNTS[family] if pool.size is None else pool.size
     count = 0 if pool.use == "own" else max(1, round(size * pool.fraction))
     own = own_assets(pool, family)
     if count + len(own) == 0:
-        rng.integers(1)
         return None
-    drawn = int(rng.integers(count + len(own)))
+    drawn = int(share * (count + len(own)))
     return pool.first + drawn if drawn < count else own[drawn - count]
 
 
@@ -193,11 +187,15 @@ def asset(family: str, ref: int | str) -> Asset:
         return library.load(family, ref)
     if ref < 0:
         raise ValueError(f"asset index of {family} must be 0 or more, not {ref}")
-    seed = [zlib.crc32(family.encode()), ref]
-    redraws = REDRAWN.get(family, {}).get(ref, 0)
-    rng = np.random.default_rng(seed + [redraws] if redraws else seed)
+    return draw(family, ref, REDRAWN.get(family, {}).get(ref, 0))
+
+
+def draw(family: str, index: int, redraws: int = 0) -> Asset:
+    """An asset of a family and index, the first one or, after ``redraws``, a later one of its kind."""
+    seed = [zlib.crc32(family.encode()), index]
+    rng = np.random.default_rng([*seed, redraws] if redraws else seed)
     entry = FAMILIES[family]
-    return entry.build(entry.sample(rng, kind(family, ref)))
+    return entry.build(entry.sample(rng, kind(family, index)))
 
 
 @lru_cache(maxsize=4096)

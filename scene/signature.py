@@ -89,26 +89,29 @@ def distance(one: Signature, other: Signature) -> float:
     The greatest over the views of (1 - IoU of the silhouettes) + (root mean square difference of colour
     where both are), plus half the greatest ratio of their sizes as a logarithm.
     """
-    return float(distances([one, other])[0, 1])
+    return float(distances([one], [other])[0, 0])
 
 
-def distances(signatures: Sequence[Signature]) -> np.ndarray:
-    """All ``distance``s f32[n, n] between assets."""
+def distances(ones: Sequence[Signature], others: Sequence[Signature]) -> np.ndarray:
+    """The ``distance``s f32[ones, others] of each of some assets to each of others."""
+    out = np.zeros((len(ones), len(others)), np.float32)
+    if out.size:
+        _compare(*_stacked(ones), *_stacked(others), out)
+    return out
+
+
+def _stacked(signatures: Sequence[Signature]) -> tuple[np.ndarray, ...]:
+    """Masks, colours, covers and logarithms of sizes as arrays, one row for each asset."""
     mask, color, cover, size = (np.stack(part) for part in zip(*signatures, strict=True))
     floor = THIN * size.max(axis=1, keepdims=True)
     logs = np.log(np.maximum(size, floor) + 1e-9)
-    n, views = mask.shape[:2]
-    out = np.zeros((n, n), np.float32)
-    _compare(
-        mask.reshape(n, views, -1), color.reshape(n, views, -1, 3), cover.reshape(n, views, -1),
-        logs, out,
-    )  # fmt: skip
-    return out
+    pictures = (part.reshape(*part.shape[:2], -1) for part in (mask, color, cover))
+    return *pictures, logs
 
 
 def closest(signatures: Sequence[Signature], count: int) -> list[tuple[float, int, int]]:
     """The ``count`` pairs that look most alike: (distance, one, other), nearest first."""
-    between = distances(signatures)
+    between = distances(signatures, signatures)
     one, other = np.triu_indices(len(between), 1)
     apart = between[one, other]
     order = np.argsort(apart, kind="stable")[:count]
@@ -164,30 +167,30 @@ def _draw(
 
 @njit(cache=True)
 def _compare(
-    mask: np.ndarray, color: np.ndarray, cover: np.ndarray, logs: np.ndarray, out: np.ndarray
-) -> None:
-    """Fill ``out`` with all distances."""
-    n, views, pixels = mask.shape
+    mask: np.ndarray, color: np.ndarray, cover: np.ndarray, logs: np.ndarray,
+    other_mask: np.ndarray, other_color: np.ndarray, other_cover: np.ndarray,
+    other_logs: np.ndarray, out: np.ndarray,
+) -> None:  # fmt: skip
+    """Fill ``out`` with the distances of each asset to each other one."""
+    _, views, pixels = mask.shape
     cells = cover.shape[2]
-    for i in range(n):
-        for j in range(i + 1, n):
-            size = 0.0
-            for k in range(3):
-                size = max(size, abs(logs[i, k] - logs[j, k]))
+    for i in range(out.shape[0]):
+        for j in range(out.shape[1]):
+            size = np.max(np.abs(logs[i] - other_logs[j]))
             worst = 0.0
             for view in range(views):
                 both, either = 0.0, 0.0
                 for p in range(pixels):
-                    s, t = mask[i, view, p], mask[j, view, p]
+                    s, t = mask[i, view, p], other_mask[j, view, p]
                     both += min(s, t)
                     either += max(s, t)
                 shape = (either - both) / (either + FAINT * pixels)
                 square, weight = 0.0, 0.0
                 for p in range(cells):
-                    shared = min(cover[i, view, p], cover[j, view, p])
-                    for k in range(3):
-                        square += shared * (color[i, view, p, k] - color[j, view, p, k]) ** 2
+                    shared = min(cover[i, view, p], other_cover[j, view, p])
+                    for k in range(3 * p, 3 * p + 3):
+                        square += shared * (color[i, view, k] - other_color[j, view, k]) ** 2
                     weight += shared
                 paint = math.sqrt(square / 3 / (weight + FAINT * cells))
                 worst = max(worst, shape + paint)
-            out[i, j] = out[j, i] = worst + SIZE_WEIGHT * size
+            out[i, j] = worst + SIZE_WEIGHT * size

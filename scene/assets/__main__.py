@@ -3,6 +3,7 @@
 python -m scene.assets                     # class, family, count, kinds
 python -m scene.assets --json              # {class: count} of all 19 classes
 python -m scene.assets --closest car       # the pairs of cars that look most alike
+python -m scene.assets --redraw            # write scene/redrawn.py anew, after a generator has changed
 """
 
 from __future__ import annotations
@@ -10,11 +11,24 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import textwrap
 from collections.abc import Iterator
+from pathlib import Path
 
-from scene.catalogue import COUNTS, FAMILIES, asset, families_of, kind, surfaces
+import scene.redrawn
+from scene.catalogue import COUNTS, FAMILIES, asset, draw, families_of, kind, surfaces
 from scene.classes import CLASS_NAMES, TrainId
-from scene.signature import LOOK_ALIKE, closest, signature
+from scene.signature import LOOK_ALIKE, Signature, closest, distances, signature
+
+MOST_REDRAWS = 50
+"""A kind that gives nothing new in so many draws is too poor."""
+SPARE = 1.05
+"""Redrawn assets keep this factor away from ``LOOK_ALIKE``, whatever a machine rounds."""
+REDRAWN_HEAD = '''"""Assets whose first draw came out like an earlier one: family -> index -> redraws.
+
+Written by ``python -m scene.assets --redraw``.
+"""
+'''
 
 
 def counts() -> dict[str, int]:
@@ -52,6 +66,39 @@ def nearest(name: str, pairs: int) -> Iterator[str]:
         yield f"{apart:.3f} {'!' if apart < LOOK_ALIKE else ' '} {labels[0]} - {labels[1]}"
 
 
+def redrawn(families: tuple[str, ...]) -> dict[str, dict[int, int]]:
+    """How often each asset must be drawn again until it looks like none before it in its class."""
+    table: dict[str, dict[int, int]] = {}
+    before: list[Signature] = []
+    for family in families:
+        for index in range(COUNTS[family]):
+            for redraws in range(MOST_REDRAWS):
+                mine = signature(draw(family, index, redraws))
+                if not before or distances([mine], before).min() >= SPARE * LOOK_ALIKE:
+                    break
+            else:
+                raise ValueError(f"{family} {index} ({kind(family, index)}) has {MOST_REDRAWS} times"
+                                 " come out like an earlier one: its kind varies too little")  # fmt: skip
+            before.append(mine)
+            if redraws:
+                table.setdefault(family, {})[index] = redraws
+    return table
+
+
+def write_redrawn(path: Path) -> None:
+    """Write the module that ``catalogue`` reads."""
+    table: dict[str, dict[int, int]] = {}
+    for name in CLASS_NAMES:
+        families = tuple(f for f, row in FAMILIES.items() if CLASS_NAMES[row.train_id] == name)
+        table.update(redrawn(families))
+    lines = [REDRAWN_HEAD, "REDRAWN: dict[str, dict[int, int]] = {"]
+    for family, rows in table.items():
+        pairs = ", ".join(f"{index}:_{redraws}" for index, redraws in rows.items())
+        wrapped = textwrap.wrap(pairs, 90, initial_indent=" " * 8, subsequent_indent=" " * 8)
+        lines += [f'    "{family}": {{', *(line.replace("_", " ") for line in wrapped), "    },"]
+    path.write_text("\n".join([*lines, "}  # fmt: skip", ""]), encoding="utf-8")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     parser = argparse.ArgumentParser(
@@ -63,8 +110,14 @@ def main(arguments: list[str] | None = None) -> int:
     what.add_argument("--json", action="store_true", help="print {class: count}")
     what.add_argument("--closest", metavar="CLASS", help="class or family; 'all' for every one")
     parser.add_argument("--pairs", type=int, default=10, help="pairs to print with --closest")
+    what.add_argument("--redraw", action="store_true", help="write scene/redrawn.py")
     options = parser.parse_args(arguments)
-    if options.json:
+    if options.redraw:
+        try:
+            write_redrawn(Path(scene.redrawn.__file__))
+        except ValueError as error:
+            parser.error(str(error))
+    elif options.json:
         print(json.dumps(counts(), indent=2))
     elif options.closest:
         try:

@@ -1,0 +1,178 @@
+"""The catalogue: repeatable, open-ended, and pools that say what a street may draw from."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scene.assets.__main__ import main
+from scene.catalogue import (
+    COUNTS,
+    FAMILIES,
+    AssetPool,
+    absent,
+    asset,
+    bounds,
+    check_pool,
+    draw,
+    families_of,
+    kind,
+    own_assets,
+    pick,
+)
+from scene.classes import CLASS_NAMES
+from scene.library import LibraryError
+from scene.redrawn import REDRAWN
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+def drawn(pool, family, draws=200):
+    rng = np.random.default_rng(0)
+    return [pick(pool, family, rng) for _ in range(draws)]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two cars and a bench for people of our own."""
+    root = tmp_path_factory.mktemp("own")
+    (root / "car").mkdir()
+    lines = ["file,author,licence,source"]
+    for name, length in (("a", 4.0), ("b", 4.5)):
+        trimesh.creation.box((length, 1.8, 1.5)).export(root / f"car/{name}.stl")
+        lines.append(f"car/{name}.stl,A. Maker,CC0-1.0,own work")
+    (root / "assets.csv").write_text("\n".join(lines))
+    return str(root)
+
+
+def test_every_class_with_a_shape_has_a_family():
+    shaped = {CLASS_NAMES[row.train_id] for row in FAMILIES.values()}
+    assert shaped == set(CLASS_NAMES) - {"road", "sidewalk", "terrain", "sky"}
+    assert set(COUNTS) == set(FAMILIES)
+    assert families_of("vegetation") == ("tree", "bush") and families_of("lamp") == ("lamp",)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_any_index_gives_an_asset_of_its_kind(family):
+    far = 1_000_003
+    assert len(asset(family, far).mesh.faces) > 0
+    assert kind(family, far) == FAMILIES[family].kinds[far % len(FAMILIES[family].kinds)]
+    low, high = bounds(family, far)
+    assert (low < high).all() and np.isfinite([low, high]).all()
+
+
+def test_a_redrawn_asset_is_another_one_of_its_kind():
+    first, second = draw("car", 5), draw("car", 5, 1)
+    assert (
+        first.mesh.vertices.shape != second.mesh.vertices.shape
+        or (first.mesh.vertices != second.mesh.vertices).any()
+    )
+    assert all(redraws > 0 for rows in REDRAWN.values() for redraws in rows.values())
+    for family, rows in REDRAWN.items():
+        assert set(rows) <= set(range(COUNTS[family]))
+
+
+@pytest.mark.parametrize(
+    ("ref", "message"), [((("boat", 0)), "unknown asset family 'boat'; known: "),
+                         (("car", -1), "asset index of car must be 0 or more, not -1")],
+)  # fmt: skip
+def test_unknown_assets_are_refused(ref, message):
+    with pytest.raises(ValueError, match=message):
+        asset(*ref)
+
+
+@given(first=st.integers(0, 10**6), size=st.integers(1, 300), seed=seeds)
+def test_a_pool_keeps_to_its_indices(first, size, seed):
+    rng = np.random.default_rng(seed)
+    index = pick(AssetPool(first, size), "car", rng)
+    assert first <= index < first + size
+
+
+def test_by_default_the_whole_catalogue_comes_up_and_half_of_it_on_request():
+    assert set(drawn(AssetPool(), "bicycle", 2000)) == set(range(COUNTS["bicycle"]))
+    half = drawn(AssetPool(fraction=0.5), "bicycle", 2000)
+    assert set(half) == set(range(COUNTS["bicycle"] // 2))
+
+
+def test_own_assets_are_drawn_beside_the_built_in_ones(folder):
+    paths = own_assets(AssetPool(own=folder), "car")
+    both = drawn(AssetPool(0, 2, own=folder), "car")
+    assert set(both) == {0, 1, *paths}
+    assert 0.3 < sum(isinstance(ref, str) for ref in both) / len(both) < 0.7
+    assert set(drawn(AssetPool(0, 2, own=folder, use="own"), "car")) == set(paths)
+    assert set(drawn(AssetPool(0, 2, own=folder, use="built-in"), "car")) == {0, 1}
+    assert bounds("car", paths[1])[1] == pytest.approx([2.25, 0.9, 1.5])
+    assert kind("car", paths[0]) == "a.stl"
+
+
+def test_half_of_the_own_assets_on_request(folder):
+    pool = AssetPool(0, 2, fraction=0.5, own=folder)
+    assert set(drawn(pool, "car")) == {0, own_assets(pool, "car")[0]}
+
+
+def test_what_has_no_own_asset_is_left_out_when_only_own_ones_are_used(folder):
+    pool = AssetPool(own=folder, use="own")
+    assert set(drawn(pool, "person", 5)) == {None}
+    assert set(absent(pool)) == set(FAMILIES) - {"car"}
+    assert absent(AssetPool(own=folder)) == ()
+
+
+@pytest.mark.parametrize("pool", [AssetPool(), AssetPool(size=1), AssetPool(use="own")])
+def test_a_draw_takes_one_number_whatever_is_there(pool, folder):
+    one, other = np.random.default_rng(7), np.random.default_rng(7)
+    pick(pool._replace(own=folder), "person", one)
+    other.random()
+    assert one.random() == other.random()
+
+
+@pytest.mark.parametrize(
+    ("pool", "message"),
+    [
+        (AssetPool(use="mine"), "asset use 'mine' is unknown; known: both, own, built-in"),
+        (AssetPool(fraction=0.0), r"asset fraction must lie in \(0, 1\], not 0"),
+        (AssetPool(fraction=float("nan")), "asset fraction .* not nan"),
+        (AssetPool(first=-1), "the first asset must be 0 or more"),
+        (AssetPool(size=0), "asset count must be 1 or more, not 0"),
+        (AssetPool(use="own"), "needs a folder"),
+    ],
+)
+def test_pools_out_of_range_are_refused_by_name(pool, message):
+    with pytest.raises(ValueError, match=message):
+        check_pool(pool)
+
+
+def test_a_pool_is_checked_with_its_folder(folder, tmp_path):
+    assert check_pool(AssetPool(own=folder)) == AssetPool(own=folder)
+    with pytest.raises(LibraryError, match="not there"):
+        check_pool(AssetPool(own=str(tmp_path / "nowhere")))
+
+
+def test_the_catalogue_is_printed(capsys):
+    assert main([]) == 0
+    text = capsys.readouterr().out
+    assert all(name in text for name in (*CLASS_NAMES, *FAMILIES))
+    assert "saloon" in text
+
+
+def test_the_catalogue_is_printed_as_json(capsys):
+    assert main(["--json"]) == 0
+    counts = json.loads(capsys.readouterr().out)
+    assert list(counts) == list(CLASS_NAMES)
+    assert counts["car"] == 195 and counts["vegetation"] == COUNTS["tree"] + COUNTS["bush"]
+    assert all(count >= 8 for count in counts.values())
+
+
+def test_the_closest_pairs_are_printed(capsys):
+    assert main(["--closest", "train", "--pairs", "2"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("train: 8 assets, ") and len(lines) == 3
+
+
+def test_an_unknown_class_is_refused(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["--closest", "boat"])
+    assert caught.value.code == 2
+    assert "no assets of class 'boat'; known: building" in capsys.readouterr().err
