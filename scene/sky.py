@@ -133,8 +133,9 @@ def _panorama(
     lets the sun's glow through, which gives it its silver lining.
     """
     rows = columns // 4
-    one, half = np.float32(1), np.float32(0.5)
+    half, one, two, three = np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
     size = clouds.shape[0]
+    far = 64 * size  # keeps places on the map positive
     mask = size - 1  # the size is a power of two
     out = np.empty((rows, columns, 3), np.float32)
     east, north = np.empty(columns, np.float32), np.empty(columns, np.float32)
@@ -144,13 +145,13 @@ def _panorama(
     cosine, sine = np.float32(math.cos(wind)), np.float32(math.sin(wind))
     flat = np.float32(math.sqrt(sun_direction[0] ** 2 + sun_direction[1] ** 2))
     base = np.empty(3, np.float32)
-    start0, start1 = offset[0] * size, offset[1] * size
+    start0, start1 = np.float32(offset[0] * size + far), np.float32(offset[1] * size + far)
     for r in range(rows):
         elevation = math.pi / 2 * ((r + 0.5) / rows) ** 2
         up, level = np.float32(math.sin(elevation)), np.float32(math.cos(elevation))
-        fade = (one - up) ** 6
+        fade = np.float32((one - up) ** 6)
         mist = np.float32(math.exp(-elevation / 0.05))  # the last three degrees are haze
-        reach = level * (1 + lift) / (up + lift) * size / scale
+        reach = np.float32(level * (1 + lift) / (up + lift) * size / scale)
         for k in range(3):
             base[k] = zenith[k] * (one - fade) + horizon[k] * fade
         for c in range(columns):
@@ -165,9 +166,9 @@ def _panorama(
             glow = np.float32(0.10) * t8 + np.float32(0.16) * t32 + np.float32(0.35) * t512
             # Where the ray meets the clouds; rows of the map run along the wind.
             u, v = x * cosine + y * sine, y * cosine - x * sine
-            row, column = u * reach + start0 + 4096, v * reach + start1 + 4096
+            row, column = u * reach + start0, v * reach + start1
             r0, c0 = int(row), int(column)
-            fr, fc = row - r0, column - c0
+            fr, fc = row - np.float32(r0), column - np.float32(c0)
             r0, c0 = r0 & mask, c0 & mask
             r1, c1 = (r0 + 1) & mask, (c0 + 1) & mask
             w00, w01 = (one - fr) * (one - fc), (one - fr) * fc
@@ -178,7 +179,7 @@ def _panorama(
             )  # fmt: skip
             depth = thick - (one - cover)
             opaque = min(max(depth * crisp + half, np.float32(0)), one)
-            opaque = opaque * opaque * (3 - 2 * opaque) * opacity
+            opaque = opaque * opaque * (three - two * opaque) * opacity
             tone = one
             if opaque > 0:
                 slope_u = (
@@ -202,12 +203,12 @@ def _panorama(
             through = one - np.float32(0.75) * opaque
             disc = np.float32(0)
             if toward > DISC - np.float32(1e-4):
-                disc = min((toward - np.float32(DISC)) * 20000 + half, one)
+                disc = min((toward - np.float32(DISC)) * np.float32(20000) + half, one)
                 disc = max(disc, np.float32(0)) * (one - opaque)
             for k in range(3):
                 value = base[k] * (one - opaque) + cloud[k] * tone * opaque
                 value = value * (one - mist) + horizon[k] * mist
-                value += sun[k] * (glow * through + 2 * disc)
+                value += sun[k] * (glow * through + two * disc)
                 out[r, c, k] = min(value, np.float32(BRIGHTEST))
     return out
 

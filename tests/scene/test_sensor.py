@@ -1,13 +1,15 @@
 """From linear radiance to the stored image."""
 
+import cv2
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene.sensor import CameraResponse, develop
+from scene.sensor import KEY, MIDDLE, CameraResponse, develop, vary
 
 QUIET = CameraResponse(noise=0.0)
+PLAIN = CameraResponse(noise=0.0, meter=0.0, contrast=1.0, vignette=0.0, halo=0.0)
 
 
 def flat(value, size=16):
@@ -18,22 +20,32 @@ def shot(radiance, response=QUIET, seed=0):
     return develop(radiance, response, np.random.default_rng(seed))
 
 
+def street(size=64):
+    """Something with edges and texture, dark below and bright above."""
+    rng = np.random.default_rng(5)
+    scene = rng.uniform(0.02, 0.2, (size, size, 3)).astype(np.float32)
+    scene[: size // 2] += 1.0
+    return cv2.GaussianBlur(scene, (0, 0), 1.0)
+
+
 def test_a_grey_wall_by_hand():
-    # The tone curve x / (1 + x^4)^(1/4), then sRGB.
-    x = 0.4 / (1 + 0.4**4) ** 0.25
+    # The tone curve x / (1 + x^4)^(1/4), its white at 1.02, then sRGB.
+    x = 1.02 * 0.4 / (1 + 0.4**4) ** 0.25
     expected = round(255 * (1.055 * x ** (1 / 2.4) - 0.055))
-    assert (shot(flat(0.4), QUIET._replace(exposure=1.0)) == expected).all()
+    assert np.abs(shot(flat(0.4), PLAIN).astype(int) - expected).max() <= 1
 
 
-def test_black_is_black_and_the_sun_is_white():
-    assert (shot(flat(0)) == 0).all()
-    assert (shot(flat(50)) == 255).all()
+@pytest.mark.parametrize("response", [PLAIN, QUIET])
+def test_black_is_black_and_the_sun_is_white(response):
+    assert (shot(flat(0), response) == 0).all()
+    assert (shot(flat(50), response) == 255).all()
 
 
 @given(st.floats(0, 2), st.floats(0, 2))
 def test_more_light_is_never_darker(a, b):
     low, high = sorted((a, b))
-    assert shot(flat(low)).max() <= shot(flat(high)).min()
+    for response in (PLAIN, QUIET):
+        assert (shot(flat(low), response) <= shot(flat(high), response)).all()
 
 
 def test_white_balance_gamma_and_exposure_do_what_they_say():
@@ -44,24 +56,81 @@ def test_white_balance_gamma_and_exposure_do_what_they_say():
     assert shot(flat(0.3), QUIET._replace(exposure=2.0)).mean() > grey
 
 
+def test_the_meter_leaves_its_key_alone_and_pushes_a_street_down_under_a_bright_sky():
+    meter = PLAIN._replace(meter=0.5)
+    assert np.array_equal(shot(flat(KEY), meter), shot(flat(KEY), PLAIN))
+    assert np.array_equal(  # half of the stops: four times the light counts as twice
+        shot(flat(4 * KEY), meter), shot(flat(4 * KEY), PLAIN._replace(exposure=0.5))
+    )
+    dull, bright = flat(0.1), flat(0.1)
+    bright[:8] = 1.5
+    assert shot(bright, meter)[8:].mean() < shot(dull, meter)[8:].mean() - 20
+
+
+def test_contrast_turns_the_curve_about_middle_grey():
+    hard = PLAIN._replace(contrast=1.4)
+    for value, sign in ((0.5 * MIDDLE, -1), (MIDDLE, 0), (2 * MIDDLE, 1)):
+        change = shot(flat(value), hard).mean() - shot(flat(value), PLAIN).mean()
+        assert np.sign(round(change / 2)) == sign
+
+
+def test_without_saturation_all_is_grey():
+    image = shot(street(), PLAIN._replace(saturation=0.0)).astype(int)
+    assert np.ptp(image, axis=2).max() <= 1
+
+
+def test_a_vignette_darkens_corners_only():
+    image = shot(flat(0.3, 33), PLAIN._replace(vignette=0.4))[..., 0].astype(int)
+    clean = shot(flat(0.3, 33), PLAIN)[0, 0, 0]
+    assert image[16, 16] == clean
+    assert image[0, 0] < image[0, 16] < clean
+
+
+def test_a_fringe_moves_red_outwards_and_no_other_colour():
+    edge = flat(0.02, 65)
+    edge[:, 60:] = 0.8
+    image, clean = shot(edge, PLAIN._replace(fringe=2.0)), shot(edge, PLAIN)
+    assert np.array_equal(image[..., 1:], clean[..., 1:])
+    assert image[32, 60, 0] < clean[32, 60, 0] - 20
+
+
 def test_blur_keeps_the_mean_and_softens_edges():
     edge = flat(0.1)
     edge[:, 8:] = 0.6
-    sharp, soft = (shot(edge, QUIET._replace(blur=b)).astype(float) for b in (0, 1.5))
+    sharp, soft = (shot(edge, PLAIN._replace(blur=b)).astype(float) for b in (0, 1.5))
     assert soft.mean() == pytest.approx(sharp.mean(), abs=1)
     assert np.abs(np.diff(soft, axis=1)).max() < 0.5 * np.abs(np.diff(sharp, axis=1)).max()
 
 
+def test_a_halo_makes_edges_overshoot():
+    edge = flat(0.1)
+    edge[:, 8:] = 0.5
+    image, clean = shot(edge, PLAIN._replace(halo=0.3)), shot(edge, PLAIN)
+    assert image[4, 7, 0] < clean[4, 7, 0]
+    assert image[4, 8, 0] > clean[4, 8, 0]
+    assert np.array_equal(image[:, :6], clean[:, :6])
+
+
 def test_noise_has_the_stated_strength_and_grows_with_the_signal():
-    response = CameraResponse(noise=0.02)
+    response = PLAIN._replace(noise=0.02)
     spread = {}
     for value in (0.02, 0.2):
-        clean, noisy = shot(flat(value, 128)), shot(flat(value, 128), response)
+        clean, noisy = shot(flat(value, 256), PLAIN), shot(flat(value, 256), response)
         signal = clean.mean() / 255
         spread[value] = noisy.std()
         assert noisy.mean() == pytest.approx(clean.mean(), abs=0.5)
         assert noisy.std() == pytest.approx(255 * 0.02 * np.sqrt(0.2 + 1.6 * signal), rel=0.05)
     assert spread[0.2] > spread[0.02]
+
+
+def test_jpeg_loses_more_at_low_quality_and_keeps_the_colours_in_order():
+    clean = shot(street(), PLAIN).astype(int)
+    loss = [
+        np.abs(shot(street(), PLAIN._replace(jpeg=q)).astype(int) - clean).mean() for q in (20, 95)
+    ]
+    assert loss[0] > 1.5 * loss[1] > 0
+    red = flat((0.5, 0.05, 0.02))
+    assert (shot(red, PLAIN._replace(jpeg=95))[..., 0] > 150).all()
 
 
 def test_the_same_generator_gives_the_same_grain():
@@ -72,5 +141,18 @@ def test_the_same_generator_gives_the_same_grain():
 
 def test_the_input_is_left_alone():
     radiance = flat(0.5)
-    shot(radiance, CameraResponse(blur=1.0))
+    shot(radiance, CameraResponse(blur=1.0, fringe=1.0, jpeg=80))
     assert (radiance == 0.5).all()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_every_street_has_its_own_camera_but_what_is_off_stays_off(seed):
+    full = CameraResponse(blur=0.5, fringe=0.5, jpeg=90)
+    drawn = vary(full, np.random.default_rng(seed))
+    assert drawn == vary(full, np.random.default_rng(seed))
+    assert drawn.exposure != full.exposure
+    assert 0.4 < drawn.exposure < 2.5
+    assert 1 <= drawn.jpeg <= 100
+    assert vary(full._replace(spread=0.0), np.random.default_rng(seed)) == full._replace(spread=0.0)
+    off = vary(PLAIN, np.random.default_rng(seed))
+    assert (off.noise, off.blur, off.fringe, off.halo, off.vignette, off.jpeg) == (0,) * 6

@@ -1,29 +1,34 @@
-"""Sun, sky, clouds and haze."""
+"""Sun, sky, clouds, weather and haze."""
 
 import math
+from collections import Counter
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene.render.shade import sky_image
-from scene.sky import CLOUD_SIZE, cloud_map, sample_sky
+from scene.clouds import KINDS, SIZE, cloud_relief
+from scene.sky import BRIGHTEST, SKIES, panorama, sample_sky
 
 SEEDS = st.integers(0, 2**32 - 1)
 ELEVATION = st.floats(math.radians(8), math.radians(80))
 AZIMUTH = st.floats(-math.pi, math.pi)
+LOW, HIGH = math.radians(8), math.radians(60)
+COLUMNS = 256
 
 
-def sky(seed=0, intensity=1.0, elevation=0.6, azimuth=0.0):
+def sky(seed=0, intensity=1.0, elevation=0.6, azimuth=0.0, share=1.0):
     rng = np.random.default_rng(seed)
-    return sample_sky(rng, intensity=intensity, elevation=elevation, azimuth=azimuth)
+    return sample_sky(rng, intensity=intensity, elevation=elevation, azimuth=azimuth, share=share)
 
 
-def directions(n=500):
-    d = np.random.default_rng(0).normal(size=(n, 3))
-    d[:, 2] = np.abs(d[:, 2])
-    return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
+def skies(elevation, share=1.0, count=400):
+    return [sky(seed, elevation=elevation, share=share) for seed in range(count)]
+
+
+def one_of(name, elevation=LOW, count=600):
+    return next(s for s in (sky(k, elevation=elevation) for k in range(count)) if s.weather == name)
 
 
 def test_the_sun_stands_where_its_angles_say():
@@ -38,33 +43,69 @@ def test_all_light_is_proportional_to_the_intensity(seed, intensity, elevation, 
     one, more = (sky(seed, i, elevation, azimuth) for i in (1.0, intensity))
     for name in ("sun", "zenith", "horizon", "cloud", "ambient"):
         np.testing.assert_allclose(getattr(more, name), intensity * getattr(one, name), rtol=1e-5)
-    np.testing.assert_allclose(
-        sky_image(more, directions()), intensity * sky_image(one, directions()), rtol=1e-3
-    )
+    expected = np.minimum(intensity * panorama(one, COLUMNS), BRIGHTEST)
+    free = panorama(one, COLUMNS) < BRIGHTEST
+    np.testing.assert_allclose(panorama(more, COLUMNS)[free], expected[free], rtol=1e-3)
 
 
 @given(SEEDS, ELEVATION, AZIMUTH)
 def test_light_is_positive_and_the_weather_is_in_range(seed, elevation, azimuth):
     drawn = sky(seed, 1.0, elevation, azimuth)
-    assert 0 <= drawn.cover <= 1
-    assert 200 <= drawn.haze <= 5000
+    row = next(w for w in SKIES if w.name == drawn.weather)
+    for value, ends in (
+        (drawn.cover, row.cover),
+        (drawn.haze, row.haze),
+        (drawn.wetness, row.wetness),
+    ):
+        assert ends[0] * 0.999 <= value <= ends[1] * 1.001
     assert np.linalg.norm(drawn.sun_direction) == pytest.approx(1, abs=1e-6)
-    image = sky_image(drawn, directions())
+    image = panorama(drawn, COLUMNS)
+    assert image.shape == (COLUMNS // 4, COLUMNS, 3)
+    assert image.dtype == np.float32
     assert np.isfinite(image).all()
     assert (image > 0).all()
+    assert image.max() <= BRIGHTEST
     assert (drawn.sun > 0).all()
 
 
+def test_there_are_many_weathers_and_each_is_seen_under_a_low_sun():
+    names = [w.name for w in SKIES]
+    assert len(set(names)) == len(names) >= 14
+    assert {s.weather for s in skies(LOW)} == set(names)
+    assert {w.clouds for w in SKIES} == set(KINDS)
+
+
+def test_skies_of_the_low_sun_fade_away_as_it_climbs():
+    low = {w.name for w in SKIES if w.below < 90}
+    often, seldom, never = (
+        sum(Counter(s.weather for s in skies(math.radians(e)))[n] for n in low) for e in (2, 13, 23)
+    )
+    assert low
+    assert often > 2 * seldom > never == 0
+
+
+def test_a_small_share_knows_only_the_first_weathers():
+    assert {s.weather for s in skies(LOW, share=0.25)} == {w.name for w in SKIES[:4]}
+    assert {s.weather for s in skies(LOW, share=0.001, count=20)} == {SKIES[0].name}
+
+
+def test_rain_wets_the_road_and_a_clear_day_leaves_it_dry():
+    assert one_of("rain").wetness >= 0.7
+    assert one_of("clear").wetness == 0
+
+
 def test_a_low_sun_is_weaker_and_redder():
-    low, high = sky(elevation=math.radians(8)).sun, sky(elevation=math.radians(70)).sun
+    low = sky(elevation=LOW, share=0.001).sun
+    high = sky(elevation=math.radians(70), share=0.001).sun
     assert (low < high).all()
     assert low[2] / low[0] < 0.8 * high[2] / high[0]
 
 
 def test_an_overcast_sky_hides_the_sun():
-    sun = {s.cover: s.sun.mean() for s in map(sky, range(200))}
-    covers = sorted(sun)
-    assert np.mean([sun[c] for c in covers[:20]]) > 5 * np.mean([sun[c] for c in covers[-20:]])
+    drawn = sorted(skies(HIGH), key=lambda s: s.cover)
+    assert np.mean([s.sun.mean() for s in drawn[:80]]) > 5 * np.mean(
+        [s.sun.mean() for s in drawn[-80:]]
+    )
 
 
 def test_houses_hide_more_of_a_clear_sky_than_of_a_grey_one():
@@ -73,29 +114,46 @@ def test_houses_hide_more_of_a_clear_sky_than_of_a_grey_one():
     np.testing.assert_allclose(grey.ambient, 0.75 * grey.cloud, rtol=1e-5)
 
 
-def test_straight_up_a_clear_sky_has_its_zenith_colour_and_at_the_horizon_its_horizon_colour():
-    clear = sky(azimuth=0, elevation=0.2)._replace(cover=-1.0)
-    up, back = np.array([[0, 0, 1], [-1, 0, 0]], np.float32)
-    image = sky_image(clear, np.stack([up, back]))
-    np.testing.assert_allclose(image[0], clear.zenith, rtol=1e-4)
-    np.testing.assert_allclose(image[1], clear.horizon, rtol=1e-4)
+@given(SEEDS, ELEVATION)
+def test_the_horizon_has_the_colour_of_haze(seed, elevation):
+    drawn = sky(seed, 1.0, elevation)._replace(sun=np.zeros(3, np.float32))
+    lowest = panorama(drawn, COLUMNS)[0]
+    np.testing.assert_allclose(lowest, np.broadcast_to(drawn.horizon, lowest.shape), rtol=0.02)
 
 
-def test_the_sky_is_brightest_around_the_sun():
-    clear = sky(elevation=0.8)._replace(cover=-1.0)
-    away = np.array([[-clear.sun_direction[0], 0, clear.sun_direction[2]]], np.float32)
-    toward, other = sky_image(clear, np.concatenate([clear.sun_direction[None], away]))
-    np.testing.assert_allclose(toward - other, 0.35 * clear.sun, rtol=1e-2)
+def test_straight_up_a_clear_sky_has_its_zenith_colour():
+    clear = sky()._replace(cover=-1.0, sun=np.zeros(3, np.float32))
+    top = panorama(clear, COLUMNS)[-1]
+    np.testing.assert_allclose(top, np.broadcast_to(clear.zenith, top.shape), rtol=1e-3)
 
 
-@pytest.mark.parametrize("cover", [0.2, 0.5, 0.9])
-def test_cover_is_the_share_of_cloud_in_the_map(cover):
-    assert (cloud_map() > 1 - cover).mean() == pytest.approx(cover, abs=1e-3)
+@pytest.mark.parametrize(("elevation", "azimuth"), [(0.3, 0.0), (0.9, 1.2), (0.6, -2.5)])
+def test_a_clear_sky_is_brightest_where_the_sun_stands(elevation, azimuth):
+    clear = one_of("clear")._replace(cover=-1.0)
+    at = sky(elevation=elevation, azimuth=azimuth).sun_direction
+    image = panorama(clear._replace(sun_direction=at), 1024)
+    row, column = np.unravel_index(image.mean(axis=2).argmax(), image.shape[:2])
+    assert math.pi / 2 * ((row + 0.5) / 256) ** 2 == pytest.approx(elevation, abs=0.03)
+    assert -math.pi + 2 * math.pi * (column + 0.5) / 1024 == pytest.approx(azimuth, abs=0.03)
 
 
-def test_the_cloud_map_tiles():
-    clouds = cloud_map()
-    assert clouds.shape == (CLOUD_SIZE, CLOUD_SIZE)
-    inner = np.abs(np.diff(clouds, axis=0)).mean()
-    assert np.abs(clouds[0] - clouds[-1]).mean() < 2 * inner
-    assert not clouds.flags.writeable
+@pytest.mark.parametrize("kind", KINDS)
+def test_cover_is_the_share_of_cloud_in_a_map_and_the_map_tiles(kind):
+    relief = cloud_relief(kind)
+    assert relief.shape == (SIZE, SIZE, 3)
+    assert not relief.flags.writeable
+    assert np.abs(relief[..., 1:]).max() <= 1
+    for cover in (0.2, 0.5, 0.9):
+        assert (relief[..., 0] > 1 - cover).mean() == pytest.approx(cover, abs=1e-3)
+    for axis in (0, 1):
+        inner = np.abs(np.diff(relief[..., 0], axis=axis)).mean()
+        ends = np.take(relief[..., 0], 0, axis) - np.take(relief[..., 0], -1, axis)
+        assert np.abs(ends).mean() < 3 * inner
+
+
+def test_more_cover_hides_more_of_the_blue():
+    def blue(cover):
+        image = panorama(one_of("fair cumulus")._replace(cover=cover), COLUMNS)
+        return (image[..., 2] > 1.3 * image[..., 0]).mean()
+
+    assert blue(0.05) > blue(0.4) + 0.1 > blue(0.8) + 0.2
