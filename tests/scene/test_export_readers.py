@@ -1,0 +1,221 @@
+"""The official tools of both formats read our exports unchanged: cityscapesscripts and pycocotools."""
+
+import json
+import os
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from scene.catalogue import AssetPool
+from scene.dataset import render_street
+from scene.export import export_dataset
+from scene.formats.planes import ids_of
+from scene.formats.segments import LABEL_OF_TRAIN
+from scene.proposal import default_proposal, draw
+from scene.render import RenderSettings
+
+SETTINGS = RenderSettings(width=160, height=96)
+POOL = AssetPool(0, 3)
+SHOTS, SEED = 2, 11
+UNITS = draw(default_proposal(), SEED, 2)
+STEMS = [f"scenex_{k:06d}_{shot:06d}" for k in range(2) for shot in range(SHOTS)]
+
+
+@pytest.fixture(scope="module")
+def frames():
+    return [
+        frame
+        for k, unit in enumerate(UNITS)
+        for frame in render_street(unit, SEED, k, SHOTS, SETTINGS, "embree", POOL)
+    ]
+
+
+def exported(folder, format):
+    export_dataset(
+        UNITS, SEED, folder, shots=SHOTS, settings=SETTINGS, pool=POOL, format=format, split="val"
+    )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def cityscapes(tmp_path_factory):
+    return exported(tmp_path_factory.mktemp("cityscapes") / "dataset", "cityscapes")
+
+
+@pytest.fixture(scope="module")
+def coco(tmp_path_factory):
+    return exported(tmp_path_factory.mktemp("coco") / "dataset", "coco")
+
+
+def objects(frame):
+    """Instance of the street -> (labelId, mask) of every thing in a frame."""
+    found = {}
+    for instance in np.unique(frame.instance[frame.label >= 11]):
+        mask = frame.instance == instance
+        found[int(instance)] = (int(LABEL_OF_TRAIN[frame.label[mask][0]]), mask)
+    return found
+
+
+def read(path):
+    return np.array(Image.open(path))
+
+
+def test_things_are_in_view(frames):
+    assert min(len(objects(frame)) for frame in frames) >= 3
+
+
+def test_label_pictures_hold_the_ids_of_the_official_table(cityscapes, frames):
+    from cityscapesscripts.helpers.csHelpers import getCsFileInfo
+    from cityscapesscripts.helpers.labels import trainId2label
+
+    for stem, frame in zip(STEMS, frames, strict=True):
+        path = cityscapes / "gtFine" / "val" / "scenex" / f"{stem}_gtFine_labelIds.png"
+        info = getCsFileInfo(str(path))
+        assert (info.city, info.type, info.type2) == ("scenex", "gtFine", "labelIds")
+        ids = read(path)
+        train_ids = read(str(path).replace("labelIds", "labelTrainIds"))
+        color = read(str(path).replace("labelIds", "color"))
+        np.testing.assert_array_equal(train_ids, frame.label)
+        for train_id in np.unique(frame.label):
+            label = trainId2label[train_id]
+            assert (ids[frame.label == train_id] == label.id).all()
+            assert (color[frame.label == train_id] == label.color).all()
+
+
+def test_instances_are_those_of_the_street(cityscapes, frames):
+    from cityscapesscripts.evaluation.instances2dict import instances2dict
+    from cityscapesscripts.helpers.labels import id2label
+
+    for stem, frame in zip(STEMS, frames, strict=True):
+        path = cityscapes / "gtFine" / "val" / "scenex" / f"{stem}_gtFine_instanceIds.png"
+        [found] = instances2dict([str(path)]).values()
+        theirs = sorted(
+            (entry["labelID"], entry["pixelCount"])
+            for entries in found.values()
+            for entry in entries
+            if entry["instID"] >= 1000
+        )
+        assert theirs == sorted((label, int(mask.sum())) for label, mask in objects(frame).values())
+        for name, entries in found.items():
+            for entry in entries:
+                assert id2label[entry["labelID"]].name == name
+                assert id2label[entry["labelID"]].hasInstances == (entry["instID"] >= 1000)
+
+
+def test_the_official_evaluation_scores_our_labels_as_perfect(cityscapes, tmp_path, monkeypatch):
+    from cityscapesscripts.evaluation import evalPixelLevelSemanticLabeling as evaluation
+
+    truth = sorted(str(p) for p in cityscapes.glob("gtFine/val/*/*_gtFine_labelIds.png"))
+    for path in truth:
+        os.symlink(path, tmp_path / os.path.basename(path))
+    monkeypatch.setenv("CITYSCAPES_RESULTS", str(tmp_path))
+    for name, value in {
+        "predictionPath": None,
+        "predictionWalk": None,
+        "JSONOutput": False,
+    }.items():
+        monkeypatch.setattr(evaluation.args, name, value, raising=False)
+    monkeypatch.setattr(evaluation.args, "quiet", True)
+    monkeypatch.setattr(np, "in1d", np.isin, raising=False)  # NumPy 2.4 dropped what 2.3.0 calls
+    found = [evaluation.getPrediction(evaluation.args, path) for path in truth]
+    result = evaluation.evaluateImgLists(found, truth, evaluation.args)
+    assert len(truth) == len(STEMS)
+    assert result["averageScoreClasses"] == 1 and result["averageScoreCategories"] == 1
+    assert result["averageScoreInstClasses"] == 1
+
+
+def test_the_official_script_makes_the_same_panoptic_files(cityscapes, tmp_path, capsys):
+    from cityscapesscripts.preparation.createPanopticImgs import convert2panoptic
+
+    convert2panoptic(str(cityscapes / "gtFine"), str(tmp_path), setNames=["val"])
+    ours = json.loads((cityscapes / "gtFine" / "cityscapes_panoptic_val.json").read_text())
+    theirs = json.loads((tmp_path / "cityscapes_panoptic_val.json").read_text())
+    assert ours == theirs
+    for entry in theirs["annotations"]:
+        path = f"cityscapes_panoptic_val/{entry['file_name']}"
+        np.testing.assert_array_equal(read(cityscapes / "gtFine" / path), read(tmp_path / path))
+
+
+def test_depth_and_normals_are_those_of_the_frames(cityscapes, frames):
+    for stem, frame in zip(STEMS, frames, strict=True):
+        where = f"val/scenex/{stem}"
+        depth = read(cityscapes / f"depth/{where}_depth.png")
+        np.testing.assert_allclose(depth / 100, np.minimum(frame.depth, 655.35), atol=0.0051)
+        camera = json.loads((cityscapes / f"camera/{where}_camera.json").read_text())
+        disparity = read(cityscapes / f"disparity/{where}_disparity.png").astype(float)
+        near = (frame.depth > 1) & (frame.depth < 30)
+        back = camera["extrinsic"]["baseline"] * camera["intrinsic"]["fx"]
+        metres = back / ((disparity[near] - 1) / 256)
+        np.testing.assert_allclose(metres, frame.depth[near], rtol=3e-3)
+        normals = read(cityscapes / f"normals/{where}_normals.png") / 127.5 - 1
+        np.testing.assert_allclose(normals[near], frame.normal[near], atol=0.0041)
+
+
+def test_the_camera_turns_depth_into_a_road_that_is_flat(cityscapes, frames):
+    for stem, frame in zip(STEMS, frames, strict=True):
+        camera = json.loads((cityscapes / f"camera/val/scenex/{stem}_camera.json").read_text())
+        inner, outer = camera["intrinsic"], camera["extrinsic"]
+        rows, columns = np.nonzero((frame.label == 0) & (frame.depth < 40))
+        depth = frame.depth[rows, columns]
+        down = (rows - inner["v0"]) / inner["fy"] * depth
+        pitch = outer["pitch"]
+        height = outer["z"] - down * np.cos(pitch) - depth * np.sin(pitch)
+        assert len(height) > 500
+        assert np.abs(np.median(height)) < 0.1 and np.ptp(height) < 0.5  # roads are cambered
+
+
+def check_instances(path, root, frames):
+    """Boxes and masks read back with pycocotools are those of the street."""
+    from pycocotools.coco import COCO
+
+    coco = COCO(str(path))
+    images = coco.loadImgs(coco.getImgIds())
+    assert len(images) == len(frames)
+    for image, frame in zip(images, frames, strict=True):
+        picture = read(root / image["file_name"])
+        assert picture.shape == (image["height"], image["width"], 3)
+        np.testing.assert_array_equal(picture, frame.image)
+        left = {mask.tobytes(): (label, mask) for label, mask in objects(frame).values()}
+        for annotation in coco.loadAnns(coco.getAnnIds(imgIds=image["id"])):
+            found = coco.annToMask(annotation).astype(bool)
+            label, mask = left.pop(found.tobytes())
+            rows, columns = np.nonzero(mask)
+            x, y = columns.min(), rows.min()
+            box = [x, y, columns.max() - x + 1, rows.max() - y + 1]
+            assert annotation["bbox"] == box and annotation["area"] == mask.sum()
+            assert annotation["category_id"] == label and annotation["iscrowd"] == 0
+        assert not left
+
+
+def test_pycocotools_reads_boxes_and_masks(coco, frames, capsys):
+    check_instances(coco / "annotations" / "instances.json", coco / "images", frames)
+
+
+def test_boxes_and_masks_come_with_cityscapes_too(cityscapes, frames, capsys):
+    check_instances(cityscapes / "annotations" / "instances_val.json", cityscapes, frames)
+
+
+def test_the_panoptic_file_is_as_published(coco, frames):
+    found = json.loads((coco / "annotations" / "panoptic.json").read_text())
+    categories = {entry["id"]: entry for entry in found["categories"]}
+    assert len(categories) == 19 and {c["isthing"] for c in categories.values()} == {0, 1}
+    images = {image["id"]: image for image in found["images"]}
+    assert [a["image_id"] for a in found["annotations"]] == list(images)
+    for annotation, frame in zip(found["annotations"], frames, strict=True):
+        image = images[annotation["image_id"]]
+        assert (coco / "images" / image["file_name"]).exists()
+        ids = ids_of(read(coco / "panoptic" / annotation["file_name"]))
+        assert ids.shape == (image["height"], image["width"])
+        listed = [segment["id"] for segment in annotation["segments_info"]]
+        assert sorted(listed) == np.unique(ids).tolist() and len(set(listed)) == len(listed)
+        for segment in annotation["segments_info"]:
+            assert set(segment) == {"id", "category_id", "area", "bbox", "iscrowd"}
+            mask = ids == segment["id"]
+            rows, columns = np.nonzero(mask)
+            x, y = columns.min(), rows.min()
+            assert segment["area"] == len(rows)
+            assert segment["bbox"] == [x, y, columns.max() - x + 1, rows.max() - y + 1]
+            assert (LABEL_OF_TRAIN[frame.label[mask]] == segment["category_id"]).all()
+            if categories[segment["category_id"]]["isthing"]:
+                assert len(np.unique(frame.instance[mask])) == 1
