@@ -14,6 +14,8 @@ STEEL: Color = (0.30, 0.30, 0.31)
 HEADLAMP: Color = (0.75, 0.76, 0.74)
 TAILLAMP: Color = (0.30, 0.012, 0.012)
 PLATE: Color = (0.68, 0.68, 0.64)
+PLATE_REAR: Color = (0.62, 0.42, 0.03)
+CHROME: Color = (0.42, 0.43, 0.44)
 AMBER: Color = (0.65, 0.22, 0.02)
 
 # Share of new cars by colour in Europe, and its linear albedo.

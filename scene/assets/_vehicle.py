@@ -8,7 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.asset import Asset, Color, Point, loft, merge, polygon, tube
-from scene.assets._palette import BLACK, GLASS, STEEL, TYRE
+from scene.assets._palette import BLACK, GLASS, STEEL, TRIM, TYRE, darker
+from scene.assets._skin import sheet
+from scene.assets._wheel import Wheel, wheels
 
 Corners = np.ndarray
 """f64[4, 3]: a wall seen from outside, anticlockwise from its lower left corner."""
@@ -48,27 +50,6 @@ def mudguard(
     return loft(np.array(edges), color, "paint", closed=False, caps=False)
 
 
-def wheel(
-    x: float,
-    y: float,
-    radius: float,
-    width: float,
-    rim: Color | None = STEEL,
-    *,
-    rim_share: float = 0.64,
-    sides: int = 10,
-) -> Asset:
-    """A wheel on the ground at ``x`` with its outer face at ``y``; 4 faces a side less 4."""
-    outward = np.sign(y)
-    face = circle((x, y, radius), radius, sides)
-    inner = face - [0, outward * width, 0]
-    tyre = merge(loft([inner, face], TYRE, "rubber", caps=False), polygon(face, TYRE, "rubber"))
-    if rim is None:
-        return tyre
-    disc = circle((x, y + 0.008 * outward, radius), rim_share * radius, sides)
-    return merge(tyre, polygon(disc, rim, "metal"))
-
-
 def axle(
     x: float,
     half_width: float,
@@ -76,16 +57,13 @@ def axle(
     width: float,
     rim: Color | None = STEEL,
     *,
-    rim_share: float = 0.64,
-    sides: int = 10,
+    rim_share: float = 0.6,
+    sides: int = 14,
 ) -> Asset:
-    """A wheel on either side, outer faces at ``half_width``."""
-    return merge(
-        *(
-            wheel(x, y, radius, width, rim, rim_share=rim_share, sides=sides)
-            for y in (half_width, -half_width)
-        )
-    )
+    """A wheel on either side, outer faces at ``half_width``; without ``rim`` a dark disc (rails)."""
+    style = "cap" if rim is None else "steel"
+    one = Wheel(radius, width, style, 8, rim_share, TYRE if rim is None else rim)
+    return wheels(one, (x,), half_width, sides=sides)
 
 
 def arch(x: float, y: float, height: float, radius: float, sides: int = 6) -> Asset:
@@ -137,38 +115,110 @@ def panel(
     return polygon(np.array(corners) + outside, color, material)
 
 
+_TONES = (1.0, 1.5, 0.8, 1.9, 1.1, 0.7, 1.3)
+"""Panes of a row differ in tone, since what is behind them differs."""
+
+
 def window_row(
     wall: Corners, count: int, u: tuple[float, float], v: tuple[float, float], pillar: float = 0.12
 ) -> Asset:
-    """``count`` panes side by side in the rectangle ``u``, ``v``; ``pillar`` of a bay apart."""
+    """``count`` panes side by side in the rectangle ``u``, ``v``; ``pillar`` of a bay apart.
+
+    Each has a darker lower part, where seat backs are behind it, and a vent's bar near its top.
+    """
     edges = np.linspace(*u, count + 1)
     gap = (edges[1] - edges[0]) * pillar / 2
-    return merge(*(panel(wall, (a + gap, b - gap), v, GLASS, "glass") for a, b in pairwise(edges)))
+    sill = v[0] + 0.34 * (v[1] - v[0])
+    vent = v[0] + 0.74 * (v[1] - v[0])
+    parts = []
+    for k, (a, b) in enumerate(pairwise(edges)):
+        pane = darker(GLASS, _TONES[k % len(_TONES)])
+        parts.append(panel(wall, (a + gap, b - gap), (sill, v[1]), pane, "glass"))
+        parts.append(panel(wall, (a + gap, b - gap), (v[0], sill), darker(pane, 0.6), "glass"))
+        parts.append(panel(wall, (a + gap, b - gap), (vent, vent + 0.008), TRIM, lift=0.018))
+    return merge(*parts)
 
 
-def hull(
-    length: float,
-    width: float,
-    low: float,
-    high: float,
+class Hull(NamedTuple):
+    """A box body with rounded corners; metres."""
+
+    length: float
+    width: float
+    low: float
+    high: float
+    x: float = 0.0  # of its middle
+    round: float = 0.16  # radius of the upright corners
+    chamfer: float = 0.16  # radius of the roof's edges
+    nose: float = 0.0  # that the top of the front is set back
+    tail: float = 0.0  # that the top of the rear is set back
+
+
+_ARC = np.linspace(0, np.pi / 2, 4)
+
+
+def _corner(h: Hull) -> np.ndarray:
+    """(x set back, y set in) of the points round an upright corner, from the side to the front, m."""
+    return h.round * np.column_stack([1 - np.sin(_ARC), 1 - np.cos(_ARC)])
+
+
+def hull(h: Hull, color: Color, material: str = "paint") -> Asset:
+    """The body of ``h``, closed all round."""
+    half = h.width / 2
+    arc = h.chamfer * np.column_stack([1 - np.cos(_ARC), np.sin(_ARC) - 1])
+    rings = []
+    for end, lean in ((-1, h.tail), (1, h.nose)):
+        corner = _corner(h)
+        for back, inset in corner if end > 0 else corner[::-1]:
+            side = half - inset
+            right = [(side, h.low), *((side - a, h.high + b - 0.3 * inset) for a, b in arc)]
+            section = np.array(right + [(-y, z) for y, z in right[::-1]])
+            up = (section[:, 1] - h.low) / (h.high - h.low)
+            along = h.x + end * (h.length / 2 - back - lean * up)
+            rings.append(np.column_stack([along, section]))
+    return loft(rings, color, material)
+
+
+def wrap(
+    h: Hull,
+    end: int,
+    v: tuple[float, float],
+    back: float,
     color: Color,
+    material: str = "plain",
     *,
-    x: float = 0,
-    chamfer: float = 0.15,
-    nose: float = 0.0,
-    tail: float = 0.0,
-    material: str = "paint",
+    lift: float = 0.012,
 ) -> Asset:
-    """A body with chamfered roof edges; ``nose`` and ``tail`` are metres its roof is set back."""
-    half = width / 2
-    section = np.array(
-        [(half, low), (half, high - chamfer), (half - chamfer, high)]
-        + [(chamfer - half, high), (-half, high - chamfer), (-half, low)]
-    )
-    up = (section[:, 1] - low) / (high - low)
-    front = np.column_stack([x + length / 2 - nose * up, section])
-    rear = np.column_stack([x - length / 2 + tail * up, section])
-    return loft([rear, front], color, material)
+    """A band round the front (``end`` 1) or rear (-1): ``v`` up it, ``back`` m along either side."""
+    corner = _corner(h)
+    side = np.concatenate([[(h.round + back, 0.0)], corner]) - [lift, 0]
+    plan = np.column_stack([side[:, 0], h.width / 2 - side[:, 1] + lift])
+    plan = np.concatenate([plan, plan[::-1] * [1, -1]])
+    lean = h.nose if end > 0 else h.tail
+    rows = []
+    for up in v:
+        x = h.x + end * (h.length / 2 - plan[:, 0] - lean * up)
+        z = np.full(len(plan), h.low + up * (h.high - h.low))
+        rows.append(np.column_stack([x, plan[:, 1], z]))
+    grid = np.array(rows[::-1] if end > 0 else rows)
+    return sheet(grid, color, material)
+
+
+def lettering(
+    wall: Corners, u: tuple[float, float], v: tuple[float, float], color: Color, seed: int
+) -> Asset:
+    """Two lines of block letters on ``wall``, a large one over a small one; legible as text, not as words."""
+    rng = np.random.default_rng(seed)
+    parts = []
+    for low, high, letters in (
+        (0.4, 1.0, int(rng.integers(5, 10))),
+        (0.0, 0.26, int(rng.integers(12, 20))),
+    ):
+        edges = np.linspace(*u, letters + 1)
+        step = edges[1] - edges[0]
+        for a in edges[:-1][rng.random(letters) < 0.85]:
+            tall = v[0] + low * (v[1] - v[0]), v[0] + (high - rng.choice([0, 0.06])) * (v[1] - v[0])
+            parts.append(panel(wall, (a, a + step * rng.uniform(0.5, 0.8)), tall, color, lift=0.02))
+    return merge(*parts)
 
 
 def lamps(

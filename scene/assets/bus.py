@@ -1,4 +1,4 @@
-"""Buses: a chamfered hull with rows of windows, doors on the right, a lit destination board."""
+"""Buses: a rounded hull with rows of windows, doors, a lit destination board, liveries and adverts."""
 
 from __future__ import annotations
 
@@ -6,9 +6,32 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, merge
-from scene.assets._palette import AMBER, BLACK, GLASS, HEADLAMP, PLATE, STEEL, TAILLAMP, TRIM, pick
-from scene.assets._vehicle import Walls, arch, axle, hull, lamps, panel, walls, window_row
+from scene.asset import Asset, Color, block, merge, polygon, tube
+from scene.assets._palette import (
+    AMBER,
+    BLACK,
+    GLASS,
+    HEADLAMP,
+    PLATE,
+    PLATE_REAR,
+    STEEL,
+    TAILLAMP,
+    TRIM,
+    pick,
+)
+from scene.assets._vehicle import (
+    Hull,
+    Walls,
+    arch,
+    axle,
+    hull,
+    lamps,
+    lettering,
+    panel,
+    walls,
+    window_row,
+    wrap,
+)
 
 
 class BusParams(NamedTuple):
@@ -26,9 +49,17 @@ class BusParams(NamedTuple):
     first_door: float  # m from the nose to the front door
     rake: float  # m that the top of the front is set back
     board: bool  # destination board
+    joint: bool = False  # articulated in the middle
+    open_top: bool = False  # the upper deck has no roof
+    bonnet: float = 0.0  # m of engine ahead of the windscreen
+    round: float = 0.2  # radius of the corners
     color: Color = (0.3, 0.02, 0.02)
-    skirt: Color = (0.05, 0.05, 0.05)  # lower band of the sides
-    stripe: bool = False
+    second: Color = (0.05, 0.05, 0.05)  # of the livery
+    livery: str = "plain"
+    advert: Color | None = None
+    pods: int = 0  # boxes on the roof (cooling, gas)
+    rim: Color = STEEL
+    seed: int = 0  # of the lettering
 
 
 _MODELS: dict[str, BusParams] = {
@@ -37,6 +68,15 @@ _MODELS: dict[str, BusParams] = {
     "coach": BusParams(12.2, 2.55, 3.55, 1, 6, (0.50, 0.90), 0.50, 2, 1, 0.6, 0.40, False),
     "minibus": BusParams(7.2, 2.15, 2.75, 1, 4, (0.42, 0.86), 0.36, 1, 1, 2.1, 0.45, True),
     "midibus": BusParams(9.3, 2.40, 2.90, 1, 5, (0.34, 0.88), 0.42, 1, 1, 0.4, 0.15, True),
+    "articulated": BusParams(
+        17.6, 2.55, 3.05, 1, 10, (0.36, 0.86), 0.48, 1, 3, 0.45, 0.12, True, joint=True
+    ),
+    "open-top": BusParams(
+        10.4, 2.50, 4.05, 2, 6, (0.34, 0.84), 0.48, 1, 1, 0.5, 0.12, True, open_top=True
+    ),
+    "school bus": BusParams(
+        9.6, 2.40, 3.05, 1, 8, (0.48, 0.84), 0.46, 1, 1, 1.75, 0.08, True, bonnet=1.4
+    ),
 }
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body types."""
@@ -49,69 +89,160 @@ _LIVERIES: tuple[Color, ...] = (
     (0.025, 0.07, 0.22),  # blue
     (0.03, 0.16, 0.08),  # green
     (0.34, 0.35, 0.36),  # silver
+    (0.10, 0.30, 0.42),  # turquoise
+    (0.16, 0.03, 0.14),  # purple
+    (0.48, 0.15, 0.015),  # orange
 )
+_PATTERNS = ("plain", "skirt", "band", "two-tone", "swoop", "rear")
 _FLOOR = 0.32
 """Height of the lower edge of the body, m."""
 
 
 def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
-    """Draw a bus of one body type: size within 5 %, livery."""
+    """Draw a bus of one body type: size within 8 %, livery, adverts, boxes on the roof."""
     model = _MODELS[kind]
-    color = pick(rng, _LIVERIES)
+    first, second = rng.choice(len(_LIVERIES), 2, replace=False)
+    color = pick(rng, (_LIVERIES[first],))
+    if kind == "school bus":
+        color = pick(rng, ((0.55, 0.30, 0.015),))
+    elif kind == "double decker" and rng.random() < 0.4:
+        color = pick(rng, _LIVERIES[:1])
     return model._replace(
-        length=model.length * rng.uniform(0.95, 1.05),
-        height=model.height * rng.uniform(0.98, 1.02),
-        bays=model.bays + int(rng.integers(0, 2)),
+        length=model.length * rng.uniform(0.92, 1.07),
+        height=model.height * rng.uniform(0.965, 1.035),
+        bays=model.bays + int(rng.integers(-1, 3)),
+        rake=model.rake * rng.uniform(0.5, 1.8),
+        round=rng.uniform(0.12, 0.3),
         color=color,
-        skirt=pick(rng, _LIVERIES if rng.random() < 0.4 else (BLACK, TRIM)),
-        stripe=bool(rng.random() < 0.5),
+        second=pick(rng, (_LIVERIES[second],)) if rng.random() < 0.75 else pick(rng, (BLACK, TRIM)),
+        livery=_PATTERNS[int(rng.integers(len(_PATTERNS)))],
+        advert=pick(rng, _LIVERIES) if rng.random() < 0.55 else None,
+        pods=int(rng.integers(0, 4)) if model.decks == 1 else 0,
+        rim=pick(rng, (STEEL, (0.6, 0.6, 0.58), (0.12, 0.12, 0.12), color)),
+        seed=int(rng.integers(2**31)),
     )
 
 
 def bus(params: BusParams) -> Asset:
     """The bus of ``params``, driving towards +x, its doors on the right."""
     p = params
-    side = walls(p.length, p.width, _FLOOR, p.height)
+    shape = _shape(p)
+    side = walls(shape.length, p.width, _FLOOR, shape.high, x=shape.x)
     parts = [
-        hull(p.length, p.width, _FLOOR, p.height, p.color, nose=p.rake, chamfer=0.16),
+        hull(shape, p.color),
+        *_livery(p, shape, side),
         *_running_gear(p),
-        *_ends(p, side),
-        *_doors(p, side),
+        *_ends(p, shape, side),
+        *_doors(p, shape, side),
+        *_above(p, shape),
     ]
-    for deck in range(p.decks):
-        low, high = ((deck + g) / p.decks for g in p.glass)
-        start, end = 0.02, 0.985 - 1.2 * p.rake / p.length
+    for deck in range(p.decks - p.open_top):
+        low, high = _glass(p, deck)
+        start, end = 0.03, 0.98 - 1.2 * p.rake / p.length
         parts.append(window_row(side.left, p.bays, (1 - end, 1 - start), (low, high), 0.09))
         if deck:
             parts.append(window_row(side.right, p.bays, (start, end), (low, high), 0.09))
-    for wall in (side.left, side.right):
-        parts.append(panel(wall, (0, 1), (0, 0.1), p.skirt, lift=0.006))
-        if p.stripe:
-            low = p.glass[0] / p.decks
-            parts.append(panel(wall, (0, 1), (low - 0.09, low - 0.03), p.skirt, lift=0.006))
+    if p.joint:
+        x = -0.06 * p.length
+        for k in range(7):  # folds of the bellows
+            out = 0.02 + 0.02 * (k % 2)
+            half = p.width / 2 + out
+            back, front = x + 0.16 * k, x + 0.16 * k + 0.17
+            fold = (back, -half, _FLOOR), (front, half, p.height + out)
+            parts.append(block(*fold, BLACK, "cloth"))
+    if p.bonnet:
+        parts += _bonnet(p)
     return merge(*parts)
 
 
+def _shape(p: BusParams) -> Hull:
+    high = p.height - (1.0 if p.open_top else 0.0)
+    length = p.length - p.bonnet
+    return Hull(
+        length, p.width, _FLOOR, high, -p.bonnet / 2, p.round, 0.75 * p.round, p.rake, 0.25 * p.rake
+    )
+
+
+def _glass(p: BusParams, deck: int) -> tuple[float, float]:
+    """Shares of the hull's height between which the windows of a deck are."""
+    full = (p.height - _FLOOR) / (_shape(p).high - _FLOOR)
+    return full * (deck + p.glass[0]) / p.decks, full * (deck + p.glass[1]) / p.decks
+
+
+def _livery(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
+    """The second colour, and an advert with its lettering."""
+    foot, head = _glass(p, 0)
+    edge = 1.2 * p.round / shape.length
+    parts = []
+    bands: dict[str, list[tuple[tuple[float, float], tuple[float, float]]]] = {
+        "plain": [((edge, 1 - edge), (0.0, 0.06))],
+        "skirt": [((edge, 1 - edge), (0.0, 0.5 * foot))],
+        "band": [((edge, 1 - edge), (foot - 0.09, foot - 0.02))],
+        "two-tone": [
+            ((edge, 1 - edge), (head + 0.015, head + 0.1)),
+            ((edge, 1 - edge), (foot, head)),
+        ],
+        "swoop": [],
+        "rear": [],
+    }
+    for mirror, wall in ((False, side.right), (True, side.left)):
+        for (a, b), v in bands[p.livery]:
+            parts.append(
+                panel(wall, (1 - b, 1 - a) if mirror else (a, b), v, p.second, "paint", lift=0.005)
+            )
+        if p.livery in ("swoop", "rear"):
+            slant = 0.16 if p.livery == "swoop" else 0.0
+            a, b, top = (0.25, 0.5, 0.96) if slant else (edge, 0.28, 0.94)
+            shares = [(a, 0.0), (b, 0.0), (b - slant, top), (a - slant, top)]
+            low_left, low_right, _, high_left = wall
+            corners = [
+                low_left
+                + (low_right - low_left) * (1 - u if mirror else u)
+                + (high_left - low_left) * v
+                for u, v in (shares[::-1] if mirror else shares)
+            ]
+            corners = np.array(corners) + [0, np.sign(wall[0, 1]) * 0.006, 0]
+            parts.append(polygon(corners, p.second, "paint"))
+        if p.advert is not None:
+            lower = (head + 0.025, _glass(p, 1)[0] - 0.02) if p.decks == 2 else (0.16, foot - 0.03)
+            u = (0.3, 0.72)
+            if lower[1] - lower[0] > 0.08 and p.livery != "two-tone":
+                light = (0.62, 0.62, 0.6) if max(p.advert) < 0.45 else (0.03, 0.03, 0.05)
+                parts.append(panel(wall, u, lower, p.advert, "paint", lift=0.01))
+                middle = (
+                    lower[0] + 0.2 * (lower[1] - lower[0]),
+                    lower[1] - 0.2 * (lower[1] - lower[0]),
+                )
+                parts.append(lettering(wall, (0.36, 0.66), middle, light, p.seed))
+    if p.livery == "skirt":
+        parts += [
+            wrap(shape, end, (0, 0.5 * foot), 0.05, p.second, "paint", lift=0.006)
+            for end in (1, -1)
+        ]
+    return parts
+
+
 def _axles(p: BusParams) -> list[float]:
-    front = p.length / 2 - (2.6 if p.length > 8 else 1.4)
-    rear = -p.length / 2 + 0.27 * p.length
-    return [front, rear] + ([rear - 1.3] if p.rear_axles == 2 else [])
+    front = p.length / 2 - (2.6 if p.length > 8 and not p.bonnet else 1.3)
+    rear = -p.length / 2 + 0.27 * p.length * (0.6 if p.joint else 1)
+    middle = [0.06 * p.length] if p.joint else []
+    return [front, *middle, rear] + ([rear - 1.3] if p.rear_axles == 2 else [])
 
 
 def _running_gear(p: BusParams) -> list[Asset]:
     half, radius = p.width / 2, p.wheel_radius
     parts = []
     for x in _axles(p):
-        parts.append(axle(x, half + 0.02, radius, 0.3, STEEL, rim_share=0.55))
-        parts += [arch(x, y, radius, radius + 0.09) for y in (half + 0.013, -half - 0.013)]
+        parts.append(axle(x, half + 0.03, radius, 0.3, p.rim))
+        parts += [arch(x, y, radius, radius + 0.09, 10) for y in (half + 0.02, -half - 0.02)]
     return parts
 
 
-def _doors(p: BusParams, side: Walls) -> list[Asset]:
+def _doors(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
     """Glass doors down to the floor on the right, windows between them."""
-    high = p.glass[1] / p.decks
-    width = 1.25 / p.length
-    starts = [1 - p.first_door / p.length - width] + [0.48] * (p.doors - 1)
+    low, high = _glass(p, 0)
+    width = 1.25 / shape.length
+    starts = [1 - (p.first_door - 0.4 * p.bonnet) / shape.length - width, 0.48, 0.2][: p.doors]
     parts = []
     for start in starts:
         leaf = (start, start + width / 2 - 0.03 / p.length), (start + width / 2, start + width)
@@ -119,8 +250,7 @@ def _doors(p: BusParams, side: Walls) -> list[Asset]:
         parts += [
             panel(side.right, u, (0.07, high - 0.02), GLASS, "glass", lift=0.02) for u in leaf
         ]
-    low = p.glass[0] / p.decks
-    edges = [0.985 - 1.2 * p.rake / p.length, *(e for s in starts for e in (s + width, s)), 0.02]
+    edges = [0.98 - 1.2 * p.rake / p.length, *(e for s in starts for e in (s + width, s)), 0.03]
     for end, start in zip(edges[::2], edges[1::2], strict=True):
         if end - start > 0.05:
             count = max(1, round((end - start) * p.bays))
@@ -128,31 +258,103 @@ def _doors(p: BusParams, side: Walls) -> list[Asset]:
     return parts
 
 
-def _ends(p: BusParams, side: Walls) -> list[Asset]:
-    """Windscreens, rear windows, destination boards, lamps, plates and bumpers."""
-    front, rear = side.front.copy(), side.rear
-    front[2:, 0] -= p.rake
-    top = 1 - 0.16 / (p.height - _FLOOR)
+def _ends(p: BusParams, shape: Hull, side: Walls) -> list[Asset]:
+    """Windscreens that reach round the corners, rear windows, boards, lamps, plates and bumpers."""
+    front, rear = side.front.copy(), side.rear.copy()
+    front[2:, 0] -= shape.nose
+    rear[2:, 0] += shape.tail
     parts = []
-    for deck in range(p.decks):
-        low, high = (deck + p.glass[0] - 0.06) / p.decks, (deck + p.glass[1] - 0.02) / p.decks
-        parts.append(panel(front, (0.05, 0.95), (low, high), GLASS, "glass"))
-        parts.append(panel(rear, (0.12, 0.88), (low + 0.06, high), GLASS, "glass"))
-    board = (p.glass[1] - 0.01) / p.decks
+    for deck in range(p.decks - p.open_top):
+        low, high = _glass(p, deck)
+        parts.append(wrap(shape, 1, (low - 0.07 / p.decks, high), 0.1, GLASS, "glass"))
+        parts.append(panel(front, (0.495, 0.505), (low - 0.06 / p.decks, high), BLACK, lift=0.02))
+        parts.append(panel(rear, (0.13, 0.87), (low + 0.03, high), GLASS, "glass"))
+    low, high = _glass(p, 0)
     if p.board:
-        height = min(0.14 / p.decks, top - board) if p.decks == 1 else 0.1
-        parts.append(panel(front, (0.14, 0.86), (board, board + height), BLACK, lift=0.02))
-        text = (board + 0.25 * height, board + 0.75 * height)
-        parts.append(panel(front, (0.24, 0.76), text, AMBER, lift=0.03))
+        height = min(0.13, 0.97 - high) if p.decks == 1 else 0.09
+        parts.append(panel(front, (0.14, 0.86), (high, high + height), BLACK, lift=0.02))
+        text = (high + 0.2 * height, high + 0.8 * height)
+        parts.append(lettering(front, (0.2, 0.8), text, AMBER, p.seed))
+    d = p.decks
     parts += [
-        panel(front, (0, 1), (0, 0.07 / p.decks + 0.02), TRIM),
-        panel(rear, (0, 1), (0, 0.07 / p.decks + 0.02), TRIM),
+        wrap(shape, 1, (0.0, 0.07 / d + 0.02), 0.3, TRIM),
+        wrap(shape, -1, (0.0, 0.07 / d + 0.02), 0.3, TRIM),
+        panel(front, (0.3, 0.7), (0.24 / d, 0.29 / d), BLACK, lift=0.02),
         panel(front, (0.4, 0.6), (0.05, 0.09), PLATE, lift=0.03),
-        panel(rear, (0.4, 0.6), (0.11, 0.15), PLATE, lift=0.03),
-        lamps(front, (0.04, 0.2), (0.12 / p.decks + 0.02, 0.2 / p.decks + 0.02), HEADLAMP),
-        lamps(rear, (0.02, 0.1), (0.14 / p.decks, 0.32 / p.decks), TAILLAMP),
+        panel(rear, (0.4, 0.6), (0.11, 0.15), PLATE_REAR, lift=0.03),
+        panel(rear, (0.2, 0.8), (0.2 / d, 0.32 / d), TRIM, "metal"),
+        lamps(front, (0.1, 0.24), (0.12 / d + 0.02, 0.2 / d + 0.02), HEADLAMP, lift=0.02),
+        lamps(front, (0.25, 0.28), (0.12 / d + 0.02, 0.2 / d + 0.02), AMBER, lift=0.02),
+        lamps(rear, (0.1, 0.17), (0.14 / d, 0.36 / d), TAILLAMP),
     ]
-    x, z = p.length / 2 + 0.1, min(2.3, 0.75 * p.height)
+    x, z = p.length / 2 - p.bonnet + 0.1, min(2.3, 0.75 * p.height)
     for y in (p.width / 2 + 0.12, -p.width / 2 - 0.12):
         parts.append(block((x - 0.12, y - 0.09, z - 0.35), (x, y + 0.09, z), TRIM))
+        parts.append(
+            tube((x - 0.05, y, z), (x - 0.3, y - np.sign(y) * 0.2, z + 0.15), 0.02, TRIM, sides=4)
+        )
+    for y in (0.3, -0.5):  # wipers at rest
+        x = front[0, 0] - shape.nose * low + 0.04
+        z = _FLOOR + low * (shape.high - _FLOOR)
+        parts.append(tube((x, y, z - 0.05), (x - 0.05, y + 0.5, z + 0.12), 0.012, BLACK, sides=4))
     return parts
+
+
+def _above(p: BusParams, shape: Hull) -> list[Asset]:
+    """Boxes on the roof; on an open top a parapet with a rail and rows of seats."""
+    parts = []
+    for k in range(p.pods):
+        x = shape.x + (0.28 - 0.26 * k) * shape.length
+        size = (0.5 + 0.35 * ((p.seed >> k) % 3), 0.35 * p.width, shape.high + 0.16 + 0.05 * k)
+        parts.append(
+            block(
+                (x - size[0], -size[1], shape.high - 0.02), (x + size[0], size[1], size[2]), p.color
+            )
+        )
+    if p.open_top:
+        low, inner = shape.high, p.width / 2 - 0.12
+        for x in np.arange(-shape.length / 2 + 0.8, shape.length / 2 - 1, 0.85):
+            for y in (-0.55, 0.55):
+                parts.append(
+                    block((x, y - 0.4, low), (x + 0.1, y + 0.4, low + 0.75), p.second, "cloth")
+                )
+        for y in (-inner, inner):
+            parts.append(
+                block(
+                    (-shape.length / 2 + 0.2, y - 0.03, low - 0.05),
+                    (shape.length / 2 - 0.4, y + 0.03, low + 0.4),
+                    p.color,
+                )
+            )
+        parts.append(
+            block(
+                (shape.length / 2 - 0.5, -inner, low - 0.05),
+                (shape.length / 2 - 0.42, inner, low + 0.95),
+                GLASS,
+                "glass",
+            )
+        )
+    return parts
+
+
+def _bonnet(p: BusParams) -> list[Asset]:
+    """The engine's box ahead of the windscreen, with grille and lamps."""
+    h = Hull(
+        p.bonnet + 0.5,
+        0.86 * p.width,
+        0.5,
+        1.6,
+        p.length / 2 - p.bonnet / 2 - 0.25,
+        0.25,
+        0.2,
+        0.12,
+    )
+    front = walls(h.length, h.width, h.low, h.high, x=h.x).front
+    front[2:, 0] -= h.nose
+    return [
+        hull(h, p.color),
+        wrap(h, 1, (0.0, 0.2), 0.4, TRIM, lift=0.05),
+        panel(front, (0.3, 0.7), (0.25, 0.75), BLACK),
+        lamps(front, (0.12, 0.26), (0.4, 0.65), HEADLAMP, lift=0.02),
+        panel(front, (0.42, 0.58), (0.06, 0.16), PLATE, lift=0.08),
+    ]

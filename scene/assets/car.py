@@ -1,4 +1,4 @@
-"""Cars: a lofted body with wheel arches, a glazed cabin that leans inwards, four wheels."""
+"""Cars: a curved shell with wheel arches and glazing, its fittings, and four wheels."""
 
 from __future__ import annotations
 
@@ -6,243 +6,276 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, block, extrude, loft, merge, polygon, vary
-from scene.assets._palette import (
-    BLACK,
-    GLASS,
-    HEADLAMP,
-    PLATE,
-    STEEL,
-    TAILLAMP,
-    TRIM,
-    car_paint,
-    darker,
-)
-from scene.assets._vehicle import axle, lamps, panel
+from scene.asset import Asset, Color, merge, vary
+from scene.assets._bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
+from scene.assets._fittings import Fittings, fittings
+from scene.assets._palette import BLACK, CHROME, GLASS, STEEL, TRIM, car_paint, darker, pick
+from scene.assets._wheel import STYLES, Wheel, wheels
 
 
 class CarParams(NamedTuple):
-    """One car; metres, and shares of the length measured from the nose."""
+    """One car: its shape, what it wears and what is fitted to it."""
 
-    length: float
-    width: float
-    height: float
+    body: Body
+    paint: Paint
+    fittings: Fittings
+    wheel: Wheel
+
+
+class _Model(NamedTuple):
+    """A body style: metres, and shares of the length measured from the nose."""
+
+    size: tuple[float, float, float]  # length, width, height
     wheelbase: float
-    wheel_radius: float
-    sill: float  # m from the ground to the underside
-    hood: float  # m, height of the bonnet at the nose
-    belt: float  # m, height of the lower edge of the windows
-    deck: float  # m, height of the body at the tail
-    cowl: float  # share: foot of the windscreen
-    roof_front: float  # share: top of the windscreen
-    roof_rear: float  # share: top of the rear window
-    tail: float  # share: foot of the rear window
-    glass_end: float  # share: where the side windows end
-    tumblehome: float  # roof width over belt width
-    color: Color = (0.4, 0.4, 0.4)
-    rim: Color = STEEL
-    trim: bool = False  # dark bumpers and sills
-    rails: bool = False  # on the roof
+    front: float  # nose to front axle
+    radius: float  # of the wheels
+    sill: float
+    hood: tuple[float, float]  # height of the bonnet at nose and windscreen
+    belt: float
+    deck: float
+    screens: tuple[float, float, float, float]  # cowl, top of it, top of the rear window, its foot
+    glass: tuple[float, float]  # side windows
+    pillars: tuple[float, ...]
+    doors: tuple[float, ...]
+    tumblehome: float = 0.22
+    rails: float = 0.0  # how likely there are roof rails
+    plastic: float = 0.25  # how likely bumpers are of bare plastic
+    nose: float = 0.24
 
 
-_MODELS: dict[str, CarParams] = {
-    "hatchback": CarParams(
-        4.05, 1.76, 1.47, 2.56, 0.315, 0.19, 0.72, 0.93, 0.98, 0.23, 0.42, 0.86, 0.985, 0.90, 0.80
+_MODELS: dict[str, _Model] = {
+    "hatchback": _Model(
+        (4.15, 1.77, 1.47), 2.58, 0.84, 0.315, 0.18, (0.76, 0.95), 0.94, 0.96,
+        (0.25, 0.42, 0.85, 0.985), (0.27, 0.86), (0.52, 0.76), (0.26, 0.52, 0.735),
     ),
-    "saloon": CarParams(
-        4.65, 1.82, 1.45, 2.76, 0.32, 0.18, 0.70, 0.92, 0.96, 0.26, 0.42, 0.70, 0.86, 0.80, 0.78
+    "saloon": _Model(
+        (4.60, 1.80, 1.44), 2.70, 0.88, 0.315, 0.17, (0.74, 0.95), 0.93, 0.99,
+        (0.27, 0.43, 0.70, 0.83), (0.29, 0.785), (0.515, 0.715), (0.27, 0.515, 0.715),
     ),
-    "estate": CarParams(
-        4.65, 1.82, 1.49, 2.74, 0.32, 0.18, 0.71, 0.93, 0.96, 0.25, 0.41, 0.90, 0.985, 0.94, 0.80
+    "supermini": _Model(
+        (3.85, 1.68, 1.46), 2.47, 0.78, 0.295, 0.18, (0.76, 0.96), 0.93, 0.95,
+        (0.22, 0.41, 0.86, 0.985), (0.24, 0.87), (0.51, 0.76), (0.25, 0.51, 0.735),
     ),
-    "suv": CarParams(
-        4.50, 1.86, 1.68, 2.67, 0.36, 0.25, 0.88, 1.08, 1.10, 0.23, 0.38, 0.90, 0.985, 0.92, 0.83
+    "estate": _Model(
+        (4.70, 1.80, 1.48), 2.72, 0.88, 0.32, 0.17, (0.74, 0.95), 0.94, 0.97,
+        (0.26, 0.41, 0.89, 0.985), (0.28, 0.93), (0.50, 0.69), (0.265, 0.50, 0.69), rails=0.65,
     ),
-    "van": CarParams(
-        4.95, 1.94, 1.95, 3.10, 0.33, 0.21, 0.84, 1.12, 1.10, 0.17, 0.30, 0.965, 0.99, 0.40, 0.88
+    "crossover": _Model(
+        (4.40, 1.84, 1.64), 2.65, 0.86, 0.35, 0.23, (0.90, 1.08), 1.06, 1.08,
+        (0.24, 0.40, 0.87, 0.985), (0.26, 0.89), (0.51, 0.735), (0.26, 0.51, 0.73),
+        tumblehome=0.19, rails=0.7, plastic=0.6,
     ),
-    "coupe": CarParams(
-        4.40, 1.82, 1.33, 2.60, 0.33, 0.16, 0.66, 0.87, 0.93, 0.31, 0.47, 0.67, 0.91, 0.78, 0.76
+    "city car": _Model(
+        (3.50, 1.62, 1.50), 2.33, 0.66, 0.275, 0.17, (0.80, 0.98), 0.95, 0.98,
+        (0.18, 0.37, 0.90, 0.99), (0.20, 0.90), (0.50, 0.77), (0.22, 0.50, 0.755), plastic=0.5,
     ),
-    "city car": CarParams(
-        3.55, 1.64, 1.52, 2.38, 0.285, 0.18, 0.76, 0.95, 0.98, 0.19, 0.38, 0.89, 0.985, 0.90, 0.80
+    "people carrier": _Model(
+        (4.60, 1.83, 1.70), 2.80, 0.90, 0.325, 0.18, (0.86, 1.08), 1.00, 1.04,
+        (0.19, 0.38, 0.91, 0.988), (0.20, 0.93), (0.44, 0.66, 0.80), (0.235, 0.45, 0.665),
+        rails=0.4, plastic=0.35,
     ),
-    "people carrier": CarParams(
-        4.60, 1.84, 1.66, 2.80, 0.33, 0.19, 0.80, 1.00, 1.02, 0.17, 0.37, 0.92, 0.985, 0.94, 0.82
+    "three-door": _Model(
+        (3.95, 1.73, 1.40), 2.48, 0.82, 0.315, 0.15, (0.72, 0.92), 0.90, 0.95,
+        (0.26, 0.44, 0.80, 0.98), (0.28, 0.84), (0.585,), (0.265, 0.59), tumblehome=0.24,
+    ),
+    "executive": _Model(
+        (4.92, 1.86, 1.46), 2.88, 0.90, 0.335, 0.16, (0.76, 0.97), 0.96, 1.02,
+        (0.29, 0.45, 0.70, 0.83), (0.31, 0.79), (0.53, 0.72), (0.285, 0.53, 0.72), plastic=0.0,
+    ),
+    "off-roader": _Model(
+        (4.45, 1.86, 1.86), 2.65, 0.78, 0.385, 0.30, (1.06, 1.17), 1.18, 1.18,
+        (0.28, 0.36, 0.955, 0.985), (0.30, 0.94), (0.53, 0.74), (0.28, 0.53, 0.735),
+        tumblehome=0.12, rails=0.6, plastic=0.75, nose=0.12,
+    ),
+    "panel van": _Model(
+        (5.30, 1.98, 2.28), 3.25, 0.98, 0.34, 0.24, (0.98, 1.22), 1.20, 1.24,
+        (0.15, 0.29, 0.972, 0.99), (0.165, 0.36), (), (0.19, 0.375, 0.56),
+        tumblehome=0.11, plastic=0.9, nose=0.20,
+    ),
+    "coupe": _Model(
+        (4.40, 1.80, 1.32), 2.58, 0.86, 0.335, 0.14, (0.68, 0.88), 0.87, 0.94,
+        (0.32, 0.49, 0.67, 0.88), (0.34, 0.77), (0.64,), (0.32, 0.625), tumblehome=0.26, plastic=0.0,
+    ),
+    "small van": _Model(
+        (4.25, 1.78, 1.82), 2.70, 0.84, 0.31, 0.19, (0.82, 1.03), 1.00, 1.05,
+        (0.21, 0.38, 0.968, 0.99), (0.23, 0.46), (), (0.24, 0.475, 0.64),
+        tumblehome=0.13, plastic=0.85,
+    ),
+    "black cab": _Model(
+        (4.58, 1.78, 1.78), 2.88, 0.84, 0.33, 0.22, (0.86, 1.02), 1.02, 1.04,
+        (0.29, 0.39, 0.84, 0.955), (0.31, 0.90), (0.50, 0.725), (0.29, 0.50, 0.725),
+        tumblehome=0.17, plastic=0.5, nose=0.16,
+    ),
+    "convertible": _Model(
+        (4.05, 1.74, 1.36), 2.48, 0.84, 0.315, 0.15, (0.70, 0.90), 0.89, 0.96,
+        (0.29, 0.45, 0.64, 0.77), (0.31, 0.70), (0.60,), (0.30, 0.615), plastic=0.0,
+    ),
+    "pickup": _Model(
+        (5.15, 1.85, 1.76), 3.05, 0.92, 0.375, 0.29, (1.00, 1.14), 1.13, 1.10,
+        (0.25, 0.36, 0.58, 0.625), (0.265, 0.60), (0.44,), (0.26, 0.44, 0.61),
+        tumblehome=0.16, plastic=0.5, nose=0.16,
+    ),
+    "old-timer": _Model(
+        (3.85, 1.58, 1.45), 2.35, 0.72, 0.30, 0.20, (0.74, 0.94), 0.92, 0.86,
+        (0.30, 0.39, 0.70, 0.86), (0.32, 0.79), (0.54,), (0.31, 0.56), tumblehome=0.24,
+        plastic=0.0, nose=0.34,
     ),
 }  # fmt: skip
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body styles."""
 
+_VANS = ("panel van", "small van")
+_VAN_PAINTS: tuple[Color, ...] = (
+    (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.35, 0.015, 0.018), (0.42, 0.43, 0.44),
+    (0.02, 0.05, 0.16), (0.50, 0.32, 0.02), (0.03, 0.12, 0.06), (0.08, 0.085, 0.09),
+)  # fmt: skip
+_OLD_PAINTS: tuple[Color, ...] = (
+    (0.30, 0.34, 0.27), (0.45, 0.40, 0.28), (0.15, 0.27, 0.36), (0.25, 0.02, 0.02), (0.02, 0.06, 0.04),
+)  # fmt: skip
+
 
 def sample_car(rng: np.random.Generator, kind: str) -> CarParams:
-    """Draw a car of one body style: size within 4 %, paint, wheels and trim."""
-    model = _MODELS[kind]
-    long, wide, tall = rng.uniform(0.96, 1.04, 3)
-    return model._replace(
-        length=model.length * long,
-        wheelbase=model.wheelbase * long,
-        width=model.width * wide,
-        height=model.height * tall,
-        hood=model.hood * rng.uniform(0.96, 1.04),
-        color=car_paint(rng),
-        rim=vary(rng, (0.06, 0.06, 0.06) if rng.random() < 0.2 else STEEL, 0.4),
-        trim=bool(rng.random() < (0.7 if kind in ("suv", "van", "city car") else 0.25)),
-        rails=bool(rng.random() < (0.6 if kind in ("suv", "estate") else 0.0)),
+    """Draw a car of one body style: proportions, paint, wheels, lamps and fittings."""
+    body = _sample_body(rng, kind, _MODELS[kind])
+    color = _sample_paint(rng, kind)
+    return CarParams(
+        body,
+        _sample_wear(rng, kind, color),
+        _sample_fittings(rng, kind, color),
+        _sample_wheel(rng, kind, body),
+    )
+
+
+def _sample_body(rng: np.random.Generator, kind: str, m: _Model) -> Body:
+    long, wide, tall = rng.uniform([0.94, 0.965, 0.95], [1.06, 1.035, 1.05])
+    face, waist, slope, foot = rng.uniform(-1, 1, 4)
+    cowl, roof_front, roof_rear, tail = m.screens
+    boot = tail < 0.95
+    length, height = m.size[0] * long, m.size[2] * tall
+    radius = m.radius * rng.uniform(0.95, 1.07)
+    front = m.front * (0.3 + 0.7 * long) + 0.02 * face
+    nose = min(m.nose * rng.uniform(0.8, 1.25), front - 1.03 * (radius + ARCH_GAP) - 0.04)
+    belt = m.belt * (0.5 + 0.5 * tall) * (1 + 0.03 * waist)
+    return Body(
+        length=length,
+        width=m.size[1] * wide,
+        height=height,
+        wheelbase=m.wheelbase * (0.3 + 0.7 * long),
+        front=front,
+        wheel_radius=radius,
+        sill=m.sill * rng.uniform(0.9, 1.12),
+        hood=min(m.hood[0] * (1 + 0.06 * face), belt - 0.06),
+        cowl_height=m.hood[1] + belt - m.belt,
+        belt=belt,
+        deck=m.deck + belt - m.belt + (0.03 * slope if boot else 0),
+        cowl=cowl + 0.015 * foot,
+        roof_front=roof_front + 0.015 * foot,
+        roof_rear=roof_rear + (0.02 if boot else 0.03) * min(slope, 0.3 if tail > 0.95 else 1),
+        tail=tail,
+        glass=(m.glass[0] + 0.015 * foot, m.glass[1]),
+        pillars=m.pillars,
+        tumblehome=m.tumblehome * rng.uniform(0.85, 1.12),
+        nose=nose,
+        stern=rng.uniform(0.08, 0.15) * (0.6 if kind in _VANS else 1),
+        rake=rng.uniform(0.03, 0.13),
+        crown=rng.uniform(0.045, 0.075),
+        bed=(0.655, 0.955) if kind == "pickup" else None,
+    )
+
+
+def _sample_paint(rng: np.random.Generator, kind: str) -> Color:
+    if kind == "black cab":
+        return (0.018, 0.018, 0.02) if rng.random() < 0.7 else car_paint(rng)
+    if kind in _VANS and rng.random() < 0.8:
+        return pick(rng, _VAN_PAINTS)
+    return pick(rng, _OLD_PAINTS) if kind == "old-timer" else car_paint(rng)
+
+
+def _sample_wear(rng: np.random.Generator, kind: str, color: Color) -> Paint:
+    glass = vary(rng, GLASS, 0.5)
+    tint = rng.random()
+    lower, rows = color, 0
+    if (
+        kind in ("crossover", "off-roader", "pickup", "panel van", "small van")
+        and rng.random() < 0.6
+    ):
+        lower, rows = TRIM if rng.random() < 0.7 else (0.2, 0.2, 0.2), int(rng.integers(1, 3))
+    roof, cloth = color, "paint"
+    if kind == "convertible":
+        roof, cloth = (
+            pick(rng, (BLACK, (0.10, 0.07, 0.04), (0.02, 0.03, 0.08), (0.08, 0.01, 0.01))),
+            "cloth",
+        )
+    elif kind in ("supermini", "city car", "crossover", "old-timer") and rng.random() < 0.2:
+        roof = (0.64, 0.64, 0.62) if max(color) < 0.4 else BLACK
+    side = darker(glass, 0.5 + 1.2 * float(tint))
+    sealed = kind == "small van" or (kind == "panel van" and rng.random() < 0.5)
+    return Paint(
+        color, lower, roof, side, glass, (True, not (sealed and rng.random() < 0.5)), rows, cloth
+    )
+
+
+def _sample_fittings(rng: np.random.Generator, kind: str, color: Color) -> Fittings:
+    m = _MODELS[kind]
+    plastic = rng.random() < m.plastic
+    inner, lamp_low = rng.uniform(0.42, 0.7), rng.uniform(0.58, 0.7)
+    tall = kind in (*_VANS, "people carrier", "off-roader", "estate", "crossover", "black cab")
+    rear_low = rng.uniform(0.55, 0.62)
+    taxi = kind == "black cab" or (
+        kind in ("saloon", "estate", "people carrier") and rng.random() < 0.08
+    )
+    crest = rng.uniform(0.84, 0.93)
+    return Fittings(
+        lamp=(inner, lamp_low, min(lamp_low + rng.uniform(0.18, 0.3), 0.95)),
+        wrap=rng.uniform(0.005, 0.06),
+        grille=(rng.uniform(0.4, 0.96) * inner, crest - rng.uniform(0.12, 0.3), crest),
+        slats=int(rng.integers(0, 4)),
+        rear_lamp=(
+            rng.uniform(0.78, 0.86) if tall else rng.uniform(0.5, 0.75),
+            rear_low,
+            rng.uniform(0.9, 1.0),
+        ),
+        plate=bool(rng.random() < 0.6),
+        bumper=TRIM if plastic else None,
+        strip=TRIM if plastic and rng.random() < 0.7 else color if rng.random() < 0.3 else None,
+        handles=TRIM if plastic else color if rng.random() < 0.7 else CHROME,
+        mirrors=TRIM if plastic else color,
+        rails=(TRIM if rng.random() < 0.5 else CHROME) if rng.random() < m.rails else None,
+        spoiler=color if m.screens[3] > 0.95 and kind not in _VANS and rng.random() < 0.4 else None,
+        box=pick(rng, (BLACK, (0.3, 0.3, 0.31)))
+        if rng.random() < (0.12 if m.rails else 0.0)
+        else None,
+        sign=(0.6, 0.38, 0.04) if taxi else None,
+        spare=kind == "off-roader" and rng.random() < 0.6,
+        aerial=bool(rng.random() < 0.5),
+        doors=m.doors,
+        fog=bool(rng.random() < 0.6),
+    )
+
+
+def _sample_wheel(rng: np.random.Generator, kind: str, body: Body) -> Wheel:
+    plain = kind in (*_VANS, "old-timer", "black cab", "city car")
+    style = STYLES[
+        int(rng.integers(2, 4) if rng.random() < (0.75 if plain else 0.25) else rng.integers(0, 2))
+    ]
+    dark = rng.random() < 0.2
+    return Wheel(
+        body.wheel_radius,
+        rng.uniform(0.18, 0.23),
+        style,
+        int(rng.integers(5, 11)) if style != "steel" else 8,
+        rng.uniform(0.60, 0.74),
+        vary(rng, (0.05, 0.05, 0.05) if dark or style == "steel" else STEEL, 0.35),
     )
 
 
 def car(params: CarParams) -> Asset:
     """The car of ``params``, nose towards +x."""
-    p = params
-    axles = _axles(p)
-    parts = [_body(p), *_cabin(p), *_ends(p)]
-    parts += [axle(x, p.width / 2 - 0.02, p.wheel_radius, 0.2, p.rim) for x in axles]
-    if p.trim:
-        parts += _sills(p, axles)
-    return merge(*parts)
-
-
-def _axles(p: CarParams) -> tuple[float, float]:
-    front = p.length * 0.3
-    return front, front - p.wheelbase
-
-
-def _section(p: CarParams, share: float, low: float) -> np.ndarray:
-    """The open cross-section of the body at ``share`` of the length: sill, crease, shoulder."""
-    half = np.interp(share, [0, 0.05, 0.16, 0.84, 0.96, 1], [0.80, 0.94, 1, 1, 0.95, 0.86])
-    half *= p.width / 2
-    top = np.interp(
-        share,
-        [0, 0.03, p.cowl, p.tail, max(p.tail + 0.001, 0.985), 1],
-        [p.hood - 0.07, p.hood, p.belt, max(p.belt, p.deck), p.deck, p.deck - 0.05],
-    )
-    crease = max(low + 0.04, 0.62 * p.hood)
-    left = np.array([(0.95 * half, low), (half, crease), (0.93 * half, top)])
-    line = np.concatenate([left, left[::-1] * [-1, 1]])
-    return np.column_stack([np.full(6, _at(p, share)), line])
-
-
-def _stations(p: CarParams) -> list[tuple[float, float]]:
-    """(share of the length, height of the lower edge), with a wheel arch over each axle."""
-    arch = p.wheel_radius + 0.055
-    stations = [(0.0, p.sill + 0.05), (0.05, p.sill), (p.cowl, p.sill), (p.tail, p.sill)]
-    stations += [(0.96, p.sill), (1.0, p.sill + 0.1)]
-    for x in _axles(p):
-        centre = 0.5 - x / p.length
-        stations = [s for s in stations if abs(s[0] - centre) * p.length > arch + 0.02]
-        for across, up in ((-1.0, None), (-0.62, 0.9), (0.62, 0.9), (1.0, None)):
-            low = p.sill if up is None else p.wheel_radius + up * arch
-            stations.append((centre + across * arch / p.length, low))
-    return sorted(stations)
-
-
-def _body(p: CarParams) -> Asset:
-    sections = [_section(p, share, low) for share, low in _stations(p)]
-    floor = [section[[0, -1]] for section in sections]
+    b = params.body
+    track = float(half(b, np.array([0.5]))[0]) - 0.025
     return merge(
-        loft(np.array(sections), p.color, "paint", closed=False),
-        loft(np.array(floor), BLACK, closed=False, caps=False),
+        shell(b, params.paint),
+        underside(b),
+        *fittings(b, params.fittings),
+        wheels(params.wheel, axles(b), track),
     )
-
-
-def _at(p: CarParams, share: float) -> float:
-    """X at a share of the length, m."""
-    return p.length * (0.5 - share)
-
-
-def _roofline(p: CarParams) -> tuple[float, float]:
-    """Where the cabin meets the body, and the top of its windscreen; m."""
-    return p.belt - 0.03, p.height - 0.03
-
-
-def _beside(p: CarParams, share: float, height: float, side: int, out: float = 0.012) -> Point:
-    """A point ``out`` m outside the cabin's leaning flank, left for ``side`` 1."""
-    foot, _ = _roofline(p)
-    lean = (height - foot) / (p.height - foot)
-    half = 0.465 * p.width * (0.99 + (p.tumblehome - 0.99) * lean)
-    return _at(p, share), side * (half + out), height
-
-
-def _cabin(p: CarParams) -> list[Asset]:
-    """Roof and pillars in body colour, with windscreen and rear window laid on."""
-    foot, top = _roofline(p)
-    middle = (p.roof_front + p.roof_rear) / 2
-    outline = [(p.cowl, foot), (p.roof_front, top), (middle, p.height)]
-    outline += [(p.roof_rear, top), (p.tail, foot)]
-    width, top_width = (2 * _beside(p, 0, z, 1, 0)[1] for z in (foot, p.height))
-
-    def screen(low: float, high: float, right: int) -> np.ndarray:
-        ends = ((low, foot, right), (low, foot, -right), (high, top, -right), (high, top, right))
-        return np.array([_beside(p, *end, 0) for end in ends])
-
-    front = screen(p.cowl, p.roof_front, -1)
-    rear = screen(p.tail, p.roof_rear, 1)
-    shell = [(_at(p, share), z) for share, z in outline]
-    return [
-        extrude(shell, width, p.color, "paint", top_width=top_width),
-        panel(front, (0.05, 0.95), (0.06, 0.95), GLASS, "glass"),
-        panel(rear, (0.08, 0.92), (0.1, 0.92), GLASS, "glass"),
-        *_flank(p, 1),
-        *_flank(p, -1),
-    ]
-
-
-def _flank(p: CarParams, side: int) -> list[Asset]:
-    """Side windows with a pillar between them, the mirror and the roof rail of one side."""
-    foot, top = _roofline(p)
-    low, high = p.belt + 0.03, top - 0.05
-    rise = (high - foot) / (top - foot)
-    front = p.cowl + (p.roof_front - p.cowl) * rise + 0.02
-    rear = min(p.tail + (p.roof_rear - p.tail) * rise - 0.015, p.glass_end)
-    pane = [(p.cowl + 0.04, low), (front, high), (rear, high), (p.glass_end, low)]
-    parts = [polygon([_beside(p, *corner, side) for corner in pane], GLASS, "glass")]
-    if p.glass_end > 0.6:  # more than one window
-        x = p.cowl + 0.52 * (p.glass_end - p.cowl) + 0.03
-        post = [(x - 0.01, low), (x - 0.008, high), (x + 0.012, high), (x + 0.014, low)]
-        parts.append(polygon([_beside(p, *end, side, 0.02) for end in post], p.color, "paint"))
-    x, y, z = _beside(p, p.cowl + 0.055, p.belt, side, 0.1)
-    parts.append(block((x - 0.05, y - 0.09, z), (x + 0.05, y + 0.09, z + 0.12), TRIM))
-    if p.rails:
-        start, end = p.roof_front + 0.03, p.roof_rear - 0.03
-        rail = [(start, 0.0), (end, 0.0), (end, 0.05), (start, 0.05)]
-        corners = [_beside(p, s, p.height + up, side, -0.02) for s, up in rail]
-        parts.append(polygon(corners, TRIM, "metal"))
-    return parts
-
-
-def _ends(p: CarParams) -> list[Asset]:
-    """Lamps, grille, plates and bumpers."""
-    front = _section(p, 0, p.sill + 0.05)[[5, 0, 2, 3]]
-    corner = _section(p, 0.05, p.sill)
-    rear = _section(p, 1, p.sill + 0.1)[[0, 5, 3, 2]]
-    bumper = TRIM if p.trim else darker(p.color, 0.8)
-    parts = [
-        panel(front, (0, 1), (0, 0.34), bumper, lift=0.02),
-        panel(front, (0.2, 0.8), (0.06, 0.26), BLACK, lift=0.03),
-        panel(front, (0.27, 0.73), (0.62, 0.88), BLACK, lift=0.01),
-        panel(front, (0.35, 0.65), (0.38, 0.56), PLATE, lift=0.02),
-        lamps(front, (0.01, 0.24), (0.64, 0.95), HEADLAMP),
-        panel(rear, (0, 1), (0, 0.3), bumper, lift=0.02),
-        panel(rear, (0.34, 0.66), (0.44, 0.60), PLATE, lift=0.015),
-        lamps(rear, (0.01, 0.2), (0.62, 0.93), TAILLAMP),
-    ]
-    nose = _section(p, 0, p.sill + 0.05)
-    left = np.array([corner[1], nose[1], nose[2], corner[2]])
-    for facet in (left, left[[1, 0, 3, 2]] * [1, -1, 1]):  # lamps reach round the corners
-        parts.append(panel(facet, (0, 1), (0.55, 0.92), HEADLAMP, "lamp", lift=0.01))
-    return parts
-
-
-def _sills(p: CarParams, axles: tuple[float, float]) -> list[Asset]:
-    """Dark plastic along the lower edge between the wheels."""
-    reach = p.wheel_radius + 0.06
-    start, end = axles[0] - reach, axles[1] + reach
-    half = p.width / 2
-    strips = []
-    for side in (1, -1):
-        low, high = side * (0.95 * half + 0.01), side * (0.98 * half + 0.01)
-        ends = [(start, low), (end, low), (end, high), (start, high)]
-        heights = (p.sill, p.sill, p.sill + 0.14, p.sill + 0.14)
-        strips.append(polygon([(*e, z) for e, z in zip(ends, heights, strict=True)], TRIM))
-    return strips

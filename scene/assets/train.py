@@ -11,15 +11,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, loft, merge, translate
+from scene.asset import Asset, Color, block, loft, merge, translate, tube
 from scene.assets._palette import AMBER, BLACK, GLASS, HEADLAMP, STEEL, TAILLAMP, TRIM, darker, pick
-from scene.assets._vehicle import Walls, axle, hull, lamps, panel, rod, walls, window_row
+from scene.assets._vehicle import (
+    Hull,
+    Walls,
+    axle,
+    hull,
+    lamps,
+    lettering,
+    panel,
+    rod,
+    walls,
+    window_row,
+    wrap,
+)
 
 
 class TrainParams(NamedTuple):
     """One vehicle on rails; metres."""
 
-    body: str  # "tram", "railcar", "locomotive", "hopper" or "container"
+    body: str  # which of ``_BODIES``
     length: float
     width: float
     height: float
@@ -29,6 +41,10 @@ class TrainParams(NamedTuple):
     color: Color = (0.3, 0.02, 0.02)
     band: Color = (0.6, 0.6, 0.6)
     pantograph: bool = True
+    bays: int = 3  # windows of a section
+    face: Color | None = None  # of the ends
+    round: float = 0.3  # radius of the corners
+    seed: int = 0  # of the lettering
 
 
 _MODELS: dict[str, TrainParams] = {
@@ -38,6 +54,8 @@ _MODELS: dict[str, TrainParams] = {
     "goods wagon": TrainParams("hopper", 12.5, 2.75, 3.50, 1.10, 1, 0.0),
     "container wagon": TrainParams("container", 14.0, 2.50, 3.75, 1.15, 1, 0.0),
     "old tram": TrainParams("tram", 11.5, 2.25, 3.30, 0.45, 1, 0.15),
+    "tank wagon": TrainParams("tank", 13.0, 2.70, 3.70, 1.15, 1, 0.0),
+    "high-speed": TrainParams("railcar", 20.0, 2.85, 3.80, 0.80, 1, 2.6),
 }
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Vehicle types."""
@@ -62,7 +80,7 @@ _FREIGHT: tuple[Color, ...] = (
 def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
     """Draw a vehicle of one type: length within 6 %, height within 2 %, livery."""
     model = _MODELS[kind]
-    freight = model.body in ("hopper", "container")
+    freight = model.body in ("hopper", "container", "tank")
     color = pick(rng, _FREIGHT if freight else _LIVERIES)
     return model._replace(
         length=model.length * rng.uniform(0.94, 1.06),
@@ -70,6 +88,11 @@ def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
         color=color,
         band=pick(rng, _FREIGHT if freight else (*_LIVERIES, TRIM, (0.62, 0.62, 0.60))),
         pantograph=bool(rng.random() < 0.8),
+        bays=int(rng.integers(2, 5)),
+        face=pick(rng, _LIVERIES) if rng.random() < 0.5 else None,
+        round=rng.uniform(0.2, 0.5),
+        rake=model.rake * rng.uniform(0.8, 1.2),
+        seed=int(rng.integers(2**31)),
     )
 
 
@@ -89,7 +112,7 @@ def _bogies(p: TrainParams) -> list[Asset]:
     parts = []
     for middle in (-0.33 * p.length, 0.33 * p.length):
         for x in (middle - 0.95, middle + 0.95):
-            parts.append(axle(x, half, radius, 0.14, None, sides=8))
+            parts.append(axle(x, half, radius, 0.14, None, sides=16))
         low, high = (
             (middle - 1.5, -half - 0.03, radius),
             (middle + 1.5, half + 0.03, p.floor + 0.02),
@@ -122,73 +145,81 @@ def _face(wall: np.ndarray, rake: float) -> np.ndarray:
     return leaning
 
 
+def _shape(p: TrainParams) -> Hull:
+    return Hull(p.length, p.width, p.floor, p.height, 0.0, p.round, 0.3, p.rake, p.rake)
+
+
 def _cab_ends(p: TrainParams, side: Walls, glass: tuple[float, float]) -> list[Asset]:
-    """Windscreens, lamps and a destination board at either end."""
+    """Windscreens that reach round the corners, lamps, couplers and destination boards."""
+    shape = _shape(p)
     parts = []
-    for wall, lamp in ((side.front, HEADLAMP), (side.rear, TAILLAMP)):
+    for end, wall, lamp in ((1, side.front, HEADLAMP), (-1, side.rear, TAILLAMP)):
         face = _face(wall, p.rake)
+        if p.face is not None:
+            parts.append(wrap(shape, end, (0.1, glass[0]), 0.5, p.face, "paint", lift=0.008))
         parts += [
-            panel(face, (0.08, 0.92), glass, GLASS, "glass"),
-            panel(face, (0, 1), (0, 0.1), TRIM),
-            lamps(face, (0.08, 0.22), (0.18, 0.25), lamp),
-            panel(face, (0.25, 0.75), (glass[1] + 0.015, glass[1] + 0.07), AMBER, lift=0.02),
+            wrap(shape, end, glass, 0.15, GLASS, "glass"),
+            wrap(shape, end, (0, 0.1), 0.3, TRIM),
+            panel(face, (0.495, 0.505), glass, BLACK, lift=0.02),
+            lamps(face, (0.15, 0.26), (0.18, 0.25), lamp, lift=0.03),
+            panel(face, (0.25, 0.75), (glass[1] + 0.015, glass[1] + 0.08), BLACK, lift=0.02),
+            lettering(face, (0.3, 0.7), (glass[1] + 0.025, glass[1] + 0.07), AMBER, p.seed),
         ]
+        x = end * p.length / 2
+        parts.append(
+            block((x - 0.25, -0.15, p.floor - 0.1), (x + 0.25, 0.15, p.floor + 0.15), TRIM)
+        )
     return parts
 
 
 def _passenger(p: TrainParams, bays: int, doors: int, glass: tuple[float, float]) -> list[Asset]:
     """Sections with a continuous dark window band, doors, a coloured band and cab ends."""
     side = walls(p.length, p.width, p.floor, p.height)
-    inset = (p.rake + 0.2) / p.length
-    parts = [
-        hull(
-            p.length, p.width, p.floor, p.height, p.color,
-            nose=p.rake, tail=p.rake, chamfer=0.25,
-        )
-    ]  # fmt: skip
+    inset = (p.rake * glass[1] + p.round + 0.1) / p.length
+    parts = [hull(_shape(p), p.color)]
     parts += _cab_ends(p, side, (glass[0] - 0.03, glass[1]))
+    parts += [  # cooling boxes on the roof
+        block((x - 1.1, -0.7, p.height - 0.05), (x + 1.1, 0.7, p.height + 0.22), TRIM, "metal")
+        for x in (p.length - 2 * p.rake)
+        * np.array((-0.3, 0.35) if p.seed % 2 else (-0.12, 0.3, -0.38))
+    ]
     for wall in side[:2]:
         parts.append(window_row(wall, bays, (inset, 1 - inset), glass, 0.1))
-        parts.append(panel(wall, (0, 1), (0.05, 0.2), p.band))
-        for share in (np.arange(doors) + 0.5) / doors:
+        low = (0.05, 0.2) if p.seed % 3 else (glass[1] + 0.02, glass[1] + 0.09)
+        parts.append(panel(wall, (inset, 1 - inset), low, p.band, "paint"))
+        parts.append(lettering(wall, (0.6, 0.75), (0.22, glass[0] - 0.03), p.band, p.seed))
+        for share in inset + (1 - 2 * inset) * (np.arange(doors) + 0.5) / doors:
             u = share - 0.7 / p.length, share + 0.7 / p.length
             parts.append(panel(wall, u, (0.02, glass[1] + 0.03), p.band, "paint", lift=0.025))
             for leaf in ((u[0] + 0.008, share - 0.003), (share + 0.003, u[1] - 0.008)):
                 parts.append(panel(wall, leaf, (0.3, glass[1]), GLASS, "glass", lift=0.035))
     for joint in np.linspace(-0.5, 0.5, p.sections + 1)[1:-1] * p.length:
-        low, high = (
-            (joint - 0.3, -p.width / 2 - 0.03, p.floor),
-            (joint + 0.3, p.width / 2 + 0.03, 0),
-        )
-        parts.append(block(low, (high[0], high[1], p.height - 0.2), BLACK))
+        half = p.width / 2 + 0.03
+        bellows = (joint - 0.3, -half, p.floor), (joint + 0.3, half, p.height - 0.2)
+        parts.append(block(*bellows, BLACK))
     return parts
 
 
 def _tram(p: TrainParams) -> list[Asset]:
-    return _passenger(
-        p, 3 * p.sections + 3 * (p.sections == 1), max(2, p.sections + 1), (0.36, 0.82)
-    )
+    return _passenger(p, p.bays * (p.sections + 2), max(2, p.sections + 1), (0.36, 0.82))
 
 
 def _railcar(p: TrainParams) -> list[Asset]:
-    return _passenger(p, 9, 4, (0.42, 0.78))
+    return _passenger(p, 6 + 2 * p.bays, 2 if p.rake > 1 else 4, (0.42, 0.78))
 
 
 def _locomotive(p: TrainParams) -> list[Asset]:
     side = walls(p.length, p.width, p.floor, p.height)
-    parts = [
-        hull(
-            p.length, p.width, p.floor, p.height, p.color,
-            nose=p.rake, tail=p.rake, chamfer=0.3,
-        )
-    ]  # fmt: skip
-    parts += _cab_ends(p, side, (0.52, 0.84))
+    parts = [hull(_shape(p), p.color), *_cab_ends(p, side, (0.52, 0.84))]
     for wall in side[:2]:
-        parts.append(panel(wall, (0, 1), (0.06, 0.22), p.band))
+        parts.append(panel(wall, (0.04, 0.96), (0.06, 0.22), p.band))
+        parts.append(lettering(wall, (0.35, 0.65), (0.28, 0.46), p.band, p.seed))
         for u in ((0.06, 0.11), (0.89, 0.94)):
             parts.append(panel(wall, u, (0.52, 0.84), GLASS, "glass"))
         for start in (0.2, 0.36, 0.52, 0.68):  # ventilation grilles
             parts.append(panel(wall, (start, start + 0.12), (0.55, 0.82), TRIM, "metal"))
+            for v in (0.6, 0.66, 0.72, 0.78):
+                parts.append(panel(wall, (start, start + 0.12), (v, v + 0.012), STEEL, lift=0.02))
     reach = p.length / 2 + 0.4
     return parts + [  # buffers, one bar through the length for a pair
         block((-reach, y - 0.16, 0.9), (reach, y + 0.16, 1.2), TRIM) for y in (-0.88, 0.88)
@@ -233,10 +264,41 @@ def _container(p: TrainParams) -> list[Asset]:
     return parts
 
 
+def _tank(p: TrainParams) -> list[Asset]:
+    """A long tank with bands, a dome and a ladder on a flat frame."""
+    half, end = p.width / 2, p.length / 2
+    radius = (p.height - p.floor) / 2
+    angle = np.arange(24) * np.pi / 12
+    loop = np.column_stack([np.cos(angle), np.sin(angle)]) * radius
+    ends = ((-0.97, 0.5), (-0.95, 0.8), (-0.91, 0.96), (-0.86, 1.0))
+    rings = [
+        np.column_stack([np.full(24, share * end), scale * loop + [0, p.floor + radius]])
+        for share, scale in (*ends, *((-x, s) for x, s in ends[::-1]))
+    ]
+    parts = [
+        block((-end, -half, p.floor - 0.3), (end, half, p.floor), BLACK, "metal"),
+        loft(rings, p.color, "metal"),
+        tube(
+            (0, 0, p.height - 0.1), (0, 0, p.height + 0.25), 0.5, darker(p.color), "metal", sides=12
+        ),
+    ]
+    for share in (-0.6, -0.2, 0.2, 0.6):
+        wide = np.concatenate([loop, loop[:1]]) * 1.01 + [0, p.floor + radius]
+        band = [np.column_stack([np.full(25, share * end + d), wide]) for d in (-0.06, 0.06)]
+        parts.append(loft(band, p.band, "metal", closed=False, caps=False))
+    for x in (0.3, 0.7):
+        parts.append(rod((x, -radius - 0.02, p.floor), (x, -0.4, p.height), 0.025, STEEL))
+    middle = p.floor + radius
+    for wall in walls(1.4 * end, 2 * radius + 0.02, middle - 0.25, middle + 0.25)[:2]:
+        parts.append(lettering(wall, (0.2, 0.8), (0.1, 0.9), p.band, p.seed))
+    return parts
+
+
 _BODIES: dict[str, Callable[[TrainParams], list[Asset]]] = {
     "tram": _tram,
     "railcar": _railcar,
     "locomotive": _locomotive,
     "hopper": _hopper,
     "container": _container,
+    "tank": _tank,
 }

@@ -3,47 +3,28 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, loft, merge, vary
+from scene.asset import Asset, Color, block, merge, tube
+from scene.assets._lorry import TruckParams, floor, load
 from scene.assets._palette import (
     AMBER,
     BLACK,
+    CHROME,
     GLASS,
     HEADLAMP,
     PLATE,
+    PLATE_REAR,
     STEEL,
     TAILLAMP,
     TRIM,
     darker,
     pick,
 )
-from scene.assets._vehicle import arch, axle, hull, lamps, panel, walls
+from scene.assets._skin import pair
+from scene.assets._vehicle import Hull, arch, axle, hull, lamps, panel, walls, wrap
 
-
-class TruckParams(NamedTuple):
-    """One lorry; metres, x measured back from the nose."""
-
-    load: str  # "box", "flatbed", "tipper", "tanker", or "refuse"
-    length: float
-    width: float
-    height: float  # of the load
-    cab_length: float
-    cab_height: float
-    axles: tuple[float, ...]  # x of each
-    wheel_radius: float
-    gap: float  # between cab and load
-    windscreen: tuple[float, float]  # share of the cab's height
-    rake: float  # m that the cab's roof is set back
-    cab: Color = (0.5, 0.5, 0.5)
-    body: Color = (0.6, 0.6, 0.6)
-    stripe: Color | None = None  # lettering on the sides of a box
-
-
-_GRAVEL: Color = (0.16, 0.13, 0.10)
 _CAB = (0.50, 0.86)
 _MODELS: dict[str, TruckParams] = {
     "box lorry": TruckParams("box", 8.2, 2.45, 3.55, 1.9, 2.75, (1.3, 6.2), 0.47, 0.15, _CAB, 0.2),
@@ -59,7 +40,20 @@ _MODELS: dict[str, TruckParams] = {
     ),
     "refuse": TruckParams("refuse", 8.8, 2.50, 3.4, 2.1, 2.85, (1.5, 5.7), 0.48, 0.2, _CAB, 0.1),
     "luton van": TruckParams(
-        "box", 6.4, 2.15, 3.1, 2.1, 2.3, (1.05, 4.9), 0.36, 0.05, (0.5, 0.88), 0.45
+        "luton", 6.4, 2.15, 3.1, 2.1, 2.2, (1.05, 4.9), 0.36, 0.05, (0.5, 0.88), 0.55
+    ),
+    "curtainsider": TruckParams(
+        "curtain", 9.6, 2.50, 3.8, 2.0, 3.0, (1.4, 6.4, 7.7), 0.48, 0.25, _CAB, 0.2
+    ),
+    "concrete mixer": TruckParams(
+        "mixer", 8.8, 2.45, 3.7, 1.9, 2.85, (1.3, 5.6, 6.95), 0.5, 0.2, _CAB, 0.2
+    ),
+    "skip lorry": TruckParams("skip", 7.0, 2.40, 2.9, 1.9, 2.7, (1.3, 5.0), 0.46, 0.25, _CAB, 0.2),
+    "recovery": TruckParams(
+        "recovery", 8.2, 2.35, 2.6, 2.0, 2.6, (1.3, 5.9), 0.42, 0.25, _CAB, 0.25
+    ),
+    "curtain trailer": TruckParams(
+        "curtain", 15.0, 2.50, 3.95, 2.2, 3.6, (1.4, 4.7, 11.4, 12.7), 0.5, 0.7, (0.44, 0.74), 0.2
     ),
 }
 KINDS: tuple[str, ...] = tuple(_MODELS)
@@ -74,215 +68,194 @@ _CABS: tuple[Color, ...] = (
     (0.03, 0.11, 0.05),
     (0.50, 0.30, 0.03),
     (0.30, 0.31, 0.32),
+    (0.02, 0.02, 0.022),
+    (0.48, 0.14, 0.015),
 )
+_BOXES: tuple[Color, ...] = (
+    (0.64, 0.64, 0.62), (0.64, 0.64, 0.62), (0.40, 0.41, 0.41), (0.05, 0.10, 0.24), (0.30, 0.03, 0.03),
+    (0.03, 0.13, 0.07), (0.52, 0.34, 0.03), (0.10, 0.10, 0.11),
+)  # fmt: skip
 _LOADS: dict[str, tuple[Color, ...]] = {
-    "box": ((0.64, 0.64, 0.62), (0.40, 0.41, 0.41), (0.05, 0.10, 0.24), (0.30, 0.03, 0.03)),
+    "box": _BOXES,
+    "curtain": _BOXES,
+    "luton": _BOXES,
     "flatbed": ((0.16, 0.11, 0.07), (0.20, 0.20, 0.20)),
-    "tipper": ((0.16, 0.16, 0.165), (0.42, 0.18, 0.02), (0.05, 0.09, 0.13)),
-    "tanker": ((0.42, 0.43, 0.44), (0.62, 0.62, 0.60)),
-    "refuse": ((0.60, 0.60, 0.57), (0.52, 0.20, 0.02), (0.05, 0.16, 0.07)),
+    "tipper": ((0.16, 0.16, 0.165), (0.42, 0.18, 0.02), (0.05, 0.09, 0.13), (0.30, 0.03, 0.02)),
+    "tanker": ((0.42, 0.43, 0.44), (0.62, 0.62, 0.60), (0.03, 0.12, 0.05), (0.50, 0.32, 0.03)),
+    "refuse": ((0.60, 0.60, 0.57), (0.52, 0.20, 0.02), (0.05, 0.16, 0.07), (0.04, 0.09, 0.25)),
+    "mixer": ((0.62, 0.62, 0.60), (0.50, 0.16, 0.02), (0.30, 0.31, 0.32), (0.03, 0.1, 0.25)),
+    "skip": ((0.50, 0.33, 0.03), (0.28, 0.05, 0.03), (0.04, 0.10, 0.2), (0.20, 0.20, 0.2)),
+    "recovery": ((0.50, 0.33, 0.03), (0.42, 0.43, 0.44), (0.25, 0.02, 0.02)),
 }
 
 
 def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
-    """Draw a lorry of one body type: size within 6 %, colours of cab and load."""
+    """Draw a lorry of one body type: proportions, colours of cab and load, lettering, fittings."""
     model = _MODELS[kind]
-    body = pick(rng, _LOADS[model.load])
-    lettered = model.load == "box" and rng.random() < 0.6
-    cab = pick(rng, _CABS)
-    long = rng.uniform(0.95, 1.06)
+    body, cab = pick(rng, _LOADS[model.load]), pick(rng, _CABS)
+    long = rng.uniform(0.9, 1.06)
+    dark = (0.03, 0.04, 0.12) if rng.random() < 0.5 else cab
+    accent = (0.62, 0.62, 0.60) if max(body) < 0.35 else dark if max(dark) < 0.4 else TRIM
+    grille = rng.uniform(0.16, 0.24)
     return model._replace(
         length=model.length * long,
         axles=(model.axles[0], *(x * long for x in model.axles[1:])),
-        height=model.height * rng.uniform(0.94, 1.05),
-        cab=body if model.load == "refuse" and rng.random() < 0.5 else cab,
+        height=model.height * rng.uniform(0.9, 1.05),
+        cab_height=model.cab_height * rng.uniform(0.95, 1.06),
+        rake=model.rake * rng.uniform(0.4, 1.6),
+        cab=body if model.load in ("refuse", "luton") and rng.random() < 0.6 else cab,
         body=body,
-        stripe=vary(rng, cab if max(cab) < 0.4 else TRIM) if lettered else None,
+        letters=accent if rng.random() < 0.75 else None,
+        band=pick(rng, _CABS) if rng.random() < 0.4 else None,
+        visor=bool(rng.random() < 0.4),
+        deflector=model.load in ("box", "curtain") and bool(rng.random() < 0.55),
+        beacons=bool(
+            rng.random() < (0.8 if model.load in ("refuse", "recovery", "skip") else 0.15)
+        ),
+        round=rng.uniform(0.1, 0.28),
+        grille=(grille, grille + rng.uniform(0.1, 0.24)),
+        fill=rng.uniform(0.45, 0.95),
+        seed=int(rng.integers(2**31)),
     )
 
 
 def truck(params: TruckParams) -> Asset:
     """The lorry of ``params``, its cab towards +x."""
     p = params
-    nose = p.length / 2
-    sides = 8 if len(p.axles) > 2 else 10
-    half = p.width / 2
+    nose, half = p.length / 2, p.width / 2
+    rim = STEEL if p.seed % 3 else (0.5, 0.5, 0.49)
     wheels = [
-        axle(nose - x, half + out, p.wheel_radius, 0.32, STEEL, rim_share=0.5, sides=sides)
+        axle(nose - x, half + out, p.wheel_radius, 0.32, rim)
         for x, out in zip(p.axles, (0.01, -0.02, -0.02, -0.02), strict=False)
     ]
     front = nose - p.axles[0]
-    arches = [arch(front, y, p.wheel_radius, p.wheel_radius + 0.1) for y in (half, -half)]
-    return merge(*wheels, *arches, *_cab(p), *_chassis(p), *_LOAD_PARTS[p.load](p), *_tail(p))
-
-
-def _floor(p: TruckParams) -> float:
-    """Height of the load bed, m."""
-    return 2 * p.wheel_radius + 0.12
-
-
-def _bed(p: TruckParams) -> tuple[float, float, float]:
-    """Centre x, length and width of the load."""
-    length = p.length - p.cab_length - p.gap
-    return -p.length / 2 + length / 2, length, p.width
+    arches = [arch(front, y, p.wheel_radius, p.wheel_radius + 0.1, 10) for y in (half, -half)]
+    return merge(*wheels, *arches, *_cab(p), *_chassis(p), load(p), *_tail(p))
 
 
 def _cab(p: TruckParams) -> list[Asset]:
-    """The forward cab: hull, glazing, grille, lamps and mirrors."""
+    """The forward cab: hull, wrapped windscreen, doors, grille, lamps, steps and mirrors."""
     nose, low, width = p.length / 2, 0.38, p.width - 0.04
     middle = nose - p.cab_length / 2
+    h = Hull(p.cab_length, width, low, p.cab_height, middle, p.round, 0.8 * p.round, p.rake)
     side = walls(p.cab_length, width, low, p.cab_height, x=middle)
     front = side.front.copy()
     front[2:, 0] -= p.rake
     foot, top = p.windscreen
-    back = p.rake * top / p.cab_length + 0.05  # share of the side lost to the windscreen's lean
-    door = (0.42, 0.97 - back)
+    back = (p.rake * top + p.round) / p.cab_length  # share of the side lost to the screen's lean
+    door = (0.36, 0.97 - back)
     parts = [
-        hull(p.cab_length, width, low, p.cab_height, p.cab, x=middle, nose=p.rake, chamfer=0.12),
-        panel(front, (0.05, 0.95), (foot, top), GLASS, "glass"),
-        panel(side.right, door, (foot, top - 0.03), GLASS, "glass"),
-        panel(side.left, (1 - door[1], 1 - door[0]), (foot, top - 0.03), GLASS, "glass"),
-        panel(front, (0, 1), (0, 0.13), TRIM, lift=0.02),
-        panel(front, (0.22, 0.78), (0.22, foot - 0.08), BLACK),
-        panel(front, (0.38, 0.62), (0.03, 0.1), PLATE, lift=0.03),
-        lamps(front, (0.03, 0.19), (0.15, 0.23), HEADLAMP),
+        hull(h, p.cab),
+        wrap(h, 1, (foot, top), 0.02, GLASS, "glass"),
+        wrap(h, 1, (0.0, 0.13), 0.12, TRIM, lift=0.03),
+        panel(front, (0.2, 0.8), p.grille, BLACK, lift=0.015),
+        panel(front, (0.38, 0.62), (0.03, 0.09), PLATE, lift=0.05),
+        panel(
+            front,
+            (0.44, 0.56),
+            (p.grille[1] + 0.015, p.grille[1] + 0.04),
+            CHROME,
+            "metal",
+            lift=0.02,
+        ),
+        lamps(front, (0.08, 0.2), (0.14, 0.21), HEADLAMP, lift=0.035),
+        lamps(front, (0.21, 0.24), (0.14, 0.21), AMBER, lift=0.035),
     ]
+    for v in np.linspace(*p.grille, 5)[1:-1]:
+        parts.append(panel(front, (0.21, 0.79), (v - 0.006, v + 0.006), STEEL, "metal", lift=0.025))
+    for wall, u in ((side.right, door), (side.left, (1 - door[1], 1 - door[0]))):
+        parts.append(panel(wall, u, (foot, top - 0.03), darker(GLASS, 1.5), "glass"))
+        ends = (u[0] - 0.01, u[0] - 0.002), (u[1] + 0.002, u[1] + 0.01)
+        parts += [panel(wall, seam, (0.14, top), BLACK) for seam in ends]
+        handle = (u[0] + 0.02, u[0] + 0.1) if wall is side.right else (u[1] - 0.1, u[1] - 0.02)
+        parts.append(panel(wall, handle, (foot - 0.06, foot - 0.04), TRIM, lift=0.03))
+        parts += [panel(wall, u, (v, v + 0.03), BLACK, lift=0.02) for v in (0.02, 0.1)]
     eyes = low + foot * (p.cab_height - low)
-    for y in (p.width / 2 + 0.13, -p.width / 2 - 0.13):
-        x = nose - p.rake * foot
-        parts.append(block((x - 0.1, y - 0.1, eyes), (x, y + 0.1, eyes + 0.5), TRIM))
-    return parts
+    x = nose - p.rake * foot
+    mirror = block((x - 0.1, p.width / 2 + 0.03, eyes), (x, p.width / 2 + 0.23, eyes + 0.5), TRIM)
+    arm = tube(
+        (x - 0.2, p.width / 2 - 0.05, eyes + 0.5),
+        (x - 0.05, p.width / 2 + 0.13, eyes + 0.47),
+        0.02,
+        TRIM,
+        sides=4,
+    )
+    parts.append(pair(merge(mirror, arm)))
+    for y in (0.35, -0.45):  # wipers at rest
+        parts.append(
+            tube((x + 0.03, y, eyes - 0.02), (x, y + 0.5, eyes + 0.1), 0.012, BLACK, sides=4)
+        )
+    return parts + _on_cab(p, h)
 
 
-def _chassis(p: TruckParams) -> list[Asset]:
-    """Frame rails, and side guards between the axles that are far apart."""
-    nose, tail, floor = p.length / 2, -p.length / 2, _floor(p)
-    parts = [block((tail, -0.45, floor - 0.35), (nose - 1, 0.45, floor), BLACK, "metal")]
-    for ahead, behind in itertools.pairwise(p.axles):
-        start, end = nose - behind + p.wheel_radius + 0.1, nose - ahead - p.wheel_radius - 0.1
-        start, end = start, min(end, nose - p.cab_length - 0.1)
-        if end - start > 1:
-            for y in (p.width / 2 - 0.06, 0.06 - p.width / 2):
-                low, high = (start, y - 0.03, 0.45), (end, y + 0.03, floor - 0.1)
-                parts.append(block(low, high, TRIM, "metal"))
-    return parts
-
-
-def _tail(p: TruckParams) -> list[Asset]:
-    """Bumper bar, lamps and plate at the rear."""
-    rear = walls(p.length, p.width, _floor(p) - 0.4, _floor(p)).rear
-    return [
-        panel(rear, (0, 1), (0.15, 0.75), TRIM, lift=0.01),
-        lamps(rear, (0.02, 0.17), (0.25, 0.65), TAILLAMP, lift=0.02),
-        panel(rear, (0.4, 0.6), (0.3, 0.6), PLATE, lift=0.02),
-    ]
-
-
-def _box(p: TruckParams) -> list[Asset]:
-    x, length, width = _bed(p)
-    low = _floor(p)
-    side = walls(length, width, low, p.height, x=x)
-    parts = [
-        block((x - length / 2, -width / 2, low), (x + length / 2, width / 2, p.height), p.body),
-        panel(side.rear, (0.485, 0.515), (0.04, 0.96), TRIM),
-    ]
-    parts += [panel(wall, (0, 1), (0, 0.03), TRIM) for wall in (*side[:2], side.rear)]
-    if p.stripe is not None:
-        parts += [panel(wall, (0.12, 0.88), (0.38, 0.66), p.stripe) for wall in side[:2]]
-    return parts
-
-
-def _flatbed(p: TruckParams) -> list[Asset]:
-    x, length, width = _bed(p)
-    low, half = _floor(p), width / 2
-    front, rear = x + length / 2, x - length / 2
-    parts = [
-        block((rear, -half, low), (front, half, low + 0.14), p.body, "wood"),
-        block((front - 0.08, -half, low), (front, half, p.height + 0.4), STEEL, "metal"),
-    ]
-    stacks = ((0.32, 0.75, 0.62, BLACK), (0.78, 0.5, 0.95, p.body), (0.55, 0.42, 0.4, STEEL))
-    for share, wide, tall, color in stacks:  # crates and pallets
-        middle, reach = rear + share * length, 0.1 * length
-        corner = (middle - reach, -wide * half, low + 0.14)
-        far = (middle + reach, wide * half, low + 0.14 + tall * (p.height - low))
-        parts.append(block(corner, far, color, "wood"))
-    return parts
-
-
-def _tipper(p: TruckParams) -> list[Asset]:
-    x, length, width = _bed(p)
-    low, half, high = _floor(p), width / 2, p.height
-    lower = [(x - length / 2, half - 0.1, low), (x + length / 2, half - 0.1, low)]
-    upper = [(x - length / 2 - 0.1, half, high), (x + length / 2, half, high)]
-    ring = [
-        np.array([*line, *(np.array(line[::-1]) * [1, -1, 1])], float) for line in (lower, upper)
-    ]
-    heap = ring[1] * [0.94, 0.9, 1] - [0, 0, 0.12]
-    parts = [
-        loft(ring, p.body, "metal"),
-        loft([heap, heap * [0.4, 0.3, 1] + [0.6 * x, 0, 0.45]], _GRAVEL, "concrete"),
-        block((x + length / 2, -half, high - 0.1), (x + length / 2 + 0.7, half, high), p.body),
-    ]
-    for share in (0.12, 0.37, 0.63, 0.88):  # ribs
-        for side in (1, -1):
-            post = x + (share - 0.5) * length
-            low_corner = (post - 0.05, side * (half - 0.02) - 0.05, low)
-            high_corner = (post + 0.05, side * (half - 0.02) + 0.05, high)
-            parts.append(block(low_corner, high_corner, p.body, "metal"))
-    return parts
-
-
-def _tanker(p: TruckParams) -> list[Asset]:
-    x, length, width = _bed(p)
-    low, radius = _floor(p), (p.height - _floor(p)) / 2
-    middle = low + radius
-    angle = np.arange(12) * np.pi / 6
-    loop = np.column_stack([np.cos(angle) * 0.49 * width, middle + np.sin(angle) * radius])
-    rings = []
-    for share, scale in ((-0.5, 0.82), (-0.47, 1.0), (0.47, 1.0), (0.5, 0.82)):
-        scaled = (loop - [0, middle]) * scale + [0, middle]
-        rings.append(np.column_stack([np.full(12, x + share * length), scaled]))
-    walkway = (x - 0.4 * length, -0.3, p.height - 0.04), (x + 0.4 * length, 0.3, p.height + 0.06)
-    side = walls(0.94 * length, width + 0.01, low + 0.75 * radius, low + 1.25 * radius, x=x)
-    return [
-        loft(rings, p.body, "paint"),
-        block(*walkway, TRIM),
-        block((x - length / 2, -0.5, low - 0.1), (x + length / 2, 0.5, low + 0.15), TRIM),
-        *(panel(wall, (0, 1), (0.1, 0.5), p.cab, lift=-0.01) for wall in side[:2]),
-        panel(side.rear, (0.42, 0.58), (0.2, 0.8), AMBER, lift=0.03 * length + 0.01),
-    ]
-
-
-def _refuse(p: TruckParams) -> list[Asset]:
-    """A hopper body whose rear loader hangs lower than its floor and leans out."""
-    x, length, width = _bed(p)
-    low, half = _floor(p), width / 2
-    tail, split = x - length / 2, x - length / 2 + 1.5
-    side = walls(x + length / 2 - split, width, low, p.height, x=(x + length / 2 + split) / 2)
-    outline = np.array([(split, 0.55), (split, p.height), (tail + 0.7, p.height), (tail, 1.6)])
-    outline = np.concatenate([outline, [(tail + 0.15, 0.55)]])
-    rings = [np.column_stack([outline[:, 0], np.full(5, y), outline[:, 1]]) for y in (half, -half)]
-    back = [(tail, half, 1.6), (tail, -half, 1.6), (tail + 0.7, -half, p.height)]
-    slope = np.array([*back, (tail + 0.7, half, p.height)])
-    parts = [
-        block((split, -half, low), (x + length / 2, half, p.height - 0.15), p.body),
-        loft(rings, darker(p.body, 0.8), "paint"),
-        panel(slope, (0.12, 0.88), (0.02, 0.45), BLACK),
-        panel(slope, (0, 1), (0.62, 0.72), AMBER),
-    ]
-    parts += [panel(wall, (0.1, 0.9), (0.25, 0.45), p.cab) for wall in side[:2]]
-    for share in (0.05, 0.5, 0.95):  # ribs
+def _on_cab(p: TruckParams, h: Hull) -> list[Asset]:
+    """Sun visor, wind deflector and beacons, as fitted."""
+    nose, top = p.length / 2, p.windscreen[1]
+    parts = []
+    if p.visor:
+        x, z = nose - p.rake * top, h.low + top * (h.high - h.low)
+        parts.append(
+            block(
+                (x - 0.05, -0.45 * p.width, z - 0.02),
+                (x + 0.22, 0.45 * p.width, z + 0.1),
+                darker(p.cab, 0.4),
+            )
+        )
+    if p.deflector and p.height > h.high + 0.15:
+        back = nose - p.cab_length
+        shape = Hull(
+            0.8 * p.cab_length,
+            0.86 * p.width,
+            h.high - 0.05,
+            p.height - 0.05,
+            back + 0.42 * p.cab_length,
+            0.2,
+            0.15,
+            0.55 * p.cab_length,
+        )
+        parts.append(hull(shape, p.cab))
+    if p.beacons:
         parts += [
-            panel(wall, (share - 0.02, share + 0.02), (0, 0.94), TRIM, lift=0.02)
-            for wall in side[:2]
+            tube((h.x, y, h.high - 0.02), (h.x, y, h.high + 0.18), 0.09, AMBER, "lamp", sides=8)
+            for y in (0.6, -0.6)
         ]
     return parts
 
 
-_LOAD_PARTS: dict[str, Callable[[TruckParams], list[Asset]]] = {
-    "box": _box,
-    "flatbed": _flatbed,
-    "tipper": _tipper,
-    "tanker": _tanker,
-    "refuse": _refuse,
-}
+def _chassis(p: TruckParams) -> list[Asset]:
+    """Frame rails, fuel tank, mudguards, and side guards between the axles that are far apart."""
+    nose, tail, bed = p.length / 2, -p.length / 2, floor(p)
+    parts = [block((tail, -0.45, bed - 0.35), (nose - 1, 0.45, bed), BLACK, "metal")]
+    for ahead, behind in itertools.pairwise(p.axles):
+        start, end = nose - behind + p.wheel_radius + 0.1, nose - ahead - p.wheel_radius - 0.1
+        end = min(end, nose - p.cab_length - 0.1)
+        if end - start > 1:
+            for low, high in ((0.42, 0.52), (0.65, 0.75)):
+                y = p.width / 2 - 0.06
+                parts.append(
+                    pair(block((start, y - 0.02, low), (end, y + 0.02, high), STEEL, "metal"))
+                )
+            tank = (
+                (end - 0.9, -0.75 * p.width / 2, bed - 0.32),
+                (end - 0.1, -0.75 * p.width / 2, bed - 0.32),
+            )
+            parts.append(tube(*tank, 0.26, STEEL, "metal", sides=12))
+    for x in p.axles[1:]:
+        y, r = p.width / 2 - 0.02, p.wheel_radius + 0.05
+        flap = block(
+            (nose - x - r - 0.03, y - 0.4, 0.3), (nose - x - r, y, bed - 0.05), BLACK, "rubber"
+        )
+        parts.append(pair(flap))
+    return parts
+
+
+def _tail(p: TruckParams) -> list[Asset]:
+    """Bumper bar, lamps, plate and warning board at the rear."""
+    rear = walls(p.length, p.width, floor(p) - 0.45, floor(p)).rear
+    return [
+        panel(rear, (0, 1), (0.15, 0.8), TRIM, lift=0.01),
+        lamps(rear, (0.02, 0.12), (0.25, 0.65), TAILLAMP, lift=0.02),
+        lamps(rear, (0.13, 0.17), (0.25, 0.65), AMBER, lift=0.02),
+        lamps(rear, (0.2, 0.34), (0.25, 0.6), (0.5, 0.2, 0.02), lift=0.02),
+        panel(rear, (0.4, 0.6), (0.3, 0.6), PLATE_REAR, lift=0.02),
+    ]

@@ -1,0 +1,305 @@
+"""The shell of a car as one curved surface: flanks with wheel arches, cabin, bonnet, nose and tail.
+
+A point of it is named by ``s``, the share of the length from the nose, and by its row in the section,
+from the sill over the shoulder and the windows to the middle of the roof.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.asset import Asset, Color
+from scene.assets._palette import BLACK
+from scene.assets._skin import mirrored, painted, weld
+
+FLANK = np.array([0.0, 0.2, 0.45, 0.78, 1.0])
+"""Heights of the rows below the shoulder, as shares from the sill up."""
+CABIN = np.array([0.1, 0.5, 0.86, 1.0])
+"""Heights of the rows from the shoulder to the edge of the roof."""
+ROOF = np.array([0.84, 0.45, 0.0])
+"""Places of the rows over the roof, as shares from its middle to its edge."""
+_GLASS_ROWS = (len(FLANK), len(FLANK) + 1)
+_SCREEN_ROWS = (len(FLANK) + len(CABIN), len(FLANK) + len(CABIN) + 1)
+_POWER = 2.4
+"""How square nose, screen and tail are in plan; 2 is a parabola."""
+
+
+class Body(NamedTuple):
+    """The shape of one car; metres, and shares of the length measured from the nose."""
+
+    length: float
+    width: float
+    height: float
+    wheelbase: float
+    front: float  # m from the nose to the front axle
+    wheel_radius: float
+    sill: float  # m from the ground to the underside
+    hood: float  # m, height of the bonnet's leading edge
+    cowl_height: float  # m, height of the bonnet at the windscreen
+    belt: float  # m, height of the lower edge of the windows
+    deck: float  # m, height of the body at the tail
+    cowl: float  # share: foot of the windscreen
+    roof_front: float  # share: top of the windscreen
+    roof_rear: float  # share: top of the rear window
+    tail: float  # share: foot of the rear window
+    glass: tuple[float, float]  # shares: where the side windows begin and end
+    pillars: tuple[float, ...]  # shares: posts between the side windows
+    tumblehome: float  # how far the roof is narrower than the body, as a share of it
+    nose: float = 0.22  # m that the nose is rounded in plan
+    stern: float = 0.12  # m that the tail is rounded in plan
+    rake: float = 0.07  # m that the top of the nose is set back behind the bumper
+    crown: float = 0.06  # m that the middle of the roof is above its edge
+    bed: tuple[float, float] | None = None  # shares: an open load bed (pickup) or cabin
+
+
+def at(b: Body, s: np.ndarray | float) -> np.ndarray:
+    """X of the flank at share ``s`` of the length, m."""
+    return b.length / 2 - b.nose - np.asarray(s) * (b.length - b.nose - b.stern)
+
+
+def share(b: Body, x: np.ndarray | float) -> np.ndarray:
+    """Inverse of ``at``."""
+    return (b.length / 2 - b.nose - np.asarray(x)) / (b.length - b.nose - b.stern)
+
+
+def axles(b: Body) -> tuple[float, float]:
+    """X of the front and the rear axle, m."""
+    front = b.length / 2 - b.front
+    return front, front - b.wheelbase
+
+
+def top(b: Body, s: np.ndarray) -> np.ndarray:
+    """Height of the body's middle line, m."""
+    span = b.roof_rear - b.roof_front
+    knots = [
+        (-0.01, b.hood - 0.03), (0.0, b.hood - 0.025), (0.03, b.hood),
+        (0.6 * b.cowl, 0.3 * b.hood + 0.7 * b.cowl_height),
+        (b.cowl, b.cowl_height), (b.roof_front - 0.03, b.height - 0.09), (b.roof_front, b.height - 0.045),
+        (b.roof_front + 0.12 * span, b.height - 0.012), (b.roof_front + 0.35 * span, b.height),
+        (b.roof_rear - 0.3 * span, b.height - 0.01), (b.roof_rear, b.height - 0.06),
+        (b.tail, b.deck), (max(b.tail + 0.004, 0.97), b.deck), (1.01, b.deck - 0.03),
+    ]  # fmt: skip
+    knots = [k for i, k in enumerate(knots) if i == 0 or k[0] > knots[i - 1][0]]
+    return np.interp(s, *np.array(knots).T)
+
+
+def shoulder(b: Body, s: np.ndarray) -> np.ndarray:
+    """Height at which flank turns into bonnet, window or deck, m."""
+    line = np.interp(
+        s, [0, b.cowl - 0.02, b.cowl + 0.03, b.tail], [b.hood, b.belt - 0.03, b.belt, b.belt + 0.02]
+    )
+    return np.minimum(line, top(b, s) - 0.035)
+
+
+def half(b: Body, s: np.ndarray) -> np.ndarray:
+    """Half the width of the body, m."""
+    ends = np.interp(s, [0, 0.06, 0.16, 0.3, 0.75, 0.9, 1], [0.90, 0.955, 0.99, 1, 1, 0.975, 0.93])
+    return b.width / 2 * ends
+
+
+def low(b: Body, s: np.ndarray) -> np.ndarray:
+    """Height of the flank's lower edge, a circle over each wheel, m."""
+    edge = np.interp(s, [0, 0.08, 0.9, 1], [b.sill + 0.04, b.sill, b.sill, b.sill + 0.09])
+    reach = b.wheel_radius + ARCH_GAP
+    for x in axles(b):
+        across = np.abs(at(b, s) - x)
+        inside = across < reach
+        circle = b.wheel_radius + np.sqrt(np.maximum(reach**2 - across**2, 0))
+        edge = np.where(inside, circle, edge)
+    return edge
+
+
+ARCH_GAP = 0.05
+"""Between a tyre and its wheel arch, m."""
+
+
+def side_y(b: Body, s: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Half the width at height ``z`` of the flank, below the shoulder, m."""
+    up = (z - b.sill) / np.maximum(shoulder(b, s) - b.sill, 1e-3)
+    profile = np.interp(up, [0, 0.12, 0.3, 0.6, 0.8, 1], [0.955, 0.975, 0.99, 1.0, 0.985, 0.94])
+    return half(b, s) * profile
+
+
+def _ends(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """How far nose and tail recede at row height ``v`` (0 sill, 1 shoulder), m, negative at the nose."""
+    fade = np.clip(1 - s / 0.08, 0, 1), np.clip(1 - (1 - s) / 0.05, 0, 1)
+    nose = np.interp(v, [0, 0.15, 0.45, 0.55, 1], [0.05, 0.01, 0.0, 0.35 * b.rake, b.rake])
+    stern = np.interp(v, [0, 0.15, 0.5, 0.56, 1], [0.06, 0.01, 0.0, 0.03, 0.05])
+    return -fade[0] * nose + fade[1] * stern
+
+
+def _bulge(b: Body, s: np.ndarray) -> np.ndarray:
+    """How far the middle of the section is ahead of its flanks, m."""
+    knots = [0, 0.7 * b.cowl, b.cowl, b.roof_front, b.roof_front + 0.1, b.roof_rear, 1.0]
+    return np.interp(s, knots, [b.nose, 0.14, 0.11, 0.07, 0, -0.03, -b.stern])
+
+
+def fascia(b: Body, end: int, c: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Points of the nose (``end`` 0) or tail (1): ``c`` -1 right .. 1 left, ``v`` 0 sill .. 1 shoulder."""
+    s = np.array([float(end)])
+    z = low(b, s) + v * (shoulder(b, s) - low(b, s))
+    x = at(b, s) + _bulge(b, s) * (1 - np.abs(c) ** _POWER) + _ends(b, s, v)
+    return np.stack(np.broadcast_arrays(x, c * side_y(b, s, z), z), -1)
+
+
+def flank(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Points of the left flank: ``s`` along, ``v`` 0 at the sill (or arch) .. 1 at the shoulder."""
+    z = low(b, s) + v * (shoulder(b, s) - low(b, s))
+    return np.stack(np.broadcast_arrays(at(b, s) + _ends(b, s, v), side_y(b, s, z), z), -1)
+
+
+def panel(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Points of the left flank as if it had no wheel arches; ``v`` as in ``flank``."""
+    z = b.sill + v * (shoulder(b, s) - b.sill)
+    return np.stack(np.broadcast_arrays(at(b, s) + _ends(b, s, v), side_y(b, s, z), z), -1)
+
+
+def doorway(b: Body) -> tuple[float, float]:
+    """Shares of the length between the wheel arches."""
+    front, rear = axles(b)
+    reach = b.wheel_radius + 1.2 * ARCH_GAP
+    return float(share(b, front - reach)), float(share(b, rear + reach))
+
+
+def cabin(b: Body, s: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Points of the left window band: ``w`` 0 at the shoulder .. 1 at the edge of the roof."""
+    foot, ridge = shoulder(b, s), top(b, s)
+    edge = np.maximum(ridge - b.crown, foot + 0.6 * (ridge - foot))
+    y = side_y(b, s, foot)
+    grown = np.clip((edge - foot) / (b.height - b.crown - b.belt), 0, 1)
+    inset = half(b, s) * (0.12 * (1 - grown) + b.tumblehome * grown)
+    x = at(b, s) + _ends(b, s, np.ones_like(s))
+    lateral = 1 - inset * w**1.2 / y
+    x = x + _bulge(b, s) * (1 - lateral**_POWER)
+    return np.stack(np.broadcast_arrays(x, y - inset * w**1.2, foot + w * (edge - foot)), -1)
+
+
+def roof(b: Body, s: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Points over bonnet, screens and roof: ``c`` 1 at the left edge .. 0 in the middle."""
+    edge = cabin(b, s, np.ones_like(s))
+    y = c * edge[..., 1]
+    lateral = y / side_y(b, s, shoulder(b, s))
+    x = at(b, s) + _ends(b, s, np.ones_like(s)) + _bulge(b, s) * (1 - lateral**_POWER)
+    z = edge[..., 2] + (top(b, s) - edge[..., 2]) * (1 - c**2.2)
+    return np.stack(np.broadcast_arrays(x, y, z), -1)
+
+
+def stations(b: Body) -> np.ndarray:
+    """Shares of the length at which the shell has a section."""
+    span = b.roof_rear - b.roof_front
+    marks = [
+        0,
+        0.03,
+        0.08,
+        0.6 * b.cowl,
+        b.cowl,
+        b.cowl + 0.012,
+        b.roof_front - 0.012,
+        b.roof_front,
+    ]
+    marks += [b.roof_front + 0.12 * span, b.roof_front + 0.35 * span, b.roof_rear - 0.3 * span]
+    marks += [
+        b.roof_rear,
+        b.roof_rear + 0.12 * (b.tail - b.roof_rear),
+        b.tail - 0.08 * (b.tail - b.roof_rear),
+    ]
+    marks += [0.5 * (b.cowl + b.roof_front), b.tail, 0.97, 1.0, *b.glass]
+    marks += [p + d for p in b.pillars for d in (-_POST, _POST)]
+    if b.bed:
+        marks += [b.bed[0], b.bed[1]]
+    line = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1))
+    return line[np.concatenate([[True], np.diff(line) > 3.5e-3])]
+
+
+def _arch_marks(b: Body) -> np.ndarray:
+    """Shares of the length at which the wheel arches have a corner."""
+    reach = b.wheel_radius + ARCH_GAP
+    return np.concatenate([share(b, x + reach * _ARCH) for x in axles(b)])
+
+
+_ARCH = np.array([-1.03, -0.99, -0.87, -0.52, 0, 0.52, 0.87, 0.99, 1.03])
+
+
+_POST = 0.009
+"""Half the width of a window post, as a share of the length."""
+
+
+class Paint(NamedTuple):
+    """What the shell wears."""
+
+    body: Color
+    lower: Color  # below ``lower_edge``: second colour or plastic
+    roof: Color
+    glass: Color
+    screen: Color
+    windows: tuple[bool, bool] = (True, True)  # whether there are side windows, and a rear one
+    lower_rows: int = 0  # rows of the flank that wear ``lower``
+    roof_material: str = "paint"
+
+
+def shell(b: Body, paint: Paint) -> Asset:
+    """The painted and glazed body, open below."""
+    s = stations(b)
+    along = s[:, None]
+    points = np.concatenate(
+        [flank(b, along, FLANK), cabin(b, along, CABIN), roof(b, along, ROOF)], axis=1
+    )
+    wear = [(paint.body, "paint"), (paint.lower, "plain"), (paint.roof, paint.roof_material)]
+    wear += [(paint.glass, "glass"), (paint.screen, "glass"), (BLACK, "plain")]
+    left = painted(points, wear, _cells(b, paint, s))
+    ends = []
+    for end in (0, 1):
+        rim = points[0 if end == 0 else -1]
+        c = rim[len(FLANK) - 1 :, 1] / rim[len(FLANK) - 1, 1]
+        rows = fascia(b, end, c, FLANK[:-1, None])
+        grid = np.concatenate([rows, rim[None, len(FLANK) - 1 :]])
+        cells = np.zeros((len(FLANK) - 1, len(c) - 1), int)
+        cells[: paint.lower_rows] = 1
+        ends.append(
+            painted(grid if end == 0 else grid[::-1], wear, cells if end == 0 else cells[::-1])
+        )
+    one = weld(left, *ends)
+    return weld(one, mirrored(one))
+
+
+def _cells(b: Body, paint: Paint, s: np.ndarray) -> np.ndarray:
+    """Which paint each cell of the left half of the shell wears."""
+    middle = (s[1:] + s[:-1]) / 2
+    cells = np.zeros((len(middle), len(FLANK) + len(CABIN) + len(ROOF) - 1), int)
+    cells[:, : paint.lower_rows] = 1
+    over = (middle > b.roof_front) & (middle < b.roof_rear)
+    cells[np.ix_(over, range(_SCREEN_ROWS[0] - 1, cells.shape[1]))] = 2
+    post = np.zeros(len(middle), bool)
+    for p in b.pillars:
+        post |= np.abs(middle - p) < _POST
+    panes = (middle > b.glass[0]) & (middle < b.glass[1])
+    if paint.windows[0]:
+        cells[np.ix_(panes & ~post, _GLASS_ROWS)] = 3
+        cells[np.ix_(panes & post, _GLASS_ROWS)] = 5
+    screen = (middle > b.cowl + 0.011) & (middle < b.roof_front - 0.011)
+    cells[np.ix_(screen, _SCREEN_ROWS)] = 4
+    cells[np.ix_((middle > b.cowl) & (middle < b.cowl + 0.011), _SCREEN_ROWS)] = 5
+    if paint.windows[1]:
+        fall = b.tail - b.roof_rear
+        rear = (middle > b.roof_rear + 0.1 * fall) & (middle < b.tail - 0.07 * fall)
+        cells[np.ix_(rear, _SCREEN_ROWS)] = 3
+    if b.bed:
+        inside = (middle > b.bed[0]) & (middle < b.bed[1])
+        cells[np.ix_(inside, range(_SCREEN_ROWS[0], cells.shape[1]))] = 5
+    return cells
+
+
+def underside(b: Body) -> Asset:
+    """Dark wheel wells and floor, closed off in the middle so that no light passes below the body."""
+    s = np.sort(np.clip(np.concatenate([_arch_marks(b), [0, 0.08, 0.9, 1]]), 0, 1))
+    edge = flank(b, s, np.zeros_like(s))
+    inner = edge * [1, 0.62, 1]
+    down = inner.copy()
+    down[:, 2] = np.minimum(b.sill + 0.02, inner[:, 2])
+    middle = down * [1, 0, 1]
+    left = painted(
+        np.stack([middle, down, inner, edge], 1), [(BLACK, "plain")], np.zeros((len(s) - 1, 3), int)
+    )
+    return weld(left, mirrored(left))

@@ -1,0 +1,81 @@
+"""Curved surfaces of vehicles: sheets over a grid of points, welded together so that light runs over them."""
+
+from __future__ import annotations
+
+import numpy as np
+import trimesh
+
+from scene.asset import Asset, Color, merge, solid
+from scene.materials import material_id
+
+_SAME = 1e4
+"""Points that agree to 1 / _SAME of a metre are one vertex after welding."""
+
+
+def sheet(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
+    """A skin over a grid of points f64[n, m, 3]; cell (i, j) has the faces 2 (i (m - 1) + j) and next."""
+    n, m = points.shape[:2]
+    first = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
+    a, b, c, d = first, first + 1, first + m + 1, first + m
+    faces = np.stack([a, b, c, a, c, d], 1).reshape(-1, 3)
+    return solid(points.reshape(-1, 3), faces, color, material)
+
+
+def painted(points: np.ndarray, paints: list[tuple[Color, str]], cells: np.ndarray) -> Asset:
+    """A sheet whose cell (i, j) wears ``paints[cells[i, j]]``, a colour and a material."""
+    skin = sheet(points, (0, 0, 0))
+    which = np.repeat(cells.ravel(), 2)
+    color = np.array([c for c, _ in paints], np.float32)[which]
+    material = np.array([material_id(m) for _, m in paints], np.uint8)[which]
+    return skin._replace(color=color, material=material)
+
+
+def weld(*parts: Asset) -> Asset:
+    """One asset in which points at the same place are one vertex and no face is without area."""
+    whole = merge(*parts)
+    vertices = np.asarray(whole.mesh.vertices)
+    key = np.round(vertices * _SAME).astype(np.int64)
+    # Three coordinates of a vehicle fit one integer: sorting it is cheaper than sorting rows.
+    key = (key[:, 0] * 2**21 + key[:, 1]) * 2**21 + key[:, 2]
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    faces = inverse[np.asarray(whole.mesh.faces)]
+    points = vertices[first]
+    p, q, r = (points[faces[:, k]] for k in range(3))
+    keep = np.linalg.norm(np.cross(q - p, r - p), axis=1) > 2e-7
+    mesh = trimesh.Trimesh(points, faces[keep], process=False)
+    return Asset(mesh, whole.color[keep], whole.material[keep])
+
+
+def mirrored(asset: Asset) -> Asset:
+    """The asset on the other side of the x-z plane."""
+    vertices = np.asarray(asset.mesh.vertices) * [1, -1, 1]
+    mesh = trimesh.Trimesh(vertices, np.asarray(asset.mesh.faces)[:, ::-1], process=False)
+    return asset._replace(mesh=mesh)
+
+
+def pair(asset: Asset) -> Asset:
+    """The asset and its mirror image."""
+    return merge(asset, mirrored(asset))
+
+
+def moved(asset: Asset, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Asset:
+    """The asset shifted; cheaper than a general ``transform``."""
+    vertices = np.asarray(asset.mesh.vertices) + [x, y, z]
+    return asset._replace(mesh=trimesh.Trimesh(vertices, asset.mesh.faces, process=False))
+
+
+def revolve(
+    profile: list[tuple[float, float]], color: Color, material: str, *, sides: int = 18
+) -> Asset:
+    """A surface of revolution about the y axis from (radius, y) points, m."""
+    angle = np.arange(sides + 1) * 2 * np.pi / sides
+    radius, across = np.array(profile).T
+    points = np.stack(
+        [
+            radius[:, None] * np.cos(angle),
+            np.broadcast_to(across[:, None], (len(profile), sides + 1)),
+            radius[:, None] * np.sin(angle),
+        ],
+        axis=-1,
+    )
+    return weld(sheet(points, color, material))
