@@ -13,7 +13,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 from experiments.errors import UserError
 from experiments.twin import FIRST_ASSET
 from scene.attributes import NAMES
-from scene.catalogue import AssetPool
+from scene.catalogue import AssetPool, check_pool
 from scene.render import RENDERERS, RenderSettings, check_settings
 from seg.nets import net
 from seg.optim import optimizer
@@ -156,15 +156,22 @@ class Config:
     """Relaxation of the street set by eye, as a share of each range."""
     seeds: int = 5
     """Nets per row of the result; paired: the k-th of every row shares its seed."""
-    assets: int = 48
-    """Assets of each family that streets may draw from."""
+    assets: Path | None = None
+    """Folder of own assets, by class (see ``scene.library``)."""
+    asset_use: Literal["both", "own", "built-in"] = "both"
+    """Which assets streets draw from. With ``own``, classes without own assets are left out."""
+    asset_fraction: float = 1.0
+    """Share of the assets that is used (the half-asset study)."""
+    asset_count: int | None = None
+    """Built-in assets of each family that streets may draw from; by default the full catalogue."""
     groups: tuple[Group, ...]
     """Attributes optimised together, one word per group, in this order; each of the 23 in one group."""
 
     @property
     def pool(self) -> AssetPool:
         """The assets that the search may use; the twin's begin elsewhere."""
-        return AssetPool(0, self.assets)
+        own = "" if self.assets is None else str(self.assets)
+        return AssetPool(0, self.asset_count, self.asset_fraction, own, self.asset_use)
 
 
 def check(config: Config) -> Config:
@@ -175,14 +182,23 @@ def check(config: Config) -> Config:
     """
     if config.renderer not in RENDERERS:
         raise UserError(f"--renderer {config.renderer!r} is unknown; known: {', '.join(RENDERERS)}")
-    for name in ("seeds", "candidate_seeds", "assets", "reward_images", "test_images"):
+    for name in ("seeds", "candidate_seeds", "asset_count", "reward_images", "test_images"):
         value = getattr(config, name)
         if value is not None and value < 1:
             raise UserError(f"--{name.replace('_', '-')} must be 1 or more, not {value}")
-    if config.assets >= FIRST_ASSET:
+    if config.asset_count is not None and config.asset_count >= FIRST_ASSET:
         raise UserError(
-            f"--assets must be less than {FIRST_ASSET}, where the twin's begin, not {config.assets}"
+            f"--asset-count must be less than {FIRST_ASSET}, where the twin's begin, "
+            f"not {config.asset_count}"
         )
+    if not 0 < config.asset_fraction <= 1:
+        raise UserError(f"--asset-fraction must lie in (0, 1], not {config.asset_fraction}")
+    if config.asset_use == "own" and config.assets is None:
+        raise UserError("--asset-use own needs a folder of own assets: --assets DIR")
+    try:
+        check_pool(config.pool)
+    except ValueError as error:
+        raise UserError(f"--assets: {error}") from None
     for name in ("workers", "seed", "twin_seed"):
         if getattr(config, name) < 0:
             raise UserError(f"--{name.replace('_', '-')} must be 0 or more")
@@ -266,7 +282,7 @@ def _smoke(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Conf
         candidate_seeds=1,
         candidates=("argmax", "spread"),
         seeds=2,
-        assets=8,
+        asset_count=8,
     )
 
 

@@ -20,6 +20,7 @@ from experiments.twin import (
     twin_world,
 )
 from scene.attributes import default_unit
+from scene.catalogue import COUNTS
 from scene.dataset import Dataset
 from scene.sensor import CameraResponse
 from scene.workers import WorkerPool
@@ -84,7 +85,8 @@ def test_its_assets_are_not_the_searchs(renders, presets, preset):
     split("train")
     [(_, _, options)] = renders
     ours, theirs = presets(preset).pool, options["pool"]
-    assert ours.first + ours.size <= FIRST_ASSET == theirs.first
+    assert ours.first + (ours.size or max(COUNTS.values())) <= FIRST_ASSET == theirs.first
+    assert not theirs.own
 
 
 def test_its_splits_are_disjoint(renders):
