@@ -1,7 +1,7 @@
-"""The ground: carriageway with markings and crosswalks, kerb, sidewalk and terrain.
+"""The ground of one street: what is drawn, and the meshes of its road, sidewalk and terrain.
 
-Flat but for the kerb. The carriageway reaches ``ROAD_HALF_WIDTH`` from the centre line, then comes the
-sidewalk, then terrain to the horizon.
+Flat but for the kerb, which drops at driveways and side streets. The carriageway reaches
+``ROAD_HALF_WIDTH`` from the centre line, then comes the sidewalk, then terrain; hills close the horizon.
 """
 
 from __future__ import annotations
@@ -10,17 +10,45 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, box, merge, quad
+from scene.asset import Asset
 from scene.classes import TrainId
+from scene.extent import (
+    GROUND_END,
+    GROUND_SIDE,
+    GROUND_START,
+    KERB_HEIGHT,
+    KERB_WIDTH,
+    PAINT_LIFT,
+    ROAD_HALF_WIDTH,
+    SIDEWALK_WIDTH,
+)
+from scene.markings import ARROWS, WORDS, Legend
+from scene.quads import to_asset
+from scene.relief import sidewalk_quads, terrain_quads
+from scene.roadway import road_quads
+from scene.surfaces import ROADS, SIDEWALKS, TERRAINS, Coat, Color, Surface, sample_coat
 
-ROAD_HALF_WIDTH = 5.0
-SIDEWALK_WIDTH = 3.0
-KERB_HEIGHT = 0.12
-KERB_WIDTH = 0.18
-GROUND_START, GROUND_END, GROUND_SIDE = -40.0, 600.0, 400.0
-"""Extent of the ground, metres: along the road from, to, and to each side."""
-PAINT_LIFT = 0.008
-"""Markings lie this far above the asphalt, metres."""
+__all__ = [
+    "GROUND_END",
+    "GROUND_INSTANCES",
+    "GROUND_SIDE",
+    "GROUND_START",
+    "KERB_HEIGHT",
+    "KERB_WIDTH",
+    "PAINT_LIFT",
+    "ROADS",
+    "ROAD_HALF_WIDTH",
+    "SIDEWALKS",
+    "SIDEWALK_WIDTH",
+    "TERRAINS",
+    "Coat",
+    "Ground",
+    "Surface",
+    "ground_assets",
+    "ground_height",
+    "plain",
+    "sample_ground",
+]
 
 GROUND_INSTANCES: dict[int, int] = {
     1: int(TrainId.ROAD),
@@ -28,19 +56,37 @@ GROUND_INSTANCES: dict[int, int] = {
     3: int(TrainId.TERRAIN),
 }
 """Instance id -> train id of the three ground surfaces."""
+KERB_STONE = (0.21, 0.205, 0.195)
+"""Linear colour of kerb stones, before weather and dirt."""
 
 
 class Ground(NamedTuple):
-    """What varies from one road surface to the next; colours are linear RGB."""
+    """What varies from one street's ground to the next; places in metres along the road."""
 
-    asphalt: tuple[float, float, float]
-    paving: tuple[float, float, float]
-    terrain: tuple[float, float, float]
-    terrain_material: str
+    road: Coat
+    sidewalk: Coat
+    terrain: Coat
+    kerb: Color
+    strip: float  # the sidewalk along the kerb is this much lighter or darker
+    lane_shade: float  # how much lighter one lane is than the other
     dash: tuple[float, float]  # metres painted, metres bare, on the centre line
+    centre: str  # "dashed", "double", "one side", "hatched" or "none"
     edge_lines: int  # 0 none, 1 one line, 2 double line along each kerb
     edge_yellow: bool
-    crosswalks: tuple[float, ...]  # metres along the road
+    crosswalks: tuple[float, ...]
+    crossing: str  # "zebra" or "studs"
+    give_way: bool  # teeth rather than stop lines before crossings
+    drive: float  # the side (1 left, -1 right) whose traffic goes forward
+    parking: tuple[str, str]  # right and left: "none", "boxes" or "ticks"
+    cycle_lane: str  # "none", "line", "green" or "red"
+    legends: tuple[Legend, ...]
+    boxes: tuple[tuple[float, float], ...]  # box junctions, from and to
+    side_streets: tuple[tuple[float, float], ...]  # place and side
+    driveways: tuple[tuple[float, float], ...]  # place and side
+    patches: int  # repairs
+    covers: int  # manholes; 0 leaves the gratings out, too
+    hills: float  # m
+    seed: int  # of wear and shades
 
 
 def ground_height(y: float) -> float:
@@ -48,91 +94,93 @@ def ground_height(y: float) -> float:
     return 0.0 if abs(y) < ROAD_HALF_WIDTH else KERB_HEIGHT
 
 
-def sample_ground(rng: np.random.Generator) -> Ground:
-    """Draw a road surface: shade, markings, crosswalks every 40-90 m, grass, gravel or paving."""
-    grey = rng.uniform(0.05, 0.13)
-    paving = rng.uniform(0.08, 0.24)
-    warmth = rng.uniform(0.0, 0.12)
-    kind = rng.choice(["grass", "dry grass", "earth"], p=[0.6, 0.25, 0.15])
-    terrain = {
-        "grass": (0.07, 0.12, 0.03),
-        "dry grass": (0.16, 0.15, 0.06),
-        "earth": (0.17, 0.12, 0.08),
-    }[str(kind)]
-    shade = rng.uniform(0.7, 1.3)
-    crosswalks, x = [], rng.uniform(5, 60)
-    while x < 150:
-        crosswalks.append(float(x))
-        x += rng.uniform(40, 90)
+def plain(ground: Ground) -> Ground:
+    """The same surfaces with nothing painted or built into them, and level to the horizon."""
+    return ground._replace(
+        centre="none", edge_lines=0, crosswalks=(), parking=("none", "none"), cycle_lane="none",
+        legends=(), boxes=(), side_streets=(), driveways=(), patches=0, covers=0, hills=0.0,
+    )  # fmt: skip
+
+
+def _places(
+    rng: np.random.Generator, first: tuple[float, float], gap: tuple[float, float], end: float = 150
+) -> list[float]:
+    """Places along the road, ``gap`` metres apart, the first of them ``first`` metres on."""
+    found, x = [], float(rng.uniform(*first))
+    while x < end:
+        found.append(x)
+        x += float(rng.uniform(*gap))
+    return found
+
+
+def _either_side(rng: np.random.Generator, places: list[float]) -> tuple[tuple[float, float], ...]:
+    return tuple((x, 1.0 if rng.random() < 0.5 else -1.0) for x in places)
+
+
+def _legends(rng: np.random.Generator, drive: float, crosswalks: list[float]) -> list[Legend]:
+    """Words and arrows in the lanes, clear of crossings."""
+    marks = []
+    for x in _places(rng, (6, 30), (14, 45), 110):
+        heading = 1.0 if rng.random() < 0.65 else -1.0
+        words = [" ".join(w) for w in WORDS]
+        kind = str(rng.choice(words if rng.random() < 0.4 else list(ARROWS)))
+        if all(abs(x + 2 * heading - c) > 8 for c in crosswalks):
+            marks.append(Legend(kind, x, heading * drive * 2.3, heading))
+    return marks
+
+
+def sample_ground(rng: np.random.Generator, share: float = 1.0, drive: float = 1.0) -> Ground:
+    """Draw a ground: surfaces, markings, crossings every 40-90 m, repairs, driveways.
+
+    Args:
+        rng: consumed.
+        share: of the surfaces of each table that may be drawn (the half-asset study).
+        drive: the side, 1 left or -1 right, whose traffic goes forward.
+    """
+    crosswalks = _places(rng, (5, 60), (40, 90)) if rng.random() < 0.65 else []
+    boxes = _places(rng, (15, 60), (200, 300)) if rng.random() < 0.12 else []
+    side_streets = _places(rng, (12, 50), (35, 90)) if rng.random() < 0.6 else []
+    driveways = _places(rng, (4, 25), (9, 40), 100) if rng.random() < 0.6 else []
+    beside = str(rng.choice(["none", "edge", "parking", "cycle"], p=[0.22, 0.4, 0.23, 0.15]))
+    styles = rng.choice(["none", "boxes", "ticks"], 2, p=[0.2, 0.5, 0.3])
+    stone = rng.uniform(0.75, 1.25)
     return Ground(
-        asphalt=(grey, grey * 1.01, grey * 1.05),
-        paving=(paving, paving * (1 - 0.4 * warmth), paving * (1 - warmth)),
-        terrain=(terrain[0] * shade, terrain[1] * shade, terrain[2] * shade),
-        terrain_material="concrete" if kind == "earth" else "grass",
-        dash=(float(rng.uniform(2, 4)), float(rng.uniform(2, 6))),
-        edge_lines=int(rng.choice([0, 1, 2], p=[0.35, 0.35, 0.3])),
+        road=sample_coat(rng, ROADS, share),
+        sidewalk=sample_coat(rng, SIDEWALKS, share),
+        terrain=sample_coat(rng, TERRAINS, share),
+        kerb=(KERB_STONE[0] * stone, KERB_STONE[1] * stone, KERB_STONE[2] * stone),
+        strip=float(rng.choice([1.0, 0.85, 1.12])),
+        lane_shade=float(rng.uniform(-0.12, 0.15)) if rng.random() < 0.4 else 0.0,
+        dash=(float(rng.uniform(1.5, 4)), float(rng.uniform(2, 6))),
+        centre=str(
+            rng.choice(
+                ["dashed", "double", "one side", "hatched", "none"], p=[0.66, 0.1, 0.07, 0.05, 0.12]
+            )
+        ),
+        edge_lines=int(rng.integers(1, 3)) if beside == "edge" else 0,
         edge_yellow=bool(rng.random() < 0.6),
-        crosswalks=tuple(crosswalks) if rng.random() < 0.7 else (),
+        crosswalks=tuple(crosswalks),
+        crossing="zebra" if rng.random() < 0.6 else "studs",
+        give_way=bool(rng.random() < 0.25),
+        drive=drive,
+        parking=(str(styles[0]), str(styles[1])) if beside == "parking" else ("none", "none"),
+        cycle_lane=str(rng.choice(["line", "green", "red"])) if beside == "cycle" else "none",
+        legends=tuple(_legends(rng, drive, crosswalks + boxes)) if rng.random() < 0.5 else (),
+        boxes=tuple((x, x + 9.0) for x in boxes),
+        side_streets=_either_side(rng, side_streets),
+        driveways=_either_side(rng, driveways),
+        patches=int(rng.integers(0, 12)),
+        covers=int(rng.integers(2, 9)),
+        hills=float(rng.uniform(4, 32)),
+        seed=int(rng.integers(2**32)),
     )
-
-
-def _strip(
-    y0: float, y1: float, z: float, color: tuple[float, float, float], material: str
-) -> Asset:
-    """A ground strip between two distances from the centre line (both signs give both sides)."""
-    x0, x1 = GROUND_START, GROUND_END
-    return quad([(x0, y0, z), (x1, y0, z), (x1, y1, z), (x0, y1, z)], color, material)
-
-
-def _paint(
-    x: float, y: float, length: float, width: float, color: tuple[float, float, float]
-) -> Asset:
-    """A painted rectangle centred on (x, y)."""
-    a, b = length / 2, width / 2
-    z = PAINT_LIFT
-    corners = [(x - a, y - b, z), (x + a, y - b, z), (x + a, y + b, z), (x - a, y + b, z)]
-    return quad(corners, color, "marking")
 
 
 def ground_assets(ground: Ground) -> dict[int, Asset]:
     """The three surfaces by instance id: road with its markings, sidewalk with its kerb, terrain."""
-    white = (0.55, 0.55, 0.53)
-    edge = (0.5, 0.36, 0.06) if ground.edge_yellow else white
-    outer = ROAD_HALF_WIDTH + SIDEWALK_WIDTH
-    road = [_strip(-ROAD_HALF_WIDTH, ROAD_HALF_WIDTH, 0.0, ground.asphalt, "asphalt")]
-    painted, bare = ground.dash
-    starts = np.arange(-20.0, 200.0, painted + bare)
-    clear = [x for x in starts if all(abs(x - c) > 4 + painted / 2 for c in ground.crosswalks)]
-    road += [_paint(x, 0.0, painted, 0.13, white) for x in clear]
-    length = GROUND_END - GROUND_START
-    middle = (GROUND_END + GROUND_START) / 2
-    for side in (-1, 1):
-        for k in range(ground.edge_lines):
-            y = side * (ROAD_HALF_WIDTH - 0.3 - 0.22 * k)
-            road.append(_paint(middle, y, length, 0.1, edge))
-    for x in ground.crosswalks:
-        stripes = np.arange(-ROAD_HALF_WIDTH + 0.6, ROAD_HALF_WIDTH - 0.3, 1.0)
-        road += [_paint(x, float(y), 3.0, 0.5, white) for y in stripes]
-        # Stop lines before and behind.
-        road += [_paint(x + d, 0.0, 0.3, 2 * ROAD_HALF_WIDTH - 1.4, white) for d in (-3.0, 3.0)]
-    sidewalk, terrain = [], []
-    for side in (-1, 1):
-        inner = side * (ROAD_HALF_WIDTH + KERB_WIDTH)
-        sidewalk.append(_strip(inner, side * outer, KERB_HEIGHT, ground.paving, "paving"))
-        kerb = box(
-            (length, KERB_WIDTH, KERB_HEIGHT + 0.005),
-            (middle, side * (ROAD_HALF_WIDTH + KERB_WIDTH / 2), 0.0),
-            (0.3, 0.3, 0.29),
-            "concrete",
-        )
-        sidewalk.append(kerb)
-        terrain.append(
-            _strip(
-                side * outer,
-                side * GROUND_SIDE,
-                KERB_HEIGHT,
-                ground.terrain,
-                ground.terrain_material,
-            )
-        )
-    return {1: merge(*road), 2: merge(*sidewalk), 3: merge(*terrain)}
+    rng = np.random.default_rng(ground.seed)
+    surfaces = (road_quads, sidewalk_quads, terrain_quads)
+    return {
+        instance: to_asset(draw(ground, rng))
+        for instance, draw in zip(GROUND_INSTANCES, surfaces, strict=True)
+    }

@@ -52,13 +52,14 @@ MATERIALS: tuple[Material, ...] = (
     Material("marking", "worn", 3.0, 0.5, 0.0, 0.0),
     Material("roof", "tiles", 2.4, 0.6, 0.0, 0.0),
     Material("lamp", "flat", 1.0, 0.0, 0.10, 0.0),
-    # The ground, see ``ground.py``; those with wheel tracks cover the width of the carriageway.
-    Material("fresh asphalt", "fresh", 6.0, 0.4, 0.02, 0.0),
+    # The ground, see ``surfaces.py``; those with wheel tracks cover the width of the carriageway. None
+    # is glossy: seen along the ground even a slight gloss makes a mirror of it.
+    Material("fresh asphalt", "fresh", 6.0, 0.4, 0.0, 0.0),
     Material("patched asphalt", "patched", LANE_TILE, 0.65, 0.0, 0.0),
-    Material("tarred asphalt", "seams", LANE_TILE, 0.65, 0.03, 0.0),
+    Material("tarred asphalt", "seams", LANE_TILE, 0.65, 0.0, 0.0),
     Material("chippings", "chippings", LANE_TILE, 0.7, 0.0, 0.0),
     Material("concrete road", "slab_road", LANE_TILE, 0.45, 0.0, 0.0),
-    Material("setts", "setts", 4.0, 0.7, 0.01, 0.0),
+    Material("setts", "setts", 4.0, 0.7, 0.0, 0.0),
     Material("flagstones", "flags", 2.4, 0.5, 0.0, 0.0),
     Material("pavers", "pavers", 1.6, 0.55, 0.0, 0.0),
     Material("herringbone", "herringbone", 1.6, 0.6, 0.0, 0.0),
@@ -68,7 +69,7 @@ MATERIALS: tuple[Material, ...] = (
     Material("earth", "earth", 6.0, 0.6, 0.0, 0.0),
     Material("gravel", "gravel", 2.0, 0.6, 0.0, 0.0),
     Material("fallen leaves", "litter", 3.0, 0.9, 0.0, 0.0),
-    Material("iron", "grating", 0.5, 0.7, 0.05, 0.0),
+    Material("iron", "grating", 0.5, 0.7, 0.0, 0.0),
 )
 MATERIAL_ID: dict[str, int] = {m.name: i for i, m in enumerate(MATERIALS)}
 

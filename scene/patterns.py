@@ -212,8 +212,12 @@ def _asphalt(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _patched(rng: np.random.Generator, size: int) -> np.ndarray:
-    """Worn asphalt with rectangles of other mixes, each within a seam of tar."""
+    """Worn asphalt with rectangles of other mixes, each within a seam of tar.
+
+    They stand out little, since they come again with every tile.
+    """
     ground = _asphalt(rng, size)
+    mix = np.zeros_like(ground)
     y, x = np.mgrid[0:size, 0:size]
     for _ in range(7):
         top, left = rng.integers(0, size, 2)
@@ -221,9 +225,8 @@ def _patched(rng: np.random.Generator, size: int) -> np.ndarray:
         r, c = (y - top) % size, (x - left) % size
         inside = (r < height) & (c < width)
         edge = inside & ((r < 1) | (c < 1) | (r >= height - 1) | (c >= width - 1))
-        ground = np.where(inside, ground + rng.choice([-0.3, -0.2, 0.16, 0.22]), ground)
-        ground = np.where(edge, ground - 0.35, ground)
-    return ground
+        mix = np.where(edge, -0.22, np.where(inside, rng.choice([-0.12, -0.07, 0.06, 0.1]), mix))
+    return ground + mix
 
 
 def _seams(rng: np.random.Generator, size: int) -> np.ndarray:
@@ -300,7 +303,7 @@ def _worn(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _grating(rng: np.random.Generator, size: int) -> np.ndarray:
-    y, x = np.mgrid[0:size, 0:size].astype(np.float32) * 10 / size
+    _, x = np.mgrid[0:size, 0:size].astype(np.float32) * 10 / size
     return np.clip(4 * np.abs(x % 1 - 0.5) - 0.4, 0, 1) + 0.3 * _cloudy(rng, size)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from scene import catalogue
 from scene.assets.rider import MOUNT
 from scene.attributes import StreetParams
+from scene.background import background
 from scene.catalogue import AssetPool, pick
 from scene.classes import TrainId
 from scene.ground import Ground, ground_height, sample_ground
@@ -31,13 +32,15 @@ JITTER = 0.25
 """Objects leave their slot's middle by up to this share of the interval."""
 FIRST_INSTANCE = 4
 """Instances 1-3 are road, sidewalk and terrain (see ``ground.py``); 0 is the sky."""
+BACKGROUND = 7
+"""Stream of random numbers that the background is drawn from."""
 
 
 class Placement(NamedTuple):
     """One asset standing in the street."""
 
     family: str
-    asset: int  # index of the asset in its family
+    asset: int | str  # index of the asset in its family, or the path of a user's own
     train_id: int
     instance: int
     pose: np.ndarray  # f64[4, 4] asset frame -> world
@@ -91,16 +94,22 @@ def sample_street(
         intensity=params.illumination_intensity,
         elevation=params.illumination_angle_x,
         azimuth=params.illumination_angle_y,
+        share=pool.fraction,
     )
     camera_side = -1.0 if rng.random() < params.camera_position_probability else 1.0
-    ground = sample_ground(rng)
+    ground = sample_ground(rng, pool.fraction, camera_side)
     placements: list[Placement] = []
     for line in LINES:
         # A line draws from a generator of its own, so moving one line leaves the others as they are.
         line_rng = np.random.default_rng(rng.integers(2**32))
         for side in (1.0, -1.0):
             _fill(placements, line, side, camera_side, params, pool, line_rng)
+    # Before the background, which is too far away to be in the way.
     cameras = _camera_path(params, camera_side, shots, placements, rng)
+    far_rng = np.random.default_rng([seed, BACKGROUND])
+    for stand in background(params, far_rng):
+        ref = pick(pool, stand.family, far_rng)
+        _place(placements, stand.family, ref, _pose(stand.x, stand.y, stand.yaw))
     return Street(tuple(placements), cameras, sky, ground, seed)
 
 
@@ -129,31 +138,37 @@ def _fill(
         # Facades of neighbours that overlap would lie in one plane; a step back keeps their edges
         # clean. It is no round number, since walls have relief in whole centimetres.
         y = side * (distance + (0.0437 * (slot % 3) if line.facing == "road" else 0.0))
-        if not filled:
+        if not filled or index is None:
             continue
         pose = _pose(x, y, yaw)
         for part, part_index in _parts(family, index, other, pool):
-            placements.append(
-                Placement(
-                    part,
-                    part_index,
-                    int(catalogue.FAMILIES[part].train_id),
-                    FIRST_INSTANCE + len(placements),
-                    pose,
-                )
-            )
+            _place(placements, part, part_index, pose)
 
 
-def _parts(family: str, index: int, seed: int, pool: AssetPool) -> list[tuple[str, int]]:
+def _place(
+    placements: list[Placement], family: str, ref: int | str | None, pose: np.ndarray
+) -> None:
+    """Add one asset, if the pool has one, under the next free instance id."""
+    if ref is None:
+        return
+    train_id = int(catalogue.FAMILIES[family].train_id)
+    placements.append(Placement(family, ref, train_id, FIRST_INSTANCE + len(placements), pose))
+
+
+def _parts(
+    family: str, ref: int | str, seed: int, pool: AssetPool
+) -> list[tuple[str, int | str | None]]:
     """The assets that make up one object: a rider's machine and a sign's post have their own class."""
     rng = np.random.default_rng(seed)
     if family == "rider":
         kinds = catalogue.FAMILIES["rider"].kinds
-        mount = MOUNT[kinds[index % len(kinds)]]
-        return [(family, index), (mount, pick(pool, mount, rng))]
+        # A user's own rider says not what it rides.
+        kind = ref if isinstance(ref, int) else int(rng.integers(len(kinds)))
+        mount = MOUNT[kinds[kind % len(kinds)]]
+        return [(family, ref), (mount, pick(pool, mount, rng))]
     if family in ("traffic sign", "traffic light"):
-        return [(family, index), ("signpost", pick(pool, "signpost", rng))]
-    return [(family, index)]
+        return [(family, ref), ("signpost", pick(pool, "signpost", rng))]
+    return [(family, ref)]
 
 
 def _yaw(

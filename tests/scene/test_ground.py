@@ -9,19 +9,52 @@ from scene.classes import TrainId
 from scene.ground import (
     GROUND_INSTANCES,
     KERB_HEIGHT,
+    KERB_WIDTH,
     ROAD_HALF_WIDTH,
+    ROADS,
     SIDEWALK_WIDTH,
+    SIDEWALKS,
+    TERRAINS,
     ground_assets,
     ground_height,
+    plain,
     sample_ground,
 )
+from scene.markings import (
+    ARROWS,
+    WORDS,
+    Legend,
+    box_junction,
+    clear_of,
+    dashes,
+    give_way,
+    legend,
+    parking,
+    word,
+)
 from scene.materials import material_id
+from scene.quads import discs, flat, grid, rectangles, strokes, to_asset
 
 SEEDS = st.integers(0, 2**32 - 1)
+OUTER = ROAD_HALF_WIDTH + SIDEWALK_WIDTH
 
 
-def ground(seed):
-    return sample_ground(np.random.default_rng(seed))
+def ground(seed, **arguments):
+    return sample_ground(np.random.default_rng(seed), **arguments)
+
+
+def of_material(asset, name):
+    """Corners [n, 3, 3] of the triangles of one material."""
+    return asset.mesh.triangles[asset.material == material_id(name)]
+
+
+def areas(outlines):
+    """Areas of four-cornered outlines [n, 4, 2], by the shoelace formula."""
+    x, y = outlines[..., 0], outlines[..., 1]
+    return np.abs((x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(axis=1)) / 2
+
+
+# -- the three surfaces --------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("y", "height"), [(0, 0), (4.9, 0), (-4.9, 0), (5.5, 0.12), (-30, 0.12)])
@@ -36,54 +69,194 @@ def test_the_three_surfaces_are_road_sidewalk_and_terrain():
 
 @given(SEEDS)
 def test_each_surface_keeps_to_its_strip(seed):
-    road, sidewalk, terrain = ground_assets(ground(seed)).values()
-    outer = ROAD_HALF_WIDTH + SIDEWALK_WIDTH
+    drawn = ground(seed)._replace(side_streets=())
+    road, sidewalk, terrain = ground_assets(drawn).values()
     reach = [np.abs(a.mesh.vertices[:, 1]) for a in (road, sidewalk, terrain)]
     assert reach[0].max() == ROAD_HALF_WIDTH
     assert reach[1].min() == pytest.approx(ROAD_HALF_WIDTH)
-    assert reach[1].max() == outer
-    assert reach[2].min() == outer
+    assert reach[1].max() == OUTER
+    assert reach[2][terrain.mesh.vertices[:, 0] < 300].min() == OUTER
     assert road.mesh.vertices[:, 2].max() < 0.02  # paint
-    assert terrain.mesh.vertices[:, 2] == pytest.approx(KERB_HEIGHT)
+    assert sidewalk.mesh.vertices[:, 2].max() < KERB_HEIGHT + 0.01
+    near = (reach[2] < 90) & (terrain.mesh.vertices[:, 0] < 300)
+    assert terrain.mesh.vertices[near, 2] == pytest.approx(KERB_HEIGHT)
+
+
+@given(SEEDS)
+def test_a_plain_ground_is_level_asphalt_without_paint(seed):
+    road, sidewalk, terrain = ground_assets(plain(ground(seed))).values()
+    assert (road.mesh.vertices[:, 2] == 0).all()
+    assert len(set(road.material.tolist())) == 1
+    assert np.unique(np.abs(terrain.mesh.vertices[:, 2] - KERB_HEIGHT).round(3)).max() <= 0.01
+    assert road.mesh.area == pytest.approx(640 * 2 * ROAD_HALF_WIDTH)
+    level = sidewalk.mesh.triangles[..., 2].min(axis=1) > 0.1
+    paved = sidewalk.mesh.area_faces[level].sum()
+    assert paved == pytest.approx(640 * 2 * (SIDEWALK_WIDTH - 0.02), rel=1e-3)
+
+
+@given(SEEDS)
+def test_the_ground_is_no_heavier_than_it_may_be_and_has_no_degenerate_face(seed):
+    for asset in ground_assets(ground(seed)).values():
+        assert np.isfinite(asset.mesh.vertices).all()
+        assert asset.mesh.area_faces.min() > 1e-6
+        assert ((asset.color >= 0) & (asset.color <= 1)).all()
+    assert sum(len(a.color) for a in ground_assets(ground(seed)).values()) < 6000
+
+
+@given(SEEDS)
+def test_the_kerb_drops_at_driveways_and_side_streets_only(seed):
+    drawn = ground(seed)
+    sidewalk = ground_assets(drawn)[2].mesh.vertices
+    kerb = sidewalk[np.isclose(np.abs(sidewalk[:, 1]), ROAD_HALF_WIDTH + KERB_WIDTH)]
+    low = kerb[kerb[:, 2] < KERB_HEIGHT - 0.01]
+    for x, y, _ in low:
+        gaps = [(p, 1.8) for p, s in drawn.driveways if s * y > 0]
+        gaps += [(p, 5.0) for p, s in drawn.side_streets if s * y > 0]
+        assert min(abs(x - p) - half for p, half in gaps) < 1e-6
+    assert bool(len(low)) == bool(drawn.driveways or drawn.side_streets)
+
+
+# -- paint ---------------------------------------------------------------------------------------
 
 
 @given(SEEDS)
 def test_markings_lie_on_the_asphalt_and_within_it(seed):
-    road = ground_assets(ground(seed))[1]
-    painted = road.mesh.vertices[
-        np.unique(road.mesh.faces[road.material == material_id("marking")])
-    ]
-    asphalt = road.mesh.vertices[
-        np.unique(road.mesh.faces[road.material == material_id("asphalt")])
-    ]
-    assert (asphalt[:, 2] == 0).all()
-    assert (painted[:, 2] > 0).all()
-    assert (np.abs(painted[:, 1]) < ROAD_HALF_WIDTH).all()
+    painted = of_material(ground_assets(ground(seed))[1], "marking")
+    assert painted[..., 2] == pytest.approx(0.008)
+    assert (np.abs(painted[..., 1]) < ROAD_HALF_WIDTH).all()
 
 
 @given(SEEDS)
-def test_dashes_keep_clear_of_crosswalks(seed):
-    drawn = ground(seed)
-    road = ground_assets(drawn)[1]
-    centres = road.mesh.triangles_center[road.material == material_id("marking")]
-    width = np.ptp(road.mesh.triangles[road.material == material_id("marking")][..., 1], axis=1)
-    dashes = centres[np.isclose(width, 0.13)]
-    for x in drawn.crosswalks:
-        assert (np.abs(dashes[:, 0] - x) > 4).all()
+def test_lines_keep_clear_of_crosswalks(seed):
+    drawn = ground(seed)._replace(legends=(), boxes=(), side_streets=(), crosswalks=(30.0, 80.0))
+    with_them = of_material(ground_assets(drawn)[1], "marking")
+    crossing = np.abs(with_them[..., 0] - 30.0).max(axis=1) < 3.7
+    assert crossing.sum() > 10
+    # Whatever reaches into the crossing belongs to it.
+    touching = np.abs(with_them[..., 0] - 30.0).min(axis=1) < 3.9
+    assert touching.sum() == crossing.sum()
 
 
-def test_a_crosswalk_crosses_the_whole_road():
-    with_one = next(g for g in map(ground, range(50)) if g.crosswalks)
-    road = ground_assets(with_one)[1]
-    marking = road.mesh.triangles[road.material == material_id("marking")]
-    near = marking[np.abs(marking[..., 0] - with_one.crosswalks[0]).max(axis=1) < 1.6]
+@pytest.mark.parametrize("kind", ["zebra", "studs"])
+def test_a_crosswalk_crosses_the_whole_road(kind):
+    drawn = plain(ground(0))._replace(crosswalks=(20.0,), crossing=kind)
+    near = of_material(ground_assets(drawn)[1], "marking")
+    near = near[np.abs(near[..., 0] - 20).max(axis=1) < 1.7]
     assert near[..., 1].min() < -ROAD_HALF_WIDTH + 0.8
     assert near[..., 1].max() > ROAD_HALF_WIDTH - 0.9
 
 
+@pytest.mark.parametrize("drive", [1.0, -1.0])
+def test_stop_lines_stand_before_the_crossing_in_the_lane_that_comes_up(drive):
+    drawn = plain(ground(0))._replace(crosswalks=(20.0,), drive=drive, give_way=False)
+    painted = of_material(ground_assets(drawn)[1], "marking")
+    x, y = painted[..., 0].mean(axis=1) - 20, painted[..., 1].mean(axis=1)
+    stop = np.abs(np.abs(x) - 3.0) < 0.2
+    assert stop.sum() == 4
+    assert (np.sign(y[stop]) == -np.sign(x[stop]) * drive).all()
+
+
+def test_dashes_have_their_length_and_spacing():
+    outline = dashes(1.0, 3.0, 2.0, 0.2)
+    assert areas(outline) == pytest.approx(0.6)
+    assert np.diff(outline[:, 0, 0]) == pytest.approx(5.0)
+    assert outline[..., 1].mean() == pytest.approx(1.0)
+
+
+def test_what_reaches_into_a_kept_place_is_left_out():
+    outline = rectangles(np.arange(0.0, 10), np.arange(1.0, 11), np.array(0.0), np.array(1.0))
+    kept = clear_of(outline, ((2.5, 4.0), (9.0, 20.0)))
+    assert sorted(kept[:, 0, 0]) == [0, 1, 4, 5, 6, 7, 8]
+
+
+@pytest.mark.parametrize("kind", [*ARROWS, *(" ".join(w) for w in WORDS)])
+@pytest.mark.parametrize("heading", [1.0, -1.0])
+def test_legends_lie_in_their_lane_and_run_ahead(kind, heading):
+    outline = legend(Legend(kind, 50.0, 2.3, heading))
+    ahead = heading * (outline[..., 0] - 50)
+    assert -0.2 < ahead.min() < 0.5
+    assert 1.5 < ahead.max() < 6
+    assert outline[..., 1].min() > 0
+    assert outline[..., 1].max() < ROAD_HALF_WIDTH
+    assert areas(outline).min() > 1e-3
+
+
+def test_words_read_from_left_to_right_for_the_driver():
+    # The upright of an L is at its left: half a letter's width from its foot's end.
+    (upright, foot) = word(("L",))
+    assert upright[:, 0].mean() < foot[:, 0].mean()
+    turned = legend(Legend("STOP", 0.0, 0.0, 1.0))
+    assert turned[..., 1].max() == pytest.approx(-word(("STOP",))[..., 0].min())
+
+
+def test_a_right_arrow_points_right():
+    right, left = (legend(Legend(k, 0, 0, 1.0))[..., 1].mean() for k in ("right", "left"))
+    assert right < 0 < left
+    assert right == pytest.approx(-left)
+
+
+def test_teeth_point_at_the_driver_who_waits():
+    teeth = give_way(10.0, 0.0, 5.0, 1.0)
+    assert len(teeth) == 6
+    assert teeth[:, 0, 0] == pytest.approx(9.4)  # the tip
+    assert areas(teeth) == pytest.approx(0.5 * 0.6 / 2)
+
+
+@pytest.mark.parametrize("style", ["boxes", "ticks"])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_parking_bays_lie_along_their_kerb(style, side):
+    y = side * parking(5.0, side, style)[..., 1]
+    assert 2.5 < y.min() < 3.01
+    assert y.max() < 5.0
+
+
+def test_a_box_junction_fills_its_rectangle_and_no_more():
+    outline = box_junction(10.0, 19.0, 5.0)
+    low, high = outline.reshape(-1, 2).min(axis=0), outline.reshape(-1, 2).max(axis=0)
+    assert low == pytest.approx([10, -4.65], abs=0.15)
+    assert high == pytest.approx([19, 4.65], abs=0.15)
+    assert len(outline) > 20
+
+
+# -- faces ---------------------------------------------------------------------------------------
+
+
+def test_outlines_have_the_area_of_their_shape():
+    assert areas(rectangles(np.array(1), np.array(3), np.array([0, 5]), np.array([2, 9]))) == (
+        pytest.approx([4, 8])
+    )
+    assert areas(strokes(np.array([[0, 0]]), np.array([[3, 4]]), 0.2)) == pytest.approx(1.0)
+    assert areas(discs(np.array([[5.0, 5.0]]), 2.0, 64)).sum() == pytest.approx(4 * np.pi, rel=0.01)
+
+
+def test_quads_become_two_triangles_each():
+    cells = grid(np.array([0.0, 1, 2]), np.array([0.0, 1]), np.zeros((3, 2)))
+    assert cells.shape == (2, 4, 3)
+    outline = cells[..., :2]
+    asset = to_asset([flat(outline, 0.5, np.array([[0.1] * 3, [0.2] * 3]), "grass")])
+    assert asset.mesh.area_faces == pytest.approx(0.5)
+    assert asset.color[:, 0] == pytest.approx([0.1, 0.1, 0.2, 0.2])
+    assert (asset.mesh.vertices[:, 2] == 0.5).all()
+
+
+# -- what is drawn -------------------------------------------------------------------------------
+
+
 def test_grounds_vary_and_are_pure():
-    grounds = [ground(seed) for seed in range(30)]
-    assert grounds == [ground(seed) for seed in range(30)]
-    assert len({g.asphalt for g in grounds}) == 30
+    grounds = [ground(seed) for seed in range(120)]
+    assert grounds == [ground(seed) for seed in range(120)]
+    assert {g.road.name for g in grounds} == {s.name for s in ROADS}
+    assert {g.sidewalk.name for g in grounds} == {s.name for s in SIDEWALKS}
+    assert {g.terrain.name for g in grounds} == {s.name for s in TERRAINS}
     assert {g.edge_lines for g in grounds} == {0, 1, 2}
-    assert {g.terrain_material for g in grounds} == {"grass", "concrete"}
+    assert {g.centre for g in grounds} == {"dashed", "double", "one side", "hatched", "none"}
+    a, b = (ground_assets(grounds[3])[1] for _ in range(2))
+    assert a.mesh.vertices.tobytes() == b.mesh.vertices.tobytes()
+    assert a.color.tobytes() == b.color.tobytes()
+
+
+@pytest.mark.parametrize(("share", "known"), [(0.01, 1), (0.5, 4)])
+def test_a_share_of_the_surfaces_is_the_first_of_them(share, known):
+    grounds = [ground(seed, share=share) for seed in range(60)]
+    assert {g.road.name for g in grounds} == {s.name for s in ROADS[:known]}
+    assert {g.terrain.name for g in grounds} == {s.name for s in TERRAINS[:known]}

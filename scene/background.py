@@ -1,0 +1,103 @@
+"""What closes the horizon: the street going on, rows of houses and trees behind it and across its end.
+
+Placed beyond the reach of the lines that attributes control, from a generator of its own, so that it never
+changes them. Streets with few buildings lie among trees and fields, so it thins out with them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.attributes import StreetParams
+
+LINES_END = 165.0
+"""Lines of objects end before here, metres along the road."""
+BEHIND = 36.0
+"""No line of objects is as far as this from the centre line, metres."""
+VISTA_END = 300.0
+"""Where the street stops going on, metres along the road."""
+WOODS = 0.55
+"""Share of places without a house that have a tree; the others are open."""
+
+
+class Stand(NamedTuple):
+    """One object of the background, standing on the ground."""
+
+    family: str
+    x: float  # metres along the road
+    y: float  # metres left of the centre line
+    yaw: float  # radians left of the driving direction
+
+
+def background(params: StreetParams, rng: np.random.Generator) -> list[Stand]:
+    """Houses, trees and bushes around the street; consumes ``rng``."""
+    town = 0.06 + 0.84 * params.building_probability
+    across = float(rng.uniform(LINES_END + 10, VISTA_END + 40))
+    return [
+        *_vista(params, town, across, rng),
+        *_closure(town, across, rng),
+        *(stand for side in (1.0, -1.0) for stand in _back_row(side, town, rng)),
+    ]
+
+
+def _vista(params: StreetParams, town: float, end: float, rng: np.random.Generator) -> list[Stand]:
+    """The street goes on beyond its lines: houses on both sides as far from the road as before."""
+    stands = []
+    for side in (1.0, -1.0):
+        for x in np.arange(LINES_END + 6, end - 12, max(params.building_interval, 13.0)):
+            place = float(x + rng.uniform(-1, 1))
+            yaw = 0.0 if side > 0 else math.pi
+            set_back = params.building_position + float(rng.uniform(0, 1.5))
+            kind = _kind(town, rng)
+            if kind:
+                stands.append(Stand(kind, place, side * set_back, yaw))
+    return stands
+
+
+def _closure(town: float, end: float, rng: np.random.Generator) -> list[Stand]:
+    """A row across the end of the road, where it bends or meets another, with trees before it."""
+    stands = []
+    for y in np.arange(-78.0, 79.0, 13.0):
+        kind = _kind(town, rng, woods=0.9)
+        at = end + float(rng.uniform(0, 3)) + 0.0015 * float(y) ** 2
+        if kind:
+            stands.append(Stand(kind, at, float(y), -math.pi / 2))
+        if rng.random() < 0.5:
+            stands.append(_tree(at - rng.uniform(4, 9), float(y) + rng.uniform(-6, 6), rng))
+    return stands
+
+
+def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Stand]:
+    """The next street over: seen through gaps, houses turn their backs or fronts, gardens between."""
+    stands = []
+    row = float(rng.uniform(BEHIND + 6, BEHIND + 20))
+    for x in np.arange(-5.0, 260.0, 15.0):
+        kind = _kind(0.8 * town, rng, woods=0.75)
+        place = float(x + rng.uniform(-2, 2))
+        yaw = float(rng.choice([0.0, math.pi]))
+        if kind == "building":
+            # Turned away, a house reaches towards the road: its wall there is not its origin.
+            depth = 14.0 if (yaw == 0.0) != (side > 0) else 0.0
+            stands.append(Stand(kind, place, side * (row + depth), yaw))
+        elif kind:
+            stands.append(_tree(place, side * (row + rng.uniform(0, 12)), rng))
+        if rng.random() < 0.3:
+            stands.append(_tree(place + 7, side * rng.uniform(BEHIND, row), rng))
+    return stands
+
+
+def _kind(town: float, rng: np.random.Generator, woods: float = WOODS) -> str:
+    """A house in town, else a tree or a bush, else nothing."""
+    if rng.random() < town:
+        return "building"
+    if rng.random() < woods:
+        return "tree" if rng.random() < 0.8 else "bush"
+    return ""
+
+
+def _tree(x: float, y: float, rng: np.random.Generator) -> Stand:
+    family = "tree" if rng.random() < 0.85 else "bush"
+    return Stand(family, float(x), float(y), float(rng.uniform(-math.pi, math.pi)))

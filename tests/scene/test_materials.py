@@ -1,0 +1,66 @@
+"""Textures: multipliers of mean 1 that tile, one per material, from one table."""
+
+import numpy as np
+import pytest
+
+from scene.ground import ROADS, SIDEWALKS, TERRAINS
+from scene.materials import BRIGHTEST, DARKEST, MATERIALS, TEXTURE_SIZE, material_id, textures
+from scene.patterns import PATTERNS, value_noise
+
+
+def test_names_are_unique_and_every_pattern_is_known_and_used():
+    names = [m.name for m in MATERIALS]
+    assert len(set(names)) == len(names) <= 256
+    assert {m.pattern for m in MATERIALS} <= set(PATTERNS)
+
+
+def test_an_unknown_material_is_refused_with_the_known_names():
+    with pytest.raises(ValueError, match="unknown material 'velvet'; known: plain, paint"):
+        material_id("velvet")
+
+
+def test_textures_are_multipliers_of_mean_one():
+    stack = textures()
+    assert stack.shape == (len(MATERIALS), TEXTURE_SIZE, TEXTURE_SIZE)
+    assert stack.dtype == np.float32
+    np.testing.assert_allclose(stack.mean(axis=(1, 2)), 1, atol=1e-4)
+    assert stack.min() >= DARKEST / 2
+    assert stack.max() <= 2 * BRIGHTEST
+    with pytest.raises(ValueError, match="read-only"):
+        stack[0] = 0
+
+
+def test_contrast_is_what_the_table_says():
+    # Nearly every texel lies within 0.8 contrast of 1, and some lie near that bound.
+    for material, texture in zip(MATERIALS, textures(), strict=True):
+        away = np.quantile(np.abs(texture - 1), 0.98)
+        assert away == pytest.approx(0.8 * material.contrast, abs=0.12)
+
+
+@pytest.mark.parametrize("name", sorted(PATTERNS))
+def test_patterns_are_pure_and_tile(name):
+    a, b = (PATTERNS[name](np.random.default_rng(3), 128) for _ in range(2))
+    assert a.shape == (128, 128)
+    assert np.isfinite(a).all()
+    np.testing.assert_array_equal(a, b)
+    # Across the seam neighbours differ no more than they do somewhere inside.
+    for pattern in (a, a.T):
+        steps = np.abs(np.diff(pattern, axis=0, append=pattern[:1])).mean(axis=1)
+        assert steps[-1] <= 1.5 * steps[:-1].max() + 1e-6
+
+
+def test_value_noise_takes_the_lattice_values_at_its_nodes():
+    lattice = np.random.default_rng(5).random((4, 8), dtype=np.float32)
+    noise = value_noise(np.random.default_rng(5), 64, (4, 8))
+    np.testing.assert_array_equal(noise[::16, ::8], lattice)
+
+
+def test_the_ground_has_eight_visibly_different_surfaces_of_each_kind():
+    for surfaces in (ROADS, SIDEWALKS, TERRAINS):
+        assert len({s.name for s in surfaces}) == len(surfaces) == 8
+        looks = set()
+        for surface in surfaces:
+            texture = textures()[material_id(surface.material)]
+            assert texture.std() > 0.04
+            looks.add((surface.material, tuple(np.round(surface.dark, 2))))
+        assert len(looks) == 8
