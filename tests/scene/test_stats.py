@@ -1,0 +1,154 @@
+"""Statistics of a dataset beside those of its target."""
+
+import json
+
+import numpy as np
+import pytest
+
+import scene
+from scene.classes import CLASS_NAMES
+from scene.export import export_dataset, read_dataset
+from scene.formats.files import png
+from scene.formats.real import CAMVID, CAMVID_OF_TRAIN
+from scene.proposal import draw, random_proposal
+from scene.stats import compare, count, main
+from seg.classes import CAMVID_11
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stats") / "dataset"
+    export_dataset(
+        draw(random_proposal(), 2, 2), 5, folder, shots=2,
+        settings=scene.RenderSettings(96, 64), pool=scene.AssetPool(0, 3),
+    )  # fmt: skip
+    return folder
+
+
+@pytest.fixture
+def camvid(tmp_path):
+    """Two images of two by two pixels in CamVid's layout: sky over road, then all void but a car."""
+    for name in ("train", "trainannot"):
+        (tmp_path / name).mkdir()
+    for name, colour, label in (
+        ("0001TP_1", 100, [[0, 0], [3, 3]]),
+        ("0016E5_2", 200, [[11, 11], [11, 8]]),
+    ):
+        image = np.zeros((2, 2, 3), np.uint8)
+        image[..., 2] = colour
+        (tmp_path / "train" / f"{name}.png").write_bytes(png(image))
+        (tmp_path / "trainannot" / f"{name}.png").write_bytes(png(np.array(label, np.uint8)))
+    return tmp_path
+
+
+def test_counts_by_hand():
+    image = np.zeros((4, 1, 3), np.uint8)
+    image[0] = 4, 8, 12
+    pairs = [(image, np.array([[1], [1], [0], [255]], np.uint8)), (image, np.full((4, 1), 0))]
+    found = count(pairs, 3)
+    assert found.images == 2 and found.void == pytest.approx(1 / 8)
+    assert found.frequency.tolist() == pytest.approx([5 / 7, 2 / 7, 0])
+    assert found.containing.tolist() == [2, 1, 0]
+    # Row centres: 1/8, 3/8, 5/8, 7/8.
+    assert found.mean_row[:2].tolist() == pytest.approx([(5 / 8 + 16 / 8) / 5, 1 / 4])
+    assert np.isnan(found.mean_row[2])
+    assert found.mean_rgb.tolist() == [1, 2, 3]
+
+
+def test_the_figures_of_a_dataset_are_those_of_its_description(dataset):
+    classes, found = compare(dataset, None, ())
+    described = json.loads((dataset / "dataset.json").read_text())
+    assert classes == CLASS_NAMES and list(found) == ["dataset"]
+    np.testing.assert_allclose(
+        found["dataset"].frequency, list(described["class_frequency"].values()), atol=1e-8
+    )
+    assert found["dataset"].containing.tolist() == [*described["images_with_class"].values()]
+    np.testing.assert_allclose(found["dataset"].mean_rgb, described["mean_rgb"], atol=1e-3)
+
+
+def test_the_mapping_to_camvid_is_that_of_the_nets():
+    assert CAMVID == CAMVID_11.classes
+    np.testing.assert_array_equal(CAMVID_OF_TRAIN, CAMVID_11.from_train_id)
+
+
+def test_camvid_is_the_measure_in_its_own_classes(dataset, camvid):
+    classes, found = compare(dataset, camvid, ())
+    target = found["target"]
+    assert classes == CAMVID and target.images == 2
+    assert dict(zip(classes, target.frequency, strict=True)) == {
+        **dict.fromkeys(CAMVID, 0), "sky": 2 / 5, "road": 2 / 5, "car": 1 / 5
+    }  # fmt: skip
+    assert target.void == 3 / 8 and target.mean_rgb.tolist() == [0, 0, 150]
+    labels = CAMVID_OF_TRAIN[read_dataset(dataset).labels]
+    share = np.bincount(labels.ravel(), minlength=256)[:11]
+    np.testing.assert_allclose(found["dataset"].frequency, share / share.sum())
+
+
+def test_sequences_of_the_target_can_be_chosen(dataset, camvid):
+    _, found = compare(dataset, camvid, ("0016E5", "0006R0"))
+    assert found["target"].images == 1 and found["target"].mean_rgb.tolist() == [0, 0, 200]
+    with pytest.raises(ValueError, match="no images called Seq05"):
+        compare(dataset, camvid, ("Seq05",))
+
+
+def test_a_folder_like_cityscapes_is_read_without_a_description(dataset, tmp_path):
+    for part, kind in (("leftImg8bit", "leftImg8bit"), ("gtFine", "gtFine_labelIds")):
+        for path in dataset.glob(f"{part}/train/scenex/*_{kind}.png"):
+            target = tmp_path / path.relative_to(dataset)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_bytes(path.read_bytes())
+    # Real labels hold ids that do not count.
+    extra = next(tmp_path.glob("gtFine/*/*/*")).with_name("scenex_9_9_gtFine_labelIds.png")
+    extra.write_bytes(png(np.full((2, 2), 4, np.uint8)))
+    image = tmp_path / "leftImg8bit" / "train" / "scenex" / "scenex_9_9_leftImg8bit.png"
+    image.write_bytes(png(np.zeros((2, 2, 3), np.uint8)))
+    classes, found = compare(dataset, tmp_path, ())
+    assert len(classes) == 19
+    np.testing.assert_allclose(found["target"].frequency, found["dataset"].frequency)
+    assert found["target"].images == 5 and found["target"].void > 0
+
+
+def test_the_command_line_prints_and_writes_the_same_figures(dataset, camvid, tmp_path, capsys):
+    path = tmp_path / "stats.json"
+    assert main([str(dataset), "--against", str(camvid), "--json", str(path)]) == 0
+    printed = capsys.readouterr().out
+    stored = json.loads(path.read_text())
+    assert list(stored) == ["dataset", "target"]
+    assert stored["target"]["classes"]["bicyclist"] == {
+        "frequency": 0, "mean_row": None, "images": 0
+    }  # fmt: skip
+    [line] = [line for line in printed.splitlines() if line.startswith("sky")]
+    share = 100 * stored["dataset"]["classes"]["sky"]["frequency"]
+    assert f"{share:.3f}" in line and "40.000" in line
+    assert "target: 2 images, mean RGB 0/0/150, 37.5 % of pixels without a label" in printed
+
+
+@pytest.mark.parametrize(
+    ("damage", "message"),
+    [
+        (lambda root: (root / "train" / "0001TP_1.png").write_bytes(b"x"), "cannot be decoded"),
+        (lambda root: (root / "train" / "0001TP_1.png").write_bytes(b""), "cannot be decoded"),
+        (lambda root: (root / "trainannot" / "0001TP_1.png").unlink(), "0001TP_1.png"),
+        (
+            lambda root: (root / "trainannot" / "0001TP_1.png").write_bytes(
+                png(np.zeros((3, 3), np.uint8))
+            ),
+            "differ in size",
+        ),
+        (lambda root: (root / "trainannot").rename(root / "labels"), r"expected dataset.json"),
+    ],
+)
+def test_a_broken_target_is_one_line_and_exit_code_two(damage, message, dataset, camvid, capsys):
+    damage(camvid)
+    with pytest.raises(SystemExit) as caught:
+        main([str(dataset), "--against", str(camvid)])
+    assert caught.value.code == 2
+    error = capsys.readouterr().err
+    assert message in error and str(camvid) in error and error.count("\n") == 1
+
+
+def test_real_camvid(dataset, camvid_dir):
+    _, found = compare(dataset, camvid_dir, ("0016E5", "0001TP"))
+    assert found["target"].images > 200
+    assert 0.2 < found["target"].frequency[CAMVID.index("road")] < 0.45
+    assert found["target"].mean_row[CAMVID.index("sky")] < 0.3
