@@ -1,0 +1,3 @@
+"""Pictures to look at: contact sheets of streets, sweeps of attributes, pages of assets."""
+
+from scene.preview.streets import units as units

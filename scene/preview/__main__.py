@@ -1,0 +1,127 @@
+"""Pictures to look at.
+
+python -m scene.preview --out sheet.png                          # streets set by eye, labels, depth
+python -m scene.preview --attributes random --renderer opengl --out sheet.png
+python -m scene.preview --sweep car_interval --out sweep.png     # one attribute from 0 to 1
+python -m scene.preview --sweep all --out sweeps.jpg             # all 23 of them
+python -m scene.preview --asset car --count 24 --out cars.png    # assets of one class
+python -m scene.preview --asset all --out assets.jpg             # some of every class
+python -m scene.preview --asset car --assets DIR --asset-use own --out mine.png
+
+What is written is PNG, or JPEG where the file's name ends in .jpg.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from scene.catalogue import USES, AssetPool, absent, check_pool
+from scene.command import Parser, size
+from scene.preview.closeup import all_classes, class_page
+from scene.preview.streets import all_sweeps, contact_sheet, sweep, units
+from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
+
+FORMATS = (".png", ".jpg", ".jpeg")
+QUALITY = 88
+"""Of JPEG."""
+MOST = 400
+"""Pictures on one page."""
+SIZES = {"streets": (320, 240), "sweep": (320, 160), "sweep all": (224, 112),
+         "asset": (240, 180), "asset all": (200, 140)}  # fmt: skip
+"""Pixels of each picture where --size does not say."""
+
+
+def parser() -> Parser:
+    """The command line."""
+    line = Parser("scene.preview", __doc__)
+    line.add_argument("--out", type=Path, required=True, help="PNG or JPEG file to write")
+    what = line.add_mutually_exclusive_group()
+    what.add_argument("--sweep", metavar="ATTRIBUTE", help="an attribute from 0 to 1; or 'all'")
+    what.add_argument("--asset", metavar="CLASS", help="assets of a class or family; or 'all'")
+    line.add_argument("--attributes", choices=("default", "random"), default="default")
+    line.add_argument("--renderer", choices=RENDERERS, default="embree")
+    line.add_argument("--streets", type=int, default=3)
+    line.add_argument("--shots", type=int, default=4, help="images per street")
+    line.add_argument("--steps", type=int, default=7, help="values of a sweep")
+    line.add_argument("--count", type=int, default=12, help="assets of a class")
+    line.add_argument("--columns", type=int, default=None, help="assets in a row")
+    line.add_argument("--size", type=size, default=None, help="WIDTHxHEIGHT of each image")
+    line.add_argument("--seed", type=int, default=0)
+    line.add_argument("--assets", metavar="DIR", default="", help="folder of own assets")
+    line.add_argument("--asset-use", choices=USES, default="both")
+    line.add_argument("--asset-fraction", type=float, default=1.0, help="share that is used")
+    return line
+
+
+def page(options: argparse.Namespace) -> np.ndarray:
+    """The picture that the options ask for, u8[h, w, 3] RGB.
+
+    Raises:
+        ValueError: an option out of range, or own assets that cannot be used.
+        RendererError: the renderer cannot run here.
+    """
+    for name in ("streets", "shots", "count", "columns"):
+        value = getattr(options, name)
+        if value is not None and not 1 <= value <= MOST:
+            raise ValueError(f"--{name} must lie in 1..{MOST}, not {value}")
+    if not 2 <= options.steps <= MOST:
+        raise ValueError(f"--steps must lie in 2..{MOST}, not {options.steps}")
+    if options.seed < 0:
+        raise ValueError(f"--seed must be 0 or more, not {options.seed}")
+    pool = check_pool(AssetPool(0, None, options.asset_fraction, options.assets, options.asset_use))
+    mode = "sweep" if options.sweep else "asset" if options.asset else "streets"
+    everything = "all" in (options.sweep, options.asset)
+    width, height = options.size or SIZES[f"{mode} all" if everything else mode]
+    settings = check_settings(RenderSettings(width, height, samples=2))
+    columns = options.columns or (8 if everything else min(options.count, 6))
+    engine = options.renderer
+    if mode == "sweep":
+        if everything:
+            return all_sweeps(options.steps, options.seed, settings, engine, pool)
+        return sweep(options.sweep, options.steps, options.seed, settings, engine, pool)
+    if mode == "asset":
+        settings = settings._replace(samples=3)
+        if everything:
+            return all_classes(columns, settings, engine, pool)
+        return class_page(options.asset, options.count, columns, settings, engine, pool)
+    rows = units(options.attributes, options.streets, options.seed)
+    return contact_sheet(rows, options.seed, options.shots, settings, engine, pool)
+
+
+def write(picture: np.ndarray, path: Path) -> None:
+    """Write a picture u8[h, w, 3] RGB in the format of the file's name."""
+    suffix = path.suffix.lower()
+    quality = [] if suffix == ".png" else [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
+    _, data = cv2.imencode(suffix, picture[..., ::-1], quality)
+    try:
+        path.write_bytes(data.tobytes())
+    except OSError as error:
+        raise ValueError(f"{path} cannot be written: {error.strerror}") from error
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    line = parser()
+    options = line.parse_args(arguments)
+    if options.out.suffix.lower() not in FORMATS:
+        line.error(f"--out must end in {', '.join(FORMATS)}, not {options.out.name!r}")
+    if not options.out.absolute().parent.is_dir():
+        line.error(f"--out: there is no folder {options.out.parent}")
+    try:
+        picture = page(options)
+        missing = absent(AssetPool(own=options.assets, use=options.asset_use))
+        if missing:
+            print(f"No own assets, so left out: {', '.join(missing)}")
+        write(picture, options.out)
+    except (ValueError, OSError, RendererError) as error:
+        line.error(str(error))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

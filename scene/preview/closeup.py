@@ -1,0 +1,243 @@
+"""Single assets, surfaces and skies, each in a bare street of its own, as pages of the catalogue."""
+
+from __future__ import annotations
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+
+from scene import catalogue
+from scene.assets.rider import MOUNT
+from scene.catalogue import FAMILIES, AssetPool, families_of, kind, own_assets
+from scene.classes import CLASS_NAMES
+from scene.ground import (
+    ROADS,
+    SIDEWALKS,
+    TERRAINS,
+    Ground,
+    ground_height,
+    plain,
+    sample_ground,
+)
+from scene.preview.layout import captioned, grid, stack
+from scene.render import RenderSettings, renderer
+from scene.render.protocol import camera_axes
+from scene.sensor import CameraResponse
+from scene.sky import SKIES, Sky, sample_sky
+from scene.street import FIRST_INSTANCE, Camera, Placement, Street
+from scene.surfaces import sample_coat
+
+SUN_AZIMUTH = math.radians(-110)
+"""From behind the viewer's shoulder."""
+SUNS = (38.0, 12.0, 4.0, 70.0)
+"""Elevations (degrees) at which a sky is looked for; some weathers come with a low sun only."""
+TRIES = 400
+"""Seeds among which a sky of a given name is looked for."""
+RESPONSE = CameraResponse(noise=0.0, spread=0.0)
+"""A camera that is the same for all."""
+FINE = "clear"
+"""The weather that assets are shown in."""
+PLACE = 20.0
+"""Metres along the road where assets stand."""
+EYE = 0.35
+"""The least height of the viewer, metres."""
+FILL = 0.88
+"""Share of the picture that an asset fills."""
+
+
+class Stage(NamedTuple):
+    """Where a family is shown: metres left of the centre line, and from where it is seen."""
+
+    y: float
+    azimuth: float  # degrees of the viewer, from the asset's front axis x, left positive
+    elevation: float  # degrees above the asset
+
+
+ROAD = Stage(-1.5, -38, 12)
+FOOTWAY = Stage(6.5, -38, 8)
+FRONTAGE = Stage(8.3, -62, 9)
+SIGN = Stage(6.5, -155, 4)
+STAGES: dict[str, Stage] = {
+    "building": FRONTAGE,
+    "train": FRONTAGE,
+    "fence": FRONTAGE,
+    "wall": FRONTAGE,
+    "traffic sign": SIGN,
+    "traffic light": SIGN,
+    "car": ROAD,
+    "bus": ROAD,
+    "truck": ROAD,
+    "bicycle": ROAD._replace(azimuth=-62),
+    "motorcycle": ROAD._replace(azimuth=-55),
+    "rider": ROAD._replace(azimuth=-50),
+}
+"""Other families stand on the sidewalk."""
+VIEWPOINTS = {
+    "road": Camera((0.0, -2.2, 1.5), 0.0, math.radians(14)),
+    "sidewalk": Camera((0.0, 6.5, 1.6), 0.0, math.radians(20)),
+    "terrain": Camera((0.0, 10.0, 1.7), math.radians(-55), math.radians(14)),
+    "sky": Camera((0.0, 0.0, 1.5), 0.0, math.radians(-16)),
+}
+"""From where surfaces are seen."""
+
+
+def bare(road: int = 0, sidewalk: int = 0, terrain: int = 0) -> Ground:
+    """An unpainted ground of the surfaces in these rows of their tables."""
+    rng = np.random.default_rng(0)
+    return plain(sample_ground(rng))._replace(
+        road=sample_coat(rng, ROADS[road : road + 1]),
+        sidewalk=sample_coat(rng, SIDEWALKS[sidewalk : sidewalk + 1]),
+        terrain=sample_coat(rng, TERRAINS[terrain : terrain + 1]),
+    )
+
+
+@cache
+def named_sky(name: str) -> Sky:
+    """The first sky with the weather of this name that comes up.
+
+    Raises:
+        ValueError: unknown name.
+    """
+    if name not in [row.name for row in SKIES]:
+        raise ValueError(f"unknown weather {name!r}")
+    for elevation in SUNS:
+        for seed in range(TRIES):
+            rng = np.random.default_rng(seed)
+            found = sample_sky(
+                rng, intensity=1.0, elevation=math.radians(elevation), azimuth=SUN_AZIMUTH
+            )
+            if found.weather == name:
+                return found
+    raise ValueError(f"weather {name!r} never comes up")
+
+
+def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Street:
+    """A bare street with one asset, seen so that it fills a picture of ``aspect`` (w / h).
+
+    Args:
+        family: of the asset.
+        ref: index, or path of an own asset.
+        aspect: width over height of the picture.
+        fov: horizontal field of view, degrees.
+    """
+    stage = STAGES.get(family, FOOTWAY)
+    pose = np.eye(4)
+    pose[:3, 3] = PLACE, stage.y, ground_height(stage.y)
+    parts = [(family, ref)]
+    if isinstance(ref, int) and family == "rider":
+        parts.append((MOUNT[kind(family, ref)], ref))
+    if isinstance(ref, int) and family in ("traffic sign", "traffic light"):
+        parts.append(("signpost", ref))
+    placements = tuple(
+        Placement(name, part, int(FAMILIES[name].train_id), FIRST_INSTANCE + k, pose)
+        for k, (name, part) in enumerate(parts)
+    )
+    # A sign is looked at itself, not its post.
+    shown = parts[:1] if family in ("traffic sign", "traffic light") else parts
+    boxes = np.stack([catalogue.bounds(*part) for part in shown])
+    low, high = boxes[:, 0].min(axis=0) + pose[:3, 3], boxes[:, 1].max(axis=0) + pose[:3, 3]
+    camera = fit(low, high, stage.azimuth, stage.elevation, aspect, fov)
+    return Street(placements, (camera,), named_sky(FINE), bare(), seed=0)
+
+
+def fit(
+    low: np.ndarray, high: np.ndarray, azimuth: float, elevation: float, aspect: float, fov: float
+) -> Camera:
+    """The nearest camera that has a box in full view, looking at its middle.
+
+    Args:
+        low: lowest corner, metres.
+        high: highest corner.
+        azimuth: where the viewer stands, degrees from +x, left positive.
+        elevation: degrees above the box's middle.
+        aspect: width over height of the picture.
+        fov: horizontal field of view, degrees.
+    """
+    a, e = math.radians(azimuth), math.radians(elevation)
+    out = np.array([math.cos(e) * math.cos(a), math.cos(e) * math.sin(a), math.sin(e)])
+    middle = (low + high) / 2
+    corners = np.array([[(low, high)[(i >> k) & 1][k] for k in range(3)] for i in range(8)])
+    half = math.tan(math.radians(fov) / 2) * FILL
+    camera = Camera((0.0, 0.0, 0.0), math.pi - a, e)
+    right, up, ahead = ((corners - middle) @ camera_axes(camera).T).T
+    reach = np.maximum(np.abs(right) / half, np.abs(up) * aspect / half) - ahead
+    x, y, z = middle + float(reach.max()) * out
+    z = max(float(z), EYE)
+    flat = math.hypot(x - middle[0], y - middle[1])
+    return Camera((float(x), float(y), z), math.pi - a, math.atan2(z - middle[2], flat))
+
+
+def surface_street(name: str, row: int) -> Street:
+    """An empty street with the ``row``-th road, sidewalk, terrain or sky, looked at."""
+    below = {
+        "road": lambda: bare(road=row),
+        "sidewalk": lambda: bare(sidewalk=row),
+        "terrain": lambda: bare(terrain=row),
+        "sky": bare,
+    }[name]()
+    above = named_sky(SKIES[row].name if name == "sky" else FINE)
+    return Street((), (VIEWPOINTS[name],), above, below, seed=0)
+
+
+def class_page(
+    name: str,
+    count: int,
+    columns: int,
+    settings: RenderSettings,
+    renderer_name: str,
+    pool: AssetPool,
+) -> np.ndarray:
+    """The first ``count`` assets of a class (or family), surfaces or skies, with kind and index.
+
+    Raises:
+        ValueError: no class or family of this name, or none of it in the pool.
+    """
+    settings = settings._replace(response=RESPONSE)
+    engine = renderer(renderer_name)
+    surfaces = catalogue.surfaces().get(name)
+    if surfaces:
+        shown = [
+            (f"{name}: {text}", surface_street(name, row))
+            for row, text in enumerate(surfaces[:count])
+        ]
+    else:
+        aspect = settings.width / settings.height
+        shown = [
+            (f"{family} {_number(ref)}: {kind(family, ref)}",
+             asset_street(family, ref, aspect, settings.fov))
+            for family, ref in _refs(name, count, pool)
+        ]  # fmt: skip
+    if not shown:
+        raise ValueError(f"the asset pool has no {name}")
+    pictures = [captioned(engine.render(s, settings)[0].image, text) for text, s in shown]
+    return grid(pictures, columns)
+
+
+def all_classes(
+    columns: int, settings: RenderSettings, renderer_name: str, pool: AssetPool
+) -> np.ndarray:
+    """A page with one row for each of the 19 classes that the pool has."""
+    rows = []
+    for name in CLASS_NAMES:
+        if name in catalogue.surfaces() or _refs(name, 1, pool):
+            rows.append(class_page(name, columns, columns, settings, renderer_name, pool))
+    return stack(rows)
+
+
+def _refs(name: str, count: int, pool: AssetPool) -> list[tuple[str, int | str]]:
+    """The first assets of a class, its own ones first, evenly from its families."""
+    families = families_of(name)
+    found: list[tuple[str, int | str]] = []
+    for k, family in enumerate(families):
+        share = (count + len(families) - 1 - k) // len(families)
+        refs: list[int | str] = list(own_assets(pool, family))
+        if pool.use != "own":
+            refs += range(pool.first, pool.first + share)
+        found += [(family, ref) for ref in refs[:share]]
+    return found
+
+
+def _number(ref: int | str) -> str:
+    return str(ref) if isinstance(ref, int) else "(own)"

@@ -1,0 +1,50 @@
+"""Pictures put together: captions, grids, and one frame with all that is known about it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import zip_longest
+
+import cv2
+import numpy as np
+
+from scene.classes import colorize
+from scene.render import Frame
+
+FAR = 80.0
+"""Metres at which the depth picture is black."""
+CAPTION = 15
+"""Height of a caption, pixels."""
+PAPER, INK = (255, 255, 255), (20, 20, 20)
+FONT, FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.36
+
+
+def tile(frame: Frame) -> np.ndarray:
+    """Image, label and depth of one frame, one below the other, u8[3 h, w, 3] RGB."""
+    near = np.where(frame.depth > 0, 1 - np.clip(frame.depth / FAR, 0, 1), 0)
+    depth = np.repeat((255 * near[..., None]).astype(np.uint8), 3, axis=2)
+    return np.concatenate([frame.image, colorize(frame.label), depth])
+
+
+def captioned(picture: np.ndarray, text: str) -> np.ndarray:
+    """A picture u8[h, w, 3] with a line of text above it, cut where the picture ends."""
+    bar = np.full((CAPTION, picture.shape[1], 3), PAPER, np.uint8)
+    cv2.putText(bar, text, (3, CAPTION - 4), FONT, FONT_SCALE, INK, 1, cv2.LINE_AA)
+    return np.concatenate([bar, picture])
+
+
+def grid(pictures: Sequence[np.ndarray], columns: int) -> np.ndarray:
+    """Pictures of one size in rows of ``columns``; the last row is filled up with paper."""
+    blank = np.full_like(pictures[0], 255)
+    rows = zip_longest(*[iter(pictures)] * columns, fillvalue=blank)
+    return np.concatenate([np.concatenate(row, axis=1) for row in rows])
+
+
+def stack(rows: Sequence[np.ndarray]) -> np.ndarray:
+    """Pictures of any width one below the other, filled up with paper on the right."""
+    width = max(row.shape[1] for row in rows)
+    padded = [
+        np.pad(row, ((0, 0), (0, width - row.shape[1]), (0, 0)), constant_values=255)
+        for row in rows
+    ]
+    return np.concatenate(padded)
