@@ -24,8 +24,8 @@ def circle(centre: Point, radius: float, sides: int) -> np.ndarray:
 
 
 def rod(start: Point, end: Point, radius: float, color: Color, material: str = "metal") -> Asset:
-    """A thin bar of four sides without ends; 8 faces."""
-    return tube(start, end, radius, color, material, sides=4, caps=False)
+    """A thin bar of six sides without ends; 12 faces."""
+    return tube(start, end, radius, color, material, sides=6, caps=False)
 
 
 def card(

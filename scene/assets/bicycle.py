@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, block, merge, polygon, ring
+from scene.asset import Asset, Color, Point, block, merge, polygon, ring, tube
 from scene.assets._palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, pick
 from scene.assets._vehicle import card, circle, mudguard, rod
 
@@ -36,31 +36,47 @@ class BicycleParams(NamedTuple):
     mudguards: bool
     basket: bool
     rack: bool
+    load: str = ""  # on the rack or beside it: "panniers", "child seat", "box" or nothing
+    bottle: bool = False
+    chaincase: bool = False
+    second: Color = (0.3, 0.3, 0.3)  # of fork, bags and rims
+    rise: float = 0.0  # m that the head tube is longer
     color: Color = (0.02, 0.02, 0.02)
     tyre_color: Color = TYRE
     saddle_color: Color = BLACK
 
 
 _MODELS: dict[str, BicycleParams] = {
-    "city": BicycleParams(0.345, 0.040, 1.08, 0.018, 0.05, "swept", True, False, True),
-    "racing": BicycleParams(0.340, 0.034, 1.00, 0.017, 0.02, "drop", False, False, False),
-    "mountain": BicycleParams(0.350, 0.052, 1.10, 0.024, 0.16, "flat", False, False, False),
-    "step-through": BicycleParams(0.340, 0.042, 1.10, 0.020, 0.42, "swept", True, True, True),
+    "city": BicycleParams(0.345, 0.046, 1.08, 0.020, 0.05, "swept", True, False, True),
+    "racing": BicycleParams(0.340, 0.036, 1.00, 0.019, 0.02, "drop", False, False, False),
+    "mountain": BicycleParams(0.350, 0.060, 1.10, 0.027, 0.16, "flat", False, False, False),
+    "step-through": BicycleParams(0.340, 0.046, 1.10, 0.022, 0.42, "swept", True, True, True),
+    "folding": BicycleParams(0.255, 0.048, 1.02, 0.026, 0.44, "flat", True, False, True),
+    "touring": BicycleParams(0.348, 0.042, 1.06, 0.019, 0.08, "drop", True, False, True),
+    "delivery": BicycleParams(0.335, 0.050, 1.10, 0.024, 0.30, "flat", True, True, True),
 }
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Frame types."""
 
+_GUARDS = tuple(np.linspace(0.5, 3.2, 9)), tuple(np.linspace(0.4, 2.6, 8))
+"""Angles through which the rear and the front mudguard run, rad up from straight ahead."""
+
 _PAINTS: tuple[Color, ...] = (
     BLACK,
+    BLACK,
+    (0.035, 0.035, 0.04),
     (0.05, 0.05, 0.055),
-    (0.33, 0.02, 0.02),
-    (0.03, 0.09, 0.26),
-    (0.03, 0.14, 0.07),
-    (0.30, 0.31, 0.32),
-    (0.62, 0.62, 0.60),
-    (0.42, 0.20, 0.02),
-    (0.10, 0.28, 0.30),
+    (0.24, 0.015, 0.015),
+    (0.02, 0.06, 0.2),
+    (0.02, 0.09, 0.045),
+    (0.20, 0.21, 0.22),
+    (0.45, 0.45, 0.43),
+    (0.36, 0.15, 0.015),
+    (0.07, 0.20, 0.22),
+    (0.13, 0.02, 0.10),
 )
+_TYRES: tuple[Color, ...] = (TYRE, TYRE, TYRE, (0.10, 0.06, 0.03), (0.30, 0.26, 0.18))
+_LOADS = ("", "", "panniers", "child seat", "box")
 _WICKER: Color = (0.10, 0.065, 0.035)
 _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))
 
@@ -68,13 +84,23 @@ _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))
 def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
     """Draw a bicycle of one frame type: wheel size, paint, basket and rack."""
     model = _MODELS[kind]
+    load = _LOADS[int(rng.integers(len(_LOADS)))] if model.rack else ""
     return model._replace(
-        wheel_radius=model.wheel_radius * rng.uniform(0.96, 1.02),
-        wheelbase=model.wheelbase * rng.uniform(0.98, 1.02),
-        tyre=model.tyre * rng.uniform(1.0, 1.1),
-        basket=model.basket and bool(rng.random() < 0.7),
-        rack=model.rack and bool(rng.random() < 0.8),
+        wheel_radius=model.wheel_radius * rng.uniform(0.95, 1.03),
+        wheelbase=model.wheelbase * rng.uniform(0.97, 1.04),
+        tyre=model.tyre * rng.uniform(0.95, 1.2),
+        tube=model.tube * rng.uniform(0.9, 1.25),
+        step=model.step * rng.uniform(0.7, 1.1),
+        mudguards=model.mudguards and bool(rng.random() < 0.8),
+        basket=bool(rng.random() < (0.8 if model.basket else 0.25 if model.mudguards else 0.0)),
+        rack=model.rack and (bool(load) or bool(rng.random() < 0.7)),
+        load="box" if kind == "delivery" else load,
+        bottle=not model.mudguards and bool(rng.random() < 0.6),
+        chaincase=model.mudguards and bool(rng.random() < 0.5),
+        rise=rng.uniform(-0.02, 0.04),
         color=pick(rng, _PAINTS, 0.25),
+        second=pick(rng, (*_PAINTS, STEEL)),
+        tyre_color=pick(rng, _TYRES),
         saddle_color=pick(rng, _SADDLES),
     )
 
@@ -87,14 +113,25 @@ def bicycle(params: BicycleParams) -> Asset:
 
 
 def _wheel(p: BicycleParams, x: float) -> Asset:
-    """Tyre, bright spokes as crossed blades, and the hub."""
+    """Tyre, rim, bright spokes as crossed blades, and the hub."""
     hub = (x, 0.0, p.wheel_radius)
     radius = p.wheel_radius - p.tyre / 2
-    parts = [ring(hub, radius, p.tyre, p.tyre_color, "rubber", sides=12)]
-    for angle in np.arange(3) * np.pi / 3 + 0.3:
+    rim = radius - 0.5 * p.tyre - 0.006
+    parts = [
+        ring(hub, radius, p.tyre, p.tyre_color, "rubber", sides=24),
+        ring(hub, rim, 0.018, STEEL if max(p.second) < 0.1 else p.second, "metal", sides=24),
+        tube((x, -0.04, hub[2]), (x, 0.04, hub[2]), 0.03, STEEL, "metal", sides=8),
+    ]
+    for k, angle in enumerate(np.arange(9) * np.pi / 9 + 0.3):
         along = radius * np.array([np.cos(angle), 0, np.sin(angle)])
-        across = 0.005 * np.array([-np.sin(angle), 0, np.cos(angle)])
-        corners = [along - across, along + across, -along + across, -along - across]
+        across = 0.0035 * np.array([-np.sin(angle), 0, np.cos(angle)])
+        lean = np.array([0, 0.012 if k % 2 else -0.012, 0])  # spokes cross from flange to flange
+        corners = [
+            along - across + lean,
+            along + across + lean,
+            -along + across - lean,
+            -along - across - lean,
+        ]
         parts.append(polygon(np.array(corners) + hub, STEEL, "metal"))
     return merge(*parts)
 
@@ -103,7 +140,8 @@ def _steering(p: BicycleParams) -> tuple[Point, Point, Point]:
     """Front hub, foot of the head tube and its top, on one line."""
     hub = (p.wheelbase / 2, 0.0, p.wheel_radius)
     foot = (hub[0] - 0.13, 0.0, p.wheel_radius * 2 + 0.04)
-    return hub, foot, (foot[0] - 0.06, 0.0, foot[2] + 0.17)
+    top = max(foot[2] + 0.17, 0.86) + p.rise
+    return hub, foot, (foot[0] - 0.06 - 0.3 * (top - foot[2] - 0.17), 0.0, top)
 
 
 def _frame(p: BicycleParams) -> list[Asset]:
@@ -124,7 +162,7 @@ def _frame(p: BicycleParams) -> list[Asset]:
         parts += [
             rod((CRANK[0], 0.6 * y, CRANK[2]), rear, 0.7 * p.tube, p.color, "paint"),
             rod((seat[0], 0.6 * y, seat[2] - 0.04), rear, 0.6 * p.tube, p.color, "paint"),
-            rod((foot[0], y, foot[2]), (hub[0], y, hub[2]), 0.7 * p.tube, p.color, "paint"),
+            rod((foot[0], y, foot[2]), (hub[0], y, hub[2]), 0.7 * p.tube, p.second, "paint"),
         ]
     return parts
 
@@ -169,7 +207,10 @@ def _drive(p: BicycleParams) -> list[Asset]:
     rear = -p.wheelbase / 2
     low, high = (rear, -0.05, p.wheel_radius - 0.02), (CRANK[0], -0.05, CRANK[2] + 0.07)
     chain = [low, (CRANK[0], -0.05, CRANK[2] - 0.07), high, (rear, -0.05, p.wheel_radius + 0.02)]
-    parts.append(polygon(chain, BLACK if p.mudguards else STEEL, "metal"))
+    if p.chaincase:
+        parts.append(polygon(np.array(chain) + [0, -0.02, 0], p.color, "paint"))
+    for a, b in ((chain[0], chain[1]), (chain[3], chain[2])):
+        parts.append(rod(a, b, 0.008, TYRE))
     for pedal in pedals():
         side = np.sign(pedal[1])
         start = (CRANK[0], side * 0.06, CRANK[2])
@@ -193,18 +234,76 @@ def _fittings(p: BicycleParams) -> list[Asset]:
     rear, front = -p.wheelbase / 2, p.wheelbase / 2
     top = 2 * p.wheel_radius + 0.07
     if p.mudguards:
-        for x, angles in ((rear, (0.6, 1.5, 2.3, 3.1)), (front, (0.5, 1.5, 2.4))):
+        for x, angles in ((rear, _GUARDS[0]), (front, _GUARDS[1])):
             hub = (x, 0.0, p.wheel_radius)
             parts.append(mudguard(hub, p.wheel_radius + 0.02, 0.06, angles, p.color))
     if p.rack:
         parts.append(block((rear - 0.17, -0.06, top), (rear + 0.2, 0.06, top + 0.02), BLACK))
         parts.append(rod((rear - 0.1, 0.0, top), (rear, 0.0, p.wheel_radius), 0.012, BLACK))
         parts.append(card((rear - 0.18, 0.0, top - 0.025), 0.06, 0.05, TAILLAMP, "lamp"))
-    x = front - 0.1
-    if p.basket:
-        low, high = (x, -0.16, top + 0.03), (x + 0.26, 0.16, top + 0.23)
-        parts.append(block(low, high, _WICKER))
-    elif p.mudguards:
-        low, high = (x, -0.03, top + 0.01), (x + 0.06, 0.03, top + 0.08)
-        parts.append(block(low, high, HEADLAMP, "lamp"))
+    if p.bottle:
+        low, high = (_on_down_tube(p, share) for share in (0.4, 0.75))
+        parts.append(tube(low, high, 0.036, p.second, sides=8))
+    return [*parts, *_front_load(p), *_rear_load(p)]
+
+
+def _on_down_tube(p: BicycleParams, share: float) -> Point:
+    """A point above the down tube at ``share`` of the way from crank to head."""
+    (x0, _, z0), (x1, _, z1) = CRANK, _steering(p)[1]
+    return x0 + share * (x1 - x0) - 0.03, 0.0, z0 + share * (z1 - z0) + 0.06
+
+
+def _front_load(p: BicycleParams) -> list[Asset]:
+    """A basket of wires or wicker, or a lamp alone."""
+    x = _steering(p)[1][0] + 0.03
+    top = max(2 * p.wheel_radius + 0.1, 0.7)
+    lamp = tube(
+        (x - 0.04, 0.0, top + 0.02), (x + 0.1, 0.0, top + 0.02), 0.04, HEADLAMP, "lamp", sides=8
+    )
+    if not p.basket:
+        return [lamp] if p.mudguards else []
+    low, high = (x, -0.17, top + 0.03), (x + 0.27, 0.17, top + 0.23)
+    if p.tube > 0.022:
+        return [block(low, high, _WICKER, "wood")]
+    parts = [block(low, (high[0], high[1], low[2] + 0.01), BLACK, "metal")]
+    for z in np.linspace(low[2], high[2], 4):
+        for y in (low[1], high[1]):
+            parts.append(rod((low[0], y, z), (high[0], y, z), 0.006, BLACK))
+        for at in (low[0], high[0]):
+            parts.append(rod((at, low[1], z), (at, high[1], z), 0.006, BLACK))
+    for y in np.linspace(low[1], high[1], 6):
+        parts.append(rod((high[0], y, low[2]), (high[0], y, high[2]), 0.005, BLACK))
+    for at in np.linspace(low[0], high[0], 5):
+        for y in (low[1], high[1]):
+            parts.append(rod((at, y, low[2]), (at, y, high[2]), 0.005, BLACK))
     return parts
+
+
+def _rear_load(p: BicycleParams) -> list[Asset]:
+    """Bags beside the rack, or a child's seat or a box on it."""
+    rear, top = -p.wheelbase / 2, 2 * p.wheel_radius + 0.08
+    if p.load == "panniers":
+        bags = [(y - 0.06, y + 0.06) for y in (0.15, -0.15)]
+        return [
+            block((rear - 0.16, a, top - 0.36), (rear + 0.16, b, top), p.second, "cloth")
+            for a, b in bags
+        ]
+    if p.load == "child seat":
+        return [
+            block((rear - 0.12, -0.15, top), (rear + 0.16, 0.15, top + 0.08), BLACK),
+            block((rear - 0.18, -0.15, top), (rear - 0.12, 0.15, top + 0.36), p.second, "plain"),
+            *(
+                block((rear - 0.15, y - 0.02, top), (rear + 0.1, y + 0.02, top + 0.2), BLACK)
+                for y in (0.15, -0.15)
+            ),
+        ]
+    if p.load == "box":
+        return [
+            block(
+                (rear - 0.24, -0.19, top + 0.02),
+                (rear + 0.16, 0.19, min(top + 0.36, 1.1)),
+                p.second,
+                "plain",
+            )
+        ]
+    return []

@@ -6,9 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, block, disc, loft, merge, polygon, tube
-from scene.assets._palette import BLACK, HEADLAMP, PLATE, STEEL, TAILLAMP, TRIM, TYRE, darker, pick
-from scene.assets._vehicle import card, circle, mudguard, rod
+from scene.asset import Asset, Color, Point, block, disc, ellipsoid, loft, merge, polygon, tube
+from scene.assets._palette import AMBER, BLACK, HEADLAMP, PLATE, STEEL, TAILLAMP, TRIM, darker, pick
+from scene.assets._skin import moved, pair
+from scene.assets._vehicle import card, mudguard, rod
+from scene.assets._wheel import Wheel, wheel
 
 SADDLE: Point = (-0.18, 0.0, 0.80)
 """Top of the seat where the rider sits, m."""
@@ -32,6 +34,14 @@ class MotorcycleParams(NamedTuple):
     color: Color = (0.02, 0.02, 0.02)
     seat_color: Color = BLACK
     engine_color: Color = STEEL
+    second: Color = TRIM  # of fairing stripes, cases and side panels
+    spokes: int = 5
+    rim: Color = STEEL
+    pipes: int = 1  # exhausts
+    high_pipe: bool = False
+    beak: bool = False  # a high front mudguard
+    sissy: bool = False  # a backrest behind the seat
+    front_box: bool = False
 
 
 _MODELS: dict[str, MotorcycleParams] = {
@@ -40,6 +50,14 @@ _MODELS: dict[str, MotorcycleParams] = {
     "tourer": MotorcycleParams(0.320, 0.15, 1.50, False, 0.6, 0.34, True, 0.04),
     "sports": MotorcycleParams(0.310, 0.16, 1.40, False, 1.0, 0.12, False, 0.18),
     "delivery scooter": MotorcycleParams(0.240, 0.12, 1.30, True, 0.0, 0.30, True, 0.02),
+    "cruiser": MotorcycleParams(
+        0.325, 0.17, 1.58, False, 0.0, 0.0, False, 0.02, pipes=2, sissy=True
+    ),
+    "adventure": MotorcycleParams(
+        0.335, 0.13, 1.50, False, 0.35, 0.24, True, 0.08, high_pipe=True, beak=True
+    ),
+    "cafe racer": MotorcycleParams(0.320, 0.13, 1.40, False, 0.2, 0.08, False, 0.12, spokes=12),
+    "moped": MotorcycleParams(0.285, 0.09, 1.22, True, 0.0, 0.0, False, 0.02, spokes=12),
 }
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body types."""
@@ -57,14 +75,26 @@ _PAINTS: tuple[Color, ...] = (
 
 
 def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
-    """Draw a motorcycle of one body type: size within 3 %, paint."""
+    """Draw a motorcycle of one body type: size within 5 %, paint, wheels, exhausts, luggage."""
     model = _MODELS[kind]
     return model._replace(
-        wheel_radius=model.wheel_radius * rng.uniform(0.97, 1.03),
-        wheelbase=model.wheelbase * rng.uniform(0.97, 1.03),
+        wheel_radius=model.wheel_radius * rng.uniform(0.95, 1.05),
+        tyre=model.tyre * rng.uniform(0.9, 1.15),
+        wheelbase=model.wheelbase * rng.uniform(0.95, 1.05),
+        fairing=model.fairing * rng.uniform(0.8, 1.2),
+        screen=model.screen * rng.uniform(0.6, 1.2)
+        if model.screen
+        else 0.25 * (rng.random() < 0.25),
+        cases=model.cases or (not model.fairing and bool(rng.random() < 0.25)),
+        tail=model.tail * rng.uniform(0.6, 1.4),
         color=pick(rng, _PAINTS, 0.2),
         seat_color=pick(rng, (BLACK, TRIM, (0.09, 0.045, 0.025))),
         engine_color=pick(rng, (STEEL, (0.06, 0.06, 0.062), (0.15, 0.15, 0.15))),
+        second=pick(rng, _PAINTS, 0.2),
+        spokes=model.spokes if model.spokes > 8 else int(rng.integers(3, 8)),
+        rim=pick(rng, (STEEL, BLACK, (0.45, 0.30, 0.05), (0.5, 0.5, 0.5))),
+        pipes=2 if model.pipes == 2 or rng.random() < 0.3 else 1,
+        front_box=model.scooter and bool(rng.random() < 0.3),
     )
 
 
@@ -77,28 +107,53 @@ def motorcycle(params: MotorcycleParams) -> Asset:
 
 
 def _wheel(p: MotorcycleParams, x: float) -> Asset:
-    """A tyre with a bright rim around a dark disc on either side."""
-    half, radius = p.tyre / 2, p.wheel_radius
-    tread = [circle((x, y, radius), radius, 12) for y in (half, -half)]
-    parts = [loft(tread, TYRE, "rubber")]
-    for y in (half, -half):
-        parts += [
-            polygon(circle((x, 1.08 * y, radius), 0.66 * radius, 8), STEEL, "metal"),
-            polygon(circle((x, 1.16 * y, radius), 0.45 * radius, 6), TRIM, "metal"),
-        ]
-    return merge(*parts)
+    """A round tyre on a spoked rim, with a brake disc on either side."""
+    half = p.tyre / 2
+    style = Wheel(p.wheel_radius, half, "spokes", p.spokes, 0.7, p.rim)
+    face = merge(
+        wheel(style, sides=16),
+        disc(
+            (0, 0.02, p.wheel_radius),
+            0.4 * p.wheel_radius,
+            (0.2, 0.2, 0.2),
+            "metal",
+            axis=(0, 1, 0),
+        ),
+    )
+    return moved(pair(moved(face, y=half)), x=x)
+
+
+_ROUND = np.linspace(0, np.pi / 2, 4)
 
 
 def _slab(stations: list[tuple[float, float, float, float]], color: Color, material: str) -> Asset:
     """A rounded body along x from (x, half width, low, high) sections, narrower above."""
-    rings = [
-        [
-            (x, half, low), (x, half, (low + high) / 2), (x, 0.55 * half, high),
-            (x, -0.55 * half, high), (x, -half, (low + high) / 2), (x, -half, low),
+    rings = []
+    for x, half, low, high in _smooth(stations):
+        middle = low + 0.45 * (high - low)
+        arc = [
+            (half * (0.45 + 0.55 * np.cos(a)), middle + (high - middle) * np.sin(a)) for a in _ROUND
         ]
-        for x, half, low, high in stations
-    ]  # fmt: skip
+        left = [(0.8 * half, low), (half, low + 0.15 * (high - low)), *arc]
+        rings.append([(x, y, z) for y, z in left] + [(x, -y, z) for y, z in left[::-1]])
     return loft(np.array(rings), color, material)
+
+
+def _smooth(stations: list[tuple[float, float, float, float]]) -> np.ndarray:
+    """The stations with two more in every gap, on a curve through them."""
+    knots = np.array(stations)
+    t = np.arange(len(knots))
+    fine = np.linspace(0, len(knots) - 1, 3 * (len(knots) - 1) + 1)
+    slope = np.gradient(knots, axis=0)
+    low = np.minimum(fine.astype(int), len(knots) - 2)
+    u = (fine - t[low])[:, None]
+    a, b, da, db = knots[low], knots[low + 1], slope[low], slope[low + 1]
+    return (
+        (2 * u**3 - 3 * u**2 + 1) * a
+        + (u**3 - 2 * u**2 + u) * da
+        + (3 * u**2 - 2 * u**3) * b
+        + (u**3 - u**2) * db
+    )
 
 
 def _front(p: MotorcycleParams) -> list[Asset]:
@@ -113,14 +168,35 @@ def _front(p: MotorcycleParams) -> list[Asset]:
         parts.append(rod(inner, (x - 0.04, side * (y + 0.05), z), 0.018, BLACK))
         glass = (x + 0.04, side * (y - 0.02), z + 0.17)
         parts.append(rod((x + 0.02, side * (y - 0.1), z), glass, 0.01, BLACK))
-        parts.append(card(glass, 0.12, 0.08, TRIM))
+        parts.append(ellipsoid(glass, (0.02, 0.07, 0.05), TRIM))
+        parts.append(
+            rod(
+                (x - 0.1, side * (y + 0.07), z - 0.005),
+                (x + 0.02, side * y, z + 0.005),
+                0.024,
+                BLACK,
+            )
+        )
+        parts.append(
+            ellipsoid(
+                (crown[0] + 0.06, side * 0.16, z - 0.12),
+                (0.035, 0.035, 0.025),
+                AMBER,
+                "lamp",
+                subdivisions=0,
+            )
+        )
     if not p.fairing:
         end = (crown[0] + 0.13, 0.0, crown[1] - 0.1)
         start = (crown[0], 0.0, end[2])
-        parts.append(tube(start, end, 0.085, p.color, "paint", sides=6, caps=False))
-        parts.append(disc(end, 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=6))
+        parts.append(
+            tube(start, end, 0.06, p.color, "paint", end_radius=0.09, sides=12, caps=False)
+        )
+        parts.append(disc(end, 0.088, HEADLAMP, "lamp", axis=(1, 0, 0), sides=12))
+        parts.append(ellipsoid((start[0] - 0.02, 0, z + 0.03), (0.03, 0.07, 0.05), BLACK))
     centre = (hub, 0.0, p.wheel_radius)
-    guard = mudguard(centre, p.wheel_radius + 0.025, p.tyre + 0.02, (0.6, 1.5, 2.5), p.color)
+    reach = p.wheel_radius + (0.12 if p.beak else 0.025)
+    guard = mudguard(centre, reach, p.tyre + 0.02, tuple(np.linspace(0.5, 2.5, 8)), p.color)
     return [*parts, guard]
 
 
@@ -136,18 +212,53 @@ def _machine(p: MotorcycleParams) -> list[Asset]:
     parts = [
         _slab(tank, p.color, "paint"),
         _slab(seat, p.seat_color, "plain"),
-        block((-0.22, -0.14, 0.22), (0.26, 0.14, 0.52), p.engine_color, "metal"),
-        block((-0.16, -0.11, 0.50), (0.20, 0.11, 0.72), darker(p.engine_color, 0.4), "metal"),
-        rod((-0.1, -0.18, 0.26), (rear - 0.05, -0.2, 0.42), 0.06, STEEL),
-        rod((0.24, -0.15, 0.45), (-0.1, -0.18, 0.27), 0.03, STEEL),
+        ellipsoid((0.02, 0, 0.37), (0.27, 0.16, 0.16), p.engine_color, "metal", subdivisions=2),
+        tube((-0.05, -0.19, 0.36), (-0.05, 0.19, 0.36), 0.11, p.engine_color, "metal", sides=12),
+        *_cylinders(p),
+        *_exhaust(p),
         rod((0.38, 0, z + 0.02), (0.22, 0, 0.3), 0.04, BLACK),
     ]
     for y in (0.1, -0.1):
+        parts.append(rod((0.3, y, z - 0.02), (-0.2, y, 0.4), 0.022, BLACK))
+        parts.append(
+            polygon(
+                [(-0.3, 1.4 * y, z - 0.1), (-0.08, 1.4 * y, z - 0.1), (-0.14, 1.4 * y, 0.5)],
+                p.second,
+                "paint",
+            )
+        )
         parts.append(rod((-0.15, y, 0.42), (rear, y, radius), 0.035, BLACK))
         parts.append(rod((rear + 0.06, y, radius), (x - 0.12, y, z - 0.05), 0.022, STEEL))
     if p.fairing:
         parts.append(_fairing(p))
     return parts
+
+
+def _cylinders(p: MotorcycleParams) -> list[Asset]:
+    """Finned cylinders leaning forward: thin dark and bright plates in turn."""
+    parts = []
+    for k in range(7):
+        x, z = 0.02 + 0.02 * k, 0.48 + 0.032 * k
+        wide = 0.115 if k % 2 else 0.09
+        color = p.engine_color if k % 2 else darker(p.engine_color, 0.3)
+        parts.append(block((x - 0.11, -wide, z), (x + 0.11, wide, z + 0.032), color, "metal"))
+    return parts
+
+
+def _exhaust(p: MotorcycleParams) -> list[Asset]:
+    """Header pipes and silencers, on the right or on both sides."""
+    rear, low = -p.wheelbase / 2, 0.24
+    lift = 0.3 if p.high_pipe else 0.0
+    one = [
+        tube((0.26, -0.08, 0.56), (0.32, -0.12, 0.36), 0.026, STEEL, "metal", sides=8),
+        tube((0.32, -0.12, 0.36), (0.05, -0.17, low), 0.026, STEEL, "metal", sides=8),
+        tube((0.05, -0.17, low), (-0.25, -0.19, low + 0.02 + lift), 0.03, STEEL, "metal", sides=8),
+        tube(
+            (-0.25, -0.19, low + 0.02 + lift), (rear - 0.1, -0.21, low + 0.16 + lift),
+            0.05, STEEL, "metal", end_radius=0.06, sides=12,
+        ),
+    ]  # fmt: skip
+    return [merge(*one) if p.pipes == 1 else pair(merge(*one))]
 
 
 def _fairing(p: MotorcycleParams) -> Asset:
@@ -157,7 +268,14 @@ def _fairing(p: MotorcycleParams) -> Asset:
     stations += [(0.50, 0.18, low + 0.2, 1.0), (0.62, 0.07, 0.76, 0.92)]
     return merge(
         _slab(stations, p.color, "paint"),
-        disc((0.63, 0.0, 0.85), 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=6),
+        disc((0.63, 0.0, 0.85), 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=12),
+        pair(
+            polygon(
+                [(0.08, 0.215, low + 0.05), (0.4, 0.225, low + 0.3), (0.3, 0.225, low + 0.4)],
+                p.second,
+                "paint",
+            )
+        ),
     )
 
 
@@ -175,8 +293,39 @@ def _scooter(p: MotorcycleParams) -> list[Asset]:
         _slab(seat, p.seat_color, "plain"),
         _slab(shield, p.color, "paint"),
         block((x + 0.05, -0.2, 0.2), (0.34, 0.2, 0.28), TRIM),
-        tube((-0.3, -0.19, radius), (rear - 0.1, -0.21, radius + 0.06), 0.06, STEEL, sides=5),
+        tube(
+            (-0.3, -0.19, radius),
+            (rear - 0.1, -0.21, radius + 0.06),
+            0.06,
+            STEEL,
+            "metal",
+            sides=10,
+        ),
+        *_scooter_details(p),
     ]
+
+
+def _scooter_details(p: MotorcycleParams) -> list[Asset]:
+    """Side panels, vents, and on some a carrier with a box in front."""
+    x = SADDLE[0]
+    parts = [
+        pair(
+            polygon(
+                [
+                    (x - 0.3, 0.186, 0.42),
+                    (x + 0.05, 0.186, 0.36),
+                    (x - 0.02, 0.19, 0.56),
+                    (x - 0.25, 0.186, 0.6),
+                ],
+                p.second,
+                "paint",
+            )
+        ),
+        pair(ellipsoid((0.43, 0.13, 0.72), (0.04, 0.035, 0.05), AMBER, "lamp", subdivisions=0)),
+    ]
+    if p.front_box:
+        parts.append(block((0.46, -0.15, 0.76), (0.66, 0.15, 0.98), p.second, "plain"))
+    return parts
 
 
 def _extras(p: MotorcycleParams) -> list[Asset]:
@@ -195,6 +344,9 @@ def _extras(p: MotorcycleParams) -> list[Asset]:
         parts.append(polygon(screen, (0.12, 0.14, 0.15), "glass"))
     if p.cases:
         parts += _cases(p)
+    if p.sissy:
+        x = -p.wheelbase / 2 + 0.08
+        parts.append(block((x, -0.12, z + 0.1), (x + 0.06, 0.12, z + 0.42), p.seat_color))
     return parts
 
 
@@ -202,7 +354,7 @@ def _cases(p: MotorcycleParams) -> list[Asset]:
     """A delivery box on a scooter; panniers and a top case on a tourer."""
     rear, low = -p.wheelbase / 2, SADDLE[2] + 0.06
     if p.scooter:
-        return [block((rear - 0.25, -0.2, low), (rear + 0.17, 0.2, low + 0.42), p.color, "paint")]
+        return [block((rear - 0.25, -0.2, low), (rear + 0.17, 0.2, low + 0.42), p.second, "plain")]
     top = block((rear - 0.25, -0.17, low), (rear + 0.17, 0.17, low + 0.28), TRIM)
     return [top] + [
         block((rear - 0.28, y - 0.1, 0.42), (rear + 0.22, y + 0.1, 0.76), p.color, "paint")
