@@ -29,6 +29,8 @@ BASELINE = 0.209313
 DISPARITY_SCALE = 256
 """Disparity of Cityscapes: pixels = (value - 1) / 256, and 0 where there is none."""
 DEEPEST = 65535
+COLOR_OF_LABEL = colorize(TRAIN_OF_LABEL)
+"""u8[256, 3]: the published colour of each labelId, black for what is not evaluated."""
 
 
 def focal_length(settings: RenderSettings) -> float:
@@ -51,8 +53,10 @@ def disparity_plane(depth: np.ndarray, settings: RenderSettings) -> np.ndarray:
 
 def normals_plane(normal: np.ndarray) -> np.ndarray:
     """u8[h, w, 3] of unit normals f32[h, w, 3], zero for the sky."""
-    seen = (normal != 0).any(axis=2, keepdims=True)
-    return np.where(seen, np.rint(127.5 * (np.clip(normal, -1, 1) + 1)), 0).astype(np.uint8)
+    plane = np.rint(127.5 * normal + 127.5).astype(np.uint8)
+    x, y, z = np.moveaxis(normal, 2, 0)
+    plane[(x == 0) & (y == 0) & (z == 0)] = 0
+    return plane
 
 
 def normals_of(plane: np.ndarray) -> np.ndarray:
@@ -76,7 +80,7 @@ PLANES: dict[str, Callable[["Frame", np.ndarray, "RenderSettings"], np.ndarray]]
     "label_ids": lambda frame, ids, settings: label_ids(ids),
     "train_ids": lambda frame, ids, settings: TRAIN_OF_LABEL[label_ids(ids)],
     "instance_ids": lambda frame, ids, settings: ids.astype(np.uint16),
-    "color": lambda frame, ids, settings: colorize(TRAIN_OF_LABEL[label_ids(ids)]),
+    "color": lambda frame, ids, settings: COLOR_OF_LABEL.take(label_ids(ids), axis=0),
     "panoptic": lambda frame, ids, settings: panoptic_plane(ids),
     "depth": lambda frame, ids, settings: depth_plane(frame.depth),
     "disparity": lambda frame, ids, settings: disparity_plane(frame.depth, settings),

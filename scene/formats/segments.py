@@ -52,15 +52,20 @@ def panoptic_ids(label: np.ndarray, instance: np.ndarray) -> np.ndarray:
     """
     ids = LABEL_OF_TRAIN[label].astype(np.int32)
     things = (label >= FIRST_THING) & (label < len(LABEL_IDS))
-    seen, first, inverse = np.unique(instance[things], return_index=True, return_inverse=True)
-    class_of = label[things][first]
+    here = instance[things]
+    class_at = np.full(int(here.max(initial=0)) + 1, VOID, np.uint8)
+    class_at[here] = label[things]
+    seen = np.flatnonzero(class_at != VOID)
+    class_of = class_at[seen]
     number = np.zeros(len(seen), np.int32)
     for train_id in np.unique(class_of):
         members = class_of == train_id
         if members.sum() > PER_CLASS:
             raise ValueError(f"over {PER_CLASS} objects of train id {train_id} in one image")
         number[members] = np.arange(members.sum())
-    ids[things] = (LABEL_OF_TRAIN[class_of].astype(np.int32) * PER_CLASS + number)[inverse]
+    id_at = np.zeros(len(class_at), np.int32)
+    id_at[seen] = LABEL_OF_TRAIN[class_of].astype(np.int32) * PER_CLASS + number
+    ids[things] = id_at[here]
     return ids
 
 
@@ -71,15 +76,16 @@ def label_ids(ids: np.ndarray) -> np.ndarray:
 
 def segments(ids: np.ndarray) -> list[Segment]:
     """All segments of an image in the order of their ids; pixels without a label (0) have none."""
-    values, inverse = np.unique(ids, return_inverse=True)
-    inverse = inverse.reshape(ids.shape)
-    areas = np.bincount(inverse.ravel(), minlength=len(values))
+    areas = np.bincount(ids.ravel())  # ids are small: far cheaper than sorting the pixels
+    values = np.flatnonzero(areas)
+    rank = np.zeros(len(areas), np.int32)
+    rank[values] = np.arange(1, len(values) + 1)
     found = []
-    for value, area, where in zip(values, areas, ndimage.find_objects(inverse + 1), strict=True):
+    for value, where in zip(values, ndimage.find_objects(rank[ids]), strict=True):
         if value == 0:
             continue
         rows, columns = where
         box = (columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
         label = int(value) if value < PER_CLASS else int(value) // PER_CLASS
-        found.append(Segment(int(value), label, int(area), box))
+        found.append(Segment(int(value), label, int(areas[value]), box))
     return found

@@ -57,6 +57,6 @@ def image_record(image: np.ndarray, label: np.ndarray, ids: np.ndarray) -> dict[
         found.append(entry)
     return {
         "pixels": np.bincount(label.ravel(), minlength=VOID + 1)[: len(CLASS_NAMES)].tolist(),
-        "rgb": image.reshape(-1, 3).sum(axis=0, dtype=np.int64).tolist(),
+        "rgb": [int(image[..., channel].sum(dtype=np.int64)) for channel in range(3)],
         "segments": found,
     }
