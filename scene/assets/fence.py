@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, box, merge, quad, shade, triangles, tube, vary
+from scene.asset import Asset, Color, Point, box, loft, merge, quad, shade, triangles, tube, vary
 
-KINDS: tuple[str, ...] = (
-    "railings", "pickets", "chain link", "guard rail", "boards", "pedestrian guard", "rails",
-)  # fmt: skip
+BLACK: Color = (0.014, 0.015, 0.016)
+GREEN: Color = (0.010, 0.040, 0.024)
+STEEL: Color = (0.20, 0.205, 0.21)
+WHITE: Color = (0.62, 0.62, 0.59)
+TIMBER: Color = (0.13, 0.085, 0.05)
+WEATHERED: Color = (0.16, 0.14, 0.115)
 
 
 class FenceParams(NamedTuple):
@@ -22,151 +26,277 @@ class FenceParams(NamedTuple):
     post_width: float  # m
     rails: tuple[float, ...]  # height of each rail, as a share of ``height``
     rail_size: float  # height of a rail's section, m
-    infill: str  # "none", "bars", "pickets", "boards", "mesh" or "beam"
+    infill: str  # see ``_INFILLS``
     pitch: float  # spacing of the infill's pieces, m
     gauge: float  # width of the infill's pieces, m
     color: Color
     material: str
-    seed: int  # unevenness of boards and pickets
+    tip: str = ""  # of posts: "", "ball", "point" or "band"
+    second: Color = WHITE  # of bands, feet and reflectors
+    seed: int = 0  # unevenness of boards and pickets
+
+
+_IRON = FenceParams(3.5, 1.4, 2, 0.06, (0.1, 0.9), 0.04, "bars", 0.12, 0.022, BLACK, "paint")
+_WOOD = _IRON._replace(posts=3, post_width=0.1, rail_size=0.08, color=TIMBER, material="wood",
+                       rails=(0.25, 0.75), pitch=0.14, gauge=0.09)  # fmt: skip
+_PATTERNS: dict[str, FenceParams] = {
+    "spear railings": _IRON._replace(infill="spears", tip="ball", posts=2),
+    "pickets": _WOOD._replace(height=1.0, infill="pickets", color=WHITE, material="paint"),
+    "chain link": _IRON._replace(height=2.0, rails=(0.97,), infill="diamonds", pitch=0.16,
+                                 gauge=0.010, color=GREEN, material="metal", posts=3),
+    "guard rail": _IRON._replace(height=0.78, rails=(), infill="beam", posts=3, post_width=0.1,
+                                 gauge=0.31, color=STEEL, material="metal"),
+    "boards": _WOOD._replace(height=1.75, infill="boards", gauge=0.15, pitch=0.172),
+    "pedestrian guard": _IRON._replace(height=1.05, rails=(0.14, 0.80, 0.97), color=STEEL, pitch=0.13,
+                                       gauge=0.02, material="metal", posts=3),
+    "rails": _WOOD._replace(height=1.15, infill="none", rails=(0.3, 0.6, 0.9), rail_size=0.12,
+                            color=WEATHERED),
+    "heras": _IRON._replace(height=2.0, rails=(0.03, 0.97), infill="grid", pitch=0.14, gauge=0.008,
+                            color=STEEL, material="metal", tip="feet", post_width=0.045,
+                            second=(0.30, 0.08, 0.02)),
+    "bollard and chain": _IRON._replace(height=1.0, rails=(), infill="chain", posts=3,
+                                        post_width=0.13, tip="ball"),
+    "bow top": _IRON._replace(height=1.15, infill="bows", rails=(0.12, 0.72), color=GREEN, pitch=0.2),
+    "palisade": _IRON._replace(height=2.3, infill="pales", rails=(0.15, 0.85), pitch=0.155,
+                               gauge=0.07, color=STEEL, material="metal", post_width=0.1),
+    "barrier boards": _IRON._replace(height=1.05, rails=(), infill="stripes", posts=3, color=WHITE,
+                                     second=(0.48, 0.03, 0.02), pitch=0.35, post_width=0.05,
+                                     tip="feet"),
+    "trellis": _WOOD._replace(height=1.6, rails=(0.04, 0.96), infill="diamonds", pitch=0.22,
+                              gauge=0.035),
+    "cross rails": _IRON._replace(height=1.1, rails=(0.08, 0.95), infill="crosses", pitch=0.85,
+                                  gauge=0.035, color=(0.10, 0.02, 0.018), posts=5, tip="ball"),
+    "wires": _WOOD._replace(height=1.2, rails=(), infill="wires", pitch=0.2, gauge=0.012, posts=3,
+                            post_width=0.12, color=WEATHERED, tip="point"),
+    "hurdles": _WOOD._replace(height=1.1, infill="slats", rails=(), pitch=0.17, gauge=0.085, posts=3,
+                              color=(0.09, 0.05, 0.03), tip="point"),
+}  # fmt: skip
+KINDS: tuple[str, ...] = tuple(_PATTERNS)
 
 
 def sample_fence(rng: np.random.Generator, kind: str) -> FenceParams:
     """Draw a panel of one of ``KINDS``."""
-    paints = ((0.02, 0.02, 0.022), (0.02, 0.06, 0.035), (0.05, 0.06, 0.08))
-    iron = vary(rng, paints[rng.integers(len(paints))], 0.3)
-    steel = vary(rng, (0.30, 0.31, 0.32), 0.25)
-    woods = ((0.20, 0.12, 0.06), (0.14, 0.10, 0.07), (0.26, 0.19, 0.12))
-    wood = vary(rng, woods[rng.integers(len(woods))], 0.25)
-    railings = FenceParams(
-        length=float(rng.uniform(3.2, 3.8)), height=float(rng.uniform(1.1, 1.8)), posts=2,
-        post_width=0.07, rails=(0.1, 0.9), rail_size=0.04, infill="bars",
-        pitch=float(rng.uniform(0.15, 0.19)), gauge=0.028, color=iron, material="paint",
+    if kind not in _PATTERNS:
+        raise ValueError(f"unknown kind of fence {kind!r}; known: {', '.join(KINDS)}")
+    p = _PATTERNS[kind]
+    return p._replace(
+        length=float(rng.uniform(3.2, 3.8)),
+        height=float(p.height * rng.uniform(0.92, 1.07)),
+        pitch=float(p.pitch * rng.uniform(0.95, 1.08)),
+        color=vary(rng, p.color, 0.25),
+        second=vary(rng, p.second, 0.15),
         seed=int(rng.integers(2**31)),
-    )  # fmt: skip
-    timber = railings._replace(
-        posts=3, post_width=0.1, rail_size=0.08, color=wood, material="wood", rails=(0.25, 0.75)
     )
-    match kind:
-        case "railings":
-            return railings
-        case "pickets":
-            white = vary(rng, (0.6, 0.6, 0.57))
-            return timber._replace(
-                height=float(rng.uniform(0.9, 1.3)), infill="pickets", gauge=0.09,
-                color=white if rng.random() < 0.5 else wood, material="paint",
-            )  # fmt: skip
-        case "chain link":
-            return railings._replace(
-                height=float(rng.uniform(1.6, 2.3)), posts=2, rails=(0.97,), infill="mesh",
-                pitch=0.3, gauge=0.02, color=vary(rng, (0.2, 0.24, 0.21), 0.3), material="metal",
-            )  # fmt: skip
-        case "guard rail":
-            return railings._replace(
-                height=float(rng.uniform(0.7, 0.85)), rails=(), infill="beam", gauge=0.31,
-                posts=3, post_width=0.12, color=steel, material="metal",
-            )  # fmt: skip
-        case "boards":
-            return timber._replace(
-                height=float(rng.uniform(1.5, 2.0)), infill="boards", gauge=0.16, pitch=0.185
-            )
-        case "pedestrian guard":
-            return railings._replace(
-                height=float(rng.uniform(1.0, 1.15)), rails=(0.14, 0.78, 0.97), rail_size=0.05,
-                pitch=float(rng.uniform(0.17, 0.2)), gauge=0.025, color=steel, material="metal",
-            )  # fmt: skip
-        case "rails":
-            return timber._replace(
-                height=float(rng.uniform(1.0, 1.4)), infill="none", rails=(0.3, 0.6, 0.9),
-                rail_size=0.12,
-            )  # fmt: skip
-    raise ValueError(f"unknown kind of fence {kind!r}; known: {', '.join(KINDS)}")
 
 
-def _stations(params: FenceParams) -> np.ndarray:
+def _stations(p: FenceParams) -> np.ndarray:
     """Where along x the pieces of infill stand, evenly between the ends."""
-    count = max(2, round(params.length / params.pitch))
-    return (np.arange(count) + 0.5) / count * params.length - params.length / 2
+    count = max(2, round(p.length / p.pitch))
+    return (np.arange(count) + 0.5) / count * p.length - p.length / 2
 
 
-def _bars(params: FenceParams) -> list[Asset]:
-    """Upright bars between the lowest and the highest rail; iron spikes over a single top rail."""
-    low, high = params.rails[0] * params.height, params.rails[-1] * params.height
-    top = params.height if len(params.rails) == 2 else high
-    return [
-        tube((x, 0, low), (x, 0, top), params.gauge / 2, params.color, params.material,
-             sides=3, caps=False)
-        for x in _stations(params)
-    ]  # fmt: skip
+def _span(p: FenceParams) -> tuple[float, float]:
+    """Height of the lowest and of the highest rail, or of the panel."""
+    rails = p.rails or (0.12, 0.98)
+    return (rails[0] if len(rails) > 1 else 0.02) * p.height, rails[-1] * p.height
 
 
-def _planks(params: FenceParams, point: float, y: float) -> list[Asset]:
-    """Upright planks with tops raised by ``point`` in the middle; every plank its own tone."""
-    rng = np.random.default_rng(params.seed)
-    half, foot = params.gauge / 2, 0.05
+def _rod(p: FenceParams, a: Point, b: Point, sides: int = 4) -> Asset:
+    return tube(a, b, p.gauge / 2, p.color, p.material, sides=sides, caps=False)
+
+
+def _bars(p: FenceParams) -> list[Asset]:
+    low, high = _span(p)
+    return [_rod(p, (x, 0, low), (x, 0, high)) for x in _stations(p)]
+
+
+def _spears(p: FenceParams) -> list[Asset]:
+    """Bars that end in points over the top rail."""
+    low, high = _span(p)
+    bars = [_rod(p, (x, 0, low), (x, 0, high + 0.03)) for x in _stations(p)]
+    tips = [tube((x, 0, high + 0.03), (x, 0, p.height), 0.9 * p.gauge, p.color, p.material,
+                 end_radius=0.001, sides=4, caps=False) for x in _stations(p)]  # fmt: skip
+    return bars + tips
+
+
+def _bows(p: FenceParams) -> list[Asset]:
+    """Hoops in pairs of bars."""
+    low, high = _span(p)
+    turn = np.linspace(0, np.pi, 6)
+    parts = []
+    for x in _stations(p):
+        half = 0.4 * p.pitch
+        bow = [(x + half * float(np.cos(a)), 0.0, high + (p.height - high) * float(np.sin(a)))
+               for a in turn]  # fmt: skip
+        points = [(x + half, 0.0, low), *bow, (x - half, 0.0, low)]
+        parts += [_rod(p, a, b) for a, b in pairwise(points)]
+    return parts
+
+
+def _planks(p: FenceParams) -> list[Asset]:
+    """Upright planks, pointed ones for pickets and pales; every plank its own tone."""
+    rng = np.random.default_rng(p.seed)
+    point = {"pickets": 0.07, "pales": 0.12}.get(p.infill, 0.0)
+    half, foot, y = p.gauge / 2, 0.05, -min(0.04, p.post_width / 2)
     planks = []
-    for x in _stations(params):
-        top = params.height - point - abs(rng.normal(0, 0.015))
-        corners = [(x - half, y, foot), (x + half, y, foot), (x + half, y, top), (x - half, y, top)]
-        tip = [[(x - half, y, top), (x + half, y, top), (x, y, top + point)]]
-        plank = merge(
-            quad(corners, params.color, params.material),
-            *((triangles(np.array(tip), params.color, params.material),) if point else ()),
-        )
-        planks.append(shade(plank, np.full(len(plank.color), rng.uniform(0.75, 1.2))))
+    for x in _stations(p):
+        top = p.height - point - abs(rng.normal(0, 0.012))
+        outline = [(x - half, foot), (x + half, foot), (x + half, top)]
+        outline += [(x, top + point)] if point else []
+        outline += [(x - half, top)]
+        rings = [[(a, y + d, z) for a, z in outline] for d in (-0.018, 0.0)]
+        plank = loft(np.array(rings), p.color, p.material)
+        tone = rng.uniform(0.92, 1.05) if p.infill == "pales" else rng.uniform(0.72, 1.2)
+        planks.append(shade(plank, np.full(len(plank.color), tone)))
     return planks
 
 
-def _mesh(params: FenceParams) -> list[Asset]:
-    """Wires both ways across the panel at 45 degrees, cut off at its edges, as thin ribbons."""
-    height = params.height * params.rails[-1]
-    half, gauge = params.length / 2, np.array([0, 0, params.gauge])
+def _ribbons(lines: list[tuple[np.ndarray, np.ndarray]], p: FenceParams) -> list[Asset]:
+    """Thin flat wires between pairs of points, upright as the panel is."""
     wires = []
-    for start in np.arange(-half - height + params.pitch, half, params.pitch):
-        low_x, high_x = max(start, -half), min(start + height, half)
-        a, b = np.array([low_x, 0, low_x - start]), np.array([high_x, 0, high_x - start])
-        for mirror in ([1, 1, 1], [-1, 1, 1]):
-            wires += [[a * mirror, b * mirror, b * mirror + gauge]]
-            wires += [[a * mirror, b * mirror + gauge, a * mirror + gauge]]
-    return [triangles(np.array(wires), params.color, params.material)]
+    for a, b in lines:
+        along = (b - a) / np.linalg.norm(b - a)
+        side = np.array([-along[2], 0, along[0]]) * p.gauge / 2
+        wires += [[a - side, b - side, b + side], [a - side, b + side, a + side]]
+    return [triangles(np.array(wires), p.color, p.material)]
 
 
-def _beam(params: FenceParams) -> list[Asset]:
-    """A corrugated steel band in front of the posts."""
-    level = params.height - params.gauge * np.array([1, 0.82, 0.6, 0.5, 0.4, 0.18, 0])
-    y = -params.post_width / 2 - np.array([0.01, 0.08, 0.08, 0.02, 0.08, 0.08, 0.01])
-    half = params.length / 2
-    return [
-        quad([(-half, y[i], level[i]), (half, y[i], level[i]),
-              (half, y[i + 1], level[i + 1]), (-half, y[i + 1], level[i + 1])],
-             params.color, params.material)
-        for i in range(len(level) - 1)
-    ]  # fmt: skip
+def _diamonds(p: FenceParams) -> list[Asset]:
+    """Wires or laths both ways across the panel at 45 degrees, cut off at its edges."""
+    low, high = _span(p)
+    height, half = high - low, p.length / 2
+    lines = []
+    for start in np.arange(-half - height + p.pitch, half, p.pitch):
+        x0, x1 = max(start, -half), min(start + height, half)
+        a, b = np.array([x0, 0, low + x0 - start]), np.array([x1, 0, low + x1 - start])
+        lines += [(a, b), (a * [-1, 1, 1], b * [-1, 1, 1])]
+    return _ribbons(lines, p)
+
+
+def _grid(p: FenceParams) -> list[Asset]:
+    """A welded mesh of upright and level wires."""
+    low, high = _span(p)
+    half = p.length / 2
+    lines = [(np.array([x, 0, low]), np.array([x, 0, high])) for x in _stations(p)]
+    levels = np.arange(low + p.pitch, high, 1.6 * p.pitch)
+    return _ribbons(lines + [(np.array([-half, 0, z]), np.array([half, 0, z])) for z in levels], p)
+
+
+def _beam(p: FenceParams) -> list[Asset]:
+    """A corrugated steel band in front of the posts, with reflectors."""
+    level = p.height - p.gauge * np.array([1, 0.82, 0.6, 0.5, 0.4, 0.18, 0])
+    y = -p.post_width / 2 - np.array([0.01, 0.08, 0.08, 0.02, 0.08, 0.08, 0.01])
+    half = p.length / 2
+    rings = [np.column_stack([np.full(7, x), y, level]) for x in (-half, half)]
+    band = loft(np.array(rings), p.color, p.material, closed=False, caps=False)
+    marks = [box((0.08, 0.01, 0.1), (x, -p.post_width / 2 - 0.03, p.height - 0.2), p.second, "lamp")
+             for x in (-half / 2, half / 2)]  # fmt: skip
+    return [band, *marks]
+
+
+def _chain(p: FenceParams) -> list[Asset]:
+    """Chains that hang between the posts."""
+    places = _places(p)
+    parts = []
+    for a, b in pairwise(places):
+        t = np.linspace(0, 1, 13)
+        x, z = a + t * (b - a), 0.86 * p.height - 1.1 * t * (1 - t)
+        for k in range(12):
+            ends = ((float(x[k]), 0.0, float(z[k])), (float(x[k + 1]), 0.0, float(z[k + 1])))
+            thick = 0.030 if k % 2 else 0.018
+            parts.append(tube(*ends, thick, p.color, p.material, sides=4, caps=False))
+    return parts
+
+
+def _stripes(p: FenceParams) -> list[Asset]:
+    """Two boards with slanting stripes of two colours."""
+    parts, y, half = [], -p.post_width / 2 - 0.012, p.length / 2
+    for low, high in ((0.72, 0.95), (0.2, 0.38)):
+        a, b = low * p.height, high * p.height
+        parts.append(box((p.length, 0.02, b - a), (0, y + 0.012, a), p.color, "paint"))
+        slant = b - a
+        for x in np.arange(-half, half - slant - p.pitch / 2, p.pitch):
+            corners = [(x, y, a), (x + p.pitch / 2, y, a), (x + p.pitch / 2 + slant, y, b),
+                       (x + slant, y, b)]  # fmt: skip
+            parts.append(quad(corners, p.second, "paint"))
+    return parts
+
+
+def _crosses(p: FenceParams) -> list[Asset]:
+    """A diagonal cross with a ring between every two posts."""
+    low, high = _span(p)
+    places = _places(p)
+    parts = []
+    for a, b in pairwise(places):
+        parts += [_rod(p, (a, 0, low), (b, 0, high)), _rod(p, (a, 0, high), (b, 0, low))]
+        turn = np.linspace(0, 2 * np.pi, 11)
+        middle, r = (a + b) / 2, 0.16
+        ring = [(middle + r * float(np.cos(t)), 0.0, (low + high) / 2 + r * float(np.sin(t)))
+                for t in turn]  # fmt: skip
+        parts += [_rod(p, c, d) for c, d in pairwise(ring)]
+    return parts
+
+
+def _wires(p: FenceParams) -> list[Asset]:
+    """Level wires from post to post."""
+    half = p.length / 2
+    levels = np.arange(0.25, p.height - 0.08, p.pitch)
+    return [tube((-half, 0, float(z)), (half, 0, float(z)), p.gauge / 2, STEEL, "metal", sides=4)
+            for z in levels]  # fmt: skip
+
+
+def _slats(p: FenceParams) -> list[Asset]:
+    """Level slats with gaps."""
+    rng = np.random.default_rng(p.seed)
+    levels = np.arange(0.1, p.height - p.gauge - 0.04, p.pitch)
+    slats = [box((p.length, 0.03, p.gauge), (0, -0.04, float(z)), p.color, p.material)
+             for z in levels]  # fmt: skip
+    return [shade(slat, np.full(12, rng.uniform(0.75, 1.2))) for slat in slats]
+
+
+_INFILLS = {
+    "none": lambda p: [], "bars": _bars, "spears": _spears, "bows": _bows, "pickets": _planks,
+    "boards": _planks, "pales": _planks, "diamonds": _diamonds, "grid": _grid, "beam": _beam,
+    "chain": _chain, "stripes": _stripes, "crosses": _crosses, "wires": _wires, "slats": _slats,
+}  # fmt: skip
+
+
+def _places(p: FenceParams) -> list[float]:
+    reach = (p.length - p.post_width) / 2
+    return [float(x) for x in np.linspace(-reach, reach, p.posts)]
+
+
+def _post(p: FenceParams, x: float) -> list[Asset]:
+    """A post and its tip or foot."""
+    w, h = p.post_width, p.height
+    if p.tip == "ball":
+        r = 0.5 * w
+        column = tube((x, 0, 0), (x, 0, h - 1.6 * r), r, p.color, p.material, end_radius=0.8 * r,
+                      sides=8)  # fmt: skip
+        tiers = ((-1.6, 0.7), (-1.0, 1.15), (-0.4, 0.95), (0.0, 0.2))
+        return [column] + [
+            tube((x, 0, h + a[0] * r), (x, 0, h + b[0] * r), a[1] * r, p.color, p.material,
+                 end_radius=b[1] * r, sides=8, caps=False)
+            for a, b in pairwise(tiers)
+        ]  # fmt: skip
+    post = box((w, w, h), (x, 0, 0), p.color, p.material)
+    if p.tip == "point":
+        post = box((w, w, h - 0.08), (x, 0, 0), p.color, p.material)
+        return [post, tube((x, 0, h - 0.08), (x, 0, h), 0.7 * w, p.color, p.material,
+                           end_radius=0.01, sides=4)]  # fmt: skip
+    if p.tip == "feet":
+        return [post, box((0.16, 0.38, 0.12), (x, 0, 0), p.second, "rubber")]
+    return [post]
 
 
 def fence(params: FenceParams) -> Asset:
     """Build the panel."""
     p = params
-    reach = (p.length - p.post_width) / 2
-    posts = [
-        box((p.post_width, p.post_width, p.height), (x, 0, 0), p.color, p.material)
-        for x in np.linspace(-reach, reach, p.posts)
-    ]
+    posts = [part for x in _places(p) for part in _post(p, x)]
     thin = min(0.04, p.post_width / 2)
     rails = [
         box((p.length, thin, p.rail_size), (0, 0, share * p.height - p.rail_size / 2), p.color,
             p.material)
         for share in p.rails
     ]  # fmt: skip
-    infill: list[Asset] = []
-    match p.infill:
-        case "bars":
-            infill = _bars(p)
-        case "pickets":
-            infill = _planks(p, 0.07, -thin)
-        case "boards":
-            infill = _planks(p, 0.0, -thin)
-        case "mesh":
-            infill = _mesh(p)
-        case "beam":
-            infill = _beam(p)
-    return merge(*posts, *rails, *infill)
+    return merge(*posts, *rails, *_INFILLS[p.infill](p))

@@ -2,140 +2,281 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, box, merge, tube, vary
+from scene.asset import Asset, Color, box, loft, merge, tube, vary
 
-KINDS: tuple[str, ...] = ("arm", "curved", "double", "lantern", "telegraph", "globe")
-
-GLOW: Color = (0.75, 0.72, 0.6)
+GLOW: Color = (0.62, 0.60, 0.52)
 """Lamp glass by day."""
+IRON: Color = (0.018, 0.019, 0.021)
+STEEL: Color = (0.115, 0.12, 0.125)
+GREEN: Color = (0.012, 0.045, 0.028)
+CONCRETE: Color = (0.24, 0.23, 0.21)
+TIMBER: Color = (0.075, 0.052, 0.036)
 
 
 class LampParams(NamedTuple):
-    """A tapering column, arms that leave its top, and one sort of head."""
+    """A tapering column in a base sleeve, arms that leave its top, and one sort of head."""
 
     height: float  # of the column, m
     radius: float  # at the foot, m
-    foot: float  # height of the thicker foot, m
+    foot: float  # height of the thicker foot, m; 0 for none
     arms: tuple[float, ...]  # y reached by each arm, m
-    rise: float  # of the arm's end over the column's top, m
+    rise: float  # of the arm's end over where it leaves the column, m
     bend: float  # 0 a straight arm .. 1 one that leaves the column upright
-    head: str  # "tray", "lantern", "globe" or "crossbars"
-    head_size: float  # length of a tray, height of a lantern, diameter of a globe, m
+    head: str  # see ``_HEADS``; hangs at the end of every arm, or stands on the column
+    head_size: float  # m; see the head's function
     color: Color
     material: str
+    below: float = 0.0  # how far under the top the arms leave, m
+    rings: int = 0  # collars around the column
+    stay: bool = False  # a rod from the column to the arm
+    box: bool = False  # a fuse box or a poster at eye level
+
+
+def _kinds() -> dict[str, tuple[LampParams, float]]:
+    """One pattern of each kind, and how far its height may change, as a share."""
+    plain = LampParams(7.4, 0.09, 1.2, (-1.4,), 0.2, 0.0, "tray", 0.75, STEEL, "metal", below=0.0)
+    iron = plain._replace(color=IRON, material="paint", arms=(), rise=0.0, foot=0.9)
+    pole = plain._replace(color=TIMBER, material="bark", arms=(), foot=0.0, radius=0.12, height=8.0)
+    return {
+        "arm": (plain, 0.12),
+        "swan neck": (plain._replace(bend=1.0, rise=1.0, height=6.6, arms=(-1.8,)), 0.1),
+        "double": (plain._replace(arms=(-1.5, 1.5), bend=0.5, rise=0.5, height=7.8), 0.08),
+        "lantern": (iron._replace(height=3.9, head="lantern", head_size=0.7, rings=3), 0.12),
+        "telegraph": (pole._replace(head="crossbars", head_size=1.6), 0.08),
+        "globe": (iron._replace(height=4.2, head="globe", head_size=0.48, color=STEEL), 0.1),
+        "led blade": (
+            plain._replace(head="blade", head_size=0.85, arms=(-0.5,), rise=0.05, radius=0.075,
+                           foot=0.0, color=(0.05, 0.052, 0.056)), 0.15),
+        "heritage bracket": (
+            iron._replace(height=5.6, head="bell", head_size=0.5, arms=(-0.9,), rise=0.25, bend=1.0,
+                          below=0.35, stay=True, rings=2, color=GREEN), 0.08),
+        "concrete": (
+            plain._replace(color=CONCRETE, material="concrete", radius=0.13, foot=1.6, bend=0.9,
+                           rise=0.7, arms=(-1.2,), head_size=0.6, height=6.8), 0.08),
+        "post top": (iron._replace(height=4.8, head="disc", head_size=0.62, foot=0.0,
+                                   color=(0.06, 0.062, 0.066)), 0.12),
+        "telephone": (pole._replace(head="drop wires", head_size=0.5, box=True, height=7.2), 0.08),
+        "twin lantern": (
+            iron._replace(height=4.5, head="lantern", head_size=0.6, arms=(-0.65, 0.65), rise=0.2,
+                          bend=1.0, below=0.3, rings=3), 0.06),
+        "catenary mast": (
+            plain._replace(height=7.6, radius=0.13, arms=(-2.6,), rise=0.35, head="insulator",
+                           head_size=0.3, below=1.0, stay=True, foot=0.6,
+                           color=(0.075, 0.085, 0.08)), 0.06),
+        "floodlight": (
+            plain._replace(height=8.6, radius=0.13, arms=(), head="flood", head_size=1.5), 0.04),
+        "bollard": (iron._replace(height=1.0, radius=0.09, foot=0.0, head="louvre", head_size=0.28,
+                                  color=(0.045, 0.046, 0.05)), 0.15),
+        "camera pole": (
+            plain._replace(height=5.4, radius=0.1, foot=1.6, arms=(-0.7,), rise=0.0, below=0.4,
+                           head="camera", head_size=0.4, box=True,
+                           color=(0.13, 0.135, 0.14)), 0.12),
+    }  # fmt: skip
+
+
+_PATTERNS = _kinds()
+KINDS: tuple[str, ...] = tuple(_PATTERNS)
 
 
 def sample_lamp(rng: np.random.Generator, kind: str) -> LampParams:
     """Draw a lamp of one of ``KINDS``."""
-    steels = ((0.30, 0.31, 0.32), (0.20, 0.22, 0.21), (0.33, 0.31, 0.28), (0.10, 0.11, 0.11))
-    steel = vary(rng, steels[rng.integers(len(steels))], 0.2)
-    cast = vary(rng, ((0.02, 0.02, 0.025), (0.02, 0.06, 0.04))[rng.integers(2)], 0.3)
-    arm = LampParams(
-        height=float(rng.uniform(6.5, 8.6)), radius=float(rng.uniform(0.07, 0.10)), foot=1.2,
-        arms=(-float(rng.uniform(0.9, 2.0)),), rise=float(rng.uniform(0.1, 0.35)), bend=0.0,
-        head="tray", head_size=float(rng.uniform(0.6, 0.9)), color=steel, material="metal",
-    )  # fmt: skip
-    match kind:
-        case "arm":
-            return arm
-        case "curved":
-            rise = float(rng.uniform(0.8, 1.0))
-            return arm._replace(bend=1.0, height=arm.height - 0.8, rise=rise)
-        case "double":
-            return arm._replace(arms=(arm.arms[0], -arm.arms[0]), bend=float(rng.uniform(0, 0.6)))
-        case "lantern":
-            return arm._replace(
-                height=float(rng.uniform(3.4, 4.4)), arms=(), head="lantern", foot=0.9,
-                radius=0.08, head_size=float(rng.uniform(0.55, 0.75)), color=cast,
-                material="paint",
-            )  # fmt: skip
-        case "telegraph":
-            return arm._replace(
-                height=float(rng.uniform(7.0, 8.8)), radius=float(rng.uniform(0.10, 0.12)),
-                arms=(), head="crossbars", foot=0.0, material="bark",
-                head_size=float(rng.uniform(1.2, 1.8)), color=vary(rng, (0.13, 0.09, 0.06), 0.25),
-            )  # fmt: skip
-        case "globe":
-            return arm._replace(
-                height=float(rng.uniform(3.6, 5.0)), arms=(), head="globe",
-                head_size=float(rng.uniform(0.4, 0.55)),
-                color=steel if rng.random() < 0.5 else cast,
-            )  # fmt: skip
-    raise ValueError(f"unknown kind of lamp {kind!r}; known: {', '.join(KINDS)}")
+    if kind not in _PATTERNS:
+        raise ValueError(f"unknown kind of lamp {kind!r}; known: {', '.join(KINDS)}")
+    p, spread = _PATTERNS[kind]
+    return p._replace(
+        height=float(p.height * rng.uniform(1 - spread, 1 + spread)),
+        radius=float(p.radius * rng.uniform(0.9, 1.1)),
+        arms=tuple(np.asarray(p.arms) * float(rng.uniform(0.85, 1.1))),
+        rise=float(p.rise * rng.uniform(0.85, 1.1)),
+        head_size=float(p.head_size * rng.uniform(0.9, 1.15)),
+        color=vary(rng, p.color, 0.3),
+    )
 
 
-def _arm(params: LampParams, reach: float) -> list[Asset]:
-    """A bent tube from the column's top to ``reach``, and the tray at its end."""
-    p = params
-    t = np.linspace(0, 1, 4 if p.bend else 2)
-    straight, arc = t, np.sin(t * np.pi / 2)
-    y = reach * ((1 - p.bend) * straight + p.bend * (1 - np.cos(t * np.pi / 2)))
-    z = p.height + p.rise * ((1 - p.bend) * straight + p.bend * arc)
-    points: list[Point] = [(0.0, float(a), float(b)) for a, b in zip(y, z, strict=True)]
-    tubes = [
-        tube(a, b, 0.5 * p.radius, p.color, p.material, sides=4, caps=False)
-        for a, b in pairwise(points)
+def _pipe(points: np.ndarray, radius: float, params: LampParams, sides: int = 6) -> Asset:
+    """A bent pipe in the plane x = 0 through ``points`` (y, z)."""
+    along = np.gradient(points, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    turn = np.arange(sides) * 2 * np.pi / sides
+    rings = [
+        np.column_stack([
+            radius * np.cos(turn), y - radius * np.sin(turn) * dz, z + radius * np.sin(turn) * dy
+        ])
+        for (y, z), (dy, dz) in zip(points, along, strict=True)
+    ]  # fmt: skip
+    return loft(np.array(rings), params.color, params.material)
+
+
+def _turned(stations: list[tuple[float, float]], y: float, color: Color, material: str,
+            sides: int = 10) -> Asset:  # fmt: skip
+    """A body of revolution around the upright at ``y``; stations are (z, radius)."""
+    turn = np.arange(sides) * 2 * np.pi / sides
+    rings = [
+        np.column_stack([r * np.cos(turn), y + r * np.sin(turn), np.full(sides, z)])
+        for z, r in stations
     ]
-    side = np.sign(reach)
-    centre, top = y[-1] + side * 0.3 * p.head_size, z[-1]
-    tray = box((0.28, p.head_size, 0.12), (0, centre, top - 0.06), p.color, p.material)
-    glass = box((0.22, 0.7 * p.head_size, 0.06), (0, centre, top - 0.12), GLOW, "lamp")
-    return [*tubes, tray, glass]
+    return loft(np.array(rings), color, material)
 
 
-def _lantern(params: LampParams) -> list[Asset]:
+def _arm(p: LampParams, reach: float) -> tuple[list[Asset], float]:
+    """A pipe from the column to ``reach``, and the height at its end."""
+    start = p.height - p.below
+    t = np.linspace(0, 1, 9 if p.bend else 2)
+    y = reach * ((1 - p.bend) * t + p.bend * (1 - np.cos(t * np.pi / 2)))
+    z = start + p.rise * ((1 - p.bend) * t + p.bend * np.sin(t * np.pi / 2))
+    parts = [_pipe(np.column_stack([y, z]), 0.42 * p.radius, p)]
+    if p.stay:
+        rod = np.array([(0.0, start + (0.9 if p.bend == 0 else -0.6)), (0.75 * reach, z[-1])])
+        parts.append(_pipe(rod, 0.18 * p.radius, p, 4))
+    return parts, float(z[-1])
+
+
+def _slab(p: LampParams, y: float, z: float, side: float, high: float, wide: float) -> list[Asset]:
+    """A flat housing that goes on outwards from (y, z), with the lit glass below."""
+    n, size = 8, p.head_size
+    turn = np.arange(n) * 2 * np.pi / n + np.pi / n
+    outline = np.column_stack([0.5 * wide * np.cos(turn) * 1.08, 0.5 * size * np.sin(turn) * 1.08])
+    centre = y + side * 0.35 * size
+    rings = [
+        np.column_stack([k * outline[:, 0], centre + k * outline[:, 1], np.full(n, z + dz)])
+        for k, dz in ((0.92, -0.5 * high), (1.0, 0.0), (0.6, 0.5 * high))
+    ]
+    glass = box((0.72 * wide, 0.6 * size, 0.03), (0, centre + side * 0.1 * size, z - 0.5 * high - 0.03),
+                GLOW, "lamp")  # fmt: skip
+    return [loft(np.array(rings), p.color, p.material), glass]
+
+
+def _tray(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    return _slab(p, y, z, side, 0.17, 0.3)
+
+
+def _blade(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    return _slab(p, y, z, side, 0.06, 0.36)
+
+
+def _lantern(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
     """A four-sided glass that widens upwards under a pointed roof."""
-    p, size = params, params.head_size
-    base, eaves, top = p.height, p.height + 0.65 * size, p.height + size
-    wide = 0.42 * size
-    return [
-        tube((0, 0, base), (0, 0, eaves), 0.5 * wide, GLOW, "lamp", end_radius=wide, sides=4),
-        tube((0, 0, eaves), (0, 0, top), 1.15 * wide, p.color, p.material, end_radius=0.05,
-             sides=4),
-        box((0.7, 0.04, 0.04), (0, 0, base - 0.35), p.color, p.material),
+    s = p.head_size
+    eaves, wide = z + 0.6 * s, 0.4 * s
+    glass = tube((0, y, z), (0, y, eaves), 0.55 * wide, GLOW, "lamp", end_radius=wide, sides=4)
+    frame = [
+        tube((0.56 * wide * a, y + 0.56 * wide * b, z), (1.02 * wide * a, y + 1.02 * wide * b, eaves),
+             0.02, p.color, p.material, sides=4)
+        for a, b in ((1, 0), (-1, 0), (0, 1), (0, -1))
     ]  # fmt: skip
+    tiers = ((0.0, 1.2 * wide), (0.12, 0.75 * wide), (0.3, 0.3 * wide), (0.38, 0.06), (0.46, 0.02))
+    roof = _turned([(eaves + at * s, r) for at, r in tiers], y, p.color, p.material, 8)
+    ladder = box((0.04, 0.7, 0.04), (0, y, z - 0.4), p.color, p.material)
+    return [glass, *frame, roof, *([ladder] if not p.arms else [])]
 
 
-def _globe(params: LampParams) -> list[Asset]:
-    p, r = params, params.head_size / 2
-    levels = p.height + r * np.array([0.0, 0.6, 1.4, 2.0])
-    radii = r * np.array([0.45, 1.0, 1.0, 0.4])
-    return [
-        tube((0, 0, levels[i]), (0, 0, levels[i + 1]), radii[i], GLOW, "lamp",
-             end_radius=radii[i + 1], sides=6, caps=i == 2)
-        for i in range(3)
-    ]  # fmt: skip
+def _globe(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    r = p.head_size / 2
+    level = np.linspace(-0.9, 1.0, 8) * np.pi / 2
+    ball = [(z + r + r * np.sin(a), max(r * np.cos(a), 0.01)) for a in level]
+    return [_turned(ball, y, GLOW, "lamp", 12),
+            _turned([(z - 0.06, 0.07), (z + 0.06, 0.13)], y, p.color, p.material)]  # fmt: skip
 
 
-def _crossbars(params: LampParams) -> list[Asset]:
-    """Two crossbars with insulators."""
-    p = params
-    parts = []
-    for z in (p.height - 0.35, p.height - 0.95):
-        parts.append(box((0.1, p.head_size, 0.12), (0.1, 0, z), p.color, "wood"))
-        for y in np.array([-0.45, 0.45]) * p.head_size:
-            parts.append(box((0.07, 0.07, 0.16), (0.1, y, z + 0.12), (0.5, 0.5, 0.48), "paint"))
+def _bell(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    """A hanging bell with its glass below."""
+    s = p.head_size
+    bell = [(z - 0.62 * s, 0.5 * s), (z - 0.4 * s, 0.42 * s), (z - 0.22 * s, 0.2 * s), (z, 0.05)]
+    glass = [(z - 0.85 * s, 0.05), (z - 0.76 * s, 0.26 * s), (z - 0.6 * s, 0.36 * s)]
+    return [_turned(bell, y, p.color, p.material, 12), _turned(glass, y, GLOW, "lamp", 12)]
+
+
+def _disc(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    """A flat hat on a short clear cylinder."""
+    r = p.head_size / 2
+    hat = [(z + 0.3, r), (z + 0.34, r), (z + 0.42, 0.3 * r)]
+    return [_turned([(z, 0.4 * r), (z + 0.3, 0.5 * r)], y, GLOW, "lamp", 10),
+            _turned(hat, y, p.color, p.material, 14)]  # fmt: skip
+
+
+def _louvre(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    """Rings around a low light."""
+    r, step = 1.15 * p.radius, p.head_size / 4
+    rings = [_turned([(z + k * step, r), (z + (k + 0.45) * step, r)], y, p.color, p.material)
+             for k in range(1, 5)]  # fmt: skip
+    return [_turned([(z, 0.8 * r), (z + 4 * step, 0.8 * r)], y, GLOW, "lamp"), *rings]
+
+
+def _insulator(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    """What holds a contact wire: a strut and two ribbed bells."""
+    ribs = [(z - 0.05 * k, 0.07 if k % 2 else 0.04) for k in range(7)][::-1]
+    strut = box((0.05, 0.5, 0.05), (0, y - 0.25 * side, z - 0.4), p.color, p.material)
+    return [_turned(ribs, y, (0.12, 0.05, 0.03), "paint"), strut]
+
+
+def _flood(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    """Four floodlights on a bar."""
+    s, parts = p.head_size, [box((0.1, p.head_size, 0.1), (0, 0, z), p.color, p.material)]
+    for place in (-0.42, -0.15, 0.15, 0.42):
+        parts += [box((0.2, 0.24 * s, 0.3), (-0.1, place * s, z + 0.1), p.color, p.material),
+                  box((0.02, 0.2 * s, 0.24), (-0.21, place * s, z + 0.13), GLOW, "lamp")]  # fmt: skip
     return parts
+
+
+def _camera(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    """Two cameras and a dome."""
+    white = (0.5, 0.5, 0.49)
+    dome = [(z - 0.34, 0.03), (z - 0.28, 0.12), (z - 0.16, 0.15), (z, 0.14)]
+    boxes = [
+        box((0.42, 0.14, 0.14), (-0.1, at * y, z + 0.05), white, "paint") for at in (0.35, 0.75)
+    ]
+    return [_turned(dome, y, (0.03, 0.03, 0.035), "glass"), *boxes]
+
+
+def _crossbars(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    """Two crossbars with insulators, and a transformer below them."""
+    parts = [
+        tube((0.22, 0, z - 1.9), (0.22, 0, z - 1.25), 0.2, (0.12, 0.125, 0.13), "metal", sides=10)
+    ]
+    for low in (z - 0.35, z - 0.95):
+        parts.append(box((0.1, p.head_size, 0.12), (0.1, 0, low), p.color, "wood"))
+        for at in np.array([-0.46, -0.2, 0.2, 0.46]) * p.head_size:
+            bell = [(low + 0.12, 0.03), (low + 0.17, 0.05), (low + 0.25, 0.045), (low + 0.3, 0.02)]
+            parts.append(_turned(bell, float(at), (0.4, 0.4, 0.38), "paint", 6))
+    return parts
+
+
+def _drop_wires(p: LampParams, y: float, z: float, side: float) -> list[Asset]:
+    """A ring of hooks and steps up both sides."""
+    ring = _turned([(z - 0.3, 0.22), (z - 0.24, 0.22)], 0, p.color, "metal", 8)
+    steps = [box((0.03, 0.34, 0.03), (0, 0, at), (0.1, 0.1, 0.1), "metal")
+             for at in np.arange(2.6, z - 0.6, 0.45)]  # fmt: skip
+    return [ring, *steps, box((0.22, 0.2, 0.3), (0.14, 0, z - 1.1), (0.03, 0.03, 0.03))]
+
+
+_HEADS = {
+    "tray": _tray, "blade": _blade, "lantern": _lantern, "globe": _globe, "bell": _bell,
+    "disc": _disc, "louvre": _louvre, "insulator": _insulator, "flood": _flood,
+    "camera": _camera, "crossbars": _crossbars, "drop wires": _drop_wires,
+}  # fmt: skip
 
 
 def lamp(params: LampParams) -> Asset:
     """Build the lamp."""
-    p = params
-    column = tube((0, 0, 0), (0, 0, p.height), p.radius, p.color, p.material,
-                  end_radius=0.65 * p.radius, sides=6, caps=False)  # fmt: skip
-    parts = [column]
+    p, r = params, params.radius
+    column = [(0.0, r), (0.5 * p.height, 0.82 * r), (p.height, 0.6 * r)]
+    parts = [_turned(column, 0, p.color, p.material)]
     if p.foot:
-        foot = tube((0, 0, 0), (0, 0, p.foot), 1.5 * p.radius, p.color, p.material,
-                    end_radius=0.95 * p.radius, sides=6, caps=False)  # fmt: skip
-        parts.append(foot)
+        foot = [(0.0, 1.7 * r), (0.08, 1.7 * r), (0.12, 1.45 * r), (0.9 * p.foot, 1.4 * r),
+                (p.foot, r)]  # fmt: skip
+        parts.append(_turned(foot, 0, p.color, p.material))
+    for z in np.linspace(p.foot, p.height, p.rings + 2)[1:-1]:
+        parts.append(_turned([(z - 0.06, 0.9 * r), (z, 1.35 * r), (z + 0.06, 0.9 * r)], 0, p.color,
+                             p.material))  # fmt: skip
+    if p.box:
+        parts.append(box((0.12, 0.26, 0.42), (-r - 0.05, 0, 1.35), (0.3, 0.3, 0.29), "paint"))
     for reach in p.arms:
-        parts += _arm(p, reach)
-    heads = {"lantern": _lantern, "globe": _globe, "crossbars": _crossbars}
-    if p.head in heads:
-        parts += heads[p.head](p)
+        pipes, end = _arm(p, reach)
+        parts += pipes + _HEADS[p.head](p, reach, end, float(np.sign(reach)))
+    if not p.arms:
+        parts += _HEADS[p.head](p, 0.0, p.height, 1.0)
     return merge(*parts)

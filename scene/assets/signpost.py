@@ -11,9 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, merge, tube, vary
-
-KINDS: tuple[str, ...] = ("steel", "painted", "ringed", "striped", "concrete")
+from scene.asset import Asset, Color, box, loft, merge, quad, tube, vary
 
 MAX_RADIUS = 0.06
 """No post is thicker (metres); plates hang just in front of x = -MAX_RADIUS."""
@@ -22,73 +20,194 @@ MIN_HEIGHT = 2.5
 MAX_HEIGHT = 4.0
 """No post is taller (metres)."""
 
+BLACK: Color = (0.016, 0.017, 0.018)
+STEEL: Color = (0.16, 0.165, 0.17)
+DARK: Color = (0.055, 0.058, 0.062)
+GREEN: Color = (0.012, 0.05, 0.028)
+WHITE: Color = (0.62, 0.62, 0.60)
+RED: Color = (0.42, 0.025, 0.02)
+YELLOW: Color = (0.58, 0.36, 0.02)
+GOLD: Color = (0.35, 0.24, 0.06)
+TIMBER: Color = (0.10, 0.068, 0.042)
+
 
 class SignpostParams(NamedTuple):
-    """A round post: one shaft in bands of two colours, with a foot, rings and a cap."""
+    """A post: one shaft in bands of two colours, with a foot, rings, a cap and a thing on it."""
 
     height: float  # m
     radius: float  # m
+    sides: int  # of the section
     bands: int  # equal lengths of alternating colour
     color: Color
-    second_color: Color  # of every other band and of the rings
-    rings: int  # collars around the shaft
-    foot: float  # height of a thicker foot, m; 0 for none
-    material: str
+    second_color: Color  # of every other band, of the rings and of the cap
+    rings: int = 0  # collars around the shaft
+    foot: float = 0.0  # height of a thicker foot, m; 0 for none
+    cap: str = "flat"  # "flat", "ball" or "point"
+    extra: str = ""  # see ``_EXTRAS``
+    material: str = "metal"
+
+
+_PATTERNS: dict[str, SignpostParams] = {
+    "steel": SignpostParams(3.0, 0.042, 12, 1, STEEL, STEEL),
+    "painted": SignpostParams(3.2, 0.045, 12, 1, DARK, DARK, foot=0.5),
+    "ringed": SignpostParams(3.4, 0.05, 12, 1, BLACK, GOLD, 3, 0.35, "ball", "", "paint"),
+    "striped": SignpostParams(2.8, 0.045, 12, 7, RED, WHITE, material="paint"),
+    "concrete": SignpostParams(3.1, 0.06, 6, 1, (0.30, 0.28, 0.25), (0.30, 0.28, 0.25),
+                               material="concrete"),
+    "square": SignpostParams(2.7, 0.055, 4, 1, (0.10, 0.105, 0.11), BLACK, extra="plate"),
+    "timber": SignpostParams(2.6, 0.06, 4, 1, TIMBER, TIMBER, cap="point", material="wood"),
+    "litter bin": SignpostParams(2.9, 0.045, 12, 1, STEEL, BLACK, foot=0.3, extra="bin"),
+    "push button": SignpostParams(3.6, 0.057, 12, 1, BLACK, DARK, 1, 0.0, "flat", "button"),
+    "signal pole": SignpostParams(3.9, 0.058, 12, 1, BLACK, WHITE, foot=0.9, extra="band",
+                                  material="paint"),
+    "twin": SignpostParams(2.8, 0.038, 12, 1, STEEL, STEEL, extra="twin"),
+    "mast arm": SignpostParams(4.0, 0.06, 12, 1, (0.12, 0.125, 0.13), STEEL, foot=1.2, extra="arm"),
+    "fluted": SignpostParams(3.3, 0.055, 8, 1, GREEN, GREEN, 4, 0.8, "point", "", "paint"),
+    "hoop guard": SignpostParams(2.9, 0.042, 12, 1, DARK, STEEL, extra="hoop"),
+    "solar": SignpostParams(3.7, 0.045, 12, 1, STEEL, DARK, extra="solar"),
+    "beacon": SignpostParams(3.0, 0.05, 12, 9, BLACK, WHITE, extra="beacon", material="paint"),
+}  # fmt: skip
+KINDS: tuple[str, ...] = tuple(_PATTERNS)
 
 
 def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
     """Draw a post of one of ``KINDS``."""
-    height = float(rng.uniform(MIN_HEIGHT, MAX_HEIGHT))
-    radius = float(rng.uniform(0.035, MAX_RADIUS))
-    steel = vary(rng, (0.30, 0.31, 0.32), 0.2)
-    plain = SignpostParams(height, radius, 1, steel, steel, 0, 0.0, "metal")
-    match kind:
-        case "steel":
-            return plain
-        case "painted":
-            paints = ((0.12, 0.13, 0.14), (0.04, 0.10, 0.06), (0.03, 0.03, 0.04), (0.22, 0.22, 0.2))
-            paint = vary(rng, paints[rng.integers(len(paints))])
-            return plain._replace(color=paint, second_color=paint, foot=0.5, material="paint")
-        case "ringed":
-            black, gold = vary(rng, (0.02, 0.02, 0.025)), vary(rng, (0.35, 0.24, 0.06))
-            return plain._replace(
-                color=black, second_color=gold, rings=3, foot=0.35, material="paint"
-            )
-        case "striped":
-            white, other = vary(rng, (0.6, 0.6, 0.58)), ((0.45, 0.03, 0.02), (0.03, 0.03, 0.03))
-            return plain._replace(
-                bands=int(rng.integers(4, 7)), color=other[rng.integers(2)], second_color=white,
-                material="paint",
-            )  # fmt: skip
-        case "concrete":
-            grey = vary(rng, (0.33, 0.31, 0.28))
-            return plain._replace(
-                radius=MAX_RADIUS, color=grey, second_color=grey, material="concrete"
-            )
-    raise ValueError(f"unknown kind of signpost {kind!r}; known: {', '.join(KINDS)}")
+    if kind not in _PATTERNS:
+        raise ValueError(f"unknown kind of signpost {kind!r}; known: {', '.join(KINDS)}")
+    p = _PATTERNS[kind]
+    top = MAX_HEIGHT - (0.45 if p.extra in ("beacon", "solar") else 0.0)
+    one = p.color == p.second_color
+    color = vary(rng, p.color, 0.25)
+    return p._replace(
+        height=float(np.clip(p.height * rng.uniform(0.94, 1.08), MIN_HEIGHT, top)),
+        radius=float(min(p.radius * rng.uniform(0.92, 1.08), MAX_RADIUS)),
+        color=color,
+        second_color=color if one else vary(rng, p.second_color, 0.15),
+    )
+
+
+def _revolved(p: SignpostParams, stations: list[tuple[float, float]], color: Color) -> Asset:
+    """A body of revolution; stations are (z, radius)."""
+    turn = (np.arange(p.sides) + 0.5) * 2 * np.pi / p.sides
+    rings = [
+        np.column_stack([r * np.cos(turn), r * np.sin(turn), np.full(p.sides, z)])
+        for z, r in stations
+    ]
+    return loft(np.array(rings), color, p.material)
+
+
+def _bin(p: SignpostParams) -> list[Asset]:
+    """A round litter bin beside the post."""
+    body = tube((0.0, 0.24, 0.45), (0.0, 0.24, 1.0), 0.16, p.second_color, "paint", end_radius=0.19,
+                sides=12)  # fmt: skip
+    lid = tube((0, 0.24, 1.0), (0, 0.24, 1.06), 0.2, GOLD, "paint", sides=12)
+    return [body, lid, box((0.04, 0.1, 0.3), (0, 0.08, 0.55), p.color)]
+
+
+def _button(p: SignpostParams) -> list[Asset]:
+    """The yellow box in which one asks for green, with its lit sign."""
+    case = box((0.14, 0.17, 0.32), (-0.09, 0, 0.95), YELLOW, "paint")
+    return [case, box((0.01, 0.1, 0.1), (-0.165, 0, 1.12), BLACK),
+            box((0.02, 0.05, 0.05), (-0.165, 0, 1.01), (0.5, 0.5, 0.5), "metal")]  # fmt: skip
+
+
+def _band(p: SignpostParams) -> list[Asset]:
+    """A white band around the lower shaft."""
+    r = 1.04 * p.radius
+    return [tube((0, 0, z), (0, 0, z + 0.22), r, p.second_color, "paint", sides=12, caps=False)
+            for z in (1.05, 1.5)]  # fmt: skip
+
+
+def _twin(p: SignpostParams) -> list[Asset]:
+    """A second shaft, and bars between the two."""
+    y = 0.42
+    other = tube((0, y, 0), (0, y, p.height), p.radius, p.color, p.material, sides=12)
+    bars = [box((0.03, y, 0.05), (0, y / 2, z), p.color, p.material) for z in (1.6, p.height - 0.3)]
+    return [other, *bars]
+
+
+def _arm(p: SignpostParams) -> list[Asset]:
+    """An arm over the road at the top, with a stay."""
+    z = p.height - 0.08
+    return [tube((0, 0, z), (0, -2.2, z), 0.045, p.color, p.material, end_radius=0.03, sides=8),
+            tube((0, 0, z - 0.7), (0, -0.9, z), 0.02, p.color, p.material, sides=6)]  # fmt: skip
+
+
+def _hoop(p: SignpostParams) -> list[Asset]:
+    """A bent rail that keeps cars off the post."""
+    turn = np.linspace(0, np.pi, 9)
+    y, z = 0.36 * np.cos(turn), 0.62 + 0.25 * np.sin(turn)
+    points = [(0.14, 0.36, 0.0), *((0.14, a, b) for a, b in zip(y, z, strict=True)),
+              (0.14, -0.36, 0.0)]  # fmt: skip
+    return [
+        tube(
+            (float(a[0]), float(a[1]), float(a[2])), (float(b[0]), float(b[1]), float(b[2])),
+            0.028, p.second_color, "metal", sides=8, caps=False,
+        )
+        for a, b in pairwise(points)
+    ]  # fmt: skip
+
+
+def _solar(p: SignpostParams) -> list[Asset]:
+    """A tilted solar panel over a battery box."""
+    z = p.height
+    panel = [(-0.2, -0.3, z), (-0.2, 0.3, z), (0.22, 0.3, z + 0.32), (0.22, -0.3, z + 0.32)]
+    frame = [(x + 0.02, y * 1.06, w - 0.03) for x, y, w in panel]
+    return [quad(panel, (0.01, 0.015, 0.04), "glass"), quad(frame, WHITE, "metal"),
+            box((0.2, 0.26, 0.34), (0.17, 0, z - 0.6), STEEL, "metal")]  # fmt: skip
+
+
+def _beacon(p: SignpostParams) -> list[Asset]:
+    """The amber globe of a crossing."""
+    level = np.linspace(-0.95, 1.0, 8) * np.pi / 2
+    turn = np.arange(12) * 2 * np.pi / 12
+    rings = [
+        np.column_stack([max(0.17 * np.cos(a), 0.005) * np.cos(turn),
+                         max(0.17 * np.cos(a), 0.005) * np.sin(turn),
+                         np.full(12, p.height + 0.19 + 0.17 * np.sin(a))])
+        for a in level
+    ]  # fmt: skip
+    return [loft(np.array(rings), (0.75, 0.30, 0.02), "lamp")]
+
+
+def _plate(p: SignpostParams) -> list[Asset]:
+    """A flange with bolts at the foot."""
+    bolts = [box((0.03, 0.03, 0.05), (x, y, 0.02), STEEL, "metal")
+             for x in (0.11, -0.11) for y in (0.11, -0.11)]  # fmt: skip
+    return [box((0.3, 0.3, 0.02), (0, 0, 0), p.color, "metal"), *bolts]
+
+
+_EXTRAS = {
+    "bin": _bin, "button": _button, "band": _band, "twin": _twin, "arm": _arm, "hoop": _hoop,
+    "solar": _solar, "beacon": _beacon, "plate": _plate,
+}  # fmt: skip
 
 
 def signpost(params: SignpostParams) -> Asset:
     """Build the post."""
     p = params
-    levels = np.linspace(0, p.height, p.bands + 1)
-    shaft = [
-        tube((0, 0, low), (0, 0, high), p.radius, (p.color, p.second_color)[band % 2], p.material,
-             sides=4 if p.bands > 1 else 8, caps=False)
-        for band, (low, high) in enumerate(pairwise(levels))
-    ]  # fmt: skip
-    cap = tube(
-        (0, 0, p.height - 0.03), (0, 0, p.height), p.radius, p.second_color, p.material,
-        end_radius=0.4 * p.radius, sides=4, caps=False,
-    )  # fmt: skip
-    collars = [
-        tube((0, 0, z - 0.06), (0, 0, z + 0.06), 1.15 * p.radius, p.second_color, p.material,
-             sides=4, caps=False)
-        for z in np.linspace(0.3, 0.9, p.rings + 2)[1:-1] * p.height
-    ]  # fmt: skip
-    parts = [*shaft, cap, *collars]
+    edges = np.linspace(0, p.height, p.bands + 1)
+    parts = [
+        _revolved(p, [(low, p.radius), (high, p.radius)], (p.color, p.second_color)[k % 2])
+        for k, (low, high) in enumerate(pairwise(edges))
+    ]
+    r, top = p.radius, p.height
+    if p.cap == "ball":
+        ball = [(top - 0.02 + 0.07 * k, b * r) for k, b in enumerate((1.0, 0.5, 1.15, 1.15, 0.3))]
+        parts.append(_revolved(p, [(min(z, MAX_HEIGHT), b) for z, b in ball], p.second_color))
+    elif p.cap == "point":
+        tip = [(top - 0.12, 1.1 * r), (top - 0.08, 1.1 * r), (top, 0.1 * r)]
+        parts.append(_revolved(p, tip, p.color))
+    for z in np.linspace(0.25, 0.95, p.rings + 2)[1:-1] * top:
+        ring = [(z - 0.05, r), (z, 1.15 * r), (z + 0.05, r)]
+        parts.append(_revolved(p, ring, p.second_color))
     if p.foot:
-        foot = tube((0, 0, 0), (0, 0, p.foot), 1.5 * p.radius, p.color, p.material,
-                    end_radius=p.radius, sides=5, caps=False)  # fmt: skip
-        parts.append(foot)
-    return merge(*parts)
+        foot = [
+            (0.0, 1.9 * r),
+            (0.06, 1.9 * r),
+            (0.1, 1.5 * r),
+            (0.85 * p.foot, 1.4 * r),
+            (p.foot, r),
+        ]
+        parts.append(_revolved(p, foot, p.color))
+    return merge(*parts, *(_EXTRAS[p.extra](p) if p.extra else ()))

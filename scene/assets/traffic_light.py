@@ -6,106 +6,158 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, box, disc, merge, quad, tube, vary
+from scene.asset import Asset, Color, box, disc, loft, merge, polygon, tube, vary
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
-
-KINDS: tuple[str, ...] = ("single", "backed", "double", "pedestrian", "tall", "yellow")
 
 RED: Color = (0.95, 0.05, 0.03)
 AMBER: Color = (0.98, 0.45, 0.03)
 GREEN: Color = (0.05, 0.95, 0.45)
-UNLIT = 0.06
+WHITE: Color = (0.95, 0.95, 0.92)
+BLACK: Color = (0.012, 0.013, 0.014)
+YELLOW: Color = (0.55, 0.33, 0.02)
+UNLIT = 0.05
 """Brightness of a lamp that is off, as a share of its lit colour."""
 
-LIT_ODDS = (0.5, 0.4, 0.1)
-"""How often the first, the last and the second lamp shines."""
+
+class Head(NamedTuple):
+    """One column of lamps."""
+
+    y: float  # m
+    lamps: tuple[Color, ...]  # lit colours from the top down
+    lit: int  # the lamp that shines
+    scale: float = 1.0  # of the lamps
 
 
 class TrafficLightParams(NamedTuple):
-    """One or more equal heads side by side, each a column of lamps."""
+    """One or more heads side by side."""
 
     centre: float  # height of the heads' centre, m
-    heads: tuple[float, ...]  # y of each head, m
-    lamps: tuple[Color, ...]  # lit colours from the top down
-    lit: tuple[int, ...]  # lamp that shines in each head
-    spacing: float  # between lamps, m
+    heads: tuple[Head, ...]
     lamp_radius: float  # m
-    width: float  # of the housing, m
     depth: float  # of the housing, m
     board: float  # margin of the board behind the housing, m; 0 for none
     board_edge: Color  # white in Britain
+    round_board: bool
+    hoods: bool  # long visors; else short ones
     color: Color
+    front: Color  # of the housing's face
+
+
+class Kind(NamedTuple):
+    """What a kind of light fixes."""
+
+    columns: tuple[tuple[tuple[Color, ...], float], ...]  # lamps and scale of each head
+    lit: int  # the lamp that shines in the first head
+    board: float = 0.0
+    edge: Color = BLACK
+    round_board: bool = False
+    hoods: bool = True
+    color: Color = BLACK
+    front: Color = BLACK
+
+
+_THREE = ((RED, AMBER, GREEN), 1.0)
+_WALK = ((RED, GREEN), 1.0)
+_KINDS: dict[str, Kind] = {
+    "backed red": Kind((_THREE,), 0, 0.15, (0.62, 0.62, 0.6)),
+    "backed green": Kind((_THREE,), 2, 0.15, (0.62, 0.62, 0.6)),
+    "pedestrian": Kind((_WALK,), 0, hoods=False),
+    "single": Kind((_THREE,), 2),
+    "double": Kind((_THREE, _THREE), 0),
+    "filter arrow": Kind((_THREE, ((GREEN,), 1.0)), 2, 0.12, BLACK),
+    "yellow": Kind((_THREE,), 0, color=YELLOW, front=BLACK),
+    "tall": Kind((((RED, AMBER, GREEN, GREEN), 1.0),), 3, 0.16, BLACK, True),
+    "cycle": Kind((((RED, AMBER, GREEN), 0.55), _WALK), 1, color=(0.05, 0.05, 0.055)),
+    "tram": Kind((((WHITE, AMBER, WHITE), 0.85),), 0, 0.13, (0.4, 0.03, 0.03), True,
+                 color=(0.16, 0.165, 0.17)),
+}  # fmt: skip
+KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_traffic_light(rng: np.random.Generator, kind: str) -> TrafficLightParams:
-    """Draw a light of one of ``KINDS``."""
-    if kind not in KINDS:
+    """Draw a light of one of ``KINDS``; beyond the first ones the lit lamp is drawn, too."""
+    if kind not in _KINDS:
         raise ValueError(f"unknown kind of traffic light {kind!r}; known: {', '.join(KINDS)}")
-    lamps = {"pedestrian": (RED, GREEN), "tall": (RED, AMBER, GREEN, GREEN)}.get(
-        kind, (RED, AMBER, GREEN)
+    p = _KINDS[kind]
+    radius = float(rng.uniform(0.10, 0.118))
+    spread = float(rng.uniform(0.26, 0.32))
+    places = (0.0,) if len(p.columns) == 1 else (-spread, spread)
+    heads = tuple(
+        Head(
+            y, lamps, min(p.lit, len(lamps) - 1) if k == 0 else int(rng.integers(len(lamps))), scale
+        )
+        for k, (y, (lamps, scale)) in enumerate(zip(places, p.columns, strict=True))
     )
-    spread = float(rng.uniform(0.26, 0.36))
-    heads = (-spread, spread) if kind == "double" else (0.0,)
-    lamp_radius = float(rng.uniform(0.10, 0.125))
-    spacing = 2 * lamp_radius + float(rng.uniform(0.05, 0.09))
-    half = len(lamps) * spacing / 2
+    half = max(len(h.lamps) * h.scale for h in heads) * (radius + 0.03)
     # The housing must reach down to the shortest post.
-    centre = float(rng.uniform(2.3, min(3.0, MIN_HEIGHT - 0.1 + half)))
-    yellow = vary(rng, (0.55, 0.33, 0.02), 0.2)
+    centre = float(rng.uniform(2.3, min(2.95, MIN_HEIGHT - 0.1 + half)))
     return TrafficLightParams(
-        centre=centre, heads=heads, lamps=lamps,
-        lit=tuple(int(i) for i in rng.choice((0, len(lamps) - 1, 1), len(heads), p=LIT_ODDS)),
-        spacing=spacing, lamp_radius=lamp_radius, width=2 * lamp_radius + 0.1,
-        depth=float(rng.uniform(0.16, 0.24)),
-        board=float(rng.uniform(0.1, 0.18)) if kind in ("backed", "tall") else 0.0,
-        board_edge=vary(rng, (0.6, 0.6, 0.58)) if rng.random() < 0.6 else (0.02, 0.02, 0.02),
-        color=yellow if kind == "yellow" else vary(rng, (0.02, 0.022, 0.022), 0.3),
+        centre, heads, radius, float(rng.uniform(0.18, 0.24)), p.board, vary(rng, p.edge, 0.1),
+        p.round_board, p.hoods, vary(rng, p.color, 0.25), vary(rng, p.front, 0.25),
     )  # fmt: skip
 
 
-def _lamp(params: TrafficLightParams, y: float, z: float, color: Color) -> list[Asset]:
+def _lamp(p: TrafficLightParams, y: float, z: float, radius: float, color: Color) -> list[Asset]:
     """A lens and the visor over it, in front of the housing."""
-    front = -MAX_RADIUS - params.depth
-    lens = disc((front - 0.006, y, z), params.lamp_radius, color, "lamp", sides=8)
-    visor = tube(
-        (front, y, z + 0.01), (front - 0.16, y, z + 0.035), 1.08 * params.lamp_radius,
-        params.color, "plain", sides=8, caps=False,
-    )  # fmt: skip
-    # A visor is open below: drop the sides under the lens.
-    upper = visor.mesh.triangles_center[:, 2] > z - 0.4 * params.lamp_radius
-    visor.mesh.update_faces(upper)
-    return [lens, visor._replace(color=visor.color[upper], material=visor.material[upper])]
+    front = -MAX_RADIUS - p.depth
+    lens = disc((front - 0.006, y, z), radius, color, "lamp", sides=16)
+    reach = 0.19 if p.hoods else 0.07
+    # A visor is a piece of pipe, open below, cut back from its top to its sides.
+    turn = np.radians(np.linspace(-40, 220, 15))
+    ahead = reach * (0.35 + 0.65 * np.clip(np.sin(turn), 0, 1))
+    edge = np.column_stack([y + 1.1 * radius * np.cos(turn), z + 1.1 * radius * np.sin(turn)])
+    rims = [np.column_stack([np.full(15, front), edge]), np.column_stack([front - ahead, edge])]
+    visor = loft(np.array(rims), p.front, "plain", closed=False, caps=False)
+    return [lens, visor]
 
 
-def _board(params: TrafficLightParams, y: float, half: float) -> list[Asset]:
-    """A dark board with a pale edge behind the housing."""
-    layers = []
-    for depth, margin, color in ((0.01, params.board, params.board_edge),
-                                 (0.02, params.board - 0.035, (0.02, 0.02, 0.02))):  # fmt: skip
-        x, w, h = -MAX_RADIUS - depth, params.width / 2 + margin, half + margin
-        z = params.centre
-        corners = [(x, y - w, z - h), (x, y + w, z - h), (x, y + w, z + h), (x, y - w, z + h)]
-        layers.append(quad(corners, color, "plain"))
-    return layers
+def _outline(y: float, z: float, wide: float, high: float, corner: float) -> np.ndarray:
+    """Corners (y, z) of a rectangle with round corners."""
+    parts = []
+    for a, b, start in ((1, 1, 0), (-1, 1, 90), (-1, -1, 180), (1, -1, 270)):
+        turn = np.radians(np.linspace(start, start + 90, 4))
+        parts.append(np.column_stack([y + a * (wide - corner) + corner * np.cos(turn),
+                                      z + b * (high - corner) + corner * np.sin(turn)]))  # fmt: skip
+    return np.concatenate(parts)
 
 
-def _head(params: TrafficLightParams, y: float, lit: int) -> list[Asset]:
-    p = params
-    half = len(p.lamps) * p.spacing / 2 + 0.03
-    x = -MAX_RADIUS - p.depth / 2
-    parts = [box((p.depth, p.width, 2 * half), (x, y, p.centre - half), p.color, "plain")]
-    for i, color in enumerate(p.lamps):
-        z = p.centre + ((len(p.lamps) - 1) / 2 - i) * p.spacing
-        red, green, blue = np.asarray(color) * (1.0 if i == lit else UNLIT)
-        parts += _lamp(p, y, z, (red, green, blue))
-    return parts + (_board(p, y, half) if p.board else [])
+def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
+    radius = p.lamp_radius * head.scale
+    spacing = 2 * radius + 0.065 * head.scale
+    half, wide = len(head.lamps) * spacing / 2 + 0.03, radius + 0.045
+    near = -MAX_RADIUS - p.depth
+    outline = _outline(head.y, p.centre, wide, half, 0.05 * head.scale)
+    rings = [
+        np.column_stack([np.full(len(outline), x), outline]) for x in (-MAX_RADIUS - 0.02, near)
+    ]
+    parts = [
+        loft(np.array(rings), p.color, "plain"),
+        polygon(np.column_stack([np.full(len(outline), near - 0.003), outline]), p.front, "plain"),
+    ]
+    for i, color in enumerate(head.lamps):
+        z = p.centre + ((len(head.lamps) - 1) / 2 - i) * spacing
+        red, green, blue = np.asarray(color) * (1.0 if i == head.lit else UNLIT)
+        parts += _lamp(p, head.y, z, radius, (red, green, blue))
+    if p.board:
+        for depth, margin, color in (
+            (0.035, p.board, p.board_edge),
+            (0.045, p.board - 0.03, BLACK),
+        ):
+            corner = 0.9 * (wide + margin) if p.round_board else 0.05
+            board = _outline(head.y, p.centre, wide + margin, half + margin, corner)
+            x = -MAX_RADIUS - depth
+            parts.append(polygon(np.column_stack([np.full(len(board), x), board]), color, "plain"))
+    for z in (p.centre - 0.7 * half, p.centre + 0.7 * half):
+        ends = (-MAX_RADIUS + 0.005, 0.0, z), (-MAX_RADIUS - 0.03, head.y, z)
+        parts.append(tube(*ends, 0.02, p.color, "metal", sides=6))
+    return parts
 
 
 def traffic_light(params: TrafficLightParams) -> Asset:
     """Build the light."""
     p = params
-    parts = [part for y, lit in zip(p.heads, p.lit, strict=True) for part in _head(p, y, lit)]
+    parts = [part for head in p.heads for part in _head(p, head)]
     if len(p.heads) > 1:
-        reach = max(p.heads) - min(p.heads)
-        parts.append(box((0.06, reach, 0.06), (-MAX_RADIUS - 0.03, 0, p.centre), p.color, "plain"))
+        reach = max(h.y for h in p.heads) - min(h.y for h in p.heads)
+        parts.append(box((0.05, reach, 0.05), (-MAX_RADIUS - 0.03, 0, p.centre), p.color, "metal"))
     return merge(*parts)
