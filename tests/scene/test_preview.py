@@ -1,0 +1,241 @@
+"""Contact sheets, sweeps and pages of assets: right pictures in the right places, or one line."""
+
+import math
+
+import cv2
+import numpy as np
+import pytest
+import trimesh
+
+from scene.attributes import NAMES, default_unit
+from scene.catalogue import FAMILIES, AssetPool, asset, bounds, surfaces
+from scene.classes import CLASS_NAMES, TrainId, colorize
+from scene.preview import units
+from scene.preview.__main__ import main
+from scene.preview.closeup import SKIES, asset_street, fit, named_sky, surface_street
+from scene.preview.layout import CAPTION, captioned, grid, stack, tile
+from scene.preview.streets import sweep
+from scene.render import RenderSettings, renderer
+from scene.render.protocol import camera_axes
+
+SMALL = RenderSettings(64, 48, samples=1)
+
+
+def look(street, settings=SMALL):
+    return renderer("embree").render(street, settings)[0]
+
+
+def read(path):
+    return cv2.imread(str(path))[..., ::-1]
+
+
+def refusal(capsys, *arguments):
+    """What is printed when the command line refuses."""
+    with pytest.raises(SystemExit) as caught:
+        main([str(a) for a in arguments])
+    assert caught.value.code == 2
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1
+    return error
+
+
+# -- layout ----------------------------------------------------------------------------------------
+
+
+def test_grids_and_stacks_have_the_sizes_of_their_parts():
+    red, blue = np.full((4, 6, 3), (255, 0, 0), np.uint8), np.full((4, 6, 3), (0, 0, 255), np.uint8)
+    page = grid([red, blue, red], 2)
+    assert page.shape == (8, 12, 3)
+    assert (page[:4, 6:] == blue).all() and (page[4:, :6] == red).all()
+    assert (page[4:, 6:] == 255).all()
+    assert stack([red, page]).shape == (12, 12, 3)
+
+
+def test_a_caption_stands_above_and_leaves_the_picture_alone():
+    picture = np.zeros((20, 60, 3), np.uint8)
+    above = captioned(picture, "car 3")
+    assert above.shape == (20 + CAPTION, 60, 3)
+    assert (above[CAPTION:] == picture).all()
+    assert 0.02 < (above[:CAPTION] < 128).mean() < 0.5
+
+
+def test_a_tile_shows_image_label_and_depth():
+    frame = look(asset_street("car", 0, 4 / 3, 50.0))
+    picture = tile(frame)
+    assert picture.shape == (3 * 48, 64, 3)
+    assert (picture[:48] == frame.image).all()
+    assert (picture[48:96] == colorize(frame.label)).all()
+    assert (picture[96:][frame.depth == 0] == 0).all()
+
+
+# -- close-ups -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("azimuth", [-160, -38, 0, 95])
+@pytest.mark.parametrize("size", [(4, 2, 1.5), (0.1, 0.5, 8), (12, 30, 9)])
+def test_a_fitted_camera_has_the_whole_box_in_view_and_no_more_than_needed(azimuth, size):
+    low = np.array([3.0, -2.0, 1.0])
+    high = low + size
+    camera = fit(low, high, azimuth, 15.0, 1.5, 50.0)
+    corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), -1).reshape(-1, 3)
+    right, up, ahead = camera_axes(camera) @ (corners - camera.position).T
+    assert (ahead > 0).all()
+    half = math.tan(math.radians(25))
+    across, upright = np.abs(right / ahead / half).max(), np.abs(up / ahead / half * 1.5).max()
+    assert 0.85 < max(across, upright) < 0.9
+    middle = camera_axes(camera) @ ((low + high) / 2 - camera.position)
+    assert middle[:2] == pytest.approx([0, 0], abs=1e-9)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_each_asset_is_seen_and_in_view(family):
+    frame = look(asset_street(family, 1, 4 / 3, 50.0))
+    seen = frame.label == FAMILIES[family].train_id
+    assert seen.mean() > 0.004
+    rows, columns = np.nonzero(frame.instance == 4)
+    extent = max(np.ptp(rows) / 48, np.ptp(columns) / 64)
+    assert extent > 0.45
+    assert 0 < columns.min() and columns.max() < 63 and 0 < rows.min()
+
+
+def test_riders_ride_and_signs_have_posts():
+    assert len(asset_street("rider", 0, 1.3, 50).placements) == 2
+    assert asset_street("traffic sign", 0, 1.3, 50).placements[1].family == "signpost"
+
+
+@pytest.mark.parametrize("name", surfaces())
+def test_surfaces_are_seen(name):
+    frame = look(surface_street(name, 1))
+    assert (frame.label == TrainId[name.upper()]).mean() > 0.3
+
+
+def test_the_eight_roads_differ():
+    means = [look(surface_street("road", row)).image.mean(axis=(0, 1)) for row in range(8)]
+    assert len({tuple(mean.round(1)) for mean in means}) == 8
+
+
+@pytest.mark.parametrize("row", SKIES, ids=lambda row: row.name)
+def test_every_sky_can_be_shown_by_name(row):
+    assert named_sky(row.name).weather == row.name
+
+
+def test_an_unknown_sky_is_refused():
+    with pytest.raises(ValueError, match="unknown weather 'green'"):
+        named_sky("green")
+
+
+# -- streets ---------------------------------------------------------------------------------------
+
+
+def test_units_lie_around_the_default_or_anywhere():
+    near, far = units("default", 40, 0), units("random", 40, 0)
+    assert near.shape == far.shape == (40, len(NAMES))
+    assert np.abs(near - default_unit()).max() <= 0.0751
+    assert far.min() < 0.05 and far.max() > 0.95
+
+
+def test_a_sweep_of_light_goes_from_dark_to_bright():
+    page = sweep("illumination_intensity", 3, 0, SMALL, "embree", AssetPool(0, 4))
+    assert page.shape == (48 + CAPTION, 3 * 64, 3)
+    first, second, third = (page[CAPTION:, 64 * k : 64 * (k + 1)].mean() for k in range(3))
+    assert first < second < third
+
+
+# -- the command line ------------------------------------------------------------------------------
+
+
+def test_a_contact_sheet_is_written(tmp_path):
+    out = tmp_path / "sheet.png"
+    assert main(["--out", str(out), "--streets", "2", "--shots", "2", "--size", "48x32"]) == 0
+    assert read(out).shape == (2 * 3 * 32, 2 * 48, 3)
+
+
+def test_a_sweep_is_written_as_jpeg(tmp_path):
+    out = tmp_path / "sweep.jpg"
+    line = ["--out", str(out), "--sweep", "car_interval", "--steps", "2", "--size", "48x32"]
+    assert main(line) == 0
+    assert out.read_bytes()[:2] == b"\xff\xd8"
+    assert read(out).shape == (32 + CAPTION, 2 * 48, 3)
+
+
+def test_assets_of_a_class_are_written(tmp_path):
+    out = tmp_path / "page.png"
+    line = ["--out", str(out), "--asset", "vegetation", "--count", "4", "--columns", "2"]
+    assert main([*line, "--size", "48x32"]) == 0
+    assert read(out).shape == (2 * (32 + CAPTION), 2 * 48, 3)
+
+
+@pytest.mark.slow
+def test_a_page_of_all_classes_is_written(tmp_path):
+    out = tmp_path / "page.png"
+    assert main(["--out", str(out), "--asset", "all", "--columns", "3", "--size", "48x32"]) == 0
+    assert read(out).shape == (len(CLASS_NAMES) * (32 + CAPTION), 3 * 48, 3)
+
+
+@pytest.mark.slow
+def test_a_page_of_all_sweeps_is_written(tmp_path):
+    out = tmp_path / "page.png"
+    assert main(["--out", str(out), "--sweep", "all", "--steps", "2", "--size", "48x32"]) == 0
+    assert read(out).shape == (len(NAMES) * (32 + CAPTION), 2 * 48, 3)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """One box of our own, to stand for a bus."""
+    (tmp_path / "own/bus").mkdir(parents=True)
+    trimesh.creation.box((10, 2.5, 3)).export(tmp_path / "own/bus/box.stl")
+    manifest = "file,author,licence,source\nbus/box.stl,A. Maker,CC0-1.0,own work\n"
+    (tmp_path / "own/assets.csv").write_text(manifest)
+    return tmp_path / "own"
+
+
+def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, capsys):
+    out = tmp_path / "page.png"
+    line = ["--out", str(out), "--asset", "bus", "--assets", str(folder), "--asset-use", "own"]
+    assert main([*line, "--size", "48x32"]) == 0
+    assert read(out).shape[0] == 32 + CAPTION
+    assert "left out: building, train" in capsys.readouterr().out
+
+
+def test_own_assets_stand_in_streets(folder):
+    path = str(folder / "bus/box.stl")
+    assert bounds("bus", path)[1] == pytest.approx([5, 1.25, 3])
+    frame = look(asset_street("bus", path, 4 / 3, 50.0))
+    assert (frame.label == TrainId.BUS).mean() > 0.1
+    assert len(asset("bus", path).mesh.faces) == 12
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--sweep", "hats"], "unknown attribute 'hats'; known: illumination_intensity"),
+        (["--asset", "boat"], "no assets of class 'boat'; known: building"),
+        (["--size", "48"], "must look like 640x320, not '48'"),
+        (["--size", "0x32"], "0x32 is too small"),
+        (["--size", "100000x100000"], "over 50,000,000 pixels"),
+        (["--streets", "0"], "--streets must lie in 1..400, not 0"),
+        (["--shots", "-1"], "--shots must lie in 1..400, not -1"),
+        (["--steps", "1"], "--steps must lie in 2..400, not 1"),
+        (["--count", "9999"], "--count must lie in 1..400, not 9999"),
+        (["--seed", "-1"], "--seed must be 0 or more, not -1"),
+        (["--asset-fraction", "0"], r"asset fraction must lie in (0, 1], not 0"),
+        (["--asset-use", "own"], "needs a folder of own assets"),
+        (["--assets", "/no/such"], "/no/such is not there"),
+        (["--renderer", "blender"], "invalid choice: 'blender'"),
+        (["--sweep", "all", "--asset", "all"], "not allowed with"),
+    ],
+)
+def test_bad_input_is_refused_in_one_line(arguments, message, tmp_path, capsys):
+    assert message in refusal(capsys, "--out", tmp_path / "x.png", *arguments)
+    assert not (tmp_path / "x.png").exists()
+
+
+def test_outputs_that_cannot_be_are_refused(tmp_path, capsys):
+    assert "must end in .png" in refusal(capsys, "--out", tmp_path / "x.gif")
+    assert "there is no folder" in refusal(capsys, "--out", tmp_path / "none/x.png")
+
+
+def test_a_class_without_own_assets_is_refused_by_name(folder, tmp_path, capsys):
+    line = ["--asset", "car", "--assets", folder, "--asset-use", "own"]
+    error = refusal(capsys, "--out", tmp_path / "x.png", *line)
+    assert "the asset pool has no car" in error
