@@ -16,17 +16,14 @@ from numba import njit
 from scene.geometry import Geometry
 from scene.render import shade
 from scene.render.protocol import Frame, RenderSettings, camera_axes, label_sample, pixel_rays
-from scene.sensor import develop
+from scene.sensor import develop, vary
 from scene.sky import panorama
 from scene.street import Camera, Street
 
-
-try:
-    from scene.sensor import vary
-except ImportError:
-
-    def vary(response, rng):
-        return response
+CAMERA_DRAW = 2**16
+"""Tells the draw of a street's camera from the draws of its shots."""
+BRIGHTEST = 4.0
+"""Radiance above which samples of a pixel count as alike, so that bright sky does not eat thin poles."""
 
 
 class Rays(NamedTuple):
@@ -171,9 +168,10 @@ def radiance(
     )  # fmt: skip
     image = samples.reshape(rays.rows, rays.columns, 3)
     if settings.samples > 1:
-        # Tones are compressed before averaging, so that bright sky does not eat thin poles.
         image = cv2.resize(
-            np.minimum(image, 2.0), (settings.width, settings.height), interpolation=cv2.INTER_AREA
+            np.minimum(image, BRIGHTEST),
+            (settings.width, settings.height),
+            interpolation=cv2.INTER_AREA,
         )
     return image
 
@@ -198,7 +196,7 @@ def expose(
     """
     street, hits = around.street, seen.hits
     image = radiance(around, rays, seen, light, settings)
-    camera = vary(settings.response, np.random.default_rng([street.seed, 2**16]))
+    camera = vary(settings.response, np.random.default_rng([street.seed, CAMERA_DRAW]))
     image = develop(image, camera, np.random.default_rng([street.seed, shot]))
 
     k = label_sample(settings.samples)
