@@ -60,7 +60,7 @@ def _vista(params: StreetParams, town: float, end: float, rng: np.random.Generat
 def _closure(town: float, end: float, rng: np.random.Generator) -> list[Stand]:
     """A row across the end of the road, where it bends or meets another, with trees before it."""
     stands = []
-    for y in np.arange(-78.0, 79.0, 13.0):
+    for y in np.arange(-84.0, 84.0, 13.0) + rng.uniform(-6, 6):
         kind = _kind(town, rng, woods=0.9)
         at = end + float(rng.uniform(0, 3)) + 0.0015 * float(y) ** 2
         if kind:
@@ -84,7 +84,7 @@ def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Stand]
             stands.append(Stand(kind, place, side * (row + depth), yaw))
         elif kind:
             stands.append(_tree(place, side * (row + rng.uniform(0, 12)), rng))
-        if rng.random() < 0.3:
+        if rng.random() < 0.45:
             stands.append(_tree(place + 7, side * rng.uniform(BEHIND, row), rng))
     return stands
 

@@ -37,7 +37,7 @@ WORDS: tuple[tuple[str, ...], ...] = (
     ("STOP",),
     ("SCHOOL",),
 )
-"""Words that roads are painted with, first line first (nearest to the driver)."""
+"""Words that roads are painted with, line by line as they appear to the driver."""
 
 
 class Legend(NamedTuple):
@@ -61,13 +61,13 @@ def _letter_strokes(letter: str) -> np.ndarray:
 
 
 def word(lines: tuple[str, ...], letter_width: float = 0.42, height: float = 2.0) -> np.ndarray:
-    """A word in letters stretched along the road, as they are painted; one line above the other."""
+    """A word in letters stretched along the road, as they are painted; the first line lies farthest."""
     parts = []
     for row, text in enumerate(lines):
         for k, letter in enumerate(text):
             stroke = _letter_strokes(letter) * [letter_width, height]
             left = (k - len(text) / 2) * 1.45 * letter_width + 0.22 * letter_width
-            parts.append(stroke + [left, 1.35 * height * row])
+            parts.append(stroke + [left, 1.35 * height * (len(lines) - 1 - row)])
     ends = np.concatenate(parts)
     return strokes(ends[:, 0], ends[:, 1], 0.13)
 

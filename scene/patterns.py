@@ -206,8 +206,8 @@ def _fresh(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _asphalt(rng: np.random.Generator, size: int) -> np.ndarray:
-    wear = 0.7 * fractal_noise(rng, size, 3, 5) + 0.3 * value_noise(rng, size, (24, 2))
-    ground = 0.55 * wear + 0.3 * _grain(rng, size) + _tracks(rng, size)
+    wear = 0.5 * fractal_noise(rng, size, 5, 5) + 0.12 * value_noise(rng, size, (24, 3))
+    ground = 0.5 * wear + 0.32 * _grain(rng, size) + 0.8 * _tracks(rng, size)
     return ground - 0.45 * _cracks(rng, size)
 
 
@@ -277,7 +277,7 @@ def _tactile(rng: np.random.Generator, size: int) -> np.ndarray:
 
 
 def _grass(rng: np.random.Generator, size: int) -> np.ndarray:
-    return 0.5 * fractal_noise(rng, size, 3, 5) + 0.4 * _grain(rng, size)
+    return 0.4 * fractal_noise(rng, size, 8, 4) + 0.4 * _grain(rng, size)
 
 
 def _long_grass(rng: np.random.Generator, size: int) -> np.ndarray:

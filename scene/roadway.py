@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 WHITE, YELLOW = (0.56, 0.56, 0.53), (0.50, 0.34, 0.05)
 IRON = (0.07, 0.065, 0.06)
-TINTS = {"green": (0.05, 0.12, 0.07), "red": (0.16, 0.06, 0.045)}
+TINTS = {"green": (0.055, 0.10, 0.07), "red": (0.14, 0.065, 0.052)}
 """Colours of a tinted cycle lane."""
 CYCLE_LANE = 1.5
 """Width of a cycle lane along the kerb, metres."""

@@ -185,6 +185,8 @@ def test_words_read_from_left_to_right_for_the_driver():
     # The upright of an L is at its left: half a letter's width from its foot's end.
     (upright, foot) = word(("L",))
     assert upright[:, 0].mean() < foot[:, 0].mean()
+    two = word(("KEEP", "CLEAR"))
+    assert two[: len(word(("KEEP",))), :, 1].min() > two[-1, :, 1].max()
     turned = legend(Legend("STOP", 0.0, 0.0, 1.0))
     assert turned[..., 1].max() == pytest.approx(-word(("STOP",))[..., 0].min())
 
