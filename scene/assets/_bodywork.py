@@ -125,8 +125,8 @@ def side_y(b: Body, s: np.ndarray, z: np.ndarray) -> np.ndarray:
 def _ends(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
     """How far nose and tail recede at row height ``v`` (0 sill, 1 shoulder), m, negative at the nose."""
     fade = np.clip(1 - s / 0.08, 0, 1), np.clip(1 - (1 - s) / 0.05, 0, 1)
-    nose = np.interp(v, [0, 0.15, 0.45, 0.55, 1], [0.05, 0.01, 0.0, 0.35 * b.rake, b.rake])
-    stern = np.interp(v, [0, 0.15, 0.5, 0.56, 1], [0.06, 0.01, 0.0, 0.03, 0.05])
+    nose = np.interp(v, FLANK, [0.05, 0.008, 0.0, 0.5 * b.rake, b.rake])
+    stern = np.interp(v, FLANK, [0.06, 0.008, 0.0, 0.03, 0.05])
     return -fade[0] * nose + fade[1] * stern
 
 
@@ -207,6 +207,7 @@ def stations(b: Body) -> np.ndarray:
     ]
     marks += [0.5 * (b.cowl + b.roof_front), b.tail, 0.97, 1.0, *b.glass]
     marks += [p + d for p in b.pillars for d in (-_POST, _POST)]
+    marks += [b.roof_rear + d * (b.tail - b.roof_rear) for d in (0.4, 0.7)]
     if b.bed:
         marks += [b.bed[0], b.bed[1]]
     line = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1))
@@ -219,7 +220,7 @@ def _arch_marks(b: Body) -> np.ndarray:
     return np.concatenate([share(b, x + reach * _ARCH) for x in axles(b)])
 
 
-_ARCH = np.array([-1.03, -0.99, -0.87, -0.52, 0, 0.52, 0.87, 0.99, 1.03])
+_ARCH = np.array([-1.03, -0.99, -0.9, -0.63, -0.22, 0.22, 0.63, 0.9, 0.99, 1.03])
 
 
 _POST = 0.009

@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.asset import Asset, Color, Point, block, ellipsoid, merge, tube
-from scene.assets._bodywork import Body, cabin, doorway, fascia, panel, roof, shoulder
+from scene.assets._bodywork import FLANK, Body, cabin, doorway, fascia, panel, roof, shoulder
 from scene.assets._palette import AMBER, BLACK, CHROME, HEADLAMP, PLATE, PLATE_REAR, TAILLAMP, TRIM
-from scene.assets._skin import pair, sheet
+from scene.assets._skin import pair, sheet, twin_sheets
 
 Span = tuple[float, float]
 _LENS: Color = (0.30, 0.31, 0.32)
@@ -44,6 +44,15 @@ class Fittings(NamedTuple):
     ] = ()  # lettering on the flanks: where, and its colour
 
 
+_COLUMNS = np.array([-0.89, -0.733, -0.392, 0.0, 0.392, 0.733, 0.89])
+"""Where nose and tail have their corners: patches with the same ones nowhere dip below them."""
+
+
+def _between(span: Span, knots: np.ndarray) -> np.ndarray:
+    """The ends of a span and the knots inside it."""
+    return np.array([span[0], *knots[(knots > span[0] + 0.01) & (knots < span[1] - 0.01)], span[1]])
+
+
 def on_nose(
     b: Body,
     end: int,
@@ -53,14 +62,17 @@ def on_nose(
     material: str = "plain",
     *,
     lift: float = 0.01,
-    steps: int = 3,
 ) -> Asset:
     """A patch on nose (0) or tail (1), spanning ``c`` across and the rows ``v``."""
-    across, up = np.meshgrid(np.linspace(*c, steps + 1), np.linspace(*v, 3))
+    return sheet(_nose_points(b, end, c, v, lift), color, material)
+
+
+def _nose_points(b: Body, end: int, c: Span, v: Span, lift: float) -> np.ndarray:
+    across, up = np.meshgrid(_between(c, _COLUMNS), _between(v, FLANK))
     points = fascia(b, end, across, up)
     points[..., 0] += lift if end == 0 else -lift
     points[..., 1] *= 1 + lift / (b.width / 2)
-    return sheet(points if end == 0 else points[::-1], color, material)
+    return points if end == 0 else points[::-1]
 
 
 def on_flank(
@@ -74,12 +86,10 @@ def on_flank(
     steps: int = 2,
 ) -> Asset:
     """A patch on both flanks between shares ``s`` of the length and rows ``v``."""
-    along, up = np.meshgrid(
-        np.linspace(*s, steps + 1), np.linspace(*v, 5 if v[1] - v[0] > 0.5 else 3), indexing="ij"
-    )
+    along, up = np.meshgrid(np.linspace(*s, steps + 1), _between(v, FLANK), indexing="ij")
     points = panel(b, along, up)
     points[..., 1] += lift
-    return pair(sheet(points, color, material))
+    return twin_sheets(points, color, material)
 
 
 def fittings(b: Body, f: Fittings) -> list[Asset]:
@@ -90,7 +100,7 @@ def fittings(b: Body, f: Fittings) -> list[Asset]:
 def _both(
     b: Body, end: int, c: Span, v: Span, color: Color, material: str = "lamp", lift: float = 0.012
 ) -> Asset:
-    return pair(on_nose(b, end, c, v, color, material, lift=lift))
+    return twin_sheets(_nose_points(b, end, c, v, lift), color, material)
 
 
 def _front(b: Body, f: Fittings) -> list[Asset]:
@@ -101,19 +111,15 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
         on_flank(b, (0.0, f.wrap), (down + 0.05, up), _LENS, "lamp", lift=0.012),
         on_flank(b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "lamp", lift=0.012),
         _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), HEADLAMP, lift=0.016),
-        on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012, steps=4),
-        on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008, steps=4),
-        on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012, steps=6),
-        on_nose(
-            b, 0, (-0.06, 0.06), (crest - 0.1, crest - 0.01), CHROME, "metal", lift=0.022, steps=1
-        ),
+        on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012),
+        on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008),
+        on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012),
+        on_nose(b, 0, (-0.06, 0.06), (crest - 0.1, crest - 0.01), CHROME, "metal", lift=0.022),
         plate(b, 0, PLATE, 0.36),
     ]
     for k in range(f.slats):
         v = base + (crest - base) * (k + 0.6) / f.slats
-        parts.append(
-            on_nose(b, 0, (-edge, edge), (v, v + 0.02), CHROME, "metal", lift=0.018, steps=4)
-        )
+        parts.append(on_nose(b, 0, (-edge, edge), (v, v + 0.02), CHROME, "metal", lift=0.018))
     if f.bumper is not None:
         parts += _bumper(b, 0, f.bumper)
     if f.fog:
@@ -124,7 +130,7 @@ def _front(b: Body, f: Fittings) -> list[Asset]:
 def _bumper(b: Body, end: int, color: Color) -> list[Asset]:
     along = (0.0, 0.075) if end == 0 else (0.93, 1.0)
     return [
-        on_nose(b, end, (-1, 1), (0.26, 0.52), color, lift=0.02, steps=6),
+        on_nose(b, end, (-1, 1), (0.26, 0.52), color, lift=0.02),
         on_flank(b, along, (0.26, 0.52), color, lift=0.02),
     ]
 
@@ -157,9 +163,9 @@ def _rear(b: Body, f: Fittings) -> list[Asset]:
             (0.5, 0.35, 0.3),
             lift=0.016,
         ),
-        on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01, steps=6),
-        on_nose(b, 1, (-inner, inner), (0.515, 0.53), BLACK, lift=0.012, steps=4),
-        on_nose(b, 1, (-0.1, 0.1), (0.88, 0.92), CHROME, "metal", lift=0.016, steps=1),
+        on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01),
+        on_nose(b, 1, (-inner, inner), (0.515, 0.53), BLACK, lift=0.012),
+        on_nose(b, 1, (-0.1, 0.1), (0.88, 0.92), CHROME, "metal", lift=0.016),
         plate(b, 1, PLATE_REAR if f.plate else PLATE, 0.64),
     ]
     end = fascia(b, 1, np.array([0.55]), np.array([0.0]))[0]

@@ -14,11 +14,22 @@ _SAME = 1e4
 
 def sheet(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
     """A skin over a grid of points f64[n, m, 3]; cell (i, j) has the faces 2 (i (m - 1) + j) and next."""
-    n, m = points.shape[:2]
+    return solid(points.reshape(-1, 3), _cells(*points.shape[:2]), color, material)
+
+
+def _cells(n: int, m: int) -> np.ndarray:
+    """Triangles i64[2 (n - 1) (m - 1), 3] of a grid of n by m points."""
     first = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
     a, b, c, d = first, first + 1, first + m + 1, first + m
-    faces = np.stack([a, b, c, a, c, d], 1).reshape(-1, 3)
-    return solid(points.reshape(-1, 3), faces, color, material)
+    return np.stack([a, b, c, a, c, d], 1).reshape(-1, 3)
+
+
+def twin_sheets(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
+    """A sheet and its mirror image on the other side of the x-z plane, as one solid."""
+    faces = _cells(*points.shape[:2])
+    one = points.reshape(-1, 3)
+    both = np.concatenate([one, one * [1, -1, 1]])
+    return solid(both, np.concatenate([faces, faces[:, ::-1] + len(one)]), color, material)
 
 
 def painted(points: np.ndarray, paints: list[tuple[Color, str]], cells: np.ndarray) -> Asset:
