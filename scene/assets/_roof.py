@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from scene.asset import Asset, Color, Point, box, merge, polygon, translate, tube
+from scene.asset import Asset, Color, Point, block, box, merge, polygon, quad, translate, tube
+from scene.assets._facade import GLASS, upright
 
 OVERHANG = 0.35
 """How far a pitched roof reaches beyond the walls (metres)."""
+
+GUTTER: Color = (0.03, 0.03, 0.03)
 
 
 def pitched(
@@ -51,7 +54,11 @@ def pitched(
     else:
         gable = [(-span / 2, eaves), (span / 2, eaves), (0.0, top)]
         ends = [polygon([at(s * length / 2, v, z) for v, z in gable], *end) for s in (-1, 1)]
-    return merge(*slopes, *ends)
+    edge = [
+        block((-reach, y - 0.07, low - 0.16), (reach, y + 0.07, low + 0.02), GUTTER)
+        for y in (plan[1] / 2 - half, plan[1] / 2 + half)
+    ]
+    return merge(*slopes, *ends, *([] if along_y else edge))
 
 
 def flat(
@@ -74,3 +81,67 @@ def chimney(base: Point, height: float, color: Color) -> Asset:
         for x in (-0.22, 0.22)
     ]
     return translate(merge(stack, *pots), base)
+
+
+def dormer(
+    x: float, slope: tuple[float, float], frame: Color, cheek: Color, color: Color
+) -> list[Asset]:
+    """A window in the front slope under a small gable of its own.
+
+    Args:
+        x: of its middle (metres).
+        slope: depth behind the facade and height at which its front stands on the roof (metres).
+        frame: colour of its face.
+        cheek: colour of its sides.
+        color: of its roof.
+    """
+    y, foot = slope
+    half, wall, back = 0.65, 1.15, 2.2
+    parts = [
+        block((x - half, y, foot - 0.3), (x + half, y + back, foot + wall), cheek, "roof"),
+        quad(upright(x - half, x + half, foot - 0.3, foot + wall, y - 0.04), frame, "paint"),
+    ]
+    for a, b in ((x - 0.48, x - 0.04), (x + 0.04, x + 0.48)):
+        parts.append(quad(upright(a, b, foot + 0.15, foot + wall - 0.1, y - 0.08), GLASS, "glass"))
+    top, eave, front = foot + wall + 0.6, foot + wall - 0.05, y - 0.25
+    for s in (-1, 1):
+        edge = x + s * (half + 0.15)
+        roof = [(edge, front, eave), (x, front, top), (x, y + back, top), (edge, y + back, eave)]
+        parts.append(quad(roof, color, "roof"))
+    gable = [(x - half, y - 0.04, eave), (x + half, y - 0.04, eave), (x, y - 0.04, top - 0.05)]
+    return [*parts, polygon(gable, frame, "paint")]
+
+
+def steeple(
+    centre: tuple[float, float], side: float, height: float, spire: float,
+    wall: tuple[Color, str], color: Color,
+) -> list[Asset]:  # fmt: skip
+    """A square tower with bell openings and battlements, and a spire where ``spire`` is over 0."""
+    (x, y), half = centre, side / 2
+    parts = [box((side, side, height), (x, y, 0), *wall)]
+    low, high = height - 3.0, height - 0.9
+    for level, tall in ((low, high - low), (0.45 * height, 1.6)):
+        bell = upright(x - 0.16 * side, x + 0.16 * side, level, level + tall, y - half - 0.04)
+        parts.append(quad(bell, GLASS, "plain"))
+    for z in (0.4 * height, height - 0.5):
+        parts.append(box((side + 0.25, side + 0.25, 0.2), (x, y, z), *wall))
+    for dx in (-1, 1):
+        for dy in (-1, 1):
+            parts.append(box((0.45, 0.45, 1.0), (x + dx * (half - 0.25), y + dy * (half - 0.25), height),
+                             *wall))  # fmt: skip
+    if spire:
+        parts.append(tube((x, y, height), (x, y, height + spire), 0.62 * side, color, "roof",
+                          end_radius=0.02, sides=8, caps=False))  # fmt: skip
+    return parts
+
+
+def plant_room(plan: tuple[float, float], base: float, color: Color) -> list[Asset]:
+    """What stands on a flat roof: a room for lifts, a cooler, a pipe."""
+    width, depth = plan
+    return [
+        box((0.35 * width, 0.35 * depth, 1.9), (0.12 * width, 0.55 * depth, base), color, "metal"),
+        box((1.3, 1.0, 1.0), (-0.28 * width, 0.35 * depth, base), (0.3, 0.3, 0.3), "metal"),
+        tube(
+            (-0.1 * width, 0.5 * depth, base), (-0.1 * width, 0.5 * depth, base + 2.4), 0.1, GUTTER
+        ),
+    ]
