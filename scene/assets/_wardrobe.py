@@ -33,6 +33,8 @@ TROUSERS: tuple[Color, ...] = (
 )  # fmt: skip
 SHOES: tuple[Color, ...] = ((0.015, 0.014, 0.013), (0.06, 0.035, 0.02), (0.50, 0.50, 0.49),
                             (0.06, 0.07, 0.10), (0.20, 0.11, 0.05))  # fmt: skip
+DARK_SHARE = 0.65
+"""How many adults wear black, navy or charcoal over dark trousers, seen in photos of streets."""
 _WOMENS_HAIR = ("bob", "long", "long", "ponytail", "bun", "curly", "short")
 _MENS_HAIR = ("short", "short", "short", "thick", "bald", "curly")
 WHITE_SOLE: Color = (0.55, 0.55, 0.53)
@@ -69,14 +71,15 @@ def sample_outfit(
     if style in ("skirt", "dress", "robe"):
         curves = max(curves, 0.85)
     woman = curves > 0.5
-    colors = CLOTHES + BRIGHT if child or rng.random() < 0.35 else CLOTHES
+    dark = not child and rng.random() < DARK_SHARE
+    colors = CLOTHES[:4] if dark else CLOTHES + BRIGHT
     pale = WHITE_SOLE if rng.random() < 0.45 else (0.02, 0.02, 0.02)
     dos = _WOMENS_HAIR if woman else _MENS_HAIR
     outfit = Outfit(
         skin=pick(rng, SKINS, 0.1),
         hair=pick(rng, HAIRS[-1:] if old else HAIRS[:-1] if child else HAIRS, 0.2),
         top=pick(rng, colors, 0.35),
-        legs=pick(rng, TROUSERS, 0.3),
+        legs=pick(rng, TROUSERS[:4] if dark else TROUSERS, 0.3),
         shoes=pick(rng, SHOES),
         sole=pale,
         width=float(rng.choice([1.0, 1.12, 1.25])) if not woman else float(rng.choice([0.95, 1.1])),
@@ -86,14 +89,15 @@ def sample_outfit(
         hat=str(rng.choice(("", "", "", "", "beanie", "cap", "brim" if old else ""))),
         hat_color=pick(rng, CLOTHES + BRIGHT, 0.3),
     )
-    return _styled(rng, outfit, style, woman), curves
+    return _styled(rng, outfit, style, dark), curves
 
 
-def _styled(rng: np.random.Generator, base: Outfit, style: str, woman: bool) -> Outfit:
+def _styled(rng: np.random.Generator, base: Outfit, style: str, dark: bool) -> Outfit:
     """The outfit with what its style fixes."""
     other = pick(rng, BRIGHT + CLOTHES, 0.3)
-    warm = pick(rng, CLOTHES + BRIGHT[:2], 0.3)
+    warm = pick(rng, CLOTHES[:4] if dark else CLOTHES + BRIGHT[:2], 0.3)
     bare = rng.random() < 0.5
+    dress = warm if dark else other
     match style:
         case "jacket":
             return base._replace(padding=0.008, shirt=other if rng.random() < 0.6 else None,
@@ -129,12 +133,12 @@ def _styled(rng: np.random.Generator, base: Outfit, style: str, woman: bool) -> 
         case "skirt":
             legs = base.skin if bare else CLOTHES[0]
             return base._replace(legs=legs, trousers=1.0, width=0.88,
-                                 hem=float(rng.uniform(0.35, 0.8)), hem_color=other,
+                                 hem=float(rng.uniform(0.35, 0.8)), hem_color=dress,
                                  flare=float(rng.uniform(1.1, 1.8)))  # fmt: skip
         case "dress":
             legs = base.skin if bare else CLOTHES[0]
-            return base._replace(top=other, legs=legs, width=0.88, collar=None, hat="",
-                                 sleeves=float(rng.choice([0.3, 0.42, 1.0])), hem_color=other,
+            return base._replace(top=dress, legs=legs, width=0.88, collar=None, hat="",
+                                 sleeves=float(rng.choice([0.3, 0.42, 1.0])), hem_color=dress,
                                  hem=float(rng.uniform(0.4, 0.85)),
                                  flare=float(rng.uniform(1.2, 1.9)))  # fmt: skip
         case "sports":
@@ -142,7 +146,8 @@ def _styled(rng: np.random.Generator, base: Outfit, style: str, woman: bool) -> 
                                  trousers=float(rng.choice([0.4, 0.8, 1.0])),
                                  legs=pick(rng, TROUSERS[:4]), shoes=pick(rng, BRIGHT),
                                  sole=WHITE_SOLE,
-                                 hairdo="ponytail" if woman else "short")  # fmt: skip
+                                 hairdo=base.hairdo if base.hairdo in ("bald", "bun") else "ponytail"
+                                 if base.hairdo in _WOMENS_HAIR[:4] else "short")  # fmt: skip
         case "work":
             vis = HI_VIS[rng.integers(2)]
             full = rng.random() < 0.4

@@ -2,94 +2,141 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
-from scene.asset import Asset, Color, box, merge, solid, vary
+from scene.asset import (
+    Asset,
+    Color,
+    box,
+    extrude,
+    loft,
+    merge,
+    rotate,
+    solid,
+    translate,
+    vary,
+)
+from scene.assets._palette import darker
+from scene.assets._wall_faces import FACES, RELIEF, TOPS, WallParams
 
-KINDS: tuple[str, ...] = ("brick", "stone", "concrete", "plaster", "retaining", "piered")
+BRICK: Color = (0.17, 0.085, 0.06)
+YELLOW_BRICK: Color = (0.27, 0.22, 0.15)
+STONE: Color = (0.24, 0.22, 0.18)
+PALE: Color = (0.30, 0.29, 0.27)
+GREY: Color = (0.25, 0.245, 0.235)
+CREAM: Color = (0.52, 0.49, 0.43)
 
 
-class WallParams(NamedTuple):
-    """A straight length of wall with a coping and piers."""
-
-    length: float  # along x, m
-    height: float  # without the coping, m
-    thickness: float  # at the foot, m
-    batter: float  # how far the near face leans back at the top, m
-    coping: float  # height of the coping, m; 0 for none
-    piers: tuple[float, ...]  # x of each pier, as a share of half the length
-    plinth: float  # height of a darker foot, m; 0 for none
-    color: Color
-    coping_color: Color
-    material: str
+_BASE = WallParams(3.6, 1.6, 0.28, BRICK, "brick", PALE, 0.08)
+_PATTERNS: dict[str, WallParams] = {
+    "brick": _BASE,
+    "rubble stone": _BASE._replace(color=STONE, material="concrete", second=(0.12, 0.11, 0.10),
+                                   thickness=0.42, height=1.3, coping=0.0, face="blocks"),
+    "concrete panels": _BASE._replace(color=GREY, material="concrete", coping=0.0, height=2.0,
+                                      piers=(-1.0, 0.0, 1.0), second=GREY),
+    "rendered": _BASE._replace(color=CREAM, material="plaster", plinth=0.35, second=BRICK, height=1.9,
+                               ridge=True, coping=0.16),
+    "retaining": _BASE._replace(height=2.4, thickness=0.5, batter=0.22, color=PALE, face="weep holes",
+                                material="concrete", second=(0.05, 0.05, 0.05)),
+    "piered": _BASE._replace(height=0.9, piers=(-0.95, 0.95), ball=True, color=YELLOW_BRICK),
+    "railing top": _BASE._replace(height=0.75, top="railings", second=STONE, piers=(-1.0, 1.0)),
+    "graffiti": _BASE._replace(height=2.3, color=GREY, material="concrete", coping=0.0,
+                               face="graffiti"),
+    "noise barrier": _BASE._replace(height=2.7, thickness=0.2, color=(0.05, 0.10, 0.065), coping=0.0,
+                                    material="metal", face="ribs", second=(0.2, 0.205, 0.21)),
+    "gabions": _BASE._replace(height=1.5, thickness=0.55, color=(0.19, 0.19, 0.185), coping=0.0,
+                              material="concrete", face="stones", second=(0.06, 0.06, 0.06)),
+    "banded brick": _BASE._replace(height=2.1, color=YELLOW_BRICK, face="bands",
+                                   second=(0.15, 0.05, 0.04), coping=0.12, ridge=True),
+    "balustrade": _BASE._replace(height=0.4, color=(0.42, 0.39, 0.33), material="plaster",
+                                 second=(0.42, 0.39, 0.33), top="balusters", piers=(-1.0, 1.0)),
+    "stepped": _BASE._replace(height=1.9, steps=3, color=(0.20, 0.10, 0.075), second=GREY),
+    "sleepers": _BASE._replace(height=1.2, color=(0.085, 0.06, 0.04), material="wood", coping=0.0,
+                               face="beams", second=(0.03, 0.022, 0.017), thickness=0.3),
+    "ivy": _BASE._replace(height=2.0, face="ivy", second=(0.022, 0.05, 0.018), coping=0.0,
+                          top="mound"),
+    "crash barrier": _BASE._replace(height=0.85, thickness=0.55, color=(0.36, 0.355, 0.34),
+                                    material="concrete", coping=0.0, face="profile",
+                                    second=(0.5, 0.03, 0.02)),
+}  # fmt: skip
+KINDS: tuple[str, ...] = tuple(_PATTERNS)
 
 
 def sample_wall(rng: np.random.Generator, kind: str) -> WallParams:
     """Draw a wall of one of ``KINDS``."""
-    bricks = ((0.25, 0.09, 0.06), (0.33, 0.25, 0.15), (0.20, 0.11, 0.08), (0.28, 0.14, 0.08))
-    brick = vary(rng, bricks[rng.integers(len(bricks))], 0.2)
-    pale = vary(rng, (0.32, 0.30, 0.27), 0.2)
-    wall_ = WallParams(
-        length=float(rng.uniform(3.2, 4.0)), height=float(rng.uniform(1.0, 2.3)),
-        thickness=float(rng.uniform(0.22, 0.35)), batter=0.0,
-        coping=float(rng.uniform(0.06, 0.12)), piers=(), plinth=0.0,
-        color=brick, coping_color=pale, material="brick",
-    )  # fmt: skip
-    match kind:
-        case "brick":
-            return wall_
-        case "stone":
-            return wall_._replace(
-                color=vary(rng, (0.27, 0.24, 0.19), 0.25), material="paving", batter=0.05,
-                thickness=float(rng.uniform(0.3, 0.45)),
-            )  # fmt: skip
-        case "concrete":
-            grey = vary(rng, (0.30, 0.29, 0.28), 0.2)
-            return wall_._replace(
-                color=grey, coping_color=grey, coping=0.0, material="concrete", piers=(-1.0, 1.0)
-            )
-        case "plaster":
-            creams = ((0.55, 0.52, 0.46), (0.5, 0.42, 0.28), (0.45, 0.45, 0.44))
-            return wall_._replace(
-                color=vary(rng, creams[rng.integers(3)]), material="plaster", plinth=0.35,
-                coping_color=brick if rng.random() < 0.5 else pale,
-            )  # fmt: skip
-        case "retaining":
-            return wall_._replace(
-                height=float(rng.uniform(1.8, 3.0)), thickness=0.5, batter=0.25,
-                material=str(rng.choice(["concrete", "brick"])),
-                color=brick if rng.random() < 0.4 else pale,
-            )  # fmt: skip
-        case "piered":
-            return wall_._replace(height=float(rng.uniform(0.7, 1.4)), piers=(-0.95, 0.95))
-    raise ValueError(f"unknown kind of wall {kind!r}; known: {', '.join(KINDS)}")
+    if kind not in _PATTERNS:
+        raise ValueError(f"unknown kind of wall {kind!r}; known: {', '.join(KINDS)}")
+    p = _PATTERNS[kind]
+    return p._replace(
+        length=float(rng.uniform(3.3, 3.9)),
+        height=float(p.height * rng.uniform(0.9, 1.1)),
+        thickness=float(p.thickness * rng.uniform(0.95, 1.05)),
+        color=vary(rng, p.color, 0.22),
+        second=vary(rng, p.second, 0.2),
+        seed=int(rng.integers(2**31)),
+    )
 
 
-def _body(params: WallParams) -> Asset:
-    """The wall proper; its near face leans back by ``batter``."""
-    p = params
-    body = box((p.length, p.thickness, p.height), (0, p.thickness / 2, 0), p.color, p.material)
+def _leaning(p: WallParams, x: float, length: float, height: float, front: float) -> Asset:
+    """A box from y = ``front`` back whose near face leans back by ``batter``."""
+    deep = p.thickness - front
+    color = p.second if p.face in ("blocks", "stones", "beams") else p.color
+    body = box((length, deep, height), (x, front + deep / 2, 0), color, p.material)
     vertices = np.array(body.mesh.vertices)
-    near_top = (vertices[:, 1] == 0) & (vertices[:, 2] > 0)
-    vertices[near_top, 1] = p.batter
-    return solid(vertices, body.mesh.faces, p.color, p.material)
+    vertices[(vertices[:, 1] < front + 1e-9) & (vertices[:, 2] > 0), 1] += p.batter
+    return solid(vertices, body.mesh.faces, color, p.material)
+
+
+def _coping(p: WallParams, x: float, length: float, height: float) -> Asset:
+    """A flat slab, or two slopes like a roof."""
+    wide, middle = p.thickness - p.batter + 0.1, (p.thickness + p.batter) / 2
+    if not p.ridge:
+        return box((length, wide, p.coping), (x, middle, height), p.second, "concrete")
+    outline = [(-wide / 2, 0.0), (wide / 2, 0.0), (wide / 2, 0.04), (0.0, p.coping),
+               (-wide / 2, 0.04)]  # fmt: skip
+    roof = rotate(extrude(outline, length, p.second, "concrete"), np.pi / 2, (0, 0, 1))
+    return translate(roof, (x, middle, height))
+
+
+def _piers(p: WallParams) -> list[Asset]:
+    parts, high = [], p.height + p.coping + (0.62 if p.top in TOPS else 0.12)
+    for share in p.piers:
+        x = share * (p.length - 0.36) / 2
+        y = p.thickness / 2
+        parts.append(box((0.36, p.thickness + 0.2, high), (x, y, 0), p.color, p.material))
+        parts.append(box((0.46, p.thickness + 0.29, 0.08), (x, y, high), p.second, "concrete"))
+        if p.ball:
+            level, turn = np.linspace(-1.2, np.pi / 2, 6), np.arange(10) * np.pi / 5
+            rings = [np.column_stack([x + max(0.15 * np.cos(a), 0.004) * np.cos(turn),
+                                      y + max(0.15 * np.cos(a), 0.004) * np.sin(turn),
+                                      np.full(10, high + 0.21 + 0.15 * np.sin(a))])
+                     for a in level]  # fmt: skip
+            parts.append(loft(np.array(rings), p.second, "concrete"))
+    return parts
 
 
 def wall(params: WallParams) -> Asset:
     """Build the wall."""
-    p = params
-    middle = (p.thickness + p.batter) / 2
-    parts = [_body(p)]
-    if p.coping:
-        size = (p.length, p.thickness - p.batter + 0.1, p.coping)
-        parts.append(box(size, (0, middle, p.height), p.coping_color, "concrete"))
+    p, rng = params, np.random.default_rng(params.seed)
+    parts: list[Asset] = []
+    if p.face == "profile":
+        t, h = p.thickness, p.height
+        outline = [(0.0, 0.0), (t, 0.0), (t, 0.09), (0.7 * t, 0.35 * h), (0.62 * t, h), (0.38 * t, h),
+                   (0.3 * t, 0.35 * h), (0.0, 0.09)]  # fmt: skip
+        parts.append(rotate(extrude(outline, p.length, p.color, p.material), np.pi / 2, (0, 0, 1)))
+    else:
+        front = RELIEF if p.face in ("blocks", "stones", "beams") else 0.0
+        step = p.length / p.steps
+        for k in range(p.steps):
+            x, high = -p.length / 2 + (k + 0.5) * step, p.height * (1 - 0.22 * k)
+            parts.append(_leaning(p, x, step, high, front))
+            if p.coping:
+                parts.append(_coping(p, x, step, high))
     if p.plinth:
-        red, green, blue = np.asarray(p.color) * 0.5
-        parts.append(box((p.length, 0.1, p.plinth), (0, 0.01, 0), (red, green, blue), p.material))
-    for share in p.piers:
-        size = (0.36, p.thickness + 0.2, p.height + p.coping + 0.12)
-        x = share * (p.length - size[0]) / 2
-        parts.append(box(size, (x, p.thickness / 2, 0), p.color, p.material))
-    return merge(*parts)
+        dark = darker(p.color, 0.4)
+        parts.append(box((p.length, 0.1, p.plinth), (0, 0.01, 0), dark, p.material))
+    if p.face:
+        parts += FACES[p.face](p, rng)
+    if p.top:
+        parts += TOPS[p.top](p, rng)
+    return merge(*parts, *_piers(p))
