@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from scene.asset import Asset, Color, merge, solid
+from scene.asset import Asset, Color, loft, merge, solid
 from scene.materials import material_id
 
 _SAME = 1e4
@@ -90,3 +90,36 @@ def revolve(
         axis=-1,
     )
     return weld(sheet(points, color, material))
+
+
+_ROUND = np.linspace(0, np.pi / 2, 4)
+
+
+def slab(stations: list[tuple[float, float, float, float]], color: Color, material: str) -> Asset:
+    """A rounded body along x from (x, half width, low, high) sections, narrower above."""
+    rings = []
+    for x, half, low, high in _smooth(stations):
+        middle = low + 0.45 * (high - low)
+        arc = [
+            (half * (0.45 + 0.55 * np.cos(a)), middle + (high - middle) * np.sin(a)) for a in _ROUND
+        ]
+        left = [(0.8 * half, low), (half, low + 0.15 * (high - low)), *arc]
+        rings.append([(x, y, z) for y, z in left] + [(x, -y, z) for y, z in left[::-1]])
+    return loft(np.array(rings), color, material)
+
+
+def _smooth(stations: list[tuple[float, float, float, float]]) -> np.ndarray:
+    """The stations with two more in every gap, on a curve through them."""
+    knots = np.array(stations)
+    t = np.arange(len(knots))
+    fine = np.linspace(0, len(knots) - 1, 3 * (len(knots) - 1) + 1)
+    slope = np.gradient(knots, axis=0)
+    low = np.minimum(fine.astype(int), len(knots) - 2)
+    u = (fine - t[low])[:, None]
+    a, b, da, db = knots[low], knots[low + 1], slope[low], slope[low + 1]
+    return (
+        (2 * u**3 - 3 * u**2 + 1) * a
+        + (u**3 - 2 * u**2 + u) * da
+        + (3 * u**2 - 2 * u**3) * b
+        + (u**3 - u**2) * db
+    )

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, block, disc, ellipsoid, loft, merge, polygon, tube
+from scene.asset import Asset, Color, Point, block, disc, ellipsoid, merge, polygon, tube
 from scene.assets._palette import AMBER, BLACK, HEADLAMP, PLATE, STEEL, TAILLAMP, TRIM, darker, pick
-from scene.assets._skin import moved, pair
+from scene.assets._skin import moved, pair, slab
 from scene.assets._vehicle import card, mudguard, rod
 from scene.assets._wheel import Wheel, wheel
 
@@ -123,39 +123,6 @@ def _wheel(p: MotorcycleParams, x: float) -> Asset:
     return moved(pair(moved(face, y=half)), x=x)
 
 
-_ROUND = np.linspace(0, np.pi / 2, 4)
-
-
-def _slab(stations: list[tuple[float, float, float, float]], color: Color, material: str) -> Asset:
-    """A rounded body along x from (x, half width, low, high) sections, narrower above."""
-    rings = []
-    for x, half, low, high in _smooth(stations):
-        middle = low + 0.45 * (high - low)
-        arc = [
-            (half * (0.45 + 0.55 * np.cos(a)), middle + (high - middle) * np.sin(a)) for a in _ROUND
-        ]
-        left = [(0.8 * half, low), (half, low + 0.15 * (high - low)), *arc]
-        rings.append([(x, y, z) for y, z in left] + [(x, -y, z) for y, z in left[::-1]])
-    return loft(np.array(rings), color, material)
-
-
-def _smooth(stations: list[tuple[float, float, float, float]]) -> np.ndarray:
-    """The stations with two more in every gap, on a curve through them."""
-    knots = np.array(stations)
-    t = np.arange(len(knots))
-    fine = np.linspace(0, len(knots) - 1, 3 * (len(knots) - 1) + 1)
-    slope = np.gradient(knots, axis=0)
-    low = np.minimum(fine.astype(int), len(knots) - 2)
-    u = (fine - t[low])[:, None]
-    a, b, da, db = knots[low], knots[low + 1], slope[low], slope[low + 1]
-    return (
-        (2 * u**3 - 3 * u**2 + 1) * a
-        + (u**3 - 2 * u**2 + u) * da
-        + (3 * u**2 - 2 * u**3) * b
-        + (u**3 - u**2) * db
-    )
-
-
 def _front(p: MotorcycleParams) -> list[Asset]:
     """Fork, handlebar, mirrors, headlamp and mudguard."""
     hub, (x, y, z) = p.wheelbase / 2, BAR
@@ -210,8 +177,8 @@ def _machine(p: MotorcycleParams) -> list[Asset]:
     seat = [(tail, 0.05, z + p.tail, z + p.tail + 0.06), (x - 0.2, 0.12, z - 0.07, z + p.tail)]
     seat += [(x, 0.13, z - 0.09, z), (0.02, 0.09, z - 0.09, z + 0.01)]
     parts = [
-        _slab(tank, p.color, "paint"),
-        _slab(seat, p.seat_color, "plain"),
+        slab(tank, p.color, "paint"),
+        slab(seat, p.seat_color, "plain"),
         ellipsoid((0.02, 0, 0.37), (0.27, 0.16, 0.16), p.engine_color, "metal", subdivisions=2),
         tube((-0.05, -0.19, 0.36), (-0.05, 0.19, 0.36), 0.11, p.engine_color, "metal", sides=12),
         *_cylinders(p),
@@ -267,7 +234,7 @@ def _fairing(p: MotorcycleParams) -> Asset:
     stations = [(0.10, 0.20, low, 0.72), (0.34, 0.22, low + 0.05, 0.98)]
     stations += [(0.50, 0.18, low + 0.2, 1.0), (0.62, 0.07, 0.76, 0.92)]
     return merge(
-        _slab(stations, p.color, "paint"),
+        slab(stations, p.color, "paint"),
         disc((0.63, 0.0, 0.85), 0.085, HEADLAMP, "lamp", axis=(1, 0, 0), sides=12),
         pair(
             polygon(
@@ -289,9 +256,9 @@ def _scooter(p: MotorcycleParams) -> list[Asset]:
     seat += [(x + 0.2, 0.09, z - 0.08, z - 0.02)]
     shield = [(0.26, 0.24, 0.22, 0.5), (0.38, 0.19, 0.4, 0.95), (0.46, 0.08, 0.5, 1.0)]
     return [
-        _slab(body, p.color, "paint"),
-        _slab(seat, p.seat_color, "plain"),
-        _slab(shield, p.color, "paint"),
+        slab(body, p.color, "paint"),
+        slab(seat, p.seat_color, "plain"),
+        slab(shield, p.color, "paint"),
         block((x + 0.05, -0.2, 0.2), (0.34, 0.2, 0.28), TRIM),
         tube(
             (-0.3, -0.19, radius),

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 
 import numpy as np
 
 from scene.asset import Asset, Color, block, merge, tube
-from scene.assets._lorry import TruckParams, floor, load
+from scene.assets import _cargo, _lorry
+from scene.assets._lorry import TruckParams, floor
 from scene.assets._palette import (
     AMBER,
     BLACK,
@@ -58,6 +60,20 @@ _MODELS: dict[str, TruckParams] = {
 }
 KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body types."""
+
+LOADS: dict[str, Callable[[TruckParams], list[Asset]]] = {
+    "box": _lorry.box,
+    "curtain": _lorry.curtain,
+    "luton": _lorry.luton,
+    "flatbed": _cargo.flatbed,
+    "tipper": _cargo.tipper,
+    "tanker": _cargo.tanker,
+    "refuse": _cargo.refuse,
+    "mixer": _cargo.mixer,
+    "skip": _cargo.skip,
+    "recovery": _cargo.recovery,
+}
+"""What a lorry may carry."""
 
 _CABS: tuple[Color, ...] = (
     (0.62, 0.62, 0.60),
@@ -130,7 +146,7 @@ def truck(params: TruckParams) -> Asset:
     ]
     front = nose - p.axles[0]
     arches = [arch(front, y, p.wheel_radius, p.wheel_radius + 0.1, 10) for y in (half, -half)]
-    return merge(*wheels, *arches, *_cab(p), *_chassis(p), load(p), *_tail(p))
+    return merge(*wheels, *arches, *_cab(p), *_chassis(p), *LOADS[p.load](p), *_tail(p))
 
 
 def _cab(p: TruckParams) -> list[Asset]:

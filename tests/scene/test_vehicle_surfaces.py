@@ -1,0 +1,93 @@
+"""Curved surfaces of vehicles: sheets, welding, wheels, and the shell of a car with its arches."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from scene.assets import car
+from scene.assets._bodywork import ARCH_GAP, Paint, at, axles, low, share, shell
+from scene.assets._skin import mirrored, revolve, sheet, slab, twin_sheets, weld
+from scene.assets._wheel import STYLES, Wheel, wheel
+
+SEEDS = st.integers(0, 2**32 - 1)
+RED = (0.5, 0.0, 0.0)
+
+
+def square(x):
+    """A square of one metre in the x-y plane whose corner is at ``x``."""
+    return np.array([[[x, 0, 0], [x, 1, 0]], [[x + 1, 0, 0], [x + 1, 1, 0]]], float)
+
+
+def body(kind, seed):
+    return car.sample_car(np.random.default_rng(seed), kind).body
+
+
+def test_two_squares_side_by_side_share_an_edge_once_welded():
+    apart = [sheet(square(0), RED), sheet(square(1), RED)]
+    one = weld(*apart)
+    assert len(one.mesh.vertices) == 6 and len(one.mesh.faces) == 4
+    assert one.mesh.area == pytest.approx(2.0)
+
+
+def test_welding_drops_faces_without_area():
+    flat = square(0)
+    flat[1] = flat[0]
+    assert len(weld(sheet(flat, RED)).mesh.faces) == 0
+
+
+def test_twin_sheets_are_a_sheet_and_its_mirror_image():
+    twins = twin_sheets(square(0) + [0, 2, 0], RED)
+    assert twins.mesh.bounds[:, 1] == pytest.approx([-3, 3])
+    assert twins.mesh.face_normals[:, 2] == pytest.approx([-1, -1, -1, -1])
+    again = mirrored(mirrored(twins))
+    assert np.array_equal(again.mesh.faces, twins.mesh.faces)
+
+
+def test_a_cylinder_of_revolution_is_as_large_as_its_polygon():
+    tube = revolve([(0.5, -1.0), (0.5, 1.0)], RED, "metal", sides=6)
+    assert len(tube.mesh.vertices) == 12
+    assert tube.mesh.area == pytest.approx(6 * 0.5 * 2.0)  # a hexagon's side is its radius
+
+
+def test_a_slab_stays_within_its_stations():
+    mesh = slab([(0, 0.1, 0, 1), (1, 0.1, 0, 1), (2, 0.1, 0, 1)], RED, "paint").mesh
+    assert mesh.bounds == pytest.approx(np.array([[0, -0.1, 0], [2, 0.1, 1]]))
+
+
+@pytest.mark.parametrize("style", STYLES)
+@given(radius=st.floats(0.2, 0.6))
+def test_wheels_stand_on_the_ground_behind_their_outer_face(style, radius):
+    low_corner, high = wheel(Wheel(radius, 0.2, style)).mesh.bounds
+    assert low_corner[2] == pytest.approx(0, abs=0.05 * radius)
+    assert high[2] - low_corner[2] == pytest.approx(2 * radius, rel=0.05)
+    assert high[1] <= 1e-9 and low_corner[1] >= -0.2
+
+
+@pytest.mark.parametrize("kind", car.KINDS)
+@given(seed=SEEDS)
+def test_arches_are_circles_over_the_axles_and_leave_the_sill_between_them(kind, seed):
+    b = body(kind, seed)
+    front, rear = axles(b)
+    over = low(b, share(b, np.array([front, rear])))
+    assert over == pytest.approx(2 * b.wheel_radius + ARCH_GAP)
+    middle = low(b, share(b, np.array([(front + rear) / 2])))
+    assert middle == pytest.approx(b.sill)
+    assert front - rear == pytest.approx(b.wheelbase)
+
+
+@given(seed=SEEDS, s=st.floats(0, 1))
+def test_share_is_the_inverse_of_at(seed, s):
+    b = body("saloon", seed)
+    assert float(share(b, at(b, s))) == pytest.approx(s)
+
+
+@pytest.mark.parametrize("kind", ["hatchback", "pickup", "old-timer"])
+def test_shells_are_as_long_and_high_as_they_say_and_alike_on_both_sides(kind):
+    b = body(kind, 4)
+    mesh = shell(b, Paint(RED, RED, RED, RED, RED)).mesh
+    extent = mesh.bounds[1] - mesh.bounds[0]
+    assert extent[0] == pytest.approx(b.length, abs=0.02)
+    assert mesh.bounds[1, 2] == pytest.approx(b.height, abs=0.02)
+    points = {tuple(p) for p in np.round(mesh.vertices, 6) + 0.0}
+    assert points == {tuple(p) for p in np.round(mesh.vertices * [1, -1, 1], 6) + 0.0}
