@@ -16,42 +16,61 @@ from scene import catalogue
 from scene.asset import Asset
 from scene.classes import TrainId
 from scene.ground import GROUND_INSTANCES, ground_assets
-from scene.street import FIRST_INSTANCE, Placement, Street
+from scene.street import FIRST_INSTANCE, Street
 
 SKY_INSTANCE = 0
 CREASE = 40.0
 """Degrees between faces below which the surface is shaded as a curved one."""
 
 
+ROW = 16
+"""Floats in a row of a surface: 64 bytes, one line of a processor's cache."""
+
+
 class Shape(NamedTuple):
-    """One mesh, ready to be placed; metres in its own frame."""
+    """One mesh, ready to be placed; metres in its own frame.
+
+    All that shading asks about a face lies in one row of ``surface``: its normal (0-2), the smoothed
+    normals at its corners (3-11), its linear RGB albedo (12-14), its index into MATERIALS (15).
+    """
 
     vertices: np.ndarray  # f32[v, 3]
     faces: np.ndarray  # i32[f, 3]
-    normal: np.ndarray  # f32[f, 3] unit, of the flat face
-    corners: np.ndarray  # f32[f, 3, 3] unit, at each corner, smoothed where no edge is
-    color: np.ndarray  # f32[f, 3] linear RGB albedo
-    material: np.ndarray  # u8[f] index into MATERIALS
+    surface: np.ndarray  # f32[f, ROW]
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Unit normals f32[f, 3] of the flat faces."""
+        return self.surface[:, 0:3]
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Unit normals f32[f, 3, 3] at each corner, smoothed where there is no edge."""
+        return self.surface[:, 3:12].reshape(-1, 3, 3)
+
+    @property
+    def color(self) -> np.ndarray:
+        """Linear RGB albedo f32[f, 3]."""
+        return self.surface[:, 12:15]
+
+    @property
+    def material(self) -> np.ndarray:
+        """Index i64[f] into MATERIALS."""
+        return self.surface[:, 15].astype(np.int64)
 
 
 class Geometry(NamedTuple):
-    """Triangles of a whole street; every distinct shape is there once."""
+    """Which shape stands where; nothing is copied, since streets share their shapes."""
 
-    vertices: np.ndarray  # f32[v, 3] in the frame of their shape
-    faces: np.ndarray  # i32[f, 3]
-    normal: np.ndarray  # f32[f, 3] unit, of the flat face
-    corners: np.ndarray  # f32[f, 3, 3] unit, smoothed
-    color: np.ndarray  # f32[f, 3] linear RGB albedo
-    material: np.ndarray  # u8[f] index into MATERIALS
-    first: np.ndarray  # i32[instances] first face of an instance's shape; of the sky: 0
-    count: np.ndarray  # i32[instances] faces of an instance's shape; of the sky: 0
+    shapes: tuple[Shape, ...]  # of every instance from 1 on
+    surfaces: np.ndarray  # u64[instances] address of each instance's ``surface``; of the sky: 0
     pose: np.ndarray  # f32[instances, 3, 4] shape -> world
     train_id: np.ndarray  # u8[instances]; instance 0 is the sky
 
     @property
     def triangles(self) -> int:
         """Triangles that stand in the street, every instance counted."""
-        return int(self.count.sum())
+        return sum(len(shape.faces) for shape in self.shapes)
 
 
 def shape_of(asset: Asset) -> Shape:
@@ -61,13 +80,17 @@ def shape_of(asset: Asset) -> Shape:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     area = np.cross(b - a, c - a)
     length = np.linalg.norm(area, axis=1, keepdims=True)
+    surface = np.empty((len(faces), ROW), np.float32)
     normal = np.divide(area, length, out=np.zeros_like(area), where=length > 0)
     # Solids are merged part by part: corners that touch are found by their place.
-    _, place = np.unique(np.round(vertices, 4), axis=0, return_inverse=True)
-    order = np.argsort(place.ravel()[faces.ravel()], kind="stable")
+    places = np.round(vertices * 1e4).astype(np.int64) @ (1, 2**21, 2**42)
+    corner = np.unique(places, return_inverse=True)[1].ravel()[faces.ravel()]
+    order = np.argsort(corner, kind="stable")
     corners = np.empty((len(faces), 3, 3), np.float32)
-    _smooth(place.ravel()[faces.ravel()], order, area, normal, np.cos(np.radians(CREASE)), corners)
-    return Shape(vertices, faces, normal, corners, asset.color.astype(np.float32), asset.material)
+    _smooth(corner, order, area, normal, np.cos(np.radians(CREASE)), corners)
+    surface[:, 0:3], surface[:, 3:12] = normal, corners.reshape(-1, 9)
+    surface[:, 12:15], surface[:, 15] = asset.color, asset.material
+    return Shape(vertices, faces, surface)
 
 
 @njit(cache=True)
@@ -113,91 +136,46 @@ def _smooth(
 
 
 @lru_cache(maxsize=2048)
-def asset_shape(family: str, asset: int) -> Shape:
+def asset_shape(family: str, asset: int | str) -> Shape:
     """The shape of a catalogue asset."""
     return shape_of(catalogue.asset(family, asset))
 
 
 def build(street: Street) -> Geometry:
     """Collect a street's shapes and poses."""
-    ground = {i: shape_of(asset) for i, asset in ground_assets(street.ground).items()}
-    instances = FIRST_INSTANCE + len(street.placements)
-    first, count = np.zeros(instances, np.int32), np.zeros(instances, np.int32)
-    pose = np.zeros((instances, 3, 4), np.float32)
+    ground = ground_assets(street.ground)
+    shapes = [shape_of(ground[instance]) for instance in range(1, FIRST_INSTANCE)]
+    shapes += [asset_shape(p.family, p.asset) for p in street.placements]
+    pose = np.zeros((1 + len(shapes), 3, 4), np.float32)
     pose[:FIRST_INSTANCE] = np.eye(3, 4)
-    train_id = np.zeros(instances, np.uint8)
+    train_id = np.zeros(1 + len(shapes), np.uint8)
     train_id[SKY_INSTANCE] = TrainId.SKY
-    shapes: list[Shape] = []
-    starts: dict[tuple[str, int], int] = {}
-    faces = 0
-
-    def add(shape: Shape) -> int:
-        nonlocal faces
-        shapes.append(shape)
-        faces += len(shape.faces)
-        return faces - len(shape.faces)
-
-    for instance, shape in ground.items():
-        first[instance], count[instance] = add(shape), len(shape.faces)
-        train_id[instance] = GROUND_INSTANCES[instance]
+    for instance, label in GROUND_INSTANCES.items():
+        train_id[instance] = label
     for placement in street.placements:
-        shape, key = asset_shape(*_key(placement)), _key(placement)
-        if key not in starts:
-            starts[key] = add(shape)
-        first[placement.instance], count[placement.instance] = starts[key], len(shape.faces)
         pose[placement.instance] = placement.pose[:3]
         train_id[placement.instance] = placement.train_id
-    vertices = np.cumsum([0] + [len(s.vertices) for s in shapes[:-1]]).astype(np.int32)
-    return Geometry(
-        vertices=np.concatenate([s.vertices for s in shapes]),
-        faces=np.concatenate([s.faces + v for s, v in zip(shapes, vertices, strict=True)]),
-        normal=np.concatenate([s.normal for s in shapes]),
-        corners=np.concatenate([s.corners for s in shapes]),
-        color=np.concatenate([s.color for s in shapes]),
-        material=np.concatenate([s.material for s in shapes]),
-        first=first,
-        count=count,
-        pose=pose,
-        train_id=train_id,
-    )
-
-
-def _key(placement: Placement) -> tuple[str, int]:
-    return placement.family, placement.asset
+    surfaces = np.array([0] + [shape.surface.ctypes.data for shape in shapes], np.uint64)
+    return Geometry(tuple(shapes), surfaces, pose, train_id)
 
 
 class World(NamedTuple):
     """All instances merged, in world metres."""
 
-    vertices: np.ndarray  # f32[corners, 3], three for each face
+    vertices: np.ndarray  # f32[3 f, 3], three for each face
     instance: np.ndarray  # i32[f]
-    face: np.ndarray  # i32[f] index into the faces of the geometry
+    face: np.ndarray  # i32[f] index into the faces of the instance's shape
 
 
 def world(geometry: Geometry) -> World:
     """Merge every instance's triangles, for renderers without instancing."""
-    instance = np.repeat(np.arange(len(geometry.count), dtype=np.int32), geometry.count)
-    starts = np.cumsum(geometry.count) - geometry.count
-    face = np.arange(len(instance), dtype=np.int32) + (geometry.first - starts)[instance].astype(
-        np.int32
+    counts = [len(shape.faces) for shape in geometry.shapes]
+    parts = [
+        (shape.vertices @ pose[:, :3].T + pose[:, 3])[shape.faces].reshape(-1, 3)
+        for shape, pose in zip(geometry.shapes, geometry.pose[1:], strict=True)
+    ]
+    return World(
+        np.concatenate(parts),
+        np.repeat(np.arange(1, 1 + len(counts), dtype=np.int32), counts),
+        np.concatenate([np.arange(n, dtype=np.int32) for n in counts]),
     )
-    vertices = np.empty((len(face), 3, 3), np.float32)
-    _place(geometry.vertices, geometry.faces, geometry.pose, instance, face, vertices)
-    return World(vertices.reshape(-1, 3), instance, face)
-
-
-@njit(cache=True)
-def _place(
-    vertices: np.ndarray,
-    faces: np.ndarray,
-    pose: np.ndarray,
-    instance: np.ndarray,
-    face: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    for i in range(len(face)):
-        m = pose[instance[i]]
-        for k in range(3):
-            v = vertices[faces[face[i], k]]
-            for a in range(3):
-                out[i, k, a] = m[a, 0] * v[0] + m[a, 1] * v[1] + m[a, 2] * v[2] + m[a, 3]

@@ -72,7 +72,7 @@ class EmbreeRenderer:
         frames = []
         for shot, camera in enumerate(street.cameras):
             rays = sample_rays(camera, settings)
-            seen = visible(rays, geometry, _nearest(forest, rays, geometry))
+            seen = visible(rays, geometry, _nearest(forest, rays))
             lit = np.ones(len(seen.points), np.float32)
             if settings.shadows:
                 sun = sun_segments(seen, around)
@@ -90,7 +90,7 @@ class EmbreeRenderer:
 
 
 @lru_cache(maxsize=2048)
-def _asset_tree(family: str, asset: int) -> Tree:
+def _asset_tree(family: str, asset: int | str) -> Tree:
     shape = asset_shape(family, asset)
     return Tree(shape.vertices, shape.faces)
 
@@ -98,10 +98,8 @@ def _asset_tree(family: str, asset: int) -> Tree:
 def _plant(street: Street, geometry: Geometry) -> Forest:
     """Embree's scene of a street. The ground is this street's own, all else is kept."""
     trees, ids = [], []
-    for instance in range(1, FIRST_INSTANCE):
-        faces = geometry.faces[geometry.first[instance] :][: geometry.count[instance]]
-        low, high = faces.min(), faces.max() + 1
-        trees.append(Tree(geometry.vertices[low:high], faces - low))
+    for instance, shape in enumerate(geometry.shapes[: FIRST_INSTANCE - 1], start=1):
+        trees.append(Tree(shape.vertices, shape.faces))
         ids.append(instance)
     for placement in street.placements:
         trees.append(_asset_tree(placement.family, placement.asset))
@@ -109,14 +107,14 @@ def _plant(street: Street, geometry: Geometry) -> Forest:
     return Forest(trees, ids, geometry.pose[ids])
 
 
-def _nearest(forest: Forest, rays: Rays, geometry: Geometry) -> Hits:
+def _nearest(forest: Forest, rays: Rays) -> Hits:
     n = len(rays.directions)
     hits = Hits(
         np.empty(n, np.int32), np.empty(n, np.int32), *(np.empty(n, np.float32) for _ in range(3))
     )
     _cast(
         forest.scene, query_arguments(coherent=True), rays.origin, rays.directions, rays.columns,
-        rays.rows, geometry.first, *hits,
+        rays.rows, *hits,
     )  # fmt: skip
     return hits
 
@@ -149,7 +147,6 @@ def _cast(
     directions: np.ndarray,
     columns: int,
     rows: int,
-    first: np.ndarray,
     face: np.ndarray,
     instance: np.ndarray,
     distance: np.ndarray,
@@ -189,7 +186,7 @@ def _cast(
                     distance[i] = u[i] = v[i] = 0
                     continue
                 instance[i] = np.int32(hit_bits[7, k])
-                face[i] = first[instance[i]] + np.int32(hit_bits[5, k])
+                face[i] = np.int32(hit_bits[5, k])
                 distance[i] = ray[8, k]
                 u[i], v[i] = hit[3, k], hit[4, k]
 

@@ -8,11 +8,14 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import carray, njit, types
+from numba.extending import intrinsic
 
+from scene.geometry import ROW
 from scene.materials import MATERIALS, textures
 
 MISS = -1
@@ -56,6 +59,16 @@ def material_rows() -> np.ndarray:
     return np.array([[m.tile, m.gloss, m.translucency] for m in MATERIALS], np.float32)
 
 
+@intrinsic
+def _pointer(typing_context: Any, address: Any) -> Any:
+    """The float pointer that an integer ``address`` stands for."""
+
+    def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return builder.inttoptr(arguments[0], ir.PointerType(ir.FloatType()))
+
+    return types.CPointer(types.float32)(address), generate
+
+
 @njit(cache=True, fastmath=True)
 def look(
     origin: Array,
@@ -65,8 +78,7 @@ def look(
     face: Array,
     u: Array,
     v: Array,
-    face_normal: Array,
-    face_corners: Array,
+    surfaces: Array,
     pose: Array,
     flat: Array,
     smooth: Array,
@@ -85,10 +97,11 @@ def look(
             continue
         m = pose[instance[i]]
         w = 1 - u[i] - v[i]
-        a, b, c = face_normal[f, 0], face_normal[f, 1], face_normal[f, 2]
-        p = w * face_corners[f, 0, 0] + u[i] * face_corners[f, 1, 0] + v[i] * face_corners[f, 2, 0]
-        q = w * face_corners[f, 0, 1] + u[i] * face_corners[f, 1, 1] + v[i] * face_corners[f, 2, 1]
-        r = w * face_corners[f, 0, 2] + u[i] * face_corners[f, 1, 2] + v[i] * face_corners[f, 2, 2]
+        row = carray(_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
+        a, b, c = row[0], row[1], row[2]
+        p = w * row[3] + u[i] * row[6] + v[i] * row[9]
+        q = w * row[4] + u[i] * row[7] + v[i] * row[10]
+        r = w * row[5] + u[i] * row[8] + v[i] * row[11]
         shrink = 1 / math.sqrt(max(p * p + q * q + r * r, 1e-12))
         toward_flat, toward_smooth = 0.0, 0.0
         for k in range(3):
@@ -110,11 +123,12 @@ def look(
 @njit(cache=True, fastmath=True)
 def sun_rays(
     face: Array,
+    instance: Array,
     flat: Array,
     smooth: Array,
     points: Array,
     sun_direction: Array,
-    face_material: Array,
+    surfaces: Array,
     rows: Array,
     starts: Array,
     wanted: Array,
@@ -136,7 +150,8 @@ def sun_rays(
             by_face += flat[i, k] * sun_direction[k]
             by_normal += smooth[i, k] * sun_direction[k]
         sign = 1.0
-        if rows[face_material[f], 2] > 0:
+        row = carray(_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
+        if rows[int(row[15]), 2] > 0:
             sign = 1.0 if by_face >= 0 else -1.0
         elif by_face <= 0 or by_normal <= 0:
             continue
@@ -301,8 +316,7 @@ def shade(
     opened: Array,
     pixel_angle: np.float32,
     textured: bool,
-    face_color: Array,
-    face_material: Array,
+    surfaces: Array,
     rows: Array,
     texels: Array,
     start: Array,
@@ -331,7 +345,8 @@ def shade(
         if f < 0:
             _sky(dx, dy, dz, panorama, out[i])
             continue
-        m = face_material[f]
+        row = carray(_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
+        m = int(row[15])
         nx, ny, nz = smooth[i, 0], smooth[i, 1], smooth[i, 2]
         t = distance[i]
         toward = dx * nx + dy * ny + dz * nz
@@ -372,7 +387,7 @@ def shade(
                 mirrored[k] = min(mirrored[k], 2.5) * sky_share
         air = 1.0 - math.exp(-t / haze)
         for k in range(3):
-            albedo = min(face_color[f, k] * texture, 0.95) * (1 - 0.45 * wet)
+            albedo = min(row[12 + k] * texture, 0.95) * (1 - 0.45 * wet)
             light = sun[k] * direct + opened[i] * (ambient[k] * up + ground_light[k] * (1 - up))
             radiance = albedo * light
             if gloss > 0:

@@ -40,7 +40,7 @@ class Rays(NamedTuple):
 class Hits(NamedTuple):
     """Where each sample's ray ends."""
 
-    face: np.ndarray  # i32[n] of the geometry, shade.MISS for the sky
+    face: np.ndarray  # i32[n] of the instance's shape, shade.MISS for the sky
     instance: np.ndarray  # i32[n], 0 for the sky
     distance: np.ndarray  # f32[n] metres along the ray; anything for the sky
     u: np.ndarray  # f32[n] share of the face's second corner; anything for the sky
@@ -116,7 +116,7 @@ def visible(rays: Rays, geometry: Geometry, hits: Hits) -> Visible:
     flat, smooth, points = (np.empty_like(rays.directions) for _ in range(3))
     shade.look(
         rays.origin, rays.directions, hits.distance, hits.instance, hits.face, hits.u, hits.v,
-        geometry.normal, geometry.corners, geometry.pose, flat, smooth, points,
+        geometry.surfaces, geometry.pose, flat, smooth, points,
     )  # fmt: skip
     return Visible(hits, flat, smooth, points)
 
@@ -127,8 +127,8 @@ def sun_segments(seen: Visible, around: Surroundings) -> Segments:
     starts = np.empty_like(seen.points)
     wanted = np.empty(len(starts), np.uint8)
     shade.sun_rays(
-        seen.hits.face, seen.flat, seen.smooth, seen.points, sun,
-        around.geometry.material, shade.material_rows(), starts, wanted,
+        seen.hits.face, seen.hits.instance, seen.flat, seen.smooth, seen.points, sun,
+        around.geometry.surfaces, shade.material_rows(), starts, wanted,
     )  # fmt: skip
     return Segments(starts, sun[None], wanted)
 
@@ -162,7 +162,7 @@ def radiance(
     samples = shade.shade(
         hits.face, hits.instance, hits.distance, rays.directions, seen.points, seen.flat,
         seen.smooth, light.lit, light.opened, np.float32(rays.spacing), settings.textures,
-        geometry.color, geometry.material, shade.material_rows(), *shade.texture_levels(),
+        geometry.surfaces, shade.material_rows(), *shade.texture_levels(),
         sky.sun_direction, sky.sun, sky.ambient, sky.horizon,
         np.float32(sky.haze), np.float32(sky.wetness), around.panorama,
     )  # fmt: skip

@@ -27,26 +27,27 @@ def street(seed):
 def test_arrays_fit_together(seed):
     drawn = street(seed)
     g = build(drawn)
-    n = len(g.faces)
-    assert len(g.normal) == len(g.corners) == len(g.color) == len(g.material) == n
-    assert (g.faces.min(), g.faces.max()) == (0, len(g.vertices) - 1)
-    assert g.material.max() < len(MATERIALS)
-    assert ((g.color >= 0) & (g.color <= 1)).all()
-    assert np.isfinite(g.vertices).all()
-    ids = {1, 2, 3} | {p.instance for p in drawn.placements}
-    assert set(np.flatnonzero(g.count).tolist()) == ids
-    assert (g.first + g.count <= n).all()
-    assert g.triangles == g.count.sum() > n  # some assets stand there twice
+    n = 4 + len(drawn.placements)
+    assert len(g.shapes) + 1 == len(g.surfaces) == len(g.pose) == len(g.train_id) == n
+    assert g.triangles == sum(len(shape.faces) for shape in g.shapes)
+    for shape, address in zip(g.shapes, g.surfaces[1:].tolist(), strict=True):
+        assert shape.surface.ctypes.data == address
+        assert shape.surface.shape == (len(shape.faces), 16)
+        assert 0 <= shape.faces.min() <= shape.faces.max() < len(shape.vertices)
+        assert shape.material.max() < len(MATERIALS)
+        assert ((shape.color >= 0) & (shape.color <= 1)).all()
+        assert np.isfinite(shape.vertices).all()
 
 
 def test_normals_are_unit_and_perpendicular_to_their_faces():
-    g = build(street(1))
-    a, b, c = (g.vertices[g.faces[:, k]] for k in range(3))
-    assert np.abs(np.linalg.norm(g.normal, axis=1) - 1).max() < 1e-5
-    for edge in (b - a, c - a):
-        length = np.linalg.norm(edge, axis=1)
-        leaning = np.abs((edge * g.normal).sum(axis=1)) / np.maximum(length, 1e-3)
-        assert np.quantile(leaning, 0.999) < 0.02
+    for shape in build(street(1)).shapes:
+        a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
+        flat = np.linalg.norm(np.cross(b - a, c - a), axis=1) < 1e-7
+        assert np.abs(np.linalg.norm(shape.normal[~flat], axis=1) - 1).max() < 1e-3
+        for edge in (b - a, c - a):
+            length = np.linalg.norm(edge, axis=1)
+            leaning = np.abs((edge * shape.normal).sum(axis=1)) / np.maximum(length, 1e-3)
+            assert np.quantile(leaning, 0.99) < 0.02
 
 
 def test_a_fine_ball_is_smoothed_and_a_box_keeps_its_edges():
@@ -96,13 +97,15 @@ def test_merging_names_the_face_that_each_triangle_comes_from():
     merged = world(g)
     assert len(merged.face) == g.triangles
     for i in np.random.default_rng(0).integers(0, g.triangles, 50):
-        pose = g.pose[merged.instance[i]].astype(float)
-        own = g.vertices[g.faces[merged.face[i]]]
+        pose, shape = g.pose[merged.instance[i]], g.shapes[merged.instance[i] - 1]
+        own = shape.vertices[shape.faces[merged.face[i]]]
         expected = own @ pose[:, :3].T + pose[:, 3]
         np.testing.assert_allclose(merged.vertices[3 * i : 3 * i + 3], expected, atol=1e-3)
 
 
 def test_building_twice_gives_the_same_bytes():
-    assert all(
-        a.tobytes() == b.tobytes() for a, b in zip(build(street(3)), build(street(3)), strict=True)
-    )
+    first, second = build(street(3)), build(street(3))
+    assert first.pose.tobytes() == second.pose.tobytes()
+    assert first.train_id.tobytes() == second.train_id.tobytes()
+    for a, b in zip(first.shapes, second.shapes, strict=True):
+        assert [x.tobytes() for x in a] == [x.tobytes() for x in b]
