@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.attributes import default_unit, street_params
+from scene.background import BEHIND
 from scene.catalogue import AssetPool
 from scene.render import RenderSettings, renderer
 from scene.street import FIRST_INSTANCE, Camera, Placement, Street, bounds, sample_street
@@ -60,7 +61,9 @@ def close_up(family: str, seed: int, number: int) -> tuple[Street, int]:
         found = [
             p
             for p in street.placements
-            if p.family == family and STRETCH[0] < p.pose[0, 3] < STRETCH[1]
+            if p.family == family
+            and STRETCH[0] < p.pose[0, 3] < STRETCH[1]
+            and abs(p.pose[1, 3]) < BEHIND  # not the background
         ]
         if found:
             chosen = found[int(rng.integers(len(found)))]

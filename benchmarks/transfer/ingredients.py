@@ -7,15 +7,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from scene.attributes import StreetParams, street_params
+from scene.background import BEHIND, LINES_END
 from scene.catalogue import AssetPool
 from scene.dataset import street_of
+from scene.ground import plain, sample_ground
 from scene.render import RenderSettings, renderer
-from scene.sensor import CameraResponse
+from scene.sky import sample_sky
 from scene.street import Street
 from seg.classes import class_table
 
 CLEAR = 1e9
 """Metres of haze at which nothing fades."""
+
+Alteration = Callable[[Street, StreetParams], Street]
 
 
 class World(NamedTuple):
@@ -23,7 +28,7 @@ class World(NamedTuple):
 
     settings: RenderSettings
     pool: AssetPool = AssetPool()
-    alter: tuple[Callable[[Street], Street], ...] = ()  # done to every street before it is rendered
+    alterations: tuple[Alteration, ...] = ()  # done to every street before it is rendered
 
 
 Change = Callable[[World], World]
@@ -33,17 +38,60 @@ def _settings(**changes: Any) -> Change:
     return lambda world: world._replace(settings=world.settings._replace(**changes))
 
 
+def _camera(**changes: Any) -> Change:
+    def change(world: World) -> World:
+        response = world.settings.response._replace(**changes)
+        return world._replace(settings=world.settings._replace(response=response))
+
+    return change
+
+
 def _share(fraction: float) -> Change:
     return lambda world: world._replace(pool=world.pool._replace(fraction=fraction))
 
 
-def _street(change: Callable[[Street], Street]) -> Change:
-    return lambda world: world._replace(alter=(*world.alter, change))
+def _street(alteration: Alteration) -> Change:
+    return lambda world: world._replace(alterations=(*world.alterations, alteration))
 
 
-def without_haze(street: Street) -> Street:
-    """The same street in clear air."""
+def clear_air(street: Street, params: StreetParams) -> Street:
+    """The street with nothing fading in the distance."""
     return street._replace(sky=street.sky._replace(haze=CLEAR))
+
+
+def dry_road(street: Street, params: StreetParams) -> Street:
+    """The street after the rain has dried."""
+    return street._replace(sky=street.sky._replace(wetness=0.0))
+
+
+def first_weather(street: Street, params: StreetParams) -> Street:
+    """The street in the first of all weathers, whatever it had."""
+    sky = sample_sky(
+        np.random.default_rng(street.seed),
+        intensity=params.illumination_intensity,
+        elevation=params.illumination_angle_x,
+        azimuth=params.illumination_angle_y,
+        share=0.0,
+    )
+    return street._replace(sky=sky)
+
+
+def first_surfaces(street: Street, params: StreetParams) -> Street:
+    """The street with the first of all roads, sidewalks and terrains."""
+    first = sample_ground(np.random.default_rng(street.seed), share=0.0)
+    ground = street.ground._replace(road=first.road, sidewalk=first.sidewalk, terrain=first.terrain)
+    return street._replace(ground=ground)
+
+
+def bare_ground(street: Street, params: StreetParams) -> Street:
+    """The street without markings, repairs, driveways, side streets and hills."""
+    return street._replace(ground=plain(street.ground))
+
+
+def lines_only(street: Street, params: StreetParams) -> Street:
+    """The street without what closes its horizon, which stands behind the lines."""
+    near = [p for p in street.placements if p.pose[0, 3] < LINES_END and abs(p.pose[1, 3]) < BEHIND]
+    return street._replace(placements=tuple(near))
 
 
 INGREDIENTS: dict[str, Change] = {
@@ -51,12 +99,21 @@ INGREDIENTS: dict[str, Change] = {
     "shadow": _settings(shadows=False),
     "ambient occlusion": _settings(occlusion=False),
     "shadow and occlusion": _settings(shadows=False, occlusion=False),
-    "camera effects": _settings(response=CameraResponse(noise=0.0)),
     "oversampling": _settings(samples=1),
-    "haze": _street(without_haze),
+    "lens and sensor defects": _camera(
+        blur=0.0, noise=0.0, vignette=0.0, fringe=0.0, halo=0.0, jpeg=0
+    ),
+    "metering and contrast": _camera(meter=0.0, contrast=1.0),
+    "variety of cameras": _camera(spread=0.0),
+    "haze": _street(clear_air),
+    "wet roads": _street(dry_road),
+    "variety of weather": _street(first_weather),
+    "variety of surfaces": _street(first_surfaces),
+    "markings and repairs": _street(bare_ground),
+    "background": _street(lines_only),
     "half of the assets": _share(0.5),
-    "three quarters of the assets": _share(0.25),
-    "nine tenths of the assets": _share(0.1),
+    "3/4 of the assets": _share(0.25),
+    "9/10 of the assets": _share(0.1),
 }
 """Ingredient -> the world without it."""
 
@@ -77,8 +134,8 @@ def render_world(
     images, labels = [], []
     for index, unit in enumerate(units):
         street = street_of(unit, seed, index, shots, world.pool)
-        for change in world.alter:
-            street = change(street)
+        for alter in world.alterations:
+            street = alter(street, street_params(unit))
         for frame in engine.render(street, world.settings):
             images.append(frame.image)
             labels.append(frame.label)

@@ -42,13 +42,14 @@ def ingredient_rows(
         pairs = list(zip(whole, confusions, strict=True))
         worth = [100 * (mean_iou(a) - mean_iou(b)) for a, b in pairs]
         by_class = 100 * np.nanmean([iou(a) - iou(b) for a, b in pairs], axis=0)
+        spread = _spread(worth)
         best, worst = int(np.nanargmax(by_class)), int(np.nanargmin(by_class))
         rows.append(
             {
                 "without": name,
                 "mIoU": float(np.mean([100 * mean_iou(c) for c in confusions])),
                 "worth": float(np.mean(worth)),
-                "error": _spread(worth) / math.sqrt(len(worth)) if len(worth) > 1 else None,
+                "error": None if spread is None else spread / math.sqrt(len(worth)),
                 "gains": f"{classes[best]} {by_class[best]:+.1f}",
                 "loses": f"{classes[worst]} {by_class[worst]:+.1f}",
             }
@@ -120,6 +121,6 @@ def _share(row: np.ndarray, k: int) -> float:
     return 100 * float(row[k]) / max(float(row.sum()), 1.0)
 
 
-def _spread(values: Sequence[float]) -> float:
-    """Standard deviation over the seeds."""
-    return float(np.std(values, ddof=1)) if len(values) > 1 else math.nan
+def _spread(values: Sequence[float]) -> float | None:
+    """Standard deviation over the seeds, None for a single one."""
+    return float(np.std(values, ddof=1)) if len(values) > 1 else None
