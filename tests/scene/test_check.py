@@ -99,6 +99,23 @@ def test_garbled_descriptions_are_refused(dataset):
         list(findings(dataset))
 
 
+@pytest.mark.parametrize("garbage", [None, "x", [[]], {"": None}])
+@pytest.mark.parametrize("file", ["dataset.json", "annotations/instances*", "*panoptic*.json"])
+def test_no_garbage_in_a_json_file_stops_the_check_with_a_traceback(dataset, file, garbage):
+    path = first(dataset, file)
+    whole = json.loads(path.read_text())
+    lists = [key for key, value in whole.items() if isinstance(value, list) and value]
+    broken = [{**whole, key: garbage} for key in whole]
+    broken += [{**whole, key: [garbage, *whole[key][1:]]} for key in lists]
+    for value in [garbage, *broken]:
+        path.write_text(json.dumps(value))
+        try:
+            found = list(findings(dataset))
+        except ValueError as error:
+            found = [str(error)]
+        assert all(isinstance(line, str) and "\n" not in line for line in found)
+
+
 def shift(plane):
     return np.roll(plane, 1, axis=1)
 
@@ -108,7 +125,7 @@ def grow(plane):
 
 
 def flip_sky(plane):
-    plane[:4, :4] = 0 if plane[:4, :4].any() else 77
+    plane[:4, :4] = np.where(plane[:4, :4] > 0, 0, 77)
     return plane
 
 
