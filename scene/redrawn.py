@@ -4,9 +4,6 @@ Written by ``python -m scene.assets --redraw``.
 """
 
 REDRAWN: dict[str, dict[int, int]] = {
-    "building": {
-        18: 1, 54: 1, 64: 1, 79: 1, 82: 1, 87: 1
-    },
     "car": {
         175: 1
     },
