@@ -111,6 +111,12 @@ def tipper(p: TruckParams) -> list[Asset]:
         "metal",
     )
     side = walls(length, width + 0.08, low, high, x=x)
+    for u in (0.02, 0.3, 0.66, 0.94):  # ribs of the tailgate
+        parts.append(panel(side.rear, (u, u + 0.04), (0, 1), darker(p.body, 0.6), lift=0.04))
+    parts += [
+        panel(side.rear, (0, 1), (v, v + 0.05), darker(p.body, 0.6), lift=0.03)
+        for v in (0.0, 0.5, 0.95)
+    ]
     return [*parts, pair(rail), *sign(p._replace(band=None), side, (0.3, 0.7), (0.35, 0.7))]
 
 

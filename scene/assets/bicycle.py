@@ -261,7 +261,9 @@ def _front_load(p: BicycleParams) -> list[Asset]:
         (x - 0.04, 0.0, top + 0.02), (x + 0.1, 0.0, top + 0.02), 0.04, HEADLAMP, "lamp", sides=8
     )
     if not p.basket:
-        return [lamp] if p.mudguards else []
+        head = _steering(p)[2]
+        bracket = rod((head[0], 0.0, head[2] - 0.06), (x, 0.0, top + 0.02), 0.01, BLACK)
+        return [lamp, bracket] if p.mudguards else []
     low, high = (x, -0.17, top + 0.03), (x + 0.27, 0.17, top + 0.23)
     if p.tube > 0.022:
         return [block(low, high, _WICKER, "wood")]
