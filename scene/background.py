@@ -77,7 +77,7 @@ def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Stand]
     for x in np.arange(-5.0, 260.0, 15.0):
         kind = _kind(0.8 * town, rng, woods=0.75)
         place = float(x + rng.uniform(-2, 2))
-        yaw = float(rng.choice([0.0, math.pi]))
+        yaw = 0.0 if rng.random() < 0.5 else math.pi
         if kind == "building":
             # Turned away, a house reaches towards the road: its wall there is not its origin.
             depth = 14.0 if (yaw == 0.0) != (side > 0) else 0.0

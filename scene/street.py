@@ -11,6 +11,8 @@ the x axis at z = 0.
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +32,12 @@ DRIVE = 60.0
 """Metres of road over which the camera takes its shots."""
 JITTER = 0.25
 """Objects leave their slot's middle by up to this share of the interval."""
+SEARCH = 15.0
+"""Metres by which a shot may be moved on to a place where nothing blocks the lens."""
+VIEW = 4.0
+"""Metres of view that should be free."""
+SPARE = 0.3
+"""Metres that things should be away from it."""
 FIRST_INSTANCE = 4
 """Instances 1-3 are road, sidewalk and terrain (see ``ground.py``); 0 is the sky."""
 BACKGROUND = 7
@@ -126,11 +134,12 @@ def _fill(
     distance = getattr(params, f"{line.name}_position")
     interval = getattr(params, f"{line.name}_interval")
     probability = getattr(params, f"{line.name}_probability", 1.0)
-    families, shares = zip(*line.mix, strict=True)
+    families = [family for family, _ in line.mix]
+    shares = list(accumulate(share for _, share in line.mix))
     start = LINE_START + rng.uniform(0, interval)
     for slot in range(math.ceil((LINE_END - start) / interval)):
         x = start + (slot + rng.uniform(-JITTER, JITTER)) * interval
-        family = str(rng.choice(families, p=shares))
+        family = families[bisect_right(shares, rng.random() * shares[-1])]
         index = pick(pool, family, rng)
         other = int(rng.integers(2**31))
         yaw = _yaw(line.facing, family, side, side == camera_side, rng)
@@ -159,6 +168,8 @@ def _parts(
     family: str, ref: int | str, seed: int, pool: AssetPool
 ) -> list[tuple[str, int | str | None]]:
     """The assets that make up one object: a rider's machine and a sign's post have their own class."""
+    if family not in ("rider", "traffic sign", "traffic light"):
+        return [(family, ref)]
     rng = np.random.default_rng(seed)
     if family == "rider":
         kinds = catalogue.FAMILIES["rider"].kinds
@@ -166,9 +177,7 @@ def _parts(
         kind = ref if isinstance(ref, int) else int(rng.integers(len(kinds)))
         mount = MOUNT[kinds[kind % len(kinds)]]
         return [(family, ref), (mount, pick(pool, mount, rng))]
-    if family in ("traffic sign", "traffic light"):
-        return [(family, ref), ("signpost", pick(pool, "signpost", rng))]
-    return [(family, ref)]
+    return [(family, ref), ("signpost", pick(pool, "signpost", rng))]
 
 
 def _yaw(
@@ -207,14 +216,15 @@ def forward(camera: Camera) -> np.ndarray:
 
 def bounds(placements: list[Placement]) -> np.ndarray:
     """World axis-aligned boxes f64[placements, 2, 3] (low, high corner)."""
-    boxes = np.zeros((len(placements), 2, 3))
-    for i, placement in enumerate(placements):
-        low, high = catalogue.bounds(placement.family, placement.asset)
-        centre, half = (low + high) / 2, (high - low) / 2
-        rotation, offset = placement.pose[:3, :3], placement.pose[:3, 3]
-        middle, reach = rotation @ centre + offset, np.abs(rotation) @ half
-        boxes[i] = middle - reach, middle + reach
-    return boxes
+    if not placements:
+        return np.zeros((0, 2, 3))
+    own = np.stack([catalogue.bounds(p.family, p.asset) for p in placements])
+    poses = np.stack([p.pose for p in placements])
+    centre, half = own.mean(axis=1), (own[:, 1] - own[:, 0]) / 2
+    rotation = poses[:, :3, :3]
+    middle = np.einsum("nij,nj->ni", rotation, centre) + poses[:, :3, 3]
+    reach = np.einsum("nij,nj->ni", np.abs(rotation), half)
+    return np.stack([middle - reach, middle + reach], axis=1)
 
 
 def _camera_path(
@@ -234,22 +244,26 @@ def _camera_path(
     z = ground_height(y) + params.camera_position_y
     cameras = []
     for shot in range(shots):
-        x = (shot + rng.random()) * DRIVE / shots
+        steps = (shot + rng.random()) * DRIVE / shots + np.arange(0.0, SEARCH, 1.5)
         candidates = [
-            Camera((x + step, y, z), params.camera_rotation_y, params.camera_rotation_x)
-            for step in np.arange(0.0, 15.0, 1.5)
+            Camera((float(x), y, z), params.camera_rotation_y, params.camera_rotation_x)
+            for x in steps
         ]
-        blocked = [_blocked(camera, boxes) for camera in candidates]
-        cameras.append(candidates[int(np.argmin(blocked))])
+        cameras.append(candidates[int(np.argmin(_blocked(candidates, boxes)))])
     return tuple(cameras)
 
 
-def _blocked(camera: Camera, boxes: np.ndarray, reach: float = 4.0) -> int:
-    """How much of the first ``reach`` metres of view lies inside boxes (with 0.3 m to spare).
+def _blocked(cameras: list[Camera], boxes: np.ndarray) -> np.ndarray:
+    """How much i64[cameras] of the first metres of each view lies inside boxes, with some to spare.
 
-    Standing inside one counts more than any view into one.
+    Standing inside one counts more than any view into one. The cameras look the same way.
     """
-    points = np.asarray(camera.position) + np.linspace(0, reach, 9)[:, None] * forward(camera)
-    inside = (points[:, None] > boxes[:, 0] - 0.3) & (points[:, None] < boxes[:, 1] + 0.3)
-    hidden = inside.all(axis=2).any(axis=1)
-    return int(hidden.sum()) + len(points) * int(hidden[0])
+    places = np.array([camera.position for camera in cameras])
+    ahead = np.linspace(0, VIEW, 9)[:, None] * forward(cameras[0])
+    points = places[:, None] + ahead
+    low, high = boxes[:, 0] - SPARE, boxes[:, 1] + SPARE
+    near = (high >= points.min(axis=(0, 1))) & (low <= points.max(axis=(0, 1)))
+    low, high = low[near.all(axis=1)], high[near.all(axis=1)]
+    inside = (points[:, :, None] > low) & (points[:, :, None] < high)
+    hidden = inside.all(axis=3).any(axis=2)
+    return hidden.sum(axis=1) + points.shape[1] * hidden[:, 0]
