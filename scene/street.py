@@ -38,6 +38,8 @@ VIEW = 4.0
 """Metres of view that should be free."""
 SPARE = 0.3
 """Metres that things should be away from it."""
+OWN_POST = 0.1
+"""A user's own sign that reaches this low, metres, has a post of its own."""
 FIRST_INSTANCE = 4
 """Instances 1-3 are road, sidewalk and terrain (see ``ground.py``); 0 is the sky."""
 BACKGROUND = 7
@@ -177,6 +179,8 @@ def _parts(
         kind = ref if isinstance(ref, int) else int(rng.integers(len(kinds)))
         mount = MOUNT[kinds[kind % len(kinds)]]
         return [(family, ref), (mount, pick(pool, mount, rng))]
+    if isinstance(ref, str) and catalogue.bounds(family, ref)[0, 2] < OWN_POST:
+        return [(family, ref)]
     return [(family, ref), ("signpost", pick(pool, "signpost", rng))]
 
 

@@ -92,7 +92,7 @@ class EmbreeRenderer:
 @lru_cache(maxsize=2048)
 def _asset_tree(family: str, asset: int | str) -> Tree:
     shape = asset_shape(family, asset)
-    return Tree(shape.vertices, shape.faces)
+    return Tree(shape.vertices, shape.faces, lasting=True)
 
 
 def _plant(street: Street, geometry: Geometry) -> Forest:

@@ -28,6 +28,7 @@ PATTERNS = (
 TRIANGLE, INSTANCE = 0, 121  # RTCGeometryType
 INDEX, VERTEX = 0, 1  # RTCBufferType
 UINT3, FLOAT3, FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134  # RTCFormat
+MEDIUM, HIGH = 1, 2  # RTCBuildQuality; high splits long triangles, of which twigs are made
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 LANES = 8
 """Rays in a packet."""
@@ -36,6 +37,7 @@ _SIGNATURES = {
     "rtcNewDevice": (c_void_p, (c_char_p,)),
     "rtcGetDeviceError": (c_int, (c_void_p,)),
     "rtcNewScene": (c_void_p, (c_void_p,)),
+    "rtcSetSceneBuildQuality": (None, (c_void_p, c_int)),
     "rtcCommitScene": (None, (c_void_p,)),
     "rtcReleaseScene": (None, (c_void_p,)),
     "rtcNewGeometry": (c_void_p, (c_void_p, c_int)),
@@ -133,14 +135,16 @@ class Tree:
     Args:
         vertices: f32[v, 3].
         faces: i32[f, 3].
+        lasting: the mesh will be met in many streets, and is worth a slower build.
     """
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray, *, lasting: bool = False) -> None:
         self._embree = library()
         # Embree reads 16 bytes at each vertex, so one more must follow the last.
         self._vertices = np.concatenate([vertices, np.zeros((1, 3), np.float32)])
         self._faces = np.ascontiguousarray(faces, np.int32)
         self.scene = int(self._embree.rtcNewScene(device()))
+        self._embree.rtcSetSceneBuildQuality(self.scene, HIGH if lasting else MEDIUM)
         self._attach()
         self._embree.rtcCommitScene(self.scene)
         check("a mesh")

@@ -383,8 +383,11 @@ def shade(
             _sky(mx, my, abs(mz), panorama, mirrored)
             # Low rays meet the street's other side rather than the sky.
             sky_share = min(max(mz * 3.0 + 0.1, 0.12), 1.0) * (0.3 + 0.7 * opened[i])
+            # A wet road is rough: only standing water mirrors clouds, the rest their mean.
+            clear = 1.0 if wet == 0 else min(max(5 * wet - 4, 0.0), 1.0)
             for k in range(3):
-                mirrored[k] = min(mirrored[k], 2.5) * sky_share
+                blurred = 0.5 * (horizon[k] + ambient[k]) * texture
+                mirrored[k] = sky_share * (min(mirrored[k], 2.5) * clear + blurred * (1 - clear))
         air = 1.0 - math.exp(-t / haze)
         for k in range(3):
             albedo = min(row[12 + k] * texture, 0.95) * (1 - 0.45 * wet)
