@@ -33,7 +33,7 @@ TROUSERS: tuple[Color, ...] = (
 )  # fmt: skip
 SHOES: tuple[Color, ...] = ((0.015, 0.014, 0.013), (0.06, 0.035, 0.02), (0.50, 0.50, 0.49),
                             (0.06, 0.07, 0.10), (0.20, 0.11, 0.05))  # fmt: skip
-DARK_SHARE = 0.65
+DARK_SHARE = 0.72
 """How many adults wear black, navy or charcoal over dark trousers, seen in photos of streets."""
 _WOMENS_HAIR = ("bob", "long", "long", "ponytail", "bun", "curly", "short")
 _MENS_HAIR = ("short", "short", "short", "thick", "bald", "curly")

@@ -11,7 +11,7 @@ from scene.asset import Asset, Color, box, loft, merge, tube, vary
 GLOW: Color = (0.62, 0.60, 0.52)
 """Lamp glass by day."""
 IRON: Color = (0.018, 0.019, 0.021)
-STEEL: Color = (0.115, 0.12, 0.125)
+STEEL: Color = (0.055, 0.058, 0.060)
 GREEN: Color = (0.012, 0.045, 0.028)
 CONCRETE: Color = (0.24, 0.23, 0.21)
 TIMBER: Color = (0.075, 0.052, 0.036)

@@ -21,7 +21,7 @@ MAX_HEIGHT = 4.0
 """No post is taller (metres)."""
 
 BLACK: Color = (0.016, 0.017, 0.018)
-STEEL: Color = (0.16, 0.165, 0.17)
+STEEL: Color = (0.09, 0.093, 0.096)
 DARK: Color = (0.055, 0.058, 0.062)
 GREEN: Color = (0.012, 0.05, 0.028)
 WHITE: Color = (0.62, 0.62, 0.60)
@@ -106,9 +106,9 @@ def _bin(p: SignpostParams) -> list[Asset]:
 
 def _button(p: SignpostParams) -> list[Asset]:
     """The yellow box in which one asks for green, with its lit sign."""
-    case = box((0.14, 0.17, 0.32), (-0.09, 0, 0.95), YELLOW, "paint")
-    return [case, box((0.01, 0.1, 0.1), (-0.165, 0, 1.12), BLACK),
-            box((0.02, 0.05, 0.05), (-0.165, 0, 1.01), (0.5, 0.5, 0.5), "metal")]  # fmt: skip
+    case = box((0.14, 0.17, 0.32), (-0.09, 0, 0.90), YELLOW, "paint")
+    return [case, box((0.01, 0.1, 0.1), (-0.165, 0, 1.07), BLACK),
+            box((0.02, 0.05, 0.05), (-0.165, 0, 0.96), (0.5, 0.5, 0.5), "metal")]  # fmt: skip
 
 
 def _band(p: SignpostParams) -> list[Asset]:

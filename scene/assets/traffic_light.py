@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, box, disc, loft, merge, polygon, tube, vary
+from scene.asset import Asset, Color, box, disc, loft, merge, polygon, vary
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 
 RED: Color = (0.95, 0.05, 0.03)
@@ -148,8 +148,8 @@ def _head(p: TrafficLightParams, head: Head) -> list[Asset]:
             x = -MAX_RADIUS - depth
             parts.append(polygon(np.column_stack([np.full(len(board), x), board]), color, "plain"))
     for z in (p.centre - 0.7 * half, p.centre + 0.7 * half):
-        ends = (-MAX_RADIUS + 0.005, 0.0, z), (-MAX_RADIUS - 0.03, head.y, z)
-        parts.append(tube(*ends, 0.02, p.color, "metal", sides=6))
+        bracket = (0.03, abs(head.y) + 0.06, 0.04)
+        parts.append(box(bracket, (-MAX_RADIUS - 0.01, head.y / 2, z), p.color, "metal"))
     return parts
 
 
