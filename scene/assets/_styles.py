@@ -62,7 +62,7 @@ class BuildingParams(NamedTuple):
     roof: str  # "flat", "gable" (ridge along the road), "front gable" or "hip"
     rise: float  # height of roof or parapet, m
     chimneys: int  # up to 2, one at either end
-    tower: float  # height of a tower at the left, m; 0 for none
+    tower: float  # least height of a tower at the left, m; 0 for none
     spire: float  # height of a spire on it, m
     wall: Finish
     ground_wall: Finish  # of the ground floor

@@ -239,7 +239,8 @@ def _top(params: BuildingParams) -> list[Part]:
     parts += [chimney(place, p.rise + 0.9, p.chimney) for place in places[: p.chimneys]]
     if p.tower:
         centre = (-p.width / 2 + 1.8, 1.4)
-        parts += steeple(centre, 3.6, p.tower, p.spire, p.wall, p.roof_color)
+        height = max(p.tower, base + p.rise + 1.5)  # no tower ends below its roof
+        parts += steeple(centre, 3.6, height, p.spire, p.wall, p.roof_color)
     return parts
 
 
