@@ -55,7 +55,8 @@ def twin_world(twin_seed: int) -> TwinWorld:
         gain=tuple(rng.uniform(0.92, 1.08, 3).tolist()),
         gamma=float(rng.uniform(0.94, 1.12)),
         blur=float(rng.uniform(0.3, 0.7)),
-        noise=0.024,
+        noise=0.012,
+        spread=0.0,  # one camera took all its pictures
     )
     return TwinWorld(
         np.clip(centre, 0.08, 0.92).astype(np.float32),

@@ -23,6 +23,10 @@ CREASE = 40.0
 """Degrees between faces below which the surface is shaded as a curved one."""
 
 
+SMALL = 0.12
+"""Square metres below which a triangle may be left out far away."""
+THIN = 0.25
+"""Share of its small triangles that a far tree keeps."""
 ROW = 16
 """Floats in a row of a surface: 64 bytes, one line of a processor's cache."""
 
@@ -135,9 +139,33 @@ def _smooth(
         begin = end
 
 
+def thinned(shape: Shape, share: float) -> Shape:
+    """Keep a ``share`` of the small triangles, leaves and twigs, so much larger that they cover as much.
+
+    From afar a crown looks alike, and rays pass it sooner. Source: stochastic simplification (Cook,
+    Halstead, Planck, Ryu 2007).
+    """
+    corners = shape.vertices[shape.faces]
+    area = (
+        np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+        )
+        / 2
+    )
+    small = area < SMALL
+    keep = ~small | (np.arange(len(area)) * 0.618034 % 1.0 < share)
+    middle = corners.mean(axis=1, keepdims=True)
+    scale = np.where(small, share**-0.5, 1.0)[:, None, None]
+    grown = (middle + scale * (corners - middle))[keep].astype(np.float32).reshape(-1, 3)
+    faces = np.arange(len(grown), dtype=np.int32).reshape(-1, 3)
+    return Shape(grown, faces, np.ascontiguousarray(shape.surface[keep]))
+
+
 @lru_cache(maxsize=2048)
-def asset_shape(family: str, asset: int | str) -> Shape:
-    """The shape of a catalogue asset."""
+def asset_shape(family: str, asset: int | str, far: bool = False) -> Shape:
+    """The shape of a catalogue asset, whole or, for one that stays ``far``, thinned."""
+    if far:
+        return thinned(asset_shape(family, asset), THIN)
     return shape_of(catalogue.asset(family, asset))
 
 
@@ -145,7 +173,7 @@ def build(street: Street) -> Geometry:
     """Collect a street's shapes and poses."""
     ground = ground_assets(street.ground)
     shapes = [shape_of(ground[instance]) for instance in range(1, FIRST_INSTANCE)]
-    shapes += [asset_shape(p.family, p.asset) for p in street.placements]
+    shapes += [asset_shape(p.family, p.asset, p.far) for p in street.placements]
     pose = np.zeros((1 + len(shapes), 3, 4), np.float32)
     pose[:FIRST_INSTANCE] = np.eye(3, 4)
     train_id = np.zeros(1 + len(shapes), np.uint8)

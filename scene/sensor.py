@@ -59,7 +59,7 @@ def vary(response: CameraResponse, rng: np.random.Generator) -> CameraResponse:
     s = response.spread
     if s == 0:
         return response
-    bend = np.exp(s * rng.normal(0, 1, 9) * (0.2, 0.04, 0.04, 0.3, 0.4, 0.05, 0.1, 0.4, 0.4))
+    bend = np.exp(s * rng.normal(0, 1, 9) * (0.2, 0.025, 0.025, 0.3, 0.4, 0.05, 0.1, 0.4, 0.4))
     bend = np.clip(bend, 0.25, 4.0).tolist()
     red, green, blue = response.gain
     quality = response.jpeg + s * rng.uniform(-12, 6)

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from scene.clouds import cloud_relief
-from scene.patterns import fractal_noise
 from scene.weather import SKIES as SKIES
 from scene.weather import Range, sample_weather
 
-CLOUD_SIZE = 256
-"""Pixels along each side of the tileable cloud map."""
 SUN = 1.9
 """Irradiance of a nominal sun outside the air."""
 BRIGHTEST = 4.0
@@ -211,21 +207,3 @@ def _panorama(
                 value += sun[k] * (glow * through + two * disc)
                 out[r, c, k] = min(value, np.float32(BRIGHTEST))
     return out
-
-
-@cache
-def cloud_map() -> np.ndarray:
-    """Tileable cloud thickness f32[size, size] in [0, 1] (read-only)."""
-    noise = fractal_noise(np.random.default_rng(41), CLOUD_SIZE, 4, 6)
-    rank = np.argsort(np.argsort(noise, axis=None)).reshape(noise.shape)
-    even = (rank / noise.size).astype(np.float32)  # so that a share ``cover`` of it is cloud
-    even.setflags(write=False)
-    return even
-
-
-def sky_arrays(sky: Sky) -> tuple:
-    """The sky as the plain tuple that compiled code takes, see ``shade.sky_radiance``."""
-    return (
-        sky.sun_direction, sky.sun, sky.zenith, sky.horizon, sky.cloud,
-        np.float32(sky.cover), sky.cloud_offset, cloud_map(),
-    )  # fmt: skip

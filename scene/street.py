@@ -38,6 +38,12 @@ VIEW = 4.0
 """Metres of view that should be free."""
 SPARE = 0.3
 """Metres that things should be away from it."""
+FAR = 35.0
+"""Metres from every camera beyond which trees have fewer, larger leaves and twigs."""
+RUNS = ("fence", "wall")
+"""Families of which one asset is a panel; a slot holds a run of up to three."""
+RUN, OVERLAP = 0.8, 0.98
+"""Share of an interval that a run may fill; shift from panel to panel in lengths of one."""
 OWN_POST = 0.1
 """A user's own sign that reaches this low, metres, has a post of its own."""
 FIRST_INSTANCE = 4
@@ -54,6 +60,7 @@ class Placement(NamedTuple):
     train_id: int
     instance: int
     pose: np.ndarray  # f64[4, 4] asset frame -> world
+    far: bool = False  # no camera comes near: fewer, larger leaves will do
 
 
 class Camera(NamedTuple):
@@ -151,9 +158,20 @@ def _fill(
         y = side * (distance + (0.0437 * (slot % 3) if line.facing == "road" else 0.0))
         if not filled or index is None:
             continue
-        pose = _pose(x, y, yaw)
-        for part, part_index in _parts(family, index, other, pool):
-            _place(placements, part, part_index, pose)
+        for shift in _panels(family, index, interval):
+            pose = _pose(x + shift, y, yaw)
+            for part, part_index in _parts(family, index, other, pool):
+                _place(placements, part, part_index, pose)
+
+
+def _panels(family: str, ref: int | str, interval: float) -> list[float]:
+    """Where along the road the copies of an object stand, from its place: fences and walls run on."""
+    if family not in RUNS:
+        return [0.0]
+    low, high = catalogue.bounds(family, ref)
+    length = OVERLAP * float(high[0] - low[0])
+    count = int(np.clip(RUN * interval / length, 1, 3))
+    return [(k - (count - 1) / 2) * length for k in range(count)]
 
 
 def _place(
@@ -163,7 +181,11 @@ def _place(
     if ref is None:
         return
     train_id = int(catalogue.FAMILIES[family].train_id)
-    placements.append(Placement(family, ref, train_id, FIRST_INSTANCE + len(placements), pose))
+    x, y = pose[0, 3], abs(pose[1, 3])
+    far = train_id == TrainId.VEGETATION and (x > DRIVE + SEARCH + FAR or y > FAR)
+    placements.append(
+        Placement(family, ref, train_id, FIRST_INSTANCE + len(placements), pose, bool(far))
+    )
 
 
 def _parts(

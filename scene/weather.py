@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import math
+from bisect import bisect_right
+from collections.abc import Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +32,7 @@ class Weather(NamedTuple):
     haze: Range  # metres
     wetness: Range
     below: float  # only under a sun lower than this, degrees
+    weight: float = 1.0  # how often it is drawn, against the others
 
 
 # fmt: off
@@ -39,17 +43,17 @@ SKIES: tuple[Weather, ...] = (
     Weather("clear",            "streaks", (.02, .08), (3.0, 5.0), .20, (2, 4),   .35, .05, (.30, .56, 1.05), (.98, 1.12, 1.28), (1.30, 1.33, 1.38), 1.0, (1500, 5000), (0, 0), 90),
     Weather("dark stratocumulus", "fleece", (.80, .93), (3.0, 4.6), .20, (5, 9),  1.0, .55, (.22, .30, .38), (.62, .68, .66), (.34, .38, .42), .05, (1200, 4000), (0, .3), 90),
     Weather("veiled sun",       "streaks", (.75, .95), (3.0, 5.0), .22, (1, 2),   .75, .08, (.55, .75, 1.05), (1.35, 1.40, 1.46), (1.35, 1.38, 1.42), .55, (900, 3000), (0, 0), 90),
-    Weather("rain",             "rags",    (.96, .99), (2.6, 4.0), .18, (3, 5),   1.0, .40, (.30, .33, .36), (.46, .49, .51), (.40, .43, .46), .02, (300, 900), (.7, 1), 90),
+    Weather("rain",             "rags",    (.96, .99), (2.6, 4.0), .18, (3, 5),   1.0, .40, (.30, .33, .36), (.46, .49, .51), (.40, .43, .46), .02, (300, 900), (.7, 1), 90, 0.5),
     Weather("broken cloud",     "fleece",  (.42, .68), (2.6, 4.2), .30, (7, 16),  1.0, .45, (.33, .58, 1.0), (1.05, 1.16, 1.26), (1.20, 1.24, 1.30), .70, (900, 3500), (0, .2), 90),
     Weather("low gold",         "streaks", (.15, .45), (3.0, 5.0), .20, (2, 5),   .65, .15, (.36, .50, .78), (1.30, 1.02, .70), (1.25, 1.00, .80), .95, (800, 3000), (0, 0), 22),
-    Weather("mist",             "sheet",   (.97, .99), (3.0, 5.0), .40, (1, 2),   1.0, .03, (.85, .88, .90), (.95, .97, .99), (.92, .95, .97), .06, (150, 450), (.2, .6), 90),
+    Weather("mist",             "sheet",   (.97, .99), (3.0, 5.0), .40, (1, 2),   1.0, .03, (.85, .88, .90), (.95, .97, .99), (.92, .95, .97), .06, (150, 450), (.2, .6), 90, 0.25),
     Weather("cirrus",           "streaks", (.25, .55), (2.6, 4.6), .20, (2, 5),   .70, .10, (.32, .58, 1.05), (1.00, 1.12, 1.26), (1.40, 1.42, 1.46), .90, (1200, 4000), (0, 0), 90),
     Weather("dull overcast",    "sheet",   (.95, .99), (2.6, 4.2), .18, (3, 5),   1.0, .28, (.55, .60, .66), (.82, .86, .88), (.70, .74, .79), .04, (700, 2500), (0, .4), 90),
     Weather("towering cumulus", "heaps",   (.36, .54), (2.0, 2.8), .60, (20, 45), 1.0, .55, (.30, .54, .98), (.95, 1.08, 1.22), (1.40, 1.43, 1.48), .85, (1200, 4000), (0, .2), 90),
     Weather("dusk",             "fleece",  (.35, .80), (2.8, 4.6), .20, (4, 8),   .95, .40, (.10, .15, .27), (.52, .40, .34), (.20, .20, .25), .18, (800, 3000), (0, .4), 16),
-    Weather("hazy",             "sheet",   (.10, .30), (3.0, 5.0), .25, (1, 2),   .40, .05, (.52, .72, 1.0), (1.25, 1.30, 1.34), (1.25, 1.30, 1.36), .80, (350, 900), (0, 0), 90),
+    Weather("hazy",             "sheet",   (.10, .30), (3.0, 5.0), .25, (1, 2),   .40, .05, (.52, .72, 1.0), (1.25, 1.30, 1.34), (1.25, 1.30, 1.36), .80, (350, 900), (0, 0), 90, 0.7),
     Weather("mackerel",         "ripples", (.45, .70), (2.6, 3.8), .22, (4, 8),   .85, .25, (.34, .58, 1.0), (1.02, 1.14, 1.26), (1.30, 1.33, 1.38), .75, (900, 3000), (0, 0), 90),
-    Weather("after rain",       "fleece",  (.55, .75), (2.4, 3.6), .34, (9, 18),  1.0, .60, (.26, .48, .92), (.92, 1.04, 1.16), (.85, .92, 1.02), .80, (1500, 5000), (.5, .9), 90),
+    Weather("after rain",       "fleece",  (.55, .75), (2.4, 3.6), .34, (9, 18),  1.0, .60, (.26, .48, .92), (.92, 1.04, 1.16), (.85, .92, 1.02), .80, (1500, 5000), (.5, .9), 90, 0.4),
 )
 # fmt: on
 
@@ -61,10 +65,16 @@ def sample_weather(rng: np.random.Generator, elevation: float, share: float = 1.
     limit; otherwise one of the others takes its place.
     """
     known = SKIES[: max(1, round(share * len(SKIES)))]
-    drawn = known[int(rng.integers(len(known)))]
+    drawn = _weighted(known, rng.random())
     chance, other = rng.random(), rng.random()
     height = math.degrees(elevation)
     if drawn.below >= 90 or chance < 1 - height / drawn.below:
         return drawn
     usual = [w for w in known if w.below >= 90]
-    return usual[int(other * len(usual))]
+    return _weighted(usual, other)
+
+
+def _weighted(weathers: Sequence[Weather], share: float) -> Weather:
+    """The weather below which ``share`` of all weight lies."""
+    weights = list(accumulate(weather.weight for weather in weathers))
+    return weathers[bisect_right(weights, share * weights[-1])]

@@ -142,9 +142,9 @@ def arch(opening: Opening, color: Color, material: str, *, pointed: bool) -> lis
         across, up = np.cos(turn), np.sin(turn)
     return [
         polygon(
-            [(middle + s * half, 0, high)]
+            [(middle + s * half, 0.0, high)]
             + [
-                (middle + s * half * float(a), 0, high - rise + rise * float(u))
+                (middle + s * half * float(a), 0.0, high - rise + rise * float(u))
                 for a, u in zip(across, up, strict=True)
             ],
             color,

@@ -22,7 +22,7 @@ KINDS: tuple[str, ...] = (
 
 GOLDEN = 2.399963
 """The golden angle: limbs that follow one another around the trunk by it never line up (radians)."""
-TWIG = 0.024
+TWIG = 0.045
 """Width of the thinnest twigs, metres: a bundle of real ones, as a camera resolves it."""
 REACH = 7.5
 """Metres from the foot that no twig goes beyond."""
@@ -57,7 +57,7 @@ class TreeParams(NamedTuple):
 def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
     """Draw a tree of one of ``KINDS``."""
     between = rng.uniform
-    tall = float(between(8, 13))
+    tall = float(between(9, 14))
     green = vary(rng, GREENS[rng.integers(len(GREENS))], 0.25)
     rust = vary(rng, AUTUMNS[rng.integers(len(AUTUMNS))], 0.25)
     bark = vary(rng, (0.062, 0.052, 0.043), 0.35)
@@ -69,7 +69,7 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
     leafy = bare._replace(
-        forks=(5, 3, 0), leafy=float(between(0.75, 0.95)), each=20, tuft=0.44, leaf=0.25
+        forks=(5, 3, 0), leafy=float(between(0.8, 1.0)), each=20, tuft=0.52, leaf=0.33
     )
     match kind:
         case "bare lime":
@@ -304,7 +304,7 @@ def tree(params: TreeParams) -> Asset:
             generations.append(_fork(rng, generations[-1], children, p.lift, points))
     wood = [tubes(*trunk, 8, p.bark_color), tubes(*limbs, 5, p.bark_color)]
     wood += [
-        tubes(g.lines, np.maximum(g.radius, 0.008), sides, p.bark_color)
+        tubes(g.lines, np.maximum(g.radius, 0.015), sides, p.bark_color)
         for g, sides in zip(generations[1:3], (3, 2), strict=False)
     ]
     if len(generations) > 3:

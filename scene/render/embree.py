@@ -90,8 +90,8 @@ class EmbreeRenderer:
 
 
 @lru_cache(maxsize=2048)
-def _asset_tree(family: str, asset: int | str) -> Tree:
-    shape = asset_shape(family, asset)
+def _asset_tree(family: str, asset: int | str, far: bool) -> Tree:
+    shape = asset_shape(family, asset, far)
     return Tree(shape.vertices, shape.faces, lasting=True)
 
 
@@ -102,7 +102,7 @@ def _plant(street: Street, geometry: Geometry) -> Forest:
         trees.append(Tree(shape.vertices, shape.faces))
         ids.append(instance)
     for placement in street.placements:
-        trees.append(_asset_tree(placement.family, placement.asset))
+        trees.append(_asset_tree(placement.family, placement.asset, placement.far))
         ids.append(placement.instance)
     return Forest(trees, ids, geometry.pose[ids])
 

@@ -371,7 +371,7 @@ def shade(
         direct = lit[i] * (max(cosine, 0.0) * (1 - through) + 0.6 * abs(cosine) * through)
         up = 0.5 + 0.5 * nz
         gloss = rows[m, 1]
-        wet = 0.0
+        wet = np.float32(0)
         if wetness > 0 and flat[i, 2] > 0.9 and points[i, 2] < 0.2:
             wet = wetness
             gloss = max(gloss, 0.05 * wet)

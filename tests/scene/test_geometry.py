@@ -1,6 +1,7 @@
 """A street as flat arrays."""
 
 import numpy as np
+import pytest
 import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -10,7 +11,7 @@ from scene.asset import box, ellipsoid
 from scene.attributes import default_unit, street_params
 from scene.catalogue import AssetPool
 from scene.classes import TrainId
-from scene.geometry import SKY_INSTANCE, build, shape_of, world
+from scene.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
 from scene.materials import MATERIALS
 from scene.street import Placement, sample_street
 
@@ -101,6 +102,20 @@ def test_merging_names_the_face_that_each_triangle_comes_from():
         own = shape.vertices[shape.faces[merged.face[i]]]
         expected = own @ pose[:, :3].T + pose[:, 3]
         np.testing.assert_allclose(merged.vertices[3 * i : 3 * i + 3], expected, atol=1e-3)
+
+
+def test_a_far_tree_covers_as_much_with_a_fraction_of_its_triangles():
+    def area(shape):
+        a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
+        return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+    for index in range(8):
+        near, far = asset_shape("tree", index), asset_shape("tree", index, far=True)
+        assert len(far.faces) < 0.5 * len(near.faces)
+        assert area(far) == pytest.approx(area(near), rel=0.15)
+        assert len(far.surface) == len(far.faces)
+        low, high = near.vertices.min(axis=0) - 1, near.vertices.max(axis=0) + 1
+        assert ((far.vertices >= low) & (far.vertices <= high)).all()
 
 
 def test_building_twice_gives_the_same_bytes():

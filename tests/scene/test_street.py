@@ -13,6 +13,7 @@ from scene.attributes import default_unit, street_params
 from scene.background import BEHIND
 from scene.background import LINES_END as FAR_AHEAD
 from scene.catalogue import AssetPool
+from scene.classes import TrainId
 from scene.ground import ground_height
 from scene.street import (
     FIRST_INSTANCE,
@@ -108,6 +109,16 @@ def test_every_object_stands_on_the_ground_below_it(unit, seed):
             assert low > 0.05  # on a machine or a post
         else:
             assert low == pytest.approx(0, abs=0.02)
+
+
+def test_only_greenery_that_no_camera_comes_near_is_far():
+    drawn = street(shots=4)
+    far = [p for p in drawn.placements if p.far]
+    assert far
+    assert all(p.train_id == TrainId.VEGETATION for p in far)
+    for camera in drawn.cameras:
+        for p in far:
+            assert math.dist(camera.position[:2], p.pose[:2, 3]) > 25
 
 
 @given(UNITS, SEEDS)
@@ -246,7 +257,7 @@ def test_forward_is_along_the_road_right_for_yaw_and_down_for_pitch():
 def test_the_camera_moves_on_out_of_a_bus_in_its_way():
     # A line of vehicles where the camera drives: blocked nearly everywhere, it takes the gaps.
     params = DEFAULT._replace(
-        camera_position_x=3.0, car_position=3.0, car_interval=16.0, camera_position_probability=0.0
+        camera_position_x=3.0, car_position=3.0, car_interval=22.0, camera_position_probability=0.0
     )
     inside = 0
     for seed in range(30):
