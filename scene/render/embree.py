@@ -160,6 +160,10 @@ def _cast(
     hit, hit_bits = ray[RAY_FIELDS:], bits[RAY_FIELDS:]
     valid = _aligned(LANES).view(np.int32)
     lane_of = np.empty(LANES, np.int64)
+    for k in range(LANES):  # what Embree leaves as it is; the rest of a ray is 0
+        for a in range(3):
+            ray[a, k] = origin[a]
+        bits[9, k] = NOWHERE
     for top in range(0, rows, 2):
         for left in range(0, columns, 4):
             for k in range(LANES):
@@ -169,12 +173,8 @@ def _cast(
                 lane_of[k] = i if inside else -1
                 valid[k] = -1 if inside else 0
                 for a in range(3):
-                    ray[a, k] = origin[a]
                     ray[4 + a, k] = directions[i, a]
-                ray[3, k] = ray[7, k] = 0
                 ray[8, k] = np.inf
-                bits[9, k] = NOWHERE
-                bits[10, k] = bits[11, k] = 0
                 hit_bits[6, k] = hit_bits[7, k] = NOWHERE
             intersect8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
             for k in range(LANES):
@@ -210,6 +210,10 @@ def _probe(
     valid = _aligned(LANES).view(np.int32)
     lane_of = np.empty(LANES, np.int64)
     alike = directions.shape[0] == 1
+    for k in range(LANES):  # what Embree leaves as it is; the rest of a ray is 0
+        for a in range(3):
+            ray[4 + a, k] = directions[0, a]
+        bits[9, k] = NOWHERE
     for top in range(0, rows, 2):
         for left in range(0, columns, 4):
             any_wanted = False
@@ -221,14 +225,12 @@ def _probe(
                 ask = inside and wanted[i] != 0
                 valid[k] = -1 if ask else 0
                 any_wanted |= ask
-                d = 0 if alike else i
                 for a in range(3):
                     ray[a, k] = starts[i, a]
-                    ray[4 + a, k] = directions[d, a]
-                ray[3, k] = ray[7, k] = 0
+                if not alike:
+                    for a in range(3):
+                        ray[4 + a, k] = directions[i, a]
                 ray[8, k] = reach
-                bits[9, k] = NOWHERE
-                bits[10, k] = bits[11, k] = 0
             if any_wanted:
                 occluded8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
             for k in range(LANES):

@@ -28,6 +28,9 @@ BOUNCE = 0.12
 """Share of the light on the ground that comes back up."""
 
 Array = np.ndarray
+f32 = np.float32
+ZERO, HALF, ONE = f32(0), f32(0.5), f32(1)
+"""Compiled code computes in doubles as soon as a plain number comes near; these keep it single."""
 
 
 class Textures(NamedTuple):
@@ -96,28 +99,26 @@ def look(
                 points[i, k] = origin[k]
             continue
         m = pose[instance[i]]
-        w = 1 - u[i] - v[i]
+        w = ONE - u[i] - v[i]
         row = carray(_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
         a, b, c = row[0], row[1], row[2]
         p = w * row[3] + u[i] * row[6] + v[i] * row[9]
         q = w * row[4] + u[i] * row[7] + v[i] * row[10]
         r = w * row[5] + u[i] * row[8] + v[i] * row[11]
-        shrink = 1 / math.sqrt(max(p * p + q * q + r * r, 1e-12))
-        toward_flat, toward_smooth = 0.0, 0.0
+        shrink = ONE / f32(math.sqrt(max(p * p + q * q + r * r, f32(1e-12))))
+        toward_flat, toward_smooth = ZERO, ZERO
         for k in range(3):
             flat[i, k] = m[k, 0] * a + m[k, 1] * b + m[k, 2] * c
             smooth[i, k] = shrink * (m[k, 0] * p + m[k, 1] * q + m[k, 2] * r)
             toward_flat += flat[i, k] * directions[i, k]
             toward_smooth += smooth[i, k] * directions[i, k]
             points[i, k] = origin[k] + distance[i] * directions[i, k]
+        # At a silhouette the smoothed normal may lean away; then it is the flat one.
+        agree = toward_flat * toward_smooth > ZERO
+        turn_flat = -ONE if toward_flat > ZERO else ONE
         for k in range(3):
-            if toward_flat > 0:
-                flat[i, k] = -flat[i, k]
-            # At a silhouette the smoothed normal may lean away; then it is the flat one.
-            if toward_flat * toward_smooth <= 0:
-                smooth[i, k] = flat[i, k]
-            elif toward_smooth > 0:
-                smooth[i, k] = -smooth[i, k]
+            flat[i, k] *= turn_flat
+            smooth[i, k] = turn_flat * smooth[i, k] if agree else flat[i, k]
 
 
 @njit(cache=True, fastmath=True)
@@ -182,14 +183,18 @@ def sky_rays(
             s = (cell + 0.5) / 16.0
             radius, angle = math.sqrt(s), 6.2831853 * (cell * 0.618034 % 1.0)
             a, b, c = flat[i, 0], flat[i, 1], flat[i, 2]
-            # Branchless orthonormal basis (Duff et al. 2017).
-            sign = 1.0 if c >= 0 else -1.0
-            p = -1.0 / (sign + c)
-            q = a * b * p
+            # A basis that turns smoothly with the normal, most of all around walls and bodies:
+            # neighbours then share out the same 16 directions, and their mean is even.
+            if abs(c) < 0.9:
+                shrink = 1 / math.sqrt(a * a + b * b)
+                p, q, r = -b * shrink, a * shrink, 0.0
+            else:
+                shrink = 1 / math.sqrt(a * a + c * c)
+                p, q, r = c * shrink, 0.0, -a * shrink
             dx, dy, dz = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1.0 - s)
-            directions[j, 0] = dx * (1.0 + sign * a * a * p) + dy * q + dz * a
-            directions[j, 1] = dx * sign * q + dy * (sign + b * b * p) + dz * b
-            directions[j, 2] = -dx * sign * a - dy * b + dz * c
+            directions[j, 0] = dx * p + dy * (b * r - c * q) + dz * a
+            directions[j, 1] = dx * q + dy * (c * p - a * r) + dz * b
+            directions[j, 2] = dx * r + dy * (a * q - b * p) + dz * c
             for k in range(3):
                 starts[j, k] = points[i, k] + OFFSET * flat[i, k]
 
@@ -198,7 +203,7 @@ def sky_rays(
 def spread_open(
     seen_open: Array,
     face: Array,
-    flat: Array,
+    smooth: Array,
     distance: Array,
     rows: int,
     columns: int,
@@ -218,7 +223,7 @@ def spread_open(
                 mean[j] = 1.0
                 continue
             total, count = seen_open[j], np.float32(1)
-            bound = 0.06 * distance[i]
+            bound = f32(0.06) * distance[i]
             for dy in range(-2, 2):
                 yy = y + dy
                 if yy < 0 or yy >= height:
@@ -231,9 +236,11 @@ def spread_open(
                     if face[n] < 0 or abs(distance[n] - distance[i]) > bound:
                         continue
                     alike = (
-                        flat[i, 0] * flat[n, 0] + flat[i, 1] * flat[n, 1] + flat[i, 2] * flat[n, 2]
+                        smooth[i, 0] * smooth[n, 0]
+                        + smooth[i, 1] * smooth[n, 1]
+                        + smooth[i, 2] * smooth[n, 2]
                     )
-                    if alike > 0.8:
+                    if alike > f32(0.8):
                         total += seen_open[yy * width + xx]
                         count += 1
             mean[j] = total / count
@@ -245,7 +252,7 @@ def spread_open(
                 continue
             y, x = row >> 1, column >> 1
             if not (row & 1 or column & 1):
-                out[i] = DARKEST + (1 - DARKEST) * mean[y * width + x]
+                out[i] = f32(DARKEST) + f32(1 - DARKEST) * mean[y * width + x]
                 continue
             total, weight = np.float32(0), np.float32(0)
             for yy in range(y, min(y + (row & 1), height - 1) + 1):
@@ -254,53 +261,57 @@ def spread_open(
                     if face[n] < 0:
                         continue
                     near = np.float32(1e-3)
-                    if abs(distance[n] - distance[i]) < 0.06 * distance[i]:
+                    if abs(distance[n] - distance[i]) < f32(0.06) * distance[i]:
                         alike = (
-                            flat[i, 0] * flat[n, 0]
-                            + flat[i, 1] * flat[n, 1]
-                            + flat[i, 2] * flat[n, 2]
+                            smooth[i, 0] * smooth[n, 0]
+                            + smooth[i, 1] * smooth[n, 1]
+                            + smooth[i, 2] * smooth[n, 2]
                         )
-                        if alike > 0.8:
+                        if alike > f32(0.8):
                             near = np.float32(1)
                     total += near * mean[yy * width + xx]
                     weight += near
-            value = total / weight if weight > 0 else np.float32(1)
-            out[i] = DARKEST + (1 - DARKEST) * value
+            value = total / weight if weight > 0 else ONE
+            out[i] = f32(DARKEST) + f32(1 - DARKEST) * value
 
 
 @njit(cache=True, fastmath=True)
 def _sky(x: float, y: float, z: float, panorama: Array, out: Array) -> None:
-    """Radiance of the sky along a unit direction, see ``scene.sky.panorama``."""
+    """Radiance of the sky along a unit direction that does not fall, see ``scene.sky.panorama``."""
     height, width = panorama.shape[0], panorama.shape[1]
-    column = (math.atan2(y, x) / 6.2831853 + 0.5) * width - 0.5
-    elevation = math.asin(min(max(z, 0.0), 1.0)) / 1.5707963
-    row = min(max(height * math.sqrt(elevation) - 0.5, 0.0), height - 1.001)
-    c, r = math.floor(column), int(row)
-    right, down = column - c, row - r
-    c0 = int(c) % width
+    column = (f32(math.atan2(y, x)) * f32(1 / math.tau) + HALF) * f32(width) - HALF
+    elevation = f32(math.asin(z if z < ONE else ONE)) * f32(2 / math.pi)
+    row = min(max(f32(height) * f32(math.sqrt(elevation)) - HALF, ZERO), f32(height) - f32(1.001))
+    c, r = int(column + ONE) - 1, int(row)  # cheaper than floor; column is over -1
+    right, down = column - f32(c), row - f32(r)
+    c0 = c % width
     c1 = (c0 + 1) % width
+    w00, w01 = (ONE - right) * (ONE - down), right * (ONE - down)
+    w10, w11 = (ONE - right) * down, right * down
     for k in range(3):
-        out[k] = (panorama[r, c0, k] * (1 - right) + panorama[r, c1, k] * right) * (1 - down) + (
-            panorama[r + 1, c0, k] * (1 - right) + panorama[r + 1, c1, k] * right
-        ) * down
+        out[k] = (
+            panorama[r, c0, k] * w00
+            + panorama[r, c1, k] * w01
+            + panorama[r + 1, c0, k] * w10
+            + panorama[r + 1, c1, k] * w11
+        )
 
 
 @njit(cache=True, fastmath=True)
 def _texture(
     m: int, u: float, v: float, level: int, texels: Array, start: Array, size: Array
-) -> float:
+) -> np.float32:
     """Bilinear lookup at ``u``, ``v`` in tiles."""
     n = size[level]
-    x = u * n - 0.5
-    y = v * n - 0.5
-    fx, fy = math.floor(x), math.floor(y)
-    right, down = x - fx, y - fy
-    c0, r0 = int(fx) & (n - 1), int(fy) & (n - 1)
+    x, y = u * f32(n) - HALF, v * f32(n) - HALF
+    fx, fy = int(x) - (x < ZERO), int(y) - (y < ZERO)  # cheaper than floor, and as good
+    right, down = x - f32(fx), y - f32(fy)
+    c0, r0 = fx & (n - 1), fy & (n - 1)
     c1, r1 = (c0 + 1) & (n - 1), (r0 + 1) & (n - 1)
     a, b = start[level] + r0 * n, start[level] + r1 * n
-    top = texels[m, a + c0] * (1 - right) + texels[m, a + c1] * right
-    bottom = texels[m, b + c0] * (1 - right) + texels[m, b + c1] * right
-    return 0.01 * (top * (1 - down) + bottom * down)
+    top = f32(texels[m, a + c0]) * (ONE - right) + f32(texels[m, a + c1]) * right
+    bottom = f32(texels[m, b + c0]) * (ONE - right) + f32(texels[m, b + c1]) * right
+    return f32(0.01) * (top * (ONE - down) + bottom * down)
 
 
 @njit(cache=True, fastmath=True)
@@ -338,62 +349,69 @@ def shade(
     mirrored = np.empty(3, np.float32)
     ground_light = np.empty(3, np.float32)
     for k in range(3):
-        ground_light[k] = BOUNCE * (sun[k] * max(sun_direction[2], 0.0) + ambient[k])
+        ground_light[k] = f32(BOUNCE) * (sun[k] * max(sun_direction[2], ZERO) + ambient[k])
     for i in range(face.shape[0]):
         f = face[i]
         dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
         if f < 0:
-            _sky(dx, dy, dz, panorama, out[i])
+            _sky(dx, dy, max(dz, ZERO), panorama, out[i])
             continue
         row = carray(_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
         m = int(row[15])
         nx, ny, nz = smooth[i, 0], smooth[i, 1], smooth[i, 2]
         t = distance[i]
         toward = dx * nx + dy * ny + dz * nz
-        texture = 1.0
+        steep = min(abs(toward), ONE)
+        texture = ONE
         if textured:
             # Project along the dominant axis; instances start at different places in the texture.
             a, b = points[i, 0], -points[i, 2]
-            if abs(flat[i, 2]) > 0.7:
+            if abs(flat[i, 2]) > f32(0.7):
                 b = -points[i, 1]
             elif abs(flat[i, 0]) > abs(flat[i, 1]):
                 a = points[i, 1]
-            tile = rows[m, 0]
-            footprint = t * pixel_angle * size[0] / (tile * math.sqrt(max(abs(toward), 0.02)))
+            per_tile = ONE / rows[m, 0]
+            # Texels in a pixel, squared: each level of detail quarters it.
+            footprint = t * pixel_angle * f32(size[0]) * per_tile
+            footprint *= footprint / max(steep, f32(0.02))
             level = 0
-            while footprint > 1.4142 and level < len(size) - 1:
-                footprint *= 0.5
+            while footprint > f32(2) and level < len(size) - 1:
+                footprint *= f32(0.25)
                 level += 1
-            shift = instance[i] * 0.1446  # of a tile
-            texture = _texture(m, a / tile + shift, b / tile, level, texels, start, size)
+            shift = f32(instance[i]) * f32(0.1446)  # of a tile
+            texture = _texture(m, a * per_tile + shift, b * per_tile, level, texels, start, size)
         cosine = nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2]
         through = rows[m, 2]
-        direct = lit[i] * (max(cosine, 0.0) * (1 - through) + 0.6 * abs(cosine) * through)
-        up = 0.5 + 0.5 * nz
+        direct = lit[i] * (max(cosine, ZERO) * (ONE - through) + f32(0.6) * abs(cosine) * through)
+        up = HALF + HALF * nz
         gloss = rows[m, 1]
-        wet = np.float32(0)
-        if wetness > 0 and flat[i, 2] > 0.9 and points[i, 2] < 0.2:
+        wet = ZERO
+        if wetness > ZERO and flat[i, 2] > f32(0.9) and points[i, 2] < f32(0.2):
             wet = wetness
-            gloss = max(gloss, 0.05 * wet)
-        if gloss > 0:
-            gloss += (
-                (1 - gloss) * (1 - min(abs(toward), 1.0)) ** 5 * (0.6 if wet == 0 else 0.8 * wet)
-            )
-            mx, my, mz = dx - 2 * toward * nx, dy - 2 * toward * ny, dz - 2 * toward * nz
+            gloss = max(gloss, f32(0.05) * wet)
+        if gloss > ZERO:
+            graze = ONE - steep
+            graze *= graze * graze * graze * graze
+            gloss += (ONE - gloss) * graze * (f32(0.6) if wet == ZERO else f32(0.8) * wet)
+            mx, my = dx - f32(2) * toward * nx, dy - f32(2) * toward * ny
+            mz = dz - f32(2) * toward * nz
             _sky(mx, my, abs(mz), panorama, mirrored)
             # Low rays meet the street's other side rather than the sky.
-            sky_share = min(max(mz * 3.0 + 0.1, 0.12), 1.0) * (0.3 + 0.7 * opened[i])
+            sky_share = min(max(mz * f32(3) + f32(0.1), f32(0.12)), ONE)
+            sky_share *= f32(0.3) + f32(0.7) * opened[i]
             # A wet road is rough: only standing water mirrors clouds, the rest their mean.
-            clear = 1.0 if wet == 0 else min(max(5 * wet - 4, 0.0), 1.0)
+            clear = ONE if wet == ZERO else min(max(f32(5) * wet - f32(4), ZERO), ONE)
             for k in range(3):
-                blurred = 0.5 * (horizon[k] + ambient[k]) * texture
-                mirrored[k] = sky_share * (min(mirrored[k], 2.5) * clear + blurred * (1 - clear))
-        air = 1.0 - math.exp(-t / haze)
+                blurred = HALF * (horizon[k] + ambient[k]) * texture
+                mirrored[k] = sky_share * (
+                    min(mirrored[k], f32(2.5)) * clear + blurred * (ONE - clear)
+                )
+        air = ONE - f32(math.exp(-t / haze))
         for k in range(3):
-            albedo = min(row[12 + k] * texture, 0.95) * (1 - 0.45 * wet)
-            light = sun[k] * direct + opened[i] * (ambient[k] * up + ground_light[k] * (1 - up))
+            albedo = min(row[12 + k] * texture, f32(0.95)) * (ONE - f32(0.45) * wet)
+            light = sun[k] * direct + opened[i] * (ambient[k] * up + ground_light[k] * (ONE - up))
             radiance = albedo * light
-            if gloss > 0:
-                radiance = radiance * (1 - gloss) + gloss * mirrored[k]
-            out[i, k] = radiance * (1 - air) + horizon[k] * air
+            if gloss > ZERO:
+                radiance = radiance * (ONE - gloss) + gloss * mirrored[k]
+            out[i, k] = radiance * (ONE - air) + horizon[k] * air
     return out

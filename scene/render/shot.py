@@ -149,7 +149,7 @@ def spread(free: np.ndarray, seen: Visible, rays: Rays) -> np.ndarray:
     """Share f32[n] of open sky from ``free`` f32, 1 for each ray of ``sky_segments`` that gets away."""
     opened = np.empty(len(seen.points), np.float32)
     shade.spread_open(
-        free, seen.hits.face, seen.flat, seen.hits.distance, rays.rows, rays.columns, opened
+        free, seen.hits.face, seen.smooth, seen.hits.distance, rays.rows, rays.columns, opened
     )
     return opened
 

@@ -114,8 +114,9 @@ def test_a_far_tree_covers_as_much_with_a_fraction_of_its_triangles():
         assert len(far.faces) < 0.5 * len(near.faces)
         assert area(far) == pytest.approx(area(near), rel=0.15)
         assert len(far.surface) == len(far.faces)
-        low, high = near.vertices.min(axis=0) - 1, near.vertices.max(axis=0) + 1
-        assert ((far.vertices >= low) & (far.vertices <= high)).all()
+        low, high = near.vertices.min(axis=0), near.vertices.max(axis=0)
+        outside = np.maximum(low - far.vertices, far.vertices - high).max(axis=1)
+        assert np.quantile(outside, 0.99) < 0.5
 
 
 def test_building_twice_gives_the_same_bytes():

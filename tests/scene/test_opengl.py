@@ -59,10 +59,10 @@ def test_pictures_look_alike(opengl, seed):
     a, b = (r.render(drawn, settings)[0].image.astype(float) for r in (renderer("embree"), opengl))
     assert b.mean() == pytest.approx(a.mean(), abs=5)
     # Shadow maps and occlusion on screen are approximations; nothing else differs.
-    assert np.abs(a - b).mean() < 5
+    assert np.abs(a - b).mean() < 8
     plain = settings._replace(shadows=False, occlusion=False)
     a, b = (r.render(drawn, plain)[0].image.astype(float) for r in (renderer("embree"), opengl))
-    assert np.abs(a - b).mean() < 0.1
+    assert np.abs(a - b).mean() < 0.15
 
 
 def test_shadows_agree_with_embree(opengl):

