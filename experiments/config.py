@@ -282,7 +282,7 @@ def _smoke(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Conf
         candidate_seeds=1,
         candidates=("argmax", "spread"),
         seeds=2,
-        asset_count=8,
+        asset_count=4,
     )
 
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments.config import Config
 from experiments.errors import UserError
-from experiments.twin import TwinWorld, twin_names, twin_split, twin_world
+from experiments.twin import ASSETS, TwinWorld, twin_names, twin_split, twin_world
 from scene.workers import WorkerPool
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data import DataError, Entry, RealSet, list_camvid, list_cityscapes, load
@@ -44,7 +44,13 @@ def twin_target(config: Config, workers: WorkerPool) -> Target:
 
     def split(name: str, size: tuple[int, int], images: int | None) -> RealSet:
         return twin_split(
-            world, name, size, images=images, renderer=config.renderer, workers=workers
+            world,
+            name,
+            size,
+            images=images,
+            renderer=config.renderer,
+            workers=workers,
+            assets=min(ASSETS, config.asset_count or ASSETS),
         )
 
     @lru_cache(maxsize=1)

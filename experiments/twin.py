@@ -26,6 +26,8 @@ HIDDEN_WIDTH = 0.15
 """Every street of the twin is uniform on an interval of this width around the hidden centre."""
 FIRST_ASSET = 100_000
 """The twin's assets begin here; the search's end long before."""
+ASSETS = 48
+"""Assets of every family in the twin, unless the search itself has fewer."""
 SHOTS = 6
 """Images per street, that is, per sequence."""
 IMAGES = 120
@@ -81,8 +83,11 @@ def twin_split(
     images: int | None,
     renderer: str,
     workers: WorkerPool,
+    assets: int = ASSETS,
 ) -> RealSet:
     """Render one split, ``train`` (for the reward) or ``test``, at ``size`` (height, width).
+
+    Of every family it shows ``assets`` that the search never uses.
 
     Streets of the two splits are drawn apart, so no sequence is in both; the same world, split and
     size give the same images.
@@ -98,7 +103,7 @@ def twin_split(
         shots=SHOTS,
         settings=RenderSettings(size[1], size[0], samples=2, response=world.response),
         renderer_name=renderer,
-        pool=AssetPool(FIRST_ASSET, 48),
+        pool=AssetPool(FIRST_ASSET, assets),
         workers=workers,
     )
     return RealSet(

@@ -171,7 +171,7 @@ def absent(pool: AssetPool) -> tuple[str, ...]:
     return tuple(family for family in FAMILIES if not own_assets(pool, family))
 
 
-@lru_cache(maxsize=4096)
+@lru_cache(maxsize=256)  # what is drawn often is kept by the renderers, as arrays
 def asset(family: str, ref: int | str) -> Asset:
     """The built-in asset of a family with an index, or the own asset at a path.
 

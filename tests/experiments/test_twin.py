@@ -76,7 +76,9 @@ def renders(monkeypatch):
 def split(name, images=None, seed=0):
     world = twin_world(seed)
     pool = WorkerPool(0)
-    return twin_split(world, name, (8, 16), images=images, renderer="embree", workers=pool)
+    return twin_split(
+        world, name, (8, 16), images=images, renderer="embree", workers=pool, assets=2
+    )
 
 
 @pytest.mark.parametrize("presets", [cityscapes_config, camvid_config])
