@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 
 from scene.geometry import Geometry
-from scene.render import shade
+from scene.render import shade, visibility
 from scene.render.protocol import Frame, RenderSettings, camera_axes, label_sample, pixel_rays
 from scene.sensor import develop, vary
 from scene.sky import panorama
@@ -114,7 +114,7 @@ def _fill_rays(
 def visible(rays: Rays, geometry: Geometry, hits: Hits) -> Visible:
     """Complete hits with normals and points."""
     flat, smooth, points = (np.empty_like(rays.directions) for _ in range(3))
-    shade.look(
+    visibility.look(
         rays.origin, rays.directions, hits.distance, hits.instance, hits.face, hits.u, hits.v,
         geometry.surfaces, geometry.pose, flat, smooth, points,
     )  # fmt: skip
@@ -126,7 +126,7 @@ def sun_segments(seen: Visible, around: Surroundings) -> Segments:
     sun = around.street.sky.sun_direction
     starts = np.empty_like(seen.points)
     wanted = np.empty(len(starts), np.uint8)
-    shade.sun_rays(
+    visibility.sun_rays(
         seen.hits.face, seen.hits.instance, seen.flat, seen.smooth, seen.points, sun,
         around.geometry.surfaces, shade.material_rows(), starts, wanted,
     )  # fmt: skip
@@ -138,7 +138,7 @@ def sky_segments(seen: Visible, rays: Rays) -> Segments:
     height, width = (rays.rows + 1) // 2, (rays.columns + 1) // 2
     starts, directions = (np.empty((height * width, 3), np.float32) for _ in range(2))
     wanted = np.empty(height * width, np.uint8)
-    shade.sky_rays(
+    visibility.sky_rays(
         seen.hits.face, seen.flat, seen.points, rays.columns, height, width,
         starts, directions, wanted,
     )  # fmt: skip
@@ -148,7 +148,7 @@ def sky_segments(seen: Visible, rays: Rays) -> Segments:
 def spread(free: np.ndarray, seen: Visible, rays: Rays) -> np.ndarray:
     """Share f32[n] of open sky from ``free`` f32, 1 for each ray of ``sky_segments`` that gets away."""
     opened = np.empty(len(seen.points), np.float32)
-    shade.spread_open(
+    visibility.spread_open(
         free, seen.hits.face, seen.smooth, seen.hits.distance, rays.rows, rays.columns, opened
     )
     return opened
