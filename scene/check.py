@@ -142,7 +142,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(line, flush=True)
             found += 1
     except (ValueError, OSError) as error:
-        command.error(str(error))
+        command.fail(error)
     if not found:
         print(f"{options.dataset}: nothing found")
     return int(found > 0)

@@ -27,6 +27,12 @@ class Parser(argparse.ArgumentParser):
         """Print one line and end with exit code 2."""
         self.exit(2, f"{self.prog}: error: {' '.join(message.split())}\n")
 
+    def fail(self, error: Exception) -> NoReturn:
+        """Report ``error``; what the system says of a file begins with its name."""
+        if isinstance(error, OSError) and error.filename and error.strerror:
+            self.error(f"{error.filename}: {error.strerror}")
+        self.error(str(error))
+
 
 def size(text: str) -> tuple[int, int]:
     """Width and height in pixels from ``640x320``, for ``argparse``."""

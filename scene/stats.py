@@ -151,7 +151,7 @@ def main(arguments: list[str] | None = None) -> int:
             plain = {name: report(classes, s) for name, s in found.items()}
             options.json.write_text(json_text(plain), encoding="utf-8")
     except (ValueError, OSError) as error:
-        command.error(str(error))
+        command.fail(error)
     print(table(classes, found))
     return 0
 

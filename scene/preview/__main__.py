@@ -119,7 +119,7 @@ def main(arguments: list[str] | None = None) -> int:
             print(f"No own assets, so left out: {', '.join(missing)}")
         write(picture, options.out)
     except (ValueError, OSError, RendererError) as error:
-        line.error(str(error))
+        line.fail(error)
     return 0
 
 

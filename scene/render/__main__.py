@@ -124,7 +124,7 @@ def main(arguments: list[str] | None = None) -> int:
             progress=reporter(),
         )
     except (ValueError, OSError, RendererError, WorkerError) as error:
-        command.error(str(error))
+        command.fail(error)
     except KeyboardInterrupt:
         end_line()
         sys.stderr.write(f"interrupted; the same command continues {options.out}\n")
