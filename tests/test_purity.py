@@ -25,6 +25,8 @@ SHELL = (
     "scene/dataset.py",
     "scene/export.py",
     "scene/formats/",
+    "scene/library.py",
+    "scene/mesh_file.py",
     "scene/render/",
     "scene/stats.py",
     "scene/workers.py",
