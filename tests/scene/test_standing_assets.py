@@ -13,7 +13,7 @@ from scene.asset import Asset
 from scene.materials import MATERIALS, material_id
 
 BUDGET = {
-    "building": 2500, "tree": 7000, "bush": 2500,
+    "building": 2500, "tree": 7500, "bush": 2500,
 }  # fmt: skip
 """Most triangles of each family."""
 
