@@ -3,8 +3,9 @@
     python -m benchmarks.render --json render.json
     python -m benchmarks.render --peers     # other renderers that are installed, on the same street
 
-Streets set by eye, street building included; workers are started and warm before the clock runs. ``ratio``
-is the speed against the first row of the same size. The split is of one process alone, in ms per image:
+Streets set by eye, street building included; workers are started before the clock runs and have met the
+streets' assets once, as after the first streets of any dataset; ``starts`` says what the first ones cost.
+``ratio`` is the speed against the first row of the same size. The split is of one process, in ms per image:
 ``build`` (the street, its arrays and its sky), ``bvh`` (hierarchies, or upload to OpenGL), ``rays`` (what is
 seen and lit), ``shade`` (to the finished frame), ``write`` (image and label as PNG, not part of the speed).
 """
@@ -53,15 +54,19 @@ def _memory(_: int) -> float:
 def speed(
     name: str, size: tuple[int, int, int], workers: int, streets: int, shots: int
 ) -> tuple[float, float]:
-    """Images per second, the median of three datasets after one that warms up; MiB per worker."""
+    """Images per second: the median of three times the same dataset, after one that makes the assets.
+
+    Returns:
+        Images per second, and the most memory that a worker held, MiB.
+    """
     settings = RenderSettings(*size)
     speeds = []
     with WorkerPool(workers) as pool:
-        for repeat in range(4):
+        for _ in range(4):
             started = time.perf_counter()
             render_dataset(
-                units("default", streets, repeat),
-                repeat,
+                units("default", streets, 0),
+                0,
                 shots=shots,
                 settings=settings,
                 renderer_name=name,
