@@ -179,18 +179,26 @@ def main() -> int:
     command = parser(__doc__)
     command.add_argument("--streets", type=int, default=6)
     command.add_argument("--shots", type=int, default=6, help="images per street")
+    command.add_argument(
+        "--widths",
+        type=int,
+        nargs="+",
+        choices=[size[0] for size in SIZES],
+        help="sizes of these widths only; by default all",
+    )
     command.add_argument("--peers", action="store_true", help="measure other renderers, too")
     command.add_argument(
         "--peer-python", default=sys.executable, help="another Python in which some are installed"
     )
     options = command.parse_args()
-    rows = renderers(list(SIZES), options.streets, options.shots)
+    if options.peers and options.widths is not None and 640 not in options.widths:
+        command.error("--peers compares at 640x320, which --widths leaves out")
+    sizes = [size for size in SIZES if options.widths is None or size[0] in options.widths]
+    rows = renderers(sizes, options.streets, options.shots)
     print(table(rows))
     others = {"starts": starts()}
     if options.peers:
-        single = next(
-            r for r in rows if (r["renderer"], r["width"], r["workers"]) == ("embree", 640, 1)
-        )
+        single = next(r for r in rows if (r["width"], r["workers"]) == (640, 1))
         pythons = list(dict.fromkeys((sys.executable, options.peer_python)))
         others["peers"] = peers(pythons, 640, 320, 1000 / single["images_per_s"])
     for extra in others.values():
