@@ -6,10 +6,12 @@ z = 0. Colours are linear RGB in [0, 1], one per face, as is the material (see `
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any, NamedTuple
 
 import numpy as np
-import trimesh
 
 from scene.materials import material_id
 
@@ -17,62 +19,117 @@ Color = tuple[float, float, float]
 Point = tuple[float, float, float]
 
 
+@dataclass(eq=False, slots=True)
+class Mesh:
+    """Triangles as plain arrays: a vehicle has hundreds of parts, and each of them is one.
+
+    What else trimesh knows about a mesh (``bounds``, ``area``, ``triangles``, ...) it is asked for when
+    wanted, and only then loaded.
+    """
+
+    vertices: np.ndarray  # f64[v, 3]
+    faces: np.ndarray  # i64[f, 3]
+
+    def copy(self) -> Mesh:
+        """The same triangles in arrays of their own."""
+        return Mesh(self.vertices.copy(), self.faces.copy())
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # what Python looks for on its own
+            raise AttributeError(name)
+        import trimesh
+
+        return getattr(trimesh.Trimesh(self.vertices, self.faces, process=False), name)
+
+
 class Asset(NamedTuple):
     """A mesh with a colour and a material on each face."""
 
-    mesh: trimesh.Trimesh
+    mesh: Mesh
     color: np.ndarray  # f32[faces, 3] linear RGB
     material: np.ndarray  # u8[faces] index into MATERIALS
 
 
 def solid(vertices: np.ndarray, faces: np.ndarray, color: Color, material: str) -> Asset:
     """An asset of one colour and material from vertices [v, 3] and triangles [f, 3]."""
-    faces = np.asarray(faces, np.int64).reshape(-1, 3)
-    mesh = trimesh.Trimesh(np.asarray(vertices, np.float64), faces, process=False)
-    return Asset(
-        mesh,
-        np.tile(np.asarray(color, np.float32), (len(faces), 1)),
-        np.full(len(faces), material_id(material), np.uint8),
-    )
+    faces = np.ascontiguousarray(faces, np.int64).reshape(-1, 3)
+    colors = np.empty((len(faces), 3), np.float32)
+    colors[:] = color
+    mesh = Mesh(np.ascontiguousarray(vertices, np.float64), faces)
+    return Asset(mesh, colors, np.full(len(faces), material_id(material), np.uint8))
 
 
 def merge(*parts: Asset) -> Asset:
     """One asset of all ``parts``, in order."""
-    offsets = np.cumsum([0] + [len(p.mesh.vertices) for p in parts[:-1]])
-    mesh = trimesh.Trimesh(
-        np.concatenate([p.mesh.vertices for p in parts]),
-        np.concatenate([p.mesh.faces + o for p, o in zip(parts, offsets, strict=True)]),
-        process=False,
+    meshes = [p.mesh for p in parts]
+    sizes = [len(m.vertices) for m in meshes]
+    first = np.cumsum([0, *sizes[:-1]]).repeat([len(m.faces) for m in meshes])
+    return Asset(
+        Mesh(
+            np.concatenate([m.vertices for m in meshes]),
+            np.concatenate([m.faces for m in meshes]) + first[:, None],
+        ),
+        np.concatenate([p.color for p in parts]),
+        np.concatenate([p.material for p in parts]),
     )
-    color = np.concatenate([p.color for p in parts])
-    return Asset(mesh, color, np.concatenate([p.material for p in parts]))
+
+
+def reshaped(asset: Asset, vertices: np.ndarray) -> Asset:
+    """The asset with its ``vertices`` [v, 3] elsewhere."""
+    return asset._replace(mesh=Mesh(np.ascontiguousarray(vertices, np.float64), asset.mesh.faces))
 
 
 def transform(asset: Asset, matrix: np.ndarray) -> Asset:
     """The asset moved by a 4x4 matrix."""
-    vertices = asset.mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3]
-    return asset._replace(mesh=trimesh.Trimesh(vertices, asset.mesh.faces, process=False))
+    return reshaped(asset, asset.mesh.vertices @ matrix[:3, :3].T + matrix[:3, 3])
 
 
 def translate(asset: Asset, offset: Point) -> Asset:
     """The asset moved by ``offset`` metres."""
-    return transform(asset, trimesh.transformations.translation_matrix(offset))
+    return reshaped(asset, asset.mesh.vertices + offset)
 
 
 def rotate(asset: Asset, angle: float, axis: Point, about: Point = (0, 0, 0)) -> Asset:
     """The asset turned by ``angle`` radians about the line through ``about`` along ``axis``."""
-    return transform(asset, trimesh.transformations.rotation_matrix(angle, axis, about))
+    x, y, z = along = unit(np.array(axis, float))
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    sin, cos = np.sin(angle), np.cos(angle)
+    matrix = np.eye(4)
+    # The formula of Rodrigues.
+    matrix[:3, :3] = np.diag([cos] * 3) + np.outer(along, along) * (1 - cos) + cross * sin
+    matrix[:3, 3] = about - matrix[:3, :3] @ np.array(about, float)
+    return transform(asset, matrix)
+
+
+def unit(vector: np.ndarray) -> np.ndarray:
+    """The vector f64[3] in unit length; quicker than by ``np.linalg.norm``."""
+    return vector / math.sqrt(vector.dot(vector))
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """The cross product of two vectors f64[3]; ``np.cross`` takes ten times as long."""
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
+    return np.array((y * w - z * v, z * u - x * w, x * v - y * u))
+
+
+def twice_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
+    """Twice the area f64[f] of each face."""
+    p, q, r = vertices.T[:, faces.T].transpose(1, 0, 2)
+    (x, y, z), (u, v, w) = q - p, r - p
+    return np.sqrt((y * w - z * v) ** 2 + ((z * u - x * w) ** 2 + (x * v - y * u) ** 2))
 
 
 def box(size: Point, base: Point, color: Color, material: str = "plain") -> Asset:
     """A box of ``size`` (x, y, z) whose bottom face is centred on ``base``; 12 faces."""
-    x, y, z = np.asarray(size) / 2
+    x, y, z = (side / 2 for side in size)
     corners = np.array([[i, j, k] for i in (-x, x) for j in (-y, y) for k in (0, 2 * z)])
-    faces = [
-        [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-        [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
-    ]  # fmt: skip
-    return solid(corners + np.asarray(base), np.array(faces), color, material)
+    return solid(corners + base, _BOX, color, material)
+
+
+_BOX = np.array([
+    [0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+    [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3],
+])  # fmt: skip
 
 
 def block(low: Point, high: Point, color: Color, material: str = "plain") -> Asset:
@@ -84,7 +141,7 @@ def block(low: Point, high: Point, color: Color, material: str = "plain") -> Ass
 
 def quad(corners: list[Point] | np.ndarray, color: Color, material: str = "plain") -> Asset:
     """A flat four-cornered face, corners in order around its edge; 2 faces."""
-    return solid(np.asarray(corners), np.array([[0, 1, 2], [0, 2, 3]]), color, material)
+    return solid(np.asarray(corners), _fan(4), color, material)
 
 
 def tube(
@@ -100,16 +157,27 @@ def tube(
 ) -> Asset:
     """A cylinder or cone frustum from ``start`` to ``end``; 2 faces per side, 2 more with caps."""
     start_, end_ = np.asarray(start, float), np.asarray(end, float)
-    axis = end_ - start_
-    axis /= np.linalg.norm(axis)
-    helper = np.array([1.0, 0, 0]) if abs(axis[2]) > 0.9 else np.array([0, 0, 1.0])
-    u = np.cross(axis, helper)
-    u /= np.linalg.norm(u)
-    v = np.cross(axis, u)
-    angle = np.arange(sides) * 2 * np.pi / sides
-    ring = np.cos(angle)[:, None] * u + np.sin(angle)[:, None] * v
+    axis = unit(end_ - start_)
+    u = unit(cross(axis, _X if abs(axis[2]) > 0.9 else _Z))
+    cos, sin = circle(sides)
+    ring = cos[:, None] * u + sin[:, None] * cross(axis, u)
     top = radius if end_radius is None else end_radius
     vertices = np.concatenate([start_ + radius * ring, end_ + top * ring, [start_, end_]])
+    return solid(vertices, _tube_faces(sides, caps), color, material)
+
+
+_X, _Z = np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
+
+
+@lru_cache
+def circle(sides: int) -> np.ndarray:
+    """Cosines and sines f64[2, sides] of the angles around a circle (read-only)."""
+    angle = np.arange(sides) * 2 * np.pi / sides
+    return frozen(np.stack([np.cos(angle), np.sin(angle)]))
+
+
+@lru_cache
+def _tube_faces(sides: int, caps: bool) -> np.ndarray:
     i = np.arange(sides)
     j = (i + 1) % sides
     faces = [np.stack([i, j, j + sides], 1), np.stack([i, j + sides, i + sides], 1)]
@@ -118,7 +186,13 @@ def tube(
             np.stack([np.full(sides, 2 * sides), j, i], 1),
             np.stack([np.full(sides, 2 * sides + 1), i + sides, j + sides], 1),
         ]
-    return solid(vertices, np.concatenate(faces), color, material)
+    return frozen(np.concatenate(faces))
+
+
+def frozen(array: np.ndarray) -> np.ndarray:
+    """The array itself, read-only from now on: what is cached is shared."""
+    array.setflags(write=False)
+    return array
 
 
 def extrude(
@@ -159,9 +233,41 @@ def ellipsoid(
     centre: Point, radii: Point, color: Color, material: str = "plain", *, subdivisions: int = 1
 ) -> Asset:
     """An ellipsoid; 20 faces at 0 subdivisions, 80 at 1."""
-    sphere = trimesh.creation.icosphere(subdivisions=subdivisions)
-    vertices = np.asarray(sphere.vertices) * np.asarray(radii) + np.asarray(centre)
-    return solid(vertices, sphere.faces, color, material)
+    vertices, faces = _icosphere(subdivisions)
+    return solid(vertices * radii + centre, faces, color, material)
+
+
+@lru_cache
+def _icosphere(subdivisions: int) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and faces of a unit sphere: an icosahedron whose faces were split into four."""
+    if subdivisions == 0:
+        a, b = 0.5257311121191336, 0.85065080835204
+        plane = np.array([(-a, b), (a, b), (-a, -b), (a, -b)])
+        vertices = np.concatenate([np.insert(plane, 2, 0, axis=1)[:, k] for k in _TURNS])
+        return frozen(_on_sphere(vertices)), _ICOSAHEDRON
+    vertices, faces = _icosphere(subdivisions - 1)
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    _, first, which = np.unique(
+        edges[:, 0] + (edges[:, 1] << 32), return_index=True, return_inverse=True
+    )
+    middle = vertices[edges[first]].mean(axis=1)
+    a, b, c = faces.T
+    d, e, f = (which.reshape(-1, 3) + len(vertices)).T
+    split = np.stack([a, d, f, d, b, e, f, e, c, d, e, f], axis=1).reshape(-1, 3)
+    return frozen(_on_sphere(np.concatenate([vertices, middle]))), frozen(split)
+
+
+def _on_sphere(points: np.ndarray) -> np.ndarray:
+    length = np.sqrt(points**2 @ [1, 1, 1])[:, None]
+    return points + points / length * (1 - length)
+
+
+_TURNS = ((0, 1, 2), (2, 0, 1), (1, 2, 0))
+_ICOSAHEDRON = np.array([
+    [0, 11, 5], [0, 5, 1], [0, 1, 7], [0, 7, 10], [0, 10, 11], [1, 5, 9], [5, 11, 4], [11, 10, 2],
+    [10, 7, 6], [7, 1, 8], [3, 9, 4], [3, 4, 2], [3, 2, 6], [3, 6, 8], [3, 8, 9], [4, 9, 5],
+    [2, 4, 11], [6, 2, 10], [8, 6, 7], [9, 8, 1],
+])  # fmt: skip
 
 
 def ring(
@@ -208,15 +314,19 @@ def disc(
         sides=sides,
     )  # fmt: skip
     keep = slice(3 * sides, 4 * sides)
-    mesh = trimesh.Trimesh(flat.mesh.vertices, flat.mesh.faces[keep], process=False)
+    mesh = Mesh(flat.mesh.vertices, flat.mesh.faces[keep])
     return Asset(mesh, flat.color[keep], flat.material[keep])
 
 
 def polygon(corners: list[Point] | np.ndarray, color: Color, material: str = "plain") -> Asset:
     """A flat convex face of n corners in order around its edge; n - 2 faces."""
-    last = np.arange(2, len(corners))
-    faces = np.column_stack([np.zeros_like(last), last - 1, last])
-    return solid(np.asarray(corners), faces, color, material)
+    return solid(np.asarray(corners), _fan(len(corners)), color, material)
+
+
+@lru_cache
+def _fan(corners: int) -> np.ndarray:
+    last = np.arange(2, corners)
+    return frozen(np.column_stack([np.zeros_like(last), last - 1, last]))
 
 
 def loft(
@@ -233,6 +343,13 @@ def loft(
     """
     sections = np.asarray(rings, float)
     count, points = sections.shape[:2]
+    vertices, faces = sections.reshape(-1, 3), loft_faces(count, points, closed, caps)
+    return solid(vertices, faces[twice_areas(vertices, faces) > 2e-9], color, material)
+
+
+@lru_cache
+def loft_faces(count: int, points: int, closed: bool = True, caps: bool = True) -> np.ndarray:
+    """Triangles over ``count`` sections: [band, side, 2], then both ends (read-only)."""
     i = np.arange(points if closed else points - 1)
     first = points * np.arange(count - 1)[:, None]
     a, b = first + i, first + (i + 1) % points
@@ -241,16 +358,12 @@ def loft(
         k = np.arange(1, points - 1)
         fan = np.column_stack([np.zeros_like(k), k, k + 1])
         faces += [fan[:, ::-1], fan + points * (count - 1)]
-    vertices = sections.reshape(-1, 3)
-    triangles = np.concatenate(faces)
-    p, q, r = (vertices[triangles[:, k]] for k in range(3))
-    area = np.linalg.norm(np.cross(q - p, r - p), axis=1) / 2
-    return solid(vertices, triangles[area > 1e-9], color, material)
+    return frozen(np.concatenate(faces))
 
 
 def recolor(asset: Asset, color: Color) -> Asset:
     """The asset with every face in one colour."""
-    return asset._replace(color=np.tile(np.asarray(color, np.float32), (len(asset.color), 1)))
+    return asset._replace(color=np.full((len(asset.color), 3), color, np.float32))
 
 
 def repaint(asset: Asset, faces: np.ndarray, color: Color, material: str) -> Asset:

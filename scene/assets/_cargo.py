@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, loft, polygon, tube
+from scene.asset import Asset, Color, block, loft, polygon, repaint, reshaped, tube
 from scene.assets._lorry import WHITE, TruckParams, bed, floor, sign
 from scene.assets._palette import AMBER, BLACK, STEEL, TAILLAMP, TRIM, darker
 from scene.assets._skin import moved, pair, revolve
@@ -225,18 +225,17 @@ def mixer(p: TruckParams) -> list[Asset]:
     low, radius = floor(p), (p.height - floor(p)) / 2 - 0.1
     profile = [(0.3, 0.5), (0.72, 0.42), (1, 0.12), (1, -0.08), (0.62, -0.38), (0.42, -0.5)]
     drum = revolve([(radius * r, -length * 0.9 * y) for r, y in profile], p.body, "paint", sides=24)
-    middle = drum.mesh.triangles_center
+    middle = drum.mesh.vertices[drum.mesh.faces].mean(axis=1)
     turn = np.arctan2(middle[:, 2], middle[:, 0]) + 2.5 * middle[:, 1]
     stripe = np.cos(turn) > 0.75  # a spiral of two bands
-    drum.color[stripe] = p.band or WHITE
-    vertices = np.asarray(drum.mesh.vertices)[:, [1, 0, 2]] * [-1, 1, 1]
+    drum = repaint(drum, stripe, p.band or WHITE, "paint")
+    vertices = drum.mesh.vertices[:, [1, 0, 2]] * [-1, 1, 1]
     tilt = 0.16
     turned = np.column_stack([
         vertices[:, 0] * np.cos(tilt) + vertices[:, 2] * np.sin(tilt),
         vertices[:, 1],
         vertices[:, 2] * np.cos(tilt) - vertices[:, 0] * np.sin(tilt),
     ])  # fmt: skip
-    drum.mesh.vertices = turned
     rear = x - length / 2
     chute = [
         (rear + 0.5, 0.25, 1.9),
@@ -245,7 +244,7 @@ def mixer(p: TruckParams) -> list[Asset]:
         (rear - 0.1, 0.2, 1.2),
     ]
     return [
-        moved(drum, x, 0, low + radius + 0.25),
+        moved(reshaped(drum, turned), x, 0, low + radius + 0.25),
         block((x + 0.32 * length, -0.5, low), (x + 0.42 * length, 0.5, low + 1.1), p.cab),
         pair(tube((rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4), 0.06, p.cab, "metal")),
         loft([np.array(chute), np.array(chute) - [0, 0, 0.06]], STEEL, "metal"),

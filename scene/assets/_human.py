@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, repaint, solid
+from scene.asset import Asset, Color, Point, loft_faces, repaint, solid
 
 # Joint lengths as shares of the standing height.
 THIGH, SHIN, ANKLE = 0.245, 0.246, 0.04
@@ -91,14 +91,7 @@ def bend(
 def skin(rings: np.ndarray, color: Color, material: str = "cloth") -> Asset:
     """A closed skin over rings [n, sides, 3]; faces are [band, side, 2], then both ends."""
     count, sides = rings.shape[:2]
-    i = np.arange(sides)
-    first = sides * np.arange(count - 1)[:, None]
-    a, b = first + i, first + (i + 1) % sides
-    bands = np.stack([a, b, b + sides, a, b + sides, a + sides], -1).reshape(-1, 3)
-    k = np.arange(1, sides - 1)
-    fan = np.column_stack([np.zeros_like(k), k, k + 1])
-    faces = np.concatenate([bands, fan[:, ::-1], fan + sides * (count - 1)])
-    return solid(rings.reshape(-1, 3), faces, color, material)
+    return solid(rings.reshape(-1, 3), loft_faces(count, sides), color, material)
 
 
 def paint_bands(

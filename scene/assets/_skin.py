@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
-import numpy as np
-import trimesh
+from functools import lru_cache
 
-from scene.asset import Asset, Color, loft, merge, solid
+import numpy as np
+
+from scene.asset import (
+    Asset,
+    Color,
+    Mesh,
+    frozen,
+    loft,
+    merge,
+    reshaped,
+    solid,
+    twice_areas,
+)
 from scene.materials import material_id
 
 _SAME = 1e4
@@ -17,18 +28,19 @@ def sheet(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
     return solid(points.reshape(-1, 3), _cells(*points.shape[:2]), color, material)
 
 
+@lru_cache
 def _cells(n: int, m: int) -> np.ndarray:
-    """Triangles i64[2 (n - 1) (m - 1), 3] of a grid of n by m points."""
+    """Triangles i64[2 (n - 1) (m - 1), 3] of a grid of n by m points (read-only)."""
     first = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
     a, b, c, d = first, first + 1, first + m + 1, first + m
-    return np.stack([a, b, c, a, c, d], 1).reshape(-1, 3)
+    return frozen(np.stack([a, b, c, a, c, d], 1).reshape(-1, 3))
 
 
 def twin_sheets(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
     """A sheet and its mirror image on the other side of the x-z plane, as one solid."""
     faces = _cells(*points.shape[:2])
     one = points.reshape(-1, 3)
-    both = np.concatenate([one, one * [1, -1, 1]])
+    both = np.concatenate([one, one * _MIRROR])
     return solid(both, np.concatenate([faces, faces[:, ::-1] + len(one)]), color, material)
 
 
@@ -44,24 +56,24 @@ def painted(points: np.ndarray, paints: list[tuple[Color, str]], cells: np.ndarr
 def weld(*parts: Asset) -> Asset:
     """One asset in which points at the same place are one vertex and no face is without area."""
     whole = merge(*parts)
-    vertices = np.asarray(whole.mesh.vertices)
+    vertices = whole.mesh.vertices
     key = np.round(vertices * _SAME).astype(np.int64)
     # Three coordinates of a vehicle fit one integer: sorting it is cheaper than sorting rows.
     key = (key[:, 0] * 2**21 + key[:, 1]) * 2**21 + key[:, 2]
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    faces = inverse[np.asarray(whole.mesh.faces)]
+    faces = inverse[whole.mesh.faces]
     points = vertices[first]
-    p, q, r = (points[faces[:, k]] for k in range(3))
-    keep = np.linalg.norm(np.cross(q - p, r - p), axis=1) > 2e-7
-    mesh = trimesh.Trimesh(points, faces[keep], process=False)
-    return Asset(mesh, whole.color[keep], whole.material[keep])
+    keep = twice_areas(points, faces) > 2e-7
+    return Asset(Mesh(points, faces[keep]), whole.color[keep], whole.material[keep])
 
 
 def mirrored(asset: Asset) -> Asset:
     """The asset on the other side of the x-z plane."""
-    vertices = np.asarray(asset.mesh.vertices) * [1, -1, 1]
-    mesh = trimesh.Trimesh(vertices, np.asarray(asset.mesh.faces)[:, ::-1], process=False)
-    return asset._replace(mesh=mesh)
+    faces = np.ascontiguousarray(asset.mesh.faces[:, ::-1])
+    return asset._replace(mesh=Mesh(asset.mesh.vertices * _MIRROR, faces))
+
+
+_MIRROR = np.array([1.0, -1.0, 1.0])
 
 
 def pair(asset: Asset) -> Asset:
@@ -70,9 +82,8 @@ def pair(asset: Asset) -> Asset:
 
 
 def moved(asset: Asset, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Asset:
-    """The asset shifted; cheaper than a general ``transform``."""
-    vertices = np.asarray(asset.mesh.vertices) + [x, y, z]
-    return asset._replace(mesh=trimesh.Trimesh(vertices, asset.mesh.faces, process=False))
+    """The asset shifted."""
+    return reshaped(asset, asset.mesh.vertices + (x, y, z))
 
 
 def revolve(
