@@ -18,11 +18,12 @@ from experiments.finals import (
     random_proposal,
 )
 from experiments.folder import RunFolder, refuse_foreign, write_atomically, write_json
-from experiments.progress import Progress, duration
+from experiments.progress import Progress
 from experiments.report import html as report_html
 from experiments.reward import Truth, render, worker_environment
 from experiments.search import make_method, make_space, search, total_updates
 from experiments.targets import Split, Target
+from scene.command import duration
 from scene.export import ExportError, export_dataset, read_dataset
 from scene.proposal import Proposal
 from scene.render import RendererError, renderer

@@ -5,7 +5,7 @@ import io
 import pytest
 
 from experiments import progress
-from experiments.progress import Progress, duration
+from experiments.progress import Progress
 
 
 @pytest.fixture
@@ -26,14 +26,6 @@ def clock(monkeypatch):
 class Terminal(io.StringIO):
     def isatty(self):
         return True
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [(0.2, "0 s"), (75, "75 s"), (99.4, "99 s"), (120, "2 min"), (3600, "60 min"), (9000, "2.5 h")],
-)
-def test_durations_are_read_at_a_glance(seconds, text):
-    assert duration(seconds) == text
 
 
 def test_time_left_by_hand(clock):
