@@ -15,7 +15,7 @@ from scene.attributes import check_unit, street_params
 from scene.catalogue import AssetPool
 from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street import Street, sample_street
-from scene.workers import WorkerPool
+from scene.workers import WorkerPool, opened
 
 
 class Dataset(NamedTuple):
@@ -49,6 +49,25 @@ def _images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([f.image for f in frames]), np.stack([f.label for f in frames])
 
 
+def check_request(
+    units: np.ndarray, shots: int, settings: RenderSettings, renderer_name: str
+) -> np.ndarray:
+    """The attributes f32[streets, 23] of a dataset that can be rendered here.
+
+    Raises:
+        ValueError: attributes, size or shots out of range, unknown renderer.
+        RendererError: this machine lacks what the renderer needs.
+    """
+    units = check_unit(units)
+    if units.ndim != 2 or len(units) == 0:
+        raise ValueError(f"a dataset needs attributes of shape [streets, 23], got {units.shape}")
+    if shots < 1:
+        raise ValueError(f"shots per street must be 1 or more, not {shots}")
+    check_settings(settings)
+    renderer(renderer_name)
+    return units
+
+
 def render_dataset(
     units: np.ndarray,
     seed: int,
@@ -77,24 +96,14 @@ def render_dataset(
         RendererError: this machine lacks what the renderer needs.
         WorkerError: worker processes keep dying.
     """
-    units = check_unit(units)
-    if units.ndim != 2 or len(units) == 0:
-        raise ValueError(f"a dataset needs attributes of shape [streets, 23], got {units.shape}")
-    if shots < 1:
-        raise ValueError(f"shots per street must be 1 or more, not {shots}")
-    check_settings(settings)
-    renderer(renderer_name)
+    units = check_request(units, shots, settings, renderer_name)
     pool = pool or AssetPool()
     n, h, w = len(units) * shots, settings.height, settings.width
     images, labels = np.empty((n, h, w, 3), np.uint8), np.empty((n, h, w), np.uint8)
     tasks = [(u, seed, i, shots, settings, renderer_name, pool) for i, u in enumerate(units)]
-    own = workers if isinstance(workers, WorkerPool) else WorkerPool(workers)
-    try:
-        for done, (i, result) in enumerate(own.map(_images_and_labels, tasks), start=1):
+    with opened(workers) as processes:
+        for done, (i, result) in enumerate(processes.map(_images_and_labels, tasks), start=1):
             images[i * shots : (i + 1) * shots], labels[i * shots : (i + 1) * shots] = result
             if progress is not None:
                 progress(done, len(tasks))
-    finally:
-        if own is not workers:
-            own.close()
     return Dataset(images, labels)

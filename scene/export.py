@@ -18,18 +18,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene import library
-from scene.attributes import check_unit
 from scene.catalogue import AssetPool, check_pool
 from scene.classes import CLASS_NAMES
-from scene.dataset import Dataset, street_of
+from scene.dataset import Dataset, check_request, street_of
 from scene.formats import description
 from scene.formats.files import json_text, read_json, write
 from scene.formats.layout import SPLITS, layout, stem
 from scene.formats.read import DESCRIPTION, WORK, pictures
 from scene.formats.shot import shot_files
 from scene.proposal import Proposal
-from scene.render import RenderSettings, check_settings, renderer
-from scene.workers import WorkerPool
+from scene.render import RenderSettings, renderer
+from scene.workers import WorkerPool, opened
 
 BLOCK = 4096
 """Bytes that disks give out at a time."""
@@ -101,19 +100,13 @@ def export_dataset(
         RendererError: this machine lacks what the renderer needs.
         WorkerError: worker processes keep dying.
     """
-    units = check_unit(units)
-    if units.ndim != 2 or len(units) == 0:
-        raise ValueError(f"a dataset needs attributes of shape [streets, 23], got {units.shape}")
-    if shots < 1:
-        raise ValueError(f"shots per street must be 1 or more, not {shots}")
+    units = check_request(units, shots, settings, renderer_name)
     images = len(units) * shots if images is None else images
     if not (len(units) - 1) * shots < images <= len(units) * shots:
         raise ValueError(f"{images} images do not fit {len(units)} streets of {shots} shots")
     if split not in SPLITS:
         raise ValueError(f"unknown split {split!r}; known: {', '.join(SPLITS)}")
-    check_settings(settings)
     layout(format)
-    renderer(renderer_name)
     pool = check_pool(pool or AssetPool())
     plan = Plan(
         Path(folder), format, split, images, shots, seed, settings, renderer_name, pool
@@ -158,15 +151,11 @@ def _export(
     if progress is not None:
         progress(done, plan.images, written)
     tasks = [(plan, k, unit) for k, unit in enumerate(units) if k not in finished]
-    own = workers if isinstance(workers, WorkerPool) else WorkerPool(workers)
-    try:
-        for position, size in own.map(_export_street, tasks):
+    with opened(workers) as processes:
+        for position, size in processes.map(_export_street, tasks):
             done, written = done + _shots(plan, tasks[position][1]), written + size
             if progress is not None:
                 progress(done, plan.images, written)
-    finally:
-        if own is not workers:
-            own.close()
     return _summarize(plan, len(units), scratch)
 
 

@@ -106,6 +106,16 @@ class WorkerPool:
 
 
 @contextmanager
+def opened(workers: int | WorkerPool) -> Iterator[WorkerPool]:
+    """A new pool of so many processes, closed in the end; or the pool itself, which is left open."""
+    if isinstance(workers, WorkerPool):
+        yield workers
+        return
+    with WorkerPool(workers) as pool:
+        yield pool
+
+
+@contextmanager
 def _inherited(environment: dict[str, str]) -> Iterator[None]:
     """What processes started meanwhile find from their first moment on, before they import anything.
 
