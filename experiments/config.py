@@ -14,6 +14,7 @@ from experiments.errors import UserError
 from experiments.twin import FIRST_ASSET
 from scene.attributes import NAMES
 from scene.catalogue import AssetPool, check_pool
+from scene.library import LibraryError
 from scene.render import RENDERERS, RenderSettings, check_settings
 from seg.nets import net
 from seg.optim import optimizer
@@ -182,7 +183,7 @@ def check(config: Config) -> Config:
     """
     if config.renderer not in RENDERERS:
         raise UserError(f"--renderer {config.renderer!r} is unknown; known: {', '.join(RENDERERS)}")
-    for name in ("seeds", "candidate_seeds", "asset_count", "reward_images", "test_images"):
+    for name in ("seeds", "candidate_seeds", "reward_images", "test_images"):
         value = getattr(config, name)
         if value is not None and value < 1:
             raise UserError(f"--{name.replace('_', '-')} must be 1 or more, not {value}")
@@ -191,14 +192,12 @@ def check(config: Config) -> Config:
             f"--asset-count must be less than {FIRST_ASSET}, where the twin's begin, "
             f"not {config.asset_count}"
         )
-    if not 0 < config.asset_fraction <= 1:
-        raise UserError(f"--asset-fraction must lie in (0, 1], not {config.asset_fraction}")
-    if config.asset_use == "own" and config.assets is None:
-        raise UserError("--asset-use own needs a folder of own assets: --assets DIR")
     try:
-        check_pool(config.pool)
-    except ValueError as error:
+        check_pool(config.pool, "--asset-")
+    except LibraryError as error:
         raise UserError(f"--assets: {error}") from None
+    except ValueError as error:
+        raise UserError(str(error)) from None
     for name in ("workers", "seed", "twin_seed"):
         if getattr(config, name) < 0:
             raise UserError(f"--{name.replace('_', '-')} must be 0 or more")

@@ -119,23 +119,27 @@ class AssetPool(NamedTuple):
     use: str = "both"  # which ones: "both", "own" or "built-in"
 
 
-def check_pool(pool: AssetPool) -> AssetPool:
+def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
     """The pool itself.
+
+    Args:
+        pool: the pool.
+        named: how the names of its fields begin in errors; on a command line, ``--asset-``.
 
     Raises:
         ValueError: a field out of range, by name.
         LibraryError: the folder of own assets cannot be used; see ``library``.
     """
     if pool.use not in USES:
-        raise ValueError(f"asset use {pool.use!r} is unknown; known: {', '.join(USES)}")
+        raise ValueError(f"{named}use {pool.use!r} is unknown; known: {', '.join(USES)}")
     if not 0 < pool.fraction <= 1:
-        raise ValueError(f"asset fraction must lie in (0, 1], not {pool.fraction}")
+        raise ValueError(f"{named}fraction must lie in (0, 1], not {pool.fraction}")
     if pool.first < 0:
         raise ValueError(f"the first asset must be 0 or more, not {pool.first}")
     if pool.size is not None and pool.size < 1:
-        raise ValueError(f"asset count must be 1 or more, not {pool.size}")
+        raise ValueError(f"{named}count must be 1 or more, not {pool.size}")
     if pool.use == "own" and not pool.own:
-        raise ValueError("asset use 'own' needs a folder of own assets")
+        raise library.LibraryError(f"{named}use 'own' needs a folder of own assets")
     if pool.own:
         library.check(pool.own)
     return pool

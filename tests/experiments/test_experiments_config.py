@@ -181,7 +181,7 @@ def test_the_preset_is_found_among_the_arguments():
         (["--asset-count", "0"], ["--asset-count", "1 or more"]),
         (["--asset-count", str(FIRST_ASSET)], ["--asset-count", "less than"]),
         (["--asset-fraction", "0"], ["--asset-fraction", "(0, 1]"]),
-        (["--asset-use", "own"], ["--asset-use own", "--assets DIR"]),
+        (["--asset-use", "own"], ["--assets", "--asset-use 'own'", "folder"]),
         (["--assets", "/no/such"], ["--assets", "/no/such", "not there"]),
         (["--workers", "-1"], ["--workers", "0 or more"]),
         (["--seed", "-1"], ["--seed", "0 or more"]),
