@@ -98,10 +98,7 @@ def write(picture: np.ndarray, path: Path) -> None:
     suffix = path.suffix.lower()
     quality = [] if suffix == ".png" else [cv2.IMWRITE_JPEG_QUALITY, QUALITY]
     _, data = cv2.imencode(suffix, picture[..., ::-1], quality)
-    try:
-        path.write_bytes(data.tobytes())
-    except OSError as error:
-        raise ValueError(f"{path} cannot be written: {error.strerror}") from error
+    path.write_bytes(data.tobytes())
 
 
 def main(arguments: list[str] | None = None) -> int:
