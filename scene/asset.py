@@ -7,6 +7,7 @@ z = 0. Colours are linear RGB in [0, 1], one per face, as is the material (see `
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -107,9 +108,9 @@ def unit(vector: np.ndarray) -> np.ndarray:
 
 
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The cross product of two vectors f64[3]; ``np.cross`` takes ten times as long."""
-    (x, y, z), (u, v, w) = a.tolist(), b.tolist()
-    return np.array((y * w - z * v, z * u - x * w, x * v - y * u))
+    """The cross products of vectors f64[3] or f64[n, 3]; ``np.cross`` takes ten times as long."""
+    (x, y, z), (u, v, w) = a.T, b.T
+    return np.array((y * w - z * v, z * u - x * w, x * v - y * u)).T.copy()
 
 
 def twice_areas(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
@@ -142,6 +143,16 @@ def block(low: Point, high: Point, color: Color, material: str = "plain") -> Ass
 def quad(corners: list[Point] | np.ndarray, color: Color, material: str = "plain") -> Asset:
     """A flat four-cornered face, corners in order around its edge; 2 faces."""
     return solid(np.asarray(corners), _fan(4), color, material)
+
+
+def quads(corners: np.ndarray, colors: Sequence[Color], materials: Sequence[str]) -> Asset:
+    """Flat four-cornered faces [n, 4, 3], each with a colour and a material; 2 faces each."""
+    first = 4 * np.arange(len(corners))[:, None, None]
+    return Asset(
+        Mesh(np.reshape(corners, (-1, 3)).astype(float), (first + _fan(4)).reshape(-1, 3)),
+        np.array(colors, np.float32).repeat(2, axis=0),
+        np.array([material_id(m) for m in materials], np.uint8).repeat(2),
+    )
 
 
 def tube(
@@ -389,5 +400,5 @@ def shade(asset: Asset, factor: np.ndarray) -> Asset:
 def vary(rng: np.random.Generator, color: Color, amount: float = 0.15) -> Color:
     """A colour near ``color``: brightness off by up to ``amount``, hue by a quarter of that."""
     factor = rng.uniform(1 - amount, 1 + amount) * rng.uniform(1 - amount / 4, 1 + amount / 4, 3)
-    red, green, blue = np.clip(np.asarray(color) * factor, 0, 1)
-    return float(red), float(green), float(blue)
+    red, green, blue = (np.array(color) * factor).clip(0, 1).tolist()
+    return red, green, blue

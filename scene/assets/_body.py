@@ -5,9 +5,11 @@ All lengths in the tables are shares of the standing height, so that a body scal
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from scene.asset import Asset, Color, merge, repaint
+from scene.asset import Asset, Color, circle, cross, merge, repaint, unit
 from scene.assets._human import (
     ANKLE,
     FOREARM,
@@ -144,12 +146,11 @@ def _hand(
 ) -> Asset:
     """A mitten with a thumb that points to ``across``."""
     side = across - along * (across @ along)
-    side /= max(float(np.linalg.norm(side)), 1e-9)
-    flat = np.cross(along, side)
-    angle = np.arange(6) * 2 * np.pi / 6
+    side /= max(math.sqrt(side.dot(side)), 1e-9)
+    flat = cross(along, side)
+    cos, sin = circle(6)[..., None]
     rings = [
-        wrist + h * (at * along + w * np.cos(angle)[:, None] * side
-                     + d * np.sin(angle)[:, None] * flat)
+        wrist + h * (at * along + w * cos * side + d * sin * flat)
         for at, w, d in ((-0.006, 0.013, 0.011), (0.02, 0.023, 0.012), (0.05, 0.024, 0.012),
                          (0.08, 0.019, 0.010), (HAND, 0.008, 0.005))
     ]  # fmt: skip
@@ -220,7 +221,7 @@ def figure(body: Body, outfit: Outfit, pose: Pose) -> Asset:
         wrist = np.array(pose.hands[k])
         x, y, z = pose.elbows[k]
         elbow = bend(shoulder, wrist, UPPER_ARM * h, FOREARM * h, (x, y * side, z))
-        along = (wrist - elbow) / np.linalg.norm(wrist - elbow)
+        along = unit(wrist - elbow)
         parts.append(_arm(body, outfit, (shoulder, elbow, wrist)))
         parts.append(_hand(wrist, along, np.array([0.8, -0.6 * side, 0.2]), h, outfit.skin))
     if outfit.hem:

@@ -6,11 +6,12 @@ from the sill over the shoulder and the windows to the middle of the roof.
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color
+from scene.asset import Asset, Color, frozen
 from scene.assets._palette import BLACK
 from scene.assets._skin import mirrored, painted, weld
 
@@ -72,6 +73,12 @@ def axles(b: Body) -> tuple[float, float]:
 
 def top(b: Body, s: np.ndarray) -> np.ndarray:
     """Height of the body's middle line, m."""
+    return np.interp(s, *_top_knots(b))
+
+
+@lru_cache(maxsize=8)
+def _top_knots(b: Body) -> np.ndarray:
+    """Shares of the length and heights f64[2, n] between which the middle line is straight."""
     span = b.roof_rear - b.roof_front
     knots = [
         (-0.01, b.hood - 0.03), (0.0, b.hood - 0.025), (0.03, b.hood),
@@ -82,7 +89,7 @@ def top(b: Body, s: np.ndarray) -> np.ndarray:
         (b.tail, b.deck), (max(b.tail + 0.004, 0.97), b.deck), (1.01, b.deck - 0.03),
     ]  # fmt: skip
     knots = [k for i, k in enumerate(knots) if i == 0 or k[0] > knots[i - 1][0]]
-    return np.interp(s, *np.array(knots).T)
+    return frozen(np.array(knots).T.copy())
 
 
 def shoulder(b: Body, s: np.ndarray) -> np.ndarray:
@@ -93,10 +100,13 @@ def shoulder(b: Body, s: np.ndarray) -> np.ndarray:
     return np.minimum(line, top(b, s) - 0.035)
 
 
+_HALF = np.array([[0, 0.06, 0.16, 0.3, 0.75, 0.9, 1], [0.90, 0.955, 0.99, 1, 1, 0.975, 0.93]])
+_SIDE = np.array([[0, 0.12, 0.3, 0.6, 0.8, 1], [0.955, 0.975, 0.99, 1.0, 0.985, 0.94]])
+
+
 def half(b: Body, s: np.ndarray) -> np.ndarray:
     """Half the width of the body, m."""
-    ends = np.interp(s, [0, 0.06, 0.16, 0.3, 0.75, 0.9, 1], [0.90, 0.955, 0.99, 1, 1, 0.975, 0.93])
-    return b.width / 2 * ends
+    return b.width / 2 * np.interp(s, *_HALF)
 
 
 def low(b: Body, s: np.ndarray) -> np.ndarray:
@@ -115,19 +125,22 @@ ARCH_GAP = 0.05
 """Between a tyre and its wheel arch, m."""
 
 
-def side_y(b: Body, s: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """Half the width at height ``z`` of the flank, below the shoulder, m."""
-    up = (z - b.sill) / np.maximum(shoulder(b, s) - b.sill, 1e-3)
-    profile = np.interp(up, [0, 0.12, 0.3, 0.6, 0.8, 1], [0.955, 0.975, 0.99, 1.0, 0.985, 0.94])
-    return half(b, s) * profile
+def side_y(b: Body, wide: np.ndarray, crest: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Half the width at height ``z`` of a flank that is ``wide`` and ends at ``crest``, m."""
+    up = (z - b.sill) / np.maximum(crest - b.sill, 1e-3)
+    return wide * np.interp(up, *_SIDE)
 
 
 def _ends(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
     """How far nose and tail recede at row height ``v`` (0 sill, 1 shoulder), m, negative at the nose."""
-    fade = np.clip(1 - s / 0.08, 0, 1), np.clip(1 - (1 - s) / 0.05, 0, 1)
-    nose = np.interp(v, FLANK, [0.05, 0.008, 0.0, 0.5 * b.rake, b.rake])
-    stern = np.interp(v, FLANK, [0.06, 0.008, 0.0, 0.03, 0.05])
-    return -fade[0] * nose + fade[1] * stern
+    fade = (1 - s / 0.08).clip(0, 1), (1 - (1 - s) / 0.05).clip(0, 1)
+    return -fade[0] * _receding(b, 0, v) + fade[1] * _receding(b, 1, v)
+
+
+def _receding(b: Body, end: int, v: np.ndarray) -> np.ndarray:
+    """How far the very nose (0) or tail (1) recedes at row height ``v``, m."""
+    nose, stern = (0.05, 0.008, 0.0, 0.5 * b.rake, b.rake), (0.06, 0.008, 0.0, 0.03, 0.05)
+    return np.interp(v, FLANK, stern if end else nose)
 
 
 def _bulge(b: Body, s: np.ndarray) -> np.ndarray:
@@ -138,22 +151,39 @@ def _bulge(b: Body, s: np.ndarray) -> np.ndarray:
 
 def fascia(b: Body, end: int, c: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Points of the nose (``end`` 0) or tail (1): ``c`` -1 right .. 1 left, ``v`` 0 sill .. 1 shoulder."""
+    foot, crest, wide, flank_x, bulge = _rim(b, end)
+    z = foot + v * (crest - foot)
+    back = _receding(b, end, v)
+    x = flank_x + bulge * (1 - np.abs(c) ** _POWER) + (back if end else -back)
+    return _points(x, c * side_y(b, wide, crest, z), z)
+
+
+@lru_cache(maxsize=16)  # asked for by every lamp and plate of a car
+def _rim(b: Body, end: int) -> tuple[np.ndarray, ...]:
+    """Of nose (0) or tail (1): foot, shoulder, half width, x, how far its middle is ahead of it, m."""
     s = np.array([float(end)])
-    z = low(b, s) + v * (shoulder(b, s) - low(b, s))
-    x = at(b, s) + _bulge(b, s) * (1 - np.abs(c) ** _POWER) + _ends(b, s, v)
-    return np.stack(np.broadcast_arrays(x, c * side_y(b, s, z), z), -1)
+    return low(b, s), shoulder(b, s), half(b, s), at(b, s), _bulge(b, s)
+
+
+def _points(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Points f64[..., 3] from coordinates of which y has the full shape."""
+    points = np.empty((*y.shape, 3))
+    points[..., 0], points[..., 1], points[..., 2] = x, y, z
+    return points
 
 
 def flank(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Points of the left flank: ``s`` along, ``v`` 0 at the sill (or arch) .. 1 at the shoulder."""
-    z = low(b, s) + v * (shoulder(b, s) - low(b, s))
-    return np.stack(np.broadcast_arrays(at(b, s) + _ends(b, s, v), side_y(b, s, z), z), -1)
+    foot, crest = low(b, s), shoulder(b, s)
+    z = foot + v * (crest - foot)
+    return _points(at(b, s) + _ends(b, s, v), side_y(b, half(b, s), crest, z), z)
 
 
 def panel(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
     """Points of the left flank as if it had no wheel arches; ``v`` as in ``flank``."""
-    z = b.sill + v * (shoulder(b, s) - b.sill)
-    return np.stack(np.broadcast_arrays(at(b, s) + _ends(b, s, v), side_y(b, s, z), z), -1)
+    crest = shoulder(b, s)
+    z = b.sill + v * (crest - b.sill)
+    return _points(at(b, s) + _ends(b, s, v), side_y(b, half(b, s), crest, z), z)
 
 
 def doorway(b: Body) -> tuple[float, float]:
@@ -165,25 +195,26 @@ def doorway(b: Body) -> tuple[float, float]:
 
 def cabin(b: Body, s: np.ndarray, w: np.ndarray) -> np.ndarray:
     """Points of the left window band: ``w`` 0 at the shoulder .. 1 at the edge of the roof."""
-    foot, ridge = shoulder(b, s), top(b, s)
+    foot, ridge, wide = shoulder(b, s), top(b, s), half(b, s)
     edge = np.maximum(ridge - b.crown, foot + 0.6 * (ridge - foot))
-    y = side_y(b, s, foot)
-    grown = np.clip((edge - foot) / (b.height - b.crown - b.belt), 0, 1)
-    inset = half(b, s) * (0.12 * (1 - grown) + b.tumblehome * grown)
+    y = side_y(b, wide, foot, foot)
+    grown = ((edge - foot) / (b.height - b.crown - b.belt)).clip(0, 1)
+    inset = wide * (0.12 * (1 - grown) + b.tumblehome * grown)
     x = at(b, s) + _ends(b, s, np.ones_like(s))
     lateral = 1 - inset * w**1.2 / y
     x = x + _bulge(b, s) * (1 - lateral**_POWER)
-    return np.stack(np.broadcast_arrays(x, y - inset * w**1.2, foot + w * (edge - foot)), -1)
+    return _points(x, y - inset * w**1.2, foot + w * (edge - foot))
 
 
 def roof(b: Body, s: np.ndarray, c: np.ndarray) -> np.ndarray:
     """Points over bonnet, screens and roof: ``c`` 1 at the left edge .. 0 in the middle."""
     edge = cabin(b, s, np.ones_like(s))
     y = c * edge[..., 1]
-    lateral = y / side_y(b, s, shoulder(b, s))
+    crest = shoulder(b, s)
+    lateral = y / side_y(b, half(b, s), crest, crest)
     x = at(b, s) + _ends(b, s, np.ones_like(s)) + _bulge(b, s) * (1 - lateral**_POWER)
     z = edge[..., 2] + (top(b, s) - edge[..., 2]) * (1 - c**2.2)
-    return np.stack(np.broadcast_arrays(x, y, z), -1)
+    return _points(x, y, z)
 
 
 def stations(b: Body) -> np.ndarray:

@@ -8,8 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, block, merge, polygon, solid
-from scene.materials import material_id
+from scene.asset import Asset, Color, Point, block, merge, polygon, quads, solid
 
 RECESS = 0.14
 """Depth of the frames behind the facade (metres)."""
@@ -57,13 +56,8 @@ def patch(corners: list[Point], color: Color, material: str = "plain") -> Patch:
 def assemble(parts: Sequence[Part]) -> Asset:
     """One asset of all ``parts``: the patches in one mesh, then the solids in order."""
     patches = [part for part in parts if isinstance(part, Patch)]
-    corners = np.array([p.corners for p in patches], float).reshape(-1, 3)
-    first = 4 * np.arange(len(patches))[:, None, None]
-    faces = (first + [[0, 1, 2], [0, 2, 3]]).reshape(-1, 3)
-    flat = solid(corners, faces, (0, 0, 0), "plain")._replace(
-        color=np.repeat(np.array([p.color for p in patches], np.float32), 2, 0),
-        material=np.repeat(np.array([material_id(p.material) for p in patches], np.uint8), 2),
-    )
+    corners = np.array([p.corners for p in patches])
+    flat = quads(corners, [p.color for p in patches], [p.material for p in patches])
     return merge(flat, *(part for part in parts if isinstance(part, Asset)))
 
 

@@ -50,7 +50,8 @@ _COLUMNS = np.array([-0.89, -0.733, -0.392, 0.0, 0.392, 0.733, 0.89])
 
 def _between(span: Span, knots: np.ndarray) -> np.ndarray:
     """The ends of a span and the knots inside it."""
-    return np.array([span[0], *knots[(knots > span[0] + 0.01) & (knots < span[1] - 0.01)], span[1]])
+    low, high = span
+    return np.array([low, *(k for k in knots.tolist() if low + 0.01 < k < high - 0.01), high])
 
 
 def on_nose(
@@ -68,8 +69,7 @@ def on_nose(
 
 
 def _nose_points(b: Body, end: int, c: Span, v: Span, lift: float) -> np.ndarray:
-    across, up = np.meshgrid(_between(c, _COLUMNS), _between(v, FLANK))
-    points = fascia(b, end, across, up)
+    points = fascia(b, end, _between(c, _COLUMNS), _between(v, FLANK)[:, None])
     points[..., 0] += lift if end == 0 else -lift
     points[..., 1] *= 1 + lift / (b.width / 2)
     return points if end == 0 else points[::-1]
@@ -86,8 +86,7 @@ def on_flank(
     steps: int = 2,
 ) -> Asset:
     """A patch on both flanks between shares ``s`` of the length and rows ``v``."""
-    along, up = np.meshgrid(np.linspace(*s, steps + 1), _between(v, FLANK), indexing="ij")
-    points = panel(b, along, up)
+    points = panel(b, np.linspace(*s, steps + 1)[:, None], _between(v, FLANK))
     points[..., 1] += lift
     return twin_sheets(points, color, material)
 

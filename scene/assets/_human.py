@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, loft_faces, repaint, solid
+from scene.asset import Asset, Color, Point, circle, cross, loft_faces, repaint, solid
 
 # Joint lengths as shares of the standing height.
 THIGH, SHIN, ANKLE = 0.245, 0.246, 0.04
@@ -78,14 +78,14 @@ def bend(
     By the law of cosines, on the side that ``towards`` points to; straight if the end is too far.
     """
     reach = end - start
-    distance = np.linalg.norm(reach)
+    distance = np.sqrt(reach.dot(reach))
     along = reach / distance
     near = np.clip((upper**2 - lower**2 + distance**2) / (2 * distance), -upper, upper)
     if distance >= upper + lower:
         return start + reach * upper / (upper + lower)
     side = np.asarray(towards, float)
     side = side - along * (side @ along)
-    return start + near * along + np.sqrt(upper**2 - near**2) * side / np.linalg.norm(side)
+    return start + near * along + np.sqrt(upper**2 - near**2) * side / np.sqrt(side.dot(side))
 
 
 def skin(rings: np.ndarray, color: Color, material: str = "cloth") -> Asset:
@@ -104,17 +104,23 @@ def paint_bands(
 def circles(points: np.ndarray, radii: np.ndarray, sides: int = 8) -> np.ndarray:
     """Rings [n, sides, 3] of ``radii`` around a line of ``points``, square to it."""
     bones = np.diff(points, axis=0)
-    bones /= np.maximum(np.linalg.norm(bones, axis=1, keepdims=True), 1e-9)
+    bones /= _lengths(bones)
     along = np.concatenate([bones[:1], bones[:-1] + bones[1:], bones[-1:]])
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
+    along /= _lengths(along)
     mean = np.abs(along.sum(0))
-    helper = np.eye(3)[0] if mean[1] > max(mean[0], mean[2]) else np.array([0, 1.0, 0])
-    u = np.cross(along, helper)
-    u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-9)
-    v = np.cross(along, u)
-    angle = np.arange(sides) * 2 * np.pi / sides
-    ring = np.cos(angle)[:, None] * u[:, None] + np.sin(angle)[:, None] * v[:, None]
+    u = cross(along, _X if mean[1] > max(mean[0], mean[2]) else _Y)
+    u /= _lengths(u)
+    cos, sin = circle(sides)[..., None]
+    ring = cos * u[:, None] + sin * cross(along, u)[:, None]
     return points[:, None] + radii[:, None, None] * ring
+
+
+_X, _Y = np.eye(3)[:2]
+
+
+def _lengths(vectors: np.ndarray) -> np.ndarray:
+    """Lengths f64[n, 1] of vectors f64[n, 3], none below a nanometre."""
+    return np.maximum(np.sqrt((vectors * vectors).sum(axis=1, keepdims=True)), 1e-9)
 
 
 def limb(

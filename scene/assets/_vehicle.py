@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, loft, merge, polygon, tube
+from scene.asset import Asset, Color, Point, cross, loft, merge, polygon, quads, tube
 from scene.assets._palette import BLACK, GLASS, STEEL, TRIM, TYRE, darker
 from scene.assets._skin import sheet
 from scene.assets._wheel import Wheel, wheels
 
+Span = tuple[float, float]
 Corners = np.ndarray
 """f64[4, 3]: a wall seen from outside, anticlockwise from its lower left corner."""
 
@@ -97,22 +100,27 @@ def walls(length: float, width: float, low: float, high: float, *, x: float = 0)
 
 def panel(
     wall: Corners,
-    u: tuple[float, float],
-    v: tuple[float, float],
+    u: Span,
+    v: Span,
     color: Color,
     material: str = "plain",
     *,
     lift: float = 0.012,
 ) -> Asset:
     """A rectangle laid on ``wall``: shares ``u`` along and ``v`` up it, ``lift`` m outside."""
+    return quads(_laid(wall, [u], [v], lift), [color], [material])
+
+
+def _laid(
+    wall: Corners, u: Sequence[Span], v: Sequence[Span], lift: float | np.ndarray
+) -> np.ndarray:
+    """Corners f64[n, 4, 3] of ``panel``s."""
     low_left, low_right, high_right, high_left = wall
-    normal = np.cross(low_right - low_left, high_left - low_left)
-    outside = lift * normal / np.linalg.norm(normal)
-    corners = [
-        (low_left * (1 - s) + low_right * s) * (1 - t) + (high_left * (1 - s) + high_right * s) * t
-        for s, t in ((u[0], v[0]), (u[1], v[0]), (u[1], v[1]), (u[0], v[1]))
-    ]
-    return polygon(np.array(corners) + outside, color, material)
+    normal = cross(low_right - low_left, high_left - low_left)
+    outside = lift * normal / math.sqrt(normal.dot(normal))
+    s, t = np.array(u)[:, (0, 1, 1, 0), None], np.array(v)[:, (0, 0, 1, 1), None]
+    low, high = low_left * (1 - s) + low_right * s, high_left * (1 - s) + high_right * s
+    return low * (1 - t) + high * t + outside
 
 
 _TONES = (1.0, 1.5, 0.8, 1.9, 1.1, 0.7, 1.3)
@@ -130,13 +138,12 @@ def window_row(
     gap = (edges[1] - edges[0]) * pillar / 2
     sill = v[0] + 0.34 * (v[1] - v[0])
     vent = v[0] + 0.74 * (v[1] - v[0])
-    parts = []
-    for k, (a, b) in enumerate(pairwise(edges)):
-        pane = darker(GLASS, _TONES[k % len(_TONES)])
-        parts.append(panel(wall, (a + gap, b - gap), (sill, v[1]), pane, "glass"))
-        parts.append(panel(wall, (a + gap, b - gap), (v[0], sill), darker(pane, 0.6), "glass"))
-        parts.append(panel(wall, (a + gap, b - gap), (vent, vent + 0.008), TRIM, lift=0.018))
-    return merge(*parts)
+    along = [(a + gap, b - gap) for a, b in pairwise(edges) for _ in range(3)]
+    up = [(sill, v[1]), (v[0], sill), (vent, vent + 0.008)] * count
+    lift = np.tile([0.012, 0.012, 0.018], count)[:, None, None]
+    panes = [darker(GLASS, _TONES[k % len(_TONES)]) for k in range(count)]
+    colors = [c for pane in panes for c in (pane, darker(pane, 0.6), TRIM)]
+    return quads(_laid(wall, along, up, lift), colors, ["glass", "glass", "plain"] * count)
 
 
 class Hull(NamedTuple):
@@ -208,7 +215,7 @@ def lettering(
 ) -> Asset:
     """Two lines of block letters on ``wall``, a large one over a small one; legible as text, not as words."""
     rng = np.random.default_rng(seed)
-    parts = []
+    along, up = [], []
     for low, high, letters in (
         (0.4, 1.0, int(rng.integers(5, 10))),
         (0.0, 0.26, int(rng.integers(12, 20))),
@@ -216,9 +223,10 @@ def lettering(
         edges = np.linspace(*u, letters + 1)
         step = edges[1] - edges[0]
         for a in edges[:-1][rng.random(letters) < 0.85]:
-            tall = v[0] + low * (v[1] - v[0]), v[0] + (high - rng.choice([0, 0.06])) * (v[1] - v[0])
-            parts.append(panel(wall, (a, a + step * rng.uniform(0.5, 0.8)), tall, color, lift=0.02))
-    return merge(*parts)
+            head = high - (0, 0.06)[rng.integers(2)]
+            up.append((v[0] + low * (v[1] - v[0]), v[0] + head * (v[1] - v[0])))
+            along.append((a, a + step * rng.uniform(0.5, 0.8)))
+    return quads(_laid(wall, along, up, 0.02), [color] * len(up), ["plain"] * len(up))
 
 
 def lamps(

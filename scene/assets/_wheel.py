@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -25,6 +26,7 @@ class Wheel(NamedTuple):
     color: Color = STEEL
 
 
+@lru_cache(maxsize=8)  # a lorry has the same one on every axle
 def wheel(w: Wheel, *, sides: int = 14) -> Asset:
     """The wheel standing on z = 0 at x = 0, its outer face in y = 0, looking towards +y."""
     r, rim = w.radius, w.rim_share * w.radius
