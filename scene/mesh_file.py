@@ -10,13 +10,16 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import unquote
 
 import numpy as np
-import trimesh
 
-from scene.asset import Asset
+from scene.asset import Asset, Mesh
 from scene.materials import material_id
+
+if TYPE_CHECKING:
+    import trimesh
 
 SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
 """Formats that are read."""
@@ -55,6 +58,8 @@ def read_mesh(path: Path, *, up: str = "", forward: str = "", scale: float = 1.0
     Raises:
         MeshError: broken or empty file, missing texture, too many faces, odd axes.
     """
+    import trimesh  # takes a second, which streets of built-in assets need not wait for
+
     for name in _referenced(path):
         if not (path.parent / name).is_file():
             raise MeshError(f"refers to {name}, which is not there")
@@ -83,7 +88,7 @@ def read_mesh(path: Path, *, up: str = "", forward: str = "", scale: float = 1.0
     mesh = trimesh.Trimesh(vertices, np.concatenate(joined), process=False)
     mesh.remove_unreferenced_vertices()
     return Asset(
-        mesh,
+        Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)),
         np.concatenate([piece.color for piece in pieces]),
         np.concatenate([piece.material for piece in pieces]),
     )
@@ -139,6 +144,8 @@ def _words_after(path: Path, keyword: str) -> Iterator[str]:
 
 def _placed(loaded: trimesh.Scene) -> Iterator[tuple[trimesh.Trimesh, np.ndarray]]:
     """Every mesh of a loaded file with its pose; points and lines are passed over."""
+    import trimesh
+
     for node in loaded.graph.nodes_geometry:
         matrix, name = loaded.graph[node]
         geometry = loaded.geometry[name]
@@ -154,7 +161,7 @@ def _piece(mesh: trimesh.Trimesh, matrix: np.ndarray, linear: bool) -> Asset:
     vertices = np.asarray(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
     material = np.where(clear, material_id("glass"), material_id("plain")).astype(np.uint8)
     return Asset(
-        trimesh.Trimesh(vertices, np.asarray(mesh.faces)[keep], process=False),
+        Mesh(vertices, np.asarray(mesh.faces)[keep]),
         np.clip(rgba[keep, :3], 0, 1).astype(np.float32),
         material[keep],
     )

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-import trimesh
 
-from scene.asset import Asset
+from scene.asset import Asset, Mesh
 from scene.materials import material_id
 
 
@@ -81,10 +80,9 @@ def to_asset(parts: list[Quads]) -> Asset:
     corners = np.concatenate([p.corners for p in parts])
     first = 4 * np.arange(len(corners))[:, None]
     faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3)
-    mesh = trimesh.Trimesh(corners.reshape(-1, 3), faces, process=False)
     color = np.concatenate([p.color for p in parts]).repeat(2, axis=0)
     return Asset(
-        mesh,
+        Mesh(corners.reshape(-1, 3), faces),
         np.clip(color, 0, 1).astype(np.float32),
         np.concatenate([p.material for p in parts]).repeat(2),
     )

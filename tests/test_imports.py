@@ -38,3 +38,13 @@ def test_a_library_imports_only_what_is_its_own(package, absent):
     loaded = modules_after(f"import {package}")
     assert package in loaded
     assert not loaded & absent
+
+
+def test_built_in_assets_do_not_wait_for_trimesh():
+    loaded = modules_after(
+        "import scene.export\n"
+        "from scene.catalogue import FAMILIES, asset\n"
+        "assets = [asset(family, 0) for family in FAMILIES]"
+    )
+    assert "scene" in loaded
+    assert not loaded & {"trimesh", "networkx"}
