@@ -35,17 +35,11 @@ def drawn(pool, family, draws=200):
     return [pick(pool, family, rng) for _ in range(draws)]
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    """Two cars and a bench for people of our own."""
-    root = tmp_path_factory.mktemp("own")
-    (root / "car").mkdir()
-    lines = ["file,author,licence,source"]
-    for name, length in (("a", 4.0), ("b", 4.5)):
-        trimesh.creation.box((length, 1.8, 1.5)).export(root / f"car/{name}.stl")
-        lines.append(f"car/{name}.stl,A. Maker,CC0-1.0,own work")
-    (root / "assets.csv").write_text("\n".join(lines))
-    return str(root)
+@pytest.fixture
+def folder(shelf):
+    """Two cars of our own."""
+    shelf("car/a.stl", trimesh.creation.box((4.0, 1.8, 1.5)))
+    return shelf("car/b.stl", trimesh.creation.box((4.5, 1.8, 1.5)))
 
 
 def test_every_class_with_a_shape_has_a_family():

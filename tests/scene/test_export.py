@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from scene import export
 from scene.attributes import NAMES
@@ -257,26 +258,15 @@ def test_bad_arguments_are_refused_by_name(changes, message, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_own_assets_travel_with_their_licences(tmp_path):
-    own = tmp_path / "assets"
-    (own / "car").mkdir(parents=True)
-    faces = [(1, 2, 3), (1, 3, 4), (5, 7, 6), (5, 8, 7), (1, 5, 6), (1, 6, 2)]
-    faces += [(2, 6, 7), (2, 7, 3), (3, 7, 8), (3, 8, 4), (4, 8, 5), (4, 5, 1)]
-    corners = itertools.product((0, 1.5), (-0.9, 0.9), (-2, 2))
-    order = [0, 1, 3, 2, 4, 5, 7, 6]
-    corners = [(x, z, y) for z, y, x in corners]
-    lines = ["v {} {} {}".format(*corners[i]) for i in order]
-    lines += ["f {} {} {}".format(*face) for face in faces]
-    (own / "car" / "box.obj").write_text("\n".join(lines))
-    (own / "assets.csv").write_text(
-        "file,author,licence,source,up\ncar/box.obj,Ada,CC0-1.0,made by hand,z\n"
-    )
+def test_own_assets_travel_with_their_licences(shelf, tmp_path):
+    own = Path(shelf("car/box.obj", trimesh.creation.box((4, 1.8, 1.5)), author="Ada", up="z"))
     found = run(tmp_path / "a", pool=AssetPool(0, 3, own=str(own)))
     [entry] = found["own_assets"]
     assert entry["author"] == "Ada" and entry["licence"] == "CC0-1.0"
-    assert found["assets"]["own"] == "assets"
+    assert found["assets"]["own"] == "own"
     assert (tmp_path / "a" / "assets.csv").read_bytes() == (own / "assets.csv").read_bytes()
-    (own / "car" / "box.obj").write_text("# another\n" + "\n".join(lines))
+    mesh = own / "car/box.obj"
+    mesh.write_text("# another\n" + mesh.read_text())
     with pytest.raises(ExportError, match="other own_assets"):
         run(tmp_path / "a", pool=AssetPool(0, 3, own=str(own)))
 

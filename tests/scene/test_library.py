@@ -37,30 +37,6 @@ def y_up(mesh):
     return mesh
 
 
-@pytest.fixture
-def shelf(tmp_path):
-    """``shelf(path, mesh_or_bytes, column=...)`` puts a file there with its row; gives the folder."""
-    rows: list[dict[str, str]] = []
-
-    def put(name, content, listed=True, **columns):
-        path = tmp_path / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        if isinstance(content, bytes):
-            path.write_bytes(content)
-        else:
-            content.export(path)
-        if listed:
-            row = {"file": name, "author": "A. Maker", "licence": "CC0-1.0", "source": "own work"}
-            rows.append({**row, **columns})
-        header = list(dict.fromkeys(key for row in rows for key in row))
-        lines = [header, *([row.get(key, "") for key in header] for row in rows)]
-        text = "".join(",".join(line) + "\n" for line in lines)
-        (tmp_path / "assets.csv").write_text(text, encoding="utf-8")
-        return str(tmp_path)
-
-    return put
-
-
 def only(folder, family="car"):
     (path,) = scan(folder)[family]
     return catalogue.asset(family, path)
@@ -236,21 +212,21 @@ def test_a_missing_texture_is_named(shelf, tmp_path):
     folder = shelf("car/box.obj", text)
     with pytest.raises(LibraryError, match=r"box\.obj: refers to box\.mtl, which is not there"):
         check(folder)
-    (tmp_path / "car/box.mtl").write_text("newmtl a\nmap_Kd paint.png\n")
+    (tmp_path / "own/car/box.mtl").write_text("newmtl a\nmap_Kd paint.png\n")
     with pytest.raises(LibraryError, match=r"box\.obj: refers to paint\.png, which is not there"):
         check(folder)
 
 
 def test_a_missing_texture_of_gltf_is_named(shelf, tmp_path):
     folder = shelf("car/box.gltf", y_up(car()))
-    path = tmp_path / "car/box.gltf"
+    path = tmp_path / "own/car/box.gltf"
     content = json.loads(path.read_text())
     path.write_text(json.dumps({**content, "images": [{"uri": "my%20paint.png"}]}))
     with pytest.raises(LibraryError, match=r"box\.gltf: refers to my paint\.png, which is not"):
         check(folder)
 
 
-def test_a_texture_of_obj_is_read(shelf, tmp_path):
+def test_a_texture_of_obj_is_read(shelf):
     mesh = trimesh.creation.box(CAR)
     picture = Image.new("RGB", (2, 2), (0, 255, 0))
     mesh.visual = TextureVisuals(uv=np.full((8, 2), 0.3), material=SimpleMaterial(image=picture))
@@ -289,15 +265,15 @@ def test_a_texture_of_obj_is_read(shelf, tmp_path):
 )
 def test_a_wrong_manifest_is_named(shelf, tmp_path, text, complaint):
     folder = shelf("car/box.stl", car())
-    (tmp_path / "assets.csv").write_text(text)
+    (tmp_path / "own/assets.csv").write_text(text)
     with pytest.raises(LibraryError) as caught:
         check(folder)
-    assert complaint in str(caught.value) and str(tmp_path) in str(caught.value)
+    assert complaint in str(caught.value) and str(tmp_path / "own") in str(caught.value)
 
 
 def test_a_missing_manifest_is_named(shelf, tmp_path):
     folder = shelf("car/box.stl", car())
-    (tmp_path / "assets.csv").unlink()
+    (tmp_path / "own/assets.csv").unlink()
     with pytest.raises(LibraryError, match=r"assets\.csv is missing"):
         check(folder)
 

@@ -180,25 +180,21 @@ def test_a_page_of_all_sweeps_is_written(tmp_path):
 
 
 @pytest.fixture
-def folder(tmp_path):
+def folder(shelf):
     """One box of our own, to stand for a bus."""
-    (tmp_path / "own/bus").mkdir(parents=True)
-    trimesh.creation.box((10, 2.5, 3)).export(tmp_path / "own/bus/box.stl")
-    manifest = "file,author,licence,source\nbus/box.stl,A. Maker,CC0-1.0,own work\n"
-    (tmp_path / "own/assets.csv").write_text(manifest)
-    return tmp_path / "own"
+    return shelf("bus/box.stl", trimesh.creation.box((10, 2.5, 3)))
 
 
 def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, capsys):
     out = tmp_path / "page.png"
-    line = ["--out", str(out), "--asset", "bus", "--assets", str(folder), "--asset-use", "own"]
+    line = ["--out", str(out), "--asset", "bus", "--assets", folder, "--asset-use", "own"]
     assert main([*line, "--size", "48x32"]) == 0
     assert read(out).shape[0] == 32 + CAPTION
     assert "left out: building, train" in capsys.readouterr().out
 
 
 def test_own_assets_stand_in_streets(folder):
-    path = str(folder / "bus/box.stl")
+    path = f"{folder}/bus/box.stl"
     assert bounds("bus", path)[1] == pytest.approx([5, 1.25, 3])
     frame = look(asset_street("bus", path, 4 / 3, 50.0))
     assert (frame.label == TrainId.BUS).mean() > 0.1
