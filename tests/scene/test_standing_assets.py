@@ -1,16 +1,22 @@
-"""Buildings, trees and bushes: sound, of real sizes, repeatable."""
-
-import hashlib
-import importlib
+"""Buildings, trees and bushes: sound and of real sizes."""
 
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 from trimesh.ray.ray_pyembree import RayMeshIntersector as Rays
 
-from scene.asset import Asset
-from scene.materials import MATERIALS, material_id
+from scene.assets import building, tree
+from scene.materials import material_id
+from tests.scene.asset_checks import (
+    check_planes,
+    check_sound,
+    check_space,
+    fill,
+    kinds,
+    make,
+    module_of,
+    seeds,
+)
 
 BUDGET = {
     "building": 2500, "tree": 7500, "bush": 2500,
@@ -23,79 +29,22 @@ LIMITS = {
     "tree": ((-8, -8, 0), (8, 8, 14.2)),
     "bush": ((-2.6, -1.4, 0), (2.6, 1.4, 2.6)),
 }
-FAMILIES = {name: importlib.import_module(f"scene.assets.{name}") for name in BUDGET}
-KINDS = [(name, kind) for name, module in FAMILIES.items() for kind in module.KINDS]
 
 BARE = ["bare lime", "half bare", "bare broad", "pollard", "birch", "bare poplar", "ivied",
         "young bare", "bare vase"]  # fmt: skip
 """Kinds of trees that carry few leaves or none."""
 
-every_kind = pytest.mark.parametrize(("family", "kind"), KINDS)
-seeds = st.integers(0, 2**32 - 1)
 
-
-def make(family: str, kind: str, seed: int) -> Asset:
-    module = FAMILIES[family]
-    params = getattr(module, f"sample_{family}")(np.random.default_rng(seed), kind)
-    return getattr(module, family)(params)
-
-
-def digest(asset: Asset) -> str:
-    arrays = (asset.mesh.vertices, asset.mesh.faces, asset.color, asset.material)
-    return hashlib.sha256(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays)).hexdigest()
-
-
-def fill(asset: Asset, low: float, high: float) -> float:
-    """Share of rays along y that hit the asset, within its width and the given heights."""
-    (left, front, _), (right, _, _) = asset.mesh.bounds
-    x, z = np.meshgrid(np.linspace(left, right, 101), np.linspace(low, high, 61))
-    origins = np.column_stack([x.ravel(), np.full(x.size, front - 1), z.ravel()])
-    rays = np.tile([0.0, 1.0, 0.0], (x.size, 1))
-    return float(Rays(asset.mesh).intersects_any(origins, rays).mean())
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_at_least_four_kinds(family):
-    kinds = FAMILIES[family].KINDS
-    assert len(set(kinds)) == len(kinds) >= 4
-
-
-@every_kind
+@pytest.mark.parametrize(("family", "kind"), kinds(BUDGET))
 @given(seed=seeds)
 def test_a_sound_asset(family, kind, seed):
     asset = make(family, kind, seed)
-    mesh, count = asset.mesh, len(asset.mesh.faces)
-    assert 0 < count <= BUDGET[family]
-    assert asset.color.shape == (count, 3) and asset.color.dtype == np.float32
-    assert asset.material.shape == (count,) and asset.material.dtype == np.uint8
-    assert asset.material.max() < len(MATERIALS)
-    assert 0 <= asset.color.min() and asset.color.max() <= 1
-    assert np.isfinite(mesh.vertices).all()
-    low, high = LIMITS[family]
-    assert (mesh.bounds[0] >= np.array(low) - 1e-9).all() and (mesh.bounds[1] <= high).all()
-    assert mesh.bounds[0, 2] == pytest.approx(0, abs=1e-9)
+    check_sound(asset, BUDGET[family])
+    check_space(asset, *LIMITS[family])
+    assert asset.mesh.bounds[0, 2] == pytest.approx(0, abs=1e-9)
 
 
-@every_kind
-def test_same_seed_same_bytes_and_other_seeds_others(family, kind):
-    digests = [digest(make(family, kind, seed)) for seed in range(4)]
-    assert digests == [digest(make(family, kind, seed)) for seed in range(4)]
-    assert len(set(digests)) == 4
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_the_kinds_differ(family):
-    kinds = FAMILIES[family].KINDS
-    assert len({digest(make(family, kind, 0)) for kind in kinds}) == len(kinds)
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_unknown_kind_is_refused_by_name(family):
-    with pytest.raises(ValueError, match=r"unknown kind of .*'marble'; known: "):
-        make(family, "marble", 0)
-
-
-@pytest.mark.parametrize("kind", [k for k in FAMILIES["building"].KINDS if k != "car park"])
+@pytest.mark.parametrize("kind", [k for k in building.KINDS if k != "car park"])
 @given(seed=seeds)
 def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
     asset = make("building", kind, seed)
@@ -115,20 +64,10 @@ def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
     assert hits.all()
 
 
-@pytest.mark.parametrize(("family", "kind"), [k for k in KINDS if k[0] == "building"])
+@pytest.mark.parametrize("kind", building.KINDS)
 @given(seed=seeds)
-def test_faces_towards_the_road_never_fight_for_one_plane(family, kind, seed):
-    """No upright face lies within 3 cm before or behind another one that faces the same way."""
-    mesh = make(family, kind, seed).mesh
-    facing = mesh.triangles[np.abs(mesh.face_normals[:, 1]) > 0.999]
-    corners, depth = facing[:, :, [0, 2]], facing[:, 0, 1]
-    middle = corners.mean(axis=1)
-    edge = np.roll(corners, -1, axis=1) - corners
-    out = middle[:, None, None] - corners  # [points, triangles, corners, 2]
-    side = edge[..., 0] * out[..., 1] - edge[..., 1] * out[..., 0]
-    inside = (side > 1e-9).all(axis=-1) | (side < -1e-9).all(axis=-1)
-    near = np.abs(depth[:, None] - depth) < 0.03
-    assert (inside & near).sum() == len(facing)  # each lies in itself alone
+def test_faces_towards_the_road_never_fight_for_one_plane(kind, seed):
+    check_planes(make("building", kind, seed))
 
 
 @pytest.mark.parametrize("kind", BARE)
@@ -140,9 +79,9 @@ def test_sky_shows_through_a_bare_tree(kind, seed):
 
 
 def test_two_trees_in_five_are_bare_or_half_bare():
-    kinds = FAMILIES["tree"].KINDS
-    assert set(BARE) <= set(kinds)
-    assert sum(kinds[index % len(kinds)] in BARE for index in range(24)) >= 0.4 * 24
+    names = tree.KINDS
+    assert set(BARE) <= set(names)
+    assert sum(names[index % len(names)] in BARE for index in range(24)) >= 0.4 * 24
 
 
 @given(seed=seeds)
@@ -168,7 +107,7 @@ def test_leafy_crowns_are_ragged_but_closed():
 
 @pytest.mark.parametrize("family", ["tree", "bush"])
 def test_leaves_vary_in_shade(family):
-    for kind in FAMILIES[family].KINDS:
+    for kind in module_of(family).KINDS:
         asset = make(family, kind, 1)
         leaves = asset.material == material_id("foliage")
         assert not leaves.any() or asset.color[leaves].std(axis=0).max() > 0.005

@@ -1,0 +1,86 @@
+"""What the tests of asset families share: how to build one, and what any sound asset keeps to."""
+
+from collections.abc import Iterable
+from importlib import import_module
+from types import ModuleType
+from typing import NamedTuple
+
+import numpy as np
+from hypothesis import strategies as st
+from trimesh.ray.ray_pyembree import RayMeshIntersector as Rays
+
+from scene.asset import Asset
+from scene.materials import MATERIALS
+
+seeds = st.integers(0, 2**32 - 1)
+
+
+class Limits(NamedTuple):
+    """What is plausible for a family."""
+
+    low: tuple[float, float, float]  # along x, y, z, metres
+    high: tuple[float, float, float]
+    triangles: int  # at most
+
+
+def module_of(family: str) -> ModuleType:
+    """The file of a family, as ``traffic_sign``."""
+    return import_module(f"scene.assets.{family}")
+
+
+def kinds(families: Iterable[str]) -> list[tuple[str, str]]:
+    """Every (family, kind)."""
+    return [(family, kind) for family in families for kind in module_of(family).KINDS]
+
+
+def make(family: str, kind: str, seed: int) -> Asset:
+    module = module_of(family)
+    params = getattr(module, f"sample_{family}")(np.random.default_rng(seed), kind)
+    return getattr(module, family)(params)
+
+
+def check_sound(asset: Asset, triangles: int, brightest: float = 1.0) -> None:
+    """Fails unless all arrays are in order and there are at most so many triangles."""
+    faces = len(asset.mesh.faces)
+    assert 0 < faces <= triangles
+    assert asset.color.shape == (faces, 3) and asset.color.dtype == np.float32
+    assert asset.material.shape == (faces,) and asset.material.dtype == np.uint8
+    assert asset.material.max() < len(MATERIALS)
+    assert 0 <= asset.color.min() and asset.color.max() <= brightest
+    assert np.isfinite(asset.mesh.vertices).all()
+
+
+def check_space(
+    asset: Asset, low: tuple[float, float, float], high: tuple[float, float, float]
+) -> None:
+    """Fails if the asset sticks out of the box between two corners, metres."""
+    bounds = asset.mesh.bounds
+    assert (bounds[0] >= np.array(low) - 1e-9).all() and (bounds[1] <= high).all()
+
+
+def check_planes(asset: Asset) -> None:
+    """Fails if an upright face lies within 3 cm before or behind another that faces the same way."""
+    mesh = asset.mesh
+    facing = mesh.triangles[np.abs(mesh.face_normals[:, 1]) > 0.999]
+    corners, depth = facing[:, :, [0, 2]], facing[:, 0, 1]
+    middle = corners.mean(axis=1)
+    edge = np.roll(corners, -1, axis=1) - corners
+    out = middle[:, None, None] - corners  # [points, triangles, corners, 2]
+    side = edge[..., 0] * out[..., 1] - edge[..., 1] * out[..., 0]
+    inside = (side > 1e-9).all(axis=-1) | (side < -1e-9).all(axis=-1)
+    near = np.abs(depth[:, None] - depth) < 0.03
+    assert (inside & near).sum() == len(facing)  # each lies in itself alone
+
+
+def fill(asset: Asset, low: float, high: float) -> float:
+    """Share of rays along y that hit the asset, within its width and the given heights."""
+    (left, front, _), (right, _, _) = asset.mesh.bounds
+    x, z = np.meshgrid(np.linspace(left, right, 101), np.linspace(low, high, 61))
+    origins = np.column_stack([x.ravel(), np.full(x.size, front - 1), z.ravel()])
+    rays = np.tile([0.0, 1.0, 0.0], (x.size, 1))
+    return float(Rays(asset.mesh).intersects_any(origins, rays).mean())
+
+
+def mirror(point: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The point on the other side."""
+    return point[0], -point[1], point[2]
