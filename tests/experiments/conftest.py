@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -75,6 +76,19 @@ def tiny_twin(tmp_path: Path) -> Config:
 def tiny_camvid(tmp_path: Path, camvid: Path) -> Config:
     """A smoke configuration of the CamVid above."""
     return replace(camvid_config("smoke"), out=tmp_path / "run", workers=0, data=camvid)
+
+
+@pytest.fixture
+def error_line(capsys: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Reads the one line of error of a refused job, which has said nothing else unless it had begun."""
+
+    def read(begun: bool = False) -> str:
+        captured = capsys.readouterr()
+        assert captured.err.count("\n") == 1 and captured.err.startswith("error: ")
+        assert begun or captured.out == ""
+        return captured.err
+
+    return read
 
 
 class Job:

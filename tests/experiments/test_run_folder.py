@@ -235,44 +235,42 @@ def test_a_full_disk_leaves_no_new_folder(tiny_twin, full_disk):
     assert not tiny_twin.out.exists()
 
 
-def fails(capsys, camvid, out) -> str:
+def fails(error_line, camvid, out) -> str:
     """The one line with which the CamVid job refuses ``out``."""
     arguments = ["--preset", "smoke", "--workers", "0", "--data", str(camvid), "--out", str(out)]
     assert main("camvid", camvid_config, camvid_target, "", arguments) == 2
-    captured = capsys.readouterr()
-    assert captured.err.count("\n") == 1 and captured.err.startswith("error: ")
-    return captured.err
+    return error_line(begun=True)
 
 
-def test_out_is_a_file(capsys, camvid, tmp_path):
+def test_out_is_a_file(error_line, camvid, tmp_path):
     (tmp_path / "file").write_text("mine")
-    assert "is a file; it must be a folder" in fails(capsys, camvid, tmp_path / "file")
-    assert "cannot be written" in fails(capsys, camvid, tmp_path / "file" / "below")
+    assert "is a file; it must be a folder" in fails(error_line, camvid, tmp_path / "file")
+    assert "cannot be written" in fails(error_line, camvid, tmp_path / "file" / "below")
     assert (tmp_path / "file").read_text() == "mine"
 
 
-def test_out_cannot_be_written(capsys, camvid, tmp_path, monkeypatch):
+def test_out_cannot_be_written(error_line, camvid, tmp_path, monkeypatch):
     # Root may write anywhere but in a file system that takes no files.
-    text = fails(capsys, camvid, "/proc/run")
+    text = fails(error_line, camvid, "/proc/run")
     assert "--out /proc/run cannot be written" in text and "choose another" in text
 
     def read_only(*_, **__):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
     monkeypatch.setattr(module.Path, "mkdir", read_only)
-    assert "Read-only file system" in fails(capsys, camvid, tmp_path / "run")
+    assert "Read-only file system" in fails(error_line, camvid, tmp_path / "run")
 
 
-def test_out_fills_the_disk(capsys, camvid, tmp_path, full_disk):
-    text = fails(capsys, camvid, tmp_path / "run")
+def test_out_fills_the_disk(error_line, camvid, tmp_path, full_disk):
+    text = fails(error_line, camvid, tmp_path / "run")
     assert "config.json: No space left on device" in text and "the same command goes on" in text
     assert not (tmp_path / "run").exists()
 
 
-def test_out_holds_another_run(capsys, camvid, tmp_path):
+def test_out_holds_another_run(error_line, camvid, tmp_path):
     config = replace(camvid_config("smoke"), data=camvid, out=tmp_path / "run", seed=4)
     RunFolder(config, "camvid").close()
-    assert "seed = 4, not 0" in fails(capsys, camvid, tmp_path / "run")
+    assert "seed = 4, not 0" in fails(error_line, camvid, tmp_path / "run")
 
 
 def test_finals_have_their_own_fields(tmp_path):
