@@ -128,7 +128,7 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
 
     Raises:
         ValueError: a field out of range, by name.
-        LibraryError: the folder of own assets cannot be used; see ``library``.
+        LibraryError: the folder of own assets is wanted and not named, or cannot be used; see ``library``.
     """
     if pool.use not in USES:
         raise ValueError(f"{named}use {pool.use!r} is unknown; known: {', '.join(USES)}")
