@@ -21,8 +21,8 @@ CABIN = np.array([0.1, 0.5, 0.86, 1.0])
 """Heights of the rows from the shoulder to the edge of the roof."""
 ROOF = np.array([0.84, 0.45, 0.0])
 """Places of the rows over the roof, as shares from its middle to its edge."""
-_GLASS_ROWS = (len(FLANK), len(FLANK) + 1)
-_SCREEN_ROWS = (len(FLANK) + len(CABIN), len(FLANK) + len(CABIN) + 1)
+_GLASS_ROWS = slice(len(FLANK), len(FLANK) + 2)
+_SCREEN_ROWS = slice(len(FLANK) + len(CABIN), len(FLANK) + len(CABIN) + 2)
 _POWER = 2.4
 """How square nose, screen and tail are in plan; 2 is a parabola."""
 
@@ -133,6 +133,8 @@ def side_y(b: Body, wide: np.ndarray, crest: np.ndarray, z: np.ndarray) -> np.nd
 
 def _ends(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
     """How far nose and tail recede at row height ``v`` (0 sill, 1 shoulder), m, negative at the nose."""
+    if s.min() > 0.08 and s.max() < 0.95:
+        return np.zeros(1)
     fade = (1 - s / 0.08).clip(0, 1), (1 - (1 - s) / 0.05).clip(0, 1)
     return -fade[0] * _receding(b, 0, v) + fade[1] * _receding(b, 1, v)
 
@@ -302,24 +304,24 @@ def _cells(b: Body, paint: Paint, s: np.ndarray) -> np.ndarray:
     cells = np.zeros((len(middle), len(FLANK) + len(CABIN) + len(ROOF) - 1), int)
     cells[:, : paint.lower_rows] = 1
     over = (middle > b.roof_front) & (middle < b.roof_rear)
-    cells[np.ix_(over, range(_SCREEN_ROWS[0] - 1, cells.shape[1]))] = 2
+    cells[over, _SCREEN_ROWS.start - 1 :] = 2
     post = np.zeros(len(middle), bool)
     for p in b.pillars:
         post |= np.abs(middle - p) < _POST
     panes = (middle > b.glass[0]) & (middle < b.glass[1])
     if paint.windows[0]:
-        cells[np.ix_(panes & ~post, _GLASS_ROWS)] = 3
-        cells[np.ix_(panes & post, _GLASS_ROWS)] = 5
+        cells[panes & ~post, _GLASS_ROWS] = 3
+        cells[panes & post, _GLASS_ROWS] = 5
     screen = (middle > b.cowl + 0.011) & (middle < b.roof_front - 0.011)
-    cells[np.ix_(screen, _SCREEN_ROWS)] = 4
-    cells[np.ix_((middle > b.cowl) & (middle < b.cowl + 0.011), _SCREEN_ROWS)] = 5
+    cells[screen, _SCREEN_ROWS] = 4
+    cells[(middle > b.cowl) & (middle < b.cowl + 0.011), _SCREEN_ROWS] = 5
     if paint.windows[1]:
         fall = b.tail - b.roof_rear
         rear = (middle > b.roof_rear + 0.1 * fall) & (middle < b.tail - 0.07 * fall)
-        cells[np.ix_(rear, _SCREEN_ROWS)] = 3
+        cells[rear, _SCREEN_ROWS] = 3
     if b.bed:
         inside = (middle > b.bed[0]) & (middle < b.bed[1])
-        cells[np.ix_(inside, range(_SCREEN_ROWS[0], cells.shape[1]))] = 5
+        cells[inside, _SCREEN_ROWS.start :] = 5
     return cells
 
 

@@ -143,9 +143,9 @@ def plate(b: Body, end: int, color: Color, v: float) -> Asset:
         (0.26, 0.055, color, 0.03),
         (0.2, 0.022, (0.12, 0.12, 0.11), 0.034),
     ):
-        y, z = np.meshgrid([-wide * out, wide * out], [-tall, tall])
-        points = np.stack([np.full((2, 2), lift * out), y, z], -1) + middle
-        parts.append(sheet(points, paint, "plain"))
+        x, y = lift * out, wide * out
+        rows = [[(x, -y, z), (x, y, z)] for z in (-tall, tall)]
+        parts.append(sheet(np.array(rows) + middle, paint, "plain"))
     return merge(*parts)
 
 

@@ -38,10 +38,15 @@ def _cells(n: int, m: int) -> np.ndarray:
 
 def twin_sheets(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
     """A sheet and its mirror image on the other side of the x-z plane, as one solid."""
-    faces = _cells(*points.shape[:2])
     one = points.reshape(-1, 3)
     both = np.concatenate([one, one * _MIRROR])
-    return solid(both, np.concatenate([faces, faces[:, ::-1] + len(one)]), color, material)
+    return solid(both, _twin_cells(*points.shape[:2]), color, material)
+
+
+@lru_cache
+def _twin_cells(n: int, m: int) -> np.ndarray:
+    faces = _cells(n, m)
+    return frozen(np.concatenate([faces, faces[:, ::-1] + n * m]))
 
 
 def painted(points: np.ndarray, paints: list[tuple[Color, str]], cells: np.ndarray) -> Asset:
