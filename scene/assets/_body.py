@@ -149,43 +149,49 @@ def _hand(
     side /= max(math.sqrt(side.dot(side)), 1e-9)
     flat = cross(along, side)
     cos, sin = circle(6)[..., None]
-    rings = [
-        wrist + h * (at * along + w * cos * side + d * sin * flat)
-        for at, w, d in ((-0.006, 0.013, 0.011), (0.02, 0.023, 0.012), (0.05, 0.024, 0.012),
-                         (0.08, 0.019, 0.010), (HAND, 0.008, 0.005))
-    ]  # fmt: skip
+    at, wide, deep = _PALM
+    rings = wrist + h * (at * along + wide * cos * side + deep * sin * flat)
     tip = wrist + h * (0.055 * along + 0.035 * side)
     thumb = limb([wrist + 0.015 * h * along, tip], [0.010 * h, 0.006 * h], skin_, "skin", 5)
-    return merge(skin(np.array(rings), skin_, "skin"), thumb)
+    return merge(skin(rings, skin_, "skin"), thumb)
+
+
+# Along a hand from wrist to fingertips: distance, half width, half depth.
+_PALM = np.array([
+    (-0.006, 0.013, 0.011), (0.02, 0.023, 0.012), (0.05, 0.024, 0.012), (0.08, 0.019, 0.010),
+    (HAND, 0.008, 0.005),
+]).T[..., None, None]  # fmt: skip
 
 
 # Along a shoe from heel to toe: half width, height of the upper, height of its ridge.
 _SHOE = ((-0.042, 0.014, 0.030, 0.036), (-0.030, 0.021, 0.040, 0.052), (0.004, 0.022, 0.036, 0.054),
          (0.040, 0.025, 0.026, 0.036), (0.078, 0.027, 0.019, 0.024), (0.100, 0.020, 0.014, 0.018),
          (0.110, 0.010, 0.010, 0.012))  # fmt: skip
+_SHOE_RINGS = np.array([
+    [(x, y, z - ANKLE) for y, z in (
+        (-w, 0.0), (w, 0.0), (w * 1.02, 0.012), (w * 0.9, high), (w * 0.4, ridge),
+        (-w * 0.4, ridge), (-w * 0.9, high), (-w * 1.02, 0.012))]
+    for x, w, high, ridge in _SHOE
+])  # fmt: skip
+_SOLE = np.arange(2 * 8 * (len(_SHOE) - 1)).reshape(-1, 8, 2)[:, (0, 1, 7)].ravel()
 
 
 def _shoe(ankle: np.ndarray, h: float, pitch: float, splay: float, outfit: Outfit) -> Asset:
     """A shoe whose sole is ``ANKLE`` of the height below the ankle."""
-    rings = []
-    for x, w, high, ridge in _SHOE:
-        loop = [(-w, 0.0), (w, 0.0), (w * 1.02, 0.012), (w * 0.9, high), (w * 0.4, ridge),
-                (-w * 0.4, ridge), (-w * 0.9, high), (-w * 1.02, 0.012)]  # fmt: skip
-        rings.append([(x, y, z - ANKLE) for y, z in loop])
-    points = np.array(rings) * h
     sin, cos = np.sin(pitch), np.cos(pitch)
-    x, y, z = np.moveaxis(points, -1, 0)
+    x, y, z = np.moveaxis(_SHOE_RINGS * h, -1, 0)
     x, z = x * cos + z * sin, z * cos - x * sin
     x, y = x * np.cos(splay) - y * np.sin(splay), y * np.cos(splay) + x * np.sin(splay)
     shoe = skin(ankle + np.stack([x, y, z], -1), outfit.shoes, "plain")
-    faces = np.arange(2 * 8 * (len(_SHOE) - 1)).reshape(-1, 8, 2)
-    return repaint(shoe, faces[:, (0, 1, 7)].ravel(), outfit.sole, "plain")
+    return repaint(shoe, _SOLE, outfit.sole, "plain")
 
 
 def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
     """A coat's tail or a skirt: a skin from the waist down around both legs wherever they are."""
     h, hip = body.height, np.array(pose.hip)
     angle = (np.arange(12) + 0.5) * 2 * np.pi / 12
+    cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    ahead, across, _ = np.eye(3)
     rings = []
     for share in np.linspace(-0.25, 1.0, 7):
         at = max(share, 0.0) * outfit.hem * 2
@@ -198,8 +204,7 @@ def _hem(body: Body, outfit: Outfit, pose: Pose, legs: list[Bones]) -> Asset:
         centre = np.array([centre[0], centre[1], hip[2] - share * outfit.hem * (THIGH + SHIN) * h])
         if share <= 0:
             centre = hip + np.array([0, 0, -0.3 * share * TORSO * h * 1.5])
-        cos, sin = np.cos(angle)[:, None], np.sin(angle)[:, None]
-        rings.append(centre + deep * cos * np.eye(3)[0] + wide * sin * np.eye(3)[1])
+        rings.append(centre + deep * cos * ahead + wide * sin * across)
     return skin(np.array(rings), outfit.hem_color or outfit.top)
 
 

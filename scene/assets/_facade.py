@@ -25,6 +25,8 @@ LOOKS: tuple[tuple[str, float], ...] = (
     ("dark", 0.62), ("curtains", 0.17), ("blind", 0.13), ("sky", 0.08),
 )  # fmt: skip
 """What one sees in a window, and how often."""
+_UP_TO = np.cumsum([share for _, share in LOOKS])
+_UP_TO /= _UP_TO[-1]
 
 
 class Opening(NamedTuple):
@@ -153,8 +155,7 @@ def window(
 ) -> list[Part]:
     """Panes of glass, so many across and up; behind some of them a curtain or a blind."""
     left, right, low, high, _ = opening
-    names, shares = zip(*LOOKS, strict=True)
-    look = str(rng.choice(names, p=shares))
+    look, _ = LOOKS[np.searchsorted(_UP_TO, rng.random(), side="right")]
     glass = (0.15, 0.18, 0.21) if look == "sky" else GLASS
     across, up = np.linspace(left, right, panes[0] + 1), np.linspace(low, high, panes[1] + 1)
     half, drawn = BAR / 2, 0.22 * (right - left)

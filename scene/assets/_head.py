@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
-from scene.asset import Asset, Color, Point, ellipsoid, merge, repaint, solid, translate
+from scene.asset import Asset, Color, Point, ellipsoid, frozen, merge, repaint, solid, translate
 from scene.assets._human import NECK, TORSO, Body, Outfit, Pose, limb, skin, spine
 from scene.assets._palette import BLACK, GLASS, darker
 
@@ -32,6 +34,7 @@ _AROUND = np.degrees(np.abs(np.angle(np.exp(1j * (_ANGLE + np.pi / SIDES)))))[No
 """Angle of each face from straight ahead, degrees in [0, 180]."""
 
 
+@lru_cache
 def _rings(grow: float = 1.0, volume: float = 0.0) -> np.ndarray:
     """The skull's rings [levels, sides, 3], larger by a factor and by ``volume`` on the top."""
     z, front, back, wide = _SKULL.T
@@ -39,7 +42,7 @@ def _rings(grow: float = 1.0, volume: float = 0.0) -> np.ndarray:
     x = np.where(cos > 0, front[:, None] * cos, back[:, None] * cos)
     y = wide[:, None] * sin
     up = np.broadcast_to((z + volume * np.maximum(z, 0))[:, None], x.shape)
-    return np.stack([grow * x, grow * y, grow * up], -1)
+    return frozen(np.stack([grow * x, grow * y, grow * up], -1))
 
 
 def _shell(keep: np.ndarray, grow: float, volume: float, color: Color, material: str) -> Asset:
@@ -51,13 +54,14 @@ def _shell(keep: np.ndarray, grow: float, volume: float, color: Color, material:
     return solid(whole.mesh.vertices, whole.mesh.faces[chosen], color, material)
 
 
+@lru_cache
 def _cut(hairdo: str) -> np.ndarray:
     """Where hair grows: above a line that falls from the forehead to the nape."""
     nape = {"short": -0.45, "bob": -0.9, "long": -0.9, "thick": -0.6, "curly": -0.7}.get(
         hairdo, -0.5
     )
     line = np.interp(_AROUND, [0, 45, 75, 95, 120, 180], [0.5, 0.45, 0.1, -0.2, nape, nape])
-    return line < _LEVEL
+    return frozen(line < _LEVEL)
 
 
 def _hair(outfit: Outfit) -> list[Asset]:
