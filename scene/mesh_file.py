@@ -15,8 +15,9 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from scene.asset import Asset, Mesh
+from scene.asset import Asset
 from scene.materials import material_id
+from scene.mesh import Mesh
 
 if TYPE_CHECKING:
     import trimesh

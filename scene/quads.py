@@ -6,8 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Mesh
+from scene.asset import Asset
 from scene.materials import material_id
+from scene.mesh import Mesh
 
 
 class Quads(NamedTuple):

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from scene.asset import Asset, Color, circle, cross, merge, repaint, unit
+from scene.asset import Asset, Color, merge, repaint
 from scene.assets._human import (
     ANKLE,
     FOREARM,
@@ -30,6 +30,7 @@ from scene.assets._human import (
     skin,
     spine,
 )
+from scene.mesh import circle, cross, unit
 
 Bones = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Hip, knee and ankle, or shoulder, elbow and wrist, m."""

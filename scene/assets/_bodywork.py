@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, frozen
+from scene.asset import Asset, Color
 from scene.assets._palette import BLACK
 from scene.assets._skin import mirrored, painted, weld
+from scene.mesh import frozen
 
 FLANK = np.array([0.0, 0.2, 0.45, 0.78, 1.0])
 """Heights of the rows below the shoulder, as shares from the sill up."""

@@ -6,9 +6,10 @@ from functools import lru_cache
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, ellipsoid, frozen, merge, repaint, solid, translate
+from scene.asset import Asset, Color, Point, ellipsoid, merge, repaint, solid, translate
 from scene.assets._human import NECK, TORSO, Body, Outfit, Pose, limb, skin, spine
 from scene.assets._palette import BLACK, GLASS, darker
+from scene.mesh import frozen
 
 HAIRDOS: tuple[str, ...] = ("bald", "short", "thick", "curly", "bob", "long", "ponytail", "bun")
 """How hair is worn."""

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, circle, cross, loft_faces, repaint, solid
+from scene.asset import Asset, Color, Point, loft_faces, repaint, solid
+from scene.mesh import circle, cross
 
 # Joint lengths as shares of the standing height.
 THIGH, SHIN, ANKLE = 0.245, 0.246, 0.04

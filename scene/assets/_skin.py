@@ -6,18 +6,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from scene.asset import (
-    Asset,
-    Color,
-    Mesh,
-    frozen,
-    loft,
-    merge,
-    reshaped,
-    solid,
-    twice_areas,
-)
+from scene.asset import Asset, Color, loft, merge, reshaped, solid
 from scene.materials import material_id
+from scene.mesh import Mesh, frozen, twice_areas
 
 _SAME = 1e4
 """Points that agree to 1 / _SAME of a metre are one vertex after welding."""

@@ -9,10 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, cross, loft, merge, polygon, quads, tube
+from scene.asset import Asset, Color, Point, loft, merge, polygon, quads, tube
 from scene.assets._palette import BLACK, GLASS, STEEL, TRIM, TYRE, darker
 from scene.assets._skin import sheet
 from scene.assets._wheel import Wheel, wheels
+from scene.mesh import cross
 
 Span = tuple[float, float]
 Corners = np.ndarray
