@@ -6,6 +6,7 @@ and ``world`` merges them for one that does not.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -41,6 +42,18 @@ class Shape(NamedTuple):
     vertices: np.ndarray  # f32[v, 3]
     faces: np.ndarray  # i32[f, 3]
     surface: np.ndarray  # f32[f, ROW]
+    ball: np.ndarray  # f32[4] middle and radius of a ball around it
+    table: tuple[int, ...]  # addresses of surface, vertices, faces; numbers of vertices, faces
+
+    @classmethod
+    def of(cls, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray) -> Shape:
+        """The shape of these arrays, which must be contiguous."""
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        middle = (low + high) / 2
+        radius = np.linalg.norm(vertices - middle, axis=1).max()
+        addresses = (int(a.ctypes.data) for a in (surface, vertices, faces))
+        ball = np.append(middle, 1.0001 * radius).astype(np.float32)
+        return cls(vertices, faces, surface, ball, (*addresses, len(vertices), len(faces)))
 
     @property
     def normal(self) -> np.ndarray:
@@ -67,9 +80,15 @@ class Geometry(NamedTuple):
     """Which shape stands where; nothing is copied, since streets share their shapes."""
 
     shapes: tuple[Shape, ...]  # of every instance from 1 on
-    surfaces: np.ndarray  # u64[instances] address of each instance's ``surface``; of the sky: 0
+    tables: np.ndarray  # u64[instances, 5] each instance's ``Shape.table``; of the sky: 0
+    balls: np.ndarray  # f32[instances, 4] middle and radius of a ball around it, in its own frame
     pose: np.ndarray  # f32[instances, 3, 4] shape -> world
     train_id: np.ndarray  # u8[instances]; instance 0 is the sky
+
+    @property
+    def surfaces(self) -> np.ndarray:
+        """Address u64[instances] of each instance's ``surface``."""
+        return np.ascontiguousarray(self.tables[:, 0])
 
     @property
     def triangles(self) -> int:
@@ -94,7 +113,7 @@ def shape_of(asset: Asset) -> Shape:
     _smooth(corner, order, area, normal, np.cos(np.radians(CREASE)), corners)
     surface[:, 0:3], surface[:, 3:12] = normal, corners.reshape(-1, 9)
     surface[:, 12:15], surface[:, 15] = asset.color, asset.material
-    return Shape(vertices, faces, surface)
+    return Shape.of(vertices, faces, surface)
 
 
 @njit(cache=True)
@@ -158,7 +177,7 @@ def thinned(shape: Shape, share: float) -> Shape:
     scale = np.where(small, share**-0.5, 1.0)[:, None, None]
     grown = (middle + scale * (corners - middle))[keep].astype(np.float32).reshape(-1, 3)
     faces = np.arange(len(grown), dtype=np.int32).reshape(-1, 3)
-    return Shape(grown, faces, np.ascontiguousarray(shape.surface[keep]))
+    return Shape.of(grown, faces, np.ascontiguousarray(shape.surface[keep]))
 
 
 @lru_cache(maxsize=2048)
@@ -183,8 +202,14 @@ def build(street: Street) -> Geometry:
     for placement in street.placements:
         pose[placement.instance] = placement.pose[:3]
         train_id[placement.instance] = placement.train_id
-    surfaces = np.array([0] + [shape.surface.ctypes.data for shape in shapes], np.uint64)
-    return Geometry(tuple(shapes), surfaces, pose, train_id)
+    return stand(shapes, pose, train_id)
+
+
+def stand(shapes: Sequence[Shape], pose: np.ndarray, train_id: np.ndarray) -> Geometry:
+    """Shapes as instances 1, 2, ...; row 0 of ``pose`` f32[n, 3, 4] and ``train_id`` u8[n] is the sky's."""
+    tables = np.array([(0,) * 5, *(shape.table for shape in shapes)], np.uint64)
+    balls = np.stack([np.zeros(4, np.float32), *(shape.ball for shape in shapes)])
+    return Geometry(tuple(shapes), tables, balls, pose, train_id)
 
 
 class World(NamedTuple):

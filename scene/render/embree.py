@@ -13,21 +13,18 @@ import numpy as np
 from numba import njit
 
 from scene.geometry import Geometry, asset_shape, build
-from scene.render import shade
+from scene.render.depth_buffer import nearest
 from scene.render.embree_api import (
     LANES,
     Forest,
     Tree,
     device,
-    intersect8,
     occluded8,
     query_arguments,
 )
 from scene.render.protocol import Frame, Lap, RenderSettings, check_settings, no_lap
 from scene.render.shot import (
-    Hits,
     Light,
-    Rays,
     Segments,
     expose,
     sample_rays,
@@ -41,11 +38,10 @@ from scene.street import FIRST_INSTANCE, Street
 
 OCCLUSION_REACH = 5.0
 """Metres within which a surface takes sky light away."""
-NOWHERE = 0xFFFFFFFF
-"""``RTC_INVALID_GEOMETRY_ID``."""
-RAY_FIELDS, HIT_FIELDS = 12, 9
-"""Words per ray of Embree's packets: origin, near, direction, time, far, mask, id, flags; then the hit's
-normal, u, v, primitive, geometry, instance, instance primitive."""
+EVERYTHING = 0xFFFFFFFF
+"""Mask of a ray that nothing is hidden from."""
+RAY_FIELDS = 12
+"""Words per ray of Embree's packets: origin, near, direction, time, far, mask, id, flags."""
 
 
 class EmbreeRenderer:
@@ -72,7 +68,7 @@ class EmbreeRenderer:
         frames = []
         for shot, camera in enumerate(street.cameras):
             rays = sample_rays(camera, settings)
-            seen = visible(rays, geometry, _nearest(forest, rays))
+            seen = visible(rays, geometry, nearest(geometry, camera, settings, rays))
             lit = np.ones(len(seen.points), np.float32)
             if settings.shadows:
                 sun = sun_segments(seen, around)
@@ -107,26 +103,15 @@ def _plant(street: Street, geometry: Geometry) -> Forest:
     return Forest(trees, ids, geometry.pose[ids])
 
 
-def _nearest(forest: Forest, rays: Rays) -> Hits:
-    n = len(rays.directions)
-    hits = Hits(
-        np.empty(n, np.int32), np.empty(n, np.int32), *(np.empty(n, np.float32) for _ in range(3))
-    )
-    _cast(
-        forest.scene, query_arguments(coherent=True), rays.origin, rays.directions, rays.columns,
-        rays.rows, *hits,
-    )  # fmt: skip
-    return hits
-
-
 def _free(
     forest: Forest, segments: Segments, columns: int, rows: int, reach: float, *, coherent: bool
 ) -> np.ndarray:
     """f32[n]: 1 where nothing lies within ``reach`` metres along a wanted ray, else 0."""
-    free = np.empty(columns * rows, np.float32)
+    free = np.zeros(columns * rows, np.float32)
+    order = _by_tiles(segments.wanted, columns, rows, 4, 2)
     _probe(
-        forest.scene, query_arguments(coherent=coherent), *segments, columns, rows,
-        np.float32(reach), free,
+        forest.scene, query_arguments(coherent=coherent), segments.starts, segments.directions,
+        order, np.float32(reach), free,
     )  # fmt: skip
     return free
 
@@ -140,55 +125,17 @@ def _aligned(words: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def _cast(
-    scene: int,
-    arguments: int,
-    origin: np.ndarray,
-    directions: np.ndarray,
-    columns: int,
-    rows: int,
-    face: np.ndarray,
-    instance: np.ndarray,
-    distance: np.ndarray,
-    u: np.ndarray,
-    v: np.ndarray,
-) -> None:
-    """Find the nearest hit of every ray, in packets of 4 x 2 neighbours."""
-    packet = _aligned((RAY_FIELDS + HIT_FIELDS) * LANES)
-    ray = packet.reshape(RAY_FIELDS + HIT_FIELDS, LANES)
-    bits = packet.view(np.uint32).reshape(RAY_FIELDS + HIT_FIELDS, LANES)
-    hit, hit_bits = ray[RAY_FIELDS:], bits[RAY_FIELDS:]
-    valid = _aligned(LANES).view(np.int32)
-    lane_of = np.empty(LANES, np.int64)
-    for k in range(LANES):  # what Embree leaves as it is; the rest of a ray is 0
-        for a in range(3):
-            ray[a, k] = origin[a]
-        bits[9, k] = NOWHERE
-    for top in range(0, rows, 2):
-        for left in range(0, columns, 4):
-            for k in range(LANES):
-                row, column = top + (k >> 2), left + (k & 3)
-                inside = row < rows and column < columns
-                i = row * columns + column if inside else 0
-                lane_of[k] = i if inside else -1
-                valid[k] = -1 if inside else 0
-                for a in range(3):
-                    ray[4 + a, k] = directions[i, a]
-                ray[8, k] = np.inf
-                hit_bits[6, k] = hit_bits[7, k] = NOWHERE
-            intersect8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
-            for k in range(LANES):
-                i = lane_of[k]
-                if i < 0:
-                    continue
-                if hit_bits[6, k] == NOWHERE:
-                    face[i], instance[i] = shade.MISS, 0
-                    distance[i] = u[i] = v[i] = 0
-                    continue
-                instance[i] = np.int32(hit_bits[7, k])
-                face[i] = np.int32(hit_bits[5, k])
-                distance[i] = ray[8, k]
-                u[i], v[i] = hit[3, k], hit[4, k]
+def _by_tiles(wanted: np.ndarray, columns: int, rows: int, wide: int, high: int) -> np.ndarray:
+    """Indices i64[m] of the wanted samples, tile after tile, so that a packet holds neighbours."""
+    order = np.empty(columns * rows, np.int64)
+    count = 0
+    for top in range(0, rows, high):
+        for left in range(0, columns, wide):
+            for row in range(top, min(top + high, rows)):
+                for column in range(left, min(left + wide, columns)):
+                    order[count] = row * columns + column
+                    count += wanted[order[count]] != 0
+    return order[:count]
 
 
 @njit(cache=True)
@@ -197,43 +144,29 @@ def _probe(
     arguments: int,
     starts: np.ndarray,
     directions: np.ndarray,
-    wanted: np.ndarray,
-    columns: int,
-    rows: int,
+    order: np.ndarray,
     reach: np.float32,
     free: np.ndarray,
 ) -> None:
-    """Whether anything is in the way of each wanted ray, in packets of 4 x 2 neighbours."""
+    """Set ``free`` to 1 where nothing is in the way of a ray of ``order``, in packets of eight."""
     packet = _aligned(RAY_FIELDS * LANES)
     ray = packet.reshape(RAY_FIELDS, LANES)
-    bits = packet.view(np.uint32).reshape(RAY_FIELDS, LANES)
     valid = _aligned(LANES).view(np.int32)
-    lane_of = np.empty(LANES, np.int64)
     alike = directions.shape[0] == 1
-    for k in range(LANES):  # what Embree leaves as it is; the rest of a ray is 0
+    packet.view(np.uint32).reshape(RAY_FIELDS, LANES)[9] = EVERYTHING
+    for k in range(LANES):  # the rest of a ray is 0
         for a in range(3):
             ray[4 + a, k] = directions[0, a]
-        bits[9, k] = NOWHERE
-    for top in range(0, rows, 2):
-        for left in range(0, columns, 4):
-            any_wanted = False
-            for k in range(LANES):
-                row, column = top + (k >> 2), left + (k & 3)
-                inside = row < rows and column < columns
-                i = row * columns + column if inside else 0
-                lane_of[k] = i if inside else -1
-                ask = inside and wanted[i] != 0
-                valid[k] = -1 if ask else 0
-                any_wanted |= ask
-                for a in range(3):
-                    ray[a, k] = starts[i, a]
+    for begin in range(0, len(order), LANES):
+        lanes = order[begin : begin + LANES]
+        for k in range(LANES):
+            valid[k] = -1 if k < len(lanes) else 0
+            ray[8, k] = reach
+        for k in range(len(lanes)):
+            for a in range(3):
+                ray[a, k] = starts[lanes[k], a]
                 if not alike:
-                    for a in range(3):
-                        ray[4 + a, k] = directions[i, a]
-                ray[8, k] = reach
-            if any_wanted:
-                occluded8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
-            for k in range(LANES):
-                if lane_of[k] >= 0:
-                    blocked = valid[k] == 0 or ray[8, k] < 0
-                    free[lane_of[k]] = 0.0 if blocked else 1.0
+                    ray[4 + a, k] = directions[lanes[k], a]
+        occluded8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
+        for k in range(len(lanes)):
+            free[lanes[k]] = 0.0 if ray[8, k] < 0 else 1.0

@@ -123,8 +123,6 @@ def query_arguments(*, coherent: bool) -> int:
 
 
 _packet = types.void(types.uintp, types.uintp, types.uintp, types.uintp)
-intersect8 = types.ExternalFunction("rtcIntersect8", _packet)
-"""For compiled code: (valid, scene, ray-hit packet, arguments), all addresses."""
 occluded8 = types.ExternalFunction("rtcOccluded8", _packet)
 """For compiled code: (valid, scene, ray packet, arguments), all addresses."""
 

@@ -23,6 +23,10 @@ Array = np.ndarray
 f32 = np.float32
 ZERO, ONE = f32(0), f32(1)
 """Compiled code computes in doubles as soon as a plain number comes near; these keep it single."""
+ALIKE_NORMAL, ALIKE_DISTANCE = f32(0.8), f32(0.06)
+"""Least cosine between normals, and most distance in distances, of samples on about the same surface."""
+FAR_OFF = f32(1e9)
+"""Metres to the sky, as far as occlusion goes."""
 
 
 @njit(cache=True, fastmath=True)
@@ -51,27 +55,34 @@ def look(
                 flat[i, k] = smooth[i, k] = 1.0 if k == 2 else 0.0
                 points[i, k] = origin[k]
             continue
-        m = pose[instance[i]]
+        j = instance[i]
+        row = carray(float_pointer(surfaces[j]), (f + 1, ROW))[f]
         w = ONE - u[i] - v[i]
-        row = carray(float_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
         a, b, c = row[0], row[1], row[2]
         p = w * row[3] + u[i] * row[6] + v[i] * row[9]
         q = w * row[4] + u[i] * row[7] + v[i] * row[10]
         r = w * row[5] + u[i] * row[8] + v[i] * row[11]
         shrink = ONE / f32(math.sqrt(max(p * p + q * q + r * r, f32(1e-12))))
-        toward_flat, toward_smooth = ZERO, ZERO
-        for k in range(3):
-            flat[i, k] = m[k, 0] * a + m[k, 1] * b + m[k, 2] * c
-            smooth[i, k] = shrink * (m[k, 0] * p + m[k, 1] * q + m[k, 2] * r)
-            toward_flat += flat[i, k] * directions[i, k]
-            toward_smooth += smooth[i, k] * directions[i, k]
-            points[i, k] = origin[k] + distance[i] * directions[i, k]
-        # At a silhouette the smoothed normal may lean away; then it is the flat one.
-        agree = toward_flat * toward_smooth > ZERO
-        turn_flat = -ONE if toward_flat > ZERO else ONE
-        for k in range(3):
-            flat[i, k] *= turn_flat
-            smooth[i, k] = turn_flat * smooth[i, k] if agree else flat[i, k]
+        p, q, r = shrink * p, shrink * q, shrink * r
+        fx = pose[j, 0, 0] * a + pose[j, 0, 1] * b + pose[j, 0, 2] * c
+        fy = pose[j, 1, 0] * a + pose[j, 1, 1] * b + pose[j, 1, 2] * c
+        fz = pose[j, 2, 0] * a + pose[j, 2, 1] * b + pose[j, 2, 2] * c
+        sx = pose[j, 0, 0] * p + pose[j, 0, 1] * q + pose[j, 0, 2] * r
+        sy = pose[j, 1, 0] * p + pose[j, 1, 1] * q + pose[j, 1, 2] * r
+        sz = pose[j, 2, 0] * p + pose[j, 2, 1] * q + pose[j, 2, 2] * r
+        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+        toward_flat = fx * dx + fy * dy + fz * dz
+        toward_smooth = sx * dx + sy * dy + sz * dz
+        if toward_flat * toward_smooth <= ZERO:
+            # At a silhouette the smoothed normal may lean away; then it is the flat one.
+            sx, sy, sz = fx, fy, fz
+        turn = -ONE if toward_flat > ZERO else ONE
+        t = distance[i]
+        flat[i, 0], flat[i, 1], flat[i, 2] = turn * fx, turn * fy, turn * fz
+        smooth[i, 0], smooth[i, 1], smooth[i, 2] = turn * sx, turn * sy, turn * sz
+        points[i, 0] = origin[0] + t * dx
+        points[i, 1] = origin[1] + t * dy
+        points[i, 2] = origin[2] + t * dz
 
 
 @njit(cache=True, fastmath=True)
@@ -168,61 +179,65 @@ def spread_open(
     means, again only across the same surface.
     """
     height, width = (rows + 1) // 2, (columns + 1) // 2
-    mean = np.empty(height * width, np.float32)
+    grid = np.empty((4, height, width), np.float32)  # normal and distance of every second sample
     for y in range(height):
         for x in range(width):
-            j, i = y * width + x, 2 * y * columns + 2 * x
-            if face[i] < 0:
-                mean[j] = 1.0
-                continue
-            total, count = seen_open[j], np.float32(1)
-            bound = f32(0.06) * distance[i]
-            for dy in range(-2, 2):
-                yy = y + dy
-                if yy < 0 or yy >= height:
-                    continue
-                for dx in range(-2, 2):
-                    xx = x + dx
-                    if xx < 0 or xx >= width or (dx == 0 and dy == 0):
-                        continue
-                    n = 2 * yy * columns + 2 * xx
-                    if face[n] < 0 or abs(distance[n] - distance[i]) > bound:
-                        continue
-                    alike = (
-                        smooth[i, 0] * smooth[n, 0]
-                        + smooth[i, 1] * smooth[n, 1]
-                        + smooth[i, 2] * smooth[n, 2]
-                    )
-                    if alike > f32(0.8):
-                        total += seen_open[yy * width + xx]
-                        count += 1
-            mean[j] = total / count
+            i = 2 * y * columns + 2 * x
+            grid[0, y, x], grid[1, y, x], grid[2, y, x] = smooth[i, 0], smooth[i, 1], smooth[i, 2]
+            grid[3, y, x] = distance[i] if face[i] >= 0 else FAR_OFF
+    mean = _mean_open(seen_open.reshape(height, width), grid)
     for row in range(rows):
         for column in range(columns):
             i = row * columns + column
             if face[i] < 0:
-                out[i] = 1.0
+                out[i] = ONE
                 continue
             y, x = row >> 1, column >> 1
             if not (row & 1 or column & 1):
-                out[i] = f32(DARKEST) + f32(1 - DARKEST) * mean[y * width + x]
+                out[i] = mean[y, x]
                 continue
-            total, weight = np.float32(0), np.float32(0)
+            a, b, c, t = smooth[i, 0], smooth[i, 1], smooth[i, 2], distance[i]
+            bound = ALIKE_DISTANCE * t
+            total, weight = ZERO, ZERO
             for yy in range(y, min(y + (row & 1), height - 1) + 1):
                 for xx in range(x, min(x + (column & 1), width - 1) + 1):
-                    n = 2 * yy * columns + 2 * xx
-                    if face[n] < 0:
-                        continue
-                    near = np.float32(1e-3)
-                    if abs(distance[n] - distance[i]) < f32(0.06) * distance[i]:
-                        alike = (
-                            smooth[i, 0] * smooth[n, 0]
-                            + smooth[i, 1] * smooth[n, 1]
-                            + smooth[i, 2] * smooth[n, 2]
-                        )
-                        if alike > f32(0.8):
-                            near = np.float32(1)
-                    total += near * mean[yy * width + xx]
-                    weight += near
-            value = total / weight if weight > 0 else ONE
-            out[i] = f32(DARKEST) + f32(1 - DARKEST) * value
+                    alike = a * grid[0, yy, xx] + b * grid[1, yy, xx] + c * grid[2, yy, xx]
+                    same = (alike > ALIKE_NORMAL) & (abs(grid[3, yy, xx] - t) < bound)
+                    near = ONE if same else f32(1e-3)
+                    if grid[3, yy, xx] < FAR_OFF:
+                        total += near * mean[yy, xx]
+                        weight += near
+            out[i] = total / weight if weight > ZERO else ONE
+
+
+@njit(cache=True, fastmath=True)
+def _mean_open(free: Array, grid: Array) -> Array:
+    """Share of open sky from the 4 x 4 rays around each, of those on about the same surface.
+
+    One neighbour at a time for a whole row, which processors do eight columns at a time.
+    """
+    height, width = free.shape
+    mean = np.empty((height, width), np.float32)
+    count = np.empty(width, np.float32)
+    for y in range(height):
+        total = mean[y]
+        total[:] = free[y]
+        count[:] = ONE
+        for yy in range(max(y - 2, 0), min(y + 2, height)):
+            for dx in range(-2, 2):
+                if yy == y and dx == 0:
+                    continue
+                for x in range(max(0, -dx), min(width, width - dx)):
+                    alike = (
+                        grid[0, y, x] * grid[0, yy, x + dx]
+                        + grid[1, y, x] * grid[1, yy, x + dx]
+                        + grid[2, y, x] * grid[2, yy, x + dx]
+                    )
+                    apart = abs(grid[3, yy, x + dx] - grid[3, y, x])
+                    same = (alike > ALIKE_NORMAL) & (apart <= ALIKE_DISTANCE * grid[3, y, x])
+                    weight = ONE if same else ZERO
+                    total[x] += weight * free[yy, x + dx]
+                    count[x] += weight
+        for x in range(width):
+            total[x] = f32(DARKEST) + f32(1 - DARKEST) * total[x] / count[x]
+    return mean
