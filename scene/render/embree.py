@@ -34,10 +34,10 @@ from scene.render.shot import (
     surroundings,
     visible,
 )
-from scene.street import FIRST_INSTANCE, Street
+from scene.render.visibility import REACH
 
-OCCLUSION_REACH = 5.0
-"""Metres within which a surface takes sky light away."""
+from scene.street import Street
+
 EVERYTHING = 0xFFFFFFFF
 """Mask of a ray that nothing is hidden from."""
 RAY_FIELDS = 12
@@ -77,7 +77,7 @@ class EmbreeRenderer:
             if settings.occlusion:
                 half = (rays.columns + 1) // 2, (rays.rows + 1) // 2
                 into_the_open = sky_segments(seen, rays)
-                free = _free(forest, into_the_open, *half, OCCLUSION_REACH, coherent=False)
+                free = _free(forest, into_the_open, *half, REACH, coherent=False)
                 opened = spread(free, seen, rays)
             lap("rays")
             frames.append(expose(around, shot, rays, seen, Light(lit, opened), settings))
@@ -92,14 +92,9 @@ def _asset_tree(family: str, asset: int | str, far: bool) -> Tree:
 
 
 def _plant(street: Street, geometry: Geometry) -> Forest:
-    """Embree's scene of a street. The ground is this street's own, all else is kept."""
-    trees, ids = [], []
-    for instance, shape in enumerate(geometry.shapes[: FIRST_INSTANCE - 1], start=1):
-        trees.append(Tree(shape.vertices, shape.faces))
-        ids.append(instance)
-    for placement in street.placements:
-        trees.append(_asset_tree(placement.family, placement.asset, placement.far))
-        ids.append(placement.instance)
+    """What can be in the way of light: all but the ground, of which ``sky_segments`` knows."""
+    trees = [_asset_tree(p.family, p.asset, p.far) for p in street.placements]
+    ids = [p.instance for p in street.placements]
     return Forest(trees, ids, geometry.pose[ids])
 
 

@@ -50,8 +50,6 @@ T = TypeVar("T")
 
 NEAR = 0.05
 """Metres from the camera to the near plane."""
-REACH = 5.0
-"""Metres within which a surface takes sky light away, as in the embree renderer."""
 STEPS = (0.1, 0.25, 0.6, 1.3, 2.5, 4.5)
 """Metres from a surface at which something that hides the sky from it is looked for."""
 
@@ -212,7 +210,7 @@ def _light(
     opened = np.ones(len(seen.points), np.float32)
     if settings.occlusion:
         segments = sky_segments(seen, rays)
-        free = np.ones(len(segments.wanted), np.float32)
+        free = segments.wanted.astype(np.float32)
         axes = camera_axes(camera).astype(np.float32)
         _open_on_screen(
             rays.origin, np.float32(rays.spacing), seen.hits.distance, segments.starts,
@@ -251,10 +249,6 @@ def _open_on_screen(
     width = (columns + 1) // 2
     for j in range(wanted.shape[0]):
         if not wanted[j]:
-            continue
-        # The ground is always there, in view or not.
-        if directions[j, 2] < 0 and 0.02 < starts[j, 2] < -REACH * directions[j, 2]:
-            free[j] = 0.0
             continue
         start = 0.004 * distance[2 * (j // width) * columns + 2 * (j % width)]
         for reach in STEPS:

@@ -16,6 +16,10 @@ from scene.render.address import float_pointer
 
 OFFSET = 1e-2
 """Metres along the normal from a surface to the start of its next ray."""
+REACH = 5.0
+"""Metres within which a surface takes sky light away."""
+LEVEL = 0.02
+"""Metres above the street from which on rays that fall meet it."""
 DARKEST = 0.05
 """Share of the sky's light that reaches a surface from which no sky is seen."""
 
@@ -137,7 +141,10 @@ def sky_rays(
     directions: Array,
     wanted: Array,
 ) -> None:
-    """One cosine-distributed ray for every second sample each way, stratified over 4 x 4 of them."""
+    """One cosine-distributed ray for every second sample each way, stratified over 4 x 4 of them.
+
+    Rays that soon fall on the street are not wanted: no sky is there.
+    """
     for y in range(height):
         for x in range(width):
             j, i = y * width + x, 2 * y * columns + 2 * x
@@ -161,6 +168,8 @@ def sky_rays(
             directions[j, 2] = dx * r + dy * (a * q - b * p) + dz * c
             for k in range(3):
                 starts[j, k] = points[i, k] + OFFSET * flat[i, k]
+            if LEVEL < starts[j, 2] < -REACH * directions[j, 2]:
+                wanted[j] = 0
 
 
 @njit(cache=True, fastmath=True)
