@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-ROAD_HALF_WIDTH = 5.0
-SIDEWALK_WIDTH = 3.0
+HALF_WIDTHS, FOOTWAYS = (4.1, 5.7), (1.7, 4.4)
+"""Between which lie half the width of a carriageway, and the width of the sidewalks beside it."""
 KERB_HEIGHT = 0.12
 KERB_WIDTH = 0.18
 GROUND_START, GROUND_END, GROUND_SIDE = -40.0, 600.0, 400.0
@@ -14,9 +14,6 @@ NEAR_START, NEAR_END = -6.0, 150.0
 """Between these places along the road the ground is divided finely."""
 PATCH_LIFT, COVER_LIFT, PAINT_LIFT = 0.002, 0.004, 0.008
 """Patches, iron covers and markings lie this far above the asphalt."""
-
-OUTER = ROAD_HALF_WIDTH + SIDEWALK_WIDTH
-"""Where the sidewalk ends, from the centre line."""
 
 
 def stations(step: float) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The ground of one street: what is drawn, and the meshes of its road, sidewalk and terrain.
 
 Flat but for the kerb, which drops at driveways and side streets. The carriageway reaches
-``ROAD_HALF_WIDTH`` from the centre line, then comes the sidewalk, then terrain; hills close the horizon.
+``half_width`` from the centre line, then comes the sidewalk, then terrain; hills close the horizon.
 """
 
 from __future__ import annotations
@@ -13,14 +13,14 @@ import numpy as np
 from scene.asset import Asset
 from scene.classes import TrainId
 from scene.extent import (
+    FOOTWAYS,
     GROUND_END,
     GROUND_SIDE,
     GROUND_START,
+    HALF_WIDTHS,
     KERB_HEIGHT,
     KERB_WIDTH,
     PAINT_LIFT,
-    ROAD_HALF_WIDTH,
-    SIDEWALK_WIDTH,
 )
 from scene.markings import ARROWS, WORDS, Legend
 from scene.quads import to_asset
@@ -29,17 +29,17 @@ from scene.roadway import road_quads
 from scene.surfaces import ROADS, SIDEWALKS, TERRAINS, Coat, Color, Surface, sample_coat
 
 __all__ = [
+    "FOOTWAYS",
     "GROUND_END",
     "GROUND_INSTANCES",
     "GROUND_SIDE",
     "GROUND_START",
+    "HALF_WIDTHS",
     "KERB_HEIGHT",
     "KERB_WIDTH",
     "PAINT_LIFT",
     "ROADS",
-    "ROAD_HALF_WIDTH",
     "SIDEWALKS",
-    "SIDEWALK_WIDTH",
     "TERRAINS",
     "Coat",
     "Ground",
@@ -63,6 +63,8 @@ KERB_STONE = (0.21, 0.205, 0.195)
 class Ground(NamedTuple):
     """What varies from one street's ground to the next; places in metres along the road."""
 
+    half_width: float  # of the carriageway, m
+    footway: float  # width of each sidewalk, m
     road: Coat
     sidewalk: Coat
     terrain: Coat
@@ -88,10 +90,15 @@ class Ground(NamedTuple):
     hills: float  # m
     seed: int  # of wear and shades
 
+    @property
+    def outer(self) -> float:
+        """Where the sidewalks end, metres from the centre line."""
+        return self.half_width + self.footway
 
-def ground_height(y: float) -> float:
+
+def ground_height(ground: Ground, y: float) -> float:
     """Height of the ground ``y`` metres from the centre line."""
-    return 0.0 if abs(y) < ROAD_HALF_WIDTH else KERB_HEIGHT
+    return 0.0 if abs(y) < ground.half_width else KERB_HEIGHT
 
 
 def plain(ground: Ground) -> Ground:
@@ -117,15 +124,15 @@ def _either_side(rng: np.random.Generator, places: list[float]) -> tuple[tuple[f
     return tuple((x, 1.0 if rng.random() < 0.5 else -1.0) for x in places)
 
 
-def _legends(rng: np.random.Generator, drive: float, crosswalks: list[float]) -> list[Legend]:
-    """Words and arrows in the lanes, clear of crossings."""
+def _legends(rng: np.random.Generator, lane: float, crosswalks: list[float]) -> list[Legend]:
+    """Words and arrows in the lanes, of which one is at ``lane``, clear of crossings."""
     marks = []
     for x in _places(rng, (6, 30), (14, 45), 110):
         heading = 1.0 if rng.random() < 0.65 else -1.0
         words = [" ".join(w) for w in WORDS]
         kind = str(rng.choice(words if rng.random() < 0.4 else list(ARROWS)))
         if all(abs(x + 2 * heading - c) > 8 for c in crosswalks):
-            marks.append(Legend(kind, x, heading * drive * 2.3, heading))
+            marks.append(Legend(kind, x, heading * lane, heading))
     return marks
 
 
@@ -137,6 +144,7 @@ def sample_ground(rng: np.random.Generator, share: float = 1.0, drive: float = 1
         share: of the surfaces of each table that may be drawn (the half-asset study).
         drive: the side, 1 left or -1 right, whose traffic goes forward.
     """
+    half_width = float(rng.uniform(*HALF_WIDTHS))
     crosswalks = _places(rng, (5, 60), (40, 90)) if rng.random() < 0.65 else []
     boxes = _places(rng, (15, 60), (200, 300)) if rng.random() < 0.12 else []
     side_streets = _places(rng, (12, 50), (35, 90)) if rng.random() < 0.6 else []
@@ -145,6 +153,8 @@ def sample_ground(rng: np.random.Generator, share: float = 1.0, drive: float = 1
     styles = rng.choice(["none", "boxes", "ticks"], 2, p=[0.2, 0.5, 0.3])
     stone = rng.uniform(0.75, 1.25)
     return Ground(
+        half_width=half_width,
+        footway=float(rng.uniform(*FOOTWAYS)),
         road=sample_coat(rng, ROADS, share),
         sidewalk=sample_coat(rng, SIDEWALKS, share),
         terrain=sample_coat(rng, TERRAINS, share),
@@ -165,7 +175,9 @@ def sample_ground(rng: np.random.Generator, share: float = 1.0, drive: float = 1
         drive=drive,
         parking=(str(styles[0]), str(styles[1])) if beside == "parking" else ("none", "none"),
         cycle_lane=str(rng.choice(["line", "green", "red"])) if beside == "cycle" else "none",
-        legends=tuple(_legends(rng, drive, crosswalks + boxes)) if rng.random() < 0.5 else (),
+        legends=tuple(_legends(rng, 0.46 * half_width * drive, crosswalks + boxes))
+        if rng.random() < 0.5
+        else (),
         boxes=tuple((x, x + 9.0) for x in boxes),
         side_streets=_either_side(rng, side_streets),
         driveways=_either_side(rng, driveways),

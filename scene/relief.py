@@ -12,8 +12,6 @@ from scene.extent import (
     GROUND_START,
     KERB_HEIGHT,
     KERB_WIDTH,
-    OUTER,
-    ROAD_HALF_WIDTH,
     stations,
     wavy,
 )
@@ -51,8 +49,8 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
     top = np.full(len(x), KERB_HEIGHT + 0.005)
     for start, end in drops:
         top[(x >= start - 1e-9) & (x <= end + 1e-9)] = DROPPED
-    inner = ROAD_HALF_WIDTH + KERB_WIDTH
-    y = side * np.array([ROAD_HALF_WIDTH, ROAD_HALF_WIDTH + 0.02, inner])
+    inner = ground.half_width + KERB_WIDTH
+    y = side * np.array([ground.half_width, ground.half_width + 0.02, inner])
     kerb = grid(x, y, np.stack([np.zeros_like(top), top, top], axis=1))
     stone = (rng.uniform(0.82, 1.1, len(x) - 1)[:, None] * [0.8, 1.0]).reshape(-1, 1)
     parts = [quads(kerb, stone * np.asarray(ground.kerb), "concrete")]
@@ -64,7 +62,7 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
     parts.append(quads(ramp, edge * base * ground.strip, ground.sidewalk.material))
 
     bays = stations(4.5)
-    across = side * np.array([inner + RAMP, 6.8, OUTER])
+    across = side * np.array([inner + RAMP, (inner + RAMP + ground.outer) / 2, ground.outer])
     shade = (
         1 + 0.05 * wavy(rng, bays[:-1], 9.0)[:, None] + rng.uniform(-0.02, 0.02, (len(bays) - 1, 2))
     )
@@ -85,7 +83,7 @@ def _blisters(x: float, side: float, inner: float) -> Quads:
 
 def _drive(ground: Ground, x: float, side: float) -> Quads:
     """A driveway over the sidewalk, in asphalt."""
-    y0, y1 = sorted((side * (ROAD_HALF_WIDTH + KERB_WIDTH + RAMP), side * OUTER))
+    y0, y1 = sorted((side * (ground.half_width + KERB_WIDTH + RAMP), side * ground.outer))
     outline = rectangles(*np.array([x - 1.6, x + 1.6, y0, y1]))
     color = 0.85 * np.asarray(ground.sidewalk.color)
     return flat(outline, KERB_HEIGHT + 0.002, color, "concrete")
@@ -97,7 +95,7 @@ def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     x = stations(8.0)
     parts = []
     for side in (-1.0, 1.0):
-        y = side * np.array([OUTER, 11.0, 16.0, 26.0, 50.0, FLAT_SIDE])
+        y = side * np.array([ground.outer, 11.0, 16.0, 26.0, 50.0, FLAT_SIDE])
         shape = (len(x) - 1, len(y) - 1)
         shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
         land = grid(x, y, np.full((len(x), len(y)), KERB_HEIGHT))

@@ -11,10 +11,8 @@ from scene.extent import (
     COVER_LIFT,
     KERB_HEIGHT,
     NEAR_END,
-    OUTER,
     PAINT_LIFT,
     PATCH_LIFT,
-    ROAD_HALF_WIDTH,
     stations,
     wavy,
 )
@@ -47,7 +45,7 @@ def road_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 def _carriageway(ground: Ground, rng: np.random.Generator) -> Quads:
     """Cells a little lighter or darker each; dirt gathers at the kerb, lanes differ in age."""
     x = stations(4.0)
-    y = np.array([-5.0, -4.55, -2.5, 0.0, 2.5, 4.55, 5.0]) * ROAD_HALF_WIDTH / 5
+    y = np.array([-5.0, -4.55, -2.5, 0.0, 2.5, 4.55, 5.0]) * ground.half_width / 5
     across = np.array([0.72, 0.97, 1.0, 1.0, 0.97, 0.72])
     across[:3] *= 1 + ground.lane_shade
     cells = (
@@ -63,10 +61,10 @@ def _patches(ground: Ground, rng: np.random.Generator) -> Quads:
     length = np.exp(rng.uniform(np.log(0.8), np.log(14), n))
     width = rng.uniform(0.4, 1.6, n)
     cross = rng.random(n) < 0.3  # a trench from kerb to kerb
-    length, width = np.where(cross, width, length), np.where(cross, 2 * ROAD_HALF_WIDTH, width)
+    length, width = np.where(cross, width, length), np.where(cross, 2 * ground.half_width, width)
     x = rng.uniform(-2, 90, n)
-    free = 2 * ROAD_HALF_WIDTH - width
-    y = -ROAD_HALF_WIDTH + free * rng.random(n)
+    free = 2 * ground.half_width - width
+    y = -ground.half_width + free * rng.random(n)
     body = rectangles(x, x + length, y, y + width)
     shade = rng.choice([0.55, 0.7, 0.8, 1.2], n)
     color = shade[:, None] * np.asarray(ground.road.color)
@@ -76,10 +74,12 @@ def _patches(ground: Ground, rng: np.random.Generator) -> Quads:
 def _covers(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     """Manholes in the lanes and gratings at the kerb."""
     n = ground.covers
-    centre = np.stack([rng.uniform(3, 80, n), rng.uniform(-3.8, 3.8, n)], axis=1)
+    centre = np.stack(
+        [rng.uniform(3, 80, n), (ground.half_width - 1.2) * rng.uniform(-1, 1, n)], axis=1
+    )
     dark = 0.6 * np.asarray(ground.road.color)
     x = np.arange(rng.uniform(0, 18), 90, 18.0)
-    side = np.where(np.arange(len(x)) % 2 == 0, 1.0, -1.0) * (ROAD_HALF_WIDTH - 0.3)
+    side = np.where(np.arange(len(x)) % 2 == 0, 1.0, -1.0) * (ground.half_width - 0.3)
     gratings = rectangles(x, x + 0.5, side - 0.2, side + 0.2)
     return [
         flat(discs(centre, 0.42), PATCH_LIFT + 0.001, dark, "fresh asphalt"),
@@ -91,7 +91,9 @@ def _covers(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 def _side_street(ground: Ground, x: float, side: float) -> Quads:
     """A street that comes in over the sidewalk: the kerb drops and the road rises to meet it."""
     lift = 0.004
-    y = side * np.array([ROAD_HALF_WIDTH, ROAD_HALF_WIDTH + 0.5, OUTER, OUTER + 4, 45.0])
+    y = side * np.array(
+        [ground.half_width, ground.half_width + 0.5, ground.outer, ground.outer + 4, 45.0]
+    )
     z = np.array([0, KERB_HEIGHT, KERB_HEIGHT, KERB_HEIGHT, KERB_HEIGHT]) + lift
     # Its corners are rounded off.
     half = SIDE_STREET / 2 + np.array([2.5, 1.3, 0.4, 0.0, 0.0])
@@ -102,6 +104,7 @@ def _side_street(ground: Ground, x: float, side: float) -> Quads:
 
 def _paint(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     """Markings in white, yellow and the tint of a cycle lane."""
+    half = ground.half_width
     crossings = tuple((x - 4.0, x + 4.0) for x in ground.crosswalks)
     kept_free = crossings + ground.boxes
     mouths = {s: tuple((x - 4.5, x + 4.5) for x, side in ground.side_streets if side == s)
@@ -111,20 +114,20 @@ def _paint(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     for side in (-1.0, 1.0):
         closed = kept_free + mouths[side]
         for k in range(ground.edge_lines):
-            edge = markings.line(side * (ROAD_HALF_WIDTH - 0.3 - 0.22 * k), 0.1)
+            edge = markings.line(side * (half - 0.3 - 0.22 * k), 0.1)
             (yellow if ground.edge_yellow else white).append(markings.clear_of(edge, closed))
         style = ground.parking[int(side > 0)]
         if style != "none":
-            white.append(markings.clear_of(markings.parking(ROAD_HALF_WIDTH, side, style), closed))
+            white.append(markings.clear_of(markings.parking(half, side, style), closed))
         if ground.cycle_lane != "none":
-            lane = markings.dashes(side * (ROAD_HALF_WIDTH - CYCLE_LANE), 4.0, 2.0)
+            lane = markings.dashes(side * (half - CYCLE_LANE), 4.0, 2.0)
             white.append(markings.clear_of(lane, closed))
     for x in ground.crosswalks:
         white += _crossing(ground, x)
     white += [markings.legend(mark) for mark in ground.legends]
-    yellow += [markings.box_junction(a, b, ROAD_HALF_WIDTH) for a, b in ground.boxes]
+    yellow += [markings.box_junction(a, b, half) for a, b in ground.boxes]
     for x, side in ground.side_streets:
-        white.append(_mouth(x, side))
+        white.append(_mouth(ground, x, side))
     parts = [
         flat(outline, PAINT_LIFT, _worn(rng, outline, color), "marking")
         for outlines, color in ((white, WHITE), (yellow, YELLOW))
@@ -153,7 +156,7 @@ def _centre(ground: Ground) -> list[np.ndarray]:
 
 def _crossing(ground: Ground, x: float) -> list[np.ndarray]:
     """A crossing, and before it on each side a stop line or teeth across the lane that comes up."""
-    half = ROAD_HALF_WIDTH
+    half = ground.half_width
     across = markings.zebra if ground.crossing == "zebra" else markings.studs
     parts = [across(x, half)]
     for heading in (-1.0, 1.0):
@@ -167,16 +170,16 @@ def _crossing(ground: Ground, x: float) -> list[np.ndarray]:
     return parts
 
 
-def _mouth(x: float, side: float) -> np.ndarray:
+def _mouth(ground: Ground, x: float, side: float) -> np.ndarray:
     """The broken line across the mouth of a side street."""
     start = np.arange(x - SIDE_STREET / 2, x + SIDE_STREET / 2, 0.9)
-    y = side * (ROAD_HALF_WIDTH - 0.15)
+    y = side * (ground.half_width - 0.15)
     return rectangles(start, start + 0.5, np.array(y - 0.08), np.array(y + 0.08))
 
 
 def _tinted(ground: Ground) -> Quads:
     x = stations(13.0)[1:-4]
-    inner, outer = ROAD_HALF_WIDTH - CYCLE_LANE + 0.06, ROAD_HALF_WIDTH - 0.02
+    inner, outer = ground.half_width - CYCLE_LANE + 0.06, ground.half_width - 0.02
     lanes = [
         rectangles(x[:-1], x[1:], np.array(min(s * inner, s * outer)),
                    np.array(max(s * inner, s * outer)))

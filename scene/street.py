@@ -120,13 +120,13 @@ def sample_street(
         # A line draws from a generator of its own, so moving one line leaves the others as they are.
         line_rng = np.random.default_rng(rng.integers(2**32))
         for side in (1.0, -1.0):
-            _fill(placements, line, side, camera_side, params, pool, line_rng)
+            _fill(placements, line, side, camera_side, params, ground, pool, line_rng)
     # Before the background, which is too far away to be in the way.
-    cameras = _camera_path(params, camera_side, shots, placements, rng)
+    cameras = _camera_path(params, ground, camera_side, shots, placements, rng)
     far_rng = np.random.default_rng([seed, BACKGROUND])
     for stand in background(params, far_rng):
         ref = pick(pool, stand.family, far_rng)
-        _place(placements, stand.family, ref, _pose(stand.x, stand.y, stand.yaw))
+        _place(placements, stand.family, ref, _pose(ground, stand.x, stand.y, stand.yaw))
     return Street(tuple(placements), cameras, sky, ground, seed)
 
 
@@ -136,6 +136,7 @@ def _fill(
     side: float,
     camera_side: float,
     params: StreetParams,
+    ground: Ground,
     pool: AssetPool,
     rng: np.random.Generator,
 ) -> None:
@@ -159,7 +160,7 @@ def _fill(
         if not filled or index is None:
             continue
         for shift in _panels(family, index, interval):
-            pose = _pose(x + shift, y, yaw)
+            pose = _pose(ground, x + shift, y, yaw)
             for part, part_index in _parts(family, index, other, pool):
                 _place(placements, part, part_index, pose)
 
@@ -227,10 +228,10 @@ def _yaw(
     return free
 
 
-def _pose(x: float, y: float, yaw: float) -> np.ndarray:
+def _pose(ground: Ground, x: float, y: float, yaw: float) -> np.ndarray:
     """Pose of an object that stands on the ground at (x, y)."""
     c, s = math.cos(yaw), math.sin(yaw)
-    z = ground_height(y)
+    z = ground_height(ground, y)
     return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
 
 
@@ -255,6 +256,7 @@ def bounds(placements: list[Placement]) -> np.ndarray:
 
 def _camera_path(
     params: StreetParams,
+    ground: Ground,
     side: float,
     shots: int,
     placements: list[Placement],
@@ -267,7 +269,7 @@ def _camera_path(
     # A crown is mostly air: only its middle counts as in the way.
     boxes[trees] = centre[trees] + 0.4 * (boxes[trees] - centre[trees])
     y = side * params.camera_position_x
-    z = ground_height(y) + params.camera_position_y
+    z = ground_height(ground, y) + params.camera_position_y
     cameras = []
     for shot in range(shots):
         steps = (shot + rng.random()) * DRIVE / shots + np.arange(0.0, SEARCH, 1.5)

@@ -84,9 +84,11 @@ VIEWPOINTS = {
 
 
 def bare(road: int = 0, sidewalk: int = 0, terrain: int = 0) -> Ground:
-    """An unpainted ground of the surfaces in these rows of their tables."""
+    """An unpainted ground of the surfaces in these rows of their tables, as wide as the stages say."""
     rng = np.random.default_rng(0)
     return plain(sample_ground(rng))._replace(
+        half_width=5.0,
+        footway=3.0,
         road=sample_coat(rng, ROADS[road : road + 1]),
         sidewalk=sample_coat(rng, SIDEWALKS[sidewalk : sidewalk + 1]),
         terrain=sample_coat(rng, TERRAINS[terrain : terrain + 1]),
@@ -123,8 +125,9 @@ def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Stre
         fov: horizontal field of view, degrees.
     """
     stage = STAGES.get(family, FOOTWAY)
+    ground = bare()
     pose = np.eye(4)
-    pose[:3, 3] = PLACE, stage.y, ground_height(stage.y)
+    pose[:3, 3] = PLACE, stage.y, ground_height(ground, stage.y)
     parts = [(family, ref)]
     if isinstance(ref, int) and family == "rider":
         parts.append((MOUNT[kind(family, ref)], ref))
@@ -139,7 +142,7 @@ def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Stre
     boxes = np.stack([catalogue.bounds(*part) for part in shown])
     low, high = boxes[:, 0].min(axis=0) + pose[:3, 3], boxes[:, 1].max(axis=0) + pose[:3, 3]
     camera = fit(low, high, stage.azimuth, stage.elevation, aspect, fov)
-    return Street(placements, (camera,), named_sky(FINE), bare(), seed=0)
+    return Street(placements, (camera,), named_sky(FINE), ground, seed=0)
 
 
 def fit(

@@ -35,7 +35,6 @@ from scene.render.shot import (
     visible,
 )
 from scene.render.visibility import REACH
-
 from scene.street import Street
 
 EVERYTHING = 0xFFFFFFFF

@@ -7,12 +7,12 @@ from hypothesis import strategies as st
 
 from scene.classes import TrainId
 from scene.ground import (
+    FOOTWAYS,
     GROUND_INSTANCES,
+    HALF_WIDTHS,
     KERB_HEIGHT,
     KERB_WIDTH,
-    ROAD_HALF_WIDTH,
     ROADS,
-    SIDEWALK_WIDTH,
     SIDEWALKS,
     TERRAINS,
     ground_assets,
@@ -36,7 +36,6 @@ from scene.materials import material_id
 from scene.quads import discs, flat, grid, rectangles, strokes, to_asset
 
 SEEDS = st.integers(0, 2**32 - 1)
-OUTER = ROAD_HALF_WIDTH + SIDEWALK_WIDTH
 
 
 def ground(seed, **arguments):
@@ -59,7 +58,17 @@ def areas(outlines):
 
 @pytest.mark.parametrize(("y", "height"), [(0, 0), (4.9, 0), (-4.9, 0), (5.5, 0.12), (-30, 0.12)])
 def test_the_ground_is_flat_but_for_the_kerb(y, height):
-    assert ground_height(y) == height
+    assert ground_height(ground(0)._replace(half_width=5.0), y) == height
+
+
+def test_carriageways_and_sidewalks_are_of_many_widths():
+    drawn = [ground(seed) for seed in range(200)]
+    for widths, (low, high) in (
+        ([g.half_width for g in drawn], HALF_WIDTHS),
+        ([g.footway for g in drawn], FOOTWAYS),
+    ):
+        assert low <= min(widths) < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < max(widths) <= high
 
 
 def test_the_three_surfaces_are_road_sidewalk_and_terrain():
@@ -72,10 +81,10 @@ def test_each_surface_keeps_to_its_strip(seed):
     drawn = ground(seed)._replace(side_streets=())
     road, sidewalk, terrain = ground_assets(drawn).values()
     reach = [np.abs(a.mesh.vertices[:, 1]) for a in (road, sidewalk, terrain)]
-    assert reach[0].max() == ROAD_HALF_WIDTH
-    assert reach[1].min() == pytest.approx(ROAD_HALF_WIDTH)
-    assert reach[1].max() == OUTER
-    assert reach[2][terrain.mesh.vertices[:, 0] < 300].min() == OUTER
+    assert reach[0].max() == pytest.approx(drawn.half_width)
+    assert reach[1].min() == pytest.approx(drawn.half_width)
+    assert reach[1].max() == pytest.approx(drawn.outer)
+    assert reach[2][terrain.mesh.vertices[:, 0] < 300].min() == pytest.approx(drawn.outer)
     assert road.mesh.vertices[:, 2].max() < 0.02  # paint
     assert sidewalk.mesh.vertices[:, 2].max() < KERB_HEIGHT + 0.01
     near = (reach[2] < 90) & (terrain.mesh.vertices[:, 0] < 300)
@@ -84,14 +93,15 @@ def test_each_surface_keeps_to_its_strip(seed):
 
 @given(SEEDS)
 def test_a_plain_ground_is_level_asphalt_without_paint(seed):
-    road, sidewalk, terrain = ground_assets(plain(ground(seed))).values()
+    drawn = plain(ground(seed))
+    road, sidewalk, terrain = ground_assets(drawn).values()
     assert (road.mesh.vertices[:, 2] == 0).all()
     assert len(set(road.material.tolist())) == 1
     assert np.unique(np.abs(terrain.mesh.vertices[:, 2] - KERB_HEIGHT).round(3)).max() <= 0.01
-    assert road.mesh.area == pytest.approx(640 * 2 * ROAD_HALF_WIDTH)
+    assert road.mesh.area == pytest.approx(640 * 2 * drawn.half_width)
     level = sidewalk.mesh.triangles[..., 2].min(axis=1) > 0.1
     paved = sidewalk.mesh.area_faces[level].sum()
-    assert paved == pytest.approx(640 * 2 * (SIDEWALK_WIDTH - 0.02), rel=1e-3)
+    assert paved == pytest.approx(640 * 2 * (drawn.footway - 0.02), rel=1e-3)
 
 
 @given(SEEDS)
@@ -107,7 +117,7 @@ def test_the_ground_is_no_heavier_than_it_may_be_and_has_no_degenerate_face(seed
 def test_the_kerb_drops_at_driveways_and_side_streets_only(seed):
     drawn = ground(seed)
     sidewalk = ground_assets(drawn)[2].mesh.vertices
-    kerb = sidewalk[np.isclose(np.abs(sidewalk[:, 1]), ROAD_HALF_WIDTH + KERB_WIDTH)]
+    kerb = sidewalk[np.isclose(np.abs(sidewalk[:, 1]), drawn.half_width + KERB_WIDTH)]
     low = kerb[kerb[:, 2] < KERB_HEIGHT - 0.01]
     for x, y, _ in low:
         gaps = [(p, 1.8) for p, s in drawn.driveways if s * y > 0]
@@ -121,9 +131,10 @@ def test_the_kerb_drops_at_driveways_and_side_streets_only(seed):
 
 @given(SEEDS)
 def test_markings_lie_on_the_asphalt_and_within_it(seed):
-    painted = of_material(ground_assets(ground(seed))[1], "marking")
+    drawn = ground(seed)
+    painted = of_material(ground_assets(drawn)[1], "marking")
     assert painted[..., 2] == pytest.approx(0.008)
-    assert (np.abs(painted[..., 1]) < ROAD_HALF_WIDTH).all()
+    assert (np.abs(painted[..., 1]) < drawn.half_width).all()
 
 
 @given(SEEDS)
@@ -142,8 +153,8 @@ def test_a_crosswalk_crosses_the_whole_road(kind):
     drawn = plain(ground(0))._replace(crosswalks=(20.0,), crossing=kind)
     near = of_material(ground_assets(drawn)[1], "marking")
     near = near[np.abs(near[..., 0] - 20).max(axis=1) < 1.7]
-    assert near[..., 1].min() < -ROAD_HALF_WIDTH + 0.8
-    assert near[..., 1].max() > ROAD_HALF_WIDTH - 0.9
+    assert near[..., 1].min() < -drawn.half_width + 0.8
+    assert near[..., 1].max() > drawn.half_width - 1.05
 
 
 @pytest.mark.parametrize("drive", [1.0, -1.0])
@@ -177,7 +188,7 @@ def test_legends_lie_in_their_lane_and_run_ahead(kind, heading):
     assert -0.2 < ahead.min() < 0.5
     assert 1.5 < ahead.max() < 6
     assert outline[..., 1].min() > 0
-    assert outline[..., 1].max() < ROAD_HALF_WIDTH
+    assert outline[..., 1].max() < 5
     assert areas(outline).min() > 1e-3
 
 

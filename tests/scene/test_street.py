@@ -99,9 +99,10 @@ def test_instances_are_numbered_from_the_first_without_gaps(unit, seed):
 
 @given(UNITS, SEEDS)
 def test_every_object_stands_on_the_ground_below_it(unit, seed):
-    for p in street(street_params(unit), seed).placements:
+    drawn = street(street_params(unit), seed)
+    for p in drawn.placements:
         y, z = p.pose[1:3, 3]
-        assert z == ground_height(y)
+        assert z == ground_height(drawn.ground, y)
         assert p.pose[:3, 2].tolist() == [0, 0, 1]  # upright
         assert np.linalg.det(p.pose[:3, :3]) == pytest.approx(1)
         low = catalogue.bounds(p.family, p.asset)[0, 2]
@@ -233,11 +234,12 @@ def test_the_camera_is_on_the_right_with_its_probability(probability, low, high)
 @given(UNITS, SEEDS)
 def test_the_camera_drives_on_at_its_height_and_looks_where_it_should(unit, seed):
     params = street_params(unit)
-    cameras = street(params, seed, 5).cameras
+    drawn = street(params, seed, 5)
+    cameras = drawn.cameras
     for camera in cameras:
         _, y, z = camera.position
         assert abs(y) == pytest.approx(params.camera_position_x)
-        assert z == pytest.approx(ground_height(y) + params.camera_position_y)
+        assert z == pytest.approx(ground_height(drawn.ground, y) + params.camera_position_y)
         assert (camera.yaw, camera.pitch) == (params.camera_rotation_y, params.camera_rotation_x)
     assert all(0 <= c.position[0] <= 60 + 15 for c in cameras)
 
