@@ -18,6 +18,7 @@ from scene.asset import Asset
 from scene.classes import TrainId
 from scene.ground import GROUND_INSTANCES, ground_assets
 from scene.street import FIRST_INSTANCE, Street
+from scene.tones import TONES
 
 SKY_INSTANCE = 0
 CREASE = 40.0
@@ -96,8 +97,8 @@ class Geometry(NamedTuple):
         return sum(len(shape.faces) for shape in self.shapes)
 
 
-def shape_of(asset: Asset) -> Shape:
-    """The arrays of an asset."""
+def shape_of(asset: Asset, tone: float = 1.0) -> Shape:
+    """The arrays of an asset, its albedo times ``tone``."""
     vertices = np.ascontiguousarray(asset.mesh.vertices, np.float32)
     faces = np.ascontiguousarray(asset.mesh.faces, np.int32)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
@@ -112,7 +113,8 @@ def shape_of(asset: Asset) -> Shape:
     corners = np.empty((len(faces), 3, 3), np.float32)
     _smooth(corner, order, area, normal, np.cos(np.radians(CREASE)), corners)
     surface[:, 0:3], surface[:, 3:12] = normal, corners.reshape(-1, 9)
-    surface[:, 12:15], surface[:, 15] = asset.color, asset.material
+    surface[:, 12:15] = np.minimum(tone * np.asarray(asset.color), 1.0)
+    surface[:, 15] = asset.material
     return Shape.of(vertices, faces, surface)
 
 
@@ -185,7 +187,8 @@ def asset_shape(family: str, asset: int | str, far: bool = False) -> Shape:
     """The shape of a catalogue asset, whole or, for one that stays ``far``, thinned."""
     if far:
         return thinned(asset_shape(family, asset), THIN)
-    return shape_of(catalogue.asset(family, asset))
+    tone = TONES[family] if isinstance(asset, int) else 1.0
+    return shape_of(catalogue.asset(family, asset), tone)
 
 
 def build(street: Street) -> Geometry:

@@ -27,6 +27,7 @@ from scene.quads import to_asset
 from scene.relief import sidewalk_quads, terrain_quads
 from scene.roadway import road_quads
 from scene.surfaces import ROADS, SIDEWALKS, TERRAINS, Coat, Color, Surface, sample_coat
+from scene.tones import ROAD_TONE, SIDEWALK_TONE
 
 __all__ = [
     "FOOTWAYS",
@@ -155,8 +156,8 @@ def sample_ground(rng: np.random.Generator, share: float = 1.0, drive: float = 1
     return Ground(
         half_width=half_width,
         footway=float(rng.uniform(*FOOTWAYS)),
-        road=sample_coat(rng, ROADS, share),
-        sidewalk=sample_coat(rng, SIDEWALKS, share),
+        road=sample_coat(rng, ROADS, share, ROAD_TONE),
+        sidewalk=sample_coat(rng, SIDEWALKS, share, SIDEWALK_TONE),
         terrain=sample_coat(rng, TERRAINS, share),
         kerb=(KERB_STONE[0] * stone, KERB_STONE[1] * stone, KERB_STONE[2] * stone),
         strip=float(rng.choice([1.0, 0.85, 1.12])),

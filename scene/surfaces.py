@@ -65,12 +65,15 @@ TERRAINS: tuple[Surface, ...] = (
 
 
 def sample_coat(
-    rng: np.random.Generator, surfaces: tuple[Surface, ...], share: float = 1.0
+    rng: np.random.Generator,
+    surfaces: tuple[Surface, ...],
+    share: float = 1.0,
+    tone: float = 1.0,
 ) -> Coat:
-    """Draw one of the first ``share`` of ``surfaces``, at least one, and its colour."""
+    """Draw one of the first ``share`` of ``surfaces``, at least one, and its colour times ``tone``."""
     known = surfaces[: max(1, round(share * len(surfaces)))]
     weights = np.array([s.weight for s in known])
     surface = known[int(rng.choice(len(known), p=weights / weights.sum()))]
     dark, light = np.array(surface.dark), np.array(surface.light)
-    red, green, blue = (dark + rng.random() * (light - dark)) * rng.uniform(0.97, 1.03, 3)
+    red, green, blue = tone * (dark + rng.random() * (light - dark)) * rng.uniform(0.97, 1.03, 3)
     return Coat(surface.name, surface.material, (float(red), float(green), float(blue)))

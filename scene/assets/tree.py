@@ -22,8 +22,12 @@ KINDS: tuple[str, ...] = (
 
 GOLDEN = 2.399963
 """The golden angle: limbs that follow one another around the trunk by it never line up (radians)."""
-TWIG = 0.045
-"""Width of the thinnest twigs, metres: a bundle of real ones, as a camera resolves it."""
+SHOOT, TWIG = 0.07, 0.05
+"""Width of shoots and of the thinnest twigs, metres: a bundle of real ones, as a camera resolves it."""
+DENSE = 12
+"""Leaves from which on a tuft is closed."""
+YOUNG = 1.35
+"""How much lighter young wood is than the trunk's bark."""
 REACH = 7.5
 """Metres from the foot that no twig goes beyond."""
 TOP = 0.985
@@ -57,19 +61,19 @@ class TreeParams(NamedTuple):
 def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
     """Draw a tree of one of ``KINDS``."""
     between = rng.uniform
-    tall = float(between(9, 14))
+    tall = float(between(9, 15))
     green = vary(rng, GREENS[rng.integers(len(GREENS))], 0.25)
     rust = vary(rng, AUTUMNS[rng.integers(len(AUTUMNS))], 0.25)
-    bark = vary(rng, (0.062, 0.052, 0.043), 0.35)
+    bark = vary(rng, (0.105, 0.085, 0.070), 0.35)
     bare = TreeParams(
         height=tall, trunk=tall * float(between(0.18, 0.28)), radius=0.021 * tall,
-        crown=tall * float(between(0.26, 0.34)), outline="oval", leader=0.9, limbs=15,
-        angle=float(between(42, 55)), lift=0.16, forks=(6, 5, 3), leafy=0.0, each=0, tuft=0.3,
+        crown=tall * float(between(0.32, 0.40)), outline="oval", leader=0.9, limbs=15,
+        angle=float(between(42, 58)), lift=0.16, forks=(6, 6, 5), leafy=0.0, each=0, tuft=0.3,
         leaf=0.2, leaf_color=green, bark_color=bark, staked=False, ivy=0,
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
     leafy = bare._replace(
-        forks=(5, 3, 0), leafy=float(between(0.8, 1.0)), each=20, tuft=0.52, leaf=0.33
+        forks=(5, 3, 0), leafy=float(between(0.85, 1.0)), each=24, tuft=0.6, leaf=0.27
     )
     match kind:
         case "bare lime":
@@ -93,7 +97,7 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
         case "bare broad":
             return bare._replace(
                 trunk=0.2 * tall, crown=float(between(0.42, 0.5)) * tall, outline="vase",
-                leader=0.6, limbs=11, angle=62.0, lift=0.2, radius=0.034 * tall, forks=(7, 6, 3),
+                leader=0.6, limbs=11, angle=62.0, lift=0.2, radius=0.034 * tall, forks=(7, 7, 5),
             )  # fmt: skip
         case "poplar":
             tall = float(between(10, 13.8))
@@ -303,13 +307,12 @@ def tree(params: TreeParams) -> Asset:
         if children:
             generations.append(_fork(rng, generations[-1], children, p.lift, points))
     wood = [tubes(*trunk, 8, p.bark_color), tubes(*limbs, 5, p.bark_color)]
-    wood += [
-        tubes(g.lines, np.maximum(g.radius, 0.015), sides, p.bark_color)
-        for g, sides in zip(generations[1:3], (3, 2), strict=False)
-    ]
-    if len(generations) > 3:
-        ends = generations[3].lines
-        wood.append(slivers(rng, ends[:, 0], ends[:, -1], TWIG, p.bark_color))
+    if len(generations) > 1:
+        branches = generations[1]
+        wood.append(tubes(branches.lines, np.maximum(branches.radius, 0.015), 3, p.bark_color))
+    for thin, width in zip(generations[2:], (SHOOT, TWIG), strict=False):
+        color = tuple(YOUNG * c for c in p.bark_color)
+        wood.append(slivers(rng, thin.lines[:, 0], thin.lines[:, -1], width, color))
     leaves = []
     if p.leafy:
         carriers = generations[min(2, len(generations) - 1)].lines
@@ -318,7 +321,12 @@ def tree(params: TreeParams) -> Asset:
             chosen[:, -2] - chosen[:, -1]
         )
         radii = p.tuft * rng.uniform(0.7, 1.3, len(centres))
-        leaves = [tufts(rng, centres, radii, p.each, p.leaf, p.leaf_color)]
+        # Deep inside a tuft no light gets through: a few large dark leaves close it.
+        inner = np.repeat(centres, 2 if p.each >= DENSE else 0, axis=0)
+        leaves = [
+            tufts(rng, centres, radii, p.each, p.leaf, p.leaf_color),
+            leaf_cards(rng, inner, p.tuft, p.leaf_color, 0.6),
+        ]
     if p.ivy:
         leaves.append(_ivy(rng, p, trunk))
     whole = merge(*wood, *leaves, *(_stakes(p) if p.staked else []))
