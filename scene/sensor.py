@@ -35,7 +35,7 @@ class CameraResponse(NamedTuple):
     """
 
     exposure: float = 1.0
-    gain: tuple[float, float, float] = (1.0, 1.0, 1.0)  # white balance, per channel
+    gain: tuple[float, float, float] = (0.95, 1.0, 1.05)  # white balance, per channel
     gamma: float = 1.0  # on top of sRGB; above 1 darkens the middle tones
     blur: float = 0.0  # sigma of the lens blur in pixels
     noise: float = 0.006  # standard deviation of sensor noise at mid grey, of full scale
@@ -59,7 +59,7 @@ def vary(response: CameraResponse, rng: np.random.Generator) -> CameraResponse:
     s = response.spread
     if s == 0:
         return response
-    bend = np.exp(s * rng.normal(0, 1, 9) * (0.2, 0.025, 0.025, 0.3, 0.4, 0.05, 0.1, 0.4, 0.4))
+    bend = np.exp(s * rng.normal(0, 1, 9) * (0.2, 0.05, 0.05, 0.3, 0.4, 0.05, 0.1, 0.4, 0.4))
     bend = np.clip(bend, 0.25, 4.0).tolist()
     red, green, blue = response.gain
     quality = response.jpeg + s * rng.uniform(-12, 6)
