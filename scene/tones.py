@@ -1,9 +1,9 @@
 """How light or dark each class is beside the others.
 
-The colours of assets are drawn one by one and look right one by one; streets need more. On photographs people and
-cyclists are dark against the road, crowns are lighter than facades because the sky comes through them, poles
-are lighter than what is behind. The factors bring the median tone of each class, beside the road's, near CamVid's
-sequences 0016E5 and 0001TP (``python -m benchmarks.transfer --only tones``).
+The colours of assets are drawn one by one and look right one by one; streets need more. On photographs people
+and cyclists are dark against the road, crowns are lighter than facades because the sky comes through them,
+poles are lighter than what is behind. The factors bring the median tone of each class, beside the road's,
+near that of CamVid's sequences 0016E5 and 0001TP (``python -m benchmarks.transfer --only tones``).
 """
 
 from __future__ import annotations

@@ -4,9 +4,9 @@
 
 On CamVid's sequences 0016E5 and 0001TP (0006R0 is never read): nets trained on renders with random and with
 default attributes, scored on real images; the same on default streets without one ingredient, paired by
-seed; and nets trained on real images, scored on renders and on close-ups of single assets, which
-``close-ups-*.png`` in ``--out`` shows. ``--out`` remembers finished nets: the same command goes on, and
-begins anew where the engine has changed.
+seed; nets trained on real images, scored on renders and on close-ups of single assets, which
+``close-ups-*.png`` in ``--out`` shows; and how light each class is in both. ``--out`` remembers finished
+nets: the same command goes on, and begins anew where the engine has changed.
 """
 
 from __future__ import annotations
@@ -25,8 +25,18 @@ import numpy as np
 
 from benchmarks.report import Row, parser, table, write
 from benchmarks.transfer import tables
-from benchmarks.transfer.nets import ATTRIBUTES, PARTS, REAL, WITHOUT, Net, nets, steering_set
-from benchmarks.transfer.recipe import TABLE, Recipe, call
+from benchmarks.transfer.ingredients import render_world
+from benchmarks.transfer.nets import (
+    ATTRIBUTES,
+    PARTS,
+    REAL,
+    SEQUENCES,
+    WITHOUT,
+    Net,
+    nets,
+    steering_set,
+)
+from benchmarks.transfer.recipe import TABLE, Recipe, call, units, world
 from experiments.errors import UserError
 from experiments.folder import Log, naming, write_atomically
 from experiments.progress import Progress
@@ -108,7 +118,8 @@ def _run(options: argparse.Namespace) -> None:
         real_steps=options.real_steps,
         close_ups=options.close_ups,
     )
-    wanted = nets(recipe, steering_set(options.data, recipe), options.only, range(options.seeds))
+    real = steering_set(options.data, recipe)
+    wanted = nets(recipe, real, options.only, range(options.seeds))
     with naming(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
     log = Log(options.out / "nets.jsonl", FIELDS)
@@ -116,7 +127,13 @@ def _run(options: argparse.Namespace) -> None:
         scores = _train(wanted, log, options)
     finally:
         log.close()
-    found = summary(scores, class_table(TABLE).classes)
+    classes = class_table(TABLE).classes
+    found = summary(scores, classes)
+    if "tones" in options.only:
+        renders = render_world(world(recipe), units(recipe, "default", 0), 0, recipe.shots, TABLE)
+        chosen = {s: np.asarray(real.sequences) == s for s in SEQUENCES}
+        sets = {s: (real.images[c], real.labels[c]) for s, c in chosen.items()}
+        found["tones"] = tables.tone_rows({**sets, "renders": renders}, classes)
     for title, rows in found.items():
         print(f"\n{title}\n{table(rows)}")
     write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **found)

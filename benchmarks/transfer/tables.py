@@ -12,6 +12,8 @@ from scene.catalogue import FAMILIES
 from seg.classes import class_table
 from seg.metrics import iou, mean_iou
 
+LEAST = 20
+"""Pixels of a class from which on an image says something about its tone."""
 Confusions = Sequence[np.ndarray]
 """One confusion matrix i64[classes, classes] per seed, the same seeds everywhere."""
 
@@ -27,6 +29,40 @@ def transfer_rows(nets: Mapping[str, Confusions], classes: Sequence[str]) -> lis
             | {name: float(value) for name, value in zip(classes, by_class, strict=True)}
         )
     return rows
+
+
+def tone_rows(
+    sets: Mapping[str, tuple[np.ndarray, np.ndarray]], classes: Sequence[str]
+) -> list[Row]:
+    """How light every class is in each set of images u8[n, h, w, 3] and labels [n, h, w].
+
+    The middle grey of the class, and that over the road's: the mean over images of the median over
+    pixels, of images with at least ``LEAST`` pixels of the class.
+    """
+    tones = {name: _tones(*images, len(classes)) for name, images in sets.items()}
+    road = list(classes).index("road")
+    rows: list[Row] = []
+    for k, name in enumerate(classes):
+        row: Row = {"class": name}
+        for title, tone in tones.items():
+            row[title] = float(tone[k])
+            row[f"{title} / road"] = float(tone[k] / tone[road])
+        rows.append(row)
+    return rows
+
+
+def _tones(images: np.ndarray, labels: np.ndarray, classes: int) -> np.ndarray:
+    greys = images @ np.array([0.299, 0.587, 0.114])
+    tones = np.full(classes, np.nan)
+    for k in range(classes):
+        medians = [
+            np.median(grey[label == k])
+            for grey, label in zip(greys, labels, strict=True)
+            if (label == k).sum() >= LEAST
+        ]
+        if medians:
+            tones[k] = np.mean(medians)
+    return tones
 
 
 def ingredient_rows(

@@ -311,7 +311,8 @@ def tree(params: TreeParams) -> Asset:
         branches = generations[1]
         wood.append(tubes(branches.lines, np.maximum(branches.radius, 0.015), 3, p.bark_color))
     for thin, width in zip(generations[2:], (SHOOT, TWIG), strict=False):
-        color = tuple(YOUNG * c for c in p.bark_color)
+        red, green, blue = p.bark_color
+        color = (YOUNG * red, YOUNG * green, YOUNG * blue)
         wood.append(slivers(rng, thin.lines[:, 0], thin.lines[:, -1], width, color))
     leaves = []
     if p.leafy:

@@ -61,14 +61,15 @@ def material_rows() -> np.ndarray:
 def _angle(y: float, x: float) -> np.float32:
     """``atan2`` to 1e-5, without its slow exactness: a polynomial in the smaller over the larger."""
     wide, high = abs(x), abs(y)
-    a = min(wide, high) / max(max(wide, high), f32(1e-20))
+    steep = high > wide
+    a = (wide if steep else high) / ((high if steep else wide) + f32(1e-20))
     s = a * a
     r = f32(0.05265332) - s * f32(0.01172120)
     r = f32(0.99997726) + s * (
         f32(-0.33262347) + s * (f32(0.19354346) + s * (f32(-0.11643287) + s * r))
     )
     r *= a
-    if high > wide:
+    if steep:
         r = f32(math.pi / 2) - r
     if x < ZERO:
         r = f32(math.pi) - r

@@ -136,6 +136,21 @@ def test_worth_is_paired_by_seed():
     assert tables.ingredient_rows([good], {"haze": [bad]}, CLASSES)[0]["error"] is None
 
 
+def test_tones_are_medians_beside_the_road_s_and_few_pixels_do_not_count():
+    labels = np.zeros((2, 10, 10), np.uint8)
+    labels[:, :5] = 1  # half of each image is road
+    labels[1, 0, 0] = 2  # a speck
+    images = np.zeros((2, 10, 10, 3), np.uint8)
+    images[0], images[1] = 30, 90
+    images[:, :5] *= 2
+    images[1, 9, 9] = 255  # an outlier
+    rows = tables.tone_rows({"renders": (images, labels)}, ("sky", "road", "car"))
+    assert [row["class"] for row in rows] == ["sky", "road", "car"]
+    assert [row["renders"] for row in rows[:2]] == pytest.approx([60, 120])
+    assert rows[0]["renders / road"] == pytest.approx(0.5)
+    assert math.isnan(rows[2]["renders"])
+
+
 def test_recognition_by_hand():
     real, renders = np.diag([2, 2, 2]), np.array([[4, 0, 0], [1, 3, 0], [0, 9, 1]])
     rows = {r["class"]: r for r in tables.recognition_rows([real], [renders], CLASSES)}
