@@ -29,9 +29,9 @@ GRAIN = 512
 class CameraResponse(NamedTuple):
     """What stands between the scene and the file; every defect is absent at 0.
 
-    The defaults bring renders near the tones of CamVid. Mean / deviation / median / 95th percentile
-    of grey there: 108 / 75 / 78 / 251 in 0016E5 (day), 60 / 57 / 32 / 184 in 0001TP (dusk), noise under
-    one level; of our days 105 / 70 / 78 / 253, of dark stratocumulus at 0.45 light 47 / 44 / 27 / 156.
+    The defaults bring renders near the tones of CamVid: mean / deviation / median / 95th percentile
+    of grey there are 108 / 75 / 78 / 251 in 0016E5 (day), 60 / 57 / 32 / 184 in 0001TP (dusk), and noise is
+    under one level. ``python -m benchmarks.transfer --only tones`` compares class by class.
     """
 
     exposure: float = 1.0

@@ -73,7 +73,7 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
         seed=int(rng.integers(2**31)),
     )  # fmt: skip
     leafy = bare._replace(
-        forks=(5, 3, 0), leafy=float(between(0.85, 1.0)), each=24, tuft=0.6, leaf=0.27
+        forks=(5, 3, 0), leafy=float(between(0.85, 1.0)), each=20, tuft=0.6, leaf=0.29
     )
     match kind:
         case "bare lime":

@@ -50,7 +50,7 @@ def bare_street(*placements, camera=LEVEL, cover=0.0, intensity=1.0, elevation=0
     light = {"intensity": intensity, "elevation": elevation, "azimuth": azimuth}
     drawn = (sample_sky(np.random.default_rng(seed), **light) for seed in range(200))
     sky = next(sky for sky in drawn if sky.weather == "clear")
-    ground = plain(sample_ground(rng))
+    ground = plain(sample_ground(rng))._replace(half_width=5.0, footway=3.0)
     sky = sky._replace(cover=cover, haze=1e5)
     return Street(tuple(placements), (camera,), sky, ground, seed=0)
 

@@ -9,7 +9,9 @@ from hypothesis import strategies as st
 from scene.sensor import KEY, MIDDLE, CameraResponse, develop, vary
 
 QUIET = CameraResponse(noise=0.0)
-PLAIN = CameraResponse(noise=0.0, meter=0.0, contrast=1.0, saturation=1.0, vignette=0.0, halo=0.0)
+PLAIN = CameraResponse(
+    gain=(1, 1, 1), noise=0.0, meter=0.0, contrast=1.0, saturation=1.0, vignette=0.0, halo=0.0
+)
 
 
 def flat(value, size=16):

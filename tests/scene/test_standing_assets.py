@@ -26,7 +26,7 @@ BUDGET = {
 LIMITS = {
     # low and high corner of the space an asset keeps to, metres
     "building": ((-7.7, -1.25, 0), (7.7, 12.6, 26)),
-    "tree": ((-8, -8, 0), (8, 8, 14.2)),
+    "tree": ((-8, -8, 0), (8, 8, 15.2)),
     "bush": ((-2.6, -1.4, 0), (2.6, 1.4, 2.6)),
 }
 
