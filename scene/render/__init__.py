@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from scene.render.memory import keep_freed_memory
 from scene.render.protocol import (
     Frame,
     Renderer,
@@ -30,6 +31,7 @@ def renderer(name: str) -> Renderer:
         ValueError: unknown name.
         RendererError: this machine lacks what the renderer needs.
     """
+    keep_freed_memory()
     if name == "embree":
         from scene.render.embree import EmbreeRenderer
 
