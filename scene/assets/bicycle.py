@@ -83,6 +83,8 @@ _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))
 
 def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
     """Draw a bicycle of one frame type: wheel size, paint, basket and rack."""
+    if kind not in _MODELS:
+        raise ValueError(f"unknown kind of bicycle {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     load = _LOADS[int(rng.integers(len(_LOADS)))] if model.rack else ""
     return model._replace(

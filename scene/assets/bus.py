@@ -100,6 +100,8 @@ _FLOOR = 0.32
 
 def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
     """Draw a bus of one body type: size within 8 %, livery, adverts, boxes on the roof."""
+    if kind not in _MODELS:
+        raise ValueError(f"unknown kind of bus {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     first, second = rng.choice(len(_LIVERIES), 2, replace=False)
     color = pick(rng, (_LIVERIES[first],))

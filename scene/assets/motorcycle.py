@@ -76,6 +76,8 @@ _PAINTS: tuple[Color, ...] = (
 
 def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
     """Draw a motorcycle of one body type: size within 5 %, paint, wheels, exhausts, luggage."""
+    if kind not in _MODELS:
+        raise ValueError(f"unknown kind of motorcycle {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     return model._replace(
         wheel_radius=model.wheel_radius * rng.uniform(0.95, 1.05),

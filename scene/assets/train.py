@@ -79,6 +79,8 @@ _FREIGHT: tuple[Color, ...] = (
 
 def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
     """Draw a vehicle of one type: length within 6 %, height within 2 %, livery."""
+    if kind not in _MODELS:
+        raise ValueError(f"unknown kind of train {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     freight = model.body in ("hopper", "container", "tank")
     color = pick(rng, _FREIGHT if freight else _LIVERIES)

@@ -107,6 +107,8 @@ _LOADS: dict[str, tuple[Color, ...]] = {
 
 def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
     """Draw a lorry of one body type: proportions, colours of cab and load, lettering, fittings."""
+    if kind not in _MODELS:
+        raise ValueError(f"unknown kind of truck {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     body, cab = pick(rng, _LOADS[model.load]), pick(rng, _CABS)
     long = rng.uniform(0.9, 1.06)
