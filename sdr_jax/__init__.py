@@ -13,10 +13,11 @@ from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import HostReward, host_reward
 from sdr_jax.method import Info, Method
 from sdr_jax.policy import Policy
+from sdr_jax.random_attributes import random_attributes
 from sdr_jax.random_search import random_search
 from sdr_jax.reinforce import reinforce_loss
 from sdr_jax.rewards import identity, squared_percent
-from sdr_jax.run import Record, RewardFn, make_step, run
+from sdr_jax.run import Record, RewardFn, make_step, run, run_on_host
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Proposal, Space, draw, relax, slide, space
 
@@ -36,10 +37,12 @@ __all__ = [
     "identity",
     "leave_one_out",
     "make_step",
+    "random_attributes",
     "random_search",
     "reinforce_loss",
     "relax",
     "run",
+    "run_on_host",
     "sdr",
     "slide",
     "space",

@@ -2,7 +2,8 @@
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
-from jaxtyping import Array, Float, Int, Key
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, Key, Real
 
 from sdr_jax.space import Proposal
 
@@ -17,9 +18,22 @@ class Info(NamedTuple):
     reward_best: Float[Array, ""]  # the best of them
     baseline: Float[Array, ""]  # mean baseline, in units of transformed rewards; NaN without one
     advantages: Float[Array, "n"]  # what the gradient was weighted with
-    entropy: Float[Array, ""]  # of the distribution sampled from, before the update, in nats
-    grad_norm: Float[Array, ""]  # L2 norm of the policy's gradient
-    group: Int[Array, ""]  # the group the update was for
+    entropy: Float[Array, ""]  # of the distribution sampled from, before, in nats; NaN if unknown
+    grad_norm: Float[Array, ""]  # L2 norm of the policy's gradient; 0 without one
+    group: Int[Array, ""]  # the group the update was for; 0 where groups have no order
+
+
+def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
+    """What there is to say of a method without baseline, gradient and order of groups."""
+    return Info(
+        reward_mean=rewards.mean(),
+        reward_best=rewards.max(),
+        baseline=jnp.asarray(jnp.nan, jnp.float32),
+        advantages=jnp.zeros_like(rewards),
+        entropy=entropy,
+        grad_norm=jnp.zeros((), jnp.float32),
+        group=jnp.zeros((), jnp.int32),
+    )
 
 
 @runtime_checkable
@@ -36,8 +50,12 @@ class SampleFn(Protocol):
 
     def __call__(
         self, rng_key: Key[Array, ""], state: State, n: int
-    ) -> tuple[Int[Array, "n attributes"], Proposal]:
-        """The key is consumed, n is static; actions are for `update`, proposals to be scored."""
+    ) -> tuple[Real[Array, "n attributes"], Proposal]:
+        """The key is consumed, n is static; actions are for `update`, proposals to be scored.
+
+        Actions are bins, i32, -1 where nothing is decided; or f32 and finite, of a method over
+        continuous values, in units of its own. Either way they are all that `update` needs.
+        """
 
 
 @runtime_checkable
@@ -45,7 +63,7 @@ class UpdateFn(Protocol):
     """Learns from the rewards of what `sample` proposed."""
 
     def __call__(
-        self, state: State, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+        self, state: State, actions: Real[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[State, Info]:
         """Higher rewards are better. Whoever calls makes sure that they are finite."""
 

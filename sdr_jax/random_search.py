@@ -1,14 +1,13 @@
 """Random search, the rival every method has to beat: try bins at random, keep the best."""
 
-import math
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax.method import Info, Method
+from sdr_jax import bins
+from sdr_jax.method import Info, Method, plain_info
 from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
 
 
@@ -48,8 +47,8 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
         rng_key: Key[Array, ""], state: SearchState, n: int
     ) -> tuple[Int[Array, "n attributes"], Proposal]:
         shape = (n, space.attributes)
-        bins = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
-        actions = jax.random.randint(rng_key, shape, 0, bins, jnp.int32)
+        sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
+        actions = jax.random.randint(rng_key, shape, 0, sizes, jnp.int32)
         return actions, relax(space, actions, width)
 
     def update(
@@ -58,15 +57,7 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
         comparable = jnp.where(jnp.isnan(rewards), -jnp.inf, rewards)
         best = jnp.argmax(comparable)
         better = comparable[best] > state.reward
-        info = Info(
-            reward_mean=rewards.mean(),
-            reward_best=rewards.max(),
-            baseline=jnp.asarray(jnp.nan, jnp.float32),
-            advantages=jnp.zeros_like(rewards),
-            entropy=jnp.asarray(sum(map(math.log, space.bins)), jnp.float32),
-            grad_norm=jnp.zeros((), jnp.float32),
-            group=jnp.zeros((), jnp.int32),
-        )
+        info = plain_info(rewards, bins.entropy(bins.uniform(space)))
         next_state = SearchState(
             jnp.where(better, actions[best], state.actions),
             jnp.where(better, comparable[best], state.reward),
@@ -77,8 +68,7 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
         return relax(space, state.actions, width)
 
     def probabilities(state: SearchState) -> Float[Array, "attributes bins"]:
-        bins = np.asarray(space.bins, np.float32)[:, None]
-        return jnp.asarray((np.arange(space.max_bins) < bins) / bins)
+        return bins.uniform(space)
 
     answer = jax.jit(solution)
     return Method(

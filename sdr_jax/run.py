@@ -4,7 +4,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Float, Int, Key, Real
 
 from sdr_jax.method import Info, Method, State
 from sdr_jax.space import Proposal
@@ -21,7 +21,7 @@ class RewardFn(Protocol):
 class Record(NamedTuple):
     """What one step tried and got."""
 
-    actions: Int[Array, "n attributes"]  # see the method's `sample`
+    actions: Real[Array, "n attributes"]  # see the method's `sample`
     rewards: Float[Array, "n"]  # one per data set
     info: Info  # of the update
 
@@ -91,3 +91,45 @@ def run(
         return step(jax.random.fold_in(steps_key, t), state)
 
     return jax.lax.scan(body, method.init(init_key), jnp.arange(updates))
+
+
+def run_on_host(
+    rng_key: Key[Array, ""],
+    method: Method,
+    reward_fn: RewardFn,
+    updates: int | None = None,
+    n: int = 1,
+) -> tuple[State, Record]:
+    """Runs a whole optimisation as a plain loop, for any method and any reward.
+
+    It takes host adapters such as `cma_es` and rewards that JAX cannot trace, which `run` does not.
+    Keys are used as `run` uses them, so a pure method tries and gets the same here as there.
+
+    Args:
+        rng_key: consumed.
+        method: what learns, pure or a host adapter.
+        reward_fn: what scores; called with concrete arrays, outside of jit.
+        updates: how many updates; by default as many as the method takes.
+        n: data sets per update.
+
+    Returns:
+        The final state, and the records of all updates, stacked on a leading axis.
+
+    Raises:
+        ValueError: no number of updates, neither here nor in the method; or fewer than one.
+    """
+    updates = method.updates if updates is None else updates
+    if updates is None:
+        raise ValueError("this method takes any number of updates: say how many")
+    if updates < 1:
+        raise ValueError(f"updates is {updates}, but must be at least 1")
+    init_key, steps_key = jax.random.split(rng_key)
+    state = method.init(init_key)
+    records = []
+    for t in range(updates):
+        sample_key, reward_key = jax.random.split(jax.random.fold_in(steps_key, t))
+        actions, proposals = method.sample(sample_key, state, n)
+        rewards = jnp.asarray(reward_fn(reward_key, proposals), jnp.float32)
+        state, info = method.update(state, actions, rewards)
+        records.append(Record(actions, rewards, info))
+    return state, jax.tree.map(lambda *leaves: jnp.stack(leaves), *records)

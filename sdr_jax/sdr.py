@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, Key, PyTree
 
+from sdr_jax import bins
 from sdr_jax import groups as grouping
 from sdr_jax import policy as policies
 from sdr_jax.baseline import Baseline, BaselineState, ema
@@ -19,10 +20,8 @@ from sdr_jax.space import (
     UNDECIDED,
     Proposal,
     Space,
-    bin_widths,
     check_relaxation,
     relax,
-    slide,
 )
 
 PAPER_OPTIMIZER = optax.adam(1e-2)
@@ -185,12 +184,7 @@ def sdr(
         return proposal(jnp.where(begun(state), best, UNDECIDED))
 
     def spread(state: SdrState) -> Proposal:
-        p = probabilities(state)
-        bins = jnp.asarray(space.bins, jnp.float32)[:, None]
-        centres = (jnp.arange(space.max_bins, dtype=jnp.float32)[None, :] + 0.5) / bins
-        mean = jnp.sum(p * centres, axis=1)
-        variance = jnp.sum(p * (centres - mean[:, None]) ** 2, axis=1)
-        wide = slide(mean, jnp.sqrt(12 * variance + bin_widths(space, width) ** 2))
+        wide = bins.spread(space, probabilities(state), width)
         return _choose(begun(state), wide, proposal(jnp.full(space.attributes, UNDECIDED)))
 
     return Method(
