@@ -8,16 +8,26 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, ClassTable, class_table
+    from seg.classes import (
+        CAMVID_11,
+        CITYSCAPES_19,
+        IGNORE_LABEL,
+        SYNTHIA_13,
+        SYNTHIA_16,
+        ClassTable,
+        class_table,
+    )
     from seg.data import (
         DataError,
         Entry,
         RealSet,
         list_camvid,
         list_cityscapes,
+        list_folders,
         load,
         read_camvid,
         read_cityscapes,
+        read_folders,
     )
     from seg.losses import class_weights, cross_entropy
     from seg.metrics import absent_classes, confusion_matrix, iou, mean_iou
@@ -25,16 +35,26 @@ if TYPE_CHECKING:
     from seg.train import TrainingError, TrainSettings, predict, score
 
 _HOMES = {
-    "seg.classes": ("CAMVID_11", "CITYSCAPES_19", "IGNORE_LABEL", "ClassTable", "class_table"),
+    "seg.classes": (
+        "CAMVID_11",
+        "CITYSCAPES_19",
+        "IGNORE_LABEL",
+        "SYNTHIA_13",
+        "SYNTHIA_16",
+        "ClassTable",
+        "class_table",
+    ),
     "seg.data": (
         "DataError",
         "Entry",
         "RealSet",
         "list_camvid",
         "list_cityscapes",
+        "list_folders",
         "load",
         "read_camvid",
         "read_cityscapes",
+        "read_folders",
     ),
     "seg.losses": ("class_weights", "cross_entropy"),
     "seg.metrics": ("absent_classes", "confusion_matrix", "iou", "mean_iou"),
@@ -47,6 +67,8 @@ __all__ = [
     "CAMVID_11",
     "CITYSCAPES_19",
     "IGNORE_LABEL",
+    "SYNTHIA_13",
+    "SYNTHIA_16",
     "ClassTable",
     "DataError",
     "Entry",
@@ -61,12 +83,14 @@ __all__ = [
     "iou",
     "list_camvid",
     "list_cityscapes",
+    "list_folders",
     "load",
     "mean_iou",
     "net",
     "predict",
     "read_camvid",
     "read_cityscapes",
+    "read_folders",
     "score",
 ]
 

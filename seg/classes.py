@@ -4,7 +4,7 @@ A table's ids are 0 .. len(classes) - 1; `IGNORE_LABEL` marks void. Every array 
 package holds table ids. Renderers write Cityscapes train ids; `from_train_id` maps those.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, UInt8
@@ -41,6 +41,12 @@ def _lut(pairs: dict[int, int]) -> np.ndarray:
     return lut
 
 
+def _legal(highest_value: int) -> np.ndarray:
+    legal = np.arange(256) <= highest_value
+    legal.flags.writeable = False
+    return legal
+
+
 def _table(
     name: str,
     colors: dict[str, tuple[int, int, int]],
@@ -49,9 +55,9 @@ def _table(
     highest_value: int,
 ) -> ClassTable:
     palette = np.array(list(colors.values()), np.uint8)
-    legal = np.arange(256) <= highest_value
-    palette.flags.writeable = legal.flags.writeable = False
-    return ClassTable(name, tuple(colors), palette, _lut(from_train_id), _lut(from_file), legal)
+    palette.flags.writeable = False
+    luts = _lut(from_train_id), _lut(from_file)
+    return ClassTable(name, tuple(colors), palette, *luts, _legal(highest_value))
 
 
 CITYSCAPES_19 = _table(
@@ -87,6 +93,34 @@ CITYSCAPES_19 = _table(
     },
     highest_value=33,
 )
+
+# Label files of the computer game hold Cityscapes' labelIds; 34 is the licence plate. Source: Richter et al.,
+# "Playing for data: ground truth from computer games" (2016).
+GTA5_19 = replace(CITYSCAPES_19, name="gta5", legal=_legal(34))
+
+# Ids of RAND-CITYSCAPES; parking slots, road works and lane markings (13, 14, 22) become void. Source:
+# Ros et al., "The SYNTHIA dataset" (2016), and the mapping used since Zou et al. (2018).
+SYNTHIA_19 = replace(
+    CITYSCAPES_19,
+    name="synthia",
+    from_file=_lut(
+        {
+            value: index
+            for index, value in enumerate(
+                (3, 4, 2, 21, 5, 7, 15, 9, 6, 16, 1, 10, 17, 8, 18, 19, 20, 12, 11)
+            )
+        }
+    ),
+    legal=_legal(22),
+)
+
+SYNTHIA_16 = tuple(
+    k for k in range(19) if CITYSCAPES_19.classes[k] not in ("terrain", "truck", "train")
+)
+SYNTHIA_13 = tuple(
+    k for k in SYNTHIA_16 if CITYSCAPES_19.classes[k] not in ("wall", "fence", "pole")
+)
+"""Cityscapes ids of the 16 and 13 classes over which nets trained on SYNTHIA are compared."""
 
 _SKY, _BUILDING, _POLE, _ROAD, _SIDEWALK, _TREE, _SIGN, _FENCE, _CAR, _PEDESTRIAN, _BICYCLIST = (
     range(11)

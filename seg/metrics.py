@@ -67,21 +67,26 @@ def iou(confusion: Int64[np.ndarray, "classes classes"]) -> Float64[np.ndarray, 
     return np.where(truth > 0, hits / np.maximum(union, 1), np.nan)
 
 
-def mean_iou(confusion: Int64[np.ndarray, "classes classes"]) -> float:
+def mean_iou(
+    confusion: Int64[np.ndarray, "classes classes"], classes: Sequence[int] | None = None
+) -> float:
     """Mean IoU over the classes that occur in the ground truth.
 
     Args:
         confusion: from `confusion_matrix`.
+        classes: ids to take the mean over, such as `seg.classes.SYNTHIA_16`; None for all. What is
+            predicted as one of the others counts against the class that it is.
 
     Returns:
         mIoU in [0, 1].
 
     Raises:
-        ValueError: the ground truth has no labelled pixel at all.
+        ValueError: the ground truth has no labelled pixel of these classes at all.
     """
-    if not confusion.any():
+    chosen = slice(None) if classes is None else list(classes)
+    if not confusion[chosen].any():
         raise ValueError("no pixel of the scored set is labelled; every label is void")
-    return float(np.nanmean(iou(confusion)))
+    return float(np.nanmean(iou(confusion)[chosen]))
 
 
 def absent_classes(

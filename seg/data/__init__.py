@@ -3,16 +3,20 @@
 from seg.data.camvid import list_camvid, read_camvid
 from seg.data.cityscapes import list_cityscapes, read_cityscapes
 from seg.data.errors import DataError
+from seg.data.folders import LAYOUTS, list_folders, read_folders
 from seg.data.realset import Entry, RealSet, load, subset
 
 __all__ = [
+    "LAYOUTS",
     "DataError",
     "Entry",
     "RealSet",
     "list_camvid",
     "list_cityscapes",
+    "list_folders",
     "load",
     "read_camvid",
     "read_cityscapes",
+    "read_folders",
     "subset",
 ]

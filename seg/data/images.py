@@ -92,6 +92,34 @@ def read_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
         values = palette_ids
     else:
         values = _decode(path, data, cv2.IMREAD_UNCHANGED)
+    return _mapped(path, values, table)
+
+
+def read_packed_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
+    """Read a label file of SYNTHIA: three channels of 16 bits, class ids in the first.
+
+    Args:
+        path: PNG; the second channel holds instances and is left alone.
+        table: says which values are legal and what they mean.
+
+    Returns:
+        Ids of the table; 255 for void.
+
+    Raises:
+        DataError: the file is missing, broken, of other channels or bits, or holds a value outside the table.
+    """
+    channels = _decode(path, _read_bytes(path), cv2.IMREAD_UNCHANGED)
+    if channels.ndim != 3 or channels.dtype != np.uint16:
+        count = 1 if channels.ndim == 2 else channels.shape[2]
+        raise DataError(
+            f"{path}: {count} channel(s) of {8 * channels.itemsize} bits; expected three of 16, "
+            "with class ids in the first (GT/LABELS of SYNTHIA, not GT/COLOR)"
+        )
+    return _mapped(path, channels[..., 2], table)  # OpenCV turns the channels round
+
+
+def _mapped(path: Path, values: np.ndarray, table: ClassTable) -> np.ndarray:
+    """Ids of the table from values in a file, if all are legal."""
     if values.max() > 255 or not table.legal[values].all():
         found = np.unique(values)
         wrong = [int(v) for v in found if v > 255 or not table.legal[v]]

@@ -1,7 +1,7 @@
 """Real labelled images in memory, and the loading of them from a list of files."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
@@ -55,11 +55,15 @@ def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[
     return tuple(entries[index] for index in np.sort(kept))
 
 
+LabelReader = Callable[[Path, ClassTable], np.ndarray]
+"""From a label file and the table of its data set to ids u8[h, w] of the table."""
+
+
 def _load_one(
-    entry: Entry, table: ClassTable, size: tuple[int, int] | None
+    entry: Entry, table: ClassTable, size: tuple[int, int] | None, read: LabelReader
 ) -> tuple[np.ndarray, np.ndarray]:
     image = read_image(entry.image_path)
-    label = read_label(entry.label_path, table)
+    label = read(entry.label_path, table)
     if image.shape[:2] != label.shape:
         raise DataError(
             f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
@@ -78,7 +82,10 @@ def _load_one(
 
 
 def load(
-    entries: Sequence[Entry], table: ClassTable, size: tuple[int, int] | None = None
+    entries: Sequence[Entry],
+    table: ClassTable,
+    size: tuple[int, int] | None = None,
+    read: LabelReader = read_label,
 ) -> RealSet:
     """Read images and labels; images are resized by area averages, labels by nearest pixel.
 
@@ -86,6 +93,7 @@ def load(
         entries: from `list_camvid`, `list_cityscapes`, `subset`, or made by hand.
         table: of the data set the files belong to.
         size: (height, width) in pixels; None keeps the size on disk, which must then be one.
+        read: of one label file.
 
     Returns:
         The images, in the order of the entries.
@@ -99,7 +107,7 @@ def load(
     if not entries:
         raise DataError("zero images to load; expected at least one entry")
     with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
-        pairs = list(pool.map(lambda entry: _load_one(entry, table, size), entries))
+        pairs = list(pool.map(lambda entry: _load_one(entry, table, size, read), entries))
     first = pairs[0][1].shape
     for entry, (_, label) in zip(entries, pairs, strict=True):
         if label.shape != first:

@@ -99,3 +99,12 @@ def test_ids_outside_the_classes(labels, guesses, message):
 def test_shapes_must_agree():
     with pytest.raises((TypeError, ValueError)):  # TypeError: from the shape check of the tests
         confusion_matrix(np.zeros((2, 2), int), np.zeros((2, 3), int), CLASSES)
+
+
+def test_the_mean_over_some_classes_is_that_of_their_ious():
+    confusion = np.array([[4, 0, 0], [2, 2, 0], [0, 1, 0]])
+    first, second, third = iou(confusion)
+    assert mean_iou(confusion, (0, 1)) == pytest.approx((first + second) / 2)
+    assert mean_iou(confusion, (2,)) == third == 0
+    with pytest.raises(ValueError, match="no pixel"):
+        mean_iou(np.array([[0, 0], [0, 3]]), (0,))
