@@ -9,9 +9,12 @@
 A reward that must leave JAX, such as rendering images and training on them: `host_reward`.
 """
 
+from sdr_jax.attribute_descent import attribute_descent
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import HostReward, host_reward
+from sdr_jax.gaussian import gaussian
 from sdr_jax.method import Info, Method
+from sdr_jax.pbil import pbil
 from sdr_jax.policy import Policy
 from sdr_jax.random_attributes import random_attributes
 from sdr_jax.random_search import random_search
@@ -31,12 +34,15 @@ __all__ = [
     "Record",
     "RewardFn",
     "Space",
+    "attribute_descent",
     "draw",
     "ema",
+    "gaussian",
     "host_reward",
     "identity",
     "leave_one_out",
     "make_step",
+    "pbil",
     "random_attributes",
     "random_search",
     "reinforce_loss",
