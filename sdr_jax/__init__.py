@@ -13,6 +13,7 @@ from sdr_jax.attribute_descent import attribute_descent
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import HostReward, host_reward
 from sdr_jax.gaussian import gaussian
+from sdr_jax.linear import linear
 from sdr_jax.method import Info, Method
 from sdr_jax.pbil import pbil
 from sdr_jax.policy import Policy
@@ -41,6 +42,7 @@ __all__ = [
     "host_reward",
     "identity",
     "leave_one_out",
+    "linear",
     "make_step",
     "pbil",
     "random_attributes",

@@ -21,6 +21,7 @@ PURE = {
     "random_search": sdr_jax.random_search(SPACE),
     "attribute_descent": sdr_jax.attribute_descent(SPACE),
     "gaussian": sdr_jax.gaussian(SPACE),
+    "linear": sdr_jax.linear(SPACE),
     "pbil": sdr_jax.pbil(SPACE),
 }
 LEARNING = [name for name in PURE if name != "random_attributes"]
