@@ -24,8 +24,10 @@ from scene.catalogue import (
     pick,
 )
 from scene.classes import CLASS_NAMES
+from scene.geometry import asset_shape
 from scene.library import LibraryError
 from scene.redrawn import REDRAWN
+from scene.tones import TONES
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -47,6 +49,14 @@ def test_every_class_with_a_shape_has_a_family():
     assert shaped == set(CLASS_NAMES) - {"road", "sidewalk", "terrain", "sky"}
     assert set(COUNTS) == set(FAMILIES)
     assert families_of("vegetation") == ("tree", "bush") and families_of("lamp") == ("lamp",)
+
+
+def test_every_family_has_a_count_and_a_tone_that_brightens_its_assets():
+    assert set(TONES) == set(COUNTS) == set(FAMILIES)
+    for family in ("tree", "person"):
+        drawn = asset(family, 3)
+        expected = np.minimum(TONES[family] * drawn.color, 1)
+        np.testing.assert_allclose(asset_shape(family, 3).color, expected, rtol=1e-6)
 
 
 @pytest.mark.parametrize("family", FAMILIES)
