@@ -12,6 +12,7 @@ A reward that must leave JAX, such as rendering images and training on them: `ho
 from sdr_jax.attribute_descent import attribute_descent
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import HostReward, host_reward
+from sdr_jax.cma_es import cma_es
 from sdr_jax.gaussian import gaussian
 from sdr_jax.linear import linear
 from sdr_jax.method import Info, Method
@@ -24,6 +25,7 @@ from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.run import Record, RewardFn, make_step, run, run_on_host
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Proposal, Space, draw, relax, slide, space
+from sdr_jax.tpe import tpe
 
 __all__ = [
     "Baseline",
@@ -36,6 +38,7 @@ __all__ = [
     "RewardFn",
     "Space",
     "attribute_descent",
+    "cma_es",
     "draw",
     "ema",
     "gaussian",
@@ -55,4 +58,5 @@ __all__ = [
     "slide",
     "space",
     "squared_percent",
+    "tpe",
 ]

@@ -31,7 +31,7 @@ class LinearState(NamedTuple):
     moment: Float[Array, "features"]  # X'y
     total: Float[Array, ""]  # 1'y
     square: Float[Array, ""]  # y'y
-    count: Float[Array, ""]  # evaluations with a reward
+    seen: Float[Array, ""]  # evaluations with a reward
     offset: Float[Array, ""]  # mean of the first rewards; takes large means out of float32
 
 
@@ -101,11 +101,11 @@ def linear(
 
     def posterior(state: LinearState) -> Posterior:
         # The intercept has a flat prior: it is integrated out by centring.
-        count = jnp.maximum(state.count, 1)
+        count = jnp.maximum(state.seen, 1)
         gram = state.gram - jnp.outer(state.sums, state.sums) / count
         moment = state.moment - state.sums * state.total / count
         square = jnp.maximum(state.square - state.total**2 / count, 0.0)
-        freedom = jnp.maximum(state.count - 1, 1)
+        freedom = jnp.maximum(state.seen - 1, 1)
         # Without any difference between rewards every scale is as good as another.
         square = jnp.where(square > 0, square, freedom)
 
@@ -146,7 +146,7 @@ def linear(
         sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
         random = jax.random.randint(random_key, shape, 0, sizes, jnp.int32)
         chosen = thompson(thompson_key, posterior(state), n)
-        actions = jnp.where(state.count > 1, chosen, random)  # two rewards make a difference
+        actions = jnp.where(state.seen > 1, chosen, random)  # two rewards make a difference
         return actions, relax(space, actions, width)
 
     def update(
@@ -155,7 +155,7 @@ def linear(
         known = jnp.isfinite(rewards)
         count = jnp.sum(known).astype(jnp.float32)
         mean = jnp.sum(jnp.where(known, rewards, 0.0)) / jnp.maximum(count, 1)
-        offset = jnp.where(state.count > 0, state.offset, mean)
+        offset = jnp.where(state.seen > 0, state.offset, mean)
         y = jnp.where(known, rewards - offset, 0.0)
         x = jnp.where(known[:, None], evaluate(layout, actions), 0.0)
         next_state = LinearState(
@@ -164,7 +164,7 @@ def linear(
             moment=state.moment + x.T @ y,
             total=state.total + y.sum(),
             square=state.square + jnp.sum(y**2),
-            count=state.count + count,
+            seen=state.seen + count,
             offset=offset,
         )
         return next_state, plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
@@ -174,7 +174,7 @@ def linear(
 
     def solution(state: LinearState) -> Proposal:
         best = best_of(posterior(state))
-        return relax(space, jnp.where(state.count > 1, best, UNDECIDED), width)
+        return relax(space, jnp.where(state.seen > 1, best, UNDECIDED), width)
 
     def spread(state: LinearState) -> Proposal:
         belief = posterior(state)
@@ -182,13 +182,13 @@ def linear(
         weights = draw(jax.random.key(1), belief, DRAWS, CAUTION)
         values = jax.vmap(lambda one: tables(space, layout, one, best))(weights)
         winners = jax.nn.one_hot(jnp.argmax(values, axis=2), space.max_bins)
-        p = jnp.where(state.count > 1, winners.mean(axis=0), bins.uniform(space))
+        p = jnp.where(state.seen > 1, winners.mean(axis=0), bins.uniform(space))
         return bins.spread(space, p, width)
 
     def probabilities(state: LinearState) -> Float[Array, "attributes bins"]:
         actions = thompson(jax.random.key(1), posterior(state), DRAWS)
         p = jax.nn.one_hot(actions, space.max_bins).mean(axis=0)
-        return jnp.where(state.count > 1, p, bins.uniform(space))
+        return jnp.where(state.seen > 1, p, bins.uniform(space))
 
     return Method(
         init=jax.jit(init),

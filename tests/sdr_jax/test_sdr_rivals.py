@@ -24,7 +24,9 @@ PURE = {
     "linear": sdr_jax.linear(SPACE),
     "pbil": sdr_jax.pbil(SPACE),
 }
-LEARNING = [name for name in PURE if name != "random_attributes"]
+HOST = {"cma_es": sdr_jax.cma_es(SPACE), "tpe": sdr_jax.tpe(SPACE)}
+ALL = PURE | HOST
+LEARNING = [name for name in ALL if name != "random_attributes"]
 
 
 def value(proposals: Proposal) -> jax.Array:
@@ -46,6 +48,8 @@ def hard_to_score(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
 @cache
 def runner(name: str, reward: str, updates: int, n: int):
     fn = {"easy": easy, "hard_to_score": hard_to_score}[reward]
+    if name in HOST:
+        return lambda key: run_on_host(key, HOST[name], fn, updates, n)
     return jax.jit(lambda key: run(key, PURE[name], fn, updates, n))
 
 
@@ -67,8 +71,9 @@ RANDOM = float(value(Proposal(jnp.full(5, 0.5), jnp.ones(5))))
 @pytest.mark.parametrize("name", LEARNING)
 def test_it_finds_the_optimum_of_an_easy_problem(name: str, reward: str) -> None:
     for seed in range(2):
-        state, _ = runner(name, reward, 75, 4)(jax.random.key(seed))
-        found = float(value(PURE[name].solution(state)))
+        updates = 30 if name in HOST else 75
+        state, _ = runner(name, reward, updates, 4)(jax.random.key(seed))
+        found = float(value(ALL[name].solution(state)))
         assert (found - RANDOM) / (BEST - RANDOM) > {"easy": 0.9, "hard_to_score": 0.6}[reward]
 
 
@@ -85,9 +90,11 @@ def test_the_host_loop_keeps_the_record_of_run(name: str) -> None:
     )
 
 
-@pytest.mark.parametrize("name", PURE)
+@pytest.mark.parametrize("name", ALL)
 def test_the_same_key_gives_the_same_bytes(name: str) -> None:
-    first, second = (run_on_host(jax.random.key(5), PURE[name], easy, 4, 3) for _ in range(2))
+    first, second = (run_on_host(jax.random.key(5), ALL[name], easy, 4, 3) for _ in range(2))
+    if name in HOST:  # states are no arrays
+        first, second = ((HOST[name].solution(state), record) for state, record in (first, second))
     for a, b in zip(jax.tree.leaves(first), jax.tree.leaves(second), strict=True):
         assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
 
@@ -121,11 +128,11 @@ def check_answers(method: Method, state: object) -> None:
     np.testing.assert_allclose(probabilities.sum(axis=1), 1, rtol=1e-4)
 
 
-@pytest.mark.parametrize("name", PURE)
+@pytest.mark.parametrize("name", ALL)
 @settings(max_examples=6)
 @given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1e-3, 1.0, 1e3]))
 def test_answers_stay_inside_whatever_the_rewards(name: str, seed: int, scale: float) -> None:
-    method = PURE[name]
+    method = ALL[name]
     rng = np.random.default_rng(seed)
     state = method.init(jax.random.key(seed))
     check_answers(method, state)  # before the first update
@@ -139,9 +146,9 @@ def test_answers_stay_inside_whatever_the_rewards(name: str, seed: int, scale: f
         check_answers(method, state)
 
 
-@pytest.mark.parametrize("name", PURE)
+@pytest.mark.parametrize("name", ALL)
 def test_rewards_that_are_all_nan_decide_nothing(name: str) -> None:
-    method = PURE[name]
+    method = ALL[name]
     state = method.init(jax.random.key(0))
     before = method.solution(state)
     for t in range(3):
