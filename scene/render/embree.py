@@ -1,8 +1,8 @@
-"""Ray casting with Intel Embree: the default renderer, and the fast one on a CPU.
+"""The default renderer, and the fast one on a CPU: a depth buffer to see, rays of Intel Embree for light.
 
-Every asset has a bounding volume hierarchy of its own, kept for all streets in which it stands; a street
-only says where. A sample casts a ray to see, one to the sun where it may shine, and every fourth one ray
-into the open for ambient occlusion.
+A sample casts one ray to the sun where it may shine, and every fourth one ray into the open for ambient
+occlusion. Every asset has a bounding volume hierarchy of its own, kept for all streets in which it stands;
+a street only says where.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class EmbreeRenderer:
 @lru_cache(maxsize=2048)
 def _asset_tree(family: str, asset: int | str, far: bool) -> Tree:
     shape = asset_shape(family, asset, far)
-    return Tree(shape.vertices, shape.faces, lasting=True)
+    return Tree(shape.vertices, shape.faces)
 
 
 def _plant(street: Street, geometry: Geometry) -> Forest:

@@ -28,7 +28,7 @@ PATTERNS = (
 TRIANGLE, INSTANCE = 0, 121  # RTCGeometryType
 INDEX, VERTEX = 0, 1  # RTCBufferType
 UINT3, FLOAT3, FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134  # RTCFormat
-MEDIUM, HIGH = 1, 2  # RTCBuildQuality; high splits long triangles, of which twigs are made
+HIGH = 2  # RTCBuildQuality; splits long triangles, of which twigs are made
 COHERENT = 1 << 16  # RTC_RAY_QUERY_FLAG_COHERENT
 LANES = 8
 """Rays in a packet."""
@@ -128,21 +128,22 @@ occluded8 = types.ExternalFunction("rtcOccluded8", _packet)
 
 
 class Tree:
-    """A bounding volume hierarchy over one mesh; it keeps the arrays alive that Embree reads.
+    """A bounding volume hierarchy over one mesh, worth a slow build since many streets will use it.
+
+    It keeps the arrays alive that Embree reads.
 
     Args:
         vertices: f32[v, 3].
         faces: i32[f, 3].
-        lasting: the mesh will be met in many streets, and is worth a slower build.
     """
 
-    def __init__(self, vertices: np.ndarray, faces: np.ndarray, *, lasting: bool = False) -> None:
+    def __init__(self, vertices: np.ndarray, faces: np.ndarray) -> None:
         self._embree = library()
         # Embree reads 16 bytes at each vertex, so one more must follow the last.
         self._vertices = np.concatenate([vertices, np.zeros((1, 3), np.float32)])
         self._faces = np.ascontiguousarray(faces, np.int32)
         self.scene = int(self._embree.rtcNewScene(device()))
-        self._embree.rtcSetSceneBuildQuality(self.scene, HIGH if lasting else MEDIUM)
+        self._embree.rtcSetSceneBuildQuality(self.scene, HIGH)
         self._attach()
         self._embree.rtcCommitScene(self.scene)
         check("a mesh")
