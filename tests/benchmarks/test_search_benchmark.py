@@ -1,0 +1,109 @@
+"""The analytic problems are exact, and anyone's problem can be searched."""
+
+import json
+from types import SimpleNamespace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import sdr_jax
+from benchmarks.problems import GROUPS, PROBLEMS, _build, grouped_space
+from benchmarks.search import METHODS, evaluate, main
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_values_are_means_over_the_intervals(name: str) -> None:
+    problem = PROBLEMS[name](3)
+    assert tuple(map(len, problem.space.groups)) == GROUPS
+    rng = np.random.default_rng(0)
+    proposal = sdr_jax.slide(
+        jnp.asarray(rng.uniform(size=23), jnp.float32),
+        jnp.asarray(rng.uniform(0.05, 1, 23), jnp.float32),
+    )
+    units = sdr_jax.draw(jax.random.key(0), proposal, 4000)
+    points = sdr_jax.Proposal(units, jnp.zeros_like(units))
+    sampled = np.asarray(problem.reward(jax.random.key(1), points))
+    error = 5 * sampled.std() / np.sqrt(len(sampled))
+    assert problem.true_value(proposal) == pytest.approx(sampled.mean(), abs=error)
+
+
+@pytest.mark.parametrize("name", PROBLEMS)
+def test_random_attributes_are_worth_0_and_no_bins_more_than_100(name: str) -> None:
+    problem = PROBLEMS[name](1)
+    everything = sdr_jax.relax(problem.space, jnp.full(23, -1))
+    assert problem.true_value(everything) == pytest.approx(0, abs=1e-3)
+    assert evaluate("random_attributes", problem, 1, 0) == pytest.approx(0, abs=1e-3)
+    actions = jax.random.randint(jax.random.key(0), (2000, 23), 0, 10)
+    proposals = sdr_jax.relax(problem.space, actions)
+    assert float(problem.reward(jax.random.key(0), proposals).max()) < 100 + 5 * problem.noise
+
+
+def test_a_product_by_hand() -> None:
+    """v = u_0 u_1 on one pair: the mean of a product of independent values."""
+    space = grouped_space()
+    functions = np.zeros((23, 24, 400))
+    u = (np.arange(400) + 0.5) / 400
+    i, j = space.groups[1]
+    functions[i, 1 + j] = functions[j, 1 + i] = u
+    problem = _build(space, functions, noise=1.0)
+    centre = jnp.full(23, 0.5).at[i].set(0.8).at[j].set(0.6)
+    value = problem.true_value(sdr_jax.Proposal(centre, jnp.full(23, 0.1)))
+    assert value == pytest.approx(100 * (0.8 * 0.6 - 0.25) / (0.95**2 - 0.25), rel=1e-3)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_problem_of_ones_own_needs_no_jax(name: str) -> None:
+    """Two attributes, two and four bins, and a table in NumPy."""
+    table = np.asarray([[0, 0, 0, 0], [0, 0, 5, 0]], np.float64)
+
+    def value(proposal: sdr_jax.Proposal) -> float:
+        a, b = (int(c * k) for c, k in zip(proposal.centre, table.shape, strict=True))
+        return float(table[a, b])
+
+    def reward(rng_key: jax.Array, proposals: sdr_jax.Proposal) -> np.ndarray:
+        assert not isinstance(proposals.centre, jax.core.Tracer)
+        return np.asarray([value(sdr_jax.Proposal(*p)) for p in zip(*proposals, strict=True)])
+
+    problem = SimpleNamespace(
+        space=sdr_jax.space(["a", "b"], bins=[2, 4]), reward=reward, true_value=value
+    )
+    found = evaluate(name, problem, 8, 0)
+    assert found in (0.0, 5.0)
+    assert evaluate(name, problem, 8, 0) == found
+
+
+def test_the_command_line_writes_rows(tmp_path, capsys) -> None:
+    path = tmp_path / "search.json"
+    flags = "--seeds 2 --evaluations 4 --methods random_search pbil --problems smooth".split()
+    assert main([*flags, "--json", str(path)]) == 0
+    written = json.loads(path.read_text())
+    assert written["default"] in METHODS
+    assert [row["method"] for row in written["rows"]] == ["random_search", "pbil"]
+    columns = {"method", "problem", "evaluations", "mean", "se", "seconds_per_update"}
+    assert set(written["rows"][0]) == columns
+    assert "| pbil" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("call", "culprit"),
+    [
+        (("simulated_annealing", 50), "unknown method 'simulated_annealing'"),
+        (("gaussian", 3), "evaluations is 3"),
+        (("pbil", 0), "evaluations is 0"),
+    ],
+)
+def test_bad_calls_are_refused(call: tuple, culprit: str) -> None:
+    with pytest.raises(ValueError, match=culprit):
+        evaluate(call[0], PROBLEMS["smooth"](0), call[1], 0)
+
+
+def test_a_missing_extra_is_an_error_not_a_missing_row(monkeypatch) -> None:
+    def missing(space: sdr_jax.Space, evaluations: int) -> sdr_jax.Method:
+        raise ImportError("tpe needs the package optuna: pip install 'sdr-jax[search]'")
+
+    monkeypatch.setitem(METHODS, "tpe", METHODS["tpe"]._replace(make=missing))
+    other = sdr_jax.space(["a"], bins=3)
+    with pytest.raises(ImportError, match="optuna"):
+        evaluate("tpe", SimpleNamespace(space=other), 4, 0)
