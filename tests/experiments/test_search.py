@@ -9,6 +9,7 @@ import jax
 import numpy as np
 import pytest
 
+import sdr_jax
 from experiments import search as module
 from experiments.config import camvid_config
 from experiments.errors import UserError
@@ -119,6 +120,23 @@ def test_kill_and_continue_gives_the_same_answer(whole, tmp_path, monkeypatch):
             np.testing.assert_array_equal(one, other, err_msg=name)
     logs = [without_times(p / "evaluations.jsonl") for p in (config.out, tmp_path / "killed")]
     assert logs[0] == logs[1]
+
+
+def test_continuous_actions_are_replayed_to_the_bit(tmp_path, monkeypatch):
+    """A method's actions may be floats: the log keeps them, and a finished run scores nothing."""
+    monkeypatch.setattr(module, "make_method", lambda _, space: sdr_jax.gaussian(space))
+    config = camvid_config("smoke")
+    config = replace(
+        config,
+        workers=0,
+        search=replace(config.search, updates_per_group=1, datasets_per_update=2),
+        out=tmp_path / "run",
+    )
+    first = run(config, monkeypatch)
+    logged = [r["actions"] for r in without_times(tmp_path / "run" / "evaluations.jsonl")]
+    assert all(isinstance(value, float) for actions in logged for value in actions)
+    again = run(config, monkeypatch, die)
+    jax.tree.map(np.testing.assert_array_equal, again, first)
 
 
 def test_a_log_of_another_run_is_refused(whole, tmp_path, monkeypatch):
