@@ -2,7 +2,7 @@
 
 python -m scene.check streets
 
-One line for each finding. Exit code 0: nothing found; 1: findings; 2: not a dataset.
+One line for each finding. Exit code 0: no fault found; 1: findings; 2: not a dataset.
 """
 
 from __future__ import annotations
@@ -144,7 +144,7 @@ def main(arguments: list[str] | None = None) -> int:
     except (ValueError, OSError) as error:
         command.fail(error)
     if not found:
-        print(f"{options.dataset}: nothing found")
+        print(f"{options.dataset}: no fault found: all files are whole, all labels agree")
     return int(found > 0)
 
 

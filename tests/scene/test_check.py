@@ -57,7 +57,7 @@ def edit_json(dataset, pattern, change):
 def test_nothing_is_found_in_what_was_exported(whole, capsys):
     assert list(findings(whole)) == []
     assert main([str(whole)]) == 0
-    assert "nothing found" in capsys.readouterr().out
+    assert "no fault found" in capsys.readouterr().out
 
 
 def test_findings_are_printed_one_a_line_with_exit_code_one(dataset, capsys):
