@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from sdr_jax import bins
-from sdr_jax.method import Info, Method, plain_info
+from sdr_jax.method import Info, Method, jitted, plain_info
 from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
 
 PATIENCE = 3
@@ -132,13 +132,10 @@ def attribute_descent(
         certain = jax.nn.one_hot(state.current, space.max_bins)
         return jnp.where(decided[:, None], certain, bins.uniform(space))
 
-    answer = jax.jit(solution)
-    return Method(
-        init=jax.jit(init),
-        sample=jax.jit(sample, static_argnames="n"),
-        update=jax.jit(update),
-        solution=answer,
-        spread=answer,
-        probabilities=jax.jit(probabilities),
-        updates=None,
+    return jitted(
+        init=init,
+        sample=sample,
+        update=update,
+        solution=solution,
+        probabilities=probabilities,
     )

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Key, PyTree
 from sdr_jax import bins
 from sdr_jax.baseline import Baseline, BaselineState, leave_one_out
 from sdr_jax.baseline import normalise as normalised
-from sdr_jax.method import Info, Method, plain_info
+from sdr_jax.method import Info, Method, jitted, plain_info
 from sdr_jax.reinforce import reinforce_loss
 from sdr_jax.space import Proposal, Space, bin_widths, check_relaxation, slide
 
@@ -136,14 +136,13 @@ def gaussian(
         below = ndtr((upper - mean[:, None]) / jnp.exp(log_std)[:, None])
         return jnp.diff(below, prepend=0.0, axis=1) * bins.mask(space)
 
-    return Method(
-        init=jax.jit(init),
-        sample=jax.jit(sample, static_argnames="n"),
-        update=jax.jit(update),
-        solution=jax.jit(solution),
-        spread=jax.jit(spread),
-        probabilities=jax.jit(probabilities),
-        updates=None,
+    return jitted(
+        init=init,
+        sample=sample,
+        update=update,
+        solution=solution,
+        spread=spread,
+        probabilities=probabilities,
     )
 
 

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int, Key
 
 from sdr_jax import bins
 from sdr_jax.features import evaluate, features, maximise, tables
-from sdr_jax.method import Info, Method, plain_info
+from sdr_jax.method import Info, Method, jitted, plain_info
 from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
 
 SIGNALS = np.geomspace(0.003, 30, 7).astype(np.float32)
@@ -190,12 +190,11 @@ def linear(
         p = jax.nn.one_hot(actions, space.max_bins).mean(axis=0)
         return jnp.where(state.seen > 1, p, bins.uniform(space))
 
-    return Method(
-        init=jax.jit(init),
-        sample=jax.jit(sample, static_argnames="n"),
-        update=jax.jit(update),
-        solution=jax.jit(solution),
-        spread=jax.jit(spread),
-        probabilities=jax.jit(probabilities),
-        updates=None,
+    return jitted(
+        init=init,
+        sample=sample,
+        update=update,
+        solution=solution,
+        spread=spread,
+        probabilities=probabilities,
     )

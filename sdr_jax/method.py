@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key, Real
 
@@ -98,3 +99,26 @@ class Method(NamedTuple):
     spread: ProposalFn  # the answer, left wide where the method is unsure
     probabilities: ProbabilitiesFn
     updates: int | None  # how many updates the method takes; None for any number
+
+
+def jitted(
+    *,
+    init: InitFn,
+    sample: SampleFn,
+    update: UpdateFn,
+    solution: ProposalFn,
+    probabilities: ProbabilitiesFn,
+    spread: ProposalFn | None = None,
+    updates: int | None = None,
+) -> Method:
+    """The method of these functions, each jitted; without a `spread`, that is the solution."""
+    answer = jax.jit(solution)
+    return Method(
+        init=jax.jit(init),
+        sample=jax.jit(sample, static_argnames="n"),
+        update=jax.jit(update),
+        solution=answer,
+        spread=answer if spread is None else jax.jit(spread),
+        probabilities=jax.jit(probabilities),
+        updates=updates,
+    )

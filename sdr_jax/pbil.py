@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from sdr_jax import bins
-from sdr_jax.method import Info, Method, plain_info
+from sdr_jax.method import Info, Method, jitted, plain_info
 from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
 
 
@@ -115,14 +115,13 @@ def pbil(
     def spread(state: PbilState) -> Proposal:
         return bins.spread(space, state.probabilities, width)
 
-    return Method(
-        init=jax.jit(init),
-        sample=jax.jit(sample, static_argnames="n"),
-        update=jax.jit(update),
-        solution=jax.jit(solution),
-        spread=jax.jit(spread),
-        probabilities=jax.jit(lambda state: state.probabilities),
-        updates=None,
+    return jitted(
+        init=init,
+        sample=sample,
+        update=update,
+        solution=solution,
+        spread=spread,
+        probabilities=lambda state: state.probabilities,
     )
 
 

@@ -2,12 +2,11 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key
 
 from sdr_jax import bins
-from sdr_jax.method import Info, Method, plain_info
+from sdr_jax.method import Info, Method, jitted, plain_info
 from sdr_jax.space import UNDECIDED, Proposal, Space, relax
 
 
@@ -51,13 +50,10 @@ def random_attributes(space: Space) -> Method:
     def probabilities(state: NothingLearnt) -> Float[Array, "attributes bins"]:
         return bins.uniform(space)
 
-    answer = jax.jit(solution)
-    return Method(
-        init=jax.jit(init),
-        sample=jax.jit(sample, static_argnames="n"),
-        update=jax.jit(update),
-        solution=answer,
-        spread=answer,
-        probabilities=jax.jit(probabilities),
-        updates=None,
+    return jitted(
+        init=init,
+        sample=sample,
+        update=update,
+        solution=solution,
+        probabilities=probabilities,
     )

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key
 
 from sdr_jax import bins
-from sdr_jax.method import Info, Method, plain_info
+from sdr_jax.method import Info, Method, jitted, plain_info
 from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
 
 
@@ -70,13 +70,10 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
     def probabilities(state: SearchState) -> Float[Array, "attributes bins"]:
         return bins.uniform(space)
 
-    answer = jax.jit(solution)
-    return Method(
-        init=jax.jit(init),
-        sample=jax.jit(sample, static_argnames="n"),
-        update=jax.jit(update),
-        solution=answer,
-        spread=answer,
-        probabilities=jax.jit(probabilities),
-        updates=None,
+    return jitted(
+        init=init,
+        sample=sample,
+        update=update,
+        solution=solution,
+        probabilities=probabilities,
     )

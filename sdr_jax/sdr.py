@@ -13,7 +13,7 @@ from sdr_jax import groups as grouping
 from sdr_jax import policy as policies
 from sdr_jax.baseline import Baseline, BaselineState, ema
 from sdr_jax.baseline import normalise as normalised
-from sdr_jax.method import Info, Method
+from sdr_jax.method import Info, Method, jitted
 from sdr_jax.reinforce import reinforce_loss
 from sdr_jax.rewards import identity
 from sdr_jax.space import (
@@ -187,13 +187,13 @@ def sdr(
         wide = bins.spread(space, probabilities(state), width)
         return _choose(begun(state), wide, proposal(jnp.full(space.attributes, UNDECIDED)))
 
-    return Method(
-        init=jax.jit(init),
-        sample=jax.jit(sample, static_argnames="n"),
-        update=jax.jit(update),
-        solution=jax.jit(solution),
-        spread=jax.jit(spread),
-        probabilities=jax.jit(probabilities),
+    return jitted(
+        init=init,
+        sample=sample,
+        update=update,
+        solution=solution,
+        spread=spread,
+        probabilities=probabilities,
         updates=total,
     )
 
