@@ -157,6 +157,8 @@ class Config:
     """Relaxation of the street set by eye, as a share of each range."""
     seeds: int = 5
     """Nets per row of the result; paired: the k-th of every row shares its seed."""
+    store: Path | None = None
+    """File of evaluations that runs share: none is made twice. See ``experiments.store``."""
     assets: Path | None = None
     """Folder of own assets, by class (see ``scene.library``)."""
     asset_use: Literal["both", "own", "built-in"] = "both"

@@ -14,14 +14,17 @@ import numpy as np
 
 import sdr_jax
 from experiments.config import Config
+from experiments.evaluator import Evaluator, Job, Outcome, Side
 from experiments.folder import RunFolder
 from experiments.progress import Progress
 from experiments.reward import Evaluation, Truth, evaluate, evaluate_real
 from experiments.search import SearchResult
+from experiments.store import Store
 from experiments.targets import Split, Target
 from scene.attributes import NAMES, default_unit
 from scene.workers import WorkerPool
 from sdr_jax.space import slide
+from seg.train import TrainingError
 
 BROAD = 0.5
 """Least width of the broad candidate's intervals."""
@@ -78,18 +81,18 @@ class Finals:
         workers: WorkerPool,
         progress: Progress,
         cost: float,
+        store: Store | None = None,
     ) -> None:
         self._config, self._target, self._split = config, target, split
         self._folder, self._workers, self._progress = folder, workers, progress
-        self._cost = cost
+        self._cost, self._store = cost, store
 
     def candidates(self, result: SearchResult) -> tuple[str, dict[str, list[float]]]:
         """The best relaxation of the learnt answer, and every candidate's mIoU [0, 1] by seed."""
         config = self._config
-        truth = Truth(self._split.reward.images, self._split.reward.labels)
         proposals = {name: candidate_proposal(name, result) for name in config.candidates}
         seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
-        records = self._score("candidate", proposals, seeds, truth)
+        records = self._score("candidate", proposals, seeds, "reward")
         scores = {
             name: [records[name, seed]["miou"] for seed in seeds] for name in config.candidates
         }
@@ -98,7 +101,6 @@ class Finals:
     def rows(self, learnt: sdr_jax.Proposal) -> dict[str, list[dict[str, Any]]]:
         """Every row of the result, scored on the test images: records in the order of the seeds."""
         config = self._config
-        truth = Truth(self._split.test.images, self._split.test.labels)
         proposals = {
             "random": random_proposal(),
             "default": default_proposal(config.default_width),
@@ -106,7 +108,7 @@ class Finals:
             "real": None,
         }
         seeds = [config.seed + k for k in range(config.seeds)]
-        records = self._score("final", proposals, seeds, truth)
+        records = self._score("final", proposals, seeds, "test")
         return {row: [records[row, seed] for seed in seeds] for row in ROWS}
 
     def _score(
@@ -114,9 +116,11 @@ class Finals:
         kind: str,
         proposals: Mapping[str, sdr_jax.Proposal | None],
         seeds: list[int],
-        truth: Truth,
+        side: Side,
     ) -> dict[tuple[str, int], dict[str, Any]]:
-        config, table = self._config, self._target.table
+        config, target = self._config, self._target
+        images = getattr(self._split, side)
+        truth = Truth(images.images, images.labels)
         records = {
             (line["row"], line["seed"]): line
             for line in self._folder.finals.lines
@@ -126,14 +130,14 @@ class Finals:
         missing = [key for key in wanted if key not in records]
         self._progress.advance(self._cost * (len(wanted) - len(missing)), replayed=True)
         rendered = [
-            ((row, seed), draw_units(proposal, seed, config.final.streets))
+            ((row, seed), Job(proposal, draw_units(proposal, seed, config.final.streets), seed))
             for row, seed in missing
             if (proposal := proposals[row]) is not None
         ]
         real = [key for key in missing if proposals[key[0]] is None]
 
-        def keep(key: tuple[str, int], evaluation: Evaluation) -> None:
-            self._progress.advance(self._cost)
+        def keep(key: tuple[str, int], evaluation: Outcome | Evaluation, stored: bool) -> None:
+            self._progress.advance(self._cost, replayed=stored)
             row, seed = key
             record = {
                 "kind": kind,
@@ -151,17 +155,14 @@ class Finals:
                 f"{kind} nets: {row}, seed {seed} | mIoU {100 * evaluation.reward:.1f}"
             )
 
-        tasks = [
-            (
-                config.final, table, config.renderer, config.pool,
-                units, seed, truth,
-            )
-            for (_, seed), units in rendered
-        ]  # fmt: skip
-        for index, evaluation in self._workers.map(evaluate, tasks):
-            keep(rendered[index][0], evaluation)
+        stage = config.final
+        evaluator = Evaluator(config, stage, target, side, truth, self._workers, self._store)
+        for index, outcome in evaluator.map(evaluate, [job for _, job in rendered]):
+            if outcome.failed is not None:
+                raise TrainingError(outcome.failed)
+            keep(rendered[index][0], outcome, outcome.stored)
         own = self._split.reward
-        bound = [(config.final, table, own.images, own.labels, seed, truth) for _, seed in real]
+        bound = [(stage, target.table, own.images, own.labels, seed, truth) for _, seed in real]
         for index, evaluation in self._workers.map(evaluate_real, bound):
-            keep(real[index], evaluation)
+            keep(real[index], evaluation, False)
         return records

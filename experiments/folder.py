@@ -21,7 +21,7 @@ from experiments.config import Config
 from experiments.errors import UserError
 
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
-FREE_FIELDS = ("out", "workers")
+FREE_FIELDS = ("out", "workers", "store")
 """Fields that may differ when a run is continued."""
 
 EVALUATION_FIELDS = {

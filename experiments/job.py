@@ -22,6 +22,7 @@ from experiments.progress import Progress
 from experiments.report import html as report_html
 from experiments.reward import Truth, render, worker_environment
 from experiments.search import make_method, make_space, search, total_updates
+from experiments.store import Store
 from experiments.targets import Split, Target
 from scene.command import duration
 from scene.export import ExportError, export_dataset, read_dataset
@@ -64,15 +65,21 @@ def run(config: Config, make_target: Callable[[Config, WorkerPool], Target]) -> 
         small = target.at(config.reward.height, config.reward.width)
         if target.real:
             print(title, flush=True)
+        store = None if config.store is None else Store(config.store)
         folder = RunFolder(config, target.name)
         try:
-            return _run(config, target, small, folder, workers)
+            return _run(config, target, small, folder, workers, store)
         finally:
             folder.close()
 
 
 def _run(
-    config: Config, target: Target, small: Split, folder: RunFolder, workers: WorkerPool
+    config: Config,
+    target: Target,
+    small: Split,
+    folder: RunFolder,
+    workers: WorkerPool,
+    store: Store | None,
 ) -> dict[str, Any]:
     final_nets = len(config.candidates) * config.candidate_seeds + len(ROWS) * config.seeds
     search_cost, final_cost = cost(config.reward), cost(config.final)
@@ -93,12 +100,12 @@ def _run(
             f"final nets are done, in {duration(folder.elapsed)}"
         )
     truth = Truth(small.reward.images, small.reward.labels)
-    result = search(config, target, truth, folder, workers, progress, search_cost)
+    result = search(config, target, truth, folder, workers, progress, search_cost, store)
     pictures.rewards(folder.path / "pictures", result, target.title)
     pictures.distributions(folder.path / "pictures", result, target.title)
 
     split = target.at(config.final.height, config.final.width)
-    finals = Finals(config, target, split, folder, workers, progress, final_cost)
+    finals = Finals(config, target, split, folder, workers, progress, final_cost, store)
     chosen, scores = finals.candidates(result)
     learnt = candidate_proposal(chosen, result)
     attributes = summary.attributes(learnt)

@@ -11,12 +11,15 @@ import optax
 import sdr_jax
 from experiments.config import Config, Search
 from experiments.errors import UserError
+from experiments.evaluator import Evaluator, Job
 from experiments.folder import RunFolder
 from experiments.progress import Progress
 from experiments.reward import Truth, evaluate
+from experiments.store import Store
 from experiments.targets import Target
 from scene.attributes import NAMES
 from scene.workers import WorkerPool
+from seg.train import TrainingError
 
 
 class SearchResult(NamedTuple):
@@ -87,17 +90,19 @@ class _Rewards:
         workers: WorkerPool,
         progress: Progress,
         cost: float,
+        store: Store | None,
     ) -> None:
-        self._config, self._target, self._truth = config, target, truth
-        self._folder, self._workers, self._progress = folder, workers, progress
-        self._cost = cost
+        self._folder, self._progress, self._cost = folder, progress, cost
+        self._evaluator = Evaluator(config, config.reward, target, "reward", truth, workers, store)
         self._known = {(r["update"], r["dataset"]): r for r in folder.evaluations.lines}
         self._update, self._actions = 0, np.zeros((0, 0), np.int32)
+        self._proposals: list[sdr_jax.Proposal] = []
         self.best = -np.inf
 
-    def begin(self, update: int, actions: np.ndarray) -> None:
+    def begin(self, update: int, actions: np.ndarray, proposals: sdr_jax.Proposal) -> None:
         """Say which update comes next; kept with its rewards."""
         self._update, self._actions = update, actions
+        self._proposals = [sdr_jax.Proposal(*pair) for pair in zip(*proposals, strict=True)]
 
     def __call__(self, units: np.ndarray, seeds: np.ndarray) -> np.ndarray:
         """Rewards f32[n] of the datasets ``units`` f32[n, streets, 23]."""
@@ -115,23 +120,18 @@ class _Rewards:
                 )
             rewards[k] = known["reward"]
             self._progress.advance(self._cost, replayed=True)
-        config = self._config
-        tasks = [
-            (
-                config.reward, self._target.table, config.renderer, config.pool,
-                units[k], int(seeds[k]), self._truth,
-            )
-            for k in missing
-        ]  # fmt: skip
-        for index, result in self._workers.map(evaluate, tasks):
+        jobs = [Job(self._proposals[k], units[k], int(seeds[k])) for k in missing]
+        for index, result in self._evaluator.map(evaluate, jobs):
             k = missing[index]
+            if result.failed is not None:
+                raise TrainingError(result.failed)
             rewards[k] = result.reward
             if not np.isfinite(rewards[k]):
                 raise UserError(
                     f"update {self._update}, dataset {k}: the reward is {rewards[k]}; "
                     "the reward images must hold at least one labelled class"
                 )
-            self._progress.advance(self._cost)
+            self._progress.advance(self._cost, replayed=result.stored)
             self._folder.evaluations.append(
                 {
                     "update": self._update,
@@ -157,6 +157,7 @@ def search(
     workers: WorkerPool,
     progress: Progress,
     cost: float,
+    store: Store | None = None,
 ) -> SearchResult:
     """Run the whole search, or what is left of it.
 
@@ -171,13 +172,14 @@ def search(
         workers: who renders and trains.
         progress: told about every reward.
         cost: of one reward, in the progress's units.
+        store: evaluations shared with other runs.
 
     Raises:
         UserError: a NaN reward, or a log of another run.
     """
     space = make_space(config)
     method = make_method(config.search, space)
-    rewards = _Rewards(config, target, truth, folder, workers, progress, cost)
+    rewards = _Rewards(config, target, truth, folder, workers, progress, cost, store)
     reward_fn = sdr_jax.host_reward(rewards, config.reward.streets)
     n = config.search.datasets_per_update
     step = sdr_jax.make_step(method, reward_fn, n)
@@ -188,8 +190,8 @@ def search(
     for update in range(updates):
         key = jax.random.fold_in(steps_key, update)
         # The draw that the step is about to make, so that the log can tell the actions.
-        actions, _ = method.sample(jax.random.split(key)[0], state, n)
-        rewards.begin(update, np.asarray(actions))
+        actions, proposals = method.sample(jax.random.split(key)[0], state, n)
+        rewards.begin(update, np.asarray(actions), jax.tree.map(np.asarray, proposals))
         new_state, record = step(key, state)
         reward_fn.reraise()
         state = new_state

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-import scene
-import seg
 from benchmarks.transfer.ingredients import INGREDIENTS
 from benchmarks.transfer.recipe import TABLE, Recipe, real_net, rendered_net, units
+from experiments.keys import engine
 from experiments.reward import Truth
 from seg.classes import class_table
 from seg.data import DataError, RealSet, list_camvid, load
@@ -58,16 +56,6 @@ def held_out(sequences: Sequence[str], block: int) -> np.ndarray:
     for name in set(sequences):
         chosen[np.array_split(np.flatnonzero(names == name), BLOCKS)[block % BLOCKS]] = True
     return chosen
-
-
-def engine() -> str:
-    """A name for the sources that decide the figures: what another engine scored is not ours."""
-    digest = hashlib.sha256()
-    for package in (scene, seg):
-        root = Path(package.__path__[0])
-        for path in sorted(root.rglob("*.py")):
-            digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 def nets(recipe: Recipe, real: RealSet, parts: Sequence[str], seeds: Sequence[int]) -> list[Net]:
