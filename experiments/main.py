@@ -1,4 +1,4 @@
-"""The command line that both experiments share."""
+"""What the command lines of the experiments share."""
 
 from __future__ import annotations
 
@@ -20,21 +20,30 @@ from seg.data import DataError
 from seg.train import TrainingError
 
 
+def choice_of(arguments: Sequence[str], flag: str, known: Sequence[str], default: str) -> str:
+    """The value of a flag that decides the defaults of the others.
+
+    Raises:
+        UserError: no such value.
+    """
+    found = default
+    for position, argument in enumerate(arguments):
+        if argument == flag:
+            found = arguments[position + 1] if position + 1 < len(arguments) else ""
+        elif argument.startswith(f"{flag}="):
+            found = argument.partition("=")[2]
+    if found not in known:
+        raise UserError(f"{flag} {found!r} is unknown; known: {', '.join(known)}")
+    return found
+
+
 def preset_of(arguments: Sequence[str]) -> str:
     """The value of ``--preset`` among the arguments, by default quick.
 
     Raises:
         UserError: no such preset.
     """
-    found = "quick"
-    for position, argument in enumerate(arguments):
-        if argument == "--preset":
-            found = arguments[position + 1] if position + 1 < len(arguments) else ""
-        elif argument.startswith("--preset="):
-            found = argument.partition("=")[2]
-    if found not in PRESETS:
-        raise UserError(f"--preset {found!r} is unknown; known: {', '.join(PRESETS)}")
-    return found
+    return choice_of(arguments, "--preset", PRESETS, "quick")
 
 
 def main(
@@ -47,9 +56,8 @@ def main(
 ) -> int:
     """Parse, run, and turn what went wrong into one line. Returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
-    # On a GPU the policy must leave the memory to the workers' nets.
-    os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
-    try:
+
+    def work() -> None:
         preset = preset_of(arguments)
         default = replace(presets(preset), out=Path("runs") / f"{name}-{preset}")
         if data_variable and os.environ.get(data_variable):
@@ -62,6 +70,16 @@ def main(
             args=arguments,
         )
         job.run(config, make_target)
+
+    return exit_code(work)
+
+
+def exit_code(work: Callable[[], None]) -> int:
+    """Work, and turn what went wrong into one line and an exit code."""
+    # On a GPU the policy must leave the memory to the workers' nets.
+    os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
+    try:
+        work()
     except (UserError, DataError, RendererError, TrainingError) as error:
         return _fail(str(error), 2)
     except OSError as error:

@@ -1,0 +1,174 @@
+"""Which methods are compared on which attributes, and with how many evaluations each."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal, NamedTuple, get_args, get_type_hints
+
+import sdr_jax
+from experiments import config as run_config
+from experiments.config import POSITIONS, Config, Group, Search, camvid_config, cityscapes_config
+from experiments.errors import UserError
+from experiments.search import make_method, make_space
+from experiments.targets import Target, camvid_target, cityscapes_target
+from scene.attributes import NAMES
+from scene.workers import WorkerPool
+
+TARGETS = ("twin", "camvid", "cityscapes")
+RANDOM = "random_attributes"
+"""The row that gains are measured from; it asks for no evaluation."""
+KNOWN = tuple(dict.fromkeys((RANDOM, *get_args(get_type_hints(Search)["method"]))))
+"""Every method that can be compared."""
+METHODS = (RANDOM, "random_search", "attribute_descent", "sdr", "actor_critic")
+"""Those that are compared by default."""
+ALL = "all"
+"""In place of a subset: all 23 attributes."""
+SUBSETS = tuple(POSITIONS[:count] for count in (3, 5, 7))
+"""The paper's: the first positions."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareConfig(Config):
+    """One comparison. Every field is a flag.
+
+    What chooses a relaxation (--candidates), --search.method and --search.updates-per-group have no
+    effect here.
+    """
+
+    target: Literal["twin", "camvid", "cityscapes"] = "twin"
+    """What the nets must be good on."""
+    methods: tuple[str, ...] = METHODS
+    """The search methods."""
+    subsets: tuple[Group, ...] = SUBSETS
+    """Attributes that are optimised, one word a subset, or the word all; the others stay random."""
+    evaluations: int = 48
+    """Rewards that each method may ask for, on each subset."""
+    finals: bool = True
+    """Train the final nets; without them only the rewards are recorded."""
+
+
+class Plan(NamedTuple):
+    """One method on one subset."""
+
+    method: str
+    subset: tuple[str, ...]
+    search: sdr_jax.Method
+    datasets: int  # per update
+    updates: int
+
+
+def compare_config(target: str, preset: str) -> CompareConfig:
+    """The defaults of ``python -m experiments.compare``."""
+    base = (camvid_config if target == "camvid" else cityscapes_config)(preset)
+    inherited = {field.name: getattr(base, field.name) for field in fields(base)}
+    config = CompareConfig(**{**inherited, "target": target})
+    if preset == "smoke":
+        return replace(config, evaluations=4, subsets=(POSITIONS[:2], POSITIONS[:3]))
+    if preset == "paper":  # the budget of its six groups, 50 updates each
+        return replace(config, evaluations=300)
+    search = replace(config.search, datasets_per_update=8)
+    return replace(config, search=search, seeds=3)
+
+
+def make_target(config: CompareConfig, workers: WorkerPool) -> Target:
+    """The target of the configuration.
+
+    Raises:
+        UserError: no data where it is needed, or data for the twin.
+    """
+    if config.target == "camvid":
+        return camvid_target(config, workers)
+    if config.target == "cityscapes" and config.data is None:
+        raise UserError("Cityscapes needs its folder: --data DIR; or use --target twin")
+    if config.target == "twin" and config.data is not None:
+        raise UserError("--target twin takes no --data; --target camvid or cityscapes does")
+    return cityscapes_target(config, workers)
+
+
+def subset_title(subset: Sequence[str]) -> str:
+    """A subset in one word."""
+    return ALL if set(subset) == set(NAMES) else ",".join(subset)
+
+
+def check(config: CompareConfig) -> CompareConfig:
+    """The configuration itself, with the word ``all`` spelt out.
+
+    Raises:
+        UserError: a field out of range, by name.
+    """
+    run_config.check(config)
+    make_space(config)
+    if not config.methods:
+        raise UserError("--methods needs at least one method")
+    for name in config.methods:
+        if name not in KNOWN:
+            raise UserError(f"--methods {name!r} is unknown; known: {', '.join(KNOWN)}")
+    if len(set(config.methods)) < len(config.methods):
+        raise UserError(f"--methods {' '.join(config.methods)} names one of them twice")
+    subsets = tuple(NAMES if subset == (ALL,) else subset for subset in config.subsets)
+    if not subsets:
+        raise UserError("--subsets needs at least one subset")
+    for subset in subsets:
+        for name in subset:
+            if name not in NAMES:
+                raise UserError(
+                    f"--subsets: attribute {name!r} is unknown; known: {', '.join(NAMES)}"
+                )
+        if len(set(subset)) < len(subset):
+            raise UserError(f"--subsets {','.join(subset)} names an attribute twice")
+    if len({frozenset(subset) for subset in subsets}) < len(subsets):
+        raise UserError("--subsets names a subset twice")
+    n = config.search.datasets_per_update
+    if config.evaluations < n or config.evaluations % n:
+        raise UserError(
+            f"--evaluations must be a multiple of --search.datasets-per-update {n}, "
+            f"not {config.evaluations}"
+        )
+    return replace(config, subsets=subsets)
+
+
+def plans(config: CompareConfig) -> list[Plan]:
+    """Every search that has to be run, subset by subset.
+
+    Raises:
+        UserError: too few evaluations, or an option that a method does not take.
+    """
+    return [
+        plan(config, method, subset)
+        for subset in config.subsets
+        for method in config.methods
+        if method != RANDOM
+    ]
+
+
+def plan(config: CompareConfig, method: Any, subset: tuple[str, ...]) -> Plan:
+    """One method on one subset, with updates that take the evaluations and no more."""
+    groups = [[name for name in group if name in subset] for group in config.groups]
+    space = sdr_jax.space(subset, config.search.bins, [group for group in groups if group])
+    n, each = schedule(config.evaluations, len(space.groups), config.search.datasets_per_update)
+    search = replace(config.search, method=method, updates_per_group=max(each, 1))
+    try:
+        made = make_method(search, space)
+    except ImportError as error:
+        raise UserError(f"--methods {method}: {error}") from None
+    if made.updates is None:  # it takes as many as there are
+        n = config.search.datasets_per_update
+    elif each == 0:
+        raise UserError(
+            f"--evaluations {config.evaluations} are too few for {method} on "
+            f"{subset_title(subset)}: {len(space.groups)} groups of at least {n} datasets"
+        )
+    return Plan(method, subset, made, n, config.evaluations // n)
+
+
+def schedule(evaluations: int, groups: int, datasets: int) -> tuple[int, int]:
+    """Datasets per update, and updates for each group, of a method that goes group by group.
+
+    The most datasets, up to those wanted, with which all groups get the same share of the evaluations
+    and nothing is left. Where no number does that, what is left tries the answer.
+    """
+    for n in range(datasets, min(datasets, 2) - 1, -1):
+        if evaluations % (groups * n) == 0:
+            return n, evaluations // (groups * n)
+    return datasets, evaluations // datasets // groups

@@ -1,0 +1,236 @@
+"""The comparison in figures: ``compare.json``, ``compare.md`` and ``compare.png``."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib
+import numpy as np
+
+matplotlib.use("Agg")
+from matplotlib import pyplot as plt
+
+import sdr_jax
+from experiments.compare_config import RANDOM, CompareConfig, subset_title
+from experiments.compare_search import Found, Name
+from experiments.evaluator import Outcome
+from experiments.folder import write_atomically, write_json
+from experiments.stats import mean_ci95, paired_gain
+from experiments.targets import Target
+from scene.attributes import NAMES
+
+HEAD = (
+    "attributes", "method", "mIoU, %", "95 % interval", "gain over random", "95 % interval",
+    "rewards", "reward, first third", "last third", "rewards, core s", "wall s",
+    "method, CPU s", "wall s",
+)  # fmt: skip
+
+
+def write(
+    config: CompareConfig,
+    target: Target,
+    rows: Sequence[Name],
+    found: dict[Name, Found],
+    scores: dict[Name, list[Outcome]],
+) -> dict[str, Any]:
+    """Write the report into the folder; returns what ``compare.json`` holds.
+
+    Args:
+        config: what was compared.
+        target: what the nets must be good on.
+        rows: methods and subsets, in the order of the table.
+        found: every search; random attributes need none.
+        scores: final nets of every row, paired; empty without finals.
+    """
+    report = {
+        "target": target.name,
+        "real": target.real,
+        "note": target.title,
+        "preset": config.preset,
+        "evaluations": config.evaluations,
+        "workers": max(config.workers, 1),
+        "rewards_at": f"{config.reward.width}x{config.reward.height}",
+        "scored_at": f"{config.final.width}x{config.final.height}",
+        "seeds": config.seeds if config.finals else 0,
+        "rows": [
+            {
+                "attributes": len(name[1]),
+                "subset": subset_title(name[1]),
+                "method": name[0],
+                "search": _search(found.get(name), name[1], max(config.workers, 1)),
+                "final": _final(scores.get(name), scores.get((RANDOM, name[1]))),
+            }
+            for name in rows
+        ],
+    }
+    write_json(config.out / "compare.json", report)
+    write_atomically(config.out / "compare.md", text(report) + "\n")
+    write_atomically(config.out / "compare.png", picture(report))
+    return report
+
+
+def _search(found: Found | None, subset: Sequence[str], workers: int) -> dict[str, Any] | None:
+    """One search; rewards in percent, None where they failed."""
+    if found is None:
+        return None
+    rewards = [None if o.failed else 100 * o.reward for o in found.outcomes]
+    third = max(len(rewards) // 3, 1)
+    core = sum(o.seconds for o in found.outcomes)
+    return {
+        "evaluations": len(rewards),
+        "failed": sum(r is None for r in rewards),
+        "rewards": rewards,
+        "first_third": _mean(rewards[:third]),
+        "last_third": _mean(rewards[-third:]),
+        # A worker has one core of its own; what another run had scored counts as if done here.
+        "reward_seconds": {"core": round(core, 2), "wall": round(core / workers, 2)},
+        "method_seconds": {
+            "cpu": round(found.cpu_seconds, 2),
+            "wall": round(found.wall_seconds, 2),
+        },
+        "solution": _solution(found.solution, subset),
+    }
+
+
+def _mean(values: Sequence[float | None]) -> float | None:
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if known else None
+
+
+def _solution(proposal: sdr_jax.Proposal, subset: Sequence[str]) -> dict[str, dict[str, float]]:
+    where = {name: NAMES.index(name) for name in subset}
+    return {
+        name: {
+            "centre": round(float(proposal.centre[k]), 6),
+            "width": round(float(proposal.width[k]), 6),
+        }
+        for name, k in where.items()
+    }
+
+
+def _final(ours: list[Outcome] | None, random: list[Outcome] | None) -> dict[str, Any] | None:
+    """The final nets in percent; a seed whose net failed is left out of what it enters."""
+    if ours is None:
+        return None
+    miou = [None if o.failed else 100 * o.reward for o in ours]
+    known = [v for v in miou if v is not None]
+    mean, ci95 = mean_ci95(known) if known else (None, None)
+    gain = None
+    if random is not None:
+        pairs = [
+            (100 * a.reward, 100 * b.reward)
+            for a, b in zip(ours, random, strict=True)
+            if not (a.failed or b.failed)
+        ]
+        if pairs:
+            value, interval = paired_gain([a for a, _ in pairs], [b for _, b in pairs])
+            gain = {"mean": value, "ci95": interval}
+    return {"miou": miou, "mean": mean, "ci95": ci95, "gain": gain}
+
+
+def _interval(ci95: Sequence[float] | None) -> str:
+    return "" if ci95 is None else f"{ci95[0]:.1f} to {ci95[1]:.1f}"
+
+
+def _number(value: float | None, form: str = ".1f") -> str:
+    return "" if value is None else format(value, form)
+
+
+def _cells(row: dict[str, Any]) -> list[str]:
+    search, final = row["search"] or {}, row["final"] or {}
+    gain = (final.get("gain") or {}) if row["method"] != RANDOM else {}
+    rewards, method = search.get("reward_seconds", {}), search.get("method_seconds", {})
+    return [
+        str(row["attributes"]),
+        row["method"].replace("_", " "),
+        _number(final.get("mean")),
+        _interval(final.get("ci95")),
+        _number(gain.get("mean"), "+.1f"),
+        _interval(gain.get("ci95")),
+        str(search.get("evaluations", 0)),
+        _number(search.get("first_third")),
+        _number(search.get("last_third")),
+        _number(rewards.get("core"), ".0f"),
+        _number(rewards.get("wall"), ".0f"),
+        _number(method.get("cpu")),
+        _number(method.get("wall")),
+    ]
+
+
+def text(report: dict[str, Any]) -> str:
+    """The table, in Markdown."""
+    lines = [
+        f"Target: {report['note']}. Rewards are mIoU at {report['rewards_at']} on the reward images; "
+        f"final nets are scored at {report['scored_at']} on the test images, {report['seeds']} "
+        "paired seeds.",
+        "Each search ran once, and intervals are over seeds of the final nets. Rewards take a core of "
+        f"a worker each; their wall time is that over {report['workers']} worker(s). "
+        "A method's own time includes compiling it.",
+        "",
+        "| " + " | ".join(HEAD) + " |",
+        "| " + " | ".join("---" for _ in HEAD) + " |",
+    ]
+    lines += ["| " + " | ".join(_cells(row)) + " |" for row in report["rows"]]
+    failed = sum((row["search"] or {}).get("failed", 0) for row in report["rows"])
+    if failed:
+        lines += [
+            "",
+            f"{failed} evaluations failed; methods were told their update's lowest reward.",
+        ]
+    return "\n".join(lines)
+
+
+def picture(report: dict[str, Any]) -> bytes:
+    """Accuracy against the number of attributes, and rewards against evaluations, as PNG."""
+    rows = report["rows"]
+    methods = list(dict.fromkeys(row["method"] for row in rows))
+    subsets = list(dict.fromkeys(row["subset"] for row in rows))
+    colors = {method: f"C{k % 10}" for k, method in enumerate(methods)}
+    counts = {row["subset"]: row["attributes"] for row in rows}
+    figure, axes = plt.subplots(
+        1, 1 + len(subsets), figsize=(5 + 4 * len(subsets), 4.2), layout="constrained"
+    )
+    for k, method in enumerate(methods):
+        chosen = [
+            (subsets.index(row["subset"]) + 0.06 * (k - (len(methods) - 1) / 2), row["final"])
+            for row in rows
+            if row["method"] == method and row["final"] and row["final"]["mean"] is not None
+        ]
+        if chosen:
+            means = [final["mean"] for _, final in chosen]
+            bars = [f["mean"] - f["ci95"][0] if f["ci95"] else 0.0 for _, f in chosen]
+            axes[0].errorbar(
+                [x for x, _ in chosen], means, yerr=bars, fmt="o-", ms=4, capsize=3,
+                color=colors[method], label=method.replace("_", " "),
+            )  # fmt: skip
+    axes[0].set_xticks(range(len(subsets)), [str(counts[s]) for s in subsets])
+    axes[0].set(
+        xlabel="attributes optimised", ylabel="mIoU on the test images, %", title="final nets"
+    )
+    for axis, subset in zip(axes[1:], subsets, strict=True):
+        for row in rows:
+            if row["subset"] != subset or row["search"] is None:
+                continue
+            rewards = np.array([np.nan if r is None else r for r in row["search"]["rewards"]])
+            seen = np.cumsum(~np.isnan(rewards))
+            mean = np.nancumsum(rewards) / np.maximum(seen, 1)
+            best = np.fmax.accumulate(rewards)
+            x = np.arange(1, len(rewards) + 1)
+            color = colors[row["method"]]
+            axis.plot(x, mean, color=color, label=row["method"].replace("_", " "))
+            axis.plot(x, best, color=color, ls=":", lw=1)
+        axis.set(
+            xlabel="evaluation", ylabel="mIoU on the reward images, %",
+            title=f"{counts[subset]} attributes: mean so far (line), best (dots)",
+        )  # fmt: skip
+    for axis in axes[:2]:
+        if axis.get_legend_handles_labels()[1]:
+            axis.legend(fontsize=8)
+    note = "" if report["real"] else " (not real data)"
+    figure.suptitle(f"{report['target']}{note}, {report['evaluations']} rewards for each method")
+    data = io.BytesIO()
+    figure.savefig(data, dpi=110, format="png")
+    plt.close(figure)
+    return data.getvalue()

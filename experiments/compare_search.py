@@ -1,0 +1,154 @@
+"""The searches of a comparison, each a plain loop on the host, and the final nets of what they found."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import sdr_jax
+from experiments.compare_config import CompareConfig, Plan
+from experiments.evaluator import Evaluator, Job, Outcome
+from experiments.finals import draw_units, random_proposal
+from experiments.job import cost
+from experiments.progress import Progress
+from experiments.reward import evaluate
+from scene.attributes import NAMES
+from seg.train import TrainingError
+
+Name = tuple[str, tuple[str, ...]]
+"""Method and subset."""
+
+
+class Found(NamedTuple):
+    """What a search found, and how it went."""
+
+    solution: sdr_jax.Proposal  # f32[23]; attributes outside the subset are random
+    outcomes: list[Outcome]  # in the order in which they were asked for
+    cpu_seconds: float  # of the method itself
+    wall_seconds: float
+
+
+def embed(subset: Sequence[str], proposals: sdr_jax.Proposal) -> sdr_jax.Proposal:
+    """Proposals f32[*batch, attributes of the subset] as f32[*batch, 23], the others random."""
+    where = [NAMES.index(name) for name in subset]
+    whole: list[Any] = []
+    for values, random in zip(proposals, random_proposal(), strict=True):
+        array = np.broadcast_to(random, (*values.shape[:-1], len(NAMES))).copy()
+        array[..., where] = np.asarray(values)
+        whole.append(array)
+    return sdr_jax.Proposal(*whole)
+
+
+def learnable(rewards: Sequence[float]) -> np.ndarray:
+    """Rewards f32[n] that a method can learn from: a failed one becomes the lowest of its update.
+
+    Raises:
+        TrainingError: all have failed.
+    """
+    values = np.asarray(rewards, np.float32)
+    failed = np.isnan(values)
+    if failed.all():
+        raise TrainingError(f"all {len(values)} nets of an update failed to train")
+    return np.where(failed, values[~failed].min(), values)
+
+
+class _Stopwatch:
+    """CPU and wall seconds of this process while it runs."""
+
+    def __init__(self) -> None:
+        self.cpu = self.wall = 0.0
+
+    def __enter__(self) -> None:
+        self._started = time.process_time(), time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.cpu += time.process_time() - self._started[0]
+        self.wall += time.perf_counter() - self._started[1]
+
+
+class Comparison:
+    """One comparison under way; evaluators with a store make that it can be killed.
+
+    A comparison that is started again runs its searches anew: the same keys give the same proposals,
+    and what the store holds takes no time. So a killed one ends with the figures of an unbroken one.
+
+    Args:
+        config: what is compared.
+        progress: told about every evaluation.
+    """
+
+    def __init__(self, config: CompareConfig, progress: Progress) -> None:
+        self._config, self._progress = config, progress
+
+    def search(self, plan: Plan, evaluator: Evaluator) -> Found:
+        """Run one method on one subset; keys are used as `sdr_jax.run` uses them."""
+        config, method, watch = self._config, plan.search, _Stopwatch()
+        with watch:
+            init_key, steps_key = jax.random.split(jax.random.key(config.seed))
+            state = method.init(init_key)
+        every: list[Outcome] = []
+        best = -np.inf
+        for update in range(plan.updates):
+            with watch:
+                sample_key, reward_key = jax.random.split(jax.random.fold_in(steps_key, update))
+                actions, sampled = method.sample(sample_key, state, plan.datasets)
+                proposals = embed(plan.subset, jax.device_get(sampled))
+            outcomes = self._rewards(evaluator, reward_key, proposals)
+            every += outcomes
+            rewards = learnable([outcome.reward for outcome in outcomes])
+            with watch:
+                state, _ = method.update(state, actions, jnp.asarray(rewards))
+                jax.block_until_ready(state)
+            best = max(best, float(rewards.max()))
+            self._progress.update(
+                f"{len(plan.subset)} attributes, {plan.method}: update {update + 1}/{plan.updates}"
+                f" | mIoU {100 * float(rewards.mean()):.1f}, best {100 * best:.1f}"
+            )
+        with watch:
+            solution = embed(plan.subset, jax.device_get(method.solution(state)))
+        return Found(solution, every, watch.cpu, watch.wall)
+
+    def _rewards(
+        self, evaluator: Evaluator, rng_key: jax.Array, proposals: sdr_jax.Proposal
+    ) -> list[Outcome]:
+        unit_key, seed_key = jax.random.split(rng_key)
+        stage = self._config.reward
+        units = np.asarray(sdr_jax.draw(unit_key, proposals, stage.streets))
+        seeds = np.asarray(jax.random.bits(seed_key, (len(units),), jnp.uint32)).tolist()
+        jobs = [
+            Job(sdr_jax.Proposal(*pair), units[k], seeds[k])
+            for k, pair in enumerate(zip(*proposals, strict=True))
+        ]
+        outcomes: dict[int, Outcome] = {}
+        for index, outcome in evaluator.map(evaluate, jobs):
+            outcomes[index] = outcome
+            self._progress.advance(cost(stage), replayed=outcome.stored)
+        return [outcomes[k] for k in range(len(jobs))]
+
+    def finals(
+        self, solutions: dict[Name, sdr_jax.Proposal], evaluator: Evaluator
+    ) -> dict[Name, list[Outcome]]:
+        """Score every solution on the test images, with the same seeds for all."""
+        config = self._config
+        seeds = [config.seed + k for k in range(config.seeds)]
+        wanted = [(name, seed) for seed in seeds for name in solutions]
+        jobs = [
+            Job(solutions[name], draw_units(solutions[name], seed, config.final.streets), seed)
+            for name, seed in wanted
+        ]
+        outcomes: dict[tuple[Name, int], Outcome] = {}
+        for index, outcome in evaluator.map(evaluate, jobs):
+            outcomes[wanted[index]] = outcome
+            (method, subset), seed = wanted[index]
+            self._progress.advance(cost(config.final), replayed=outcome.stored)
+            if not outcome.stored:
+                self._progress.update(
+                    f"final nets: {len(subset)} attributes, {method}, seed {seed}"
+                    f" | mIoU {100 * outcome.reward:.1f}"
+                )
+        return {name: [outcomes[name, seed] for seed in seeds] for name in solutions}
