@@ -66,7 +66,8 @@ def run(config: CompareConfig) -> dict[str, Any]:
                     for name in rows
                 }
                 scores = comparison.finals(solutions, evaluator)
-            report = compare_report.write(config, target, rows, found, scores)
+            report = compare_report.summarize(config, target, rows, found, scores)
+            compare_report.write(report, config.out)
             progress.say(compare_report.text(report))
             progress.say(f"Done in {duration(progress.elapsed)}: {config.out / 'compare.md'}")
             return report

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 
 import sdr_jax
 from experiments.compare_config import RANDOM, CompareConfig, subset_title
+from experiments.compare_picture import picture
 from experiments.compare_search import Found, Name
 from experiments.evaluator import Outcome
 from experiments.folder import write_atomically, write_json
@@ -28,14 +25,21 @@ HEAD = (
 )  # fmt: skip
 
 
-def write(
+def write(report: dict[str, Any], folder: Path) -> None:
+    """Write all three files into the folder."""
+    write_atomically(folder / "compare.md", text(report) + "\n")
+    write_atomically(folder / "compare.png", picture(report))
+    write_json(folder / "compare.json", report)
+
+
+def summarize(
     config: CompareConfig,
     target: Target,
     rows: Sequence[Name],
     found: dict[Name, Found],
     scores: dict[Name, list[Outcome]],
 ) -> dict[str, Any]:
-    """Write the report into the folder; returns what ``compare.json`` holds.
+    """What ``compare.json`` holds.
 
     Args:
         config: what was compared.
@@ -44,13 +48,14 @@ def write(
         found: every search; random attributes need none.
         scores: final nets of every row, paired; empty without finals.
     """
-    report = {
+    workers = max(config.workers, 1)
+    return {
         "target": target.name,
         "real": target.real,
         "note": target.title,
         "preset": config.preset,
         "evaluations": config.evaluations,
-        "workers": max(config.workers, 1),
+        "workers": workers,
         "rewards_at": f"{config.reward.width}x{config.reward.height}",
         "scored_at": f"{config.final.width}x{config.final.height}",
         "seeds": config.seeds if config.finals else 0,
@@ -59,16 +64,12 @@ def write(
                 "attributes": len(name[1]),
                 "subset": subset_title(name[1]),
                 "method": name[0],
-                "search": _search(found.get(name), name[1], max(config.workers, 1)),
+                "search": _search(found.get(name), name[1], workers),
                 "final": _final(scores.get(name), scores.get((RANDOM, name[1]))),
             }
             for name in rows
         ],
     }
-    write_json(config.out / "compare.json", report)
-    write_atomically(config.out / "compare.md", text(report) + "\n")
-    write_atomically(config.out / "compare.png", picture(report))
-    return report
 
 
 def _search(found: Found | None, subset: Sequence[str], workers: int) -> dict[str, Any] | None:
@@ -180,57 +181,3 @@ def text(report: dict[str, Any]) -> str:
             f"{failed} evaluations failed; methods were told their update's lowest reward.",
         ]
     return "\n".join(lines)
-
-
-def picture(report: dict[str, Any]) -> bytes:
-    """Accuracy against the number of attributes, and rewards against evaluations, as PNG."""
-    rows = report["rows"]
-    methods = list(dict.fromkeys(row["method"] for row in rows))
-    subsets = list(dict.fromkeys(row["subset"] for row in rows))
-    colors = {method: f"C{k % 10}" for k, method in enumerate(methods)}
-    counts = {row["subset"]: row["attributes"] for row in rows}
-    figure, axes = plt.subplots(
-        1, 1 + len(subsets), figsize=(5 + 4 * len(subsets), 4.2), layout="constrained"
-    )
-    for k, method in enumerate(methods):
-        chosen = [
-            (subsets.index(row["subset"]) + 0.06 * (k - (len(methods) - 1) / 2), row["final"])
-            for row in rows
-            if row["method"] == method and row["final"] and row["final"]["mean"] is not None
-        ]
-        if chosen:
-            means = [final["mean"] for _, final in chosen]
-            bars = [f["mean"] - f["ci95"][0] if f["ci95"] else 0.0 for _, f in chosen]
-            axes[0].errorbar(
-                [x for x, _ in chosen], means, yerr=bars, fmt="o-", ms=4, capsize=3,
-                color=colors[method], label=method.replace("_", " "),
-            )  # fmt: skip
-    axes[0].set_xticks(range(len(subsets)), [str(counts[s]) for s in subsets])
-    axes[0].set(
-        xlabel="attributes optimised", ylabel="mIoU on the test images, %", title="final nets"
-    )
-    for axis, subset in zip(axes[1:], subsets, strict=True):
-        for row in rows:
-            if row["subset"] != subset or row["search"] is None:
-                continue
-            rewards = np.array([np.nan if r is None else r for r in row["search"]["rewards"]])
-            seen = np.cumsum(~np.isnan(rewards))
-            mean = np.nancumsum(rewards) / np.maximum(seen, 1)
-            best = np.fmax.accumulate(rewards)
-            x = np.arange(1, len(rewards) + 1)
-            color = colors[row["method"]]
-            axis.plot(x, mean, color=color, label=row["method"].replace("_", " "))
-            axis.plot(x, best, color=color, ls=":", lw=1)
-        axis.set(
-            xlabel="evaluation", ylabel="mIoU on the reward images, %",
-            title=f"{counts[subset]} attributes: mean so far (line), best (dots)",
-        )  # fmt: skip
-    for axis in axes[:2]:
-        if axis.get_legend_handles_labels()[1]:
-            axis.legend(fontsize=8)
-    note = "" if report["real"] else " (not real data)"
-    figure.suptitle(f"{report['target']}{note}, {report['evaluations']} rewards for each method")
-    data = io.BytesIO()
-    figure.savefig(data, dpi=110, format="png")
-    plt.close(figure)
-    return data.getvalue()

@@ -18,7 +18,6 @@ from experiments.job import cost
 from experiments.progress import Progress
 from experiments.reward import evaluate
 from scene.attributes import NAMES
-from seg.train import TrainingError
 
 Name = tuple[str, tuple[str, ...]]
 """Method and subset."""
@@ -44,17 +43,14 @@ def embed(subset: Sequence[str], proposals: sdr_jax.Proposal) -> sdr_jax.Proposa
     return sdr_jax.Proposal(*whole)
 
 
-def learnable(rewards: Sequence[float]) -> np.ndarray:
+def learnable(rewards: Sequence[float]) -> np.ndarray | None:
     """Rewards f32[n] that a method can learn from: a failed one becomes the lowest of its update.
 
-    Raises:
-        TrainingError: all have failed.
+    None if all have failed, for then there is nothing to learn.
     """
     values = np.asarray(rewards, np.float32)
     failed = np.isnan(values)
-    if failed.all():
-        raise TrainingError(f"all {len(values)} nets of an update failed to train")
-    return np.where(failed, values[~failed].min(), values)
+    return None if failed.all() else np.where(failed, values[~failed].min(), values)
 
 
 class _Stopwatch:
@@ -101,13 +97,16 @@ class Comparison:
             outcomes = self._rewards(evaluator, reward_key, proposals)
             every += outcomes
             rewards = learnable([outcome.reward for outcome in outcomes])
-            with watch:
-                state, _ = method.update(state, actions, jnp.asarray(rewards))
-                jax.block_until_ready(state)
-            best = max(best, float(rewards.max()))
+            said = "all failed"
+            if rewards is not None:
+                with watch:
+                    state, _ = method.update(state, actions, jnp.asarray(rewards))
+                    jax.block_until_ready(state)
+                best = max(best, float(rewards.max()))
+                said = f"mIoU {100 * float(rewards.mean()):.1f}, best {100 * best:.1f}"
             self._progress.update(
                 f"{len(plan.subset)} attributes, {plan.method}: update {update + 1}/{plan.updates}"
-                f" | mIoU {100 * float(rewards.mean()):.1f}, best {100 * best:.1f}"
+                f" | {said}"
             )
         with watch:
             solution = embed(plan.subset, jax.device_get(method.solution(state)))
@@ -147,8 +146,8 @@ class Comparison:
             (method, subset), seed = wanted[index]
             self._progress.advance(cost(config.final), replayed=outcome.stored)
             if not outcome.stored:
+                said = "failed" if outcome.failed else f"mIoU {100 * outcome.reward:.1f}"
                 self._progress.update(
-                    f"final nets: {len(subset)} attributes, {method}, seed {seed}"
-                    f" | mIoU {100 * outcome.reward:.1f}"
+                    f"final nets: {len(subset)} attributes, {method}, seed {seed} | {said}"
                 )
         return {name: [outcomes[name, seed] for seed in seeds] for name in solutions}
