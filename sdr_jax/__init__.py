@@ -7,8 +7,11 @@
     method.solution(state)  # centre and width of every attribute
 
 A reward that must leave JAX, such as rendering images and training on them: `host_reward`.
+One that comes from elsewhere, at its own time: `AskTell`; from a program: `python -m sdr_jax.tune`.
 """
 
+from sdr_jax.actor_critic import actor_critic
+from sdr_jax.ask_tell import AskTell, Trial
 from sdr_jax.attribute_descent import attribute_descent
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import HostReward, host_reward
@@ -28,6 +31,7 @@ from sdr_jax.space import Proposal, Space, draw, relax, slide, space
 from sdr_jax.tpe import tpe
 
 __all__ = [
+    "AskTell",
     "Baseline",
     "HostReward",
     "Info",
@@ -37,6 +41,8 @@ __all__ = [
     "Record",
     "RewardFn",
     "Space",
+    "Trial",
+    "actor_critic",
     "attribute_descent",
     "cma_es",
     "draw",

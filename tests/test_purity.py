@@ -30,6 +30,8 @@ SHELL = (
     "scene/render/",
     "scene/stats.py",
     "scene/workers.py",
+    "sdr_jax/ask_tell.py",  # keeps its history in a file
+    "sdr_jax/tune/",  # runs simulators as processes, in a run folder
     "seg/data/",
 )
 JAX = frozenset({"flax", "jax", "jaxlib", "optax"})

@@ -1,0 +1,290 @@
+"""The search turned inside out: ask what to try, score it anywhere, tell; saved after every answer."""
+
+from __future__ import annotations
+
+import json
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple, NoReturn, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Real
+
+from sdr_jax.method import Method, State
+from sdr_jax.space import Proposal, Space
+
+RECORD = ("id", "update", "actions", "seed", "reward")
+"""What every line of a history holds; whoever tells may add more."""
+
+
+class Trial(NamedTuple):
+    """One data set that waits for its reward."""
+
+    id: int  # counts from 0 through the whole search
+    proposal: Proposal  # NumPy f32[attributes] each: centre and width of every attribute, in [0, 1]
+    seed: int  # uint32, for whatever is random in the evaluation
+
+
+class History:
+    """Lines of JSON, appended one by one; a half-written last line is dropped.
+
+    Args:
+        path: the file, made with the first line; None keeps the lines in memory only.
+
+    Raises:
+        ValueError: a line that is no JSON object.
+        OSError: the file cannot be read or mended.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self.path = path
+        self.lines: list[dict[str, Any]] = []
+        self._size = 0
+        if path is None or not path.exists():
+            return
+        for line in path.read_bytes().splitlines(keepends=True):
+            if not line.endswith(b"\n"):
+                with open(path, "r+b") as file:
+                    file.truncate(self._size)
+                break
+            self.lines.append(_parse(line, f"{path}: line {len(self.lines) + 1}"))
+            self._size += len(line)
+
+    def append(self, record: dict[str, Any]) -> None:
+        """Adds one line and sees it to the disk; on a full disk, no part of it stays.
+
+        Raises:
+            RuntimeError: someone else has written to the file.
+            OSError: it cannot be written.
+        """
+        line = (json.dumps(record, allow_nan=False) + "\n").encode()
+        if self.path is not None:
+            with open(self.path, "ab", buffering=0) as file:
+                if os.fstat(file.fileno()).st_size != self._size:
+                    raise RuntimeError(f"{self.path} was changed by another process; start again")
+                try:
+                    rest = memoryview(line)
+                    while rest:
+                        rest = rest[file.write(rest) :]
+                    os.fsync(file.fileno())
+                except OSError as error:
+                    with suppress(OSError):
+                        file.truncate(self._size)
+                    error.filename = str(self.path)
+                    raise
+            self._size += len(line)
+        self.lines.append(record)
+
+
+class AskTell:
+    """A search that is driven from outside, and goes on where it was after any interruption.
+
+        search = AskTell(space, method, n=8, seed=0, path="history.jsonl")
+        while trials := search.ask():
+            for trial in trials:
+                search.tell(trial.id, score(trial.proposal, trial.seed))  # None if it failed
+        search.solution()
+
+    An update's n trials are asked for together and may be told in any order, from one process at a
+    time; the method learns when all of them are told, in the order of their ids. Methods and keys
+    are pure, so the state needs no file of its own: the history is told again from the beginning,
+    which gives the same state to the last bit, host adapters included. Keys are used as
+    `run_on_host` uses them: the same seed proposes the same data sets here as there.
+
+    Args:
+        space: the attributes.
+        method: what learns.
+        n: data sets per update.
+        seed: of the whole search.
+        path: the history, JSONL; continued if it exists, None keeps it in memory.
+
+    Attributes:
+        state: the method's state after the last whole update.
+        updates: whole updates made.
+        history: one record per trial told, in the order of telling.
+
+    Raises:
+        ValueError: n below 1; or a history that another space, method, n or seed made.
+    """
+
+    def __init__(
+        self,
+        space: Space,
+        method: Method,
+        n: int = 1,
+        seed: int = 0,
+        path: str | os.PathLike[str] | None = None,
+    ) -> None:
+        if n < 1:
+            raise ValueError(f"n is {n}, but must be at least 1")
+        self.space, self.method, self.n = space, method, n
+        init_key, self._steps_key = jax.random.split(jax.random.key(seed))
+        self.state: State = method.init(init_key)
+        self.updates = 0
+        self._actions: Real[Array, "n attributes"] = jnp.zeros((n, space.attributes), jnp.int32)
+        self._trials: tuple[Trial, ...] = ()  # none before the actions are sampled
+        self._rewards: dict[int, float] = {}
+        self._log = History(None if path is None else Path(path))
+        for number, record in enumerate(self._log.lines, 1):
+            self._replay(record, f"{path}: line {number}")
+
+    @property
+    def history(self) -> list[dict[str, Any]]:
+        """One record per trial told: id, update, actions, seed, reward (None: failed) and notes."""
+        return self._log.lines
+
+    def ask(self) -> list[Trial]:
+        """The trials of this update that are not told yet; the same ones until they are.
+
+        Returns:
+            One to n trials; none once the method has made all the updates that it takes.
+        """
+        if self.method.updates is not None and self.updates >= self.method.updates:
+            return []
+        self._sample()
+        return [trial for trial in self._trials if trial.id not in self._rewards]
+
+    def tell(self, id: int, reward: float | None, **notes: Any) -> None:
+        """Saves one reward; with the last of its update, the method learns.
+
+        Args:
+            id: of a trial that was asked for.
+            reward: higher is better. None, NaN or infinite: the evaluation failed, which is
+                recorded as such and never taken for a low reward.
+            notes: JSON values to be kept in the trial's record.
+
+        Raises:
+            ValueError: an id that waits for no reward, or a note with the name of a field.
+            OSError: the history cannot be written; the reward then counts as not told.
+            RuntimeError: another process has written to it.
+        """
+        clash = [name for name in notes if name in RECORD]
+        if clash:
+            raise ValueError(f"{clash[0]} is a field of every record; call the note otherwise")
+        waiting = {trial.id: trial for trial in self.ask()}
+        if id not in waiting:
+            known = f"waiting are {', '.join(map(str, waiting))}" if waiting else "none is waiting"
+            raise ValueError(f"trial {id} waits for no reward; {known}")
+        with np.errstate(over="ignore"):  # beyond single precision is as good as infinite
+            value = np.float32(np.nan if reward is None else reward)
+        self._log.append(
+            {
+                "id": id,
+                "update": self.updates,
+                "actions": self._actions_of(id),
+                "seed": waiting[id].seed,
+                "reward": float(value) if np.isfinite(value) else None,
+                **notes,
+            }
+        )
+        self._take(id, float(value))
+
+    def solution(self) -> Proposal:
+        """The method's answer after the last whole update, f32[attributes] each."""
+        return _plain(*self.method.solution(self.state))
+
+    def spread(self) -> Proposal:
+        """The answer, left wide where the method is unsure, f32[attributes] each."""
+        return _plain(*self.method.spread(self.state))
+
+    def _sample(self) -> None:
+        if self._trials:
+            return
+        key = jax.random.fold_in(self._steps_key, self.updates)
+        sample_key, seed_key = jax.random.split(key)
+        self._actions, proposals = self.method.sample(sample_key, self.state, self.n)
+        centre, width = np.asarray(proposals.centre), np.asarray(proposals.width)
+        seeds = np.asarray(jax.random.bits(seed_key, (self.n,), jnp.uint32))
+        self._trials = tuple(
+            Trial(self.updates * self.n + k, _plain(centre[k], width[k]), int(seeds[k]))
+            for k in range(self.n)
+        )
+
+    def _actions_of(self, id: int) -> list[int] | list[float]:
+        return np.asarray(self._actions)[id % self.n].tolist()
+
+    def _take(self, id: int, reward: float) -> None:
+        self._rewards[id] = reward if np.isfinite(reward) else np.nan
+        if len(self._rewards) < self.n:
+            return
+        rewards = np.asarray([self._rewards[trial.id] for trial in self._trials], np.float32)
+        self.state = learn(self.method, self.state, self._actions, rewards)
+        self.updates += 1
+        self._trials, self._rewards = (), {}
+
+    def _replay(self, record: dict[str, Any], where: str) -> None:
+        waiting = {trial.id: trial for trial in self.ask()}
+        id, reward = record.get("id"), record.get("reward")
+        if not (reward is None or isinstance(reward, float)):
+            raise ValueError(f"{where}: reward must be a number or null, not {reward!r}")
+        ours = id in waiting and {
+            "id": id,
+            "update": self.updates,
+            "actions": self._actions_of(id),
+            "seed": waiting[id].seed,
+        }
+        if not ours or any(record.get(name) != value for name, value in ours.items()):
+            raise ValueError(
+                f"{where} was not told to this search: the space, the method, n and the seed must "
+                "be those that the history began with"
+            )
+        self._take(ours["id"], np.nan if reward is None else reward)
+
+
+def learn(
+    method: Method,
+    state: State,
+    actions: Real[Array, "n attributes"],
+    rewards: Real[np.ndarray, "n"],
+) -> State:
+    """Updates a method with rewards of which some are NaN.
+
+    Most methods pass NaN by. One that NaN spoils (`sdr`) learns from the other data sets of the
+    update; if a single one is left of several, there is nothing to compare it with, and the state
+    stays.
+
+    Args:
+        method: what learns.
+        state: from before.
+        actions: of all data sets of the update.
+        rewards: theirs; NaN where the evaluation failed.
+
+    Returns:
+        The state afterwards, without NaN unless it came with it.
+    """
+    after, _ = method.update(state, actions, jnp.asarray(rewards, jnp.float32))
+    known = np.isfinite(rewards)
+    if known.all() or not _has_nan(after) or _has_nan(state):
+        return after
+    if known.sum() < min(2, len(rewards)):
+        return state
+    after, _ = method.update(state, actions[known], jnp.asarray(rewards[known], jnp.float32))
+    return after
+
+
+def _has_nan(state: State) -> bool:
+    arrays = [x for x in jax.tree.leaves(state) if isinstance(x, jax.Array | np.ndarray)]
+    return any(
+        bool(np.isnan(np.asarray(x)).any()) for x in arrays if jnp.issubdtype(x.dtype, jnp.floating)
+    )
+
+
+def _plain(centre: Any, width: Any) -> Proposal:
+    return Proposal(cast(Array, np.asarray(centre)), cast(Array, np.asarray(width)))
+
+
+def _parse(line: bytes, where: str) -> dict[str, Any]:
+    try:
+        record = json.loads(line, parse_constant=_refuse_constant)
+    except ValueError:
+        record = None
+    if not isinstance(record, dict):
+        raise ValueError(f"{where} is no JSON object; remove it and all after it, or begin anew")
+    return record
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not JSON")

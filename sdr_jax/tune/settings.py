@@ -1,0 +1,248 @@
+"""What is optimised and how: the TOML file, checked as a whole before anything is run."""
+
+from __future__ import annotations
+
+import math
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from sdr_jax.space import Space
+from sdr_jax.space import space as make_space
+from sdr_jax.tune.errors import TuneError
+from sdr_jax.tune.methods import DEFAULT_METHOD, METHODS, options_of
+from sdr_jax.tune.units import Attribute
+
+TYPES = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+
+
+@dataclass(frozen=True)
+class Settings:
+    """One run; every field but the attributes has a default.
+
+    Attributes:
+        attributes: what to search over.
+        groups: the partition into groups, by name, in the order in which they are optimised; None
+            for one group of all.
+        method: one of `METHODS`.
+        method_options: keywords of the method.
+        evaluations: how many data sets are scored in all, a multiple of `datasets_per_update`.
+        datasets_per_update: how many are scored between two updates, and so at most at once.
+        relaxation: width of the relaxed bins, in [0, 1]; None for the bins' own.
+        seed: of the whole run.
+        repeats: runs of the simulator per evaluation, each with a seed of its own; the score is
+            their mean.
+        minimize: whether lower scores are better.
+        timeout_seconds: how long one run may take.
+        retries: how often a failed run is tried again.
+        workers: how many simulators run at once.
+    """
+
+    attributes: tuple[Attribute, ...]
+    groups: tuple[tuple[str, ...], ...] | None = None
+    method: str = DEFAULT_METHOD
+    method_options: dict[str, Any] = field(default_factory=dict)
+    evaluations: int = 200
+    datasets_per_update: int = 8
+    relaxation: float | None = None
+    seed: int = 0
+    repeats: int = 1
+    minimize: bool = False
+    timeout_seconds: float = 600.0
+    retries: int = 1
+    workers: int = 1
+
+    def space(self) -> Space:
+        """The attributes as every method knows them; ValueError as `sdr_jax.space` says."""
+        names = [attribute.name for attribute in self.attributes]
+        return make_space(names, [attribute.bins for attribute in self.attributes], self.groups)
+
+
+LEAST = {
+    "evaluations": 1, "datasets_per_update": 1, "seed": 0, "repeats": 1, "retries": 0, "workers": 1
+}  # fmt: skip
+LARGEST_SEED = 2**32 - 1
+FLAGS = {"timeout_seconds": "--timeout"}
+"""Fields whose flag is not their own name."""
+
+
+class _Reader:
+    """Values of the right type, or an error that says where they stand."""
+
+    def __init__(self, path: Path, flags: Mapping[str, Any]) -> None:
+        self._path, self._flags = path, flags
+
+    def at(self, name: str) -> str:
+        """Where a field got its value from."""
+        return FLAGS.get(name, f"--{name}") if name in self._flags else f"{self._path}: {name}"
+
+    def fail(self, what: str) -> TuneError:
+        return TuneError(f"{self._path}: {what}")
+
+    def typed(self, value: Any, kind: type, where: str) -> Any:
+        """The value as `kind`; whole numbers pass for numbers, true does not pass for 1."""
+        right = type(value) is kind or (kind is float and type(value) is int)
+        if not right or (kind is float and not math.isfinite(value)):
+            raise TuneError(f"{where} is {value!r}, but must be {TYPES[kind]}")
+        return kind(value)
+
+    def known(self, table: Mapping[str, Any], names: list[str], where: str) -> None:
+        """Refuses keys that mean nothing here."""
+        unknown = [key for key in table if key not in names]
+        if unknown:
+            some = ", ".join(names) or "none"
+            raise self.fail(f"{where} {unknown[0]!r} is unknown; known: {some}")
+
+
+def read(path: Path, flags: Mapping[str, Any]) -> Settings:
+    """Reads the TOML file.
+
+    Args:
+        path: the file.
+        flags: fields that the command line sets instead, by name.
+
+    Returns:
+        The settings, checked; `sdr` gets the updates per group that its evaluations suffice for.
+
+    Raises:
+        TuneError: the first thing that is wrong, with its file or flag.
+    """
+    reader = _Reader(path, flags)
+    table = {**_load(path), **flags}
+    names = [f.name for f in fields(Settings)]
+    reader.known(table, names, "key")
+    values: dict[str, Any] = {
+        "attributes": tuple(
+            _attribute(reader, entry, number)
+            for number, entry in enumerate(_tables(reader, table), 1)
+        ),
+        "groups": _groups(reader, table.get("groups")),
+    }
+    for entry in fields(Settings):
+        name = entry.name
+        if name in values or name not in table or name == "method_options":
+            continue
+        kind = float if name in ("relaxation", "timeout_seconds") else type(entry.default)
+        value = reader.typed(table[name], kind, reader.at(name))
+        if name in LEAST and value < LEAST[name]:
+            raise TuneError(f"{reader.at(name)} is {value}, but must be at least {LEAST[name]}")
+        values[name] = value
+    settings = Settings(**values)
+    _check(reader, settings)
+    return _with_options(reader, settings, table.get("method_options", {}))
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_bytes().decode())
+    except OSError as error:
+        raise TuneError(f"{path}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise TuneError(f"{path} is no TOML: {error}") from None
+
+
+def _tables(reader: _Reader, table: Mapping[str, Any]) -> list[dict[str, Any]]:
+    entries = table.get("attributes", [])
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise reader.fail("attributes must be tables that begin with [[attributes]]")
+    if not entries:
+        raise reader.fail("there are no attributes; give each a table that begins [[attributes]]")
+    return entries
+
+
+def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute:
+    kinds = {"name": str, "bins": int, "low": float, "high": float, "log": bool}
+    where = f"attribute {number}"
+    if "name" not in entry:
+        raise reader.fail(f"{where} has no name")
+    name = reader.typed(entry["name"], str, reader.at(f"name of {where}"))
+    where = f"attribute {name!r}"
+    if not name.strip():
+        raise reader.fail(f"attribute {number} has an empty name")
+    reader.known(entry, list(kinds), f"{where}: key")
+    values = {
+        key: reader.typed(value, kinds[key], reader.at(f"{where}: {key}"))
+        for key, value in entry.items()
+    }
+    if ("low" in values) != ("high" in values):
+        given, missing = ("low", "high") if "low" in values else ("high", "low")
+        raise reader.fail(f"{where} has a {given}, but no {missing}; give both or neither")
+    attribute = Attribute(**values)
+    if attribute.bins < 2:
+        raise reader.fail(f"{where}: bins is {attribute.bins}, but must be at least 2")
+    if attribute.low >= attribute.high:
+        raise reader.fail(
+            f"{where}: low is {attribute.low:g} and high is {attribute.high:g}, "
+            "but low must be below high"
+        )
+    if not math.isfinite(attribute.high - attribute.low):
+        raise reader.fail(f"{where}: the range from low to high is too large")
+    if attribute.log and attribute.low <= 0:
+        raise reader.fail(
+            f"{where}: low is {attribute.low:g}, but must be above 0 where log = true"
+        )
+    return attribute
+
+
+def _groups(reader: _Reader, groups: Any) -> tuple[tuple[str, ...], ...] | None:
+    if groups is None:
+        return None
+    if not isinstance(groups, list) or not all(
+        isinstance(group, list) and all(isinstance(name, str) for name in group) for group in groups
+    ):
+        raise reader.fail('groups must be lists of names, such as [["a", "b"], ["c"]]')
+    return tuple(tuple(group) for group in groups)
+
+
+def _check(reader: _Reader, settings: Settings) -> None:
+    try:
+        settings.space()
+    except ValueError as error:
+        raise reader.fail(f"{error}") from None
+    if settings.seed > LARGEST_SEED:
+        raise TuneError(f"{reader.at('seed')} is {settings.seed}, but must be below 2^32")
+    if settings.relaxation is not None and not 0 <= settings.relaxation <= 1:
+        raise TuneError(
+            f"{reader.at('relaxation')} is {settings.relaxation:g}, but must lie in [0, 1]"
+        )
+    if settings.timeout_seconds <= 0:
+        raise TuneError(
+            f"{reader.at('timeout_seconds')} is {settings.timeout_seconds:g}, but must be above 0"
+        )
+    if settings.method not in METHODS:
+        raise TuneError(
+            f"{reader.at('method')} {settings.method!r} is unknown; known: {', '.join(METHODS)}"
+        )
+    n, total = settings.datasets_per_update, settings.evaluations
+    if total % n:
+        right = f"{n}" if total < n else f"{total - total % n} or {total - total % n + n}"
+        raise TuneError(
+            f"{reader.at('evaluations')} is {total}, but must be a multiple of "
+            f"datasets_per_update = {n}, such as {right}"
+        )
+
+
+def _with_options(reader: _Reader, settings: Settings, options: Any) -> Settings:
+    if not isinstance(options, dict):
+        raise reader.fail("method_options must be a table that begins with [method_options]")
+    defaults = options_of(settings.method)
+    reader.known(options, list(defaults), f"method_options: option of {settings.method}")
+    checked = {}
+    for name, value in options.items():
+        default = defaults[name]
+        kind = int if default is None else type(default)
+        checked[name] = reader.typed(value, kind, reader.at(f"method_options: {name}"))
+    updates = settings.evaluations // settings.datasets_per_update
+    if settings.method == "sdr":
+        count = len(settings.space().groups)
+        per_group = checked.setdefault("updates_per_group", math.ceil(updates / count))
+        if updates > per_group * count:
+            raise TuneError(
+                f"{reader.at('evaluations')} is {settings.evaluations}, but sdr with "
+                f"updates_per_group = {per_group} takes {count} groups x {per_group} updates x "
+                f"{settings.datasets_per_update} = {count * per_group * settings.datasets_per_update}"
+            )
+    values = {f.name: getattr(settings, f.name) for f in fields(Settings)}
+    return Settings(**{**values, "method_options": checked})

@@ -1,0 +1,228 @@
+"""The simulator as a program: started in a folder of its own, timed out, tried again, its score read."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import shutil
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sdr_jax.ask_tell import Trial
+from sdr_jax.tune.errors import TuneError
+from sdr_jax.tune.units import Attribute, describe
+
+PLACEHOLDER = "{attributes.json}"
+WANTED = 'a number or a JSON object with "score"'
+LARGEST = float(np.finfo(np.float32).max)
+TAIL = 65536
+"""Bytes at the end of an output in which its last line is looked for."""
+
+
+class Outcome(NamedTuple):
+    """What became of one evaluation."""
+
+    score: float | None  # mean over the repeats, as the simulator counts; None if one failed
+    scores: list[float]  # of every repeat
+    failures: list[str]  # why attempts failed, in order
+    seconds: float  # spent on it
+
+
+class Stopped(Exception):
+    """The run is being ended; what was running does not count."""
+
+
+class _Failed(Exception):
+    """One attempt gave no score."""
+
+
+def check_command(command: Sequence[str]) -> None:
+    """Refuses a command that cannot work.
+
+    Raises:
+        TuneError: no command, no placeholder in it, or a program that is not there.
+    """
+    if not command:
+        raise TuneError(f"say what to run at the end: -- ./my_simulator {PLACEHOLDER}")
+    if not any(PLACEHOLDER in argument for argument in command):
+        raise TuneError(
+            f"no argument of the simulator holds {PLACEHOLDER}, for which the path of its input is "
+            f"put in: -- {' '.join(command)} {PLACEHOLDER}"
+        )
+    program = command[0]
+    if shutil.which(program) is None:
+        if os.path.isfile(program):
+            raise TuneError(f"the simulator {program} is not executable; try chmod +x {program}")
+        raise TuneError(f"the simulator {program} does not exist; give its path or put it on PATH")
+
+
+class Simulator:
+    """Runs the program, in any number of threads at once.
+
+    Args:
+        command: the program and its arguments.
+        attributes: in the order of the space.
+        folder: where every evaluation gets a folder.
+        timeout: seconds that one run may take.
+        retries: how often a failed run is tried again, with another seed.
+        repeats: runs per evaluation.
+    """
+
+    def __init__(
+        self,
+        command: Sequence[str],
+        attributes: Sequence[Attribute],
+        folder: Path,
+        *,
+        timeout: float,
+        retries: int,
+        repeats: int,
+    ) -> None:
+        self._command, self._attributes, self._folder = list(command), attributes, folder
+        self._timeout, self._retries, self._repeats = timeout, retries, repeats
+        self._lock = threading.Lock()
+        self._running: set[subprocess.Popen] = set()
+        self._stopped = False
+
+    def evaluate(self, trial: Trial) -> Outcome:
+        """Scores one trial; its seeds follow from the trial's, whatever happens beside it.
+
+        Raises:
+            Stopped: `stop` was called.
+            OSError: the folder cannot be written.
+        """
+        started = time.monotonic()
+        scores: list[float] = []
+        failures: list[str] = []
+        for repeat in range(self._repeats):
+            for attempt in range(self._retries + 1):
+                folder = self._folder / f"{trial.id:06d}" / f"run-{repeat}-{attempt}"
+                seeds = np.random.SeedSequence([trial.seed, repeat, attempt])
+                try:
+                    scores.append(self._run(trial, folder, int(seeds.generate_state(1)[0])))
+                    break
+                except _Failed as failure:
+                    failures.append(str(failure))
+            else:
+                break  # one repeat without a score is enough to fail
+        whole = len(scores) == self._repeats
+        return Outcome(
+            score=math.fsum(scores) / self._repeats if whole else None,
+            scores=scores,
+            failures=failures,
+            seconds=time.monotonic() - started,
+        )
+
+    def stop(self) -> None:
+        """Kills whatever is running, and lets nothing start any more."""
+        with self._lock:
+            self._stopped = True
+            running = list(self._running)
+        for process in running:
+            _kill(process)
+
+    def _run(self, trial: Trial, folder: Path, seed: int) -> float:
+        if folder.exists():  # of a session that was killed
+            shutil.rmtree(folder)
+        folder.mkdir(parents=True)
+        path = folder.resolve() / "attributes.json"
+        content = {
+            "evaluation": trial.id,
+            "seed": seed,
+            "attributes": describe(self._attributes, trial.proposal),
+        }
+        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
+        command = [argument.replace(PLACEHOLDER, str(path)) for argument in self._command]
+        out, err = folder / "stdout.txt", folder / "stderr.txt"
+        with open(out, "wb") as stdout, open(err, "wb") as stderr:
+            process = self._start(command, stdout=stdout, stderr=stderr)
+        try:
+            code = process.wait(self._timeout)
+        except subprocess.TimeoutExpired:
+            _kill(process)
+            raise _Failed(f"no score after {self._timeout:g} s") from None
+        finally:
+            with self._lock:
+                self._running.discard(process)
+                if self._stopped:
+                    raise Stopped
+        if code != 0:
+            said = _last_line(err)
+            raise _Failed(_ending(code) + (f": {said}" if said else ""))
+        return parse_score(_last_line(out))
+
+    def _start(self, command: list[str], **streams: Any) -> subprocess.Popen:
+        with self._lock:
+            if self._stopped:
+                raise Stopped
+            try:
+                # A group of its own: a time-out ends its children too, Ctrl-C is ours to pass on.
+                process = subprocess.Popen(
+                    command, stdin=subprocess.DEVNULL, start_new_session=True, **streams
+                )
+            except OSError as error:
+                raise _Failed(f"cannot be started: {error.strerror or error}") from None
+            self._running.add(process)
+            return process
+
+
+def parse_score(line: str) -> float:
+    """The score in a simulator's last line: a number, or a JSON object with `score`.
+
+    Args:
+        line: the last line of its output that is not empty; '' if there is none.
+
+    Returns:
+        The score, finite in single precision.
+    """
+    if not line:
+        raise _Failed(f"printed nothing; the last line must be {WANTED}")
+    shown = repr(line if len(line) <= 60 else line[:57] + "...")
+    score: Any
+    try:
+        score = float(line)
+    except ValueError:
+        try:
+            found = json.loads(line)
+        except (ValueError, RecursionError):
+            found = None
+        score = found.get("score") if isinstance(found, dict) else None
+        if isinstance(score, bool) or not isinstance(score, int | float):
+            raise _Failed(f"the last line printed is {shown}, but must be {WANTED}") from None
+    if not abs(score) <= LARGEST:  # NaN included
+        raise _Failed(f"the last line printed is {shown}, but a score must be finite")
+    return float(score)
+
+
+def _last_line(path: Path) -> str:
+    with open(path, "rb") as file:
+        file.seek(max(path.stat().st_size - TAIL, 0))
+        lines = file.read().decode(errors="replace").splitlines()
+    return next((line.strip() for line in reversed(lines) if line.strip()), "")
+
+
+def _ending(code: int) -> str:
+    if code > 0:
+        return f"exit code {code}"
+    with suppress(ValueError):
+        return f"killed by {signal.Signals(-code).name}"
+    return f"killed by signal {-code}"
+
+
+def _kill(process: subprocess.Popen) -> None:
+    try:
+        os.killpg(process.pid, signal.SIGKILL)
+    except AttributeError:  # not on Windows
+        process.kill()
+    except (ProcessLookupError, PermissionError):  # it has just ended
+        pass
+    process.wait()

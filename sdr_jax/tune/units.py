@@ -1,0 +1,77 @@
+"""Attributes in the simulator's own units, and the file that it reads them from."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sdr_jax.space import Proposal
+
+
+@dataclass(frozen=True)
+class Attribute:
+    """One attribute as the user describes it.
+
+    Attributes:
+        name: what the simulator calls it.
+        bins: how many bins it is cut into, >= 2.
+        low: its value at unit value 0, in the simulator's units.
+        high: its value at unit value 1.
+        log: whether equal steps in [0, 1] are equal factors, rather than equal differences.
+    """
+
+    name: str
+    bins: int = 10
+    low: float = 0.0
+    high: float = 1.0
+    log: bool = False
+
+
+def physical(attribute: Attribute, unit: float) -> float:
+    """A value in the simulator's units, from one in [0, 1].
+
+        low + unit (high - low),   or  low (high / low)^unit  with `log`
+
+    Args:
+        attribute: whose value it is.
+        unit: in [0, 1].
+
+    Returns:
+        The value, in [low, high], to ten digits.
+    """
+    if attribute.log:
+        low, high = math.log(attribute.low), math.log(attribute.high)
+        value = math.exp((1 - unit) * low + unit * high)
+    else:
+        value = (1 - unit) * attribute.low + unit * attribute.high
+    return float(f"{min(max(value, attribute.low), attribute.high):.10g}")
+
+
+def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, dict[str, Any]]:
+    """A proposal in both units, by name, as it stands in `attributes.json` and `answer.json`.
+
+    Args:
+        attributes: in the order of the space.
+        proposal: f32[attributes] each.
+
+    Returns:
+        For every name `unit` (`centre` and `width`, in [0, 1]) and, in the simulator's units,
+        `centre`, `low` and `high`: the interval that values are drawn from.
+    """
+    described = {}
+    for attribute, centre, width in zip(
+        attributes, np.asarray(proposal.centre), np.asarray(proposal.width), strict=True
+    ):
+        # The digits beyond single precision would only make the file hard to read.
+        middle, length = round(float(centre), 7), round(float(width), 7)
+        described[attribute.name] = {
+            "unit": {"centre": middle, "width": length},
+            "centre": physical(attribute, middle),
+            "low": physical(attribute, max(middle - length / 2, 0.0)),
+            "high": physical(attribute, min(middle + length / 2, 1.0)),
+        }
+    return described

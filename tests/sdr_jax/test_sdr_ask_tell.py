@@ -1,0 +1,187 @@
+"""Asking and telling: the same search as the loops, and the same again after any interruption."""
+
+import json
+import re
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import sdr_jax
+from sdr_jax import AskTell, Proposal, run_on_host, space
+
+ROOT = Path(__file__).parents[2]
+SPACE = space(list("abc"), bins=[3, 5, 2], groups=[["b", "a"], ["c"]])
+PBIL = sdr_jax.pbil(SPACE)
+SDR = sdr_jax.sdr(SPACE, updates_per_group=3, hidden=4, baseline=sdr_jax.leave_one_out())
+METHODS = {
+    "pbil": PBIL,
+    "gaussian": sdr_jax.gaussian(SPACE),
+    "sdr": SDR,
+    "cma_es": sdr_jax.cma_es(SPACE),
+    "tpe": sdr_jax.tpe(SPACE, startup=2),
+}
+N = 3
+
+
+def score(proposal: Proposal) -> float:
+    return -float(np.sum((proposal.centre - np.float32(0.3)) ** 2))
+
+
+def fails(id: int) -> bool:
+    return id % 4 == 1
+
+
+def drive(search: AskTell, trials: int | None = None, order: int = 1) -> AskTell:
+    """Tells so many trials, by default all of five updates, in the order asked for or backwards."""
+    trials = 5 * N if trials is None else trials
+    while len(search.history) < trials:
+        for trial in search.ask()[::order][: trials - len(search.history)]:
+            search.tell(trial.id, None if fails(trial.id) else score(trial.proposal))
+    return search
+
+
+def assert_same_state(a: AskTell, b: AskTell) -> None:
+    jax.tree.map(np.testing.assert_array_equal, a.solution(), b.solution())
+    jax.tree.map(np.testing.assert_array_equal, a.spread(), b.spread())
+    np.testing.assert_array_equal(a.method.probabilities(a.state), b.method.probabilities(b.state))
+    assert a.updates == b.updates
+
+
+def test_it_tries_what_the_loop_on_the_host_tries() -> None:
+    def reward_fn(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+        return jnp.asarray([score(Proposal(*pair)) for pair in zip(*proposals, strict=True)])
+
+    state, record = run_on_host(jax.random.key(5), PBIL, reward_fn, updates=4, n=N)
+    search = AskTell(SPACE, PBIL, n=N, seed=5)
+    for actions in np.asarray(record.actions):
+        for trial in search.ask():
+            search.tell(trial.id, score(trial.proposal))
+        assert [line["actions"] for line in search.history[-N:]] == actions.tolist()
+    jax.tree.map(np.testing.assert_array_equal, search.state, state)
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name == "sdr")) for name in METHODS]
+)
+def test_a_history_gives_the_same_state_again(tmp_path: Path, name: str) -> None:
+    unbroken = drive(AskTell(SPACE, METHODS[name], n=N))
+    path = tmp_path / "history.jsonl"
+    for stop in (1, 5, 9, 15):
+        drive(AskTell(SPACE, METHODS[name], n=N, path=path), stop)
+    again = AskTell(SPACE, METHODS[name], n=N, path=path)
+    assert again.history == unbroken.history
+    assert_same_state(again, unbroken)
+    # Failed trials are in the history as such, and spoil no method.
+    assert [line["reward"] is None for line in again.history] == [fails(id) for id in range(15)]
+    assert np.isfinite(again.solution().centre).all()
+
+
+@settings(max_examples=10)
+@given(st.integers(0, 5 * N), st.integers(0, 2**16), st.binary(max_size=30))
+def test_any_order_and_any_cut_end_alike(tmp_path_factory, stop: int, seed: int, rest) -> None:
+    path = tmp_path_factory.mktemp("cut") / "history.jsonl"
+    drive(AskTell(SPACE, PBIL, n=N, seed=seed, path=path), stop)
+    with open(path, "ab") as file:  # what a kill may leave of a line
+        file.write(rest.replace(b"\n", b"").replace(b"\r", b""))
+    went_on = drive(AskTell(SPACE, PBIL, n=N, seed=seed, path=path), order=-1)
+    assert_same_state(went_on, drive(AskTell(SPACE, PBIL, n=N, seed=seed)))
+    assert len(path.read_text().splitlines()) == 5 * N
+
+
+def test_asking_again_gives_what_is_not_told_yet() -> None:
+    search = AskTell(SPACE, PBIL, n=N)
+    first = search.ask()
+    assert [trial.id for trial in first] == [0, 1, 2]
+    search.tell(1, 0.5, note="kept")
+    assert [(t.id, t.seed) for t in search.ask()] == [(t.id, t.seed) for t in (first[0], first[2])]
+    assert search.history[0]["note"] == "kept"
+    assert search.updates == 0
+    search.tell(2, 0.5)
+    search.tell(0, 0.5)
+    assert search.updates == 1
+    assert [trial.id for trial in search.ask()] == [3, 4, 5]
+
+
+def test_a_method_of_so_many_updates_ends() -> None:
+    search = drive(AskTell(SPACE, SDR, n=N), 6 * N)
+    assert search.ask() == []
+    with pytest.raises(ValueError, match="none is waiting"):
+        search.tell(18, 1.0)
+
+
+@pytest.mark.parametrize("reward", [None, np.nan, np.inf, -np.inf, 1e300])
+def test_what_is_no_number_counts_as_failed(reward: float | None) -> None:
+    search = AskTell(SPACE, SDR, n=2)
+    for trial in search.ask():
+        search.tell(trial.id, reward)
+    assert [line["reward"] for line in search.history] == [None, None]
+    assert search.updates == 1
+    assert np.isfinite(search.method.probabilities(search.state)).all()
+
+
+def test_rest_of_an_update_is_learnt_from_by_a_method_that_nan_spoils() -> None:
+    """The failed data set has no say: the same update as without it."""
+    search = AskTell(SPACE, SDR, n=3)
+    state, (a, _, c) = search.state, search.ask()
+    actions = jnp.asarray([search._actions_of(a.id), search._actions_of(c.id)])
+    wanted, _ = SDR.update(state, actions, jnp.asarray([1.0, 3.0]))
+    for id, reward in ((0, 1.0), (1, None), (2, 3.0)):
+        search.tell(id, reward)
+    jax.tree.map(np.testing.assert_array_equal, search.state, wanted)
+
+
+def test_wrong_use_is_refused(tmp_path: Path) -> None:
+    search = AskTell(SPACE, PBIL, n=2)
+    search.tell(0, 1.0)
+    with pytest.raises(ValueError, match="trial 0 waits for no reward; waiting are 1"):
+        search.tell(0, 1.0)
+    with pytest.raises(ValueError, match="seed is a field"):
+        search.tell(1, 1.0, seed=3)
+    with pytest.raises(ValueError, match="n is 0"):
+        AskTell(SPACE, PBIL, n=0)
+    path = tmp_path / "history.jsonl"
+    one, other = (AskTell(SPACE, PBIL, n=2, path=path) for _ in range(2))
+    one.tell(0, 1.0)
+    with pytest.raises(RuntimeError, match="changed by another process"):
+        other.tell(1, 1.0)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        dict(seed=1),
+        dict(n=2),
+        dict(method=sdr_jax.random_search(space(list("abc"))), space=space(list("abc"))),
+    ],
+)
+def test_the_history_of_another_search_is_refused(tmp_path: Path, change: dict) -> None:
+    path = tmp_path / "history.jsonl"
+    drive(AskTell(SPACE, PBIL, n=N, path=path), 4)
+    before = path.read_bytes()
+    with pytest.raises(ValueError, match=r"history.jsonl: line \d was not told to this search"):
+        AskTell(**{"space": SPACE, "method": PBIL, "n": N, "path": path} | change)
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("line", ["[]", "rubbish", '{"id": NaN}', '{"id": 0, "reward": "1"}'])
+def test_a_line_that_is_no_record_is_named(tmp_path: Path, line: str) -> None:
+    path = tmp_path / "history.jsonl"
+    path.write_text(f"{line}\n{json.dumps({})}\n")
+    with pytest.raises(ValueError, match=r"history.jsonl: line 1"):
+        AskTell(SPACE, PBIL, n=N, path=path)
+
+
+def test_the_example_in_the_readme_runs_and_goes_on(tmp_path: Path, monkeypatch, capsys) -> None:
+    (code,) = re.findall(r"```py\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    exec(compile(code, "README.md", "exec"), {})
+    lines = (tmp_path / "history.jsonl").read_text()
+    exec(compile(code, "README.md", "exec"), {})
+    assert (tmp_path / "history.jsonl").read_text() == lines
+    first, second = capsys.readouterr().out.splitlines()
+    assert first == second
