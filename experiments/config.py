@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
+import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 from experiments.errors import UserError
@@ -59,6 +60,20 @@ Group = Annotated[
 ]
 """Names of attributes; on the command line one word, with commas."""
 
+MethodName = Literal[
+    "actor_critic",
+    "sdr",
+    "random_attributes",
+    "random_search",
+    "attribute_descent",
+    "gaussian",
+    "pbil",
+    "linear",
+    "cma_es",
+    "tpe",
+]
+"""Every search method, by the name of its function in ``sdr_jax``."""
+
 SEED_END = 2**31
 """Seeds lie below: what is derived from them must fit into 32 bits."""
 
@@ -94,12 +109,12 @@ class Stage:
 class Search:
     """How the attributes are searched for. The paper's values are those of the ``paper`` preset."""
 
-    method: Literal["sdr", "random_search"] = "sdr"
-    """The search method."""
+    method: Annotated[MethodName, tyro.conf.arg(aliases=["--method"])] = "actor_critic"
+    """The search method; ``sdr`` is the paper's."""
     bins: int = 10
     """Values that each attribute is cut into (the paper's K)."""
     updates_per_group: int = 8
-    """Policy updates for each group."""
+    """Policy updates for each group; other methods than SDR take as many in all, without an order."""
     datasets_per_update: int = 4
     """Datasets that each update renders, trains on and scores."""
     learning_rate: float = 1e-2
@@ -295,7 +310,13 @@ def _paper(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Conf
     return Config(
         preset="paper",
         groups=groups,
-        search=Search(updates_per_group=50, datasets_per_update=1, baseline="ema", normalise=False),
+        search=Search(
+            method="sdr",
+            updates_per_group=50,
+            datasets_per_update=1,
+            baseline="ema",
+            normalise=False,
+        ),
         reward=Stage(width, height, 18, 10, samples=1, train=replace(net, steps=1000)),
         final=Stage(width, height, 45, 10, samples=1, train=replace(net, steps=20_000)),
         candidates=("argmax",),
@@ -331,7 +352,7 @@ def camvid_config(preset: str) -> Config:
     return Config(
         preset="quick",
         groups=CAMVID_GROUPS,
-        search=Search(updates_per_group=12, datasets_per_update=8, relaxation=0.3),
+        search=Search(updates_per_group=6, datasets_per_update=8, relaxation=0.3),
         reward=Stage(64, 48, streets=12, shots=8, train=TrainSettings(steps=200)),
         final=Stage(128, 96, streets=50, shots=8, train=TrainSettings(steps=1000)),
         candidate_seeds=3,

@@ -21,6 +21,9 @@ from scene.attributes import NAMES
 from scene.workers import WorkerPool
 from seg.train import TrainingError
 
+ON_HOST = ("cma_es", "tpe")
+"""Methods of other libraries, which JAX cannot trace."""
+
 
 class SearchResult(NamedTuple):
     """What the search found, and how it went."""
@@ -51,26 +54,32 @@ def make_method(search: Search, space: sdr_jax.Space) -> sdr_jax.Method:
     Raises:
         UserError: an option out of range.
     """
+    try:
+        if search.method == "sdr":
+            return _sdr(search, space)
+        if search.method == "random_attributes":
+            return sdr_jax.random_attributes(space)
+        return getattr(sdr_jax, search.method)(space, width=search.relaxation)
+    except (ImportError, ValueError) as error:
+        raise UserError(f"--search: {error}") from None
+
+
+def _sdr(search: Search, space: sdr_jax.Space) -> sdr_jax.Method:
     baseline = {
         "ema": sdr_jax.ema,
         "ema_current": lambda: sdr_jax.ema(includes_current=True),
         "leave_one_out": sdr_jax.leave_one_out,
     }[search.baseline]()
-    try:
-        if search.method == "random_search":
-            return sdr_jax.random_search(space, width=search.relaxation)
-        return sdr_jax.sdr(
-            space,
-            optax.adam(search.learning_rate),
-            updates_per_group=search.updates_per_group,
-            baseline=baseline,
-            transform=sdr_jax.squared_percent if search.squared_reward else sdr_jax.identity,
-            normalise=search.normalise,
-            width=search.relaxation,
-            unoptimised=search.unoptimised,
-        )
-    except ValueError as error:
-        raise UserError(f"--search: {error}") from None
+    return sdr_jax.sdr(
+        space,
+        optax.adam(search.learning_rate),
+        updates_per_group=search.updates_per_group,
+        baseline=baseline,
+        transform=sdr_jax.squared_percent if search.squared_reward else sdr_jax.identity,
+        normalise=search.normalise,
+        width=search.relaxation,
+        unoptimised=search.unoptimised,
+    )
 
 
 def total_updates(config: Config) -> int:
@@ -182,7 +191,7 @@ def search(
     rewards = _Rewards(config, target, truth, folder, workers, progress, cost, store)
     reward_fn = sdr_jax.host_reward(rewards, config.reward.streets)
     n = config.search.datasets_per_update
-    step = sdr_jax.make_step(method, reward_fn, n)
+    step = sdr_jax.make_step(method, reward_fn, n, compiled=config.search.method not in ON_HOST)
     init_key, steps_key = jax.random.split(jax.random.key(config.seed))
     state = method.init(init_key)
     history: list[tuple] = []

@@ -81,7 +81,7 @@ def evaluate(layout: Features, actions: Int[Array, "n attributes"]) -> Float[Arr
     return jnp.concatenate([own.reshape(n, -1), products.reshape(n, -1)], axis=1)
 
 
-def _split(layout: Features, weights: Array) -> tuple[Array, Array]:
+def split(layout: Features, weights: Array) -> tuple[Array, Array]:
     """A model's value of each bin alone, and its symmetric interactions.
 
     Returns:
@@ -114,7 +114,7 @@ def tables(
 
     Minus infinity for bins an attribute lacks.
     """
-    alone, between = _split(layout, weights)
+    alone, between = split(layout, weights)
     rows = jnp.arange(space.attributes)
     at = jnp.asarray(layout.basis)[rows, actions, : layout.pair_degree]
     pulls = jnp.einsum("ijpq,jq->ip", between, at)
@@ -138,7 +138,7 @@ def maximise(
     Returns:
         Bins; a local optimum, the best of those found.
     """
-    alone, between = _split(layout, weights)
+    alone, between = split(layout, weights)
     basis = jnp.asarray(layout.basis)[:, :, : layout.pair_degree]
     rows = jnp.arange(space.attributes)
     shape = (STARTS - 1, space.attributes)

@@ -34,13 +34,14 @@ class StepFn(Protocol):
         """The key is consumed. The state given stays valid, should the rewards turn out NaN."""
 
 
-def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
+def make_step(method: Method, reward_fn: RewardFn, n: int = 1, *, compiled: bool = True) -> StepFn:
     """One jitted step = sample -> reward -> update, for loops on the host and for `run`.
 
     Args:
         method: what learns.
         reward_fn: what scores, in JAX or through `host_reward`.
         n: data sets per update.
+        compiled: False for host adapters such as `cma_es` and rewards that JAX cannot trace.
 
     Returns:
         `step(rng_key, state) -> (state, record)`.
@@ -49,11 +50,11 @@ def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
     def step(rng_key: Key[Array, ""], state: State) -> tuple[State, Record]:
         sample_key, reward_key = jax.random.split(rng_key)
         actions, proposals = method.sample(sample_key, state, n)
-        rewards = reward_fn(reward_key, proposals)
+        rewards = jnp.asarray(reward_fn(reward_key, proposals), jnp.float32)
         state, info = method.update(state, actions, rewards)
         return state, Record(actions, rewards, info)
 
-    return jax.jit(step)
+    return jax.jit(step) if compiled else step
 
 
 def run(
@@ -125,11 +126,9 @@ def run_on_host(
         raise ValueError(f"updates is {updates}, but must be at least 1")
     init_key, steps_key = jax.random.split(rng_key)
     state = method.init(init_key)
+    step = make_step(method, reward_fn, n, compiled=False)
     records = []
     for t in range(updates):
-        sample_key, reward_key = jax.random.split(jax.random.fold_in(steps_key, t))
-        actions, proposals = method.sample(sample_key, state, n)
-        rewards = jnp.asarray(reward_fn(reward_key, proposals), jnp.float32)
-        state, info = method.update(state, actions, rewards)
-        records.append(Record(actions, rewards, info))
+        state, record = step(jax.random.fold_in(steps_key, t), state)
+        records.append(record)
     return state, jax.tree.map(lambda *leaves: jnp.stack(leaves), *records)

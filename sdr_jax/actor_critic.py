@@ -1,0 +1,189 @@
+"""SDR carried on: the policy over bins follows a critic that learns from every evaluation."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+from sdr_jax import bins
+from sdr_jax import critic as critics
+from sdr_jax.critic import Critic, CriticState
+from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.policy import entropy
+from sdr_jax.regression import Posterior
+from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
+
+SWEEPS = 4
+"""Natural-gradient steps of the policy in every update."""
+
+DRAWS = 32
+"""Draws from the critic's posterior, whose spread sets the temperatures."""
+
+
+class ActorCriticState(NamedTuple):
+    """A policy, and what it follows."""
+
+    critic: CriticState
+    logits: Float[Array, "attributes bins"]  # minus infinity for bins an attribute lacks
+    best: Int[Array, "attributes"]  # bins of the critic's highest mean, -1 before two rewards
+
+
+def actor_critic(
+    space: Space,
+    width: float | tuple[float, ...] | None = None,
+    *,
+    temperature: float = 0.7,
+    degree: int = 9,
+    pair_degree: int | None = None,
+) -> Method:
+    """SDR whose policy gradient comes from a model of the reward instead of from single rewards.
+
+    As in SDR, each attribute has a softmax policy over its bins, data sets are drawn from it and
+    relaxed. But where REINFORCE throws a reward away after one noisy step, a Bayesian critic keeps
+    all of them (`critic.py`: smooth in every attribute, pairwise within groups, its scales learnt by
+    evidence), and the gradient of what it expects of the policy is exact. The policy maximises
+
+        E_pi[r_critic] + sum_i tau_i H(pi_i),   tau_i = temperature * std_i
+
+    where std_i is the posterior's standard deviation of the differences between i's bins: so an
+    attribute keeps exploring until the critic is surer of them than they differ. The natural
+    gradient in the logits is `Q_i - tau_i log pi_i`; steps of 1 / tau_i, which are `logits = Q / tau`,
+    alternate with new expectations. Groups say which attributes may interact, not in which order to
+    learn: all are learnt at once. The data sets of an update are stratified, so that together
+    they try every part of the policy.
+
+    The answer holds the bins of the critic's highest mean, not of the luckiest draw. `spread` has the
+    moments of the policy: what drowns in the noise stays wide. NaN rewards are passed by.
+
+    Args:
+        space: the attributes, their bins, and the groups whose members may interact.
+        width: of the relaxed bins, see `relax`.
+        temperature: above 0; higher explores longer.
+        degree: see `critic.critic`.
+        pair_degree: see `critic.critic`.
+
+    Returns:
+        The method, for any number of updates.
+
+    Raises:
+        ValueError: an option out of range.
+
+    Source: not in the paper, whose policy and bins it keeps; Kakade 2001, "A natural policy
+        gradient"; MacKay 1992, "Bayesian interpolation".
+    """
+    check_relaxation(space, width, "random")
+    if not (temperature > 0 and np.isfinite(temperature)):
+        raise ValueError(f"temperature is {temperature}, but must be above 0")
+    model = critics.critic(space, degree, pair_degree)
+    there = bins.mask(space)
+    level = np.where(there, 0.0, -np.inf).astype(np.float32)
+
+    def init(rng_key: Key[Array, ""]) -> ActorCriticState:
+        del rng_key  # nothing is random before the first sample
+        undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
+        return ActorCriticState(critics.init(model), jnp.asarray(level), undecided)
+
+    def sample(
+        rng_key: Key[Array, ""], state: ActorCriticState, n: int
+    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+        actions = stratified(rng_key, space, jax.nn.softmax(state.logits), n)
+        return actions, relax(space, actions, width)
+
+    def update(
+        state: ActorCriticState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[ActorCriticState, Info]:
+        info = plain_info(rewards, entropy(state.logits, jnp.ones(space.attributes, bool)))
+        critic = critics.observe(model, state.critic, actions, rewards)
+        belief = critics.posterior(model, critic)
+        logits = follow(model, belief, state.logits, temperature)
+        best = critics.best_bins(model, belief)
+        known = critic.noise > 0
+        next_state = ActorCriticState(
+            critic,
+            jnp.where(known, logits, state.logits),
+            jnp.where(known, best, state.best),
+        )
+        return next_state, info
+
+    def probabilities(state: ActorCriticState) -> Float[Array, "attributes bins"]:
+        return jax.nn.softmax(state.logits)
+
+    def solution(state: ActorCriticState) -> Proposal:
+        return relax(space, state.best, width)
+
+    def spread(state: ActorCriticState) -> Proposal:
+        return bins.spread(space, jax.nn.softmax(state.logits), width)
+
+    return jitted(
+        init=init,
+        sample=sample,
+        update=update,
+        solution=solution,
+        spread=spread,
+        probabilities=probabilities,
+    )
+
+
+def follow(
+    model: Critic,
+    belief: Posterior,
+    logits: Float[Array, "attributes bins"],
+    temperature: float,
+) -> Float[Array, "attributes bins"]:
+    """Moves a policy to where a critic's expected reward plus entropy is highest.
+
+    Args:
+        model: the critic.
+        belief: what it believes.
+        logits: the policy from which to start; minus infinity stays.
+        temperature: factor on the posterior's standard deviations.
+
+    Returns:
+        The logits, up to a constant for each attribute.
+    """
+    there = jnp.asarray(bins.mask(model.space))
+    sizes = jnp.asarray(model.space.bins, jnp.float32)[:, None]
+    mean = critics.mean_model(model, belief)
+    # A fixed key: the same evaluations give the same temperatures.
+    draws = critics.draw_models(jax.random.key(0), model, belief, DRAWS)
+    for _ in range(SWEEPS):
+        probabilities = jax.nn.softmax(logits)
+        q = critics.values(model, mean, probabilities)
+        drawn = jax.vmap(lambda one: critics.values(model, one, probabilities))(draws)  # noqa: B023
+        error = jnp.where(there[None], drawn - q[None], 0.0)
+        error = error - error.sum(axis=2, keepdims=True) / sizes[None]
+        variance = jnp.where(there[None], error**2, 0.0).sum(axis=2) / sizes[None, :, 0]
+        tau = temperature * jnp.sqrt(variance.mean(axis=0))
+        logits = jnp.where(there, q / jnp.maximum(tau, 1e-12)[:, None], -jnp.inf)
+    return logits - jnp.max(logits, axis=1, keepdims=True)
+
+
+def stratified(
+    rng_key: Key[Array, ""],
+    space: Space,
+    probabilities: Float[Array, "attributes bins"],
+    n: int,
+) -> Int[Array, "n attributes"]:
+    """Draws n actions, each from the policy, that together keep to it as closely as n can.
+
+    Every attribute's quantiles are cut into n parts, of which each action gets one, shuffled
+    independently of other attributes: a Latin hypercube.
+
+    Args:
+        rng_key: consumed.
+        space: the attributes and their bins.
+        probabilities: the policy; rows sum to 1.
+        n: how many.
+
+    Returns:
+        Bins.
+    """
+    shift_key, order_key = jax.random.split(rng_key)
+    shift = jax.random.uniform(shift_key, (n, space.attributes))
+    order = jax.random.uniform(order_key, (n, space.attributes))
+    quantiles = (jnp.argsort(order, axis=0) + shift) / n
+    below = jnp.cumsum(probabilities, axis=1)
+    actions = jnp.sum(quantiles[:, :, None] >= below[None], axis=2)  # rounding may end below 1
+    return jnp.minimum(actions, jnp.asarray(space.bins)[None, :] - 1).astype(jnp.int32)

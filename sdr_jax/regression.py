@@ -1,0 +1,116 @@
+"""Bayesian linear regression in sufficient statistics, so that its size does not grow with the data.
+
+The intercept has a flat prior: it is integrated out by centring.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.scipy.linalg import cho_solve, solve_triangular
+from jaxtyping import Array, Float, Key
+
+
+class Statistics(NamedTuple):
+    """All that is kept of the evaluations, of rewards less the offset."""
+
+    gram: Float[Array, "features features"]  # X'X
+    sums: Float[Array, "features"]  # X'1
+    moment: Float[Array, "features"]  # X'y
+    total: Float[Array, ""]  # 1'y
+    square: Float[Array, ""]  # y'y
+    seen: Float[Array, ""]  # evaluations with a reward
+    offset: Float[Array, ""]  # mean of the first rewards; takes large means out of float32
+
+
+class Centred(NamedTuple):
+    """The same around their means, and how many numbers they stand for."""
+
+    gram: Float[Array, "features features"]
+    moment: Float[Array, "features"]
+    square: Float[Array, ""]
+    freedom: Float[Array, ""]  # evaluations less one, at least one
+
+
+class Posterior(NamedTuple):
+    """A normal distribution of the weights, `mean + scale L^-T z`."""
+
+    mean: Float[Array, "features"]
+    factor: Float[Array, "features features"]  # L, lower, of the whitened precision
+    scale: Float[Array, "features"]  # prior standard deviation of each weight
+
+
+def empty(features: int) -> Statistics:
+    """The statistics of no evaluation."""
+    zero = jnp.zeros((), jnp.float32)
+    vector = jnp.zeros(features, jnp.float32)
+    gram = jnp.zeros((features, features), jnp.float32)
+    return Statistics(gram, vector, vector, zero, zero, zero, zero)
+
+
+def add(
+    statistics: Statistics, x: Float[Array, "n features"], rewards: Float[Array, "n"]
+) -> Statistics:
+    """Counts evaluations in; NaN rewards are passed by."""
+    known = jnp.isfinite(rewards)
+    count = jnp.sum(known).astype(jnp.float32)
+    mean = jnp.sum(jnp.where(known, rewards, 0.0)) / jnp.maximum(count, 1)
+    offset = jnp.where(statistics.seen > 0, statistics.offset, mean)
+    y = jnp.where(known, rewards - offset, 0.0)
+    x = jnp.where(known[:, None], x, 0.0)
+    return Statistics(
+        gram=statistics.gram + x.T @ x,
+        sums=statistics.sums + x.sum(axis=0),
+        moment=statistics.moment + x.T @ y,
+        total=statistics.total + y.sum(),
+        square=statistics.square + jnp.sum(y**2),
+        seen=statistics.seen + count,
+        offset=offset,
+    )
+
+
+def centred(statistics: Statistics) -> Centred:
+    """Takes the means out."""
+    count = jnp.maximum(statistics.seen, 1)
+    freedom = jnp.maximum(statistics.seen - 1, 1)
+    square = jnp.maximum(statistics.square - statistics.total**2 / count, 0.0)
+    return Centred(
+        gram=statistics.gram - jnp.outer(statistics.sums, statistics.sums) / count,
+        moment=statistics.moment - statistics.sums * statistics.total / count,
+        # Without any difference between rewards every scale is as good as another.
+        square=jnp.where(square > 0, square, freedom),
+        freedom=freedom,
+    )
+
+
+def posterior(
+    data: Centred, std: Float[Array, "features"], noise: Float[Array, ""]
+) -> tuple[Posterior, Float[Array, "features"]]:
+    """The weights' posterior, of `y = X w + e` with w ~ N(0, std^2) and e ~ N(0, noise^2).
+
+    Whitening, `w = std v`, keeps the precision well conditioned:
+
+        L L' = I + S X'X S / noise^2,   S = diag(std)
+
+    Args:
+        data: the evaluations.
+        std: the prior's standard deviations; 0 for features that are not there.
+        noise: standard deviation of a reward.
+
+    Returns:
+        The posterior, and its mean in the whitened coordinates.
+    """
+    ratio = std / noise
+    precision = ratio[:, None] * data.gram * ratio[None, :] + jnp.eye(std.shape[0])
+    factor = jnp.linalg.cholesky(precision)
+    whitened = cho_solve((factor, True), ratio * data.moment) / noise
+    return Posterior(std * whitened, factor, std), whitened
+
+
+def draw(
+    rng_key: Key[Array, ""], belief: Posterior, n: int, factor: float = 1.0
+) -> Float[Array, "n features"]:
+    """Draws weights, with the posterior's standard deviation times a factor; the key is consumed."""
+    noise = factor * jax.random.normal(rng_key, (belief.mean.shape[0], n))
+    whitened = solve_triangular(belief.factor, noise, lower=True, trans=1)
+    return belief.mean[None, :] + belief.scale[None, :] * whitened.T
