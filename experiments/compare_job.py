@@ -8,10 +8,11 @@ from experiments import compare_report
 from experiments.compare_config import RANDOM, CompareConfig, check, make_target, plans
 from experiments.compare_search import Comparison, Name
 from experiments.errors import UserError
-from experiments.evaluator import Evaluator, Outcome
+from experiments.evaluator import Evaluator
 from experiments.finals import random_proposal
 from experiments.folder import RunFolder, refuse_foreign
 from experiments.job import cost
+from experiments.outcome import Outcome
 from experiments.progress import Progress
 from experiments.reward import Truth, worker_environment
 from experiments.store import FILE, Store

@@ -50,7 +50,7 @@ def picture(report: dict[str, Any]) -> bytes:
     against_attributes(axes[0], _accuracy)
     axes[0].set(ylabel="mIoU on the test images, %", title="final nets, 95 % intervals")
     against_attributes(axes[1], _minutes)
-    axes[1].set(ylabel="CPU minutes, rewards and method", title="time of the search")
+    axes[1].set(ylabel="minutes of one core, rewards and method", title="time of the search")
     axes[1].set_ylim(bottom=0)
     for axis, subset in zip(axes[2:], subsets, strict=True):
         for row in rows:

@@ -12,8 +12,8 @@ import sdr_jax
 from experiments.compare_config import RANDOM, CompareConfig, subset_title
 from experiments.compare_picture import picture
 from experiments.compare_search import Found, Name
-from experiments.evaluator import Outcome
 from experiments.folder import write_atomically, write_json
+from experiments.outcome import Outcome
 from experiments.stats import mean_ci95, paired_gain
 from experiments.targets import Target
 from scene.attributes import NAMES

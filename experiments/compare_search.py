@@ -12,9 +12,10 @@ import numpy as np
 
 import sdr_jax
 from experiments.compare_config import CompareConfig, Plan
-from experiments.evaluator import Evaluator, Job, Outcome
+from experiments.evaluator import Evaluator, Job
 from experiments.finals import draw_units, random_proposal
 from experiments.job import cost
+from experiments.outcome import Outcome
 from experiments.progress import Progress
 from experiments.reward import evaluate
 from scene.attributes import NAMES

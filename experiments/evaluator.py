@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import math
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -14,12 +13,12 @@ import numpy as np
 
 from experiments.config import Config, Stage
 from experiments.keys import digest, engine, evaluation_key, folder_digest
+from experiments.outcome import Outcome, attempt
 from experiments.reward import Evaluation, Truth
 from experiments.store import DIGITS, Store
 from experiments.targets import Target
 from scene.workers import WorkerPool
 from sdr_jax import Proposal
-from seg.train import TrainingError
 
 Side = Literal["reward", "test"]
 
@@ -30,34 +29,6 @@ class Job(NamedTuple):
     proposal: Proposal  # f32[attributes] each; kept for readers, the units decide
     units: np.ndarray  # f32[streets, attributes], drawn from it
     seed: int
-
-
-class Outcome(NamedTuple):
-    """What one dataset was worth, or why that is not known."""
-
-    reward: float  # mIoU in [0, 1]; NaN if it failed
-    class_iou: list[float | None]  # None for classes that do not occur in the truth
-    render_seconds: float
-    train_seconds: float
-    failed: str | None = None
-    stored: bool = False  # it was known, and took no time now
-
-    @property
-    def seconds(self) -> float:
-        """What the evaluation took, when it was made, on a worker's one core."""
-        return self.render_seconds + self.train_seconds
-
-
-def attempt(evaluate: Callable[..., Evaluation], *arguments: Any) -> Outcome:
-    """Evaluate; training that diverges is an outcome, too."""
-    started = time.perf_counter()
-    try:
-        found = evaluate(*arguments)
-    except TrainingError as error:
-        return Outcome(math.nan, [], 0.0, time.perf_counter() - started, str(error))
-    if not math.isfinite(found.reward):
-        return Outcome(found.reward, [], 0.0, time.perf_counter() - started)
-    return Outcome(found.reward, found.class_iou, found.render_seconds, found.train_seconds)
 
 
 class Evaluator:

@@ -14,8 +14,9 @@ import numpy as np
 
 import sdr_jax
 from experiments.config import Config
-from experiments.evaluator import Evaluator, Job, Outcome, Side
+from experiments.evaluator import Evaluator, Job, Side
 from experiments.folder import RunFolder
+from experiments.outcome import Outcome
 from experiments.progress import Progress
 from experiments.reward import Evaluation, Truth, evaluate, evaluate_real
 from experiments.search import SearchResult

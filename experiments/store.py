@@ -247,13 +247,14 @@ def table(store: Store) -> str:
     for record in store.records:
         configs.setdefault(record["config"], []).append(record)
     for config, records in configs.items():
-        kind = " ".join(str(records[0].get(name, "?")) for name in ("target", "side", "size"))
+        about = [str(records[0].get(name, "?")) for name in ("target", "side", "size", "images")]
+        kind = f"{' '.join(about)} images"
         rewards = [r["reward"] for r in records if r["reward"] is not None]
         best, mean = (
             (100 * max(rewards), 100 * float(np.mean(rewards))) if rewards else (math.nan,) * 2
         )
         lines.append(
-            f"  {config}  {kind:28s} {len(records):6d} evaluations, {len(records) - len(rewards)} failed"
+            f"  {config}  {kind:36s} {len(records):6d} evaluations, {len(records) - len(rewards)} failed"
             f" | mIoU best {best:5.2f}, mean {mean:5.2f}"
         )
     return "\n".join(lines)

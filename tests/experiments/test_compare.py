@@ -26,7 +26,7 @@ from experiments.compare_main import main
 from experiments.compare_search import Found, embed, learnable
 from experiments.config import PRESETS
 from experiments.errors import UserError
-from experiments.evaluator import Outcome
+from experiments.outcome import Outcome
 from experiments.reward import Evaluation
 from experiments.stats import mean_ci95, paired_gain
 from experiments.store import Store

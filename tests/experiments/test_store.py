@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 import sdr_jax
 from experiments import search as search_module
 from experiments.config import camvid_config
-from experiments.evaluator import Evaluator, Job, about, attempt
+from experiments.evaluator import Evaluator, Job, about
 from experiments.finals import draw_units, random_proposal
 from experiments.folder import RunFolder
 from experiments.keys import digest, engine, evaluation_key, folder_digest
+from experiments.outcome import attempt
 from experiments.progress import Progress
 from experiments.reward import Evaluation, Truth
 from experiments.store import HEADER, Store, main
