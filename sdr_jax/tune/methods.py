@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import optax
 
+from sdr_jax.actor_critic import actor_critic
 from sdr_jax.attribute_descent import attribute_descent
 from sdr_jax.baseline import ema, leave_one_out
 from sdr_jax.cma_es import cma_es
@@ -23,7 +24,7 @@ from sdr_jax.space import Space
 from sdr_jax.tpe import tpe
 from sdr_jax.tune.errors import TuneError
 
-DEFAULT_METHOD = "linear"
+DEFAULT_METHOD = "actor_critic"
 
 BASELINES = {"ema": ema, "leave_one_out": leave_one_out}
 
@@ -67,6 +68,7 @@ def _gaussian(
 
 
 METHODS: dict[str, Callable[..., Method]] = {
+    "actor_critic": actor_critic,
     "attribute_descent": attribute_descent,
     "cma_es": cma_es,
     "gaussian": _gaussian,

@@ -19,6 +19,7 @@ TARGET = jnp.asarray([0.9, 0.1, 0.25, 0.65, 0.3])
 PURE = {
     "random_attributes": sdr_jax.random_attributes(SPACE),
     "random_search": sdr_jax.random_search(SPACE),
+    "actor_critic": sdr_jax.actor_critic(SPACE),
     "attribute_descent": sdr_jax.attribute_descent(SPACE),
     "gaussian": sdr_jax.gaussian(SPACE),
     "linear": sdr_jax.linear(SPACE),
