@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import sdr_jax
+from benchmarks import recorded
 
 GRID = 400
 """Cells that [0, 1] is cut into; functions are constant on each."""
@@ -94,6 +95,33 @@ def _reward(
     return values + noise * jax.random.normal(rng_key, values.shape)
 
 
+@dataclass(frozen=True, eq=False)
+class Tabular:
+    """A table of rewards, one for each combination of bins.
+
+    A proposal is worth what stands at the bins that its centres fall into; its widths mean nothing
+    to a table, which has no values between its entries. (Random attributes are centre 0.5.)
+    """
+
+    space: sdr_jax.Space
+    table: np.ndarray  # f64[bins of attribute 0, bins of attribute 1, ...]
+    noise: float = 0.0  # standard deviation of a reward
+
+    def reward(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> jax.Array:
+        """Entries with normal noise; the key is consumed."""
+        values = jnp.asarray(self._entries(np.asarray(proposals.centre)), jnp.float32)
+        return values + self.noise * jax.random.normal(rng_key, values.shape)
+
+    def true_value(self, proposal: sdr_jax.Proposal) -> float:
+        """The entry."""
+        return float(self._entries(np.asarray(proposal.centre)[None])[0])
+
+    def _entries(self, centre: np.ndarray) -> np.ndarray:
+        sizes = np.asarray(self.table.shape)
+        found = np.clip((centre * sizes).astype(int), 0, sizes - 1)
+        return self.table[tuple(found.T)]
+
+
 def grouped_space() -> sdr_jax.Space:
     """23 attributes with 10 bins each, in six groups."""
     groups = [[f"{'abcdef'[g]}{i}" for i in range(size)] for g, size in enumerate(GROUPS)]
@@ -147,11 +175,12 @@ def weak_signal(seed: int) -> Analytic:
     return _build(space, functions, noise=30.0)
 
 
-PROBLEMS: dict[str, Callable[[int], Analytic]] = {
+PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "smooth": smooth,
     "rugged": rugged,
     "plateau": plateau,
     "weak-signal": weak_signal,
+    "camvid": lambda seed: recorded.camvid(),
 }
 """Name -> the problem's instance of a seed."""
 

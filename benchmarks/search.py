@@ -1,20 +1,23 @@
 """Search methods beside each other on problems whose answer is known.
 
-    python -m benchmarks.search --json search.json
+    python -m benchmarks.search --json search.json --plot search.png
     python -m benchmarks.search --evaluations 50 --seeds 3 --methods sdr linear --problems smooth
 
-Every value is the true one of the proposal that a method recommends after so many noisy evaluations: 0
-for random attributes, 100 for the best bins. Every seed is another instance of the problem, the same
-one for all methods.
+Every value is the true one of the proposal that a method recommends after so many noisy evaluations. On
+the analytic problems 0 is random attributes and 100 the best bins, and every seed is another instance,
+the same one for all methods; `camvid` is in percent of mIoU (see ``benchmarks/recorded.py``).
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from functools import cache
+from multiprocessing import get_context
 from typing import Any, NamedTuple
 
 import jax
@@ -22,10 +25,15 @@ import numpy as np
 
 import sdr_jax
 from benchmarks.problems import PROBLEMS, Problem
+from benchmarks.ranking import behind, mean_ranks, needed, text
 from benchmarks.report import Row, parser, table, write
+from experiments.reward import worker_environment
 
-DEFAULT = "sdr"
+DEFAULT = "actor_critic"
 """The method that a user of the experiments gets."""
+
+LOOKS = 10
+"""Evaluations between two looks at a method's recommendation."""
 
 
 class Entry(NamedTuple):
@@ -33,6 +41,7 @@ class Entry(NamedTuple):
 
     make: Callable[[sdr_jax.Space, int], sdr_jax.Method]  # of a space and a number of evaluations
     n: int = 1  # data sets per update
+    least: int = 1  # as few as an update can take
     budgeted: bool = False  # whether the method depends on the number of evaluations
 
 
@@ -47,13 +56,23 @@ METHODS: dict[str, Entry] = {
     "attribute_descent": Entry(lambda space, _: sdr_jax.attribute_descent(space)),
     "sdr": Entry(_sdr, budgeted=True),
     # It compares the data sets of an update with each other.
-    "gaussian": Entry(lambda space, _: sdr_jax.gaussian(space), n=4),
+    "gaussian": Entry(lambda space, _: sdr_jax.gaussian(space), n=5, least=2),
     "pbil": Entry(lambda space, _: sdr_jax.pbil(space)),
     "linear": Entry(lambda space, _: sdr_jax.linear(space)),
     "cma_es": Entry(lambda space, _: sdr_jax.cma_es(space)),
     "tpe": Entry(lambda space, _: sdr_jax.tpe(space)),
+    "actor_critic": Entry(lambda space, _: sdr_jax.actor_critic(space), n=5),
 }
 """All methods, by name."""
+
+
+class Trace(NamedTuple):
+    """One search as it went."""
+
+    values: dict[int, float]  # evaluations -> true value of what is then recommended
+    luckiest: dict[int, float]  # evaluations -> true value of the data set of the highest reward
+    seconds: float  # of the method itself, sampling and updating
+    updates: int
 
 
 @cache
@@ -68,18 +87,56 @@ def _method(name: str, space: sdr_jax.Space, evaluations: int) -> sdr_jax.Method
     return _made(name, space, evaluations if METHODS[name].budgeted else None)
 
 
-def _search(
-    name: str, problem: Problem, evaluations: int, seed: int, updates: int | None = None
-) -> tuple[float, int]:
-    """The true value of what a method recommends, and the updates it took."""
-    method = _method(name, problem.space, evaluations)
-    n = METHODS[name].n
-    if evaluations < n:
-        raise ValueError(f"evaluations is {evaluations}, but {name} takes {n} at a time")
-    most = evaluations // n if method.updates is None else min(evaluations // n, method.updates)
-    updates = most if updates is None else min(updates, most)
-    state, _ = sdr_jax.run_on_host(jax.random.key(seed), method, problem.reward, updates, n)
-    return float(problem.true_value(method.solution(state))), updates
+def trace(
+    name: str, problem: Problem, evaluations: int, seed: int, looks: tuple[int, ...]
+) -> Trace:
+    """One search, looked at on the way.
+
+    Args:
+        name: a key of `METHODS`.
+        problem: what is searched.
+        evaluations: data sets that may be scored.
+        seed: of the search and of the noise.
+        looks: numbers of evaluations after which the recommendation is valued.
+
+    Returns:
+        The trace; a look between two updates sees the state after the one before.
+    """
+    method, entry = _method(name, problem.space, evaluations), METHODS[name]
+    n = min(entry.n, evaluations)
+    if n < entry.least:
+        raise ValueError(
+            f"evaluations is {evaluations}, but {name} takes at least {entry.least} at a time"
+        )
+    updates = evaluations // n
+    if method.updates is not None:
+        updates = min(updates, method.updates)
+    init_key, steps_key = jax.random.split(jax.random.key(seed))
+    state = method.init(init_key)
+    best, lucky = -np.inf, None
+    values: dict[int, float] = {}
+    luckiest: dict[int, float] = {}
+    waiting = sorted(looks)
+    seconds = 0.0
+    for t in range(updates):
+        sample_key, reward_key = jax.random.split(jax.random.fold_in(steps_key, t))
+        started = time.perf_counter()
+        actions, proposals = jax.block_until_ready(method.sample(sample_key, state, n))
+        seconds += time.perf_counter() - started
+        rewards = np.asarray(problem.reward(reward_key, proposals), np.float32)
+        if rewards.max() > best:
+            best = float(rewards.max())
+            lucky = sdr_jax.Proposal(*(part[int(rewards.argmax())] for part in proposals))
+        started = time.perf_counter()
+        state, _ = method.update(state, actions, jax.numpy.asarray(rewards))
+        jax.block_until_ready(jax.tree.leaves(state))
+        seconds += time.perf_counter() - started
+        done = (t + 1) * n
+        while waiting and (t == updates - 1 or done + n > waiting[0]):
+            look = waiting.pop(0)
+            values[look] = float(problem.true_value(method.solution(state)))
+            luckiest[look] = float(problem.true_value(lucky))
+    return Trace(values, luckiest, seconds, updates)
 
 
 def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) -> float:
@@ -88,7 +145,7 @@ def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) ->
     Args:
         method_name: a key of `METHODS`.
         problem: any object with `space`, `reward(rng_key, proposals)` and `true_value(proposal)`;
-            it need not be written in JAX.
+            it need not be written in JAX. For tables see `benchmarks.problems.Tabular`.
         evaluations: data sets that may be scored; what does not fill an update or, with SDR, all
             groups alike, stays unused.
         seed: of the search and of the noise.
@@ -100,42 +157,95 @@ def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) ->
         ValueError: an unknown method, or too few evaluations for one update.
         ImportError: a library that the method needs is not installed.
     """
-    return _search(method_name, problem, evaluations, seed)[0]
+    if evaluations < 1:
+        raise ValueError(f"evaluations is {evaluations}, but must be at least 1")
+    return trace(method_name, problem, evaluations, seed, (evaluations,)).values[evaluations]
 
 
-def rows_of(methods: list[str], problems: list[str], budgets: list[int], seeds: int) -> list[Row]:
+class Task(NamedTuple):
+    """What one process does at a time: one method on all instances of one problem."""
+
+    method: str
+    problem: str
+    budgets: tuple[int, ...]
+    seeds: int
+
+
+class Result(NamedTuple):
+    """What came out."""
+
+    task: Task
+    values: np.ndarray  # f64[budgets seeds]: recommended
+    luckiest: np.ndarray  # f64[budgets seeds]: of the highest reward
+    course: dict[int, float]  # evaluations -> mean value in the longest search
+    seconds_per_update: float
+
+
+def work(task: Task) -> Result:
+    """Search all instances; one long search serves all budgets of a method that knows none."""
+    instances = [PROBLEMS[task.problem](seed) for seed in range(task.seeds)]
+    longest = max(task.budgets)
+    looks = tuple(sorted({*range(LOOKS, longest + 1, LOOKS), *task.budgets}))
+    trace(task.method, instances[0], min(2 * METHODS[task.method].n, longest), 0, ())  # compiles
+    budgeted = METHODS[task.method].budgeted
+    lengths = task.budgets if budgeted else (longest,)
+    runs = {
+        length: [
+            trace(task.method, instance, length, seed, looks if length == longest else (length,))
+            for seed, instance in enumerate(instances)
+        ]
+        for length in lengths
+    }
+
+    def at(budget: int, kind: str) -> list[float]:
+        return [getattr(run, kind)[budget] for run in runs[budget if budgeted else longest]]
+
+    seconds = sum(run.seconds for found in runs.values() for run in found)
+    updates = sum(run.updates for found in runs.values() for run in found)
+    return Result(
+        task,
+        np.asarray([at(budget, "values") for budget in task.budgets]),
+        np.asarray([at(budget, "luckiest") for budget in task.budgets]),
+        {look: float(np.mean([run.values[look] for run in runs[longest]])) for look in looks},
+        seconds / updates,
+    )
+
+
+def results(tasks: list[Task], workers: int) -> Iterator[Result]:
+    """Do all tasks, in their order, in so many processes; 0 works in this one."""
+    if workers == 0:
+        yield from map(work, tasks)
+        return
+    # One thread each: the processes share the cores.
+    os.environ.update(worker_environment())
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(work, tasks)
+
+
+def rows_of(found: list[Result]) -> list[Row]:
     """One row for each method, problem and number of evaluations."""
-    rows: list[Row] = []
-    for problem in problems:
-        instances = [PROBLEMS[problem](seed) for seed in range(seeds)]
-        for evaluations in budgets:
-            for name in methods:
-                _search(name, instances[0], evaluations, 0, updates=2)  # compiles
-                started, updates = time.perf_counter(), 0
-                values = []
-                for seed, instance in enumerate(instances):
-                    value, taken = _search(name, instance, evaluations, seed)
-                    values.append(value)
-                    updates += taken
-                seconds = time.perf_counter() - started
-                se = float(np.std(values, ddof=1) / np.sqrt(seeds)) if seeds > 1 else None
-                rows.append(
-                    {
-                        "method": name,
-                        "problem": problem,
-                        "evaluations": evaluations,
-                        "mean": float(np.mean(values)),
-                        "se": se,
-                        "seconds_per_update": seconds / updates,
-                    }
-                )
-    return rows
+    return [
+        {
+            "method": result.task.method,
+            "problem": result.task.problem,
+            "evaluations": evaluations,
+            "mean": float(values.mean()),
+            "se": float(values.std(ddof=1) / np.sqrt(len(values))) if len(values) > 1 else None,
+            "seconds_per_update": result.seconds_per_update,
+        }
+        for result in found
+        for evaluations, values in zip(result.task.budgets, result.values, strict=True)
+    ]
 
 
 def _positive(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"{text!r} is no whole number of at least 1")
     return int(text)
+
+
+def _workers(text: str) -> int:
+    return 0 if text == "0" else _positive(text)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -146,13 +256,41 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--evaluations", type=_positive, nargs="+", default=[50, 100, 300])
     command.add_argument("--methods", choices=METHODS, default=list(METHODS), **names)
     command.add_argument("--problems", choices=PROBLEMS, default=list(PROBLEMS), **names)
+    command.add_argument("--workers", type=_workers, default=os.cpu_count(), help="processes")
+    command.add_argument("--plot", help="also draw value against evaluations into this PNG")
     options = command.parse_args(arguments)
+    budgets = tuple(sorted(set(options.evaluations)))
+    # The slowest first, so that the processes end together.
+    methods = sorted(options.methods, key=lambda name: name not in ("tpe", "linear", DEFAULT))
+    tasks = [Task(m, p, budgets, options.seeds) for m in methods for p in options.problems]
+    found, started = [], time.perf_counter()
     try:
-        rows = rows_of(options.methods, options.problems, options.evaluations, options.seeds)
+        for done, result in enumerate(results(tasks, options.workers), 1):
+            found.append(result)
+            seconds = time.perf_counter() - started
+            print(
+                f"[{100 * done / len(tasks):3.0f} %] {result.task.method} on {result.task.problem}"
+                f" | {seconds:.0f} s",
+                file=sys.stderr, flush=True,
+            )  # fmt: skip
     except (ImportError, ValueError) as error:
         command.error(str(error))
-    print(table(rows))
-    write(options.json, default=DEFAULT, rows=rows)
+    found.sort(key=lambda r: (options.methods.index(r.task.method), r.task.problem))
+    rows = rows_of(found)
+    values = {(r.task.method, r.task.problem): r.values for r in found}
+    luckiest = {(r.task.method, r.task.problem): r.luckiest for r in found}
+    course = {(r.task.method, r.task.problem): r.course for r in found}
+    ranks, lost = mean_ranks(values), behind(values, DEFAULT, budgets)
+    effort = needed(course, values, budgets)
+    print(table(rows), end="\n\n")
+    print(text(ranks, lost, effort, values, luckiest, budgets, DEFAULT))
+    write(
+        options.json, default=DEFAULT, rows=rows, mean_rank=ranks, behind=lost, evaluations=effort
+    )
+    if options.plot:
+        from benchmarks.ranking import plot
+
+        plot(course, options.plot, DEFAULT)
     return 0
 
 

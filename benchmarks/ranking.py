@@ -1,0 +1,140 @@
+"""What the table of searches comes down to: ranks, losses, evaluations needed, and a plot."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.stats import rankdata
+
+from benchmarks.report import Row, table
+
+REFERENCE = "random_search"
+"""Whose score after the most evaluations others may reach with fewer."""
+
+Values = Mapping[tuple[str, str], np.ndarray]
+"""(method, problem) -> f64[budgets seeds]."""
+
+
+def _names(values: Mapping[tuple[str, str], Any]) -> tuple[list[str], list[str]]:
+    return [list(dict.fromkeys(key[i] for key in values)) for i in (0, 1)]  # type: ignore[return-value]
+
+
+def mean_ranks(values: Values) -> dict[str, float]:
+    """The mean of each method's rank over all problems and budgets, 1 being the best; best first."""
+    methods, problems = _names(values)
+    means = np.stack([[values[m, p].mean(axis=1) for p in problems] for m in methods])
+    ranks = rankdata(-means, axis=0).mean(axis=(1, 2))
+    return {methods[i]: float(ranks[i]) for i in np.argsort(ranks, kind="stable")}
+
+
+def behind(values: Values, ours: str, budgets: tuple[int, ...]) -> list[Row]:
+    """Each column beside its best rival: the paired difference, and in standard errors of it."""
+    methods, problems = _names(values)
+    rivals = [method for method in methods if method != ours]
+    if ours not in methods or not rivals:
+        return []
+    rows: list[Row] = []
+    for problem in problems:
+        for i, budget in enumerate(budgets):
+            best = max(rivals, key=lambda m: float(values[m, problem][i].mean()))
+            difference = values[ours, problem][i] - values[best, problem][i]
+            many = len(difference) > 1
+            se = float(difference.std(ddof=1) / np.sqrt(len(difference))) if many else None
+            rows.append(
+                {
+                    "problem": problem,
+                    "evaluations": budget,
+                    "best rival": best,
+                    "difference": float(difference.mean()),
+                    "se": se,
+                    "in se": float(difference.mean()) / se if se else None,
+                }
+            )
+    return rows
+
+
+def needed(
+    course: Mapping[tuple[str, str], Mapping[int, float]], values: Values, budgets: tuple[int, ...]
+) -> list[Row]:
+    """Evaluations after which a method's mean value stays at or above the reference's last one."""
+    methods, problems = _names(values)
+    if REFERENCE not in methods:
+        return []
+    rows: list[Row] = []
+    for method in methods:
+        row: Row = {"method": method}
+        for problem in problems:
+            goal = float(values[REFERENCE, problem][-1].mean())
+            found = None
+            for evaluations, value in sorted(course[method, problem].items(), reverse=True):
+                if value < goal - 1e-9:
+                    break
+                found = evaluations
+            row[problem] = found
+        rows.append(row)
+    return rows
+
+
+def text(
+    ranks: dict[str, float],
+    lost: list[Row],
+    effort: list[Row],
+    values: Values,
+    luckiest: Values,
+    budgets: tuple[int, ...],
+    ours: str,
+) -> str:
+    """All of it for people, as Markdown."""
+    parts = ["Mean rank over all problems and numbers of evaluations:"]
+    parts.append(table([{"method": m, "mean rank": rank} for m, rank in ranks.items()]))
+    if lost:
+        parts += [f"{ours} less the best rival, paired by seed:", table(lost)]
+    if effort:
+        parts += [
+            f"Evaluations to reach {REFERENCE}'s value after {budgets[-1]} and stay there:",
+            table(effort),
+        ]
+    mine = [(p, values[m, p], luckiest[m, p]) for m, p in values if m == ours]
+    if mine:
+        rows = [
+            {
+                "problem": problem,
+                "evaluations": budget,
+                "by the model": float(model[i].mean()),
+                "highest reward": float(lucky[i].mean()),
+            }
+            for problem, model, lucky in mine
+            for i, budget in enumerate(budgets)
+        ]
+        parts += [f"{ours}: recommended by its model, or the luckiest draw:", table(rows)]
+    return "\n\n".join(parts)
+
+
+def plot(course: Mapping[tuple[str, str], Mapping[int, float]], path: str, ours: str) -> None:
+    """Value of the recommendation against evaluations, one panel per problem."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    from matplotlib import pyplot as plt
+
+    methods, problems = _names(course)
+    columns = min(3, len(problems))
+    lines = -(-len(problems) // columns)
+    figure, axes = plt.subplots(
+        lines, columns, figsize=(4.4 * columns, 3.4 * lines), squeeze=False, layout="constrained"
+    )
+    for axis, problem in zip(axes.flat, problems, strict=False):
+        for k, method in enumerate(methods):
+            x, y = zip(*sorted(course[method, problem].items()), strict=True)
+            style = dict(lw=2.6, zorder=3, color="black") if method == ours else dict(lw=1.2)
+            color = {} if method == ours else {"color": f"C{k % 10}"}
+            axis.plot(x, y, label=method.replace("_", " "), **style, **color)
+        axis.set(title=problem, xlabel="evaluations", ylabel="true value of the answer")
+    for axis in axes.flat[len(problems) :]:
+        axis.axis("off")
+    handles, labels = axes.flat[0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=5, fontsize=8)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
