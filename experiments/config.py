@@ -23,6 +23,7 @@ from seg.train import TrainSettings
 
 PRESETS = ("smoke", "quick", "paper")
 CANDIDATES = ("argmax", "spread", "broad")
+KNOWN_CANDIDATES = (*CANDIDATES, "random")
 
 POSITIONS = tuple(
     f"{n}_position" for n in ("building", "fence", "tree", "pole", "bicycle", "person", "car")
@@ -165,9 +166,11 @@ class Config:
     """Decides the hidden attributes of the twin, when there is no data."""
     candidates: tuple[str, ...] = CANDIDATES
     """Ways to relax the learnt answer: argmax (best bins), spread (as wide as the policy is unsure),
-    broad (the same, at least half of each range)."""
+    broad (the same, at least half of each range); random (all attributes random) may stand beside them."""
     candidate_seeds: int = 2
     """Nets that each candidate is scored with, at the final size, on the reward images."""
+    ladder: bool = False
+    """Score candidates on a ladder of stages up to the final size, the worse half leaving at each rung."""
     default_width: float = 0.15
     """Relaxation of the street set by eye, as a share of each range."""
     seeds: int = 5
@@ -220,9 +223,9 @@ def check(config: Config) -> Config:
             raise UserError(f"--{name.replace('_', '-')} must be 0 or more")
     if config.seed >= SEED_END:
         raise UserError(f"--seed must be less than {SEED_END}, not {config.seed}")
-    if not config.candidates or set(config.candidates) - set(CANDIDATES):
+    if not config.candidates or set(config.candidates) - set(KNOWN_CANDIDATES):
         raise UserError(
-            f"--candidates must be some of {', '.join(CANDIDATES)}; "
+            f"--candidates must be some of {', '.join(KNOWN_CANDIDATES)}; "
             f"not {' '.join(config.candidates) or 'none'}"
         )
     if len(set(config.candidates)) < len(config.candidates):

@@ -6,16 +6,17 @@ still on the reward images; only the chosen one ever meets the test images.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 
 import sdr_jax
-from experiments.config import Config
+from experiments.config import Config, Stage
 from experiments.evaluator import Evaluator, Job, Side
 from experiments.folder import RunFolder
+from experiments.ladder import climb, cost_of, ladder, most_cost
 from experiments.outcome import Outcome
 from experiments.progress import Progress
 from experiments.reward import Evaluation, Truth, evaluate, evaluate_real
@@ -55,6 +56,8 @@ def candidate_proposal(name: str, result: SearchResult) -> sdr_jax.Proposal:
     """One way to relax what the search learnt."""
     if name == "argmax":
         return result.argmax
+    if name == "random":
+        return random_proposal()
     if name == "broad":
         return _slid(np.asarray(result.spread.centre), np.maximum(result.spread.width, BROAD))
     return result.spread
@@ -87,17 +90,44 @@ class Finals:
         self._config, self._target, self._split = config, target, split
         self._folder, self._workers, self._progress = folder, workers, progress
         self._cost, self._store = cost, store
+        self._size = (config.final.height, config.final.width)
 
     def candidates(self, result: SearchResult) -> tuple[str, dict[str, list[float]]]:
         """The best relaxation of the learnt answer, and every candidate's mIoU [0, 1] by seed."""
         config = self._config
         proposals = {name: candidate_proposal(name, result) for name in config.candidates}
         seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
+        if config.ladder:
+            return self._climb(proposals)
         records = self._score("candidate", proposals, seeds, "reward")
         scores = {
             name: [records[name, seed]["miou"] for seed in seeds] for name in config.candidates
         }
         return max(config.candidates, key=lambda name: float(np.mean(scores[name]))), scores
+
+    def _climb(
+        self, proposals: Mapping[str, sdr_jax.Proposal]
+    ) -> tuple[str, dict[str, list[float]]]:
+        """The best candidate, and the mIoU of those that reach the top of the ladder."""
+        rungs = ladder(self._config)
+        left = self._units(most_cost(len(proposals), rungs))
+
+        def score(
+            number: int, names: Sequence[str], seeds: Sequence[int]
+        ) -> dict[str, list[float]]:
+            nonlocal left
+            chosen, stage = {name: proposals[name] for name in names}, rungs[number].stage
+            records = self._score(f"rung-{number + 1}", chosen, seeds, "reward", stage)
+            left -= self._units(len(names) * len(seeds) * cost_of(stage))
+            return {name: [records[name, seed]["miou"] for seed in seeds] for name in names}
+
+        found = climb(tuple(proposals), rungs, score)
+        self._progress.advance(left, replayed=True)  # nets of those that left early
+        return found
+
+    def _units(self, cost: float) -> float:
+        """A cost in the progress's units."""
+        return self._cost * cost / cost_of(self._config.final)
 
     def rows(self, learnt: sdr_jax.Proposal) -> dict[str, list[dict[str, Any]]]:
         """Every row of the result, scored on the test images: records in the order of the seeds."""
@@ -116,11 +146,15 @@ class Finals:
         self,
         kind: str,
         proposals: Mapping[str, sdr_jax.Proposal | None],
-        seeds: list[int],
+        seeds: Sequence[int],
         side: Side,
+        stage: Stage | None = None,
     ) -> dict[tuple[str, int], dict[str, Any]]:
         config, target = self._config, self._target
-        images = getattr(self._split, side)
+        stage = stage or config.final
+        size = (stage.height, stage.width)
+        split = self._split if size == self._size else target.at(*size)
+        images = getattr(split, side)
         truth = Truth(images.images, images.labels)
         records = {
             (line["row"], line["seed"]): line
@@ -129,16 +163,17 @@ class Finals:
         }
         wanted = [(row, seed) for seed in seeds for row in proposals]
         missing = [key for key in wanted if key not in records]
-        self._progress.advance(self._cost * (len(wanted) - len(missing)), replayed=True)
+        each = self._units(cost_of(stage))
+        self._progress.advance(each * (len(wanted) - len(missing)), replayed=True)
         rendered = [
-            ((row, seed), Job(proposal, draw_units(proposal, seed, config.final.streets), seed))
+            ((row, seed), Job(proposal, draw_units(proposal, seed, stage.streets), seed))
             for row, seed in missing
             if (proposal := proposals[row]) is not None
         ]
         real = [key for key in missing if proposals[key[0]] is None]
 
         def keep(key: tuple[str, int], evaluation: Outcome | Evaluation, stored: bool) -> None:
-            self._progress.advance(self._cost, replayed=stored)
+            self._progress.advance(each, replayed=stored)
             row, seed = key
             record = {
                 "kind": kind,
@@ -156,7 +191,6 @@ class Finals:
                 f"{kind} nets: {row}, seed {seed} | mIoU {100 * evaluation.reward:.1f}"
             )
 
-        stage = config.final
         evaluator = Evaluator(config, stage, target, side, truth, self._workers, self._store)
         for index, outcome in evaluator.map(evaluate, [job for _, job in rendered]):
             if outcome.failed is not None:

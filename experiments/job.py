@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from experiments import pictures, summary
-from experiments.config import Config, Stage, check
+from experiments.config import Config, check
 from experiments.errors import UserError
 from experiments.finals import (
     ROWS,
@@ -18,6 +18,8 @@ from experiments.finals import (
     random_proposal,
 )
 from experiments.folder import RunFolder, refuse_foreign, write_atomically, write_json
+from experiments.ladder import cost_of as cost
+from experiments.ladder import ladder, most_cost, most_nets
 from experiments.progress import Progress
 from experiments.report import html as report_html
 from experiments.reward import Truth, render, worker_environment
@@ -29,13 +31,6 @@ from scene.export import ExportError, export_dataset, read_dataset
 from scene.proposal import Proposal
 from scene.render import RendererError, renderer
 from scene.workers import WorkerPool
-
-
-def cost(stage: Stage) -> float:
-    """About how many CPU seconds one evaluation takes; only ratios matter."""
-    pixels = stage.width * stage.height
-    rendering = 0.15 * stage.streets + 4e-6 * stage.images * pixels * stage.samples**2
-    return rendering + 7e-7 * stage.train.steps * stage.train.batch * pixels
 
 
 def run(config: Config, make_target: Callable[[Config, WorkerPool], Target]) -> dict[str, Any]:
@@ -81,17 +76,24 @@ def _run(
     workers: WorkerPool,
     store: Store | None,
 ) -> dict[str, Any]:
-    final_nets = len(config.candidates) * config.candidate_seeds + len(ROWS) * config.seeds
     search_cost, final_cost = cost(config.reward), cost(config.final)
+    final_nets = len(ROWS) * config.seeds
+    most, ladder_cost = "", 0.0
+    if config.ladder:
+        rungs = ladder(config)
+        ladder_cost = most_cost(len(config.candidates), rungs)
+        most = f"at most {sum(most_nets(len(config.candidates), rungs))} nets on the ladder, then "
+    else:
+        final_nets += len(config.candidates) * config.candidate_seeds
     evaluations = total_updates(config) * config.search.datasets_per_update
     progress = Progress(
-        evaluations * search_cost + final_nets * final_cost,
+        evaluations * search_cost + ladder_cost + final_nets * final_cost,
         folder.elapsed,
         label="" if target.real else "twin, not real | ",
     )
     progress.say(
         f"Run folder: {folder.path} | {evaluations} rewards of {config.reward.images} images at "
-        f"{config.reward.width}x{config.reward.height}, then {final_nets} nets on "
+        f"{config.reward.width}x{config.reward.height}, then {most}{final_nets} nets on "
         f"{config.final.images} at {config.final.width}x{config.final.height}"
     )
     if folder.continued:

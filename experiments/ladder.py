@@ -1,0 +1,157 @@
+"""A ladder of ever costlier stages: many candidates at the bottom, the last ones at the final size.
+
+Each rung scores the candidates that are left on seeds of its own, which all of them share. Candidates
+that are surely worse than the best leave at once, the worse half leaves at the end of the rung. What
+many cheap nets can tell apart costs no full net.
+
+Source: successive halving, Jamieson and Talwalkar (2016), "Non-stochastic Best Arm Identification and
+Hyperparameter Optimization". Leaving early on a paired test is ours.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy import stats
+
+from experiments.config import Config, Stage
+
+CONFIDENCE = 0.95
+"""Of each single comparison; many are made, so now and then a good candidate leaves early."""
+FINALISTS = 2
+"""Halving leaves at least so many for the final size."""
+LADDER_SEED = 2_000_000
+"""Seeds of the ladder begin here, above those of candidates and rows."""
+RUNG_SEEDS = 1_000_000
+"""From the seeds of one rung to those of the next."""
+
+Score = Callable[[int, Sequence[str], Sequence[int]], Mapping[str, Sequence[float]]]
+"""(rung, candidates, seeds) -> rewards of every candidate, in the order of the seeds."""
+
+
+class Rung(NamedTuple):
+    """One size at which candidates meet."""
+
+    stage: Stage
+    seeds: tuple[int, ...]  # one net each, for every candidate
+
+
+def cost_of(stage: Stage) -> float:
+    """About how many CPU seconds one evaluation takes; only ratios matter."""
+    pixels = stage.width * stage.height
+    rendering = 0.15 * stage.streets + 4e-6 * stage.images * pixels * stage.samples**2
+    return rendering + 7e-7 * stage.train.steps * stage.train.batch * pixels
+
+
+def middle(low: Stage, high: Stage) -> Stage:
+    """The stage between two, half way on a logarithmic scale; net and rays are the higher one's."""
+
+    def between(a: int, b: int, unit: int = 1) -> int:
+        return max(round(math.sqrt(a * b) / unit), 1) * unit
+
+    return replace(
+        high,
+        width=between(low.width, high.width, 8),
+        height=between(low.height, high.height, 8),
+        streets=between(low.streets, high.streets),
+        shots=between(low.shots, high.shots),
+        train=replace(high.train, steps=between(low.train.steps, high.train.steps)),
+    )
+
+
+def ladder(config: Config) -> tuple[Rung, ...]:
+    """The rungs from the reward stage to the final one.
+
+    The last rung has ``--candidate-seeds`` nets for each candidate, every rung below twice as many as
+    the one above: its nets are cheaper and tell less.
+    """
+    low, high = config.reward, config.final
+    stages = tuple(dict.fromkeys((low, middle(low, high), high)))
+    rungs = []
+    for number, stage in enumerate(stages):
+        first = LADDER_SEED + RUNG_SEEDS * number + config.seed
+        nets = config.candidate_seeds * 2 ** (len(stages) - 1 - number)
+        rungs.append(Rung(stage, tuple(range(first, first + nets))))
+    return tuple(rungs)
+
+
+def hopeless(ours: Sequence[float], best: Sequence[float], confidence: float = CONFIDENCE) -> bool:
+    """Whether a candidate is worse than the best beyond doubt, by Student's t on paired differences.
+
+    mean(d) + t(confidence, n - 1) s / sqrt(n) < 0, with d = ours - best and s its standard deviation.
+
+    Args:
+        ours: rewards, one per seed.
+        best: the best candidate's with the same seeds.
+        confidence: of the one-sided interval. One pair tells nothing.
+    """
+    d = np.asarray(ours, float) - np.asarray(best, float)
+    if len(d) < 2:
+        return False
+    half = stats.t.ppf(confidence, len(d) - 1) * d.std(ddof=1) / math.sqrt(len(d))
+    return bool(d.mean() + half < 0)
+
+
+def best_of(scores: Mapping[str, Sequence[float]], names: Sequence[str]) -> str:
+    """The name with the highest mean; of equals the first."""
+    return max(names, key=lambda name: float(np.mean(scores[name])))
+
+
+def kept(entered: int) -> int:
+    """How many of those that enter a rung may go on to the next."""
+    return min(entered, max(-(-entered // 2), FINALISTS))
+
+
+def most_nets(candidates: int, rungs: Sequence[Rung]) -> list[int]:
+    """Nets on each rung, if nobody leaves early."""
+    nets = []
+    for rung in rungs:
+        nets.append(candidates * len(rung.seeds))
+        candidates = kept(candidates)
+    return nets
+
+
+def most_cost(candidates: int, rungs: Sequence[Rung]) -> float:
+    """The whole ladder in the units of ``cost_of``, if nobody leaves early."""
+    nets = most_nets(candidates, rungs)
+    return sum(n * cost_of(rung.stage) for n, rung in zip(nets, rungs, strict=True))
+
+
+def climb(
+    candidates: Sequence[str], rungs: Sequence[Rung], score: Score
+) -> tuple[str, dict[str, list[float]]]:
+    """Send candidates up the ladder.
+
+    Args:
+        candidates: their names.
+        rungs: from the cheapest to the final one.
+        score: works out rewards.
+
+    Returns:
+        The best, and the rewards on the last rung of those that got there; who left it early has fewer.
+    """
+    left = list(candidates)
+    scores: dict[str, list[float]] = {}
+    for number, rung in enumerate(rungs):
+        last = number == len(rungs) - 1
+        if len(left) == 1 and not last:
+            continue
+        entered = len(left)
+        scores = {name: [] for name in left}
+        half = -(-len(rung.seeds) // 2)
+        for seeds in (rung.seeds[:half], rung.seeds[half:]):
+            if not seeds or (len(left) == 1 and scores[left[0]]):
+                break
+            found = score(number, left, seeds)
+            for name in left:
+                scores[name] += found[name]
+            best = scores[best_of(scores, left)]
+            left = [name for name in left if not hopeless(scores[name], best)]
+        if not last:
+            ranked = sorted(left, key=lambda name: -float(np.mean(scores[name])))
+            left = [name for name in left if name in ranked[: kept(entered)]]
+    return best_of(scores, left), scores
