@@ -129,6 +129,8 @@ class Search:
     """(100 mIoU)^2, as in the authors' code, instead of mIoU."""
     relaxation: float | None = None
     """Width of a relaxed bin, as a share of the range; by default 1 / bins, so that bins tile it."""
+    common_random_numbers: bool = False
+    """Datasets of one update share their seed, and their streets' places within the intervals."""
     unoptimised: Literal["random", "half"] = "random"
     """What groups not optimised yet are: random (paper), or 0.5 (the authors' code)."""
 

@@ -189,7 +189,9 @@ def search(
     space = make_space(config)
     method = make_method(config.search, space)
     rewards = _Rewards(config, target, truth, folder, workers, progress, cost, store)
-    reward_fn = sdr_jax.host_reward(rewards, config.reward.streets)
+    reward_fn = sdr_jax.host_reward(
+        rewards, config.reward.streets, common=config.search.common_random_numbers
+    )
     n = config.search.datasets_per_update
     step = sdr_jax.make_step(method, reward_fn, n, compiled=config.search.method not in ON_HOST)
     init_key, steps_key = jax.random.split(jax.random.key(config.seed))
@@ -214,11 +216,14 @@ def search(
                 np.asarray(method.probabilities(state)),
             )
         )
-        progress.update(
-            f"search: update {update + 1}/{updates}, group {int(info.group) + 1}/{len(config.groups)}"
-            f" | mIoU {100 * float(info.reward_mean):.1f}, best {100 * rewards.best:.1f}, "
-            f"baseline {baseline if config.search.squared_reward else 100 * baseline:.1f}"
-        )
+        line = f"mIoU {100 * float(info.reward_mean):.1f}, best {100 * rewards.best:.1f}"
+        where = f"update {update + 1}/{updates}"
+        if config.search.method == "sdr":
+            where += f", group {int(info.group) + 1}/{len(config.groups)}"
+        if np.isfinite(baseline):
+            scale = 1 if config.search.squared_reward else 100
+            line += f", baseline {scale * baseline:.1f}"
+        progress.update(f"search: {where} | {line}")
     per_update, baselines, groups, probabilities = zip(*history, strict=True)
     return SearchResult(
         argmax=jax.tree.map(np.asarray, method.solution(state)),

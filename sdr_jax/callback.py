@@ -15,18 +15,26 @@ class HostReward:
     """A reward function that asks the host; made by `host_reward`."""
 
     def __init__(
-        self, evaluate: Callable[[np.ndarray, np.ndarray], np.ndarray], streets: int
+        self,
+        evaluate: Callable[[np.ndarray, np.ndarray], np.ndarray],
+        streets: int,
+        common: bool,
     ) -> None:
         self._evaluate = evaluate
         self._streets = streets
+        self._common = common
         self._error: BaseException | None = None
 
     def __call__(self, rng_key: Key[Array, ""], proposals: Proposal) -> Float[Array, "n"]:
         """Draws streets and seeds, and has the host score them; the key is consumed."""
         unit_key, seed_key = jax.random.split(rng_key)
-        unit = draw(unit_key, proposals, self._streets)
-        n = unit.shape[0]
-        seeds = jax.random.bits(seed_key, (n,), jnp.uint32)
+        n = proposals.centre.shape[0]
+        if self._common:
+            unit = jax.vmap(lambda one: draw(unit_key, one, self._streets))(proposals)
+            seeds = jnp.broadcast_to(jax.random.bits(seed_key, (), jnp.uint32), (n,))
+        else:
+            unit = draw(unit_key, proposals, self._streets)
+            seeds = jax.random.bits(seed_key, (n,), jnp.uint32)
         result = jax.ShapeDtypeStruct((n,), jnp.float32)
         return io_callback(self._on_host, result, unit, seeds, ordered=True)
 
@@ -56,7 +64,7 @@ class HostReward:
 
 
 def host_reward(
-    evaluate: Callable[[np.ndarray, np.ndarray], np.ndarray], streets: int
+    evaluate: Callable[[np.ndarray, np.ndarray], np.ndarray], streets: int, *, common: bool = False
 ) -> HostReward:
     """Makes a `reward_fn` of a host function that renders, trains and scores.
 
@@ -77,6 +85,9 @@ def host_reward(
         evaluate: `(unit f32[n streets attributes], seeds u32[n]) -> f32[n]` in NumPy. It must not
             call JAX in this process: that can deadlock.
         streets: streets per data set.
+        common: whether the data sets of one call share their random numbers: the same seed, and
+            streets at the same places of their intervals. What a seed adds to a reward, it then adds
+            to all, and a comparison within the update is spared it.
 
     Returns:
         The reward function.
@@ -86,7 +97,7 @@ def host_reward(
     """
     if streets < 1:
         raise ValueError(f"streets is {streets}, but must be at least 1")
-    return HostReward(evaluate, streets)
+    return HostReward(evaluate, streets, common)
 
 
 def _check(rewards: object, n: int) -> None:

@@ -105,3 +105,17 @@ def test_the_state_from_before_an_error_goes_on() -> None:
 def test_streets_must_be_positive() -> None:
     with pytest.raises(ValueError, match="streets is 0"):
         host_reward(Evaluate(), streets=0)
+
+
+def test_common_random_numbers_are_shared_within_an_update_only() -> None:
+    evaluate = Evaluate()
+    reward_fn = host_reward(evaluate, streets=3, common=True)
+    jax.jit(lambda key: run(key, METHOD, reward_fn, n=2)[1].actions)(jax.random.key(0))
+    reward_fn.reraise()
+    seeds = np.stack(evaluate.seeds)
+    np.testing.assert_array_equal(seeds[:, 0], seeds[:, 1])
+    assert len(np.unique(seeds)) == 8
+    # The same place within the interval, whatever the interval: b is cut into fifths.
+    places = np.stack(evaluate.unit)[:, :, :, 1] * 5 % 1
+    decided = slice(4, 8)  # b is its group's turn
+    np.testing.assert_allclose(places[decided, 0], places[decided, 1], atol=1e-4)

@@ -278,7 +278,7 @@ def test_folders_that_are_no_run_are_refused(tmp_path: Path, capsys) -> None:
         ('groups = [["a", "b"], ["a"]]\n' + TWO, "given more than once: 'a'"),
         ('groups = [["a", "b", "c"]]\n' + TWO, "unknown attribute(s) in the groups: 'c'"),
         ('groups = ["a", "b"]\n' + TWO, "groups must be lists of names"),
-        ('method = "magic"\n' + TWO, "method 'magic' is unknown; known: attribute_descent"),
+        ('method = "magic"\n' + TWO, "method 'magic' is unknown; known: actor_critic"),
         ("evaluation = 5\n" + TWO, "key 'evaluation' is unknown; known: attributes"),
         ("evaluations = 20\n" + TWO, "multiple of datasets_per_update = 8, such as 16 or 24"),
         ("evaluations = 0\n" + TWO, "evaluations is 0, but must be at least 1"),
