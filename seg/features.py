@@ -1,0 +1,95 @@
+"""What a trained compact net sees in an image, as one vector: averages of its penultimate features."""
+
+from collections.abc import Callable
+from functools import lru_cache
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from flax import linen as nn
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, Float32, UInt8
+
+from seg.nets import Compact, normalise
+
+GRID = 2
+"""Cells along each side of the coarse grid, which keeps a little of where things are."""
+BATCH = 16
+"""Images per call of the net."""
+PENULTIMATE = "_ConvNormRelu_5"
+"""The last layer of the compact net before its logits; a quarter of the resolution."""
+
+
+def penultimate(
+    params: Any, images: Float[Array, "b h w 3"], classes: int
+) -> Float[Array, "b rows cols features"]:
+    """What the last layer of the compact net makes its logits from.
+
+    Args:
+        params: of the net.
+        images: normalised RGB.
+        classes: how many classes the net tells apart.
+
+    Returns:
+        Features, none below 0.
+    """
+
+    def wanted(module: nn.Module, method: str) -> bool:
+        return module.name == PENULTIMATE and method == "__call__"
+
+    _, state = Compact(classes).apply(
+        {"params": params}, images, capture_intermediates=wanted, mutable=["intermediates"]
+    )
+    return state["intermediates"][PENULTIMATE]["__call__"][0]
+
+
+def pool(maps: Float[Array, "b rows cols features"]) -> Float[Array, "b vector"]:
+    """Averages over the whole map, then over each cell of the coarse grid, row by row.
+
+    Args:
+        maps: at least 2x2 in size; cells of an odd one differ by a pixel.
+
+    Returns:
+        Five times as many numbers as features.
+    """
+    _, rows, cols, _ = maps.shape
+    parts = [maps.mean(axis=(1, 2))]
+    for i in range(GRID):
+        for j in range(GRID):
+            r = slice(i * rows // GRID, (i + 1) * rows // GRID)
+            c = slice(j * cols // GRID, (j + 1) * cols // GRID)
+            parts.append(maps[:, r, c].mean(axis=(1, 2)))
+    return jnp.concatenate(parts, axis=1)
+
+
+@lru_cache(maxsize=8)
+def _extractor(classes: int) -> Callable[[Any, ArrayLike], Array]:
+    @jax.jit
+    def extract(params: Any, images: UInt8[Array, "b h w 3"]) -> Float[Array, "b vector"]:
+        x = normalise(images.astype(jnp.float32) / 255)
+        return pool(penultimate(params, x, classes))
+
+    return extract
+
+
+def features(
+    params: Any, images: UInt8[np.ndarray, "n h w 3"], classes: int
+) -> Float32[np.ndarray, "n vector"]:
+    """Describe images, in batches of a fixed size (the last one padded).
+
+    Args:
+        params: of a compact net.
+        images: RGB, at least 16x16.
+        classes: how many classes the net tells apart.
+
+    Returns:
+        One vector per image.
+    """
+    extract = _extractor(classes)
+    parts = []
+    for start in range(0, len(images), BATCH):
+        batch = images[start : start + BATCH]
+        padding = [(0, BATCH - len(batch)), (0, 0), (0, 0), (0, 0)]
+        parts.append(np.asarray(extract(params, np.pad(batch, padding))))
+    return np.concatenate(parts)[: len(images)]

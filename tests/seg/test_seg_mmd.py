@@ -1,0 +1,97 @@
+"""The discrepancy of two sets of vectors, and the vectors that a net makes of images."""
+
+from itertools import combinations
+
+import flax.linen as nn
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from seg.features import features, penultimate, pool
+from seg.mmd import mmd2, polynomial_kernel
+from seg.nets import Compact, normalise
+from seg.nets.resize import bilinear
+
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def normal(seed, n, d=3, shift=0.0):
+    return np.random.default_rng(seed).normal(shift, 1, (n, d))
+
+
+def test_by_hand():
+    x, y = np.array([[1.0], [2.0]]), np.array([[0.0], [1.0], [-1.0]])
+    np.testing.assert_array_equal(polynomial_kernel(x, y), [[1, 8, 0], [1, 27, -1]])
+    # Among x: (1 * 2 + 1)^3 = 27. Among y: k = 1, 1, 0, mean 2 / 3. Between: 36 / 6.
+    assert mmd2(x, y) == pytest.approx(27 + 2 / 3 - 2 * 6)
+
+
+def test_the_kernel_is_per_dimension():
+    x = np.array([[1.0, 3.0]])
+    np.testing.assert_allclose(polynomial_kernel(x, x), [[(10 / 2 + 1) ** 3]])
+
+
+@given(SEEDS)
+def test_over_all_ways_to_split_one_set_the_mean_is_zero(seed):
+    # Exactly, not on average: that is what unbiased means for a finite set.
+    z = normal(seed, 7)
+    values = []
+    for chosen in combinations(range(7), 3):
+        inside = np.isin(np.arange(7), chosen)
+        values.append(mmd2(z[inside], z[~inside]))
+    assert np.mean(values) == pytest.approx(0, abs=1e-9 * max(map(abs, values)))
+
+
+@given(SEEDS)
+def test_sides_and_orders_do_not_matter(seed):
+    rng = np.random.default_rng(seed)
+    x, y = normal(seed, 5), normal(seed + 1, 4)
+    value = mmd2(x, y)
+    assert mmd2(y, x) == pytest.approx(value, rel=1e-9, abs=1e-9)
+    assert mmd2(rng.permutation(x), rng.permutation(y)) == pytest.approx(value, rel=1e-9, abs=1e-9)
+
+
+def test_what_differs_more_is_farther():
+    near, far = (mmd2(normal(0, 200), normal(1, 200, shift=s)) for s in (0.5, 1.0))
+    assert 0 < near < far
+    assert abs(mmd2(normal(0, 200), normal(1, 200))) < near
+
+
+def test_one_vector_has_no_distribution():
+    with pytest.raises(ValueError, match="at least two vectors; got 1 and 3"):
+        mmd2(normal(0, 1), normal(0, 3))
+
+
+def test_pooling_by_hand():
+    maps = jnp.arange(1.0, 9.0).reshape(1, 2, 4, 1)
+    # The whole is 4.5; cells are the means of (1, 2), (3, 4), (5, 6), (7, 8).
+    np.testing.assert_allclose(pool(maps), [[4.5, 1.5, 3.5, 5.5, 7.5]])
+    assert pool(jnp.ones((2, 3, 5, 4))).shape == (2, 20)
+
+
+@pytest.fixture(scope="module")
+def params():
+    key = jax.random.key(0, impl="rbg")  # compiles faster than the default
+    return jax.jit(Compact(11).init)(key, jnp.zeros((1, 16, 24, 3)))["params"]
+
+
+def test_logits_are_made_from_the_penultimate_features(params):
+    images = jax.random.normal(jax.random.key(1), (2, 16, 24, 3))
+    maps = jax.jit(penultimate, static_argnums=2)(params, images, 11)
+    assert maps.shape == (2, 4, 6, 24) and float(maps.min()) >= 0
+    logits = bilinear(nn.Conv(11, (1, 1)).apply({"params": params["Conv_1"]}, maps), 4)
+    whole = jax.jit(Compact(11).apply)({"params": params}, images)
+    np.testing.assert_allclose(logits, whole, atol=1e-5)
+
+
+def test_an_image_has_the_same_features_in_any_company(params):
+    images = np.random.default_rng(0).integers(0, 256, (19, 16, 24, 3), dtype=np.uint8)
+    every = features(params, images, 11)
+    assert every.shape == (19, 120) and every.dtype == np.float32
+    np.testing.assert_allclose(features(params, images[17:18], 11), every[17:18], atol=1e-5)
+    image = normalise(jnp.asarray(images[3:4] / 255, jnp.float32))
+    one = pool(jax.jit(penultimate, static_argnums=2)(params, image, 11))
+    np.testing.assert_allclose(one, every[3:4], atol=1e-5)
