@@ -187,6 +187,9 @@ class Config:
     """Share of the assets that is used (the half-asset study)."""
     asset_count: int | None = None
     """Built-in assets of each family that streets may draw from; by default the full catalogue."""
+    reward_kind: Literal["miou", "mmd"] = "miou"
+    """miou of a net trained on the dataset; or mmd, for reward images without labels: minus the distance
+    of rendered and real images in the features of one net, in units of its own."""
     groups: tuple[Group, ...]
     """Attributes optimised together, one word per group, in this order; each of the 23 in one group."""
 
@@ -261,6 +264,13 @@ def check(config: Config) -> Config:
         raise UserError(
             "--search.baseline leave_one_out needs --search.datasets-per-update 2 or more"
         )
+    if config.reward_kind == "mmd":
+        if config.search.squared_reward:
+            raise UserError(
+                "--search.squared-reward needs --reward-kind miou: squares have no sign"
+            )
+        if min(config.reward.images, config.final.images) < 2:
+            raise UserError("--reward-kind mmd needs stages of at least 2 images")
     return config
 
 

@@ -12,9 +12,11 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from experiments.config import Config, Stage
+from experiments.errors import UserError
 from experiments.keys import digest, engine, evaluation_key, folder_digest
+from experiments.mmd_reward import Reference
 from experiments.outcome import Outcome, attempt
-from experiments.reward import Evaluation, Truth
+from experiments.reward import Truth
 from experiments.store import DIGITS, Store
 from experiments.targets import Target
 from scene.workers import WorkerPool
@@ -39,7 +41,7 @@ class Evaluator:
         stage: sizes, net and training.
         target: what to be good on.
         side: which of its images score.
-        truth: those images, at the stage's size.
+        truth: those images, at the stage's size; for ``--reward-kind mmd`` their features.
         workers: who renders and trains.
         store: what is known already, and where new outcomes go; None keeps nothing.
     """
@@ -50,10 +52,12 @@ class Evaluator:
         stage: Stage,
         target: Target,
         side: Side,
-        truth: Truth,
+        truth: Truth | Reference,
         workers: WorkerPool,
         store: Store | None = None,
     ) -> None:
+        if side == "reward" and config.reward_kind == "mmd" and isinstance(truth, Truth):
+            raise UserError("--reward-kind mmd: this command knows miou only")
         self._common = (stage, target.table, config.renderer, config.pool)
         self._truth, self._workers, self._store = truth, workers, store
         self._about: dict[str, Any] = {}
@@ -61,12 +65,12 @@ class Evaluator:
             self._about = about(config, stage, target, side, truth)
 
     def map(
-        self, evaluate: Callable[..., Evaluation], jobs: Sequence[Job]
+        self, evaluate: Callable[..., Any], jobs: Sequence[Job]
     ) -> Iterator[tuple[int, Outcome]]:
         """Yield (index, outcome) of every job, known ones first, the others as they come in.
 
         Args:
-            evaluate: ``reward.evaluate``, or what stands for it.
+            evaluate: ``reward.evaluate``, ``mmd_reward.evaluate_mmd``, or what stands for them.
             jobs: the datasets.
         """
         keys = self._keys(jobs)
@@ -117,22 +121,30 @@ class Evaluator:
         }
 
 
-def about(config: Config, stage: Stage, target: Target, side: Side, truth: Truth) -> dict[str, Any]:
+def about(
+    config: Config, stage: Stage, target: Target, side: Side, truth: Truth | Reference
+) -> dict[str, Any]:
     """What all evaluations at a stage share: a hash of what decides the reward, words for people."""
     names = target.reward_names if side == "reward" else target.test_names
-    pixels = hashlib.sha256()
-    for array in truth:
-        pixels.update(np.ascontiguousarray(array).tobytes())
+    decides: dict[str, Any] = {}
+    if isinstance(truth, Reference):
+        decides["reward"] = "mmd"
+        source = truth.source
+    else:
+        pixels = hashlib.sha256()
+        for array in truth:
+            pixels.update(np.ascontiguousarray(array).tobytes())
+        source = pixels.hexdigest()
     pool = config.pool._asdict()
     if pool["own"]:  # the files count, not where they lie
         pool["own"] = folder_digest(Path(pool["own"]))
-    decides = {
+    decides |= {
         "stage": asdict(stage),
         "table": target.table,
         "renderer": config.renderer,
         "pool": pool,
         # Names alone do not tell one twin from another.
-        "truth": [target.name, side, digest(list(names)), pixels.hexdigest()],
+        "truth": [target.name, side, digest(list(names)), source],
         "engine": engine(),
     }
     return {

@@ -17,9 +17,17 @@ from experiments.config import Config, Stage
 from experiments.evaluator import Evaluator, Job, Side
 from experiments.folder import RunFolder
 from experiments.ladder import climb, cost_of, ladder, most_cost
+from experiments.mmd_reward import FeatureNet, Reference, evaluate_mmd
 from experiments.outcome import Outcome
 from experiments.progress import Progress
-from experiments.reward import Evaluation, Truth, evaluate, evaluate_real
+from experiments.reward import (
+    REWARD_NAMES,
+    Evaluation,
+    Truth,
+    evaluate,
+    evaluate_real,
+    in_words,
+)
 from experiments.search import SearchResult
 from experiments.store import Store
 from experiments.targets import Split, Target
@@ -86,14 +94,19 @@ class Finals:
         progress: Progress,
         cost: float,
         store: Store | None = None,
+        net: FeatureNet | None = None,
     ) -> None:
+        self._net = net  # with it candidates are scored as the search was, without labels
         self._config, self._target, self._split = config, target, split
         self._folder, self._workers, self._progress = folder, workers, progress
         self._cost, self._store = cost, store
         self._size = (config.final.height, config.final.width)
 
     def candidates(self, result: SearchResult) -> tuple[str, dict[str, list[float]]]:
-        """The best relaxation of the learnt answer, and every candidate's mIoU [0, 1] by seed."""
+        """The best relaxation of the learnt answer, and every candidate's reward by seed.
+
+        Rewards are mIoU in [0, 1], or as ``--reward-kind`` has it; finals.jsonl calls both miou.
+        """
         config = self._config
         proposals = {name: candidate_proposal(name, result) for name in config.candidates}
         seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
@@ -155,7 +168,12 @@ class Finals:
         size = (stage.height, stage.width)
         split = self._split if size == self._size else target.at(*size)
         images = getattr(split, side)
-        truth = Truth(images.images, images.labels)
+        kind_of_reward = "miou" if side == "test" else config.reward_kind
+        truth: Truth | Reference
+        if kind_of_reward == "mmd" and self._net is not None:
+            truth = self._net.reference(images.images)
+        else:
+            truth = Truth(images.images, images.labels)
         records = {
             (line["row"], line["seed"]): line
             for line in self._folder.finals.lines
@@ -188,11 +206,13 @@ class Finals:
             self._folder.finals.append(record)
             records[key] = record
             self._progress.update(
-                f"{kind} nets: {row}, seed {seed} | mIoU {100 * evaluation.reward:.1f}"
+                f"{kind} nets: {row}, seed {seed} | {REWARD_NAMES[kind_of_reward]} "
+                f"{in_words(kind_of_reward, evaluation.reward)}"
             )
 
+        scoring = evaluate if isinstance(truth, Truth) else evaluate_mmd
         evaluator = Evaluator(config, stage, target, side, truth, self._workers, self._store)
-        for index, outcome in evaluator.map(evaluate, [job for _, job in rendered]):
+        for index, outcome in evaluator.map(scoring, [job for _, job in rendered]):
             if outcome.failed is not None:
                 raise TrainingError(outcome.failed)
             keep(rendered[index][0], outcome, outcome.stored)

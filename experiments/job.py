@@ -20,6 +20,7 @@ from experiments.finals import (
 from experiments.folder import RunFolder, refuse_foreign, write_atomically, write_json
 from experiments.ladder import cost_of as cost
 from experiments.ladder import ladder, most_cost, most_nets
+from experiments.mmd_reward import feature_net
 from experiments.progress import Progress
 from experiments.report import html as report_html
 from experiments.reward import Truth, render, worker_environment
@@ -101,13 +102,19 @@ def _run(
             f"Continuing: {len(folder.evaluations.lines)} rewards and {len(folder.finals.lines)} "
             f"final nets are done, in {duration(folder.elapsed)}"
         )
-    truth = Truth(small.reward.images, small.reward.labels)
+    net = None
+    if config.reward_kind == "mmd":
+        progress.say("The reward is -MMD^2 in the features of one net: labels are left alone")
+        net = feature_net(config, target.table, folder.path, workers)
+    images = small.reward
+    truth = net.reference(images.images) if net else Truth(images.images, images.labels)
     result = search(config, target, truth, folder, workers, progress, search_cost, store)
-    pictures.rewards(folder.path / "pictures", result, target.title)
+    note = "" if net is None else "; the reward is -MMD^2, times 100, and not mIoU"
+    pictures.rewards(folder.path / "pictures", result, target.title + note)
     pictures.distributions(folder.path / "pictures", result, target.title)
 
     split = target.at(config.final.height, config.final.width)
-    finals = Finals(config, target, split, folder, workers, progress, final_cost, store)
+    finals = Finals(config, target, split, folder, workers, progress, final_cost, store, net)
     chosen, scores = finals.candidates(result)
     learnt = candidate_proposal(chosen, result)
     attributes = summary.attributes(learnt)

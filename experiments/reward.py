@@ -22,6 +22,9 @@ from seg.classes import class_table
 from seg.metrics import iou, mean_iou
 from seg.train import score, train
 
+REWARD_NAMES = {"miou": "mIoU", "mmd": "-MMD^2"}
+"""What each ``--reward-kind`` is."""
+
 
 class Truth(NamedTuple):
     """Real images and their labels, ids of the target's table."""
@@ -48,6 +51,11 @@ class Evaluation(NamedTuple):
         present = self.confusion.sum(axis=1) > 0
         values = iou(self.confusion)
         return [float(v) if p else None for v, p in zip(values, present, strict=True)]
+
+
+def in_words(kind: str, reward: float) -> str:
+    """A reward as progress tells it: mIoU in percent, or -MMD^2 as it is."""
+    return f"{100 * reward:.1f}" if kind == "miou" else f"{reward:.4f}"
 
 
 def render(

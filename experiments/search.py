@@ -13,8 +13,9 @@ from experiments.config import Config, Search
 from experiments.errors import UserError
 from experiments.evaluator import Evaluator, Job
 from experiments.folder import RunFolder
+from experiments.mmd_reward import Reference, evaluate_mmd
 from experiments.progress import Progress
-from experiments.reward import Truth, evaluate
+from experiments.reward import REWARD_NAMES, Truth, evaluate, in_words
 from experiments.store import Store
 from experiments.targets import Target
 from scene.attributes import NAMES
@@ -94,13 +95,14 @@ class _Rewards:
         self,
         config: Config,
         target: Target,
-        truth: Truth,
+        truth: Truth | Reference,
         folder: RunFolder,
         workers: WorkerPool,
         progress: Progress,
         cost: float,
         store: Store | None,
     ) -> None:
+        self._evaluate = evaluate if isinstance(truth, Truth) else evaluate_mmd
         self._folder, self._progress, self._cost = folder, progress, cost
         self._evaluator = Evaluator(config, config.reward, target, "reward", truth, workers, store)
         self._known = {(r["update"], r["dataset"]): r for r in folder.evaluations.lines}
@@ -130,7 +132,7 @@ class _Rewards:
             rewards[k] = known["reward"]
             self._progress.advance(self._cost, replayed=True)
         jobs = [Job(self._proposals[k], units[k], int(seeds[k])) for k in missing]
-        for index, result in self._evaluator.map(evaluate, jobs):
+        for index, result in self._evaluator.map(self._evaluate, jobs):
             k = missing[index]
             if result.failed is not None:
                 raise TrainingError(result.failed)
@@ -161,7 +163,7 @@ class _Rewards:
 def search(
     config: Config,
     target: Target,
-    truth: Truth,
+    truth: Truth | Reference,
     folder: RunFolder,
     workers: WorkerPool,
     progress: Progress,
@@ -176,7 +178,7 @@ def search(
     Args:
         config: the run.
         target: what to be good on.
-        truth: the reward images.
+        truth: the reward images, or what ``--reward-kind mmd`` knows of them.
         folder: where every reward is logged.
         workers: who renders and trains.
         progress: told about every reward.
@@ -216,13 +218,15 @@ def search(
                 np.asarray(method.probabilities(state)),
             )
         )
-        line = f"mIoU {100 * float(info.reward_mean):.1f}, best {100 * rewards.best:.1f}"
+        kind = config.reward_kind
+        mean, best = in_words(kind, float(info.reward_mean)), in_words(kind, rewards.best)
+        line = f"{REWARD_NAMES[kind]} {mean}, best {best}"
         where = f"update {update + 1}/{updates}"
         if config.search.method == "sdr":
             where += f", group {int(info.group) + 1}/{len(config.groups)}"
         if np.isfinite(baseline):
-            scale = 1 if config.search.squared_reward else 100
-            line += f", baseline {scale * baseline:.1f}"
+            scale = 100 if config.search.squared_reward else 1
+            line += f", baseline {in_words(kind, baseline / scale)}"
         progress.update(f"search: {where} | {line}")
     per_update, baselines, groups, probabilities = zip(*history, strict=True)
     return SearchResult(
