@@ -71,6 +71,17 @@ def candidate_proposal(name: str, result: SearchResult) -> sdr_jax.Proposal:
     return result.spread
 
 
+def _distinct(proposals: Mapping[str, sdr_jax.Proposal]) -> dict[str, sdr_jax.Proposal]:
+    """Proposals without those that equal an earlier one: twins would hold two places on the ladder."""
+    values = {name: np.stack(proposal) for name, proposal in proposals.items()}
+    names = list(values)
+    return {
+        name: proposals[name]
+        for k, name in enumerate(names)
+        if not any(np.array_equal(values[name], values[other]) for other in names[:k])
+    }
+
+
 def _slid(centre: np.ndarray, width: float | np.ndarray) -> sdr_jax.Proposal:
     widths = np.broadcast_to(np.asarray(width, np.float32), centre.shape)
     return jax.tree.map(np.asarray, slide(centre, widths))
@@ -123,7 +134,9 @@ class Finals:
     ) -> tuple[str, dict[str, list[float]]]:
         """The best candidate, and the mIoU of those that reach the top of the ladder."""
         rungs = ladder(self._config)
-        left = self._units(most_cost(len(proposals), rungs))
+        planned = len(proposals)
+        proposals = _distinct(proposals)
+        left = self._units(most_cost(planned, rungs))
 
         def score(
             number: int, names: Sequence[str], seeds: Sequence[int]

@@ -239,3 +239,11 @@ def test_random_may_be_a_candidate(result):
     check(replace(camvid_config("quick"), candidates=("argmax", "random")))
     found = module.candidate_proposal("random", result)
     np.testing.assert_array_equal(found.width, random_proposal().width)
+
+
+def test_twins_climb_once(job, result):
+    score, _, config, _ = job
+    wide = result._replace(spread=module.candidate_proposal("broad", result))
+    score(wide)
+    rows = {line["row"] for line in lines(config.out / "finals.jsonl")}
+    assert rows == {"argmax", "spread", "random"}
