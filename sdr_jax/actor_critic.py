@@ -34,7 +34,7 @@ def actor_critic(
     space: Space,
     width: float | tuple[float, ...] | None = None,
     *,
-    temperature: float = 0.7,
+    temperature: float = 1.0,
     degree: int = 9,
     pair_degree: int | None = None,
 ) -> Method:
@@ -51,8 +51,11 @@ def actor_critic(
     attribute keeps exploring until the critic is surer of them than they differ. The natural
     gradient in the logits is `Q_i - tau_i log pi_i`; steps of 1 / tau_i, which are `logits = Q / tau`,
     alternate with new expectations. Groups say which attributes may interact, not in which order to
-    learn: all are learnt at once. The data sets of an update are stratified, so that together
-    they try every part of the policy.
+    learn: all are learnt at once.
+
+    Policies of independent attributes cannot say "both or neither". So every second data set is not
+    drawn from them, but the best of a model drawn from the posterior (Thompson sampling). Draws
+    from the policies are stratified.
 
     The answer holds the bins of the critic's highest mean, not of the luckiest draw. `spread` has the
     moments of the policy: what drowns in the noise stays wide. NaN rewards are passed by.
@@ -88,7 +91,11 @@ def actor_critic(
     def sample(
         rng_key: Key[Array, ""], state: ActorCriticState, n: int
     ) -> tuple[Int[Array, "n attributes"], Proposal]:
-        actions = stratified(rng_key, space, jax.nn.softmax(state.logits), n)
+        policy_key, draw_key = jax.random.split(rng_key)
+        actions = stratified(policy_key, space, jax.nn.softmax(state.logits), n)
+        believed = critics.draw_best(draw_key, model, critics.posterior(model, state.critic), n)
+        second = (jnp.arange(n) % 2 == 1) & (state.critic.noise > 0)
+        actions = jnp.where(second[:, None], believed, actions)
         return actions, relax(space, actions, width)
 
     def update(
@@ -97,8 +104,8 @@ def actor_critic(
         info = plain_info(rewards, entropy(state.logits, jnp.ones(space.attributes, bool)))
         critic = critics.observe(model, state.critic, actions, rewards)
         belief = critics.posterior(model, critic)
-        logits = follow(model, belief, state.logits, temperature)
         best = critics.best_bins(model, belief)
+        logits = follow(model, belief, best, temperature)
         known = critic.noise > 0
         next_state = ActorCriticState(
             critic,
@@ -129,7 +136,7 @@ def actor_critic(
 def follow(
     model: Critic,
     belief: Posterior,
-    logits: Float[Array, "attributes bins"],
+    start: Int[Array, "attributes"],
     temperature: float,
 ) -> Float[Array, "attributes bins"]:
     """Moves a policy to where a critic's expected reward plus entropy is highest.
@@ -137,7 +144,8 @@ def follow(
     Args:
         model: the critic.
         belief: what it believes.
-        logits: the policy from which to start; minus infinity stays.
+        start: bins from which to begin, as if they were certain: with interactions there may be
+            several maxima, and the policy belongs at the best.
         temperature: factor on the posterior's standard deviations.
 
     Returns:
@@ -148,8 +156,8 @@ def follow(
     mean = critics.mean_model(model, belief)
     # A fixed key: the same evaluations give the same temperatures.
     draws = critics.draw_models(jax.random.key(0), model, belief, DRAWS)
+    probabilities = jax.nn.one_hot(start, model.space.max_bins)
     for _ in range(SWEEPS):
-        probabilities = jax.nn.softmax(logits)
         q = critics.values(model, mean, probabilities)
         drawn = jax.vmap(lambda one: critics.values(model, one, probabilities))(draws)  # noqa: B023
         error = jnp.where(there[None], drawn - q[None], 0.0)
@@ -157,6 +165,7 @@ def follow(
         variance = jnp.where(there[None], error**2, 0.0).sum(axis=2) / sizes[None, :, 0]
         tau = temperature * jnp.sqrt(variance.mean(axis=0))
         logits = jnp.where(there, q / jnp.maximum(tau, 1e-12)[:, None], -jnp.inf)
+        probabilities = jax.nn.softmax(logits)
     return logits - jnp.max(logits, axis=1, keepdims=True)
 
 

@@ -5,6 +5,7 @@
 Under policies that choose each attribute's bin independently, its expectation is exact: no sampling.
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -18,8 +19,8 @@ from sdr_jax.features import Features
 from sdr_jax.regression import Posterior, Statistics
 from sdr_jax.space import Space
 
-MANY_PAIRS = 128
-"""With more pairs than these, an interaction has one cosine per attribute instead of two."""
+PAIR_FEATURES = 256
+"""About as many features do all interactions together get, which decides how fine they are."""
 
 SIGNAL = 0.7
 """Share of the first rewards' variance that is taken for signal, before the evidence speaks."""
@@ -72,8 +73,8 @@ def critic(space: Space, degree: int = 9, pair_degree: int | None = None) -> Cri
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
         degree: cosines per attribute; those beyond its bins less one are left out.
-        pair_degree: cosines of each attribute in interactions, 0 for none; by default 2, or 1 in
-            spaces with more than 128 pairs.
+        pair_degree: cosines of each attribute in interactions, 0 for none; by default as many as
+            leave all interactions together about 256 features, at least 1.
 
     Returns:
         The model.
@@ -83,7 +84,8 @@ def critic(space: Space, degree: int = 9, pair_degree: int | None = None) -> Cri
     """
     pairs = sum(len(group) * (len(group) - 1) // 2 for group in space.groups)
     if pair_degree is None:
-        pair_degree = min(degree, 2 if pairs <= MANY_PAIRS else 1)
+        finest = max(space.bins) - 1
+        pair_degree = min(degree, finest, max(1, math.isqrt(PAIR_FEATURES // max(pairs, 1))))
     layout = features.features(space, degree, pair_degree, 1.0)
     effects = space.attributes + len(layout.pairs)
     effect = np.concatenate(
@@ -191,6 +193,17 @@ def best_bins(model: Critic, belief: Posterior) -> Int[Array, "attributes"]:
     """The bins of the highest mean: coordinate ascent from a few starts."""
     weights = _plain(model, belief.mean)
     return features.maximise(jax.random.key(0), model.space, model.layout, weights)
+
+
+def draw_best(
+    rng_key: Key[Array, ""], model: Critic, belief: Posterior, n: int
+) -> Int[Array, "n attributes"]:
+    """The best bins of each of n models drawn from the posterior; the key is consumed."""
+    weights_key, start_key = jax.random.split(rng_key)
+    weights = regression.draw(weights_key, belief, n)
+    return jax.vmap(
+        lambda key, one: features.maximise(key, model.space, model.layout, _plain(model, one))
+    )(jax.random.split(start_key, n), weights)
 
 
 def _plain(model: Critic, weights: Array) -> Array:

@@ -70,9 +70,9 @@ def without_times(path):
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
-    """An unbroken search of 12 updates with 2 datasets each: its configuration and its result."""
+    """An unbroken search by SDR, 12 updates of 2 datasets: its configuration and its result."""
     config = camvid_config("smoke")
-    search = replace(config.search, updates_per_group=2)
+    search = replace(config.search, method="sdr", updates_per_group=2)
     config = replace(
         config, workers=0, search=search, out=tmp_path_factory.mktemp("search") / "whole"
     )

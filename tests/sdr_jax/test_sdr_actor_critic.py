@@ -48,7 +48,7 @@ def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> N
     state = critic.init(model)
     state = critic.observe(model, state, jnp.asarray(actions), jnp.asarray(rewards, jnp.float32))
     belief = critic.posterior(model, state)
-    start = jnp.where(jnp.asarray(bins.mask(ALONE)), 0.0, -jnp.inf)
+    start = jnp.zeros(2, jnp.int32)
     logits = np.asarray(follow(model, belief, start, 1.0))
     q = np.asarray(critic.mean_model(model, belief).alone)
     for attribute, count in enumerate(ALONE.bins):

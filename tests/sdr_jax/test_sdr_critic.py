@@ -122,7 +122,27 @@ def test_what_all_attributes_bend_is_learnt_before_each_one_is() -> None:
     assert np.mean((best == 0) | (best == 9)) < 0.2
 
 
-def test_spaces_of_many_pairs_get_shorter_interactions() -> None:
-    names = [f"x{i}" for i in range(17)]  # 136 pairs
-    assert critic.critic(space(names, bins=3)).layout.pair_degree == 1
-    assert critic.critic(space(names[:16], bins=3)).layout.pair_degree == 2
+def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
+    state = critic.init(MODEL)
+    for seed in range(3):
+        actions, rewards = some(seed)
+        state = OBSERVE(state, jnp.asarray(actions), jnp.asarray(rewards))
+    belief = POSTERIOR(state)
+    drawn = np.asarray(critic.draw_best(jax.random.key(0), MODEL, belief, 200))
+    agree = (drawn[:, 0] >= 1) == (drawn[:, 3] >= 2)
+    assert np.mean(agree) > 0.9  # a and d go together, at either end
+    certain = belief._replace(scale=jnp.zeros_like(belief.scale))
+    same = np.asarray(critic.draw_best(jax.random.key(0), MODEL, certain, 5))
+    np.testing.assert_array_equal(same, np.tile(critic.best_bins(MODEL, belief), (5, 1)))
+
+
+@pytest.mark.parametrize(
+    ("attributes", "size", "expected"), [(23, 3, 1), (8, 10, 3), (4, 4, 3), (8, 2, 1), (3, 10, 9)]
+)
+def test_interactions_are_as_fine_as_their_number_allows(
+    attributes: int, size: int, expected: int
+) -> None:
+    names = [f"x{i}" for i in range(attributes)]
+    assert critic.critic(space(names, bins=size)).layout.pair_degree == expected
+    apart = space(names, bins=size, groups=[[name] for name in names])
+    assert len(critic.critic(apart).layout.pairs) == 0
