@@ -74,7 +74,7 @@ def _predict(
     slack = jnp.maximum(width - WIDTH, 0.0)
     points = centre[:, None] + slack[:, None] * (jnp.asarray(_points(centre.shape[1])) - 0.5)[None]
     # Recorded centres slid inside; narrower intervals further out have no record of their own.
-    points = jnp.clip(points, WIDTH / 2, 1 - WIDTH / 2) / lengths
+    points = jnp.clip(points, WIDTH / 2, 1 - WIDTH / 2) / lengths[None, None]
     return jnp.mean(_matern(jnp, points[:, :, None] - centres[None, None]) @ weights, axis=1)
 
 
@@ -111,7 +111,7 @@ def fit(space: sdr_jax.Space, bins: np.ndarray, rewards: np.ndarray) -> Surrogat
     y = (rewards - mean) / spread
 
     def kernel(log: jax.Array) -> jax.Array:
-        scaled = jnp.asarray(centre) / jnp.exp(log[2:])
+        scaled = jnp.asarray(centre) / jnp.exp(log[2:])[None]
         size, noise = jnp.exp(log[0]), jnp.exp(log[1])
         between = _matern(jnp, scaled[:, None] - scaled[None])
         return size * between + noise * jnp.eye(len(y))

@@ -1,0 +1,72 @@
+"""The surrogate of recorded rewards: a Gaussian process of the record, and no more."""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import sdr_jax
+from benchmarks import recorded
+
+SPACE = sdr_jax.space(["a", "b"], bins=10)
+
+
+def made(n: int = 80, noise: float = 0.2) -> tuple[np.ndarray, np.ndarray]:
+    """a matters, b does not."""
+    rng = np.random.default_rng(0)
+    bins = rng.integers(0, 10, (n, 2))
+    centre = np.asarray(sdr_jax.relax(SPACE, bins, recorded.WIDTH).centre)
+    return bins, 20 + 3 * np.sin(4 * centre[:, 0]) + noise * rng.normal(size=n)
+
+
+def test_it_finds_the_function_the_noise_and_what_does_not_matter() -> None:
+    surrogate = recorded.fit(SPACE, *made())
+    assert surrogate.noise == pytest.approx(0.2, rel=0.4)
+    assert surrogate.lengths[1] > 2 * surrogate.lengths[0]
+    for centre in (0.2, 0.5, 0.8):
+        proposal = sdr_jax.Proposal(jnp.asarray([centre, 0.5]), jnp.full(2, recorded.WIDTH))
+        assert surrogate.true_value(proposal) == pytest.approx(
+            20 + 3 * np.sin(4 * centre), abs=0.25
+        )
+
+
+def test_a_wide_interval_is_worth_the_mean_over_it() -> None:
+    surrogate = recorded.fit(SPACE, *made())
+    everything = sdr_jax.Proposal(jnp.full(2, 0.5), jnp.ones(2))
+    centres = np.linspace(0.15, 0.85, 400)
+    assert surrogate.true_value(everything) == pytest.approx(
+        20 + 3 * np.sin(4 * centres).mean(), abs=0.3
+    )
+    many = jax.tree.map(lambda part: jnp.broadcast_to(part, (500, 2)), everything)
+    rewards = surrogate.reward(jax.random.key(0), many)
+    assert float(rewards.std()) == pytest.approx(surrogate.noise, rel=0.15)
+
+
+def test_only_the_quick_recipes_rewards_are_collected(tmp_path) -> None:
+    relaxed = sdr_jax.relax(SPACE, np.asarray([3, 9]), recorded.WIDTH)
+    good = {
+        "key": "k", **recorded.QUICK, "reward": 0.25,
+        "centre": np.asarray(relaxed.centre).tolist(), "width": [0.3, 0.3],
+    }  # fmt: skip
+    others = [
+        {**good, "steps": 1000},
+        {**good, "reward": None},
+        {**good, "width": [1.0, 0.3]},
+        {**good, "side": "test"},
+    ]
+    store, out = tmp_path / "store.jsonl", tmp_path / "data" / "record.jsonl"
+    lines = [{"store": "sdr-jax evaluations, 1"}, *others, good]
+    store.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    assert recorded.record([store], out) == 1
+    bins, rewards = recorded.read(out)
+    assert bins.tolist() == [[3, 8]]  # 8 and 9 slid to the same place
+    assert rewards.tolist() == [25.0]
+
+
+def test_the_committed_record_is_large_enough_and_bins_are_legal() -> None:
+    bins, rewards = recorded.read()
+    assert len(bins) == len(rewards) >= 400
+    assert bins.shape[1] == 23 and bins.min() >= 0 and bins.max() <= 9
+    assert np.all((rewards > 0) & (rewards < 100))
