@@ -113,7 +113,7 @@ def trace(
         updates = min(updates, method.updates)
     init_key, steps_key = jax.random.split(jax.random.key(seed))
     state = method.init(init_key)
-    best, lucky = -np.inf, None
+    best, lucky = -np.inf, method.solution(state)
     values: dict[int, float] = {}
     luckiest: dict[int, float] = {}
     waiting = sorted(looks)
@@ -124,9 +124,9 @@ def trace(
         actions, proposals = jax.block_until_ready(method.sample(sample_key, state, n))
         seconds += time.perf_counter() - started
         rewards = np.asarray(problem.reward(reward_key, proposals), np.float32)
-        if rewards.max() > best:
-            best = float(rewards.max())
-            lucky = sdr_jax.Proposal(*(part[int(rewards.argmax())] for part in proposals))
+        top = int(np.where(np.isnan(rewards), -np.inf, rewards).argmax())
+        if rewards[top] > best:
+            best, lucky = float(rewards[top]), sdr_jax.Proposal(*(part[top] for part in proposals))
         started = time.perf_counter()
         state, _ = method.update(state, actions, jax.numpy.asarray(rewards))
         jax.block_until_ready(jax.tree.leaves(state))

@@ -83,6 +83,7 @@ def test_the_command_line_writes_rows(tmp_path, capsys) -> None:
     assert [row["method"] for row in written["rows"]] == ["random_search", "pbil"]
     columns = {"method", "problem", "evaluations", "mean", "se", "seconds_per_update"}
     assert set(written["rows"][0]) == columns
+    assert list(written["mean_rank"].values()) == sorted(written["mean_rank"].values())
     assert "| pbil" in capsys.readouterr().out
 
 
