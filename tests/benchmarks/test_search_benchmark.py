@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 import sdr_jax
-from benchmarks.problems import GROUPS, PROBLEMS, _build, grouped_space
-from benchmarks.search import METHODS, evaluate, main
+from benchmarks.problems import GROUPS, PROBLEMS, Tabular, _build, grouped_space
+from benchmarks.search import METHODS, evaluate, main, trace
+
+ANALYTIC = [name for name in PROBLEMS if name != "camvid"]
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", ANALYTIC)
 def test_values_are_means_over_the_intervals(name: str) -> None:
     problem = PROBLEMS[name](3)
     assert tuple(map(len, problem.space.groups)) == GROUPS
@@ -29,7 +31,7 @@ def test_values_are_means_over_the_intervals(name: str) -> None:
     assert problem.true_value(proposal) == pytest.approx(sampled.mean(), abs=error)
 
 
-@pytest.mark.parametrize("name", PROBLEMS)
+@pytest.mark.parametrize("name", ANALYTIC)
 def test_random_attributes_are_worth_0_and_no_bins_more_than_100(name: str) -> None:
     problem = PROBLEMS[name](1)
     everything = sdr_jax.relax(problem.space, jnp.full(23, -1))
@@ -74,9 +76,31 @@ def test_a_problem_of_ones_own_needs_no_jax(name: str) -> None:
     assert evaluate(name, problem, 8, 0) == found
 
 
+def test_a_table_is_projected_to_the_bins_of_the_centres() -> None:
+    table = np.arange(8.0).reshape(2, 4)
+    problem = Tabular(sdr_jax.space(["a", "b"], bins=[2, 4]), table)
+    for a in range(2):
+        for b in range(4):
+            proposal = sdr_jax.relax(problem.space, np.asarray([a, b]))
+            assert problem.true_value(proposal) == table[a, b]
+    rewards = problem.reward(
+        jax.random.key(0), sdr_jax.relax(problem.space, np.asarray([[0, 3], [1, 0]]))
+    )
+    assert rewards.tolist() == [3.0, 4.0]
+    assert evaluate("actor_critic", problem, 20, 0) == 7.0
+
+
+def test_recommendations_on_the_way_are_those_of_shorter_searches() -> None:
+    problem = PROBLEMS["smooth"](0)
+    found = trace("pbil", problem, 20, 3, (10, 15, 20))
+    assert set(found.values) == set(found.luckiest) == {10, 15, 20}
+    for evaluations, value in found.values.items():
+        assert value == evaluate("pbil", problem, evaluations, 3)
+
+
 def test_the_command_line_writes_rows(tmp_path, capsys) -> None:
     path = tmp_path / "search.json"
-    flags = "--seeds 2 --evaluations 4 --methods random_search pbil --problems smooth".split()
+    flags = "--seeds 2 --evaluations 4 --methods random_search pbil --problems smooth --workers 0".split()
     assert main([*flags, "--json", str(path)]) == 0
     written = json.loads(path.read_text())
     assert written["default"] in METHODS
