@@ -115,7 +115,7 @@ def test_the_command_line_writes_rows(tmp_path, capsys) -> None:
     ("call", "culprit"),
     [
         (("simulated_annealing", 50), "unknown method 'simulated_annealing'"),
-        (("gaussian", 3), "evaluations is 3"),
+        (("gaussian", 1), "evaluations is 1"),
         (("pbil", 0), "evaluations is 0"),
     ],
 )
