@@ -11,11 +11,8 @@ from experiments import config as run_config
 from experiments.config import POSITIONS, Config, Group, Search, camvid_config, cityscapes_config
 from experiments.errors import UserError
 from experiments.search import make_method, make_space
-from experiments.targets import Target, camvid_target, cityscapes_target
 from scene.attributes import NAMES
-from scene.workers import WorkerPool
 
-TARGETS = ("twin", "camvid", "cityscapes")
 RANDOM = "random_attributes"
 """The row that gains are measured from; it asks for no evaluation."""
 KNOWN = tuple(dict.fromkeys((RANDOM, *get_args(get_type_hints(Search)["method"]))))
@@ -69,21 +66,6 @@ def compare_config(target: str, preset: str) -> CompareConfig:
         return replace(config, evaluations=300)
     search = replace(config.search, datasets_per_update=8)
     return replace(config, search=search, seeds=3)
-
-
-def make_target(config: CompareConfig, workers: WorkerPool) -> Target:
-    """The target of the configuration.
-
-    Raises:
-        UserError: no data where it is needed, or data for the twin.
-    """
-    if config.target == "camvid":
-        return camvid_target(config, workers)
-    if config.target == "cityscapes" and config.data is None:
-        raise UserError("Cityscapes needs its folder: --data DIR; or use --target twin")
-    if config.target == "twin" and config.data is not None:
-        raise UserError("--target twin takes no --data; --target camvid or cityscapes does")
-    return cityscapes_target(config, workers)
 
 
 def subset_title(subset: Sequence[str]) -> str:

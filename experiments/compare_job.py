@@ -5,17 +5,18 @@ from __future__ import annotations
 from typing import Any
 
 from experiments import compare_report
-from experiments.compare_config import RANDOM, CompareConfig, check, make_target, plans
+from experiments.compare_config import RANDOM, CompareConfig, check, plans
 from experiments.compare_search import Comparison, Name
 from experiments.errors import UserError
 from experiments.evaluator import Evaluator
 from experiments.finals import random_proposal
 from experiments.folder import RunFolder, refuse_foreign
-from experiments.job import cost
+from experiments.ladder import cost_of
 from experiments.outcome import Outcome
 from experiments.progress import Progress
 from experiments.reward import Truth, worker_environment
 from experiments.store import FILE, Store
+from experiments.targets import named_target
 from scene.command import duration
 from scene.render import RendererError, renderer
 from scene.workers import WorkerPool
@@ -35,7 +36,7 @@ def run(config: CompareConfig) -> dict[str, Any]:
     except RendererError as error:
         raise UserError(str(error)) from None
     with WorkerPool(config.workers, worker_environment()) as workers:
-        target = make_target(config, workers)
+        target = named_target(config.target, config, workers)
         refuse_foreign(config, target.name)
         store = Store(config.store or config.out / FILE)
         print(f"Target: {target.title}", flush=True)
@@ -46,7 +47,7 @@ def run(config: CompareConfig) -> dict[str, Any]:
             nets = len(rows) * config.seeds if config.finals else 0
             rewards = len(work) * config.evaluations
             progress = Progress(
-                rewards * cost(config.reward) + nets * cost(config.final),
+                rewards * cost_of(config.reward) + nets * cost_of(config.final),
                 label="" if target.real else "twin, not real | ",
             )
             progress.say(

@@ -14,7 +14,7 @@ import sdr_jax
 from experiments.compare_config import CompareConfig, Plan
 from experiments.evaluator import Evaluator, Job
 from experiments.finals import draw_units, random_proposal
-from experiments.job import cost
+from experiments.ladder import cost_of
 from experiments.outcome import Outcome
 from experiments.progress import Progress
 from experiments.reward import evaluate
@@ -127,7 +127,7 @@ class Comparison:
         outcomes: dict[int, Outcome] = {}
         for index, outcome in evaluator.map(evaluate, jobs):
             outcomes[index] = outcome
-            self._progress.advance(cost(stage), replayed=outcome.stored)
+            self._progress.advance(cost_of(stage), replayed=outcome.stored)
         return [outcomes[k] for k in range(len(jobs))]
 
     def finals(
@@ -145,7 +145,7 @@ class Comparison:
         for index, outcome in evaluator.map(evaluate, jobs):
             outcomes[wanted[index]] = outcome
             (method, subset), seed = wanted[index]
-            self._progress.advance(cost(config.final), replayed=outcome.stored)
+            self._progress.advance(cost_of(config.final), replayed=outcome.stored)
             if not outcome.stored:
                 said = "failed" if outcome.failed else f"mIoU {100 * outcome.reward:.1f}"
                 self._progress.update(

@@ -2,16 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from pathlib import Path
 from typing import Any, Literal
 
 import jax
 import numpy as np
-import tyro
 
 import sdr_jax
 from experiments import config as run_config
@@ -23,19 +19,18 @@ from experiments.fidelity_report import Level
 from experiments.finals import default_proposal, draw_units, random_proposal
 from experiments.folder import RunFolder, refuse_foreign
 from experiments.ladder import cost_of, ladder
-from experiments.main import choice_of, exit_code, preset_of
+from experiments.main import main_on_target
 from experiments.mmd_reward import FeatureNet, Reference, evaluate_mmd, feature_net
 from experiments.outcome import Outcome
 from experiments.progress import Progress
 from experiments.reward import REWARD_NAMES, Truth, evaluate, in_words, worker_environment
 from experiments.search import make_space
 from experiments.store import FILE, Store
-from experiments.targets import Target, camvid_target, cityscapes_target
+from experiments.targets import Target, named_target
 from scene.command import duration
 from scene.render import RendererError, renderer
 from scene.workers import WorkerPool
 
-TARGETS = ("twin", "camvid", "cityscapes")
 FIDELITY_SEED = 10_000_000
 """Seeds begin here, above those of runs and their ladders."""
 MOST_REPEATS = 1_000_000
@@ -87,21 +82,6 @@ def check(config: FidelityConfig) -> None:
         raise UserError(f"--search.relaxation must lie in [0, 1], not {width}")
 
 
-def make_target(config: FidelityConfig, workers: WorkerPool) -> Target:
-    """The target of the configuration.
-
-    Raises:
-        UserError: no data where it is needed, or data for the twin.
-    """
-    if config.target == "camvid":
-        return camvid_target(config, workers)
-    if config.target == "cityscapes" and config.data is None:
-        raise UserError("Cityscapes needs its folder: --data DIR; or use --target twin")
-    if config.target == "twin" and config.data is not None:
-        raise UserError("--target twin takes no --data; --target camvid or cityscapes does")
-    return cityscapes_target(config, workers)
-
-
 def proposals(config: FidelityConfig) -> dict[str, sdr_jax.Proposal]:
     """The street set by eye, random attributes, and draws with random bins, by name."""
     space, bins = make_space(config), config.search.bins
@@ -146,7 +126,7 @@ def run(config: FidelityConfig) -> dict[str, Any]:
     repeated = names[: config.repeated]
     nets = len(names) + len(repeated) * (config.repeats - 1)
     with WorkerPool(config.workers, worker_environment()) as workers:
-        target = make_target(config, workers)
+        target = named_target(config.target, config, workers)
         refuse_foreign(config, target.name)
         store = Store(config.store or config.out / FILE)
         print(f"Target: {target.title}", flush=True)
@@ -229,23 +209,4 @@ def _score(
 
 def main(description: str, arguments: Sequence[str] | None = None) -> int:
     """Parse, run, and turn what went wrong into one line. Returns the exit code."""
-    arguments = sys.argv[1:] if arguments is None else list(arguments)
-
-    def work() -> None:
-        preset = preset_of(arguments)
-        target = choice_of(arguments, "--target", TARGETS, "twin")
-        default = replace(
-            fidelity_config(target, preset), out=Path("runs") / f"fidelity-{target}-{preset}"
-        )
-        if target == "camvid" and os.environ.get("CAMVID_DIR"):
-            default = replace(default, data=Path(os.environ["CAMVID_DIR"]))
-        config = tyro.cli(
-            FidelityConfig,
-            prog="python -m experiments.fidelity",
-            description=description,
-            default=default,
-            args=arguments,
-        )
-        run(config)
-
-    return exit_code(work)
+    return main_on_target("fidelity", fidelity_config, run, description, arguments)

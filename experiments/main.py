@@ -7,17 +7,20 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TypeVar
 
 import tyro
 
 from experiments import job
 from experiments.config import PRESETS, Config
 from experiments.errors import UserError
-from experiments.targets import Target
+from experiments.targets import TARGETS, Target
 from scene.render import RendererError
 from scene.workers import WorkerError, WorkerPool
 from seg.data import DataError
 from seg.train import TrainingError
+
+AnyConfig = TypeVar("AnyConfig", bound=Config)
 
 
 def choice_of(arguments: Sequence[str], flag: str, known: Sequence[str], default: str) -> str:
@@ -70,6 +73,34 @@ def main(
             args=arguments,
         )
         job.run(config, make_target)
+
+    return exit_code(work)
+
+
+def main_on_target(
+    name: str,
+    defaults: Callable[[str, str], AnyConfig],
+    run: Callable[[AnyConfig], object],
+    description: str,
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """The same for commands with ``--target``; ``defaults`` are those of (target, preset)."""
+    arguments = sys.argv[1:] if arguments is None else list(arguments)
+
+    def work() -> None:
+        preset = preset_of(arguments)
+        target = choice_of(arguments, "--target", TARGETS, "twin")
+        default = replace(defaults(target, preset), out=Path("runs") / f"{name}-{target}-{preset}")
+        if target == "camvid" and os.environ.get("CAMVID_DIR"):
+            default = replace(default, data=Path(os.environ["CAMVID_DIR"]))
+        config = tyro.cli(
+            type(default),
+            prog=f"python -m experiments.{name}",
+            description=description,
+            default=default,
+            args=arguments,
+        )
+        run(config)
 
     return exit_code(work)
 

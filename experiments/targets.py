@@ -91,6 +91,25 @@ def camvid_target(config: Config, workers: WorkerPool) -> Target:
     return _real_target("camvid", "test", list_camvid, config)
 
 
+TARGETS = ("twin", "camvid", "cityscapes")
+"""Targets by name."""
+
+
+def named_target(name: str, config: Config, workers: WorkerPool) -> Target:
+    """The target of that name.
+
+    Raises:
+        UserError: no data where it is needed, or data for the twin.
+    """
+    if name == "camvid":
+        return camvid_target(config, workers)
+    if name == "cityscapes" and config.data is None:
+        raise UserError("Cityscapes needs its folder: --data DIR; or use --target twin")
+    if name == "twin" and config.data is not None:
+        raise UserError("--target twin takes no --data; --target camvid or cityscapes does")
+    return cityscapes_target(config, workers)
+
+
 def _real_target(
     name: str, test_split: str, listing: Callable[..., tuple[Entry, ...]], config: Config
 ) -> Target:

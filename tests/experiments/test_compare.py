@@ -15,7 +15,6 @@ from experiments.compare_config import (
     METHODS,
     RANDOM,
     SUBSETS,
-    TARGETS,
     check,
     compare_config,
     plan,
@@ -30,7 +29,7 @@ from experiments.outcome import Outcome
 from experiments.reward import Evaluation
 from experiments.stats import mean_ci95, paired_gain
 from experiments.store import Store
-from experiments.targets import Target
+from experiments.targets import TARGETS, Target
 from scene.attributes import NAMES
 from seg.train import TrainingError
 

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from experiments import fidelity_job as module
 from experiments.config import PRESETS
 from experiments.fidelity_job import (
-    TARGETS,
     check,
     fidelity_config,
     levels,
@@ -29,6 +28,7 @@ from experiments.fidelity_stats import (
     spearman,
 )
 from experiments.reward import Evaluation
+from experiments.targets import TARGETS
 from scene.attributes import NAMES
 
 from .conftest import lines
