@@ -8,8 +8,17 @@ from typing import Any, Literal, NamedTuple, get_args, get_type_hints
 
 import sdr_jax
 from experiments import config as run_config
-from experiments.config import POSITIONS, Config, Group, Search, camvid_config, cityscapes_config
+from experiments.config import (
+    POSITIONS,
+    Config,
+    Group,
+    Search,
+    Stage,
+    camvid_config,
+    cityscapes_config,
+)
 from experiments.errors import UserError
+from experiments.ladder import ladder
 from experiments.search import make_method, make_space
 from scene.attributes import NAMES
 
@@ -43,6 +52,8 @@ class CompareConfig(Config):
     """Rewards that each method may ask for, on each subset."""
     finals: bool = True
     """Train the final nets; without them only the rewards are recorded."""
+    cheap_finals: bool = True
+    """Also train nets at the reward's size and at one between: does the gain outlive the cheap budget?"""
 
 
 class Plan(NamedTuple):
@@ -108,6 +119,13 @@ def check(config: CompareConfig) -> CompareConfig:
             f"not {config.evaluations}"
         )
     return replace(config, subsets=subsets)
+
+
+def budgets(config: CompareConfig) -> list[Stage]:
+    """The stages at which answers are scored on the test images, the final one last."""
+    if not config.finals:
+        return []
+    return [rung.stage for rung in ladder(config)] if config.cheap_finals else [config.final]
 
 
 def plans(config: CompareConfig) -> list[Plan]:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from experiments import compare_report
-from experiments.compare_config import RANDOM, CompareConfig, check, plans
-from experiments.compare_search import Comparison, Name
+from experiments.compare_config import RANDOM, CompareConfig, budgets, check, plans
+from experiments.compare_search import Comparison
 from experiments.errors import UserError
 from experiments.evaluator import Evaluator
 from experiments.finals import random_proposal
 from experiments.folder import RunFolder, refuse_foreign
 from experiments.ladder import cost_of
-from experiments.outcome import Outcome
 from experiments.progress import Progress
 from experiments.reward import Truth, worker_environment
 from experiments.store import FILE, Store
@@ -44,30 +43,32 @@ def run(config: CompareConfig) -> dict[str, Any]:
         folder = RunFolder(config, target.name)
         try:
             rows = [(method, subset) for subset in config.subsets for method in config.methods]
-            nets = len(rows) * config.seeds if config.finals else 0
+            nets = len(rows) * config.seeds
+            stages = budgets(config)
             rewards = len(work) * config.evaluations
             progress = Progress(
-                rewards * cost_of(config.reward) + nets * cost_of(config.final),
+                rewards * cost_of(config.reward) + nets * sum(map(cost_of, stages)),
                 label="" if target.real else "twin, not real | ",
             )
             progress.say(
                 f"Folder: {config.out} | {rewards} rewards of {config.reward.images} images, then "
-                f"{nets} nets on {config.final.images}; {store.path} holds {len(store)} evaluations"
+                f"{nets} nets at each of {len(stages)} budgets; {store.path} holds {len(store)} "
+                "evaluations"
             )
             comparison = Comparison(config, progress)
             truth = Truth(small.images, small.labels)
             evaluator = Evaluator(config, config.reward, target, "reward", truth, workers, store)
             found = {(p.method, p.subset): comparison.search(p, evaluator) for p in work}
-            scores: dict[Name, list[Outcome]] = {}
-            if config.finals:
-                test = target.at(config.final.height, config.final.width).test
+            solutions = {
+                name: random_proposal() if name[0] == RANDOM else found[name].solution
+                for name in rows
+            }
+            scores = []
+            for stage in stages:
+                test = target.at(stage.height, stage.width).test
                 truth = Truth(test.images, test.labels)
-                evaluator = Evaluator(config, config.final, target, "test", truth, workers, store)
-                solutions = {
-                    name: random_proposal() if name[0] == RANDOM else found[name].solution
-                    for name in rows
-                }
-                scores = comparison.finals(solutions, evaluator)
+                evaluator = Evaluator(config, stage, target, "test", truth, workers, store)
+                scores.append((stage, comparison.score(stage, solutions, evaluator)))
             report = compare_report.summarize(config, target, rows, found, scores)
             compare_report.write(report, config.out)
             progress.say(compare_report.text(report))

@@ -25,9 +25,8 @@ def picture(report: dict[str, Any]) -> bytes:
     subsets = list(dict.fromkeys(row["subset"] for row in rows))
     colors = {method: f"C{k % 10}" for k, method in enumerate(methods)}
     counts = {row["subset"]: row["attributes"] for row in rows}
-    figure, axes = plt.subplots(
-        1, 2 + len(subsets), figsize=(8 + 4 * len(subsets), 4.2), layout="constrained"
-    )
+    panels = 2 + len(subsets) + (len(report["budgets"]) > 1)
+    figure, axes = plt.subplots(1, panels, figsize=(4 * panels, 4.2), layout="constrained")
 
     def against_attributes(axis: Axes, value: Callable[[dict[str, Any]], Any]) -> None:
         """``value`` of a row: a number and its half interval, or None."""
@@ -52,7 +51,9 @@ def picture(report: dict[str, Any]) -> bytes:
     against_attributes(axes[1], _minutes)
     axes[1].set(ylabel="minutes of one core, rewards and method", title="time of the search")
     axes[1].set_ylim(bottom=0)
-    for axis, subset in zip(axes[2:], subsets, strict=True):
+    if panels > 2 + len(subsets):
+        _gains(axes[-1], report, subsets[-1], colors)
+    for axis, subset in zip(axes[2 : 2 + len(subsets)], subsets, strict=True):
         for row in rows:
             if row["subset"] == subset and row["search"] is not None:
                 _rewards(axis, row, colors[row["method"]])
@@ -80,6 +81,24 @@ def _accuracy(row: dict[str, Any]) -> tuple[float, float] | None:
     if final is None or final["mean"] is None:
         return None
     return final["mean"], final["mean"] - final["ci95"][0] if final["ci95"] else 0.0
+
+
+def _gains(axis: Axes, report: dict[str, Any], subset: str, colors: dict[str, str]) -> None:
+    """The gain over random attributes from the cheapest to the final budget, on one subset."""
+    rows = [r for r in report["rows"] if r["subset"] == subset and r["method"] in colors]
+    for k, row in enumerate(rows):
+        points = [
+            (place + 0.06 * k, gain["mean"], gain["mean"] - gain["ci95"][0] if gain["ci95"] else 0)
+            for place, budget in enumerate(row["budgets"])
+            if row["search"] is not None and (gain := budget["gain"]) is not None
+        ]
+        if points:
+            x, y, half = zip(*points, strict=True)
+            axis.errorbar(x, y, yerr=half, fmt="o-", ms=4, capsize=3, color=colors[row["method"]])
+    axis.axhline(0, color="0.7", lw=1)
+    names = [budget.replace(", ", "\n") for budget in report["budgets"]]
+    axis.set_xticks(range(len(names)), names, fontsize=8)
+    axis.set(ylabel="gain over random attributes, mIoU", title="from the cheap to the final budget")
 
 
 def _minutes(row: dict[str, Any]) -> tuple[float, float] | None:

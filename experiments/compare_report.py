@@ -12,6 +12,7 @@ import sdr_jax
 from experiments.compare_config import RANDOM, CompareConfig, subset_title
 from experiments.compare_picture import picture
 from experiments.compare_search import Found, Name
+from experiments.config import Stage
 from experiments.folder import write_atomically, write_json
 from experiments.outcome import Outcome
 from experiments.stats import mean_ci95, paired_gain
@@ -37,7 +38,7 @@ def summarize(
     target: Target,
     rows: Sequence[Name],
     found: dict[Name, Found],
-    scores: dict[Name, list[Outcome]],
+    scores: Sequence[tuple[Stage, dict[Name, list[Outcome]]]],
 ) -> dict[str, Any]:
     """What ``compare.json`` holds.
 
@@ -46,9 +47,13 @@ def summarize(
         target: what the nets must be good on.
         rows: methods and subsets, in the order of the table.
         found: every search; random attributes need none.
-        scores: final nets of every row, paired; empty without finals.
+        scores: nets of every row, paired, at each budget, the final one last; empty without finals.
     """
     workers = max(config.workers, 1)
+
+    def at(nets: dict[Name, list[Outcome]], name: Name) -> dict[str, Any]:
+        return _nets(nets[name], nets.get((RANDOM, name[1])))
+
     return {
         "target": target.name,
         "real": target.real,
@@ -59,13 +64,15 @@ def summarize(
         "rewards_at": f"{config.reward.width}x{config.reward.height}",
         "scored_at": f"{config.final.width}x{config.final.height}",
         "seeds": config.seeds if config.finals else 0,
+        "budgets": [_budget(stage) for stage, _ in scores],
         "rows": [
             {
                 "attributes": len(name[1]),
                 "subset": subset_title(name[1]),
                 "method": name[0],
                 "search": _search(found.get(name), name[1], workers),
-                "final": _final(scores.get(name), scores.get((RANDOM, name[1]))),
+                "final": at(scores[-1][1], name) if scores else None,
+                "budgets": [at(nets, name) for _, nets in scores],
             }
             for name in rows
         ],
@@ -111,10 +118,13 @@ def _solution(proposal: sdr_jax.Proposal, subset: Sequence[str]) -> dict[str, di
     }
 
 
-def _final(ours: list[Outcome] | None, random: list[Outcome] | None) -> dict[str, Any] | None:
-    """The final nets in percent; a seed whose net failed is left out of what it enters."""
-    if ours is None:
-        return None
+def _budget(stage: Stage) -> str:
+    """A stage in a few words."""
+    return f"{stage.width}x{stage.height}, {stage.images} images, {stage.train.steps} steps"
+
+
+def _nets(ours: list[Outcome], random: list[Outcome] | None) -> dict[str, Any]:
+    """Nets at one budget, in percent; a seed whose net failed is left out of what it enters."""
     miou = [None if o.failed else 100 * o.reward for o in ours]
     known = [v for v in miou if v is not None]
     mean, ci95 = mean_ci95(known) if known else (None, None)
@@ -160,6 +170,28 @@ def _cells(row: dict[str, Any]) -> list[str]:
     ]
 
 
+def _budgets(report: dict[str, Any]) -> list[str]:
+    """How the gain over random attributes behaves from the cheapest to the final budget."""
+    rows = [row for row in report["rows"] if row["method"] != RANDOM]
+    if len(report["budgets"]) < 2 or not any(b["gain"] for row in rows for b in row["budgets"]):
+        return []
+    head = ("attributes", "method", *report["budgets"])
+    lines = [
+        "",
+        "Gain over random attributes on the test images, with the 95 % interval, from the reward's budget "
+        "to the final one:",
+        "",
+        "| " + " | ".join(head) + " |",
+        "| " + " | ".join("---" for _ in head) + " |",
+    ]
+    for row in rows:
+        gains = [budget["gain"] or {} for budget in row["budgets"]]
+        cells = [f"{_number(g.get('mean'), '+.1f')} ({_interval(g.get('ci95'))})" for g in gains]
+        names = [str(row["attributes"]), row["method"].replace("_", " ")]
+        lines.append("| " + " | ".join([*names, *cells]) + " |")
+    return lines
+
+
 def text(report: dict[str, Any]) -> str:
     """The table, in Markdown."""
     lines = [
@@ -174,6 +206,7 @@ def text(report: dict[str, Any]) -> str:
         "| " + " | ".join("---" for _ in HEAD) + " |",
     ]
     lines += ["| " + " | ".join(_cells(row)) + " |" for row in report["rows"]]
+    lines += _budgets(report)
     failed = sum((row["search"] or {}).get("failed", 0) for row in report["rows"])
     if failed:
         lines += [

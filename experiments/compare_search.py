@@ -12,6 +12,7 @@ import numpy as np
 
 import sdr_jax
 from experiments.compare_config import CompareConfig, Plan
+from experiments.config import Stage
 from experiments.evaluator import Evaluator, Job
 from experiments.finals import draw_units, random_proposal
 from experiments.ladder import cost_of
@@ -130,25 +131,26 @@ class Comparison:
             self._progress.advance(cost_of(stage), replayed=outcome.stored)
         return [outcomes[k] for k in range(len(jobs))]
 
-    def finals(
-        self, solutions: dict[Name, sdr_jax.Proposal], evaluator: Evaluator
+    def score(
+        self, stage: Stage, solutions: dict[Name, sdr_jax.Proposal], evaluator: Evaluator
     ) -> dict[Name, list[Outcome]]:
-        """Score every solution on the test images, with the same seeds for all."""
+        """Score every solution at a stage, with the same seeds for all."""
         config = self._config
         seeds = [config.seed + k for k in range(config.seeds)]
         wanted = [(name, seed) for seed in seeds for name in solutions]
         jobs = [
-            Job(solutions[name], draw_units(solutions[name], seed, config.final.streets), seed)
+            Job(solutions[name], draw_units(solutions[name], seed, stage.streets), seed)
             for name, seed in wanted
         ]
         outcomes: dict[tuple[Name, int], Outcome] = {}
         for index, outcome in evaluator.map(evaluate, jobs):
             outcomes[wanted[index]] = outcome
             (method, subset), seed = wanted[index]
-            self._progress.advance(cost_of(config.final), replayed=outcome.stored)
+            self._progress.advance(cost_of(stage), replayed=outcome.stored)
             if not outcome.stored:
                 said = "failed" if outcome.failed else f"mIoU {100 * outcome.reward:.1f}"
                 self._progress.update(
-                    f"final nets: {len(subset)} attributes, {method}, seed {seed} | {said}"
+                    f"{stage.width}x{stage.height}, {stage.images} images: {len(subset)} attributes, "
+                    f"{method}, seed {seed} | {said}"
                 )
         return {name: [outcomes[name, seed] for seed in seeds] for name in solutions}

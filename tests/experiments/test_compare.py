@@ -145,7 +145,7 @@ def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
     out = tmp_path / "run"
     assert compare(out) == 0
     printed = capsys.readouterr().out
-    assert "final nets: 3 attributes, random_search, seed 1" in printed and " left" in printed
+    assert "images: 3 attributes, random_search, seed 1" in printed and " left" in printed
     assert {p.name for p in out.iterdir()} == {
         "compare.json", "compare.md", "compare.png", "config.json", "lock", "store.jsonl",
     }  # fmt: skip
@@ -165,17 +165,19 @@ def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
     assert search["first_third"] == search["rewards"][0]
     assert search["reward_seconds"] == {"core": 8.0, "wall": 8.0}
     assert set(search["solution"]) == {"building_position", "fence_position"}
-    # 2 x 4 rewards; random attributes twice, two answers twice.
-    assert len(Store(out / "store.jsonl")) == 8 + 2 + 4
+    assert len(report["budgets"]) == 3 and report["budgets"][-1] == "64x48, 6 images, 20 steps"
+    assert [row["budgets"][-1] for row in report["rows"]] == [r["final"] for r in report["rows"]]
+    # 2 x 4 rewards; random attributes twice, two answers twice, at each of three budgets.
+    assert len(Store(out / "store.jsonl")) == 8 + 3 * (2 + 4)
     table = (out / "compare.md").read_text().splitlines()
-    assert len([line for line in table if line.startswith("| ")]) == 2 + 4
+    assert len([line for line in table if line.startswith("| ")]) == (2 + 4) + (2 + 2)
     assert min(Image.open(out / "compare.png").size) > 200
 
 
 def test_killed_it_goes_on_and_ends_the_same(compare, tmp_path, capsys):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     assert compare(whole) == 0
-    for count in (3, 8):  # within a search, and within the final nets
+    for count in (3, 8, 10):  # within a search, and within the nets of the first and last budgets
         left = [count]
 
         def dying(*task, left=left):
@@ -188,7 +190,7 @@ def test_killed_it_goes_on_and_ends_the_same(compare, tmp_path, capsys):
             compare(broken, evaluate=dying)
     with open(broken / "store.jsonl", "a") as file:
         file.write('{"key": "12')  # as a kill within a write leaves it
-    assert len(lines(broken / "store.jsonl")) == 1 + 3 + 8
+    assert len(lines(broken / "store.jsonl")) == 1 + 3 + 8 + 10
     assert compare(broken) == 0
     assert report_of(broken) == report_of(whole)
     found, wanted = (lines(p / "store.jsonl") for p in (broken, whole))
@@ -229,7 +231,8 @@ def test_a_failed_evaluation_is_told_and_left_out(compare, tmp_path, capsys):
         return formula(*task)
 
     out = tmp_path / "run"
-    assert compare(out, "--subsets", "building_position,car_position", evaluate=sometimes) == 0
+    flags = ("--subsets", "building_position,car_position", "--no-cheap-finals")
+    assert compare(out, *flags, evaluate=sometimes) == 0
     random, ours = report_of(out)["rows"]
     assert ours["search"]["failed"] == 3 and ours["search"]["rewards"].count(None) == 3
     assert ours["search"]["first_third"] is None
@@ -247,7 +250,7 @@ def test_the_table_and_the_picture_bear_what_is_missing():
     rows = [(RANDOM, SUBSETS[0]), ("sdr", SUBSETS[0]), ("sdr", SUBSETS[1])]
     found = {name: Found(proposal, outcomes, 0.1, 0.2) for name in rows[1:]}
     config = replace(compare_config("camvid", "smoke"), subsets=SUBSETS[:2])
-    report = compare_report.summarize(config, TARGET, rows, found, {})
+    report = compare_report.summarize(config, TARGET, rows, found, [])
     text = compare_report.text(report)
     assert "| 3 | random attributes |" in text and "2 evaluations failed" in text
     assert compare_report.picture(report).startswith(b"\x89PNG")
