@@ -190,6 +190,9 @@ class Config:
     reward_kind: Literal["miou", "mmd"] = "miou"
     """miou of a net trained on the dataset; or mmd, for reward images without labels: minus the distance
     of rendered and real images in the features of one net, in units of its own."""
+    unlabelled: Path | None = None
+    """Folder of images that give the reward in place of the labelled training images; only with
+    --reward-kind mmd. The reported figures still come from --data."""
     groups: tuple[Group, ...]
     """Attributes optimised together, one word per group, in this order; each of the 23 in one group."""
 
@@ -264,6 +267,8 @@ def check(config: Config) -> Config:
         raise UserError(
             "--search.baseline leave_one_out needs --search.datasets-per-update 2 or more"
         )
+    if config.unlabelled is not None and config.reward_kind != "mmd":
+        raise UserError("--unlabelled needs --reward-kind mmd: mIoU needs labels")
     if config.reward_kind == "mmd":
         if config.search.squared_reward:
             raise UserError(

@@ -68,6 +68,8 @@ def fidelity_config(target: str, preset: str) -> FidelityConfig:
 def check(config: FidelityConfig) -> None:
     """Raise UserError for a field out of range, by name."""
     run_config.check(config)
+    if config.unlabelled is not None:
+        raise UserError("--unlabelled: rewards are compared with mIoU here, which needs labels")
     if config.proposals < 2:
         raise UserError(f"--proposals must be 2 or more, not {config.proposals}")
     if not 2 <= config.repeated <= config.proposals + 2:

@@ -46,8 +46,14 @@ TRAINED_ON = {
 }
 """What the nets of each row of the result were trained on."""
 ROWS = tuple(TRAINED_ON)
+"""Those of a target whose reward images have labels; without them none can be trained on."""
 CANDIDATE_SEED = 1_000_000
 """Candidates are scored with seeds that no row of the result uses."""
+
+
+def rows_of(target: Target) -> tuple[str, ...]:
+    """The rows of a target's result."""
+    return ROWS if target.labelled else tuple(row for row in ROWS if row != "real")
 
 
 def random_proposal() -> sdr_jax.Proposal:
@@ -158,15 +164,16 @@ class Finals:
     def rows(self, learnt: sdr_jax.Proposal) -> dict[str, list[dict[str, Any]]]:
         """Every row of the result, scored on the test images: records in the order of the seeds."""
         config = self._config
-        proposals = {
+        proposals: dict[str, sdr_jax.Proposal | None] = {
             "random": random_proposal(),
             "default": default_proposal(config.default_width),
             "learnt": learnt,
             "real": None,
         }
+        rows = rows_of(self._target)
         seeds = [config.seed + k for k in range(config.seeds)]
-        records = self._score("final", proposals, seeds, "test")
-        return {row: [records[row, seed] for seed in seeds] for row in ROWS}
+        records = self._score("final", {row: proposals[row] for row in rows}, seeds, "test")
+        return {row: [records[row, seed] for seed in seeds] for row in rows}
 
     def _score(
         self,

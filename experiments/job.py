@@ -11,11 +11,11 @@ from experiments import pictures, summary
 from experiments.config import Config, check
 from experiments.errors import UserError
 from experiments.finals import (
-    ROWS,
     Finals,
     candidate_proposal,
     draw_units,
     random_proposal,
+    rows_of,
 )
 from experiments.folder import RunFolder, refuse_foreign, write_atomically, write_json
 from experiments.ladder import cost_of as cost
@@ -78,7 +78,7 @@ def _run(
     store: Store | None,
 ) -> dict[str, Any]:
     search_cost, final_cost = cost(config.reward), cost(config.final)
-    final_nets = len(ROWS) * config.seeds
+    final_nets = len(rows_of(target)) * config.seeds
     most, ladder_cost = "", 0.0
     if config.ladder:
         rungs = ladder(config)
@@ -109,8 +109,7 @@ def _run(
     images = small.reward
     truth = net.reference(images.images) if net else Truth(images.images, images.labels)
     result = search(config, target, truth, folder, workers, progress, search_cost, store)
-    note = "" if net is None else "; the reward is -MMD^2, times 100, and not mIoU"
-    pictures.rewards(folder.path / "pictures", result, target.title + note)
+    pictures.rewards(folder.path / "pictures", result, target.title, config.reward_kind)
     pictures.distributions(folder.path / "pictures", result, target.title)
 
     split = target.at(config.final.height, config.final.width)

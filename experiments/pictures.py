@@ -14,6 +14,7 @@ from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
 from experiments.folder import naming, write_atomically
+from experiments.reward import REWARD_NAMES
 from experiments.search import SearchResult
 from experiments.targets import Target
 from scene.attributes import ATTRIBUTES
@@ -72,22 +73,24 @@ def _enlarge(image: np.ndarray) -> np.ndarray:
     return cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
 
 
-def rewards(folder: Path, result: SearchResult, title: str) -> None:
+def rewards(folder: Path, result: SearchResult, title: str, kind: str = "miou") -> None:
     """Reward of every evaluation, the baseline, and where one group ends and the next begins."""
     n = result.rewards.shape[1]
-    every = 100 * result.rewards.ravel()
+    scale, unit = (100, ", %") if kind == "miou" else (1, "")
+    every = scale * result.rewards.ravel()
     figure, axis = plt.subplots(figsize=(9, 4))
     axis.plot(np.arange(len(every)), every, ".", ms=4, color="0.6", label="reward")
     axis.plot(np.maximum.accumulate(every), color="tab:green", lw=1, label="best so far")
     middles = np.arange(len(result.rewards)) * n + (n - 1) / 2
     axis.plot(
-        middles, 100 * result.rewards.mean(axis=1), color="tab:blue", lw=1, label="update's mean"
+        middles, scale * result.rewards.mean(axis=1), color="tab:blue", lw=1, label="update's mean"
     )
     if np.isfinite(result.baselines).any() and np.nanmax(result.baselines) <= 1:
-        axis.plot(middles, 100 * result.baselines, color="tab:orange", lw=1.5, label="baseline")
+        axis.plot(middles, scale * result.baselines, color="tab:orange", lw=1.5, label="baseline")
     for border in np.flatnonzero(np.diff(result.groups)) + 1:
         axis.axvline(border * n - 0.5, color="0.8", lw=0.8)
-    axis.set(xlabel="evaluation", ylabel="mIoU on the reward images, %", title=title)
+    named = f"{REWARD_NAMES[kind]} on the reward images{unit}"
+    axis.set(xlabel="evaluation", ylabel=named, title=title)
     axis.legend(loc="lower right", fontsize=8)
     _save(figure, folder, "reward.png")
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 from typing import Any
 
-from experiments.finals import ROWS, TRAINED_ON
+from experiments.finals import TRAINED_ON
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; }
@@ -47,11 +47,11 @@ def html(summary: dict[str, Any], attributes: dict[str, Any]) -> str:
     """
     rows, gain = summary["rows"], summary["gain"]
     scores = [
-        (TRAINED_ON[r], f"{rows[r]['mean']:.1f}", _interval(rows[r]["ci95"])) for r in ROWS
+        (TRAINED_ON[r], f"{rows[r]['mean']:.1f}", _interval(rows[r]["ci95"])) for r in rows
     ] + [("gain, learnt minus random", f"{gain['mean']:+.1f}", _interval(gain["ci95"]))]
     classes = [
-        (name, *(_percent(rows[r]["per_class"][name]) for r in ROWS))
-        for name in rows["real"]["per_class"]
+        (name, *(_percent(rows[r]["per_class"][name]) for r in rows))
+        for name in rows["random"]["per_class"]
     ]
     learnt = [
         (
@@ -83,7 +83,7 @@ def html(summary: dict[str, Any], attributes: dict[str, Any]) -> str:
 {_table(("training images", "mIoU", "95 % interval"), scores)}
 {pictures}
 <h2>IoU of each class</h2>
-{_table(("class", *TRAINED_ON.values()), classes)}
+{_table(("class", *(TRAINED_ON[r] for r in rows)), classes)}
 <h2>Learnt attributes</h2>
 {_table(("attribute", "centre", "from", "to", "unit", "meaning"), learnt)}
 </body></html>

@@ -8,7 +8,7 @@ import numpy as np
 
 import sdr_jax
 from experiments.config import Config
-from experiments.finals import ROWS, TRAINED_ON
+from experiments.finals import TRAINED_ON
 from experiments.folder import RunFolder
 from experiments.stats import mean_ci95, paired_gain
 from experiments.targets import Target
@@ -59,13 +59,13 @@ def summarize(
 ) -> dict[str, Any]:
     """Everything a script wants to know about a run; scores in percent.
 
-    ``rows`` holds all four rows; ``random``, ``default`` and ``learnt`` also stand at the top, but not
-    ``real``, which there says whether the target is real data.
+    ``rows`` holds those of ``finals.rows_of``; ``random``, ``default`` and ``learnt`` also stand at the
+    top, but not ``real``, which there says whether the target is real data.
     """
     lines = folder.evaluations.lines + folder.finals.lines
     table = {row: _row(records, target.table) for row, records in rows.items()}
     gain, gain_ci95 = paired_gain(table["learnt"]["miou"], table["random"]["miou"])
-    absent = [name for name, value in table["real"]["per_class"].items() if value is None]
+    absent = [name for name, value in table["random"]["per_class"].items() if value is None]
     summary = {
         "target": target.name,
         "real": target.real,
@@ -81,7 +81,7 @@ def summarize(
         },
         "rows": table,
         # Scripts look the rendered rows up by name; the fourth shares its name with a flag above.
-        **{row: table[row] for row in ROWS if row != "real"},
+        **{row: table[row] for row in table if row != "real"},
         "gain": {"mean": gain, "ci95": gain_ci95},
         "scored_at": f"{config.final.width}x{config.final.height}",
         "classes_absent_from_truth": absent,
@@ -107,9 +107,9 @@ def text(summary: dict[str, Any]) -> str:
         f"mIoU in percent on {summary['test_images']} test images ({kind}), "
         f"{len(summary['random']['miou'])} paired seeds, scored at {summary['scored_at']}:"
     ]
-    for row, meaning in TRAINED_ON.items():
-        entry = summary["rows"][row]
-        lines.append(f"  {row:8s} {entry['mean']:5.1f}  {_interval(entry['ci95'])}  {meaning}")
+    for row, entry in summary["rows"].items():
+        said = f"{entry['mean']:5.1f}  {_interval(entry['ci95'])}  {TRAINED_ON[row]}"
+        lines.append(f"  {row:8s} {said}")
     gain = summary["gain"]
     lines.append(f"  gain     {gain['mean']:+5.1f}  {_interval(gain['ci95'])}  learnt minus random")
     if summary["classes_absent_from_truth"]:

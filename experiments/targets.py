@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -13,8 +13,17 @@ from experiments.errors import UserError
 from experiments.twin import ASSETS, TwinWorld, twin_names, twin_split, twin_world
 from scene.workers import WorkerPool
 from seg.classes import IGNORE_LABEL, class_table
-from seg.data import DataError, Entry, RealSet, list_camvid, list_cityscapes, load
-from seg.data.realset import subset
+from seg.data import (
+    DataError,
+    Entry,
+    RealSet,
+    list_camvid,
+    list_cityscapes,
+    list_unlabelled,
+    load,
+    load_unlabelled,
+    subset,
+)
 
 
 class Split(NamedTuple):
@@ -35,6 +44,7 @@ class Target(NamedTuple):
     test_names: tuple[str, ...]
     at: Callable[[int, int], Split]  # (height, width) -> images and labels
     twin: TwinWorld | None = None
+    labelled: bool = True  # whether the reward images are
 
 
 def twin_target(config: Config, workers: WorkerPool) -> Target:
@@ -60,7 +70,7 @@ def twin_target(config: Config, workers: WorkerPool) -> Target:
                 split("train", (height, width), config.reward_images),
                 split("test", (height, width), config.test_images),
             ),
-            "the twin",
+            config,
         )
 
     return Target(
@@ -80,6 +90,8 @@ def cityscapes_target(config: Config, workers: WorkerPool) -> Target:
     if config.data is None:
         if config.holdout or config.test_split:
             raise UserError("--holdout and --test-split need --data: the twin has no such names")
+        if config.unlabelled:
+            raise UserError("--unlabelled needs --data: nothing real is like the twin")
         return twin_target(config, workers)
     return _real_target("cityscapes", "val", list_cityscapes, config)
 
@@ -136,26 +148,42 @@ def _real_target(
                 f"{error}; --test-split or --holdout choose other images to report on"
             ) from None
         where = f"reported on split {config.test_split or test_split}"
-    reward = subset(reward, config.reward_images, config.seed)
     test = subset(test, config.test_images, config.seed)
+    if config.unlabelled is not None:
+        # No label is read, nor is there a place for one.
+        nowhere = [Entry(p.stem, "", p, p) for p in list_unlabelled(config.unlabelled)]
+        reward = subset(nowhere, config.reward_images, config.seed)
+    else:
+        reward = subset(reward, config.reward_images, config.seed)
     refuse_overlap([e.name for e in reward], [e.name for e in test])
 
     @lru_cache(maxsize=1)
     def at(height: int, width: int) -> Split:
         size = (height, width)
-        return _checked(Split(load(reward, table, size), load(test, table, size)), str(config.data))
+        read = load(reward, table, size) if config.unlabelled is None else _void(reward, size)
+        return _checked(Split(read, load(test, table, size)), config)
 
     shared = sorted({e.sequence for e in reward} & {e.sequence for e in test})
     note = f" (sequences {', '.join(shared)} are on both sides)" if shared else ""
+    kind = "images" if config.unlabelled is None else "images without labels"
     return Target(
         name=name,
         real=True,
         table=name,
-        title=f"{name}, {len(reward)} images for the reward, {where}, {len(test)} images{note}",
+        title=f"{name}, {len(reward)} {kind} for the reward, {where}, {len(test)} images{note}",
         reward_names=tuple(e.name for e in reward),
         test_names=tuple(e.name for e in test),
         at=at,
+        labelled=config.unlabelled is None,
     )
+
+
+def _void(entries: Sequence[Entry], size: tuple[int, int]) -> RealSet:
+    """Images without labels as a set whose every pixel is void."""
+    images = load_unlabelled([e.image_path for e in entries], size)
+    labels = np.full(images.shape[:3], IGNORE_LABEL, np.uint8)
+    names, sequences = (tuple(getattr(e, f) for e in entries) for f in ("name", "sequence"))
+    return RealSet(names, sequences, images, labels)
 
 
 def _check_table(config: Config, table: str) -> None:
@@ -175,8 +203,10 @@ def refuse_overlap(reward_names: list[str], test_names: list[str]) -> None:
         )
 
 
-def _checked(split: Split, where: str) -> Split:
+def _checked(split: Split, config: Config) -> Split:
+    where = "the twin" if config.data is None else str(config.data)
     for side, images in split._asdict().items():
-        if np.all(images.labels == IGNORE_LABEL):
+        needed = side == "test" or config.reward_kind == "miou"
+        if needed and np.all(images.labels == IGNORE_LABEL):
             raise UserError(f"{where}: all labels of the {side} images are void")
     return split

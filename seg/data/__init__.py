@@ -5,6 +5,7 @@ from seg.data.cityscapes import list_cityscapes, read_cityscapes
 from seg.data.errors import DataError
 from seg.data.folders import LAYOUTS, list_folders, read_folders
 from seg.data.realset import Entry, RealSet, load, subset
+from seg.data.unlabelled import list_unlabelled, load_unlabelled
 
 __all__ = [
     "LAYOUTS",
@@ -14,7 +15,9 @@ __all__ = [
     "list_camvid",
     "list_cityscapes",
     "list_folders",
+    "list_unlabelled",
     "load",
+    "load_unlabelled",
     "read_camvid",
     "read_cityscapes",
     "read_folders",

@@ -55,6 +55,18 @@ def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[
     return tuple(entries[index] for index in np.sort(kept))
 
 
+def resize_image(
+    image: UInt8[np.ndarray, "_h _w 3"], size: tuple[int, int]
+) -> UInt8[np.ndarray, "_height _width 3"]:
+    """Resize an image to (height, width): by area averages where it shrinks, else bilinearly."""
+    height, width = size
+    if image.shape[:2] == size:
+        return image
+    shrinks = height <= image.shape[0] and width <= image.shape[1]
+    kind = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    return cv2.resize(image, (width, height), interpolation=kind)
+
+
 LabelReader = Callable[[Path, ClassTable], np.ndarray]
 """From a label file and the table of its data set to ids u8[h, w] of the table."""
 
@@ -72,13 +84,9 @@ def _load_one(
     if size is None or label.shape == size:
         return image, label
     height, width = size
-    shrinks = height <= label.shape[0] and width <= label.shape[1]
-    image = cv2.resize(
-        image, (width, height), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
-    )
     # The exact variant samples at pixel centres; plain nearest shifts labels against the image.
     label = cv2.resize(label, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
-    return image, label
+    return resize_image(image, size), label
 
 
 def load(

@@ -1,6 +1,8 @@
 """The reward without labels: that none are read, what it prefers, and that a run goes on with its net."""
 
 import io
+import json
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -12,18 +14,19 @@ from experiments.errors import UserError
 from experiments.evaluator import Evaluator, Job, about
 from experiments.finals import Finals, draw_units, random_proposal
 from experiments.folder import RunFolder
+from experiments.main import main
 from experiments.mmd_reward import FILE, FeatureNet, evaluate_mmd, feature_net
 from experiments.progress import Progress
 from experiments.reward import Truth, render
 from experiments.search import search
 from experiments.store import Store
-from experiments.targets import Split, Target
+from experiments.targets import Split, Target, camvid_target, cityscapes_target
 from scene.attributes import NAMES
 from scene.workers import WorkerPool
 from seg.data import RealSet
 from seg.mmd import mmd2
 
-from .conftest import lines
+from .conftest import TINY, lines
 
 VOID = 255
 
@@ -58,6 +61,39 @@ def config(tmp_path_factory):
 @pytest.fixture(scope="module")
 def net(config, tmp_path_factory) -> FeatureNet:
     return feature_net(config, "camvid", tmp_path_factory.mktemp("net"), WorkerPool(0))
+
+
+def test_a_folder_without_labels_gives_the_reward_from_the_command_line(camvid, tmp_path, capsys):
+    photographs, out = tmp_path / "photographs", tmp_path / "run"
+    photographs.mkdir()
+    for k in range(3):
+        shutil.copy(camvid / "train" / f"{('A_1', 'A_2', 'B_1')[k]}.png", photographs / f"p{k}.png")
+    flags = [
+        *TINY, "--data", str(camvid), "--unlabelled", str(photographs), "--out", str(out),
+        "--seeds", "1", "--final.train.steps", "6", "--workers", "0",
+    ]  # fmt: skip
+    assert main("camvid", camvid_config, camvid_target, "", flags) == 2
+    assert "--unlabelled needs --reward-kind mmd" in capsys.readouterr().err
+    assert main("camvid", camvid_config, camvid_target, "", [*flags, "--reward-kind", "mmd"]) == 0
+    assert "3 images without labels for the reward" in capsys.readouterr().out
+    summary = json.loads((out / "summary.json").read_text())
+    assert list(summary["rows"]) == ["random", "default", "learnt"]
+    assert summary["reward_images"] == 3
+    assert {line["row"] for line in lines(out / "finals.jsonl")} >= {"random", "learnt"}
+    assert "real" not in {line["row"] for line in lines(out / "finals.jsonl")}
+    assert "the reward images themselves" not in (out / "report.html").read_text()
+
+
+def test_the_twin_has_labels(tiny_twin, tmp_path):
+    config = replace(tiny_twin, unlabelled=tmp_path, reward_kind="mmd")
+    with pytest.raises(UserError, match="--unlabelled needs --data"):
+        cityscapes_target(config, WorkerPool(0))
+
+
+def test_an_unlabelled_image_is_not_reported_on(tiny_camvid, camvid):
+    config = replace(tiny_camvid, unlabelled=camvid / "test", reward_kind="mmd")
+    with pytest.raises(UserError, match="are among the reward images"):
+        camvid_target(config, WorkerPool(0))
 
 
 @pytest.mark.slow

@@ -1,0 +1,57 @@
+"""Photographs without labels: all that a reward by feature distance needs."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import UInt8
+
+from seg.data.errors import DataError
+from seg.data.images import read_image
+from seg.data.realset import resize_image
+
+SUFFIXES = (".png", ".jpg", ".jpeg")
+
+
+def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
+    """List the images in a folder and its sub-folders without reading them.
+
+    Args:
+        root: the folder.
+
+    Returns:
+        PNG and JPEG files, sorted by path.
+
+    Raises:
+        DataError: there is no such folder, it holds no image, or two images share their name.
+    """
+    root = Path(root)
+    if not root.is_dir():
+        raise DataError(f"{root}: no such folder; expected one with images")
+    paths = tuple(sorted(p for p in root.rglob("*") if p.suffix.lower() in SUFFIXES))
+    if not paths:
+        raise DataError(f"{root}: zero images; expected {', '.join(SUFFIXES)}")
+    seen: dict[str, Path] = {}
+    for path in paths:
+        if path.stem in seen:
+            raise DataError(f"{path}: {seen[path.stem]} has the same name; names must differ")
+        seen[path.stem] = path
+    return paths
+
+
+def load_unlabelled(
+    paths: Sequence[Path], size: tuple[int, int]
+) -> UInt8[np.ndarray, "n height width 3"]:
+    """Read images and resize them.
+
+    Args:
+        paths: from `list_unlabelled`.
+        size: (height, width) in pixels.
+
+    Returns:
+        RGB.
+
+    Raises:
+        DataError: a file is missing, broken or not an image.
+    """
+    return np.stack([resize_image(read_image(path), size) for path in paths])
