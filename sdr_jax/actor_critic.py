@@ -26,6 +26,7 @@ class ActorCriticState(NamedTuple):
     """A policy, and what it follows."""
 
     critic: CriticState
+    belief: Posterior  # the critic's
     logits: Float[Array, "attributes bins"]  # minus infinity for bins an attribute lacks
     best: Int[Array, "attributes"]  # bins of the critic's highest mean, -1 before two rewards
 
@@ -86,14 +87,16 @@ def actor_critic(
     def init(rng_key: Key[Array, ""]) -> ActorCriticState:
         del rng_key  # nothing is random before the first sample
         undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
-        return ActorCriticState(critics.init(model), jnp.asarray(level), undecided)
+        critic = critics.init(model)
+        belief = critics.posterior(model, critic)
+        return ActorCriticState(critic, belief, jnp.asarray(level), undecided)
 
     def sample(
         rng_key: Key[Array, ""], state: ActorCriticState, n: int
     ) -> tuple[Int[Array, "n attributes"], Proposal]:
         policy_key, draw_key = jax.random.split(rng_key)
         actions = stratified(policy_key, space, jax.nn.softmax(state.logits), n)
-        believed = critics.draw_best(draw_key, model, critics.posterior(model, state.critic), n)
+        believed = critics.draw_best(draw_key, model, state.belief, n)
         second = (jnp.arange(n) % 2 == 1) & (state.critic.noise > 0)
         actions = jnp.where(second[:, None], believed, actions)
         return actions, relax(space, actions, width)
@@ -109,6 +112,7 @@ def actor_critic(
         known = critic.noise > 0
         next_state = ActorCriticState(
             critic,
+            belief,
             jnp.where(known, logits, state.logits),
             jnp.where(known, best, state.best),
         )

@@ -1,5 +1,7 @@
 """A Bayesian linear model of the reward: smooth in every attribute, pairwise within groups."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,6 +21,13 @@ DRAWS = 64
 
 CAUTION = 2.0
 """Standard errors that an effect must exceed before `spread` narrows its attribute."""
+
+
+class LinearState(NamedTuple):
+    """What the regression has learnt."""
+
+    statistics: Statistics
+    belief: Posterior  # of the weights
 
 
 def linear(
@@ -69,12 +78,13 @@ def linear(
     prior_std = np.sqrt(layout.variance)
     size = len(prior_std)
 
-    def init(rng_key: Key[Array, ""]) -> Statistics:
+    def init(rng_key: Key[Array, ""]) -> LinearState:
         del rng_key  # nothing is random before the first sample
-        return regression.empty(size)
+        statistics = regression.empty(size)
+        return LinearState(statistics, posterior(statistics))
 
-    def posterior(state: Statistics) -> Posterior:
-        data = regression.centred(state)
+    def posterior(statistics: Statistics) -> Posterior:
+        data = regression.centred(statistics)
 
         def fit(signal: Array) -> tuple[Posterior, Array]:
             std = jnp.sqrt(signal) * jnp.asarray(prior_std)
@@ -97,42 +107,44 @@ def linear(
         )
 
     def sample(
-        rng_key: Key[Array, ""], state: Statistics, n: int
+        rng_key: Key[Array, ""], state: LinearState, n: int
     ) -> tuple[Int[Array, "n attributes"], Proposal]:
         random_key, thompson_key = jax.random.split(rng_key)
         shape = (n, space.attributes)
         sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
         random = jax.random.randint(random_key, shape, 0, sizes, jnp.int32)
-        chosen = thompson(thompson_key, posterior(state), n)
-        actions = jnp.where(state.seen > 1, chosen, random)  # two rewards make a difference
+        chosen = thompson(thompson_key, state.belief, n)
+        actions = jnp.where(
+            state.statistics.seen > 1, chosen, random
+        )  # two rewards make a difference
         return actions, relax(space, actions, width)
 
     def update(
-        state: Statistics, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[Statistics, Info]:
-        next_state = regression.add(state, evaluate(layout, actions), rewards)
+        state: LinearState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[LinearState, Info]:
+        statistics = regression.add(state.statistics, evaluate(layout, actions), rewards)
+        next_state = LinearState(statistics, posterior(statistics))
         return next_state, plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
 
     def best_of(belief: Posterior) -> Array:
         return maximise(jax.random.key(0), space, layout, belief.mean)
 
-    def solution(state: Statistics) -> Proposal:
-        best = best_of(posterior(state))
-        return relax(space, jnp.where(state.seen > 1, best, UNDECIDED), width)
+    def solution(state: LinearState) -> Proposal:
+        best = best_of(state.belief)
+        return relax(space, jnp.where(state.statistics.seen > 1, best, UNDECIDED), width)
 
-    def spread(state: Statistics) -> Proposal:
-        belief = posterior(state)
-        best = best_of(belief)
-        weights = regression.draw(jax.random.key(1), belief, DRAWS, CAUTION)
+    def spread(state: LinearState) -> Proposal:
+        best = best_of(state.belief)
+        weights = regression.draw(jax.random.key(1), state.belief, DRAWS, CAUTION)
         values = jax.vmap(lambda one: tables(space, layout, one, best))(weights)
         winners = jax.nn.one_hot(jnp.argmax(values, axis=2), space.max_bins)
-        p = jnp.where(state.seen > 1, winners.mean(axis=0), bins.uniform(space))
+        p = jnp.where(state.statistics.seen > 1, winners.mean(axis=0), bins.uniform(space))
         return bins.spread(space, p, width)
 
-    def probabilities(state: Statistics) -> Float[Array, "attributes bins"]:
-        actions = thompson(jax.random.key(1), posterior(state), DRAWS)
+    def probabilities(state: LinearState) -> Float[Array, "attributes bins"]:
+        actions = thompson(jax.random.key(1), state.belief, DRAWS)
         p = jax.nn.one_hot(actions, space.max_bins).mean(axis=0)
-        return jnp.where(state.seen > 1, p, bins.uniform(space))
+        return jnp.where(state.statistics.seen > 1, p, bins.uniform(space))
 
     return jitted(
         init=init,
