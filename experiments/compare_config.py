@@ -3,23 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, NamedTuple, get_args, get_type_hints
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple, get_args, get_type_hints
 
 import sdr_jax
 from experiments import config as run_config
-from experiments.config import (
-    POSITIONS,
-    Config,
-    Group,
-    Search,
-    Stage,
-    camvid_config,
-    cityscapes_config,
-)
+from experiments.config import POSITIONS, Group, Search, Stage
 from experiments.errors import UserError
 from experiments.ladder import ladder
 from experiments.search import make_method, make_space
+from experiments.study_config import TargetConfig, defaults_on
 from scene.attributes import NAMES
 
 RANDOM = "random_attributes"
@@ -35,15 +28,13 @@ SUBSETS = tuple(POSITIONS[:count] for count in (3, 5, 7))
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompareConfig(Config):
+class CompareConfig(TargetConfig):
     """One comparison. Every field is a flag.
 
     What chooses a relaxation (--candidates), --search.method and --search.updates-per-group have no
     effect here.
     """
 
-    target: Literal["twin", "camvid", "cityscapes"] = "twin"
-    """What the nets must be good on."""
     methods: tuple[str, ...] = METHODS
     """The search methods."""
     subsets: tuple[Group, ...] = SUBSETS
@@ -68,9 +59,7 @@ class Plan(NamedTuple):
 
 def compare_config(target: str, preset: str) -> CompareConfig:
     """The defaults of ``python -m experiments.compare``."""
-    base = (camvid_config if target == "camvid" else cityscapes_config)(preset)
-    inherited = {field.name: getattr(base, field.name) for field in fields(base)}
-    config = CompareConfig(**{**inherited, "target": target})
+    config = defaults_on(CompareConfig, target, preset)
     if preset == "smoke":
         return replace(config, evaluations=4, subsets=(POSITIONS[:2], POSITIONS[:3]))
     if preset == "paper":  # the budget of its six groups, 50 updates each

@@ -7,18 +7,10 @@ from typing import Any
 from experiments import compare_report
 from experiments.compare_config import RANDOM, CompareConfig, budgets, check, plans
 from experiments.compare_search import Comparison
-from experiments.errors import UserError
-from experiments.evaluator import Evaluator
 from experiments.finals import random_proposal
-from experiments.folder import RunFolder, refuse_foreign
 from experiments.ladder import cost_of
-from experiments.progress import Progress
-from experiments.reward import Truth, worker_environment
-from experiments.store import FILE, Store
-from experiments.targets import named_target
+from experiments.study import opened
 from scene.command import duration
-from scene.render import RendererError, renderer
-from scene.workers import WorkerPool
 
 
 def run(config: CompareConfig) -> dict[str, Any]:
@@ -30,49 +22,31 @@ def run(config: CompareConfig) -> dict[str, Any]:
     """
     config = check(config)
     work = plans(config)
-    try:
-        renderer(config.renderer)
-    except RendererError as error:
-        raise UserError(str(error)) from None
-    with WorkerPool(config.workers, worker_environment()) as workers:
-        target = named_target(config.target, config, workers)
-        refuse_foreign(config, target.name)
-        store = Store(config.store or config.out / FILE)
-        print(f"Target: {target.title}", flush=True)
-        small = target.at(config.reward.height, config.reward.width).reward
-        folder = RunFolder(config, target.name)
-        try:
-            rows = [(method, subset) for subset in config.subsets for method in config.methods]
-            nets = len(rows) * config.seeds
-            stages = budgets(config)
-            rewards = len(work) * config.evaluations
-            progress = Progress(
-                rewards * cost_of(config.reward) + nets * sum(map(cost_of, stages)),
-                label="" if target.real else "twin, not real | ",
-            )
-            progress.say(
-                f"Folder: {config.out} | {rewards} rewards of {config.reward.images} images, then "
-                f"{nets} nets at each of {len(stages)} budgets; {store.path} holds {len(store)} "
-                "evaluations"
-            )
-            comparison = Comparison(config, progress)
-            truth = Truth(small.images, small.labels)
-            evaluator = Evaluator(config, config.reward, target, "reward", truth, workers, store)
-            found = {(p.method, p.subset): comparison.search(p, evaluator) for p in work}
-            solutions = {
-                name: random_proposal() if name[0] == RANDOM else found[name].solution
-                for name in rows
-            }
-            scores = []
-            for stage in stages:
-                test = target.at(stage.height, stage.width).test
-                truth = Truth(test.images, test.labels)
-                evaluator = Evaluator(config, stage, target, "test", truth, workers, store)
-                scores.append((stage, comparison.score(stage, solutions, evaluator)))
-            report = compare_report.summarize(config, target, rows, found, scores)
-            compare_report.write(report, config.out)
-            progress.say(compare_report.text(report))
-            progress.say(f"Done in {duration(progress.elapsed)}: {config.out / 'compare.md'}")
-            return report
-        finally:
-            folder.close()
+    with opened(config) as study:
+        rows = [(method, subset) for subset in config.subsets for method in config.methods]
+        nets = len(rows) * config.seeds
+        stages = budgets(config)
+        rewards = len(work) * config.evaluations
+        progress = study.progress(
+            rewards * cost_of(config.reward) + nets * sum(map(cost_of, stages))
+        )
+        progress.say(
+            f"Folder: {config.out} | {rewards} rewards of {config.reward.images} images, then "
+            f"{nets} nets at each of {len(stages)} budgets; {study.store.path} holds "
+            f"{len(study.store)} evaluations"
+        )
+        comparison = Comparison(config, progress)
+        evaluator = study.evaluator(config.reward, "reward")
+        found = {(p.method, p.subset): comparison.search(p, evaluator) for p in work}
+        solutions = {
+            name: random_proposal() if name[0] == RANDOM else found[name].solution for name in rows
+        }
+        scores = [
+            (stage, comparison.score(stage, solutions, study.evaluator(stage, "test")))
+            for stage in stages
+        ]
+        report = compare_report.summarize(config, study.target, rows, found, scores)
+        compare_report.write(report, config.out)
+        progress.say(compare_report.text(report))
+        progress.say(f"Done in {duration(progress.elapsed)}: {config.out / 'compare.md'}")
+        return report

@@ -14,11 +14,12 @@ import sdr_jax
 from experiments.compare_config import CompareConfig, Plan
 from experiments.config import Stage
 from experiments.evaluator import Evaluator, Job
-from experiments.finals import draw_units, random_proposal
+from experiments.finals import random_proposal
 from experiments.ladder import cost_of
 from experiments.outcome import Outcome
 from experiments.progress import Progress
 from experiments.reward import evaluate
+from experiments.study_nets import score_proposals, verdict
 from scene.attributes import NAMES
 
 Name = tuple[str, tuple[str, ...]]
@@ -138,19 +139,15 @@ class Comparison:
         config = self._config
         seeds = [config.seed + k for k in range(config.seeds)]
         wanted = [(name, seed) for seed in seeds for name in solutions]
-        jobs = [
-            Job(solutions[name], draw_units(solutions[name], seed, stage.streets), seed)
-            for name, seed in wanted
-        ]
-        outcomes: dict[tuple[Name, int], Outcome] = {}
-        for index, outcome in evaluator.map(evaluate, jobs):
-            outcomes[wanted[index]] = outcome
+
+        def say(index: int, outcome: Outcome) -> str:
             (method, subset), seed = wanted[index]
-            self._progress.advance(cost_of(stage), replayed=outcome.stored)
-            if not outcome.stored:
-                said = "failed" if outcome.failed else f"mIoU {100 * outcome.reward:.1f}"
-                self._progress.update(
-                    f"{stage.width}x{stage.height}, {stage.images} images: {len(subset)} attributes, "
-                    f"{method}, seed {seed} | {said}"
-                )
+            return (
+                f"{stage.width}x{stage.height}, {stage.images} images: {len(subset)} attributes, "
+                f"{method}, seed {seed} | {verdict(outcome)}"
+            )
+
+        jobs = [(solutions[name], seed) for name, seed in wanted]
+        scored = score_proposals(evaluator, evaluate, jobs, stage, self._progress, say)
+        outcomes = dict(zip(wanted, scored, strict=True))
         return {name: [outcomes[name, seed] for seed in seeds] for name in solutions}

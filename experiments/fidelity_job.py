@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Literal
+from dataclasses import dataclass, replace
+from typing import Any
 
 import jax
 import numpy as np
@@ -12,24 +12,21 @@ import numpy as np
 import sdr_jax
 from experiments import config as run_config
 from experiments import fidelity_report
-from experiments.config import Config, camvid_config, cityscapes_config
 from experiments.errors import UserError
-from experiments.evaluator import Evaluator, Job
+from experiments.evaluator import Evaluator
 from experiments.fidelity_report import Level
-from experiments.finals import default_proposal, draw_units, random_proposal
-from experiments.folder import RunFolder, refuse_foreign
+from experiments.finals import default_proposal, random_proposal
 from experiments.ladder import cost_of, ladder
 from experiments.main import main_on_target
 from experiments.mmd_reward import FeatureNet, Reference, evaluate_mmd, feature_net
 from experiments.outcome import Outcome
 from experiments.progress import Progress
-from experiments.reward import REWARD_NAMES, Truth, evaluate, in_words, worker_environment
+from experiments.reward import REWARD_NAMES, Truth, evaluate, in_words
 from experiments.search import make_space
-from experiments.store import FILE, Store
-from experiments.targets import Target, named_target
+from experiments.study import Study, opened
+from experiments.study_config import TargetConfig, defaults_on
+from experiments.study_nets import score_proposals
 from scene.command import duration
-from scene.render import RendererError, renderer
-from scene.workers import WorkerPool
 
 FIDELITY_SEED = 10_000_000
 """Seeds begin here, above those of runs and their ladders."""
@@ -38,15 +35,13 @@ MOST_REPEATS = 1_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class FidelityConfig(Config):
+class FidelityConfig(TargetConfig):
     """One measurement. Every field is a flag.
 
     What belongs to a search (--search.method and its updates, --candidates, --ladder, --seeds) has no
     effect here.
     """
 
-    target: Literal["twin", "camvid", "cityscapes"] = "twin"
-    """What the nets must be good on."""
     proposals: int = 24
     """Proposals with random bins for all attributes; the street set by eye and random ones are added."""
     repeated: int = 6
@@ -57,9 +52,7 @@ class FidelityConfig(Config):
 
 def fidelity_config(target: str, preset: str) -> FidelityConfig:
     """The defaults of ``python -m experiments.fidelity``."""
-    base = (camvid_config if target == "camvid" else cityscapes_config)(preset)
-    inherited = {field.name: getattr(base, field.name) for field in fields(base)}
-    config = FidelityConfig(**{**inherited, "target": target})
+    config = defaults_on(FidelityConfig, target, preset)
     if preset == "smoke":
         return replace(config, proposals=3, repeated=2, repeats=2)
     return config
@@ -119,64 +112,43 @@ def run(config: FidelityConfig) -> dict[str, Any]:
         WorkerError: worker processes keep dying.
     """
     check(config)
-    try:
-        renderer(config.renderer)
-    except RendererError as error:
-        raise UserError(str(error)) from None
     chosen, rungs = proposals(config), levels(config)
     names = list(chosen)
     repeated = names[: config.repeated]
     nets = len(names) + len(repeated) * (config.repeats - 1)
-    with WorkerPool(config.workers, worker_environment()) as workers:
-        target = named_target(config.target, config, workers)
-        refuse_foreign(config, target.name)
-        store = Store(config.store or config.out / FILE)
-        print(f"Target: {target.title}", flush=True)
-        target.at(config.reward.height, config.reward.width)
-        folder = RunFolder(config, target.name)
-        try:
-            progress = Progress(
-                nets * sum(cost_of(level.stage) for level in rungs),
-                label="" if target.real else "twin, not real | ",
-            )
-            progress.say(
-                f"Folder: {config.out} | {nets} evaluations on each of {len(rungs)} rungs; "
-                f"{store.path} holds {len(store)}"
-            )
-            net = None
-            if config.reward_kind == "mmd":
-                net = feature_net(config, target.table, config.out, workers)
-            outcomes = [
-                _score(
-                    config, target, number, level, chosen, repeated, net, workers, store, progress
-                )
-                for number, level in enumerate(rungs)
-            ]
-            report = fidelity_report.summarize(
-                target, config.preset, rungs, names, names[2:], repeated, outcomes
-            )
-            fidelity_report.write(report, config.out)
-            progress.say(fidelity_report.text(report))
-            progress.say(f"Done in {duration(progress.elapsed)}: {config.out / 'fidelity.md'}")
-            return report
-        finally:
-            folder.close()
+    with opened(config) as study:
+        progress = study.progress(nets * sum(cost_of(level.stage) for level in rungs))
+        progress.say(
+            f"Folder: {config.out} | {nets} evaluations on each of {len(rungs)} rungs; "
+            f"{study.store.path} holds {len(study.store)}"
+        )
+        net = None
+        if config.reward_kind == "mmd":
+            net = feature_net(config, study.target.table, config.out, study.workers)
+        outcomes = [
+            _score(study, number, level, chosen, repeated, net, progress)
+            for number, level in enumerate(rungs)
+        ]
+        report = fidelity_report.summarize(
+            study.target, config.preset, rungs, names, names[2:], repeated, outcomes
+        )
+        fidelity_report.write(report, config.out)
+        progress.say(fidelity_report.text(report))
+        progress.say(f"Done in {duration(progress.elapsed)}: {config.out / 'fidelity.md'}")
+        return report
 
 
 def _score(
-    config: FidelityConfig,
-    target: Target,
+    study: Study[FidelityConfig],
     number: int,
     level: Level,
     chosen: dict[str, sdr_jax.Proposal],
     repeated: Sequence[str],
     net: FeatureNet | None,
-    workers: WorkerPool,
-    store: Store,
     progress: Progress,
 ) -> dict[str, list[Outcome]]:
     """Every proposal on one level, in the order of the seeds, which all proposals share."""
-    stage = level.stage
+    config, target, stage = study.config, study.target, level.stage
     images = target.at(stage.height, stage.width).reward
     truth: Truth | Reference
     if level.kind == "mmd" and net is not None:
@@ -191,22 +163,19 @@ def _score(
         for name in chosen
         for k in range(config.repeats if name in repeated else 1)
     ]
-    jobs = [
-        Job(chosen[name], draw_units(chosen[name], seed, stage.streets), seed)
-        for name, seed in wanted
-    ]
     own = replace(config, reward_kind=level.kind)
-    evaluator = Evaluator(own, stage, target, "reward", truth, workers, store)
-    outcomes: dict[tuple[str, int], Outcome] = {}
-    for index, outcome in evaluator.map(scoring, jobs):
-        outcomes[wanted[index]] = outcome
-        progress.advance(cost_of(stage), replayed=outcome.stored)
-        if not outcome.stored:
-            value = "failed" if outcome.failed else in_words(level.kind, outcome.reward)
-            progress.update(
-                f"{level.name}: {wanted[index][0]} | {REWARD_NAMES[level.kind]} {value}"
-            )
-    return {name: [outcomes[key] for key in wanted if key[0] == name] for name in chosen}
+    evaluator = Evaluator(own, stage, target, "reward", truth, study.workers, study.store)
+
+    def say(index: int, outcome: Outcome) -> str:
+        value = "failed" if outcome.failed else in_words(level.kind, outcome.reward)
+        return f"{level.name}: {wanted[index][0]} | {REWARD_NAMES[level.kind]} {value}"
+
+    jobs = [(chosen[name], seed) for name, seed in wanted]
+    outcomes = score_proposals(evaluator, scoring, jobs, stage, progress, say)
+    return {
+        name: [o for o, (own_name, _) in zip(outcomes, wanted, strict=True) if own_name == name]
+        for name in chosen
+    }
 
 
 def main(description: str, arguments: Sequence[str] | None = None) -> int:

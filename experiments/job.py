@@ -26,11 +26,11 @@ from experiments.report import html as report_html
 from experiments.reward import Truth, render, worker_environment
 from experiments.search import make_method, make_space, search, total_updates
 from experiments.store import Store
+from experiments.study import check_renderer
 from experiments.targets import Split, Target
 from scene.command import duration
 from scene.export import ExportError, export_dataset, read_dataset
 from scene.proposal import Proposal
-from scene.render import RendererError, renderer
 from scene.workers import WorkerPool
 
 
@@ -47,10 +47,7 @@ def run(config: Config, make_target: Callable[[Config, WorkerPool], Target]) -> 
     """
     check(config)
     make_method(config.search, make_space(config))
-    try:
-        renderer(config.renderer)
-    except RendererError as error:
-        raise UserError(str(error)) from None
+    check_renderer(config.renderer)
     with WorkerPool(config.workers, worker_environment()) as workers:
         # Whatever the user got wrong shows before the folder is made: options, folder, images.
         target = make_target(config, workers)

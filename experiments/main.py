@@ -14,6 +14,8 @@ import tyro
 from experiments import job
 from experiments.config import PRESETS, Config
 from experiments.errors import UserError
+from experiments.study_config import StudyConfig
+from experiments.study_report import Form, rewrite
 from experiments.targets import TARGETS, Target
 from scene.render import RendererError
 from scene.workers import WorkerError, WorkerPool
@@ -21,6 +23,7 @@ from seg.data import DataError
 from seg.train import TrainingError
 
 AnyConfig = TypeVar("AnyConfig", bound=Config)
+AnyStudy = TypeVar("AnyStudy", bound=StudyConfig)
 
 
 def choice_of(arguments: Sequence[str], flag: str, known: Sequence[str], default: str) -> str:
@@ -103,6 +106,25 @@ def main_on_target(
         run(config)
 
     return exit_code(work)
+
+
+def main_of_study(
+    form: Form,
+    defaults: Callable[[str, str], AnyStudy],
+    run: Callable[[AnyStudy], object],
+    description: str,
+    arguments: Sequence[str] | None = None,
+) -> int:
+    """The same for studies, which ``--rederive`` only lets write their report anew."""
+
+    def work(config: AnyStudy) -> None:
+        if config.rederive is None:
+            run(config)
+        else:
+            report = rewrite(form, config.rederive, config.out)
+            print(form.text(report), flush=True)
+
+    return main_on_target(form.name, defaults, work, description, arguments)
 
 
 def exit_code(work: Callable[[], None]) -> int:

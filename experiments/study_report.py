@@ -1,0 +1,164 @@
+"""What a study leaves: ``NAME.json``, ``NAME.md`` and ``NAME.png``, all from the scores of single nets.
+
+The JSON holds every net's mIoU and class IoU, so the table and the figure can be worked out again from
+it, without rendering: ``python -m experiments.NAME --rederive FILE.json --out DIR``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from experiments.config import Stage
+from experiments.errors import UserError
+from experiments.folder import naming, write_atomically, write_json
+from experiments.outcome import Outcome
+from experiments.stats import mean_ci95, paired_gain
+from experiments.study import Study
+from scene.formats.files import read_json
+from seg.classes import class_table
+
+Report = dict[str, Any]
+
+
+class Form(NamedTuple):
+    """How the report of one study is made from its scores."""
+
+    name: str  # of the study and of its files
+    derive: Callable[[Report], Report]  # adds all that follows from the scores; twice is as once
+    text: Callable[[Report], str]  # the table, in Markdown
+    picture: Callable[[Report], bytes]  # the figure, a PNG
+
+
+def write(form: Form, scores: Report, folder: Path) -> Report:
+    """Derive the report and write its three files, the JSON last: where it is, the others are."""
+    report = form.derive({"study": form.name, **scores})
+    write_atomically(folder / f"{form.name}.md", form.text(report) + "\n")
+    write_atomically(folder / f"{form.name}.png", form.picture(report))
+    write_json(folder / f"{form.name}.json", report)
+    return report
+
+
+def rewrite(form: Form, file: Path, folder: Path) -> Report:
+    """Derive the report anew from the scores in an earlier one, and write its files.
+
+    Raises:
+        UserError: the file is missing, or the report of something else.
+    """
+    try:
+        scores = read_json(file)
+    except OSError as error:
+        raise UserError(f"--rederive {file}: {error.strerror}") from None
+    except ValueError as error:
+        raise UserError(f"--rederive: {error}") from None
+    if not isinstance(scores, dict) or scores.get("study") != form.name:
+        raise UserError(f"--rederive {file} is no report of experiments.{form.name}")
+    try:
+        form.derive(scores)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        raise UserError(
+            f"--rederive {file} does not hold what experiments.{form.name} writes ({error!r})"
+        ) from None
+    with naming(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    return write(form, scores, folder)
+
+
+def about(study: Study[Any], stage: Stage) -> Report:
+    """What every report says first.
+
+    Args:
+        study: what was done.
+        stage: where its nets were scored.
+    """
+    config, target = study.config, study.target
+    return {
+        "target": target.name,
+        "real": target.real,
+        "note": target.title,
+        "preset": config.preset,
+        "reward_images": len(target.reward_names),
+        "test_images": len(target.test_names),
+        "seeds": config.seeds,
+        "scored_at": f"{stage.width}x{stage.height}",
+        "classes": list(class_table(target.table).classes),
+        "learnt_from": "a search of this run" if config.learnt is None else str(config.learnt),
+    }
+
+
+def nets(outcomes: Sequence[Outcome]) -> list[Report | None]:
+    """Scores of single nets in percent, in the order of the seeds; None where training failed."""
+    return [
+        None
+        if o.failed
+        else {
+            "miou": 100 * o.reward,
+            "class_iou": [None if v is None else 100 * v for v in o.class_iou],
+        }
+        for o in outcomes
+    ]
+
+
+def miou(scored: Sequence[Report | None]) -> list[float | None]:
+    """Every net's mIoU in percent."""
+    return [None if net is None else net["miou"] for net in scored]
+
+
+def statistics(
+    values: Sequence[float | None], baseline: Sequence[float | None] | None = None
+) -> Report:
+    """Mean and 95 % interval over seeds, and the paired gain; a net that failed enters neither.
+
+    Args:
+        values: one per seed, None where the net failed.
+        baseline: what the gain is measured from, with the same seeds.
+    """
+    known = [v for v in values if v is not None]
+    mean, ci95 = mean_ci95(known) if known else (None, None)
+    gain = None
+    if baseline is not None:
+        pairs = [
+            (a, b) for a, b in zip(values, baseline, strict=True) if a is not None and b is not None
+        ]
+        if pairs:
+            value, interval = paired_gain([a for a, _ in pairs], [b for _, b in pairs])
+            gain = {"mean": value, "ci95": interval}
+    return {"mean": mean, "ci95": ci95, "gain": gain}
+
+
+def class_means(scored: Sequence[Report | None], classes: Sequence[str]) -> dict[str, float | None]:
+    """Mean IoU of each class in percent; None for classes that never occur in the truth."""
+    found: dict[str, float | None] = {}
+    for index, name in enumerate(classes):
+        values = [net["class_iou"][index] for net in scored if net is not None]
+        known = [v for v in values if v is not None]
+        found[name] = float(np.mean(known)) if known else None
+    return found
+
+
+def number(value: float | None, form: str = ".1f") -> str:
+    """A figure in a table; nothing where there is none."""
+    return "" if value is None else format(value, form)
+
+
+def interval(ci95: Sequence[float] | None) -> str:
+    """An interval in a table."""
+    return "" if ci95 is None else f"{ci95[0]:.1f} to {ci95[1]:.1f}"
+
+
+def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """The lines of a table in Markdown."""
+    lines = [head, ["---"] * len(head), *rows]
+    return ["| " + " | ".join(cells) + " |" for cells in lines]
+
+
+def introduction(report: Report) -> str:
+    """The first sentences of a report: what was scored on what."""
+    return (
+        f"Target: {report['note']}. mIoU in percent at {report['scored_at']} on {report['test_images']} "
+        f"test images, {report['seeds']} paired seeds, 95 % intervals by Student's t. "
+        f"Learnt attributes are from {report['learnt_from']}."
+    )
