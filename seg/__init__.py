@@ -1,4 +1,4 @@
-"""Segmentation: class tables, readers of real data, nets, training, metrics.
+"""Segmentation: class tables, readers of real data, nets, their weights, training, metrics.
 
 Names are imported on first use, so that reading data does not load JAX. The functions `train` and
 `augment` share their name with their module: `from seg.train import train`.
@@ -32,7 +32,10 @@ if TYPE_CHECKING:
     from seg.losses import class_weights, cross_entropy
     from seg.metrics import absent_classes, confusion_matrix, iou, mean_iou
     from seg.nets import net
-    from seg.train import TrainingError, TrainSettings, predict, score
+    from seg.recipes import RECIPES
+    from seg.settings import TrainSettings, check_settings
+    from seg.train import TrainingError, predict, score
+    from seg.weights import WeightsError
 
 _HOMES = {
     "seg.classes": (
@@ -59,7 +62,10 @@ _HOMES = {
     "seg.losses": ("class_weights", "cross_entropy"),
     "seg.metrics": ("absent_classes", "confusion_matrix", "iou", "mean_iou"),
     "seg.nets": ("net",),
-    "seg.train": ("TrainSettings", "TrainingError", "predict", "score"),
+    "seg.recipes": ("RECIPES",),
+    "seg.settings": ("TrainSettings", "check_settings"),
+    "seg.train": ("TrainingError", "predict", "score"),
+    "seg.weights": ("WeightsError",),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 
@@ -67,6 +73,7 @@ __all__ = [
     "CAMVID_11",
     "CITYSCAPES_19",
     "IGNORE_LABEL",
+    "RECIPES",
     "SYNTHIA_13",
     "SYNTHIA_16",
     "ClassTable",
@@ -75,7 +82,9 @@ __all__ = [
     "RealSet",
     "TrainSettings",
     "TrainingError",
+    "WeightsError",
     "absent_classes",
+    "check_settings",
     "class_table",
     "class_weights",
     "confusion_matrix",

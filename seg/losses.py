@@ -8,6 +8,35 @@ from jaxtyping import Array, Float, Float32, Integer
 from seg.classes import IGNORE_LABEL
 
 
+def cross_entropy_sums(
+    logits: Float[Array, "*shape classes"],
+    labels: Integer[Array, "*shape"],
+    weights: Float[Array, " classes"] | None = None,
+    ignore: int = IGNORE_LABEL,
+) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Numerator and denominator of `cross_entropy`; those of the parts of a batch add up.
+
+    sum_i w[y_i] * -log p_i[y_i] and sum_i w[y_i], over the pixels that are not void.
+
+    Args:
+        logits: one vector per pixel.
+        labels: class ids; `ignore` for void.
+        weights: of each class; None for equal ones.
+        ignore: the void label.
+
+    Returns:
+        Weighted nats, and the weight of all pixels.
+    """
+    labelled = labels != ignore
+    target = jnp.where(labelled, labels, 0).astype(jnp.int32)
+    picked = jax.nn.one_hot(target, logits.shape[-1], dtype=logits.dtype)
+    weight = labelled.astype(logits.dtype)
+    if weights is not None:
+        weight = weight * (picked @ weights)
+    nats = jax.nn.logsumexp(logits, axis=-1) - jnp.sum(picked * logits, axis=-1)
+    return jnp.sum(weight * nats), jnp.sum(weight)
+
+
 def cross_entropy(
     logits: Float[Array, "*shape classes"],
     labels: Integer[Array, "*shape"],
@@ -27,15 +56,8 @@ def cross_entropy(
     Returns:
         The loss, in nats.
     """
-    labelled = labels != ignore
-    target = jnp.where(labelled, labels, 0).astype(jnp.int32)
-    picked = jax.nn.one_hot(target, logits.shape[-1], dtype=logits.dtype)
-    weight = labelled.astype(logits.dtype)
-    if weights is not None:
-        weight = weight * (picked @ weights)
-    nats = jax.nn.logsumexp(logits, axis=-1) - jnp.sum(picked * logits, axis=-1)
-    total = jnp.sum(weight)
-    return jnp.sum(weight * nats) / jnp.where(total > 0, total, 1)
+    nats, total = cross_entropy_sums(logits, labels, weights, ignore)
+    return nats / jnp.where(total > 0, total, 1)
 
 
 def class_weights(

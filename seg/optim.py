@@ -1,8 +1,10 @@
-"""The two optimisers: the paper's SGD with poly decay, and Adam with a short warm-up.
+"""The two optimisers: the paper's SGD with poly decay, and Adam with a short warm-up; rates by layer.
 
 The learning rate of each step is an argument of the update and not part of the state: one compiled
 step then serves any number of steps.
 """
+
+from collections.abc import Callable
 
 import jax
 import numpy as np
@@ -10,6 +12,10 @@ import optax
 from jaxtyping import Float32
 
 OPTIMIZERS = ("adam", "sgd")
+LR_MULTIPLIERS = ("none", "deeplab")
+
+Path = tuple[str, ...]
+"""Where a parameter is in its net, such as ("vgg16", "conv1_1", "kernel")."""
 
 
 def poly_schedule(
@@ -33,29 +39,80 @@ def poly_schedule(
     return (lr * rise * (1 - i / steps) ** power).astype(np.float32)
 
 
+def deeplab_multiplier(path: Path) -> float:
+    """How much faster than the others DeepLab trains a parameter.
+
+    10 for the layers that score the classes (fc8), 1 for others; twice that for biases.
+
+    Args:
+        path: of the parameter.
+
+    Returns:
+        Factor of the learning rate.
+
+    Source: `lr_mult` in the train.prototxt that Chen et al. (2018) publish, where only fc8 is new.
+    """
+    layer, part = path[-2:]
+    return (10.0 if layer.startswith("fc8") else 1.0) * (2.0 if part == "bias" else 1.0)
+
+
+def _map_paths(function: Callable[[Path, jax.Array], object], tree: optax.Params) -> optax.Params:
+    return jax.tree_util.tree_map_with_path(
+        lambda keys, leaf: function(tuple(key.key for key in keys), leaf), tree
+    )
+
+
+def scale_by_path(multiplier: Callable[[Path], float]) -> optax.GradientTransformation:
+    """Scale each parameter's update by a factor that its place decides.
+
+    Args:
+        multiplier: path of a parameter, in a tree of dictionaries, to its factor.
+
+    Returns:
+        A transform without a state.
+    """
+    return optax.stateless(
+        lambda updates, _: _map_paths(lambda path, u: u * multiplier(path), updates)
+    )
+
+
 def optimizer(
-    name: str, momentum: float = 0.9, weight_decay: float = 0.0
+    name: str, momentum: float = 0.9, weight_decay: float = 0.0, lr_multipliers: str = "none"
 ) -> optax.GradientTransformation:
     """The direction of a step, before it is scaled by minus the learning rate.
 
     SGD: v <- momentum * v + g + weight_decay * p, as in the paper. Adam: decoupled decay (AdamW).
+    With "deeplab" the direction is then scaled by `deeplab_multiplier`, and biases do not decay.
+    Caffe keeps the rate inside v; under a falling rate that differs a little.
 
     Args:
         name: "sgd" or "adam".
         momentum: of SGD.
         weight_decay: 1e-4 in the paper.
+        lr_multipliers: "none" or "deeplab".
 
     Returns:
         An optax transform; apply its updates with `descend`.
 
     Raises:
-        ValueError: no optimiser has that name.
+        ValueError: no optimiser, or no set of multipliers, has that name.
     """
+    if lr_multipliers not in LR_MULTIPLIERS:
+        raise ValueError(
+            f"unknown lr_multipliers {lr_multipliers!r}; known: {', '.join(LR_MULTIPLIERS)}"
+        )
+    if name not in OPTIMIZERS:
+        raise ValueError(f"unknown optimizer {name!r}; known optimizers: {', '.join(OPTIMIZERS)}")
+    decay, scale = optax.add_decayed_weights(weight_decay), []
+    if lr_multipliers == "deeplab":
+        decay = optax.add_decayed_weights(
+            weight_decay,
+            mask=lambda params: _map_paths(lambda path, _: path[-1] != "bias", params),
+        )
+        scale = [scale_by_path(deeplab_multiplier)]
     if name == "sgd":
-        return optax.chain(optax.add_decayed_weights(weight_decay), optax.trace(momentum))
-    if name == "adam":
-        return optax.chain(optax.scale_by_adam(), optax.add_decayed_weights(weight_decay))
-    raise ValueError(f"unknown optimizer {name!r}; known optimizers: {', '.join(OPTIMIZERS)}")
+        return optax.chain(decay, optax.trace(momentum), *scale)
+    return optax.chain(optax.scale_by_adam(), decay, *scale)
 
 
 def descend(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+import jax.numpy as jnp
 from flax import linen as nn
 
 from seg.nets.compact import Compact
@@ -17,24 +18,34 @@ _NETS: dict[str, Callable[..., nn.Module]] = {
 }
 
 
-def net(name: str, classes: int) -> nn.Module:
+DTYPES = {"float32": None, "bfloat16": jnp.bfloat16}
+"""What nets compute in, by name; Flax's None is what the parameters are, float32."""
+
+
+def net(name: str, classes: int, dtype: str = "float32", norm: bool = False) -> nn.Module:
     """Make a net by name.
 
     Args:
         name: one of the known nets.
         classes: how many classes it tells apart.
+        dtype: what it computes in, "float32" or "bfloat16"; parameters and logits are float32.
+        norm: GroupNorm after the convolutions of VGG16; the compact net has it in any case.
 
     Returns:
         A Linen module, called as `apply({"params": ...}, images, train=False)`.
 
     Raises:
-        ValueError: no net has that name (the message lists those that exist), or classes < 1.
+        ValueError: no net has that name (the message lists those that exist), classes < 1, or an
+            unknown dtype.
     """
     if name not in _NETS:
         raise ValueError(f"unknown net {name!r}; known nets: {', '.join(sorted(_NETS))}")
     if classes < 1:
         raise ValueError(f"a net needs at least one class; got {classes}")
-    return _NETS[name](classes=classes)
+    if dtype not in DTYPES:
+        raise ValueError(f"unknown dtype {dtype!r}; known dtypes: {', '.join(DTYPES)}")
+    options = {} if name == "compact" else {"norm": norm}
+    return _NETS[name](classes=classes, dtype=DTYPES[dtype], **options)
 
 
 __all__ = ["VGG16", "Compact", "DeepLabV2", "FCN8s", "net", "normalise"]

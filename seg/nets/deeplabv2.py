@@ -2,9 +2,15 @@
 
 Source: Chen et al., "DeepLab: semantic image segmentation with deep convolutional nets, atrous
 convolution, and fully connected CRFs" (2018), section 3.2, ASPP-L on VGG16; no CRF, one scale.
+Deviations: the authors enlarge the scores so that corners fall on corners (a side of 8 n + 1 pixels becomes
+n + 1 cells; the layer `Interp`), and train at full size on labels thinned to 1/8. Here cells are squares of
+8x8 pixels: the image is filled up below and on the right to a multiple of 8 with the mean colour, logits are
+interpolated between the cells' centres and cropped, and the loss is over every pixel.
 """
 
+import jax.numpy as jnp
 from flax import linen as nn
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.resize import bilinear, pad_to_multiple
@@ -23,11 +29,15 @@ class DeepLabV2(nn.Module):
         classes: how many classes.
         width: channels of the first stage of VGG16.
         hidden: channels of fc6 and fc7 in each branch.
+        norm: GroupNorm after each convolution of VGG16; not published, for training from scratch.
+        dtype: what it computes in; None for float32. Logits are float32.
     """
 
     classes: int
     width: int = 64
     hidden: int = 1024
+    norm: bool = False
+    dtype: DTypeLike | None = None
 
     @nn.compact
     def __call__(
@@ -43,7 +53,8 @@ class DeepLabV2(nn.Module):
             Logits: the sum of four branches, whose fc6 is dilated by 6, 12, 18 and 24.
         """
         _, h, w, _ = images.shape
-        features = VGG16(self.width, atrous=True, name="vgg16")(pad_to_multiple(images, 8))[-1]
+        backbone = VGG16(self.width, True, self.norm, self.dtype, name="vgg16")
+        features = backbone(pad_to_multiple(images, 8))[-1]
         branches = []
         for number, rate in enumerate(_RATES, 1):
             x = features
@@ -53,6 +64,7 @@ class DeepLabV2(nn.Module):
                     (side, side),
                     kernel_dilation=dilation,
                     kernel_init=nn.initializers.he_normal(),
+                    dtype=self.dtype,
                     name=f"{name}_{number}",
                 )(x)
                 x = nn.Dropout(0.5, deterministic=not train)(nn.relu(x))
@@ -60,7 +72,8 @@ class DeepLabV2(nn.Module):
                 self.classes,
                 (1, 1),
                 kernel_init=nn.initializers.normal(0.01),
+                dtype=self.dtype,
                 name=f"fc8_{number}",
             )
-            branches.append(score(x))
+            branches.append(score(x).astype(jnp.float32))
         return bilinear(sum(branches), 8)[:, :h, :w]

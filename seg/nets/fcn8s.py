@@ -1,13 +1,17 @@
 """FCN8s on VGG16: class scores at 1/32, refined by those at 1/16 and 1/8.
 
 Source: Long, Shelhamer, Darrell, "Fully convolutional networks for semantic segmentation" (2015).
-Deviations: convolutions pad to keep the size, where the authors add 100 pixels around the image and crop
-(same parameters, less work); the scores of pool3 and pool4 are not rescaled.
+Deviations: convolutions pad to keep the size, where the authors add 100 pixels around the image, let fc6
+shrink the map, and crop the scores (same parameters, less work; what a score sees differs where its 7x7
+cells reach over the border). The image is filled up below and on the right to a multiple of 32 with the mean
+colour, and the logits are cropped to its size. The scores of pool3 and pool4 are not rescaled. The last
+enlargement is bilinear and fixed, as theirs, but repeats the border where a transposed convolution fades.
 """
 
 import jax
 import jax.numpy as jnp
 from flax import linen as nn
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.resize import bilinear, pad_to_multiple
@@ -43,11 +47,15 @@ class FCN8s(nn.Module):
         classes: how many classes.
         width: channels of the first stage of VGG16.
         hidden: channels of fc6 and fc7.
+        norm: GroupNorm after each convolution of VGG16; not published, for training from scratch.
+        dtype: what it computes in; None for float32. Logits are float32.
     """
 
     classes: int
     width: int = 64
     hidden: int = 4096
+    norm: bool = False
+    dtype: DTypeLike | None = None
 
     @nn.compact
     def __call__(
@@ -64,7 +72,9 @@ class FCN8s(nn.Module):
         """
 
         def score(x: Array, name: str) -> Array:
-            return nn.Conv(self.classes, (1, 1), kernel_init=nn.initializers.zeros, name=name)(x)
+            zeros = nn.initializers.zeros
+            conv = nn.Conv(self.classes, (1, 1), kernel_init=zeros, dtype=self.dtype, name=name)
+            return conv(x)
 
         def double(x: Array, name: str) -> Array:
             return nn.ConvTranspose(
@@ -73,17 +83,23 @@ class FCN8s(nn.Module):
                 strides=(2, 2),
                 use_bias=False,
                 kernel_init=bilinear_kernel,
+                dtype=self.dtype,
                 name=name,
             )(x)
 
         _, h, w, _ = images.shape
-        pools = VGG16(self.width, name="vgg16")(pad_to_multiple(images, 32))
+        backbone = VGG16(self.width, norm=self.norm, dtype=self.dtype, name="vgg16")
+        pools = backbone(pad_to_multiple(images, 32))
         x = pools[4]
         for name, side in (("fc6", 7), ("fc7", 1)):
             x = nn.Conv(
-                self.hidden, (side, side), kernel_init=nn.initializers.he_normal(), name=name
+                self.hidden,
+                (side, side),
+                kernel_init=nn.initializers.he_normal(),
+                dtype=self.dtype,
+                name=name,
             )(x)
             x = nn.Dropout(0.5, deterministic=not train)(nn.relu(x))
         x = double(score(x, "score_fr"), "upscore2") + score(pools[3], "score_pool4")
         x = double(x, "upscore_pool4") + score(pools[2], "score_pool3")
-        return bilinear(x, 8)[:, :h, :w]
+        return bilinear(x.astype(jnp.float32), 8)[:, :h, :w]

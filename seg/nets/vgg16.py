@@ -5,10 +5,12 @@ is that of Chen et al., "DeepLab" (2018), section 3.1. Layers carry the names of
 """
 
 from flax import linen as nn
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 _CONVS = (2, 2, 3, 3, 3)  # of each stage
 _WIDTHS = (1, 2, 4, 8, 8)  # channels of each stage, relative to the first
+_GROUPS = 8
 
 
 class VGG16(nn.Module):
@@ -21,10 +23,14 @@ class VGG16(nn.Module):
         width: channels of the first stage.
         atrous: keep an eighth of the resolution: the last two poolings have stride 1 and the fifth
             stage is dilated by 2 (poolings are then 3x3). Otherwise the end is at 1/32.
+        norm: GroupNorm after each convolution, which VGG16 has not; for training from scratch.
+        dtype: what it computes in; None for float32.
     """
 
     width: int = 64
     atrous: bool = False
+    norm: bool = False
+    dtype: DTypeLike | None = None
 
     @nn.compact
     def __call__(self, images: Float[Array, "b h w 3"]) -> tuple[Float[Array, "b _h _w _c"], ...]:
@@ -44,8 +50,11 @@ class VGG16(nn.Module):
                     (3, 3),
                     kernel_dilation=2 if self.atrous and stage == 5 else 1,
                     kernel_init=nn.initializers.he_normal(),
+                    dtype=self.dtype,
                     name=f"conv{stage}_{number}",
                 )(x)
+                if self.norm:
+                    x = nn.GroupNorm(_GROUPS, dtype=self.dtype, name=f"norm{stage}_{number}")(x)
                 x = nn.relu(x)
             if self.atrous:
                 stride = 2 if stage <= 3 else 1

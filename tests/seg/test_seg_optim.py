@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seg.optim import descend, optimizer, poly_schedule
+from seg.optim import deeplab_multiplier, descend, optimizer, poly_schedule
 
 
 def test_poly_decay_by_hand():
@@ -60,3 +60,52 @@ def test_adam_is_optax_adam(seed):
 def test_unknown_optimizer():
     with pytest.raises(ValueError, match="unknown optimizer 'lion'; known optimizers: adam, sgd"):
         optimizer("lion")
+
+
+@pytest.mark.parametrize(
+    ("path", "factor"),
+    [
+        (("vgg16", "conv1_1", "kernel"), 1),
+        (("vgg16", "conv1_1", "bias"), 2),
+        (("fc6_2", "kernel"), 1),
+        (("fc8_4", "kernel"), 10),
+        (("fc8_4", "bias"), 20),
+        (("vgg16", "norm1_1", "scale"), 1),
+    ],
+)
+def test_multipliers_as_published(path, factor):
+    assert deeplab_multiplier(path) == factor
+
+
+def test_two_sgd_steps_with_multipliers_by_hand():
+    transform = optimizer("sgd", 0.9, weight_decay=0.1, lr_multipliers="deeplab")
+    one = {"kernel": jnp.array([1.0]), "bias": jnp.array([1.0])}
+    params = {"fc8_1": one, "vgg16": {"conv1_1": one}}
+    gradient = {"fc8_1": one, "vgg16": {"conv1_1": one}}
+    state = transform.init(params)
+    for _ in range(2):
+        direction, state = transform.update(gradient, state, params)
+        params = descend(params, direction, 0.01)
+    # Kernels: v = 1 + 0.1 p. Biases do not decay: v = 1, then 1.9.
+    first = 1.1
+    slow = 1 - 0.01 * first
+    slow -= 0.01 * (0.9 * first + 1 + 0.1 * slow)
+    fast = 1 - 0.1 * first
+    fast -= 0.1 * (0.9 * first + 1 + 0.1 * fast)
+    np.testing.assert_allclose(params["vgg16"]["conv1_1"]["kernel"], [slow], rtol=1e-5)
+    np.testing.assert_allclose(params["vgg16"]["conv1_1"]["bias"], [1 - 0.02 * 2.9], rtol=1e-5)
+    np.testing.assert_allclose(params["fc8_1"]["kernel"], [fast], rtol=1e-5)
+    np.testing.assert_allclose(params["fc8_1"]["bias"], [1 - 0.2 * 2.9], rtol=1e-5)
+
+
+def test_adam_takes_multipliers():
+    transform = optimizer("adam", lr_multipliers="deeplab")
+    params = {"fc8_1": {"kernel": jnp.array([1.0]), "bias": jnp.array([1.0])}}
+    direction, _ = transform.update(params, transform.init(params), params)
+    np.testing.assert_allclose(direction["fc8_1"]["kernel"], [10.0], rtol=1e-4)
+    np.testing.assert_allclose(direction["fc8_1"]["bias"], [20.0], rtol=1e-4)
+
+
+def test_unknown_multipliers():
+    with pytest.raises(ValueError, match="unknown lr_multipliers 'fcn'; known: none, deeplab"):
+        optimizer("sgd", lr_multipliers="fcn")

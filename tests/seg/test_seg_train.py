@@ -12,7 +12,8 @@ import pytest
 import seg
 from seg import TrainingError, TrainSettings, mean_iou, predict, score
 from seg.data import list_camvid, load
-from seg.train import _check, _functions, _plan, train
+from seg.step import functions, plan
+from seg.train import _check, train
 
 SETTINGS = TrainSettings(steps=150, batch=2, warmup=5, predict_batch=4)
 
@@ -99,11 +100,11 @@ def test_a_loss_that_is_not_finite_is_an_error():
 def test_state_keeps_structure_shapes_and_dtypes():
     images, labels = toy()
     for name in ("adam", "sgd"):
-        functions = _functions("compact", 11, name, 0.9, 1e-4, True, True, True)
-        state = jax.eval_shape(functions.init, np.uint32(0), images)
-        row = _plan(0, len(images), SETTINGS).rows(0)
+        compiled = functions(replace(SETTINGS, optimizer=name, weight_decay=1e-4))
+        state = jax.eval_shape(compiled.init, np.uint32(0), images)
+        row = plan(0, len(images), SETTINGS).rows(0)
         data = (images, labels, np.ones(11, np.float32), np.uint32(0))
-        after, loss = jax.eval_shape(functions.step, state, *data, row)
+        after, loss = jax.eval_shape(compiled.step, state, *data, row)
         assert jax.tree.structure(after) == jax.tree.structure(state)
         same = jax.tree.map(lambda a, b: (a.shape, a.dtype) == (b.shape, b.dtype), state, after)
         assert all(jax.tree.leaves(same))
@@ -111,14 +112,15 @@ def test_state_keeps_structure_shapes_and_dtypes():
 
 
 def test_every_image_is_seen_equally_often():
-    plan = _plan(0, 6, TrainSettings(steps=9, batch=4))
-    assert plan.picks.shape == (9, 4) and len(plan.draws) == len(plan.lr) == 9
-    np.testing.assert_array_equal(np.bincount(plan.picks.ravel()), [6] * 6)
+    rows = plan(0, 6, TrainSettings(steps=9, batch=4))
+    assert rows.picks.shape == (9, 4) and len(rows.draws) == len(rows.lr) == 9
+    np.testing.assert_array_equal(np.bincount(rows.picks.ravel()), [6] * 6)
 
 
 def test_what_is_compiled_is_kept():
-    arguments = ("compact", 11, "adam", 0.9, 0.0, True, True, True)
-    assert _functions(*arguments) is _functions(*arguments)
+    other_data = replace(SETTINGS, steps=3, lr=0.1, batch=5, weights="vgg16.npz")
+    assert functions(SETTINGS) is functions(other_data)
+    assert functions(SETTINGS) is not functions(replace(SETTINGS, mirror=False))
 
 
 @pytest.mark.parametrize(
@@ -153,6 +155,18 @@ def test_labels_outside_the_table():
         ({"net": "unet"}, "unknown net 'unet'"),
         ({"table": "kitti"}, "unknown class table 'kitti'"),
         ({"optimizer": "lion"}, "unknown optimizer 'lion'"),
+        (
+            {"accumulate": 0},
+            "accumulate must be at least 1 and divide the batch of 2 evenly; got 0",
+        ),
+        ({"batch": 4, "accumulate": 3}, "divide the batch of 4 evenly; got 3"),
+        ({"dtype": "float16"}, "unknown dtype 'float16'; known dtypes: float32, bfloat16"),
+        ({"lr_multipliers": "fcn"}, "unknown lr_multipliers 'fcn'; known: none, deeplab"),
+        ({"weights": "vgg16.npz"}, "which the net compact does not have"),
+        (
+            {"net": "fcn8s", "weights": "vgg16.npz", "norm": True},
+            "norm is for training from scratch",
+        ),
     ],
 )
 def test_settings_that_make_no_sense(change, message):

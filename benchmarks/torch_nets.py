@@ -1,0 +1,176 @@
+"""The nets of ``seg.nets`` in PyTorch, written again: what ours are compared with, in figures and in speed.
+
+Layers carry the names of ours, so that ``copy`` can put the same parameters into both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+
+def convolution(c_in: int, c_out: int, side: int, dilation: int = 1) -> nn.Conv2d:
+    """Keeps the size."""
+    return nn.Conv2d(c_in, c_out, side, padding=dilation * (side // 2), dilation=dilation)
+
+
+def padded(x: Tensor, multiple: int) -> Tensor:
+    """With zeros at the bottom and on the right until the size is a multiple."""
+    h, w = x.shape[-2:]
+    return F.pad(x, (0, -w % multiple, 0, -h % multiple))
+
+
+def enlarged(x: Tensor, times: int, size: tuple[int, int]) -> Tensor:
+    """Bilinear between pixel centres, cropped."""
+    large = F.interpolate(x, scale_factor=times, mode="bilinear", align_corners=False)
+    return large[..., : size[0], : size[1]]
+
+
+class VGG16(nn.Module):
+    """Five stages of convolutions; returns each stage, pooled."""
+
+    def __init__(self, width: int = 64, atrous: bool = False) -> None:
+        super().__init__()
+        self.atrous = atrous
+        c_in = 3
+        for stage, (count, factor) in enumerate(
+            zip((2, 2, 3, 3, 3), (1, 2, 4, 8, 8), strict=True), 1
+        ):
+            for number in range(1, count + 1):
+                dilation = 2 if atrous and stage == 5 else 1
+                layer = convolution(c_in, factor * width, 3, dilation)
+                self.add_module(f"conv{stage}_{number}", layer)
+                c_in = factor * width
+
+    def forward(self, x: Tensor) -> list[Tensor]:
+        pools = []
+        for stage, count in enumerate((2, 2, 3, 3, 3), 1):
+            for number in range(1, count + 1):
+                x = F.relu(getattr(self, f"conv{stage}_{number}")(x))
+            if self.atrous:
+                x = F.max_pool2d(x, 3, stride=2 if stage <= 3 else 1, padding=1)
+            else:
+                x = F.max_pool2d(x, 2)
+            pools.append(x)
+        return pools
+
+
+class FCN8s(nn.Module):
+    def __init__(self, classes: int, width: int = 64, hidden: int = 4096) -> None:
+        super().__init__()
+        self.vgg16 = VGG16(width)
+        self.fc6 = convolution(8 * width, hidden, 7)
+        self.fc7 = convolution(hidden, hidden, 1)
+        self.score_fr = convolution(hidden, classes, 1)
+        self.score_pool4 = convolution(8 * width, classes, 1)
+        self.score_pool3 = convolution(4 * width, classes, 1)
+        double = {"kernel_size": 4, "stride": 2, "padding": 1, "bias": False}
+        self.upscore2 = nn.ConvTranspose2d(classes, classes, **double)
+        self.upscore_pool4 = nn.ConvTranspose2d(classes, classes, **double)
+
+    def forward(self, images: Tensor) -> Tensor:
+        pools = self.vgg16(padded(images, 32))
+        x = pools[4]
+        for layer in (self.fc6, self.fc7):
+            x = F.dropout(F.relu(layer(x)), 0.5, self.training)
+        x = self.upscore2(self.score_fr(x)) + self.score_pool4(pools[3])
+        x = self.upscore_pool4(x) + self.score_pool3(pools[2])
+        return enlarged(x, 8, (images.shape[2], images.shape[3]))
+
+
+class DeepLabV2(nn.Module):
+    def __init__(self, classes: int, width: int = 64, hidden: int = 1024) -> None:
+        super().__init__()
+        self.vgg16 = VGG16(width, atrous=True)
+        for number, rate in enumerate((6, 12, 18, 24), 1):
+            self.add_module(f"fc6_{number}", convolution(8 * width, hidden, 3, rate))
+            self.add_module(f"fc7_{number}", convolution(hidden, hidden, 1))
+            self.add_module(f"fc8_{number}", convolution(hidden, classes, 1))
+
+    def forward(self, images: Tensor) -> Tensor:
+        features = self.vgg16(padded(images, 8))[-1]
+        scores = []
+        for number in range(1, 5):
+            x = features
+            for name in ("fc6", "fc7"):
+                x = F.relu(getattr(self, f"{name}_{number}")(x))
+                x = F.dropout(x, 0.5, self.training)
+            scores.append(getattr(self, f"fc8_{number}")(x))
+        total = scores[0] + scores[1] + scores[2] + scores[3]
+        return enlarged(total, 8, (images.shape[2], images.shape[3]))
+
+
+class _ConvNormRelu(nn.Module):
+    def __init__(self, c_in: int, c_out: int, stride: int = 1, dilation: int = 1) -> None:
+        super().__init__()
+        # With stride 2 and an even size, JAX pads on the far side only.
+        self.padding = (0, 1, 0, 1) if stride == 2 else (dilation,) * 4
+        self.Conv_0 = nn.Conv2d(c_in, c_out, 3, stride, dilation=dilation, bias=False)
+        self.GroupNorm_0 = nn.GroupNorm(8, c_out, eps=1e-6)
+
+    def forward(self, x: Tensor) -> Tensor:
+        return F.relu(self.GroupNorm_0(self.Conv_0(F.pad(x, self.padding))))
+
+
+class Compact(nn.Module):
+    def __init__(self, classes: int, width: int = 24) -> None:
+        super().__init__()
+        self._ConvNormRelu_0 = _ConvNormRelu(49, width)
+        self._ConvNormRelu_1 = _ConvNormRelu(width, width)
+        self._ConvNormRelu_2 = _ConvNormRelu(width, 2 * width, stride=2)
+        self._ConvNormRelu_3 = _ConvNormRelu(2 * width, 2 * width, dilation=2)
+        self._ConvNormRelu_4 = _ConvNormRelu(2 * width, 2 * width, dilation=2)
+        self.Conv_0 = convolution(2 * width, width, 1)
+        self._ConvNormRelu_5 = _ConvNormRelu(width, width)
+        self.Conv_1 = convolution(width, classes, 1)
+
+    def forward(self, images: Tensor) -> Tensor:
+        x = padded(images, 8)
+        b, c, h, w = x.shape
+        # Cells as ours: row, column, colour from the slowest to the fastest.
+        x = x.reshape(b, c, h // 4, 4, w // 4, 4).permute(0, 3, 5, 1, 2, 4)
+        x = x.reshape(b, 16 * c, h // 4, w // 4)
+        row = torch.linspace(-1, 1, h // 4)[None, None, :, None].expand(b, 1, -1, w // 4)
+        x = self._ConvNormRelu_0(torch.cat([x, row], 1))
+        skip = self._ConvNormRelu_1(x)
+        x = self._ConvNormRelu_2(skip)
+        x = x + self._ConvNormRelu_3(x)
+        x = x + self._ConvNormRelu_4(x)
+        x = F.interpolate(self.Conv_0(x), scale_factor=2, mode="nearest")
+        x = self._ConvNormRelu_5(x + skip)
+        return enlarged(self.Conv_1(x), 4, (images.shape[2], images.shape[3]))
+
+
+NETS: dict[str, Any] = {"compact": Compact, "deeplabv2": DeepLabV2, "fcn8s": FCN8s}
+
+
+def copy(params: Mapping[str, Any], module: nn.Module) -> None:
+    """Put Flax parameters into a net of this file.
+
+    A transposed convolution of PyTorch's is the gradient of a convolution, so its kernel is flipped.
+    """
+    for name, value in params.items():
+        child = getattr(module, name)
+        if not isinstance(child, (nn.Conv2d, nn.ConvTranspose2d, nn.GroupNorm)):
+            copy(value, child)
+            continue
+        for part, array in value.items():
+            array = np.asarray(array)
+            if isinstance(child, nn.ConvTranspose2d):
+                array = array[::-1, ::-1].transpose(2, 3, 0, 1)
+            elif array.ndim == 4:
+                array = array.transpose(3, 2, 0, 1)
+            target = child.bias if part == "bias" else child.weight
+            assert target is not None and target.shape == array.shape, (name, part)
+            with torch.no_grad():
+                target.copy_(torch.from_numpy(np.ascontiguousarray(array)))
+
+
+def images_of(images: np.ndarray) -> Tensor:
+    """[b, h, w, c] to PyTorch's [b, c, h, w]."""
+    return torch.from_numpy(np.ascontiguousarray(images.transpose(0, 3, 1, 2)))

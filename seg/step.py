@@ -1,0 +1,181 @@
+"""One update of a net, compiled: augment, loss, gradient, optimiser; and what is random in it.
+
+What is compiled is kept for the life of the process: a worker trains hundreds of nets on data of one shape.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray, UInt8, UInt32
+
+from seg.augment import augment, draw
+from seg.losses import cross_entropy, cross_entropy_sums
+from seg.nets import net, normalise
+from seg.optim import descend, optimizer, poly_schedule
+from seg.settings import TrainSettings
+
+Params = Any  # the pytree of a net's parameters
+
+
+class TrainState(NamedTuple):
+    """What one update hands to the next."""
+
+    params: Params  # of the net
+    moments: optax.OptState  # of the optimiser
+    step: Int32[Array, ""]  # updates so far
+
+
+class Plan(NamedTuple):
+    """What is random or scheduled in each update; NumPy on the host, traced inside the step."""
+
+    picks: Int32[Any, "*steps batch"]  # images of the batch
+    draws: Float32[Any, "*steps batch draws"]  # of the augmentation
+    lr: Float32[Any, "*steps"]
+
+    def rows(self, where: int | slice) -> "Plan":
+        """The plan of one update, or of several."""
+        return Plan(*(column[where] for column in self))
+
+
+def plan(seed: int, count: int, settings: TrainSettings) -> Plan:
+    """Draw all that is random in a training.
+
+    Args:
+        seed: 32 bits.
+        count: images to choose from.
+        settings: steps, batch, learning rate.
+
+    Returns:
+        One row per update.
+    """
+    rng = np.random.default_rng(seed)
+    needed = settings.steps * settings.batch
+    # Permutations, one after the other: every image is seen equally often.
+    epochs = [rng.permutation(count) for _ in range(-(-needed // count))]
+    picks = np.concatenate(epochs)[:needed].reshape(settings.steps, settings.batch)
+    return Plan(
+        picks=picks.astype(np.int32),
+        draws=draw(rng, settings.steps, settings.batch),
+        lr=poly_schedule(settings.lr, settings.steps, settings.power, settings.warmup),
+    )
+
+
+class Functions(NamedTuple):
+    """The compiled parts; jit adds one version for each shape of the data."""
+
+    init: Callable[..., TrainState]  # seed, images -> fresh state
+    resume: Callable[..., TrainState]  # params -> state with these parameters
+    step: Callable[..., tuple[TrainState, Array]]  # state, data, one row of the plan -> loss
+    steps: Callable[..., tuple[TrainState, Array]]  # the same over many rows, scanned
+
+
+def functions(settings: TrainSettings) -> Functions:
+    """The compiled parts for some settings, shared by all settings that compile to the same."""
+    plain = TrainSettings()
+    # These are data of the step, or its shapes.
+    free = ("lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch", "weights")
+    return _compiled(replace(settings, **{name: getattr(plain, name) for name in free}))
+
+
+@lru_cache(maxsize=32)
+def _compiled(settings: TrainSettings) -> Functions:
+    module = net(settings.net, settings.classes, settings.dtype, settings.norm)
+    transform = optimizer(
+        settings.optimizer, settings.momentum, settings.weight_decay, settings.lr_multipliers
+    )
+
+    def resume(params: Params) -> TrainState:
+        return TrainState(params, transform.init(params), jnp.int32(0))
+
+    def init(seed: UInt32[Array, ""], images: UInt8[Array, "n h w 3"]) -> TrainState:
+        blank = jnp.zeros((1, *images.shape[1:]))
+        # The default generator compiles four times longer here (unrolled, once per kernel).
+        return resume(module.init(jax.random.key(seed, impl="rbg"), blank)["params"])
+
+    def logits_of(params: Params, x: Array, dropout: PRNGKeyArray) -> Array:
+        return module.apply({"params": params}, normalise(x), train=True, rngs={"dropout": dropout})
+
+    def step(
+        state: TrainState,
+        images: UInt8[Array, "n h w 3"],
+        labels: UInt8[Array, "n h w"],
+        weights: Float32[Array, " classes"],
+        seed: UInt32[Array, ""],
+        row: Plan,
+    ) -> tuple[TrainState, Float[Array, ""]]:
+        picks = row.picks
+        x, y = augment(
+            images[picks], labels[picks], row.draws, settings.mirror, settings.colour, settings.blur
+        )
+        dropout: PRNGKeyArray = jax.random.fold_in(jax.random.key(seed), state.step)
+
+        def loss_of(params: Params) -> Float[Array, ""]:
+            return cross_entropy(logits_of(params, x, dropout), y, weights)
+
+        def sums_of(params: Params, x: Array, y: Array, part: Array) -> tuple[Array, Array]:
+            key = jax.random.fold_in(dropout, part)
+            return cross_entropy_sums(logits_of(params, x, key), y, weights)
+
+        if settings.accumulate == 1:
+            loss, gradients = jax.value_and_grad(loss_of)(state.params)
+        else:
+            loss, gradients = accumulated(sums_of, state.params, x, y, settings.accumulate)
+        directions, moments = transform.update(gradients, state.moments, state.params)
+        params = descend(state.params, directions, row.lr)
+        return TrainState(params, moments, state.step + 1), loss
+
+    def steps(
+        state: TrainState, images: Array, labels: Array, weights: Array, seed: Array, rows: Plan
+    ) -> tuple[TrainState, Float[Array, " steps"]]:
+        return jax.lax.scan(
+            lambda carry, row: step(carry, images, labels, weights, seed, row), state, rows
+        )
+
+    return Functions(
+        init=jax.jit(init),
+        resume=jax.jit(resume),
+        step=jax.jit(step, donate_argnums=0),
+        steps=jax.jit(steps, donate_argnums=0),
+    )
+
+
+def accumulated(
+    sums_of: Callable[[Params, Array, Array, Array], tuple[Array, Array]],
+    params: Params,
+    x: Float[Array, "b h w 3"],
+    y: UInt8[Array, "b h w"],
+    parts: int,
+) -> tuple[Float[Array, ""], Params]:
+    """Loss and gradient of a batch, one part after the other.
+
+    sum_k grad s_k / sum_k t_k, where part k has the loss s_k / t_k: parts with more labelled pixels count
+    for more, as they do in the whole batch.
+
+    Args:
+        sums_of: (params, images, labels, number of the part) -> (s_k, t_k).
+        params: where the gradient is taken.
+        x: images.
+        y: their labels.
+        parts: how many; divides the batch.
+
+    Returns:
+        The loss of the whole batch, and its gradient.
+    """
+
+    def add(carry: tuple[Array, Array, Params], part: tuple[Array, ...]) -> Any:
+        (nats, total), gradient = jax.value_and_grad(sums_of, has_aux=True)(params, *part)
+        return jax.tree.map(jnp.add, carry, (nats, total, gradient)), None
+
+    cut = [a.reshape(parts, a.shape[0] // parts, *a.shape[1:]) for a in (x, y)]
+    zero = (jnp.float32(0), jnp.float32(0), jax.tree.map(jnp.zeros_like, params))
+    # Gradient convolutions are slow inside a loop of XLA's CPU backend.
+    unroll = parts if jax.default_backend() == "cpu" else 1
+    (nats, total, gradient), _ = jax.lax.scan(add, zero, (*cut, jnp.arange(parts)), unroll=unroll)
+    total = jnp.where(total > 0, total, 1)
+    return nats / total, jax.tree.map(lambda g: g / total, gradient)

@@ -1,0 +1,7 @@
+"""ImageNet weights of VGG16: read from the files that people have, put into our nets."""
+
+from seg.weights.errors import WeightsError
+from seg.weights.normalisation import NORMALISATIONS
+from seg.weights.store import convert, load
+
+__all__ = ["NORMALISATIONS", "WeightsError", "convert", "load"]

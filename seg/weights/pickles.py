@@ -1,0 +1,122 @@
+"""Reads the pickle inside a PyTorch file without running any of it.
+
+A pickle is a program. Of its instructions only those that PyTorch writes for a dictionary of tensors are
+known here, of the functions it may call only those below, and these only note what they were given. All
+else is an error. This is Python's slow unpickler, because that one lets instructions be taken away.
+"""
+
+import pickle
+from collections import OrderedDict
+from collections.abc import Callable
+from io import BufferedIOBase
+from typing import Any
+
+from seg.weights.errors import WeightsError
+from seg.weights.tensors import DTYPES, Tensor
+
+_INSTRUCTIONS = (
+    "PROTO FRAME STOP MARK POP_MARK NONE NEWTRUE NEWFALSE BININT BININT1 BININT2 LONG1 BINFLOAT "
+    "BINSTRING SHORT_BINSTRING BINUNICODE SHORT_BINUNICODE EMPTY_TUPLE TUPLE TUPLE1 TUPLE2 TUPLE3 "
+    "EMPTY_LIST APPEND APPENDS EMPTY_DICT SETITEM SETITEMS GLOBAL STACK_GLOBAL REDUCE BUILD "
+    "BINPERSID BINGET LONG_BINGET BINPUT LONG_BINPUT MEMOIZE"
+).split()
+
+
+class _Refused(Exception):
+    """An instruction or a function that no file of weights needs."""
+
+
+def _tensor(storage: Any, offset: Any, shape: Any, strides: Any, *_: Any) -> Tensor:
+    key, dtype, elements = storage
+    sizes, steps = (tuple(int(n) for n in numbers) for numbers in (shape, strides))
+    return Tensor(str(key), dtype, int(elements), int(offset), sizes, steps)
+
+
+def _parameter(data: Any, *_: Any) -> Any:
+    return data
+
+
+def _ordered_dict(*arguments: Any) -> OrderedDict[Any, Any]:
+    return OrderedDict(*arguments)
+
+
+_FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {
+    ("collections", "OrderedDict"): _ordered_dict,
+    ("torch._utils", "_rebuild_tensor"): _tensor,
+    ("torch._utils", "_rebuild_tensor_v2"): _tensor,
+    ("torch._utils", "_rebuild_parameter"): _parameter,
+}
+
+
+class _Unpickler(pickle._Unpickler):
+    """Knows the instructions above only."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        if (module, name) in _FUNCTIONS:
+            return _FUNCTIONS[module, name]
+        kind = name.removesuffix("Storage")
+        if module == "torch" and name.endswith("Storage") and kind in DTYPES:
+            return DTYPES[kind]
+        raise _Refused(f"it calls {module}.{name}")
+
+    def persistent_load(self, pid: Any) -> Any:
+        """A storage: ("storage", type, key, device, elements), and in old files what it is a view of."""
+        kind, dtype, key, _, elements, *view = pid
+        if kind != "storage" or dtype not in DTYPES.values() or any(v is not None for v in view):
+            raise _Refused("it refers to something that is no whole storage")
+        return key, dtype, elements
+
+
+def _refuse(unpickler: Any) -> None:
+    raise _Refused("it holds an instruction that no state dict needs")
+
+
+def _reduce(unpickler: Any) -> None:
+    arguments = unpickler.stack.pop()
+    function = unpickler.stack[-1]
+    if not any(function is known for known in _FUNCTIONS.values()):
+        raise _Refused("it calls something that is no function")
+    unpickler.stack[-1] = function(*arguments)
+
+
+def _build(unpickler: Any) -> None:
+    """Attributes of an object: those of a state dict say which version its layers have, not needed."""
+    unpickler.stack.pop()
+    if not isinstance(unpickler.stack[-1], dict):
+        raise _Refused("it sets attributes of something that is no dictionary")
+
+
+def _only_known() -> dict[int, Callable[[Any], None]]:
+    known = {getattr(pickle, name)[0] for name in _INSTRUCTIONS}
+    every = pickle._Unpickler.dispatch
+    table = {code: load if code in known else _refuse for code, load in every.items()}
+    return {**table, pickle.REDUCE[0]: _reduce, pickle.BUILD[0]: _build}
+
+
+_Unpickler.dispatch = _only_known()
+
+
+def load(file: BufferedIOBase, where: str) -> Any:
+    """Read one pickle, up to its end and not further.
+
+    Args:
+        file: at the beginning of the pickle.
+        where: what messages call it.
+
+    Returns:
+        Plain values; tensors as `Tensor`.
+
+    Raises:
+        WeightsError: the pickle is damaged, or would do more than describe tensors.
+    """
+    try:
+        return _Unpickler(file, encoding="utf-8").load()
+    except _Refused as error:
+        raise WeightsError(
+            f"{where}: {error}; expected a state dict, nothing but named tensors "
+            "(torch.save(net.state_dict(), FILE)), and nothing else is run"
+        ) from None
+    except OSError:
+        raise
+    except Exception as error:  # whatever bytes that are no pickle may cause
+        raise WeightsError(f"{where}: not a pickle, or a damaged one ({error!r})") from None

@@ -1,0 +1,136 @@
+"""Converts a file of ImageNet weights into ours, and puts those into a net's parameters.
+
+Our file is an `.npz` of `seg.weights.vgg16.shapes()`, for images as `seg.nets.normalise` makes them, and
+`normalisation`: what the weights expected before they were converted.
+"""
+
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from seg.weights.errors import WeightsError
+from seg.weights.normalisation import NORMALISATIONS, from_caffe
+from seg.weights.read import read, read_npz
+from seg.weights.vgg16 import CONVS, LAYERS, PARTS, layers, scheme_of
+
+_MARK = "normalisation"
+_OF_NET = {"deeplabv2": CONVS, "fcn8s": LAYERS}
+"""The layers that each net takes. The four fc6 and fc7 of DeepLabv2 have another shape (3x3, 1024 channels);
+the authors thinned VGG16's out for them, here they start at random."""
+
+
+def convert(source: Path, out: Path, normalisation: str | None = None) -> str:
+    """Read ImageNet weights of VGG16, check them, and write our file, whole or not at all.
+
+    Args:
+        source: `.pth`, `.safetensors` or `.npz`.
+        out: the file to write.
+        normalisation: what the weights expect, "torchvision" or "caffe"; None: torchvision's for
+            torchvision's and timm's names.
+
+    Returns:
+        The normalisation they expected.
+
+    Raises:
+        WeightsError: a file cannot be read or written, or holds anything but VGG16.
+    """
+    arrays = read(source)
+    converted = arrays.pop(_MARK, None)
+    if converted is not None:
+        raise WeightsError(f"{source}: is converted already; use it as it is")
+    normalisation = normalisation or _default(arrays, source)
+    if normalisation not in NORMALISATIONS:
+        raise WeightsError(
+            f"unknown normalisation {normalisation!r}; known: {', '.join(NORMALISATIONS)}"
+        )
+    ours = layers(arrays, str(source))
+    if normalisation == "caffe":
+        names = ("conv1_1/kernel", "conv1_1/bias")
+        ours |= zip(names, from_caffe(*(ours[name] for name in names)), strict=True)
+    _write(out, {**ours, _MARK: np.array(normalisation)})
+    return normalisation
+
+
+def _default(arrays: Mapping[str, np.ndarray], source: Path) -> str:
+    scheme = scheme_of(arrays, str(source))
+    if not scheme.torch:
+        raise WeightsError(
+            f"{source}: does not say which images it expects; give --normalisation torchvision "
+            "(RGB in [0, 1], mean and deviation) or caffe (BGR in 0..255, mean)"
+        )
+    return "torchvision"
+
+
+def _write(out: Path, arrays: Mapping[str, np.ndarray]) -> None:
+    part = out.with_name(out.name + ".part")
+    try:
+        try:
+            with open(part, "wb") as file:
+                np.savez(file, **arrays)  # type: ignore[arg-type]
+                file.flush()
+                os.fsync(file.fileno())
+            os.replace(part, out)
+        except BaseException:
+            with suppress(OSError):
+                part.unlink()
+            raise
+    except OSError as error:
+        raise WeightsError(f"{out}: {error.strerror or error}") from None
+
+
+def load(path: str | Path, net_name: str, params: Any) -> Any:
+    """Parameters of a net whose backbone starts from a converted file.
+
+    DeepLabv2 takes the 13 convolutions, FCN8s also fc6 and fc7. All else stays as it is.
+
+    Args:
+        path: from `convert`.
+        net_name: "deeplabv2" or "fcn8s".
+        params: of that net; not changed.
+
+    Returns:
+        New parameters of the same structure.
+
+    Raises:
+        WeightsError: no such file, not one of `convert`, a layer is missing or has another shape, or the
+            net has no VGG16 in it.
+    """
+    path = Path(path)
+    if net_name not in _OF_NET:
+        raise WeightsError(
+            f"{path}: the net {net_name} has no VGG16 in it; only {' and '.join(_OF_NET)} have"
+        )
+    names = tuple(f"{layer}/{part}" for layer in _OF_NET[net_name] for part in PARTS)
+    try:
+        arrays = read_npz(path, (*names, _MARK))
+    except OSError as error:
+        raise WeightsError(f"{path}: {error.strerror or error}") from None
+    if _MARK not in arrays:
+        raise WeightsError(
+            f"{path}: not converted yet: python -m seg.weights convert {path} --out vgg16.npz"
+        )
+    params = {**params, "vgg16": dict(params["vgg16"])}
+    for layer in _OF_NET[net_name]:
+        home = params["vgg16"] if layer in CONVS else params
+        home[layer] = {
+            part: _fitting(arrays, f"{layer}/{part}", home[layer][part].shape, path)
+            for part in PARTS
+        }
+    return params
+
+
+def _fitting(
+    arrays: Mapping[str, np.ndarray], name: str, shape: tuple[int, ...], path: Path
+) -> np.ndarray:
+    if name not in arrays:
+        raise WeightsError(f"{path}: {name} is missing; convert the weights again")
+    array = arrays[name]
+    if array.shape != shape or array.dtype != np.float32:
+        raise WeightsError(
+            f"{path}: {name}: {array.dtype}{list(array.shape)}; the net has float32{list(shape)}"
+        )
+    return array

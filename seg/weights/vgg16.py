@@ -1,0 +1,142 @@
+"""VGG16's layers by the names of the files that people have, checked one by one.
+
+Known are torchvision's names (`features.0.weight`, `classifier.0.weight`), timm's, which differ in the
+classifier (`pre_logits.fc1.weight`), and our own (`conv1_1/kernel`, `fc6/kernel`). Of the classifier,
+fc6 and fc7 become convolutions of 7x7 and 1x1, as FCN8s has them; what tells ImageNet's classes apart is
+left out.
+"""
+
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from seg.weights.errors import WeightsError
+
+CONVS = tuple(
+    f"conv{s}_{n}" for s, count in enumerate((2, 2, 3, 3, 3), 1) for n in range(1, count + 1)
+)
+"""The 13 convolutions, in order."""
+LAYERS = (*CONVS, "fc6", "fc7")
+PARTS = ("kernel", "bias")
+
+_CHANNELS = (3, 64, 64, 128, 128, 256, 256, 256, 512, 512, 512, 512, 512, 512)
+_HIDDEN = 4096
+_FEATURES = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28)
+_TORCHVISION = (*(f"features.{i}" for i in _FEATURES), "classifier.0", "classifier.3")
+_TIMM = (*_TORCHVISION[:13], "pre_logits.fc1", "pre_logits.fc2")
+_IGNORED = ("classifier.6.", "head.", "fc8/")
+
+
+class Scheme(NamedTuple):
+    """One way to name the layers."""
+
+    name: str
+    layers: tuple[str, ...]  # names of `LAYERS`
+    parts: tuple[str, str]  # what follows for kernel and bias
+    torch: bool  # kernels are [out, in, rows, columns], not [rows, columns, in, out]
+
+
+SCHEMES = (
+    Scheme("our own", LAYERS, ("/kernel", "/bias"), torch=False),
+    Scheme("torchvision", _TORCHVISION, (".weight", ".bias"), torch=True),
+    Scheme("timm", _TIMM, (".weight", ".bias"), torch=True),
+)
+
+
+def shapes() -> dict[str, tuple[int, ...]]:
+    """The shape of every array of VGG16, by our names."""
+    sizes = {name: (3, 3, *pair) for name, pair in zip(CONVS, pairwise(_CHANNELS), strict=True)}
+    sizes |= {"fc6": (7, 7, _CHANNELS[-1], _HIDDEN), "fc7": (1, 1, _HIDDEN, _HIDDEN)}
+    found: dict[str, tuple[int, ...]] = {}
+    for name, size in sizes.items():
+        found |= {f"{name}/kernel": size, f"{name}/bias": size[-1:]}
+    return found
+
+
+def scheme_of(names: Iterable[str], where: str) -> Scheme:
+    """How a file names its layers.
+
+    Args:
+        names: of all its arrays.
+        where: what messages call it.
+
+    Raises:
+        WeightsError: in no way that is known.
+    """
+    have = set(names)
+    hits = {scheme: sum(n + scheme.parts[0] in have for n in scheme.layers) for scheme in SCHEMES}
+    best = max(hits, key=lambda scheme: hits[scheme])
+    if not hits[best]:
+        first = ", ".join(sorted(have)[:3]) or "nothing"
+        raise WeightsError(
+            f"{where}: no layer of VGG16 in it (it holds {first} ...); expected names such as "
+            "features.0.weight (torchvision) or conv1_1/kernel"
+        )
+    return best
+
+
+def layers(arrays: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
+    """All layers of VGG16 under our names, in our layout.
+
+    Args:
+        arrays: what a file holds.
+        where: what messages call it.
+
+    Returns:
+        f32 arrays of the names and shapes of `shapes()`.
+
+    Raises:
+        WeightsError: a layer is missing, has another shape or no finite values, or there are layers that
+            VGG16 does not have.
+    """
+    scheme = scheme_of(arrays, where)
+    theirs = {
+        f"{ours}{p}": f"{theirs}{q}"
+        for ours, theirs in zip(LAYERS, scheme.layers, strict=True)
+        for p, q in zip(("/kernel", "/bias"), scheme.parts, strict=True)
+    }
+    stray = sorted(n for n in arrays if n not in theirs.values() and not n.startswith(_IGNORED))
+    normed = [n for n in stray if n.endswith(("running_mean", "running_var"))]
+    if normed:
+        raise WeightsError(
+            f"{where}: {normed[0]}: VGG16 has no batch normalisation; "
+            "these weights are of another net (vgg16_bn, resnet?)"
+        )
+    missing = [n for n in theirs.values() if n not in arrays]
+    if missing:
+        more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
+        raise WeightsError(f"{where}: {missing[0]} is missing{more}; expected all of VGG16 (D)")
+    if stray:
+        raise WeightsError(
+            f"{where}: {stray[0]}: VGG16 has no such layer; these weights are of another net"
+        )
+    wanted = shapes()
+    return {
+        ours: _array(arrays[name], ours, wanted[ours], scheme.torch, f"{where}: {name}")
+        for ours, name in theirs.items()
+    }
+
+
+def _array(
+    array: np.ndarray, name: str, ours: tuple[int, ...], torch: bool, where: str
+) -> np.ndarray:
+    # A convolution kernel of theirs, and a fully connected one: the input is flattened channel by channel.
+    allowed = [ours]
+    if torch and len(ours) == 4:
+        rows, columns, c_in, c_out = ours
+        allowed = [(c_out, c_in, rows, columns)]
+        if not name.startswith("conv"):
+            allowed.append((c_out, c_in * rows * columns))
+    if array.shape not in allowed or array.dtype.kind != "f":
+        raise WeightsError(
+            f"{where}: {array.dtype}{list(array.shape)}; "
+            f"expected float{' or '.join(str(list(size)) for size in allowed)}"
+        )
+    if torch and len(ours) == 4:
+        array = array.reshape(allowed[0]).transpose(2, 3, 1, 0)
+    array = np.ascontiguousarray(array, np.float32)
+    if not np.isfinite(array).all():
+        raise WeightsError(f"{where}: holds values that are not finite")
+    return array

@@ -1,0 +1,188 @@
+"""Ways to train the VGG nets: named recipes, weights, accumulation, bfloat16, GroupNorm, odd sizes.
+
+The nets are narrow here: the published ones have 40 to 134 million parameters.
+"""
+
+from dataclasses import replace
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import seg.nets
+import seg.step
+import seg.train
+import seg.weights.vgg16 as names
+from seg import RECIPES, TrainSettings, WeightsError, check_settings, predict
+from seg.nets import Compact, DeepLabV2, FCN8s, net
+from seg.step import accumulated, functions, plan
+from seg.train import train
+from seg.weights.store import _write
+
+WIDTH, HIDDEN = 8, 16
+SMALL = {
+    "compact": Compact,
+    "deeplabv2": partial(DeepLabV2, width=WIDTH, hidden=HIDDEN),
+    "fcn8s": partial(FCN8s, width=WIDTH, hidden=HIDDEN),
+}
+
+
+@pytest.fixture(autouse=True)
+def narrow(monkeypatch):
+    monkeypatch.setattr(seg.nets, "_NETS", SMALL)
+    caches = (seg.step._compiled, seg.train._predictor)
+    for cache in caches:
+        cache.cache_clear()
+    yield
+    for cache in caches:
+        cache.cache_clear()
+
+
+def data(count=4, size=(32, 32), seed=0):
+    rng = np.random.default_rng(seed)
+    images = rng.integers(0, 256, (count, *size, 3), np.uint8)
+    labels = rng.integers(0, 11, (count, *size), np.uint8)
+    labels[0, : size[0] // 2] = 255  # parts of a batch differ in how much of them is labelled
+    return images, labels
+
+
+def test_the_papers_recipe():
+    paper = RECIPES["paper"]
+    assert (paper.optimizer, paper.lr, paper.momentum, paper.power) == ("sgd", 5e-4, 0.9, 0.9)
+    assert (paper.weight_decay, paper.batch, paper.steps, paper.warmup) == (1e-4, 4, 1000, 0)
+    assert (paper.mirror, paper.colour, paper.blur, paper.weighted) == (True, False, False, False)
+    assert paper.lr_multipliers == "deeplab" and not paper.norm
+
+
+@pytest.mark.parametrize(
+    ("recipe", "name"),
+    [
+        ("paper", "deeplabv2"),
+        ("scratch", "fcn8s"),
+        pytest.param("paper", "fcn8s", marks=pytest.mark.slow),
+        pytest.param("scratch", "deeplabv2", marks=pytest.mark.slow),
+    ],
+)
+def test_recipes_train_both_nets(recipe, name):
+    settings = replace(RECIPES[recipe], net=name, steps=2, warmup=0, batch=2)
+    check_settings(settings)
+    params = train(0, *data(2), settings)
+    assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
+    assert ("norm1_1" in params["vgg16"]) == settings.norm
+
+
+def test_defaults_are_the_compact_nets():
+    settings = TrainSettings()
+    assert (settings.weights, settings.norm, settings.accumulate) == (None, False, 1)
+    assert (settings.lr_multipliers, settings.dtype) == ("none", "float32")
+    assert net("compact", 11) == net("compact", 11, norm=True)
+
+
+@pytest.mark.parametrize("parts", [2, pytest.param(4, marks=pytest.mark.slow)])
+def test_accumulated_steps_are_those_of_the_whole_batch(parts):
+    whole = TrainSettings(optimizer="sgd", lr=0.1, steps=3, batch=4, warmup=0)
+    losses = []
+    fitted = [
+        train(0, *data(), settings, progress=lambda _, loss: losses.append(loss))
+        for settings in (whole, replace(whole, accumulate=parts))
+    ]
+    for a, b in zip(*map(jax.tree.leaves, fitted), strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-5)
+    assert losses[0] == pytest.approx(losses[1], rel=1e-5)
+
+
+def test_accumulated_gradient_by_hand():
+    """Two parts with weights 1 and 3: (1 * 2 + 3 * 6) / 4 for p * x, x = 2 and 6."""
+
+    def sums_of(params, x, y, part):
+        weight = 1.0 + 2.0 * part
+        return weight * params["p"] * x.mean(), weight
+
+    x = jnp.array([2.0, 6.0]).reshape(2, 1, 1, 1) * jnp.ones((2, 1, 1, 3))
+    labels = jnp.zeros((2, 1, 1), jnp.uint8)
+    loss, gradient = accumulated(sums_of, {"p": jnp.float32(0.5)}, x, labels, 2)
+    assert float(loss) == pytest.approx(2.5) and float(gradient["p"]) == pytest.approx(5.0)
+    nothing = lambda params, x, y, part: (0.0 * params["p"], 0.0 * part)  # noqa: E731
+    loss, gradient = accumulated(nothing, {"p": jnp.float32(0.5)}, x, labels, 2)
+    assert float(loss) == 0 and float(gradient["p"]) == 0
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_bfloat16_computes_about_the_same(name):
+    images = jnp.asarray(np.random.default_rng(0).normal(size=(1, 32, 32, 3)), jnp.float32)
+    exact, brief = net(name, 5), net(name, 5, "bfloat16")
+    params = jax.jit(exact.init)(jax.random.key(0), images)["params"]
+    if name == "fcn8s":  # its scores start at 0
+        params = {
+            k: jax.tree.map(lambda x: x + 0.05, v) if k.startswith("score") else v
+            for k, v in params.items()
+        }
+    outline = jax.eval_shape(brief.init, jax.random.key(0), images)["params"]
+    assert {leaf.dtype for leaf in jax.tree.leaves(outline)} == {jnp.dtype("float32")}
+    a, b = (jax.jit(m.apply)({"params": params}, images) for m in (exact, brief))
+    assert b.dtype == jnp.float32 and not np.array_equal(a, b)
+    assert np.abs(a - b).max() < 0.05 * np.abs(a).max()
+
+
+def test_bfloat16_keeps_the_state_in_float32():
+    settings = TrainSettings(net="deeplabv2", dtype="bfloat16", steps=1, batch=2)
+    images, labels = data(2)
+    compiled = functions(settings)
+    state = jax.eval_shape(compiled.init, np.uint32(0), images)
+    arguments = (images, labels, np.ones(11, np.float32), np.uint32(0))
+    after, loss = jax.eval_shape(compiled.step, state, *arguments, plan(0, 2, settings).rows(0))
+    same = jax.tree.map(lambda a, b: (a.shape, a.dtype) == (b.shape, b.dtype), state, after)
+    assert all(jax.tree.leaves(same)) and loss.dtype == jnp.float32
+
+
+@pytest.mark.parametrize("name", SMALL)
+def test_images_of_any_size_are_segmented_whole(name):
+    """As inside a frame of the mean colour whose sides are multiples of 8 or 32, then cropped."""
+    settings = TrainSettings(net=name, predict_batch=2)
+    images = data(3, (45, 61))[0]
+    params = functions(settings).init(np.uint32(0), images).params
+    predicted = predict(params, images, settings)
+    assert predicted.shape == (3, 45, 61) and predicted.dtype == np.uint8
+    rows, cols = (64, 64) if name == "fcn8s" else (48, 64)
+    x = seg.nets.normalise(jnp.asarray(images / np.float32(255)))
+    padded = jnp.pad(x, [(0, 0), (0, rows - 45), (0, cols - 61), (0, 0)])
+    logits = jax.jit(net(name, 11).apply)({"params": params}, padded)[:, :45, :61]
+    assert (predicted == np.argmax(logits, -1)).mean() > 0.999
+
+
+def write_weights(path, monkeypatch):
+    widths = [3] + [c * WIDTH // 64 for c in names._CHANNELS[1:]]
+    monkeypatch.setattr(names, "_CHANNELS", tuple(widths))
+    monkeypatch.setattr(names, "_HIDDEN", HIDDEN)
+    rng = np.random.default_rng(0)
+    arrays = {
+        n: rng.normal(0, 0.01, shape).astype(np.float32) for n, shape in names.shapes().items()
+    }
+    _write(path, {**arrays, "normalisation": np.array("torchvision")})
+    return arrays
+
+
+@pytest.mark.parametrize("name", [pytest.param("deeplabv2", marks=pytest.mark.slow), "fcn8s"])
+def test_training_starts_from_weights(name, tmp_path, monkeypatch):
+    arrays = write_weights(tmp_path / "vgg16.npz", monkeypatch)
+    settings = replace(
+        RECIPES["paper"], net=name, steps=1, lr=1e-6, batch=2,
+        weights=str(tmp_path / "vgg16.npz"),
+    )  # fmt: skip
+    params = train(0, *data(2), settings)
+    other = train(0, *data(2), replace(settings, weights=None))
+    for layer in names.CONVS:
+        kernel = arrays[f"{layer}/kernel"]
+        np.testing.assert_allclose(params["vgg16"][layer]["kernel"], kernel, atol=1e-4)
+        assert not np.allclose(other["vgg16"][layer]["kernel"], kernel, atol=1e-3)
+    # What the file does not give is drawn as without it.
+    last = "score_pool3" if name == "fcn8s" else "fc7_1"
+    np.testing.assert_allclose(params[last]["kernel"], other[last]["kernel"], atol=1e-4)
+
+
+def test_weights_that_are_not_there():
+    settings = replace(RECIPES["paper"], weights="none.npz")
+    with pytest.raises(WeightsError, match=r"none\.npz: No such file"):
+        train(0, *data(4), settings)

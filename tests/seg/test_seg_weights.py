@@ -1,0 +1,380 @@
+"""Files of ImageNet weights: read, checked layer by layer, converted, put into nets."""
+
+import io
+import json
+import pickle
+import struct
+import zipfile
+from collections import OrderedDict
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import seg.weights.vgg16 as names
+from seg.nets import DeepLabV2, FCN8s, normalise
+from seg.nets.normalise import MEAN, STD
+from seg.weights import WeightsError, convert, load
+from seg.weights.__main__ import main
+from seg.weights.normalisation import CAFFE_MEAN, from_caffe
+from seg.weights.read import read, read_npz
+from seg.weights.vgg16 import SCHEMES, layers, shapes
+
+WIDTH, HIDDEN = 2, 5
+
+
+@pytest.fixture(autouse=True)
+def narrow(monkeypatch):
+    """A VGG16 of two channels where the published one has 64: files of kilobytes, not of 500 MB."""
+    widths = [3] + [c * WIDTH // 64 for c in names._CHANNELS[1:]]
+    monkeypatch.setattr(names, "_CHANNELS", tuple(widths))
+    monkeypatch.setattr(names, "_HIDDEN", HIDDEN)
+
+
+def test_published_shapes(monkeypatch):
+    monkeypatch.undo()
+    sizes = shapes()
+    convolutions = sum(int(np.prod(s)) for n, s in sizes.items() if n.startswith("conv"))
+    assert convolutions == 14_714_688 and len(sizes) == 30
+    assert sizes["fc6/kernel"] == (7, 7, 512, 4096) and sizes["fc7/bias"] == (4096,)
+    assert sum(int(np.prod(s)) for s in sizes.values()) == 14_714_688 + 102_764_544 + 16_781_312
+
+
+def ours(seed=0):
+    rng = np.random.default_rng(seed)
+    return {n: rng.normal(size=s).astype(np.float32) for n, s in shapes().items()}
+
+
+def theirs(arrays, scheme="torchvision"):
+    """The same weights under torchvision's names, in PyTorch's layout."""
+    (known,) = (s for s in SCHEMES if s.name == scheme)
+    found = OrderedDict()
+    for mine, other in zip(names.LAYERS, known.layers, strict=True):
+        kernel = arrays[f"{mine}/kernel"].transpose(3, 2, 0, 1)
+        if scheme == "torchvision" and mine.startswith("fc"):
+            kernel = kernel.reshape(len(kernel), -1)
+        found[f"{other}.weight"] = np.ascontiguousarray(kernel)
+        found[f"{other}.bias"] = arrays[f"{mine}/bias"]
+    last = "classifier.6" if scheme == "torchvision" else "head.fc"
+    found[f"{last}.weight"] = np.zeros((10, HIDDEN), np.float32)
+    found[f"{last}.bias"] = np.zeros(10, np.float32)
+    return found
+
+
+def save_safetensors(path, arrays):
+    header, body = {"__metadata__": {"format": "pt"}}, b""
+    for name, array in arrays.items():
+        data = array.tobytes()
+        entry = {"dtype": "F32", "shape": list(array.shape)}
+        header[name] = entry | {"data_offsets": [len(body), len(body) + len(data)]}
+        body += data
+    text = json.dumps(header).encode()
+    path.write_bytes(struct.pack("<Q", len(text)) + text + body)
+
+
+class _Storage:
+    """Stands for a storage in the pickles below; `persistent_id` names it."""
+
+    def __init__(self, key, array):
+        self.key, self.array = key, array
+
+
+class _Saved:
+    """Pickled as PyTorch pickles a tensor."""
+
+    def __init__(self, storage):
+        self.storage = storage
+
+    def __reduce_ex__(self, protocol):
+        array = self.storage.array
+        strides = tuple(s // array.itemsize for s in array.strides)
+        arguments = (self.storage, 0, array.shape, strides, False, OrderedDict())
+        return _Global("torch._utils", "_rebuild_tensor_v2"), arguments
+
+
+class _Global:
+    def __init__(self, module, name):
+        self.module, self.name = module, name
+
+    def __call__(self):  # the pickler wants what it writes as a function to be one
+        raise NotImplementedError
+
+
+class _Pickler(pickle._Pickler):
+    def save(self, obj, save_persistent_id=True):
+        if isinstance(obj, _Global):
+            self.write(pickle.GLOBAL + f"{obj.module}\n{obj.name}\n".encode())
+        else:
+            super().save(obj, save_persistent_id)
+
+    def persistent_id(self, obj):
+        if isinstance(obj, _Storage):
+            kind = _Global("torch", "FloatStorage")
+            return ("storage", kind, obj.key, "cpu", obj.array.size)
+        return None
+
+
+def pickled(value):
+    file = io.BytesIO()
+    _Pickler(file, 2).dump(value)
+    return file.getvalue()
+
+
+def save_zip(path, arrays):
+    stored = {n: _Storage(str(i), a) for i, (n, a) in enumerate(arrays.items())}
+    with zipfile.ZipFile(path, "w") as archive:
+        value = OrderedDict((n, _Saved(s)) for n, s in stored.items())
+        archive.writestr("archive/data.pkl", pickled(value))
+        archive.writestr("archive/byteorder", "little")
+        for storage in stored.values():
+            archive.writestr(f"archive/data/{storage.key}", storage.array.tobytes())
+
+
+def save_legacy(path, arrays):
+    stored = {n: _Storage(str(i), a) for i, (n, a) in enumerate(arrays.items())}
+    value = OrderedDict((n, _Saved(s)) for n, s in stored.items())
+    system = {"protocol_version": 1001, "little_endian": True}
+    keys = [s.key for s in stored.values()]
+    parts = [pickled(v) for v in (0x1950A86A20F9469CFC6C, 1001, system, value, keys)]
+    for storage in stored.values():
+        parts.append(struct.pack("<q", storage.array.size) + storage.array.tobytes())
+    path.write_bytes(b"".join(parts))
+
+
+def save_npz(path, arrays):
+    with open(path, "wb") as file:
+        np.savez(file, **arrays)
+
+
+SAVERS = {
+    "zip.pth": save_zip,
+    "legacy.pth": save_legacy,
+    "w.safetensors": save_safetensors,
+    "w.npz": save_npz,
+}
+
+
+@pytest.mark.parametrize("scheme", ["torchvision", "timm"])
+@pytest.mark.parametrize("file", SAVERS)
+def test_every_kind_of_file_gives_the_same_weights(tmp_path, file, scheme):
+    expected = ours()
+    SAVERS[file](tmp_path / file, theirs(expected, scheme))
+    out = tmp_path / "vgg16.npz"
+    assert convert(tmp_path / file, out) == "torchvision"
+    arrays = read_npz(out)
+    assert str(arrays.pop("normalisation")) == "torchvision"
+    assert arrays.keys() == expected.keys()
+    for name, array in arrays.items():
+        np.testing.assert_array_equal(array, expected[name])
+
+
+def test_fc6_reads_the_flattened_features_in_their_order():
+    """A fully connected layer on 7x7 features, and the convolution made of it, at one place."""
+    arrays = ours()
+    features = np.random.default_rng(1).normal(size=(7, 7, 8 * WIDTH)).astype(np.float32)
+    flat = theirs(arrays)["classifier.0.weight"] @ features.transpose(2, 0, 1).ravel()
+    kernel = layers(theirs(arrays), "x")["fc6/kernel"]
+    np.testing.assert_allclose(np.einsum("rci,rcio->o", features, kernel), flat, rtol=2e-4)
+
+
+def test_caffe_weights_see_the_same_colours():
+    rng = np.random.default_rng(0)
+    rgb = rng.integers(0, 256, (1, 3, 3, 3)).astype(np.float32)
+    kernel, bias = rng.normal(size=(3, 3, 3, 4)), rng.normal(size=4)
+    caffe = rgb[..., ::-1] - np.array(CAFFE_MEAN)
+    expected = np.einsum("brci,rcio->bo", caffe, kernel) + bias
+    new_kernel, new_bias = from_caffe(kernel, bias)
+    images = np.asarray(normalise(jnp.asarray(rgb / 255)))
+    np.testing.assert_allclose(
+        np.einsum("brci,rcio->bo", images, new_kernel) + new_bias, expected, rtol=1e-4, atol=1e-2
+    )
+
+
+def test_caffe_by_hand():
+    """One weight on blue: 255 times blue's deviation, on our third channel."""
+    kernel = np.zeros((1, 1, 3, 1))
+    kernel[0, 0, 0] = 2.0
+    new_kernel, new_bias = from_caffe(kernel, np.array([1.0]))
+    np.testing.assert_allclose(new_kernel.ravel(), [0, 0, 2 * 255 * STD[2]], rtol=1e-6)
+    np.testing.assert_allclose(new_bias, [1 + 2 * (255 * MEAN[2] - 103.939)], rtol=1e-6)
+
+
+def test_own_names_need_the_normalisation_said(tmp_path, capsys):
+    save_npz(tmp_path / "w.npz", ours())
+    arguments = ["convert", str(tmp_path / "w.npz"), "--out", str(tmp_path / "o.npz")]
+    assert main(arguments) == 2
+    assert "does not say which images it expects" in capsys.readouterr().err
+    assert main([*arguments, "--normalisation", "caffe"]) == 0
+    arrays = read_npz(tmp_path / "o.npz")
+    assert str(arrays["normalisation"]) == "caffe"
+    kernel, bias = from_caffe(ours()["conv1_1/kernel"], ours()["conv1_1/bias"])
+    np.testing.assert_array_equal(arrays["conv1_1/kernel"], kernel)
+    np.testing.assert_array_equal(arrays["conv1_1/bias"], bias)
+    np.testing.assert_array_equal(arrays["conv1_2/kernel"], ours()["conv1_2/kernel"])
+    assert main(["convert", str(tmp_path / "o.npz"), "--out", str(tmp_path / "p.npz")]) == 2
+    assert "is converted already" in capsys.readouterr().err
+
+
+def without(arrays, *gone):
+    return OrderedDict((n, a) for n, a in arrays.items() if n not in gone)
+
+
+def normed(arrays):
+    return OrderedDict({**arrays, "features.1.running_mean": np.zeros(2, np.float32)})
+
+
+RESNET = {"conv1.weight": np.zeros((4, 3, 7, 7), np.float32), "fc.bias": np.zeros(3, np.float32)}
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda a: without(a, "features.5.bias"), r"features\.5\.bias is missing; expected all"),
+        (
+            lambda a: without(a, "classifier.0.weight", "classifier.0.bias"),
+            r"classifier\.0\.weight is missing, and 1 more",
+        ),
+        (
+            lambda a: {**a, "features.2.weight": np.zeros((2, 3, 3, 3), np.float32)},
+            r"features\.2\.weight: float32\[2, 3, 3, 3\]; expected float\[2, 2, 3, 3\]",
+        ),
+        (
+            lambda a: {**a, "features.2.bias": np.full(2, np.nan, np.float32)},
+            r"features\.2\.bias: holds values that are not finite",
+        ),
+        (normed, r"features\.1\.running_mean: VGG16 has no batch normalisation.*vgg16_bn"),
+        (
+            lambda a: {**a, "features.30.weight": np.zeros((2, 2, 3, 3), np.float32)},
+            r"features\.30\.weight: VGG16 has no such layer",
+        ),
+        (lambda a: RESNET, r"no layer of VGG16 in it \(it holds conv1\.weight, fc\.bias"),
+    ],
+)
+def test_weights_that_are_not_of_vgg16(tmp_path, capsys, change, message):
+    save_npz(tmp_path / "w.npz", change(theirs(ours())))
+    out = tmp_path / "vgg16.npz"
+    out.write_text("before")
+    with pytest.raises(WeightsError, match=rf"w\.npz: {message}"):
+        convert(tmp_path / "w.npz", out)
+    assert main(["convert", str(tmp_path / "w.npz"), "--out", str(out)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 and lines[0].startswith("error: ")
+    assert out.read_text() == "before" and len(list(tmp_path.iterdir())) == 2
+
+
+@pytest.mark.parametrize("file", SAVERS)
+def test_files_cut_short_are_errors_at_any_length(tmp_path, file):
+    SAVERS[file](tmp_path / file, theirs(ours()))
+    data = (tmp_path / file).read_bytes()
+    for share in np.linspace(0, 1, 25, endpoint=False):
+        (tmp_path / file).write_bytes(data[: int(share * len(data))])
+        with pytest.raises(WeightsError, match=file):
+            convert(tmp_path / file, tmp_path / "out.npz")
+
+
+@pytest.mark.parametrize("file", ["zip.pth", "legacy.pth", "w.safetensors"])
+def test_damaged_files_are_errors_or_right(tmp_path, file):
+    """Bytes of the part that describes the tensors are changed; nothing but our error may come."""
+    SAVERS[file](tmp_path / file, theirs(ours()))
+    data = (tmp_path / file).read_bytes()
+    rng = np.random.default_rng(0)
+    for _ in range(150):
+        broken = bytearray(data)
+        broken[rng.integers(0, 4000)] = rng.integers(256)
+        (tmp_path / file).write_bytes(broken)
+        try:
+            read(tmp_path / file)
+        except WeightsError:
+            pass
+
+
+@pytest.mark.parametrize(
+    "program",
+    [
+        pickle.dumps(print),
+        pickle.dumps(partial(print, "ran")),
+        b"cos\nsystem\n(S'exit 1'\ntR.",
+        b"\x80\x02cbuiltins\neval\nX\x04\x00\x00\x001/10\x85R.",
+        b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n}X\x0c\x00\x00\x00__defaults__)sb.",
+        b"\x80\x02ccollections\nOrderedDict\n)\x81.",
+        b"\x80\x02}X\x01\x00\x00\x00aK\x01s.",
+    ],
+    ids=["function", "partial", "system", "eval", "defaults", "newobj", "number"],
+)
+def test_pickles_are_never_run(tmp_path, program):
+    path = tmp_path / "evil.pth"
+    path.write_bytes(program)
+    with pytest.raises(WeightsError, match=r"evil\.pth"):
+        read(path)
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("archive/data.pkl", program)
+    with pytest.raises(WeightsError, match=r"evil\.pth"):
+        read(path)
+
+
+def test_objects_in_npz_are_refused(tmp_path):
+    np.savez(tmp_path / "w.npz", a=np.array([{}], object))
+    with pytest.raises(WeightsError, match=r"w\.npz: a damaged \.npz, or not of plain arrays"):
+        read(tmp_path / "w.npz")
+
+
+def test_files_that_are_not_there_or_something_else(tmp_path):
+    (tmp_path / "text.pth").write_text("<html>not found</html>")
+    for name, message in (
+        ("none.pth", "No such file"),
+        (".", "directory"),
+        ("text.pth", "no file of weights; expected a .pth"),
+    ):
+        with pytest.raises(WeightsError, match=message):
+            read(tmp_path / name)
+    save_npz(tmp_path / "w.npz", theirs(ours()))
+    with pytest.raises(WeightsError, match=r"o\.npz: No such file"):
+        convert(tmp_path / "w.npz", tmp_path / "no" / "o.npz")
+
+
+@pytest.fixture
+def converted(tmp_path):
+    save_zip(tmp_path / "w.pth", theirs(ours()))
+    convert(tmp_path / "w.pth", tmp_path / "vgg16.npz")
+    return tmp_path / "vgg16.npz"
+
+
+def blank(module):
+    images = np.zeros((1, 32, 32, 3), np.float32)
+    outline = jax.eval_shape(module.init, jax.random.key(0), images)["params"]
+    return jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), outline)
+
+
+@pytest.mark.parametrize(
+    ("net_name", "module", "taken"),
+    [
+        ("fcn8s", FCN8s(3, width=WIDTH, hidden=HIDDEN), 30),
+        ("deeplabv2", DeepLabV2(3, width=WIDTH, hidden=HIDDEN), 26),
+    ],
+)
+def test_nets_take_their_layers(converted, net_name, module, taken):
+    params = blank(module)
+    loaded = load(converted, net_name, params)
+    assert jax.tree.structure(loaded) == jax.tree.structure(params)
+    assert not any(leaf.any() for leaf in jax.tree.leaves(params))
+    assert sum(bool(leaf.any()) for leaf in jax.tree.leaves(loaded)) == taken
+    expected = ours()
+    np.testing.assert_array_equal(loaded["vgg16"]["conv5_3"]["kernel"], expected["conv5_3/kernel"])
+    if net_name == "fcn8s":
+        np.testing.assert_array_equal(loaded["fc6"]["kernel"], expected["fc6/kernel"])
+
+
+def test_nets_that_do_not_fit(converted, tmp_path):
+    with pytest.raises(WeightsError, match="the net compact has no VGG16 in it"):
+        load(converted, "compact", {})
+    wide = blank(DeepLabV2(3, width=4, hidden=HIDDEN))
+    with pytest.raises(
+        WeightsError, match=r"vgg16\.npz: conv1_1/kernel: float32\[3, 3, 3, 2\]; the net has"
+    ):
+        load(converted, "deeplabv2", wide)
+    with pytest.raises(WeightsError, match=r"w\.pth: not converted yet: python -m seg\.weights"):
+        load(tmp_path / "w.pth", "deeplabv2", wide)
+    with pytest.raises(WeightsError, match=r"none\.npz: No such file"):
+        load(tmp_path / "none.npz", "deeplabv2", wide)
