@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable
 from typing import Any
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
+
+from experiments.figure import plt, png
 
 
 def picture(report: dict[str, Any]) -> bytes:
@@ -66,10 +63,7 @@ def picture(report: dict[str, Any]) -> bytes:
             axis.legend(fontsize=8)
     note = "" if report["real"] else " (not real data)"
     figure.suptitle(f"{report['target']}{note}, {report['evaluations']} rewards for each method")
-    data = io.BytesIO()
-    figure.savefig(data, dpi=110, format="png")
-    plt.close(figure)
-    return data.getvalue()
+    return png(figure)
 
 
 def _words(method: str) -> str:

@@ -1,9 +1,10 @@
-"""Means and confidence intervals of a few paired repeats."""
+"""Means, confidence intervals and tests of a few repeats."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -27,3 +28,33 @@ def paired_gain(ours: Sequence[float], theirs: Sequence[float]) -> tuple[float, 
     if len(ours) != len(theirs):
         raise ValueError(f"{len(ours)} values cannot be paired with {len(theirs)}")
     return mean_ci95([a - b for a, b in zip(ours, theirs, strict=True)])
+
+
+class Welch(NamedTuple):
+    """Welch's t-test of two sets of repeats."""
+
+    difference: float  # of the means
+    t: float
+    degrees: float  # of freedom, by Welch and Satterthwaite
+    p_value: float  # two-sided
+
+    @property
+    def stars(self) -> str:
+        """The paper's marks: ** for p < 0.01, * for p < 0.05."""
+        return "**" if self.p_value < 0.01 else "*" if self.p_value < 0.05 else ""
+
+
+def welch(ours: Sequence[float], theirs: Sequence[float]) -> Welch | None:
+    """Whether two means differ, without assuming equal variances.
+
+    t = (mean(a) - mean(b)) / sqrt(var(a) / n_a + var(b) / n_b). None where a set has fewer than two
+    values or none of them varies: then there is nothing to test with.
+
+    Source: Welch (1947), "The generalization of 'Student's' problem".
+    """
+    a, b = np.asarray(ours, float), np.asarray(theirs, float)
+    if min(len(a), len(b)) < 2 or (np.ptp(a) == 0 and np.ptp(b) == 0):
+        return None
+    found = stats.ttest_ind(a, b, equal_var=False)
+    values = (a.mean() - b.mean(), found.statistic, found.df, found.pvalue)
+    return Welch(*(float(value) for value in values))

@@ -229,12 +229,12 @@ def test_camvid_takes_its_folder_from_the_variable(monkeypatch, capsys, tmp_path
 
 
 def test_a_missing_renderer_is_the_users_to_mend(monkeypatch):
-    from experiments import job
+    from experiments import job, study
     from scene.render import RendererError
 
     def missing(name):
         raise RendererError("EGL is missing; install libegl1")
 
-    monkeypatch.setattr(job, "renderer", missing)
+    monkeypatch.setattr(study, "renderer", missing)
     with pytest.raises(UserError, match="libegl1"):
         job.run(replace(cityscapes_config("smoke"), renderer="opengl"), cityscapes_target)
