@@ -1,0 +1,305 @@
+"""How fast the nets run and train, beside the same nets in PyTorch; and what one reward is made of.
+
+    python -m benchmarks.train --json train.json
+    python -m benchmarks.train --nets compact --sizes 128x96 --repeats 3 --no-reward
+
+Each row is one net at one size: `forward` is bytes to logits at full resolution, `step` a whole update (loss,
+gradient, SGD or Adam), with the learning rate at 0 so that random images do no harm. Times are medians;
+that of PyTorch is the better of its two memory layouts. Without PyTorch its columns stay empty.
+"""
+
+from __future__ import annotations
+
+import argparse
+import gc
+import statistics
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from benchmarks.report import Row, parser, table, write
+from experiments.config import camvid_config
+from experiments.reward import render
+from seg.nets import net, normalise
+from seg.nets.normalise import MEAN, STD
+from seg.recipes import RECIPES
+from seg.settings import TrainSettings
+from seg.step import functions, plan
+from seg.train import score, train
+
+CLASSES = 11
+BATCHES = {"compact": 8, "deeplabv2": 4, "fcn8s": 4}
+SIZES = ("128x96", "480x360", "640x320")
+LARGE = 100_000  # pixels from which VGG nets take seconds an image: one is enough
+REAL = 367  # images of CamVid's training split, which the quick reward is scored on
+BUDGET = 12.0  # seconds after which no further repeat begins, once there are two
+
+
+class Job(NamedTuple):
+    """One net at one size."""
+
+    net: str
+    width: int
+    height: int
+    batch: int
+
+    @property
+    def settings(self) -> TrainSettings:
+        """The net's own recipe, without augmentation: that is not PyTorch's."""
+        own = TrainSettings() if self.net == "compact" else RECIPES["paper"]
+        return replace(
+            own,
+            net=self.net,
+            batch=self.batch,
+            steps=1,
+            lr=0.0,
+            lr_multipliers="none",
+            mirror=False,
+            colour=False,
+            blur=False,
+        )
+
+    def data(self) -> tuple[np.ndarray, np.ndarray]:
+        """Random images and labels."""
+        rng = np.random.default_rng(0)
+        shape = (self.batch, self.height, self.width)
+        return rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(
+            0, CLASSES, shape, np.uint8
+        )
+
+
+Runs = Iterator[tuple[str, Callable[[], Any]]]
+"""Name of a pass, and a function that makes it once and waits for it."""
+
+
+def jax_runs(job: Job) -> Runs:
+    """Our passes, those of ``seg.train``."""
+    settings = job.settings
+    images, labels = job.data()
+    compiled = functions(settings)
+    module = net(job.net, CLASSES)
+    data = jax.device_put((images, labels, np.ones(CLASSES, np.float32), np.uint32(0)))
+    state = compiled.init(np.uint32(0), data[0])
+
+    @jax.jit
+    def forward(params: Any, images: jax.Array) -> jax.Array:
+        return module.apply({"params": params}, normalise(images.astype(jnp.float32) / 255))
+
+    yield "forward", lambda: forward(state.params, data[0]).block_until_ready()
+    row = plan(0, job.batch, settings).rows(0)
+
+    def step() -> None:
+        nonlocal state
+        state, loss = compiled.step(state, *data, row)
+        jax.block_until_ready((state, loss))
+
+    yield "step", step
+
+
+def torch_runs(job: Job, channels_last: bool, threads: int) -> Runs:
+    """PyTorch's passes, the same work."""
+    import torch
+
+    from benchmarks.torch_nets import NETS, images_of
+
+    torch.set_num_threads(threads)
+    torch.manual_seed(0)
+    layout = torch.channels_last if channels_last else torch.contiguous_format
+    settings = job.settings
+    module = NETS[job.net](CLASSES).to(memory_format=layout)
+    images, labels = job.data()
+    bytes_ = images_of(images)
+    target = torch.from_numpy(labels).long()
+    weights = torch.ones(CLASSES)
+    mean, deviation = (torch.tensor(v)[None, :, None, None] for v in (MEAN, STD))
+
+    def logits() -> Any:
+        x = (bytes_.float() / 255 - mean) / deviation
+        return module(x.contiguous(memory_format=layout))
+
+    def forward() -> None:
+        with torch.no_grad():
+            logits()
+
+    module.eval()
+    yield "forward", forward
+    module.train()
+    if settings.optimizer == "sgd":
+        optimizer: Any = torch.optim.SGD(
+            module.parameters(), 0.0, settings.momentum, weight_decay=settings.weight_decay
+        )
+    else:
+        optimizer = torch.optim.Adam(module.parameters(), 0.0)
+
+    def step() -> None:
+        optimizer.zero_grad(set_to_none=True)
+        loss = torch.nn.functional.cross_entropy(logits(), target, weights, ignore_index=255)
+        loss.backward()
+        optimizer.step()
+
+    yield "step", step
+
+
+def medians(runs: Runs, repeats: int) -> dict[str, float]:
+    """Milliseconds of each pass, after one that is not counted."""
+    found = {}
+    for name, run in runs:
+        run()
+        times: list[float] = []
+        while len(times) < repeats and (len(times) < 2 or sum(times) < BUDGET):
+            started = time.perf_counter()
+            run()
+            times.append(time.perf_counter() - started)
+        found[name] = 1000 * statistics.median(times)
+    gc.collect()
+    return found
+
+
+def has_torch() -> bool:
+    """Whether PyTorch can be compared with; says so if not."""
+    try:
+        import torch  # noqa: F401
+    except ImportError:
+        print("PyTorch is not installed (pip install torch): its columns stay empty\n")
+        return False
+    return True
+
+
+def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
+    """Forward and step of one net at one size."""
+    ours = medians(jax_runs(job), repeats)
+    layouts = {"contiguous": False, "channels_last": True} if compare else {}
+    theirs = {k: medians(torch_runs(job, last, threads), repeats) for k, last in layouts.items()}
+    rows: list[Row] = []
+    for name, ms in ours.items():
+        best = min(theirs, key=lambda layout: theirs[layout][name], default=None)
+        torch_ms = theirs[best][name] if best else None
+        rows.append(
+            {
+                "net": job.net,
+                "size": f"{job.width}x{job.height}",
+                "batch": job.batch,
+                "pass": name,
+                "ms": ms,
+                "passes_per_s": 1000 / ms,
+                "images_per_s": 1000 * job.batch / ms,
+                "torch_ms": torch_ms,
+                "torch_layout": best,
+                "ratio_to_torch": torch_ms / ms if torch_ms else None,
+            }
+        )
+    return rows
+
+
+def reward_row(real: tuple[np.ndarray, np.ndarray], steps: int | None = None) -> Row:
+    """Seconds of each part of one quick reward of ``experiments.camvid``, in this process.
+
+    ``compile`` is what the first training and scoring of a process take longer than the second: a search
+    pays it once per worker, and with JAX's cache on disk only the first search does.
+    """
+    config = camvid_config("quick")
+    stage = config.reward
+    settings = replace(stage.train, steps=steps or stage.train.steps)
+    units = np.random.default_rng(0).uniform(size=(stage.streets, 23)).astype(np.float32)
+
+    def seconds(work: Callable[[], Any]) -> tuple[float, Any]:
+        started = time.perf_counter()
+        result = work()
+        return time.perf_counter() - started, result
+
+    def rendered() -> Any:
+        return render(stage, config.renderer, config.pool, units, 0)
+
+    rendered()  # builds assets, which are kept, and loads the renderer
+    render_s, dataset = seconds(rendered)
+    labels = (dataset.labels % CLASSES).astype(np.uint8)  # any of the table's ids cost the same
+
+    def short() -> None:
+        params = train(0, dataset.images, labels, replace(settings, steps=1))
+        score(params, *real, settings)
+
+    cold, warm = seconds(short)[0], seconds(short)[0]
+    train_s, params = seconds(lambda: train(1, dataset.images, labels, settings))
+    score_s, _ = seconds(lambda: score(params, *real, settings))
+    return {
+        "size": f"{stage.width}x{stage.height}",
+        "images": len(labels),
+        "steps": settings.steps,
+        "scored": len(real[0]),
+        "render_s": render_s,
+        "compile_s": max(cold - warm, 0.0),
+        "train_s": train_s,
+        "score_s": score_s,
+        "reward_s": render_s + train_s + score_s,
+    }
+
+
+def random_real() -> tuple[np.ndarray, np.ndarray]:
+    """Images and labels like CamVid's: what they show does not change the time."""
+    stage = camvid_config("quick").reward
+    rng = np.random.default_rng(0)
+    shape = (REAL, stage.height, stage.width)
+    return rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(0, CLASSES, shape, np.uint8)
+
+
+def size(text: str) -> tuple[int, int]:
+    """Width and height of "480x360"."""
+    try:
+        width, height = (int(part) for part in text.split("x"))
+    except ValueError:
+        width = height = 0
+    if min(width, height) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is no size; expected such as 480x360")
+    return width, height
+
+
+def count(text: str) -> int:
+    """A number of at least 1."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"{text!r}: expected 1 or more")
+    return int(text)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    command = parser(__doc__)
+    command.add_argument("--nets", nargs="+", choices=list(BATCHES), default=list(BATCHES))
+    command.add_argument("--sizes", nargs="+", type=size, default=[size(s) for s in SIZES])
+    command.add_argument(
+        "--repeats", type=count, default=7, help="fewer where one takes seconds; at least 2"
+    )
+    command.add_argument(
+        "--batch",
+        type=count,
+        help="by default 8 for the compact net; 4 for the VGG nets, 1 at the large sizes",
+    )
+    command.add_argument("--threads", type=count, default=2, help="of PyTorch; JAX takes all cores")
+    command.add_argument(
+        "--reward", action=argparse.BooleanOptionalAction, default=True, help="also split a reward"
+    )
+    options = command.parse_args(arguments)
+    compare = has_torch()
+    rows: list[Row] = []
+    for name in options.nets:
+        for width, height in options.sizes:
+            small = name == "compact" or width * height < LARGE
+            batch = options.batch or (BATCHES[name] if small else 1)
+            job = Job(name, width, height, batch)
+            rows += net_rows(job, options.repeats, options.threads, compare)
+            print(f"{name} at {width}x{height}: done", file=sys.stderr, flush=True)
+    print(table(rows))
+    reward = [reward_row(random_real())] if options.reward else []
+    if reward:
+        print(f"\n{table(reward)}")
+    write(options.json, rows=rows, reward=reward)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

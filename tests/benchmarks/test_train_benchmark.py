@@ -1,0 +1,70 @@
+"""The benchmark of the nets: rows that scripts rely on, at a tiny size."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks import train as benchmark
+
+
+def test_rows_are_those_that_scripts_rely_on(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(benchmark, "has_torch", lambda: False)
+    path = tmp_path / "train.json"
+    arguments = ["--nets", "compact", "--sizes", "16x8", "--repeats", "1", "--batch", "2"]
+    assert benchmark.main([*arguments, "--no-reward", "--json", str(path)]) == 0
+    rows = json.loads(path.read_text())["rows"]
+    assert [row["pass"] for row in rows] == ["forward", "step"]
+    for row in rows:
+        assert (row["net"], row["size"], row["batch"]) == ("compact", "16x8", 2)
+        assert row["ms"] > 0
+        assert row["images_per_s"] == pytest.approx(2000 / row["ms"])
+        assert row["torch_ms"] is None and row["ratio_to_torch"] is None
+    assert "| compact | 16x8 |" in " ".join(capsys.readouterr().out.split())
+
+
+def test_ratio_is_pytorchs_time_over_ours(monkeypatch):
+    times = {"jax": (10.0, 20.0), False: (30.0, 30.0), True: (20.0, 40.0)}
+    named = lambda key: dict(zip(("forward", "step"), times[key], strict=True))  # noqa: E731
+    monkeypatch.setattr(benchmark, "jax_runs", lambda job: "jax")
+    monkeypatch.setattr(benchmark, "torch_runs", lambda job, last, threads: last)
+    monkeypatch.setattr(benchmark, "medians", lambda runs, repeats: named(runs))
+    rows = benchmark.net_rows(benchmark.Job("compact", 16, 8, 2), 1, 2, True)
+    assert [row["ratio_to_torch"] for row in rows] == [2.0, 1.5]
+    assert [row["torch_layout"] for row in rows] == ["channels_last", "contiguous"]
+
+
+def test_pytorch_does_the_same_work():
+    pytest.importorskip("torch", reason="PyTorch is not installed: pip install torch")
+    job = benchmark.Job("compact", 16, 8, 2)
+    for channels_last in (False, True):
+        found = benchmark.medians(benchmark.torch_runs(job, channels_last, 1), 1)
+        assert set(found) == {"forward", "step"} and min(found.values()) > 0
+
+
+@pytest.mark.slow
+def test_a_reward_is_split():
+    rng = np.random.default_rng(0)
+    real = (
+        rng.integers(0, 256, (4, 48, 64, 3), np.uint8),
+        rng.integers(0, 11, (4, 48, 64), np.uint8),
+    )
+    row = benchmark.reward_row(real, steps=3)
+    assert (row["size"], row["images"], row["scored"], row["steps"]) == ("64x48", 96, 4, 3)
+    parts = [row[f"{part}_s"] for part in ("render", "train", "score")]
+    assert min(parts) > 0 and row["reward_s"] == pytest.approx(sum(parts))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--sizes", "big"], "'big' is no size; expected such as 480x360"),
+        (["--sizes", "0x8"], "'0x8' is no size"),
+        (["--repeats", "0"], "'0': expected 1 or more"),
+        (["--nets", "unet"], "invalid choice: 'unet'"),
+    ],
+)
+def test_arguments_that_make_no_sense(arguments, message, capsys):
+    with pytest.raises(SystemExit) as error:
+        benchmark.main(arguments)
+    assert error.value.code == 2 and message in capsys.readouterr().err
