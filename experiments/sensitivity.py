@@ -1,0 +1,19 @@
+"""Which of the 23 attributes matter, and which of them together, from recorded rewards.
+
+    python -m experiments.sensitivity --target camvid --records benchmarks/data/camvid.jsonl
+    python -m experiments.sensitivity --target camvid --data DIR --holdout 0006R0 --store FILE
+    python -m experiments.sensitivity --target twin --preset smoke                # under a minute
+
+With --records nothing is rendered and no data are needed. Without, rewards come from the store, and
+those that it lacks are made first. Kill it at any moment; the same command goes on where it was.
+"""
+
+from __future__ import annotations
+
+import sys
+
+if __name__ == "__main__":
+    # Not at the top: worker processes load this file, too, and need nothing of the command line.
+    from experiments.sensitivity_job import main
+
+    sys.exit(main(__doc__ or ""))
