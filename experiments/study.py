@@ -132,7 +132,9 @@ def plan_text(plan: Sequence[Work], workers: int) -> str:
         size = f"{stage.width}x{stage.height}, {stage.images} images, {stage.train.steps} steps"
         lines.append(f"  {nets:5d} x {seconds:6.1f}  {what} ({stage.train.net}, {size})")
     total = duration(sum(work.cost for work in plan) / max(workers, 1))
-    lines.append(f"About {total} on {max(workers, 1)} worker(s); what is known takes no time")
+    lines.append(
+        f"About {total} on {max(workers, 1)} worker(s), without compiling; what is known takes no time"
+    )
     return "\n".join(lines)
 
 

@@ -33,24 +33,16 @@ from experiments.targets import TARGETS, Target
 from scene.attributes import NAMES
 from seg.train import TrainingError
 
-from .conftest import lines
+from .conftest import Killed, lines, never
 
 QUICKLY = ("random_attributes", "random_search")
 TARGET = Target("camvid", True, "camvid", "some streets", (), (), lambda height, width: None)
-
-
-class Killed(BaseException):
-    """Stands for the end of the process."""
 
 
 def formula(stage, table, renderer, pool, units, seed, truth) -> Evaluation:
     """Worth more with buildings far off; a little noise by seed."""
     right = 500 + int(400 * units[:, NAMES.index("building_position")].mean()) + seed % 50
     return Evaluation(np.array([[right, 1000]] * 2), 0.5, 1.5)
-
-
-def never(*task):
-    raise AssertionError("this was known")
 
 
 @pytest.fixture

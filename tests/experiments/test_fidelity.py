@@ -31,7 +31,7 @@ from experiments.reward import Evaluation
 from experiments.targets import TARGETS
 from scene.attributes import NAMES
 
-from .conftest import lines
+from .conftest import Killed, lines
 
 FILES = ("fidelity.json", "fidelity.md")
 
@@ -117,10 +117,6 @@ def test_proposals_have_random_bins_at_the_search_s_relaxation():
     again = proposals(config)
     np.testing.assert_array_equal(found["draw-9"].centre, again["draw-9"].centre)
     assert not np.array_equal(found["draw-9"].centre, found["draw-8"].centre)
-
-
-class Killed(BaseException):
-    """Stands for the end of the process."""
 
 
 @pytest.fixture
