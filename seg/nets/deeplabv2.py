@@ -13,6 +13,7 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
+from seg.nets.atrous import AtrousConv
 from seg.nets.resize import bilinear, pad_to_multiple
 from seg.nets.vgg16 import VGG16
 
@@ -58,16 +59,16 @@ class DeepLabV2(nn.Module):
         branches = []
         for number, rate in enumerate(_RATES, 1):
             x = features
-            for name, side, dilation in (("fc6", 3, rate), ("fc7", 1, 1)):
-                x = nn.Conv(
-                    self.hidden,
-                    (side, side),
-                    kernel_dilation=dilation,
-                    kernel_init=nn.initializers.he_normal(),
-                    dtype=self.dtype,
-                    name=f"{name}_{number}",
-                )(x)
-                x = nn.Dropout(0.5, deterministic=not train)(nn.relu(x))
+            fc6 = AtrousConv(self.hidden, rate, self.dtype, name=f"fc6_{number}")
+            fc7 = nn.Conv(
+                self.hidden,
+                (1, 1),
+                kernel_init=nn.initializers.he_normal(),
+                dtype=self.dtype,
+                name=f"fc7_{number}",
+            )
+            for layer in (fc6, fc7):
+                x = nn.Dropout(0.5, deterministic=not train)(nn.relu(layer(x)))
             score = nn.Conv(
                 self.classes,
                 (1, 1),

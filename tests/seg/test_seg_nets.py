@@ -11,6 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, net, normalise
+from seg.nets.atrous import atrous
 from seg.nets.fcn8s import bilinear_kernel
 from seg.nets.resize import bilinear, repeat_pixels, space_to_depth
 
@@ -124,6 +125,19 @@ def test_bilinear_is_that_of_jax(seed):
     x = jnp.asarray(np.random.default_rng(seed).normal(size=(2, 3, 5, 4)), jnp.float32)
     expected = jax.image.resize(x, (2, 12, 20, 4), "bilinear")
     np.testing.assert_allclose(bilinear(x, 4), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("rate", [2, 4, 6, 9])
+def test_atrous_is_a_dilated_convolution(rate):
+    """Also where some or all of the outer cells lie outside the map of 5x7."""
+    rng = np.random.default_rng(rate)
+    x = jnp.asarray(rng.normal(size=(2, 5, 7, 4)), jnp.float32)
+    kernel = jnp.asarray(rng.normal(size=(3, 3, 4, 6)), jnp.float32)
+    expected = jax.lax.conv_general_dilated(
+        x, kernel, (1, 1), "SAME", rhs_dilation=(rate, rate),
+        dimension_numbers=("NHWC", "HWIO", "NHWC"),
+    )  # fmt: skip
+    np.testing.assert_allclose(atrous(x, kernel, rate), expected, atol=1e-5)
 
 
 def test_bilinear_by_hand():
