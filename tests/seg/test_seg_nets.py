@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, net, normalise
-from seg.nets.atrous import atrous
+from seg.nets.atrous import atrous as atrous_convolution
 from seg.nets.fcn8s import bilinear_kernel
 from seg.nets.resize import bilinear, repeat_pixels, space_to_depth
 
@@ -137,7 +137,7 @@ def test_atrous_is_a_dilated_convolution(rate):
         x, kernel, (1, 1), "SAME", rhs_dilation=(rate, rate),
         dimension_numbers=("NHWC", "HWIO", "NHWC"),
     )  # fmt: skip
-    np.testing.assert_allclose(atrous(x, kernel, rate), expected, atol=1e-5)
+    np.testing.assert_allclose(atrous_convolution(x, kernel, rate), expected, atol=1e-5)
 
 
 def test_bilinear_by_hand():
