@@ -134,6 +134,7 @@ def run(config: PretrainConfig) -> dict[str, Any]:
         fine = fine_stage(config).train
         scores = {
             **study_report.about(study, config.final),
+            **({} if "learnt" in config.rows else {"learnt_from": None}),
             "net": fine.net,
             "weights": fine.weights,
             "pretraining": {"images": config.final.images, "steps": config.final.train.steps},

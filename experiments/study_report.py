@@ -157,8 +157,9 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 def introduction(report: Report) -> str:
     """The first sentences of a report: what was scored on what."""
+    learnt = report["learnt_from"]
     return (
         f"Target: {report['note']}. mIoU in percent at {report['scored_at']} on {report['test_images']} "
-        f"test images, {report['seeds']} paired seeds, 95 % intervals by Student's t. "
-        f"Learnt attributes are from {report['learnt_from']}."
+        f"test images, {report['seeds']} paired seeds, 95 % intervals by Student's t."
+        + ("" if learnt is None else f" Learnt attributes are from {learnt}.")
     )

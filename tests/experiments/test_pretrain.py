@@ -238,6 +238,7 @@ def test_scratch_alone_needs_no_attributes(pretrain, tmp_path, capsys):
     out = tmp_path / "run"
     assert pretrain(out, "--rows", "scratch", "--learnt", "None") == 0
     assert report_of(out)["tests"] == [] and lines(out / "evaluations.jsonl") == []
+    assert "Learnt" not in (out / "pretrain.md").read_text()
 
 
 @pytest.mark.parametrize(
