@@ -3,6 +3,7 @@ OUT ?= runs/demo
 TWIN_SEED ?= 0
 PYTHON ?=
 ARGS ?=
+JOBS ?= 2
 
 # Commands run from the root, so that a checkout in a path with spaces works.
 BIN := .venv/bin
@@ -11,7 +12,7 @@ BIN := .venv/bin
 
 help:
 	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN_SEED=N (0)'
-	@echo 'make test      the tests, without the slow ones; ARGS="-k name" goes to pytest'
+	@echo 'make test      the tests, without the slow ones; ARGS="-k name" goes to pytest; JOBS=N (2) at a time'
 	@echo 'make nightly   all tests'
 	@echo 'make lint      ruff (rules, format) and mypy'
 	@echo 'make format    let ruff rewrite the code'
@@ -28,10 +29,10 @@ demo: setup
 	@echo 'The run is in $(OUT): open report.html; figures in summary.json, learnt attributes in attributes.json'
 
 test: setup
-	@$(BIN)/python -m pytest -m "not slow" $(ARGS)
+	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow" $(ARGS)
 
 nightly: setup
-	@$(BIN)/python -m pytest $(ARGS)
+	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile $(ARGS)
 
 lint: setup
 	$(BIN)/ruff check .

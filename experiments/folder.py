@@ -10,15 +10,26 @@ from __future__ import annotations
 import json
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from dataclasses import asdict, is_dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, BinaryIO, NoReturn, TextIO
 
 from experiments.config import Config
 from experiments.errors import UserError
+from sdr_jax.tune.disk import differences, lock, naming, write_atomically, write_json
+from sdr_jax.tune.disk import versions as installed
+
+__all__ = [  # with what is passed on from `sdr_jax.tune.disk`
+    "Log",
+    "RunFolder",
+    "naming",
+    "plain",
+    "refuse_foreign",
+    "versions",
+    "write_atomically",
+    "write_json",
+]
 
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
 FREE_FIELDS = ("out", "workers", "store")
@@ -49,51 +60,11 @@ FINAL_FIELDS = {
 """One line of ``finals.jsonl``."""
 
 
-@contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Errors of the disk name ``path``; a write that finds the disk full names no file by itself."""
-    try:
-        yield
-    except OSError as error:
-        error.filename = str(path)
-        raise
-
-
-def write_atomically(path: Path, data: str | bytes) -> None:
-    """Write a whole file or nothing."""
-    part = path.with_name(path.name + ".part")
-    with naming(path):
-        try:
-            with open(part, "wb") as file:
-                file.write(data.encode() if isinstance(data, str) else data)
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(part, path)
-        except BaseException:
-            with suppress(OSError):
-                part.unlink()
-            raise
-
-
-def write_json(path: Path, value: Any) -> None:
-    """Write ``value`` as indented JSON, whole or not at all."""
-    write_atomically(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
-
-
 def plain(value: Any) -> Any:
     """A configuration as JSON would hold it."""
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
     return json.loads(json.dumps(value, default=str))
-
-
-def _differences(ours: Any, theirs: Any, name: str = "") -> Iterator[tuple[str, Any, Any]]:
-    if isinstance(ours, dict) and isinstance(theirs, dict):
-        for key in sorted(ours.keys() | theirs.keys()):
-            inner = f"{name}.{key}" if name else key
-            yield from _differences(ours.get(key), theirs.get(key), inner)
-    elif ours != theirs:
-        yield name, ours, theirs
 
 
 def _refuse_constant(name: str) -> NoReturn:
@@ -188,7 +159,7 @@ def refuse_foreign(config: Config, target: str) -> None:
     if not isinstance(found, dict):
         raise UserError(f"{stored} is no JSON object; use another --out")
     found.pop("versions", None)
-    for name, ours, theirs in _differences({"target": target, **plain(config)}, found):
+    for name, ours, theirs in differences({"target": target, **plain(config)}, found):
         if name not in FREE_FIELDS:
             raise UserError(
                 f"--out {path} holds a run with {name} = {theirs}, not {ours}; "
@@ -230,17 +201,10 @@ class RunFolder:
             raise
 
     def _take_lock(self) -> TextIO:
-        file = open(self.path / "lock", "w", encoding="utf-8")
         try:
-            import fcntl
-        except ImportError:  # not on Windows
-            return file
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return lock(self.path / "lock")
         except BlockingIOError:
-            file.close()
             raise UserError(f"--out {self.path} is in use by another run") from None
-        return file
 
     @property
     def elapsed(self) -> float:
@@ -257,10 +221,4 @@ class RunFolder:
 
 def versions() -> dict[str, str]:
     """Versions of what decides the figures."""
-    found = {}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    return installed(PACKAGES)

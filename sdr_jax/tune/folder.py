@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, TextIO
 
+from sdr_jax.tune import disk
 from sdr_jax.tune.errors import TuneError
 from sdr_jax.tune.settings import Settings
 
@@ -50,7 +48,7 @@ class RunFolder:
         self._lock = self._take_lock()
         try:
             self._refuse_foreign(config)  # another process may have been first
-            write_json(path / "config.json", {**config, "versions": _versions()})
+            disk.write_json(path / "config.json", {**config, "versions": disk.versions(PACKAGES)})
         except BaseException:
             self._lock.close()
             raise
@@ -79,7 +77,7 @@ class RunFolder:
         if not isinstance(found, dict):
             raise TuneError(f"{stored} is no JSON object; use another --out")
         found.pop("versions", None)
-        for name, ours, theirs in _differences(config, found):
+        for name, ours, theirs in disk.differences(config, found):
             if name not in FREE_FIELDS:
                 raise TuneError(
                     f"--out {self.path} holds a run with {name} = {json.dumps(theirs)}, not "
@@ -87,53 +85,7 @@ class RunFolder:
                 )
 
     def _take_lock(self) -> TextIO:
-        file = open(self.path / "lock", "w", encoding="utf-8")
         try:
-            import fcntl
-        except ImportError:  # not on Windows
-            return file
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return disk.lock(self.path / "lock")
         except BlockingIOError:
-            file.close()
             raise TuneError(f"--out {self.path} is in use by another run") from None
-        return file
-
-
-def write_json(path: Path, value: Any) -> None:
-    """Writes `value` as indented JSON, whole or not at all."""
-    part = path.with_name(path.name + ".part")
-    try:
-        with open(part, "w", encoding="utf-8") as file:
-            file.write(json.dumps(value, indent=2, allow_nan=False) + "\n")
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(part, path)
-    except BaseException as error:
-        with suppress(OSError):
-            part.unlink()
-        if isinstance(error, OSError):
-            error.filename = str(path)
-        raise
-
-
-def _differences(ours: Any, theirs: Any, name: str = "") -> Iterator[tuple[str, Any, Any]]:
-    if isinstance(ours, dict) and isinstance(theirs, dict):
-        for key in sorted(ours.keys() | theirs.keys()):
-            inner = f"{name}.{key}" if name else key
-            yield from _differences(ours.get(key), theirs.get(key), inner)
-    elif name == "attributes" and isinstance(theirs, list) and len(ours) == len(theirs):
-        for mine, other in zip(ours, theirs, strict=True):
-            yield from _differences(mine, other, f"attributes.{mine['name']}")
-    elif ours != theirs:
-        yield name, ours, theirs
-
-
-def _versions() -> dict[str, str]:
-    found = {}
-    for package in PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found

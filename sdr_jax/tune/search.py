@@ -10,8 +10,9 @@ from typing import Any
 
 from sdr_jax.ask_tell import AskTell
 from sdr_jax.tune import methods
+from sdr_jax.tune.disk import write_json
 from sdr_jax.tune.errors import TuneError
-from sdr_jax.tune.folder import RunFolder, write_json
+from sdr_jax.tune.folder import RunFolder
 from sdr_jax.tune.progress import Progress
 from sdr_jax.tune.settings import Settings
 from sdr_jax.tune.simulator import Outcome, Simulator, check_command

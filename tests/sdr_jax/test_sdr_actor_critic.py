@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sdr_jax import Proposal, actor_critic, bins, critic, run, space
+from sdr_jax import actor_critic, bins, critic, space
 from sdr_jax.actor_critic import follow, stratified
+from sdr_jax.regression import Posterior
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 ALONE = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
@@ -45,11 +46,15 @@ def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> N
     rng = np.random.default_rng(0)
     actions = rng.integers(0, ALONE.bins, (30, 2)).astype(np.int32)
     rewards = 0.3 * actions[:, 0] - 0.1 * (actions[:, 1] - 3) ** 2 + 0.3 * rng.normal(size=30)
-    state = critic.init(model)
-    state = critic.observe(model, state, jnp.asarray(actions), jnp.asarray(rewards, jnp.float32))
-    belief = critic.posterior(model, state)
+
+    @jax.jit
+    def fitted(actions: jax.Array, rewards: jax.Array) -> Posterior:
+        return critic.posterior(model, critic.observe(model, critic.init(model), actions, rewards))
+
+    belief = fitted(jnp.asarray(actions), jnp.asarray(rewards, jnp.float32))
     start = jnp.zeros(2, jnp.int32)
-    logits = np.asarray(follow(model, belief, start, 1.0))
+    followed = jax.jit(lambda tau: follow(model, belief, start, tau), static_argnums=0)
+    logits = np.asarray(followed(1.0))
     q = np.asarray(critic.mean_model(model, belief).alone)
     for attribute, count in enumerate(ALONE.bins):
         own, table = logits[attribute, :count], q[attribute, :count]
@@ -62,41 +67,10 @@ def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> N
         gradient = jax.grad(objective)(jnp.asarray(own))
         np.testing.assert_allclose(gradient, 0, atol=1e-5 * np.ptp(table))
     # The temperature divides.
-    twice = np.asarray(follow(model, belief, start, 2.0))
+    twice = np.asarray(followed(2.0))
     mask = bins.mask(ALONE)
     np.testing.assert_allclose(twice[mask], logits[mask] / 2, rtol=1e-4, atol=1e-5)
     assert np.all(np.isneginf(logits[~mask]))
-
-
-def test_an_effect_is_found_and_what_has_none_stays_wide() -> None:
-    """Only b matters, and noise hides the rest."""
-    method = actor_critic(SPACE)
-
-    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
-        noise = 0.2 * jax.random.normal(rng_key, proposals.centre.shape[:1])
-        return 70 - 4 * jnp.abs(proposals.centre[:, 1] - 0.7) + noise
-
-    state, record = jax.jit(lambda key: run(key, method, reward, 20, 4))(jax.random.key(0))
-    solution, spread = method.solution(state), method.spread(state)
-    np.testing.assert_allclose(solution.centre[1], 0.7, atol=1e-6)
-    np.testing.assert_allclose(spread.width[1], 0.2, atol=0.15)
-    others = np.asarray([0, 2, 3])
-    assert np.mean(np.asarray(spread.width)[others]) > 0.6
-    entropy = np.asarray(record.info.entropy)
-    assert entropy[0] == pytest.approx(np.log([3, 5, 2, 4]).sum(), rel=1e-5)
-    assert entropy[-1] < entropy[0] - 1
-
-
-def test_interactions_within_a_group_are_learnt() -> None:
-    """Where d and a agree in sign it is good; neither matters alone."""
-    method = actor_critic(SPACE)
-
-    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
-        return (proposals.centre[:, 0] - 0.5) * (proposals.centre[:, 3] - 0.5)
-
-    state, _ = jax.jit(lambda key: run(key, method, reward, 15, 4))(jax.random.key(1))
-    centre = method.solution(state).centre
-    assert float(reward(jax.random.key(0), Proposal(centre[None], centre[None]))[0]) > 0.12
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,9 @@ MODEL = critic.critic(SPACE, 3, 2)
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))))
 OBSERVE = jax.jit(lambda state, actions, rewards: critic.observe(MODEL, state, actions, rewards))
 POSTERIOR = jax.jit(lambda state: critic.posterior(MODEL, state))
+BEST = jax.jit(lambda belief: critic.best_bins(MODEL, belief))
+DRAW_BEST = jax.jit(lambda key, belief: critic.draw_best(key, MODEL, belief, 200))
+MEAN = jax.jit(lambda belief: critic.mean_model(MODEL, belief))
 VALUES = jax.jit(lambda function, policy: critic.values(MODEL, function, policy))
 
 
@@ -65,9 +68,7 @@ def test_rewards_in_parts_and_failed_ones_make_no_difference_to_what_is_known() 
     holes = np.where(np.arange(16) % 3 == 0, np.nan, rewards).astype(np.float32)
     kept = np.isfinite(holes)
     with_holes = OBSERVE(critic.init(MODEL), jnp.asarray(actions), jnp.asarray(holes))
-    alone = critic.observe(
-        MODEL, critic.init(MODEL), jnp.asarray(actions[kept]), jnp.asarray(rewards[kept])
-    )
+    alone = OBSERVE(critic.init(MODEL), jnp.asarray(actions[kept]), jnp.asarray(rewards[kept]))
     jax.tree.map(
         lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-4), with_holes, alone
     )
@@ -94,7 +95,7 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
     belief = regression.Posterior(
         jnp.asarray(weights), jnp.eye(len(weights)), jnp.zeros(len(weights))
     )
-    function = critic.mean_model(MODEL, belief)
+    function = MEAN(belief)
     policy = rng.uniform(size=(4, 5)) * bins.mask(SPACE)
     policy = (policy / policy.sum(axis=1, keepdims=True)).astype(np.float32)
     q = np.asarray(VALUES(function, jnp.asarray(policy)))
@@ -115,10 +116,13 @@ def test_what_all_attributes_bend_is_learnt_before_each_one_is() -> None:
     rng = np.random.default_rng(0)
     actions = rng.integers(0, 10, (20, 12)).astype(np.int32)
     rewards = -(((actions + 0.5) / 10 - 0.5) ** 2).sum(axis=1) + 0.1 * rng.normal(size=20)
-    state = critic.observe(
-        model, critic.init(model), jnp.asarray(actions), jnp.asarray(rewards, jnp.float32)
-    )
-    best = np.asarray(critic.best_bins(model, critic.posterior(model, state)))
+
+    @jax.jit
+    def best_of(actions: jax.Array, rewards: jax.Array) -> jax.Array:
+        state = critic.observe(model, critic.init(model), actions, rewards)
+        return critic.best_bins(model, critic.posterior(model, state))
+
+    best = np.asarray(best_of(jnp.asarray(actions), jnp.asarray(rewards, jnp.float32)))
     assert np.mean((best == 0) | (best == 9)) < 0.2
 
 
@@ -128,12 +132,12 @@ def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
         actions, rewards = some(seed)
         state = OBSERVE(state, jnp.asarray(actions), jnp.asarray(rewards))
     belief = POSTERIOR(state)
-    drawn = np.asarray(critic.draw_best(jax.random.key(0), MODEL, belief, 200))
+    drawn = np.asarray(DRAW_BEST(jax.random.key(0), belief))
     agree = (drawn[:, 0] >= 1) == (drawn[:, 3] >= 2)
     assert np.mean(agree) > 0.9  # a and d go together, at either end
     certain = belief._replace(scale=jnp.zeros_like(belief.scale))
-    same = np.asarray(critic.draw_best(jax.random.key(0), MODEL, certain, 5))
-    np.testing.assert_array_equal(same, np.tile(critic.best_bins(MODEL, belief), (5, 1)))
+    same = np.asarray(DRAW_BEST(jax.random.key(0), certain))
+    np.testing.assert_array_equal(same, np.tile(BEST(belief), (200, 1)))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sdr_jax import Proposal, linear, run, space
+from sdr_jax import linear, space
 from sdr_jax.features import evaluate, features, maximise, tables
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
@@ -55,34 +55,6 @@ def test_the_best_bins_and_the_tables_are_those_of_enumeration(seed: int) -> Non
         actual = table[attribute, :count]
         np.testing.assert_allclose(actual - actual[0], expected - expected[0], atol=1e-4)
         assert np.all(np.isneginf(table[attribute, count:]))
-
-
-def test_an_effect_is_found_and_what_has_none_stays_wide() -> None:
-    """Only b matters, and noise hides the rest."""
-    method = linear(SPACE)
-
-    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
-        noise = 0.2 * jax.random.normal(rng_key, proposals.centre.shape[:1])
-        return 70 - 4 * jnp.abs(proposals.centre[:, 1] - 0.7) + noise
-
-    state, _ = jax.jit(lambda key: run(key, method, reward, 20, 4))(jax.random.key(0))
-    solution, spread = method.solution(state), method.spread(state)
-    np.testing.assert_allclose(solution.centre[1], 0.7, atol=1e-6)
-    np.testing.assert_allclose(spread.width[1], 0.2, atol=0.15)
-    others = np.asarray([0, 2, 3])
-    assert np.all(np.asarray(spread.width)[others] > 0.6)
-
-
-def test_interactions_within_a_group_are_learnt() -> None:
-    """Where d and a agree in sign it is good; neither matters alone."""
-    method = linear(SPACE)
-
-    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
-        return (proposals.centre[:, 0] - 0.5) * (proposals.centre[:, 3] - 0.5)
-
-    state, _ = jax.jit(lambda key: run(key, method, reward, 15, 4))(jax.random.key(1))
-    centre = method.solution(state).centre
-    assert float(reward(jax.random.key(0), Proposal(centre[None], centre[None]))[0]) > 0.12
 
 
 @pytest.mark.parametrize(

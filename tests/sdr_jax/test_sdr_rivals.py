@@ -80,14 +80,12 @@ def test_it_finds_the_optimum_of_an_easy_problem(name: str, reward: str) -> None
 
 @pytest.mark.parametrize("name", PURE)
 def test_the_host_loop_keeps_the_record_of_run(name: str) -> None:
-    state, record = runner(name, "easy", 5, 4)(jax.random.key(3))
-    looped, other = run_on_host(jax.random.key(3), PURE[name], easy, 5, 4)
+    _, record = runner(name, "easy", 75, 4)(jax.random.key(3))  # compiled above
+    _, other = run_on_host(jax.random.key(3), PURE[name], easy, 5, 4)
     if jnp.issubdtype(record.actions.dtype, jnp.integer):
-        np.testing.assert_array_equal(other.actions, record.actions)
+        np.testing.assert_array_equal(other.actions, record.actions[:5])
     jax.tree.map(
-        lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-4),
-        (looped, other),
-        (state, record),
+        lambda a, b: np.testing.assert_allclose(a, b[:5], rtol=1e-3, atol=1e-4), other, record
     )
 
 
