@@ -8,6 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
+import jax
+import numpy as np
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
@@ -18,8 +20,10 @@ from scene.catalogue import AssetPool, check_pool
 from scene.library import LibraryError
 from scene.render import RENDERERS, RenderSettings, check_settings
 from seg.nets import net
-from seg.optim import optimizer
-from seg.train import TrainSettings
+from seg.recipes import RECIPES
+from seg.settings import TrainSettings
+from seg.settings import check_settings as check_train_settings
+from seg.weights import load
 
 PRESETS = ("smoke", "quick", "paper")
 CANDIDATES = ("argmax", "spread", "broad")
@@ -280,7 +284,12 @@ def check(config: Config) -> Config:
 
 
 def _check_training(flag: str, train: TrainSettings) -> None:
-    """Raise UserError for settings that no net can be trained with; ``flag`` is their prefix."""
+    """Refuse settings that no net can be trained with; ``flag`` is their prefix.
+
+    Raises:
+        UserError: a field out of range, by name.
+        WeightsError: weights that do not fit the net.
+    """
     for name in ("steps", "batch", "predict_batch"):
         if getattr(train, name) < 1:
             raise UserError(f"{flag}.{name.replace('_', '-')} must be 1 or more")
@@ -290,10 +299,19 @@ def _check_training(flag: str, train: TrainSettings) -> None:
     if not 0 < train.lr < math.inf:
         raise UserError(f"{flag}.lr must be positive, not {train.lr}")
     try:
-        net(train.net, train.classes)
-        optimizer(train.optimizer)
+        check_train_settings(train)
     except ValueError as error:
         raise UserError(f"{flag}: {error}") from None
+    check_weights(train)
+
+
+def check_weights(train: TrainSettings) -> None:
+    """Raise WeightsError now, and not after the search, if the weights do not fit the net."""
+    if train.weights is not None:
+        module = net(train.net, train.classes, train.dtype, train.norm)
+        blank = jax.ShapeDtypeStruct((1, 64, 64, 3), np.float32)
+        shapes = jax.eval_shape(module.init, jax.random.key(0), blank)["params"]
+        load(train.weights, train.net, shapes)
 
 
 def with_table(config: Config, name: str) -> Config:
@@ -323,10 +341,7 @@ def _smoke(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Conf
 
 
 def _paper(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Config:
-    net = TrainSettings(
-        net="deeplabv2", optimizer="sgd", lr=5e-4, batch=4, warmup=0, weight_decay=1e-4,
-        colour=False, blur=False, weighted=False,
-    )  # fmt: skip
+    net = RECIPES["paper"]
     return Config(
         preset="paper",
         groups=groups,
@@ -337,7 +352,7 @@ def _paper(groups: tuple[tuple[str, ...], ...], width: int, height: int) -> Conf
             baseline="ema",
             normalise=False,
         ),
-        reward=Stage(width, height, 18, 10, samples=1, train=replace(net, steps=1000)),
+        reward=Stage(width, height, 18, 10, samples=1, train=net),
         final=Stage(width, height, 45, 10, samples=1, train=replace(net, steps=20_000)),
         candidates=("argmax",),
         candidate_seeds=1,

@@ -6,9 +6,6 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-import jax
-import numpy as np
-
 import sdr_jax
 from experiments import config as run_config
 from experiments.config import Config, camvid_config, cityscapes_config
@@ -16,9 +13,6 @@ from experiments.errors import UserError
 from experiments.search import make_method, make_space
 from scene.formats.files import read_json
 from scene.proposal import parse_proposal
-from seg.nets import net
-from seg.settings import TrainSettings
-from seg.weights import load
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,15 +61,6 @@ def check_study(config: StudyConfig) -> None:
         check_weights(stage.train)
     if config.learnt is not None:
         read_learnt(config.learnt)
-
-
-def check_weights(train: TrainSettings) -> None:
-    """Raise WeightsError now, and not after the search, if the weights do not fit the net."""
-    if train.weights is not None:
-        module = net(train.net, train.classes, train.dtype, train.norm)
-        blank = jax.ShapeDtypeStruct((1, 64, 64, 3), np.float32)
-        shapes = jax.eval_shape(module.init, jax.random.key(0), blank)["params"]
-        load(train.weights, train.net, shapes)
 
 
 def read_learnt(path: Path) -> sdr_jax.Proposal:

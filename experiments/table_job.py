@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 
 from experiments import study_report
-from experiments.config import Stage
+from experiments.config import Stage, check_weights
 from experiments.errors import UserError
 from experiments.finals import default_proposal, random_proposal
 from experiments.ladder import training_cost
 from experiments.main import main_of_study
 from experiments.reward import Truth
 from experiments.study import Work, learnt_attributes, opened, search_work
-from experiments.study_config import StudyConfig, check_study, check_weights, defaults_on
+from experiments.study_config import StudyConfig, check_study, defaults_on
 from experiments.study_nets import Source, score_nets
 from experiments.table_report import FORM
 from scene.command import duration

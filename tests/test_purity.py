@@ -33,6 +33,7 @@ SHELL = (
     "sdr_jax/ask_tell.py",  # keeps its history in a file
     "sdr_jax/tune/",  # runs simulators as processes, in a run folder
     "seg/data/",
+    "seg/weights/",
 )
 JAX = frozenset({"flax", "jax", "jaxlib", "optax"})
 IMPURE_MODULES = frozenset({"random", "time"})
