@@ -115,7 +115,8 @@ def _cross_validated(
         return float(1 - misfit[chosen].sum() / square) if square > 0 else np.nan
 
     value, ci95 = bootstrap((len(rewards),), r2, SEED)
-    return {"value": value, "ci95": ci95, "folds": FOLDS}
+    error = _round(np.sqrt(misfit.mean()))
+    return {"value": value, "ci95": ci95, "error": error, "folds": FOLDS}
 
 
 def _repeats(rewards: np.ndarray, proposals: np.ndarray) -> dict[str, Any]:
@@ -143,8 +144,8 @@ def _best(attribute: Attribute, curves: np.ndarray, grid: np.ndarray) -> dict[st
 
 def _percent(value: Any, drawn: np.ndarray) -> dict[str, Any]:
     """A share and the 95 % interval of its draws, in percent; what cannot be told from 0 begins there."""
-    ends = np.quantile(drawn, [0.025, 0.975])
-    return {"value": _round(100 * value), "ci95": _rounded(100 * np.maximum(ends, 0))}
+    ends = np.quantile(drawn, [0.025, 0.975]).clip(0, 1)  # draws scatter around the expected model
+    return {"value": _round(100 * value), "ci95": _rounded(100 * ends)}
 
 
 def _round(value: Any) -> float:
@@ -198,7 +199,8 @@ def text(report: dict[str, Any]) -> str:
         *(f"Left aside: {words}." for words in records["left_aside"]),
         "",
         f"Cross-validated R²: {value}{between}, over {r2['folds']} folds. {verdict(r2)}",
-        f"Noise of one reward (standard deviation, mIoU points): {noise['model']:.2f} by the model; "
+        f"Noise of one reward (standard deviation, mIoU points): {noise['model']:.2f} by the model, which "
+        f"is off by {r2['error']:.2f} on rewards that it has not seen; "
         f"{repeats}.",
         f"Were all attributes uniform over their ranges, the signal would be {signal[0]} % of the "
         f"rewards' variance ({signal[1]}), and interactions {interactions[0]} % of the signal "

@@ -50,7 +50,7 @@ def ablate(camvid, tmp_path, monkeypatch):
         ablation_config("camvid", "smoke"), data=camvid, workers=0, out=tmp_path / "run"
     )
     search = replace(config.search, method="random_search")
-    return replace(config, search=search), calls, counted
+    return replace(config, search=search, variants=VARIANTS), calls, counted
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -60,7 +60,8 @@ def test_every_variant_has_the_whole_budget(target, preset, method):
     config = ablation_config(target, preset)
     config = replace(config, search=replace(config.search, method=method))
     if preset == "smoke":
-        config = replace(config, evaluations=12)  # two for each of the six groups
+        # Two for each of the six groups.
+        config = replace(config, evaluations=12, variants=VARIANTS)
     check(config)
     for variant in searched(config):
         made = plan(config, variant)
