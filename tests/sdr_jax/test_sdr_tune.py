@@ -203,23 +203,23 @@ def test_failed_evaluations_are_recorded_and_passed_by(tmp_path: Path, capsys) -
 
 
 @pytest.mark.parametrize(
-    ("code", "reason"),
+    ("code", "timeout", "reason"),
     [
-        ("sys.exit('no licence')", "exit code 1: no licence"),
-        ("import time; time.sleep(60)", "no score after 0.5 s"),
+        ("sys.exit('no licence')", "60", "exit code 1: no licence"),
+        ("import time; time.sleep(60)", "0.5", "no score after 0.5 s"),
     ],
 )
-def test_a_simulator_that_never_works_is_one_error(tmp_path, capsys, code, reason) -> None:
+def test_a_simulator_that_never_works_is_one_error(tmp_path, capsys, code, timeout, reason) -> None:
     out, command = tmp_path / "run", program(tmp_path, code)
     arguments = [str(toml(tmp_path)), "--out", str(out), "--retries", "0", "--workers", "3"]
-    assert main([*arguments, "--timeout", "0.5", "--", *command]) == 2
+    assert main([*arguments, "--timeout", timeout, "--", *command]) == 2
     error = capsys.readouterr().err
     assert "all 3 evaluations of the first update failed" in error
     assert reason in error and command[2] in error and error.count("\n") == 1
     assert not (out / "evaluations.jsonl").exists() and not (out / "answer.json").exists()
     # Put right, the same command works.
     program(tmp_path, "print(1)")
-    assert main([*arguments, "--timeout", "20", "--", *command]) == 0
+    assert main([*arguments, "--timeout", "60", "--", *command]) == 0
 
 
 @pytest.mark.parametrize(
