@@ -57,8 +57,6 @@ def check_study(config: StudyConfig) -> None:
         raise UserError(
             "--unlabelled: nets are trained on the real reward images, too; give labels"
         )
-    for stage in (config.reward, config.final):
-        check_weights(stage.train)
     if config.learnt is not None:
         read_learnt(config.learnt)
 
