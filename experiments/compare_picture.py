@@ -10,6 +10,9 @@ from matplotlib.axes import Axes
 
 from experiments.figure import plt, png
 
+COLUMNS = 3
+"""Panels beside each other."""
+
 
 def picture(report: dict[str, Any]) -> bytes:
     """The picture of a comparison, as PNG.
@@ -23,7 +26,14 @@ def picture(report: dict[str, Any]) -> bytes:
     colors = {method: f"C{k % 10}" for k, method in enumerate(methods)}
     counts = {row["subset"]: row["attributes"] for row in rows}
     panels = 2 + len(subsets) + (len(report["budgets"]) > 1)
-    figure, axes = plt.subplots(1, panels, figsize=(4 * panels, 4.2), layout="constrained")
+    lines = -(-panels // COLUMNS)
+    figure, grid = plt.subplots(
+        lines, COLUMNS, figsize=(4.6 * COLUMNS, 4 * lines), layout="constrained", squeeze=False
+    )
+    axes = grid.ravel()
+    for axis in axes[panels:]:
+        axis.set_axis_off()
+    axes = axes[:panels]
 
     def against_attributes(axis: Axes, value: Callable[[dict[str, Any]], Any]) -> None:
         """``value`` of a row: a number and its half interval, or None."""
