@@ -134,6 +134,8 @@ def worker_environment() -> dict[str, str]:
     flags = os.environ.get("XLA_FLAGS", "")
     return {
         "XLA_FLAGS": f"{flags} --xla_cpu_multi_thread_eigen=false".strip(),
+        # XLA's Cholesky is OpenBLAS's, whose threads spin: 300 times slower where cores are shared.
+        "OPENBLAS_NUM_THREADS": "1",
         "JAX_COMPILATION_CACHE_DIR": os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)),
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "1",
         "XLA_PYTHON_CLIENT_PREALLOCATE": "false",

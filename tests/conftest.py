@@ -5,6 +5,8 @@ from pathlib import Path
 
 # Before jax is imported, and in the environment, so that worker processes follow.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
+# Threads of OpenBLAS (XLA's Cholesky) spin, which is slow beyond measure beside another test process.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Compiling a training step takes seconds, loading it a tenth of that: the next test process loads.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".jax_cache"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
