@@ -23,8 +23,6 @@ def picture(report: dict[str, Any]) -> bytes:
     # Margins are given: a layout that is worked out takes ten seconds for so many axes.
     figure = plt.figure(figsize=(20, 2.5 * down + 0.8))
     left, right = figure.subfigures(1, 2, width_ratios=(1, 2.6), squeeze=False)[0]
-    left.subplots_adjust(left=0.36, right=0.97, bottom=0.07, top=0.92)
-    right.subplots_adjust(left=0.05, right=0.99, bottom=0.05, top=0.92, hspace=0.4, wspace=0.08)
     _bars(left, rows)
     _curves(right, report, down)
     note = "" if report["real"] else " (not real data)"
@@ -42,7 +40,7 @@ def _words(name: str) -> str:
 
 def _bars(figure: Figure | SubFigure, rows: list[dict[str, Any]]) -> None:
     """Shares alone and with interactions, with their intervals, the largest on top."""
-    axis = figure.subplots()
+    axis = figure.subplots(gridspec_kw={"left": 0.36, "right": 0.97, "bottom": 0.07, "top": 0.92})
     places = np.arange(len(rows))
     for offset, kind, label in ((-0.2, "share", "alone"), (0.2, "total", "with interactions")):
         values = np.array([row[kind]["value"] for row in rows])
@@ -59,7 +57,9 @@ def _bars(figure: Figure | SubFigure, rows: list[dict[str, Any]]) -> None:
 
 def _curves(figure: Figure | SubFigure, report: dict[str, Any], down: int) -> None:
     """Main effects of all attributes, in the order of the bars, on one scale of rewards."""
-    axes = figure.subplots(down, COLUMNS, sharey=True).ravel()
+    margins = {"left": 0.05, "right": 0.99, "bottom": 0.05, "top": 0.92}
+    spaces = {"hspace": 0.4, "wspace": 0.08}
+    axes = figure.subplots(down, COLUMNS, sharey=True, gridspec_kw=margins | spaces).ravel()
     for axis in axes[len(report["attributes"]) :]:
         axis.set_axis_off()
     unit = report["curves"]["unit"]
