@@ -9,7 +9,7 @@ import numpy as np
 
 from experiments import compare_config
 from experiments.compare_config import CompareConfig, Plan
-from experiments.config import DENSITIES, ENVIRONMENT, POSITIONS, Config
+from experiments.config import DENSITIES, ENVIRONMENT, POSITIONS, Config, refuse_repeats
 from experiments.errors import UserError
 from experiments.study_config import StudyConfig, check_study, defaults_on
 from scene.attributes import NAMES
@@ -68,8 +68,7 @@ def check(config: AblationConfig) -> None:
     for name in config.variants:
         if name not in VARIANTS:
             raise UserError(f"--variants {name!r} is unknown; known: {', '.join(VARIANTS)}")
-    if len(set(config.variants)) < len(config.variants):
-        raise UserError(f"--variants {' '.join(config.variants)} names one of them twice")
+    refuse_repeats("--variants", config.variants)
     if FULL not in config.variants:
         raise UserError(f"--variants must hold {FULL}, from which losses are measured")
     for name in searched(config):

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import sdr_jax
 from experiments import study_report
 from experiments.assets_report import FORM
-from experiments.config import Stage
+from experiments.config import Stage, refuse_repeats
 from experiments.errors import UserError
 from experiments.finals import default_proposal, random_proposal
 from experiments.main import main_of_study
@@ -53,9 +53,7 @@ def check(config: AssetsConfig) -> None:
     if not config.images or not config.fractions:
         raise UserError("--images and --fractions need at least one value each")
     for name in ("images", "fractions"):
-        values = getattr(config, name)
-        if len(set(values)) < len(values):
-            raise UserError(f"--{name} {' '.join(map(str, values))} names one of them twice")
+        refuse_repeats(f"--{name}", getattr(config, name))
     for fraction in config.fractions:
         if not 0 < fraction <= 1:
             raise UserError(f"--fractions must lie in (0, 1], not {fraction}")

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, get_args, get_type_hints
 
 import sdr_jax
 from experiments import config as run_config
-from experiments.config import POSITIONS, Group, Search, Stage
+from experiments.config import POSITIONS, Group, Search, Stage, refuse_repeats
 from experiments.errors import UserError
 from experiments.ladder import ladder
 from experiments.search import make_method, make_space
@@ -86,8 +86,7 @@ def check(config: CompareConfig) -> CompareConfig:
     for name in config.methods:
         if name not in KNOWN:
             raise UserError(f"--methods {name!r} is unknown; known: {', '.join(KNOWN)}")
-    if len(set(config.methods)) < len(config.methods):
-        raise UserError(f"--methods {' '.join(config.methods)} names one of them twice")
+    refuse_repeats("--methods", config.methods)
     subsets = tuple(NAMES if subset == (ALL,) else subset for subset in config.subsets)
     if not subsets:
         raise UserError("--subsets needs at least one subset")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
@@ -240,8 +241,7 @@ def check(config: Config) -> Config:
             f"--candidates must be some of {', '.join(KNOWN_CANDIDATES)}; "
             f"not {' '.join(config.candidates) or 'none'}"
         )
-    if len(set(config.candidates)) < len(config.candidates):
-        raise UserError(f"--candidates {' '.join(config.candidates)} names one of them twice")
+    refuse_repeats("--candidates", config.candidates)
     if not 0 <= config.default_width <= 1:
         raise UserError(f"--default-width must lie in [0, 1], not {config.default_width}")
     for stage_name in ("reward", "final"):
@@ -281,6 +281,12 @@ def check(config: Config) -> Config:
         if min(config.reward.images, config.final.images) < 2:
             raise UserError("--reward-kind mmd needs stages of at least 2 images")
     return config
+
+
+def refuse_repeats(flag: str, values: Sequence[object]) -> None:
+    """Raise UserError if a flag names one value twice."""
+    if len(set(values)) < len(values):
+        raise UserError(f"{flag} {' '.join(map(str, values))} names one of them twice")
 
 
 def _check_training(flag: str, train: TrainSettings) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import sdr_jax
 from experiments import study_report
-from experiments.config import Stage
+from experiments.config import Stage, refuse_repeats
 from experiments.errors import UserError
 from experiments.finals import draw_units, random_proposal
 from experiments.ladder import cost_of, training_cost
@@ -76,9 +76,7 @@ def check(config: PretrainConfig) -> None:
     if not config.fractions:
         raise UserError("--fractions needs at least one share of the reward images")
     for name in ("rows", "fractions"):
-        values = getattr(config, name)
-        if len(set(values)) < len(values):
-            raise UserError(f"--{name} {' '.join(map(str, values))} names one of them twice")
+        refuse_repeats(f"--{name}", getattr(config, name))
     for fraction in config.fractions:
         if not 0 < fraction <= 1:
             raise UserError(f"--fractions must lie in (0, 1], not {fraction:g}")

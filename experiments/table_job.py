@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from experiments import study_report
-from experiments.config import Stage, check_weights
+from experiments.config import Stage, check_weights, refuse_repeats
 from experiments.errors import UserError
 from experiments.finals import default_proposal, random_proposal
 from experiments.ladder import training_cost
@@ -63,8 +63,7 @@ def check(config: TableConfig) -> None:
     check_study(config)
     if not config.nets:
         raise UserError("--nets needs at least one net")
-    if len(set(config.nets)) < len(config.nets):
-        raise UserError(f"--nets {' '.join(config.nets)} names one of them twice")
+    refuse_repeats("--nets", config.nets)
     for name in config.nets:
         try:
             check_settings(stage_of(config, name).train)
