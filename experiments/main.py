@@ -25,6 +25,9 @@ from seg.train import TrainingError
 AnyConfig = TypeVar("AnyConfig", bound=Config)
 AnyStudy = TypeVar("AnyStudy", bound=StudyConfig)
 
+UNREAD = 141
+"""Exit code where nobody reads the output any more, as shells have it for a closed pipe."""
+
 
 def choice_of(arguments: Sequence[str], flag: str, known: Sequence[str], default: str) -> str:
     """The value of a flag that decides the defaults of the others.
@@ -135,6 +138,9 @@ def exit_code(work: Callable[[], None]) -> int:
         work()
     except (UserError, DataError, RendererError, TrainingError) as error:
         return _fail(str(error), 2)
+    except BrokenPipeError:  # as of ``| head``; nor can what is still unwritten be written at exit
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return UNREAD
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
         cure = "once that is put right, the same command goes on"

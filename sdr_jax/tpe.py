@@ -16,8 +16,16 @@ from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
 class TpeState(NamedTuple):
     """All evaluations so far; a Python object of growing size, not for jit."""
 
-    actions: tuple[tuple[int, ...], ...]  # their bins
-    rewards: tuple[float, ...]  # finite
+    actions: np.ndarray  # i32[evaluations attributes]: their bins
+    rewards: np.ndarray  # f64[evaluations]: finite
+
+
+class _Latest(NamedTuple):
+    """The study of the latest state: telling another one all anew takes longer than the rest."""
+
+    state: TpeState
+    study: Any  # knows the evaluations of the state
+    asked: list[Any]  # trials of it that wait for a reward, the last sample
 
 
 def tpe(
@@ -67,6 +75,8 @@ def tpe(
         for key, count in zip(keys, space.bins, strict=True)
     }
 
+    failed = optuna.trial.TrialState.FAIL
+
     def new_study() -> Any:
         storage = optuna.storages.InMemoryStorage()
         # The library greets every new study; that is not ours to say.
@@ -83,28 +93,29 @@ def tpe(
             optuna.trial.create_trial(
                 params=dict(zip(keys, row, strict=True)), distributions=choices, value=reward
             )
-            for row, reward in zip(actions, rewards, strict=True)
+            for row, reward in zip(actions.tolist(), rewards.tolist(), strict=True)
         )
 
-    # The latest state and the study that was told it: telling all anew takes longer than the rest.
-    latest: list[tuple[TpeState, Any]] = []
+    latest: _Latest | None = None
 
-    def study_of(state: TpeState) -> Any:
-        if latest and latest[0][0] is state:
-            return latest[0][1]
-        study = new_study()
-        tell(study, state.actions, state.rewards)
-        latest[:] = [(state, study)]
-        return study
+    def study_of(state: TpeState) -> tuple[Any, list[Any]]:
+        nonlocal latest
+        if latest is None or latest.state is not state:
+            latest = _Latest(state, new_study(), [])
+            tell(latest.study, state.actions, state.rewards)
+        return latest.study, latest.asked
 
     def init(rng_key: Key[Array, ""]) -> TpeState:
         del rng_key  # nothing is random before the first sample
-        return TpeState((), ())
+        return TpeState(np.zeros((0, space.attributes), np.int32), np.zeros(0))
 
     def sample(
         rng_key: Key[Array, ""], state: TpeState, n: int
     ) -> tuple[Int[Array, "n attributes"], Proposal]:
-        study = study_of(state)
+        nonlocal latest
+        study, asked = study_of(state)
+        for trial in asked:  # nobody told their rewards; failed ones are not looked at
+            study.tell(trial, state=failed)
         # All that is random comes from here, so a study used before asks like a new one.
         study.sampler = optuna.samplers.TPESampler(
             n_startup_trials=startup,
@@ -113,33 +124,41 @@ def tpe(
             seed=int(jax.random.bits(rng_key, (), jnp.uint32)),
         )
         trials = [study.ask(choices) for _ in range(n)]
-        for trial in trials:  # `update` adds them with their rewards; failed ones are not looked at
-            study.tell(trial, state=optuna.trial.TrialState.FAIL)
+        latest = _Latest(state, study, trials)
         actions = np.asarray([[trial.params[key] for key in keys] for trial in trials], np.int32)
         return jnp.asarray(actions), relax(space, actions, width)
 
     def update(
         state: TpeState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[TpeState, Info]:
-        known = np.isfinite(rewards)
+        nonlocal latest
         info = plain_info(rewards, bins.entropy(probabilities(state)))
-        new = tuple(map(tuple, np.asarray(actions)[known].tolist()))
-        values = tuple(np.asarray(rewards, np.float64)[known].tolist())
-        next_state = TpeState(state.actions + new, state.rewards + values)
-        study = study_of(state)
-        tell(study, new, values)
-        latest[:] = [(next_state, study)]
+        rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
+        known = np.isfinite(values)
+        study, asked = study_of(state)
+        mine = [tuple(trial.params[key] for key in keys) for trial in asked]
+        if mine == [tuple(row) for row in rows.tolist()]:
+            for trial, value, good in zip(asked, values, known, strict=True):
+                study.tell(trial, value if good else None, None if good else failed)
+        else:
+            for trial in asked:
+                study.tell(trial, state=failed)
+            tell(study, rows[known], values[known])
+        next_state = TpeState(
+            np.concatenate([state.actions, rows[known]]),
+            np.concatenate([state.rewards, values[known]]),
+        )
+        latest = _Latest(next_state, study, [])
         return next_state, info
 
     def solution(state: TpeState) -> Proposal:
-        if not state.rewards:
+        if not len(state.rewards):
             return relax(space, np.full(space.attributes, UNDECIDED, np.int32), width)
-        best = state.actions[int(np.argmax(state.rewards))]
-        return relax(space, np.asarray(best, np.int32), width)
+        return relax(space, state.actions[np.argmax(state.rewards)], width)
 
     def probabilities(state: TpeState) -> Float[Array, "attributes bins"]:
         counts = np.array(bins.uniform(space))
-        order = np.argsort(-np.asarray(state.rewards), kind="stable")
+        order = np.argsort(-state.rewards, kind="stable")
         for index in order[: -(-len(order) // 4)]:
             counts[np.arange(space.attributes), state.actions[index]] += 1
         return jnp.asarray(counts / counts.sum(axis=1, keepdims=True))

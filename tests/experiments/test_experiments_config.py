@@ -1,5 +1,8 @@
 """Presets, groups, and every option that can be wrong."""
 
+import os
+import subprocess
+import sys
 from dataclasses import fields, replace
 
 import pytest
@@ -16,11 +19,13 @@ from experiments.config import (
     cityscapes_config,
 )
 from experiments.errors import UserError
-from experiments.main import main, preset_of
+from experiments.main import UNREAD, main, preset_of
 from experiments.search import make_method, make_space, total_updates
 from experiments.targets import camvid_target, cityscapes_target
 from experiments.twin import FIRST_ASSET
 from scene.attributes import NAMES
+
+from .conftest import ROOT
 
 EXPERIMENTS = {
     "cityscapes": (cityscapes_config, cityscapes_target),
@@ -213,6 +218,18 @@ def test_what_the_parser_refuses_has_exit_code_2(arguments, capsys):
         run("cityscapes", "--preset", "smoke", *arguments)
     assert end.value.code == 2
     assert arguments[0] in capsys.readouterr().err
+
+
+def test_output_that_nobody_reads_is_no_error():
+    """As of ``--help | head``."""
+    command = [sys.executable, "-m", "experiments.cityscapes", "--help"]
+    reading, writing = os.pipe()
+    os.close(reading)
+    try:
+        done = subprocess.run(command, cwd=ROOT, stdout=writing, stderr=subprocess.PIPE, text=True)
+    finally:
+        os.close(writing)
+    assert (done.returncode, done.stderr) == (UNREAD, "")
 
 
 def test_camvid_takes_its_folder_from_the_variable(monkeypatch, capsys, tmp_path):
