@@ -62,7 +62,7 @@ def check_study(config: StudyConfig) -> None:
 
 
 def read_learnt(path: Path) -> sdr_jax.Proposal:
-    """The proposal in an ``attributes.json``, f32[23] each, rounded as it is there.
+    """The proposal in an ``attributes.json``, f32[23] each.
 
     Raises:
         UserError: no such file, or the file of something else.

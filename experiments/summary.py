@@ -17,14 +17,17 @@ from seg.classes import class_table
 
 
 def attributes(proposal: sdr_jax.Proposal) -> dict[str, Any]:
-    """Centre and interval of every attribute, in unit and physical values."""
+    """Centre and interval of every attribute, in unit and physical values.
+
+    Unit values are read back as the same float32: whoever trains on them draws the same streets.
+    """
     rows = {}
     for attribute, centre, width in zip(
         ATTRIBUTES, proposal.centre.tolist(), proposal.width.tolist(), strict=True
     ):
         low, high = max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
         rows[attribute.name] = {
-            "unit": {"centre": round(centre, 6), "width": round(width, 6)},
+            "unit": {"centre": _float32(centre), "width": _float32(width)},
             "physical": {
                 "centre": round(attribute.physical(centre), 4),
                 "low": round(attribute.physical(low), 4),
@@ -34,6 +37,11 @@ def attributes(proposal: sdr_jax.Proposal) -> dict[str, Any]:
             "meaning": attribute.meaning,
         }
     return rows
+
+
+def _float32(value: float) -> float:
+    """The shortest number that is the same float32."""
+    return float(str(np.float32(value)))
 
 
 def _row(records: list[dict[str, Any]], table: str) -> dict[str, Any]:
