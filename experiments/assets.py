@@ -1,7 +1,7 @@
 """The paper's study of assets and images: what half the assets, or fewer images, cost.
 
     python -m experiments.assets --target camvid --data DIR --holdout 0006R0
-    python -m experiments.assets --target camvid --data DIR --learnt runs/a/attributes.json
+    python -m experiments.assets --target camvid --data DIR --attributes learnt --learnt a.json
     python -m experiments.assets --target twin --preset smoke                  # under a minute
     python -m experiments.assets --rederive runs/a/assets.json --out runs/b    # no net at all
 
