@@ -32,6 +32,12 @@ from experiments.reward import worker_environment
 DEFAULT = "actor_critic"
 """The method that a user of the experiments gets."""
 
+LONG = ("tpe",)
+"""Methods that compile next to nothing and take long."""
+
+SLOW = ("linear", "sdr", "cma_es", DEFAULT)
+"""Those that take longest of the others."""
+
 LOOKS = 10
 """Evaluations between two looks at a method's recommendation."""
 
@@ -211,15 +217,30 @@ def work(task: Task) -> Result:
     )
 
 
-def results(tasks: list[Task], workers: int) -> Iterator[Result]:
-    """Do all tasks, in their order, in so many processes; 0 works in this one."""
+def batches(tasks: list[Task]) -> list[list[Task]]:
+    """What one process does in a row: all problems of a method that compiles, so that it does so once.
+
+    Those of a host adapter are dealt out one by one, and first, for they take the longest.
+    """
+    alone = [[task] for task in tasks if task.method in LONG]
+    methods = dict.fromkeys(task.method for task in tasks if task.method not in LONG)
+    return alone + [[task for task in tasks if task.method == method] for method in methods]
+
+
+def work_all(tasks: list[Task]) -> list[Result]:
+    """Do a batch."""
+    return [work(task) for task in tasks]
+
+
+def results(tasks: list[Task], workers: int) -> Iterator[list[Result]]:
+    """Do all batches, in their order, in so many processes; 0 works in this one."""
     if workers == 0:
-        yield from map(work, tasks)
+        yield from map(work_all, batches(tasks))
         return
     # One thread each: the processes share the cores.
     os.environ.update(worker_environment())
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn")) as pool:
-        yield from pool.map(work, tasks)
+        yield from pool.map(work_all, batches(tasks))
 
 
 def rows_of(found: list[Result]) -> list[Row]:
@@ -261,15 +282,17 @@ def main(arguments: list[str] | None = None) -> int:
     options = command.parse_args(arguments)
     budgets = tuple(sorted(set(options.evaluations)))
     # The slowest first, so that the processes end together.
-    methods = sorted(options.methods, key=lambda name: name not in ("tpe", "linear", DEFAULT))
+    methods = sorted(options.methods, key=lambda name: name not in SLOW)
     tasks = [Task(m, p, budgets, options.seeds) for m in methods for p in options.problems]
-    found, started = [], time.perf_counter()
+    found: list[Result] = []
+    started = time.perf_counter()
     try:
-        for done, result in enumerate(results(tasks, options.workers), 1):
-            found.append(result)
+        for batch in results(tasks, options.workers):
+            found += batch
             seconds = time.perf_counter() - started
+            problems = ", ".join(result.task.problem for result in batch)
             print(
-                f"[{100 * done / len(tasks):3.0f} %] {result.task.method} on {result.task.problem}"
+                f"[{100 * len(found) / len(tasks):3.0f} %] {batch[0].task.method} on {problems}"
                 f" | {seconds:.0f} s",
                 file=sys.stderr, flush=True,
             )  # fmt: skip

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import ndtr
 from jaxtyping import Array, Float, Key
+from scipy.special import ndtr
 
 from sdr_jax import bins
 from sdr_jax.extras import needs
@@ -123,8 +123,8 @@ def cma_es(
         edges = np.arange(1, space.max_bins + 1)[None, :] / sizes[:, None]
         z = (edges - state.optimizer.mean[:, None]) / deviations(state)[:, None]
         # All that is beyond the last edge counts for the last bin.
-        below = jnp.where(jnp.asarray(edges >= 1 - 1e-9), 1.0, ndtr(jnp.asarray(z, jnp.float32)))
-        return jnp.diff(below, prepend=0.0, axis=1)
+        below = np.where(edges >= 1 - 1e-9, 1.0, ndtr(z))
+        return jnp.asarray(np.diff(below, prepend=0.0, axis=1), jnp.float32)
 
     return Method(
         init=init,

@@ -25,7 +25,8 @@ class _Latest(NamedTuple):
 
     state: TpeState
     study: Any  # knows the evaluations of the state
-    asked: list[Any]  # trials of it that wait for a reward, the last sample
+    asked: list[Any]  # trials of it that wait for a reward: the last sample
+    actions: list[list[int]]  # their bins
 
 
 def tpe(
@@ -98,12 +99,12 @@ def tpe(
 
     latest: _Latest | None = None
 
-    def study_of(state: TpeState) -> tuple[Any, list[Any]]:
+    def known(state: TpeState) -> _Latest:
         nonlocal latest
         if latest is None or latest.state is not state:
-            latest = _Latest(state, new_study(), [])
+            latest = _Latest(state, new_study(), [], [])
             tell(latest.study, state.actions, state.rewards)
-        return latest.study, latest.asked
+        return latest
 
     def init(rng_key: Key[Array, ""]) -> TpeState:
         del rng_key  # nothing is random before the first sample
@@ -113,19 +114,21 @@ def tpe(
         rng_key: Key[Array, ""], state: TpeState, n: int
     ) -> tuple[Int[Array, "n attributes"], Proposal]:
         nonlocal latest
-        study, asked = study_of(state)
-        for trial in asked:  # nobody told their rewards; failed ones are not looked at
+        before = known(state)
+        study = before.study
+        for trial in before.asked:  # nobody told their rewards; failed ones are not looked at
             study.tell(trial, state=failed)
         # All that is random comes from here, so a study used before asks like a new one.
         study.sampler = optuna.samplers.TPESampler(
             n_startup_trials=startup,
             multivariate=multivariate,
-            constant_liar=True,
+            constant_liar=n > 1,  # with one there is nobody to spread from
             seed=int(jax.random.bits(rng_key, (), jnp.uint32)),
         )
         trials = [study.ask(choices) for _ in range(n)]
-        latest = _Latest(state, study, trials)
-        actions = np.asarray([[trial.params[key] for key in keys] for trial in trials], np.int32)
+        rows = [[params[key] for key in keys] for params in (trial.params for trial in trials)]
+        latest = _Latest(state, study, trials, rows)
+        actions = np.asarray(rows, np.int32)
         return jnp.asarray(actions), relax(space, actions, width)
 
     def update(
@@ -134,21 +137,20 @@ def tpe(
         nonlocal latest
         info = plain_info(rewards, bins.entropy(probabilities(state)))
         rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
-        known = np.isfinite(values)
-        study, asked = study_of(state)
-        mine = [tuple(trial.params[key] for key in keys) for trial in asked]
-        if mine == [tuple(row) for row in rows.tolist()]:
-            for trial, value, good in zip(asked, values, known, strict=True):
-                study.tell(trial, value if good else None, None if good else failed)
+        finite = np.isfinite(values)
+        before = known(state)
+        if rows.tolist() == before.actions:
+            for trial, value, good in zip(before.asked, values, finite, strict=True):
+                before.study.tell(trial, value if good else None, None if good else failed)
         else:
-            for trial in asked:
-                study.tell(trial, state=failed)
-            tell(study, rows[known], values[known])
+            for trial in before.asked:
+                before.study.tell(trial, state=failed)
+            tell(before.study, rows[finite], values[finite])
         next_state = TpeState(
-            np.concatenate([state.actions, rows[known]]),
-            np.concatenate([state.rewards, values[known]]),
+            np.concatenate([state.actions, rows[finite]]),
+            np.concatenate([state.rewards, values[finite]]),
         )
-        latest = _Latest(next_state, study, [])
+        latest = _Latest(next_state, before.study, [], [])
         return next_state, info
 
     def solution(state: TpeState) -> Proposal:

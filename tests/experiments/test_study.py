@@ -209,7 +209,8 @@ def test_other_files_are_no_reports(tmp_path, content, words):
 def test_attributes_are_read_as_they_are_written(tmp_path):
     """To the last bit, or nets trained on them would not be those in the store."""
     rng = np.random.default_rng(0)
-    proposal = sdr_jax.Proposal(*rng.uniform(size=(2, len(NAMES))).astype(np.float32))
+    centre, width = rng.uniform(0.3, 0.7, (2, len(NAMES))).astype(np.float32)
+    proposal = sdr_jax.Proposal(centre, width / 2)
     path = tmp_path / "attributes.json"
     path.write_text(json.dumps(summary.attributes(proposal)))
     np.testing.assert_array_equal(np.stack(read_learnt(path)), np.stack(proposal))
