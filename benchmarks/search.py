@@ -220,7 +220,7 @@ def work(task: Task) -> Result:
 def batches(tasks: list[Task]) -> list[list[Task]]:
     """What one process does in a row: all problems of a method that compiles, so that it does so once.
 
-    Those of a host adapter are dealt out one by one, and first, for they take the longest.
+    Those of `LONG` methods are dealt out one by one, and first.
     """
     alone = [[task] for task in tasks if task.method in LONG]
     methods = dict.fromkeys(task.method for task in tasks if task.method not in LONG)

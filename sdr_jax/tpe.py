@@ -76,8 +76,6 @@ def tpe(
         for key, count in zip(keys, space.bins, strict=True)
     }
 
-    failed = optuna.trial.TrialState.FAIL
-
     def new_study() -> Any:
         storage = optuna.storages.InMemoryStorage()
         # The library greets every new study; that is not ours to say.
@@ -96,6 +94,11 @@ def tpe(
             )
             for row, reward in zip(actions.tolist(), rewards.tolist(), strict=True)
         )
+
+    def forget(study: Any, trials: list[Any]) -> None:
+        """Nobody told their rewards; failed ones are not looked at."""
+        for trial in trials:
+            study.tell(trial, state=optuna.trial.TrialState.FAIL)
 
     latest: _Latest | None = None
 
@@ -116,8 +119,7 @@ def tpe(
         nonlocal latest
         before = known(state)
         study = before.study
-        for trial in before.asked:  # nobody told their rewards; failed ones are not looked at
-            study.tell(trial, state=failed)
+        forget(study, before.asked)
         # All that is random comes from here, so a study used before asks like a new one.
         study.sampler = optuna.samplers.TPESampler(
             n_startup_trials=startup,
@@ -141,10 +143,12 @@ def tpe(
         before = known(state)
         if rows.tolist() == before.actions:
             for trial, value, good in zip(before.asked, values, finite, strict=True):
-                before.study.tell(trial, value if good else None, None if good else failed)
+                if good:
+                    before.study.tell(trial, value)
+                else:
+                    forget(before.study, [trial])
         else:
-            for trial in before.asked:
-                before.study.tell(trial, state=failed)
+            forget(before.study, before.asked)
             tell(before.study, rows[finite], values[finite])
         next_state = TpeState(
             np.concatenate([state.actions, rows[finite]]),
