@@ -47,7 +47,7 @@ class Analytic:
     """`v = sum_i f_i(u_i) + sum_{i<j in a group} h_ij(u_i) h_ji(u_j)`, u uniform on the intervals."""
 
     space: sdr_jax.Space
-    integrals: np.ndarray  # f32[attributes grid+1 1+attributes]: of f_i, then of h_i0, h_i1, ...
+    integrals: jax.Array  # f32[attributes grid+1 1+attributes]: of f_i, then of h_i0, h_i1, ...
     noise: float  # standard deviation of a reward
     zero: float  # raw value of random attributes
     unit: float  # raw difference that counts as 1
@@ -58,8 +58,7 @@ class Analytic:
 
     def true_value(self, proposal: sdr_jax.Proposal) -> float:
         """The value without noise."""
-        centre, width = (jnp.asarray(part)[None] for part in proposal)
-        return float((_raw(self.integrals, centre, width)[0] - self.zero) / self.unit)
+        return float(_value(self.integrals, *proposal, self.zero, self.unit))
 
 
 @jax.jit
@@ -71,7 +70,7 @@ def _raw(integrals: jax.Array, centre: jax.Array, width: jax.Array) -> jax.Array
 
     def integral(unit: jax.Array) -> jax.Array:
         cell = jnp.clip((unit * GRID).astype(int), 0, GRID - 1)
-        low, high = jnp.asarray(integrals)[rows, cell], jnp.asarray(integrals)[rows, cell + 1]
+        low, high = integrals[rows, cell], integrals[rows, cell + 1]
         return low + (unit * GRID - cell)[:, :, None] * (high - low)
 
     means = (integral(centre + width / 2) - integral(centre - width / 2)) / width[:, :, None]
@@ -79,6 +78,13 @@ def _raw(integrals: jax.Array, centre: jax.Array, width: jax.Array) -> jax.Array
     return means[:, :, 0].sum(axis=1) + 0.5 * jnp.sum(
         halves * halves.transpose(0, 2, 1), axis=(1, 2)
     )
+
+
+@jax.jit
+def _value(
+    integrals: jax.Array, centre: jax.Array, width: jax.Array, zero: float, unit: float
+) -> jax.Array:
+    return (_raw(integrals, centre[None], width[None])[0] - zero) / unit
 
 
 @jax.jit
@@ -212,7 +218,8 @@ def _bowl(
 
 def _build(space: sdr_jax.Space, functions: np.ndarray, noise: float) -> Analytic:
     cumulative = np.cumsum(functions, axis=2) / GRID
-    integrals = np.pad(cumulative, [(0, 0), (0, 0), (1, 0)]).transpose(0, 2, 1).astype(np.float32)
+    padded = np.pad(cumulative, [(0, 0), (0, 0), (1, 0)]).transpose(0, 2, 1)
+    integrals = jnp.asarray(padded, jnp.float32)
     random = sdr_jax.relax(space, np.full((1, space.attributes), -1))
     best = sdr_jax.relax(space, _best_bins(space, functions)[None])
     zero, top = (float(_raw(integrals, *proposal)[0]) for proposal in (random, best))

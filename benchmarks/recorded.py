@@ -18,7 +18,7 @@ import argparse
 import json
 import sys
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import jax
@@ -47,35 +47,52 @@ class Surrogate:
     """A Gaussian process's mean, with the noise that it measured."""
 
     space: sdr_jax.Space
-    centres: np.ndarray  # f32[records attributes], divided by the length scales
-    lengths: np.ndarray  # f32[attributes]
-    weights: np.ndarray  # f32[records]: what each record adds, the kernel's size included
+    centres: jax.Array  # f32[records attributes], divided by the length scales
+    lengths: jax.Array  # f32[attributes]
+    weights: jax.Array  # f32[records]: what each record adds, the kernel's size included
     mean: float  # of all rewards, in percent
     noise: float  # standard deviation of a reward, in percent
 
     def reward(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> jax.Array:
         """MIoU in percent with normal noise; the key is consumed."""
-        values = _predict(self.centres, self.lengths, self.weights, *proposals) + self.mean
-        return values + self.noise * jax.random.normal(rng_key, values.shape)
+        return _noisy(rng_key, self._values(proposals), self.noise)
 
     def true_value(self, proposal: sdr_jax.Proposal) -> float:
         """The value without noise."""
         centre, width = (jnp.asarray(part)[None] for part in proposal)
-        return (
-            float(_predict(self.centres, self.lengths, self.weights, centre, width)[0]) + self.mean
+        return float(self._values(sdr_jax.Proposal(centre, width))[0])
+
+    def _values(self, proposals: sdr_jax.Proposal) -> jax.Array:
+        # Points at which the records' own width leaves nothing to choose are all the same.
+        points = POINTS if np.any(np.asarray(proposals.width) > WIDTH) else 1
+        return _predict(
+            self.centres, self.lengths, self.weights, *proposals, self.mean, points=points
         )
 
 
 @jax.jit
+def _noisy(rng_key: jax.Array, values: jax.Array, noise: float) -> jax.Array:
+    return values + noise * jax.random.normal(rng_key, values.shape)
+
+
+@partial(jax.jit, static_argnames="points")
 def _predict(
-    centres: jax.Array, lengths: jax.Array, weights: jax.Array, centre: jax.Array, width: jax.Array
+    centres: jax.Array,
+    lengths: jax.Array,
+    weights: jax.Array,
+    centre: jax.Array,
+    width: jax.Array,
+    mean: float,
+    points: int,
 ) -> jax.Array:
     """Mean over what of each interval the records' own width leaves to choose, f32[n]."""
     slack = jnp.maximum(width - WIDTH, 0.0)
-    points = centre[:, None] + slack[:, None] * (jnp.asarray(_points(centre.shape[1])) - 0.5)[None]
+    offsets = jnp.asarray(_points(centre.shape[1])[:points]) - 0.5
+    at = centre[:, None] + slack[:, None] * offsets[None]
     # Recorded centres slid inside; narrower intervals further out have no record of their own.
-    points = jnp.clip(points, WIDTH / 2, 1 - WIDTH / 2) / lengths[None, None]
-    return jnp.mean(_matern(jnp, points[:, :, None] - centres[None, None]) @ weights, axis=1)
+    at = jnp.clip(at, WIDTH / 2, 1 - WIDTH / 2) / lengths[None, None]
+    added = _matern(jnp, at[:, :, None] - centres[None, None]) @ weights
+    return jnp.mean(added, axis=1) + mean
 
 
 @cache
@@ -141,9 +158,9 @@ def fit(space: sdr_jax.Space, bins: np.ndarray, rewards: np.ndarray) -> Surrogat
     weights = size * cho_solve((cholesky(gram, lower=True), True), y)
     return Surrogate(
         space,
-        scaled.astype(np.float32),
-        lengths.astype(np.float32),
-        (spread * weights).astype(np.float32),
+        jnp.asarray(scaled, jnp.float32),
+        jnp.asarray(lengths, jnp.float32),
+        jnp.asarray(spread * weights, jnp.float32),
         float(mean),
         float(spread * np.sqrt(noise)),
     )

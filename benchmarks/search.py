@@ -93,6 +93,12 @@ def _method(name: str, space: sdr_jax.Space, evaluations: int) -> sdr_jax.Method
     return _made(name, space, evaluations if METHODS[name].budgeted else None)
 
 
+@jax.jit
+def _step_keys(rng_key: jax.Array, t: int) -> tuple[jax.Array, jax.Array]:
+    sample_key, reward_key = jax.random.split(jax.random.fold_in(rng_key, t))
+    return sample_key, reward_key
+
+
 def trace(
     name: str, problem: Problem, evaluations: int, seed: int, looks: tuple[int, ...]
 ) -> Trace:
@@ -125,14 +131,15 @@ def trace(
     waiting = sorted(looks)
     seconds = 0.0
     for t in range(updates):
-        sample_key, reward_key = jax.random.split(jax.random.fold_in(steps_key, t))
+        sample_key, reward_key = _step_keys(steps_key, t)
         started = time.perf_counter()
         actions, proposals = jax.block_until_ready(method.sample(sample_key, state, n))
         seconds += time.perf_counter() - started
         rewards = np.asarray(problem.reward(reward_key, proposals), np.float32)
         top = int(np.where(np.isnan(rewards), -np.inf, rewards).argmax())
         if rewards[top] > best:
-            best, lucky = float(rewards[top]), sdr_jax.Proposal(*(part[top] for part in proposals))
+            best = float(rewards[top])
+            lucky = sdr_jax.Proposal(*(np.asarray(part)[top] for part in proposals))
         started = time.perf_counter()
         state, _ = method.update(state, actions, jax.numpy.asarray(rewards))
         jax.block_until_ready(jax.tree.leaves(state))

@@ -3,20 +3,19 @@
 from copy import deepcopy
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Key
 from scipy.special import ndtr
 
-from sdr_jax import bins
+from sdr_jax import bins, host
 from sdr_jax.extras import needs
-from sdr_jax.method import Info, Method, plain_info
-from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
+from sdr_jax.method import Info, Method
+from sdr_jax.space import UNDECIDED, Proposal, Space
 
 
 class CmaState(NamedTuple):
-    """A Python object, not a pytree of arrays; functions copy the optimiser they change."""
+    """A Python object, not a pytree of arrays; an update that changes the optimiser copies it."""
 
     optimizer: Any  # a `cmaes.CMAwM`
     told: tuple[tuple[np.ndarray, float], ...]  # evaluations of a generation that is not full yet
@@ -57,7 +56,7 @@ def cma_es(
     Source: not in the paper; Hamano et al. 2022, "CMA-ES with margin".
     """
     cmaes = needs("cmaes", "cma_es")
-    check_relaxation(space, width, "random")
+    relaxed = host.relaxation(space, width)
     if space.attributes < 2:
         raise ValueError(f"cma_es needs at least 2 attributes, this space has {space.attributes}")
     if not 0 < sigma <= 1:
@@ -73,7 +72,7 @@ def cma_es(
             sigma=sigma,
             bounds=np.stack([margin, 1 - margin], axis=1),
             steps=1.0 / sizes,
-            seed=_seed(rng_key),
+            seed=host.seed(rng_key),
             population_size=population,
         )
         return CmaState(optimizer, (), False)
@@ -81,16 +80,15 @@ def cma_es(
     def sample(
         rng_key: Key[Array, ""], state: CmaState, n: int
     ) -> tuple[Float[Array, "n attributes"], Proposal]:
-        optimizer = deepcopy(state.optimizer)
-        optimizer.reseed_rng(_seed(rng_key))
-        asked = np.asarray([optimizer.ask() for _ in range(n)])  # [n, (rounded, raw), attributes]
-        return jnp.asarray(asked[:, 1], jnp.float32), relax(space, bins_of(asked[:, 0]), width)
+        # Asking moves nothing but the generator, and that starts afresh every time.
+        state.optimizer.reseed_rng(host.seed(rng_key))
+        asked = np.asarray([state.optimizer.ask() for _ in range(n)])  # [n, (rounded, raw), ...]
+        return jnp.asarray(asked[:, 1], jnp.float32), relaxed(bins_of(asked[:, 0]))
 
     def update(
         state: CmaState, actions: Float[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[CmaState, Info]:
-        optimizer = deepcopy(state.optimizer)
-        told = list(state.told)
+        optimizer, told = state.optimizer, list(state.told)
         for action, reward in zip(
             np.asarray(actions, np.float64), np.asarray(rewards), strict=True
         ):
@@ -98,10 +96,11 @@ def cma_es(
                 continue
             told.append((action, -float(reward)))  # the library minimises
             if len(told) == optimizer.population_size:
+                optimizer = deepcopy(optimizer)
                 optimizer.tell(told)
                 told = []
-        info = plain_info(rewards, bins.entropy(probabilities(state)))
         seen = state.seen or bool(np.any(np.isfinite(rewards)))
+        info = host.info(rewards, probabilities(state))
         return CmaState(optimizer, tuple(told), seen), info
 
     def bins_of(values: np.ndarray) -> np.ndarray:
@@ -109,7 +108,7 @@ def cma_es(
 
     def solution(state: CmaState) -> Proposal:
         best = bins_of(state.optimizer.mean)
-        return relax(space, best if state.seen else np.full_like(best, UNDECIDED), width)
+        return relaxed(best if state.seen else np.full_like(best, UNDECIDED))
 
     def deviations(state: CmaState) -> np.ndarray:
         # Public attributes do not tell; the margin scales the discrete coordinates by _A.
@@ -135,7 +134,3 @@ def cma_es(
         probabilities=probabilities,
         updates=None,
     )
-
-
-def _seed(rng_key: Key[Array, ""]) -> int:
-    return int(jax.random.bits(rng_key, (), jnp.uint32))

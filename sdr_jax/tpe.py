@@ -2,15 +2,14 @@
 
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import bins
+from sdr_jax import bins, host
 from sdr_jax.extras import needs
-from sdr_jax.method import Info, Method, plain_info
-from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
+from sdr_jax.method import Info, Method
+from sdr_jax.space import UNDECIDED, Proposal, Space
 
 
 class TpeState(NamedTuple):
@@ -67,9 +66,10 @@ def tpe(
     Source: not in the paper; Bergstra et al. 2011, "Algorithms for hyper-parameter optimization".
     """
     optuna = needs("optuna", "tpe")
-    check_relaxation(space, width, "random")
+    relaxed = host.relaxation(space, width)
     if startup < 0:
         raise ValueError(f"startup is {startup}, but must be 0 or more")
+    uniform = np.asarray(bins.uniform(space))
     keys = [str(index) for index in range(space.attributes)]
     choices = {
         key: optuna.distributions.IntDistribution(0, count - 1)
@@ -125,19 +125,19 @@ def tpe(
             n_startup_trials=startup,
             multivariate=multivariate,
             constant_liar=n > 1,  # with one there is nobody to spread from
-            seed=int(jax.random.bits(rng_key, (), jnp.uint32)),
+            seed=host.seed(rng_key),
         )
         trials = [study.ask(choices) for _ in range(n)]
         rows = [[params[key] for key in keys] for params in (trial.params for trial in trials)]
         latest = _Latest(state, study, trials, rows)
         actions = np.asarray(rows, np.int32)
-        return jnp.asarray(actions), relax(space, actions, width)
+        return jnp.asarray(actions), relaxed(actions)
 
     def update(
         state: TpeState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[TpeState, Info]:
         nonlocal latest
-        info = plain_info(rewards, bins.entropy(probabilities(state)))
+        info = host.info(rewards, probabilities(state))
         rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
         finite = np.isfinite(values)
         before = known(state)
@@ -159,11 +159,11 @@ def tpe(
 
     def solution(state: TpeState) -> Proposal:
         if not len(state.rewards):
-            return relax(space, np.full(space.attributes, UNDECIDED, np.int32), width)
-        return relax(space, state.actions[np.argmax(state.rewards)], width)
+            return relaxed(np.full(space.attributes, UNDECIDED, np.int32))
+        return relaxed(state.actions[np.argmax(state.rewards)])
 
     def probabilities(state: TpeState) -> Float[Array, "attributes bins"]:
-        counts = np.array(bins.uniform(space))
+        counts = uniform.copy()
         order = np.argsort(-state.rewards, kind="stable")
         for index in order[: -(-len(order) // 4)]:
             counts[np.arange(space.attributes), state.actions[index]] += 1
