@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 from hypothesis import strategies as st
-from trimesh.ray.ray_pyembree import RayMeshIntersector as Rays
 
 from scene.asset import Asset
 from scene.materials import MATERIALS
+from tests.scene.rays import hits
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -77,8 +77,7 @@ def fill(asset: Asset, low: float, high: float) -> float:
     (left, front, _), (right, _, _) = asset.mesh.bounds
     x, z = np.meshgrid(np.linspace(left, right, 101), np.linspace(low, high, 61))
     origins = np.column_stack([x.ravel(), np.full(x.size, front - 1), z.ravel()])
-    rays = np.tile([0.0, 1.0, 0.0], (x.size, 1))
-    return float(Rays(asset.mesh).intersects_any(origins, rays).mean())
+    return float(hits(asset.mesh, origins, np.array([[0.0, 1.0, 0.0]])).mean())
 
 
 def mirror(point: tuple[float, float, float]) -> tuple[float, float, float]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from scene.render import RendererError, embree_api
-from scene.render.embree import _by_tiles, _probe
-from scene.render.embree_api import Forest, Tree, query_arguments
+from scene.render.embree_api import Forest, Tree
+from tests.scene.rays import free
 
 WALL = np.array([[5, -1, 0], [5, 1, 0], [5, 1, 2], [5, -1, 2]], np.float32)
 TWO = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
@@ -18,17 +18,6 @@ def moved(x=0.0, y=0.0, z=0.0):
     return STILL + np.array([[0, 0, 0, x], [0, 0, 0, y], [0, 0, 0, z]], np.float32)
 
 
-def probe(forest, starts, directions, wanted, columns, reach=np.inf):
-    rows = len(wanted) // columns
-    order = _by_tiles(np.asarray(wanted, np.uint8), columns, rows, 4, 2)
-    free = np.full(len(wanted), -1, np.float32)
-    _probe(
-        forest.scene, query_arguments(coherent=False), np.asarray(starts, np.float32),
-        np.asarray(directions, np.float32), order, np.float32(reach), free,
-    )  # fmt: skip
-    return free
-
-
 @pytest.mark.parametrize(("columns", "rows"), [(1, 1), (4, 2), (5, 3), (7, 1), (3, 8)])
 def test_every_ray_of_every_size_of_image_gets_its_own_answer(columns, rows):
     # Of each three rays one goes ahead into the wall, one back into nothing, and one is not asked.
@@ -36,14 +25,14 @@ def test_every_ray_of_every_size_of_image_gets_its_own_answer(columns, rows):
     directions = np.where((kind == 1)[:, None], [1.0, 0, 0], [-1.0, 0, 0])
     forest = Forest([Tree(WALL, TWO)], [3], STILL[None])
     starts = np.tile([0, 0, 0.5], (columns * rows, 1))
-    free = probe(forest, starts, directions, kind != 2, columns)
-    assert free.tolist() == np.choose(kind, [1, 0, -1]).tolist()
+    found = free(forest, starts, directions, kind != 2, columns)
+    assert found.tolist() == np.choose(kind, [1, 0, -1]).tolist()
 
 
 def test_rays_that_run_alike_share_one_direction():
     forest = Forest([Tree(WALL, TWO)], [1], STILL[None])
     starts = [[0, 0, 1], [0, 0, 3], [0, 5, 1]]
-    assert probe(forest, starts, [[1, 0, 0]], [1, 1, 1], 3).tolist() == [0, 1, 1]
+    assert free(forest, starts, [[1, 0, 0]], [1, 1, 1], 3).tolist() == [0, 1, 1]
 
 
 def test_instances_stand_where_they_are_put():
@@ -51,8 +40,8 @@ def test_instances_stand_where_they_are_put():
     forest = Forest([tree, tree], [1, 2], np.stack([moved(x=10), moved(y=7)]))
     starts = [[0, 0, 1], [0, 7, 1], [0, 3.5, 1]]
     ahead = [[1, 0, 0]]
-    assert probe(forest, starts, ahead, [1, 1, 1], 3).tolist() == [0, 0, 1]
-    assert probe(forest, starts, ahead, [1, 1, 1], 3, reach=8.0).tolist() == [1, 0, 1]
+    assert free(forest, starts, ahead, [1, 1, 1], 3).tolist() == [0, 0, 1]
+    assert free(forest, starts, ahead, [1, 1, 1], 3, reach=8.0).tolist() == [1, 0, 1]
 
 
 def test_rays_in_the_way_of_something_within_reach_are_not_free():
@@ -60,8 +49,8 @@ def test_rays_in_the_way_of_something_within_reach_are_not_free():
     starts = np.zeros((4, 3), np.float32) + [0, 0, 1]
     directions = np.array([[1, 0, 0], [-1, 0, 0], [1, 0, 0], [0, 0, 1]], np.float32)
     wanted = [1, 1, 0, 1]
-    assert probe(forest, starts, directions, wanted, 4).tolist() == [0, 1, -1, 1]
-    assert probe(forest, starts, directions, wanted, 4, reach=4.0).tolist() == [1, 1, -1, 1]
+    assert free(forest, starts, directions, wanted, 4).tolist() == [0, 1, -1, 1]
+    assert free(forest, starts, directions, wanted, 4, reach=4.0).tolist() == [1, 1, -1, 1]
 
 
 def test_a_forest_outlives_the_names_of_its_trees():
@@ -70,7 +59,7 @@ def test_a_forest_outlives_the_names_of_its_trees():
 
     forest = plant()
     gc.collect()
-    assert not probe(forest, [[0, 0, 0.5]] * 8, [[1, 0, 0]], [1] * 8, 4).any()
+    assert not free(forest, [[0, 0, 0.5]] * 8, [[1, 0, 0]], [1] * 8, 4).any()
 
 
 def test_a_wheel_without_the_library_is_named(monkeypatch, tmp_path):

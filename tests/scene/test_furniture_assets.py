@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from trimesh.ray.ray_pyembree import RayMeshIntersector as Rays
 
 from scene.assets import fence, signpost, traffic_light, traffic_sign, wall
 from scene.materials import material_id
@@ -16,6 +15,7 @@ from tests.scene.asset_checks import (
     make,
     seeds,
 )
+from tests.scene.rays import first_face
 
 BUDGET = {
     "wall": 1900, "fence": 1150, "lamp": 900, "signpost": 700, "traffic_light": 600,
@@ -84,9 +84,9 @@ def test_sign_shows_its_face_to_the_camera_and_grey_to_the_back(seed):
         params = traffic_sign.sample_traffic_sign(np.random.default_rng(seed), kind)
         asset = traffic_sign.traffic_sign(params)
         level = params.centre + 0.01
-        back = Rays(asset.mesh).intersects_first([[5.0, 0.001, level]], [[-1.0, 0, 0]])[0]
+        back = first_face(asset.mesh, (5.0, 0.001, level), (-1.0, 0, 0))
         assert np.allclose(asset.color[back], np.float32(params.back))
-        front = Rays(asset.mesh).intersects_first([[-5.0, 0.001, level]], [[1.0, 0, 0]])[0]
+        front = first_face(asset.mesh, (-5.0, 0.001, level), (1.0, 0, 0))
         assert any(
             np.allclose(asset.color[front], np.float32(la.color)) for la in params.layers[1:]
         )

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from hypothesis import given
-from trimesh.ray.ray_pyembree import RayMeshIntersector as Rays
 
 from scene.assets import building, tree
 from scene.materials import material_id
@@ -17,6 +16,7 @@ from tests.scene.asset_checks import (
     module_of,
     seeds,
 )
+from tests.scene.rays import hits
 
 BUDGET = {
     "building": 2500, "tree": 7500, "bush": 2500,
@@ -60,8 +60,7 @@ def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
     centre = mesh.bounds.mean(axis=0)
     rays = np.array([[1.0, 0, 0], [-1, 0, 0], [0, -1, 0], [0, 1, 0]])
     targets = np.array([0.0, centre[1], 2.0])
-    hits = Rays(mesh).intersects_any(targets - 30 * rays, rays)
-    assert hits.all()
+    assert hits(mesh, targets - 30 * rays, rays).all()
 
 
 @pytest.mark.parametrize("kind", building.KINDS)
