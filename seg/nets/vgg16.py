@@ -8,6 +8,8 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
+from seg.nets.conv import Conv3x3
+
 _CONVS = (2, 2, 3, 3, 3)  # of each stage
 _WIDTHS = (1, 2, 4, 8, 8)  # channels of each stage, relative to the first
 _GROUPS = 8
@@ -45,11 +47,9 @@ class VGG16(nn.Module):
         x, pools = images, []
         for stage, (convs, factor) in enumerate(zip(_CONVS, _WIDTHS, strict=True), 1):
             for number in range(1, convs + 1):
-                x = nn.Conv(
+                x = Conv3x3(
                     factor * self.width,
-                    (3, 3),
-                    kernel_dilation=2 if self.atrous and stage == 5 else 1,
-                    kernel_init=nn.initializers.he_normal(),
+                    rate=2 if self.atrous and stage == 5 else 1,
                     dtype=self.dtype,
                     name=f"conv{stage}_{number}",
                 )(x)

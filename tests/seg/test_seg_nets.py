@@ -11,8 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, net, normalise
-from seg.nets.atrous import atrous as atrous_convolution
+from seg.nets.conv import Conv3x3, conv3x3
 from seg.nets.fcn8s import bilinear_kernel
+from seg.nets.product_conv import ProductConv, product_conv
 from seg.nets.resize import bilinear, repeat_pixels, space_to_depth
 
 VGG16_CONVS = 14_714_688
@@ -127,17 +128,50 @@ def test_bilinear_is_that_of_jax(seed):
     np.testing.assert_allclose(bilinear(x, 4), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize("rate", [2, 4, 6, 9])
-def test_atrous_is_a_dilated_convolution(rate):
-    """Also where some or all of the outer cells lie outside the map of 5x7."""
-    rng = np.random.default_rng(rate)
-    x = jnp.asarray(rng.normal(size=(2, 5, 7, 4)), jnp.float32)
-    kernel = jnp.asarray(rng.normal(size=(3, 3, 4, 6)), jnp.float32)
-    expected = jax.lax.conv_general_dilated(
+def convolve(x, kernel, rate):
+    """As XLA does by itself."""
+    return jax.lax.conv_general_dilated(
         x, kernel, (1, 1), "SAME", rhs_dilation=(rate, rate),
         dimension_numbers=("NHWC", "HWIO", "NHWC"),
     )  # fmt: skip
-    np.testing.assert_allclose(atrous_convolution(x, kernel, rate), expected, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("ours", "side", "rate"),
+    [
+        *((product_conv, 3, rate) for rate in (1, 2, 4, 6, 7)),  # 7 leaves the centre only
+        *((product_conv, side, 1) for side in (1, 5, 7)),
+        *((conv3x3, 3, rate) for rate in (1, 2, 4)),
+    ],
+)
+def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
+    rng = np.random.default_rng(rate)
+    x = jnp.asarray(rng.normal(size=(2, 5, 7, 4)), jnp.float32)
+    kernel = jnp.asarray(rng.normal(size=(side, side, 4, 6)), jnp.float32)
+    weight = jnp.asarray(rng.normal(size=(2, 5, 7, 6)), jnp.float32)
+
+    def all_of(function):
+        value, back = jax.vjp(lambda x, kernel: function(x, kernel, rate), x, kernel)
+        return value, *back(weight)
+
+    for found, expected in zip(all_of(ours), all_of(convolve), strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-4)
+
+
+@pytest.mark.parametrize("dtype", [None, jnp.bfloat16])
+@pytest.mark.parametrize(("ours", "side"), [(Conv3x3, 3), (ProductConv, 3), (ProductConv, 7)])
+def test_our_convolutions_have_the_parameters_of_flax_s(ours, side, dtype):
+    key, x = jax.random.key(3), jax.random.normal(jax.random.key(4), (2, 5, 7, 4))
+    theirs = nn.Conv(
+        6, (side, side), kernel_init=nn.initializers.he_normal(), dtype=dtype, name="conv"
+    )
+    options = {"side": side} if ours is ProductConv else {}
+    expected, variables = theirs.init_with_output(key, x)
+    found, same = ours(6, dtype=dtype, name="conv", **options).init_with_output(key, x)
+    jax.tree.map(np.testing.assert_array_equal, same, variables)
+    assert found.dtype == expected.dtype
+    wide = 1e-5 if dtype is None else 0.1
+    np.testing.assert_allclose(found.astype(float), expected.astype(float), atol=wide)
 
 
 def test_bilinear_by_hand():

@@ -1,0 +1,106 @@
+"""A 3x3 convolution whose kernel's gradient is made of matrix products on CPUs."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(2,))
+def conv3x3(
+    x: Float[Array, "b h w c"], kernel: Float[Array, "3 3 c features"], rate: int = 1
+) -> Float[Array, "b h w features"]:
+    """Convolve; zeros around, the size is kept.
+
+    The same as `lax.conv_general_dilated`, and so is the gradient. On CPUs that of the kernel is nine
+    products over all pixels, which XLA's backend does two to five times as fast as the convolution with
+    an image for a kernel that it makes of it by itself.
+
+    Args:
+        x: features.
+        kernel: rows, columns, channels in, channels out.
+        rate: distance of the kernel's cells.
+
+    Returns:
+        Features in the type of x.
+    """
+    return _convolve(x, kernel, rate)
+
+
+def _convolve(x: Array, kernel: Array, rate: int) -> Array:
+    return jax.lax.conv_general_dilated(
+        x,
+        kernel,
+        (1, 1),
+        "SAME",
+        rhs_dilation=(rate, rate),
+        dimension_numbers=("NHWC", "HWIO", "NHWC"),
+    )
+
+
+def _forward(x: Array, kernel: Array, rate: int) -> tuple[Array, tuple[Array, Array]]:
+    return _convolve(x, kernel, rate), (x, kernel)
+
+
+def _backward(rate: int, seen: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
+    x, kernel = seen
+    to_x = _convolve(grad, kernel[::-1, ::-1].swapaxes(2, 3), rate)
+
+    def by_products(x: Array, grad: Array) -> Array:
+        _, h, w, _ = x.shape
+        x = jnp.pad(x, [(0, 0), (rate, rate), (rate, rate), (0, 0)])
+        cells = [
+            jnp.einsum(
+                "bhwc,bhwd->cd",
+                x[:, i * rate : i * rate + h, j * rate : j * rate + w],
+                grad,
+                preferred_element_type=jnp.float32,
+            )
+            for i in range(3)
+            for j in range(3)
+        ]
+        return jnp.stack(cells).reshape(kernel.shape).astype(kernel.dtype)
+
+    def by_convolution(x: Array, grad: Array) -> Array:
+        _, back = jax.vjp(lambda kernel: _convolve(x, kernel, rate), kernel)
+        (found,) = back(grad)
+        return found
+
+    to_kernel = jax.lax.platform_dependent(x, grad, cpu=by_products, default=by_convolution)
+    return to_x, to_kernel
+
+
+conv3x3.defvjp(_forward, _backward)
+
+
+class Conv3x3(nn.Module):
+    """A 3x3 convolution of stride 1; parameters as those of `nn.Conv`.
+
+    Attributes:
+        features: channels out.
+        rate: distance of the kernel's cells.
+        dtype: what it computes in; None for float32.
+    """
+
+    features: int
+    rate: int = 1
+    dtype: DTypeLike | None = None
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b h w features"]:
+        """Convolve.
+
+        Args:
+            x: features.
+
+        Returns:
+            Features of the same size, in `dtype`.
+        """
+        shape = (3, 3, x.shape[-1], self.features)
+        kernel = self.param("kernel", nn.initializers.he_normal(), shape)
+        bias = self.param("bias", nn.initializers.zeros, (self.features,))
+        x, kernel, bias = nn.dtypes.promote_dtype(x, kernel, bias, dtype=self.dtype)
+        return conv3x3(x, kernel, self.rate) + bias[None, None, None, :]
