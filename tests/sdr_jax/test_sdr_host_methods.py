@@ -37,8 +37,7 @@ def test_states_stay_valid(make) -> None:
         state = left
         for attribute, count in enumerate(SPACE.bins):
             allowed = centres(SPACE)[attribute, :count]
-            found = np.asarray(proposal.centre[:, attribute, None])
-            assert np.isclose(found, allowed, rtol=0, atol=1e-6).any(axis=1).all()
+            assert set(np.asarray(proposal.centre[:, attribute])) <= set(allowed)
 
 
 def test_a_generation_is_filled_over_any_number_of_updates() -> None:
