@@ -1,5 +1,6 @@
-"""A 3x3 convolution whose kernel's gradient is made of matrix products on CPUs."""
+"""The VGG nets' convolution, and one of 3x3 whose kernel's gradient is matrix products on CPUs."""
 
+from collections.abc import Callable
 from functools import partial
 
 import jax
@@ -76,16 +77,20 @@ def _backward(rate: int, seen: tuple[Array, Array], grad: Array) -> tuple[Array,
 conv3x3.defvjp(_forward, _backward)
 
 
-class Conv3x3(nn.Module):
-    """A 3x3 convolution of stride 1; parameters as those of `nn.Conv`.
+class Conv(nn.Module):
+    """A convolution of stride 1 that keeps the size; parameters as those of `nn.Conv`.
 
     Attributes:
         features: channels out.
+        convolve: of features, kernel and rate: `conv3x3`, or `product_conv` for a large kernel or rate.
+        side: of the kernel, in cells; odd.
         rate: distance of the kernel's cells.
         dtype: what it computes in; None for float32.
     """
 
     features: int
+    convolve: Callable[[Array, Array, int], Array]
+    side: int = 3
     rate: int = 1
     dtype: DTypeLike | None = None
 
@@ -99,8 +104,8 @@ class Conv3x3(nn.Module):
         Returns:
             Features of the same size, in `dtype`.
         """
-        shape = (3, 3, x.shape[-1], self.features)
+        shape = (self.side, self.side, x.shape[-1], self.features)
         kernel = self.param("kernel", nn.initializers.he_normal(), shape)
         bias = self.param("bias", nn.initializers.zeros, (self.features,))
         x, kernel, bias = nn.dtypes.promote_dtype(x, kernel, bias, dtype=self.dtype)
-        return conv3x3(x, kernel, self.rate) + bias[None, None, None, :]
+        return self.convolve(x, kernel, self.rate).astype(x.dtype) + bias[None, None, None, :]

@@ -13,7 +13,8 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from seg.nets.product_conv import ProductConv
+from seg.nets.conv import Conv
+from seg.nets.product_conv import product_conv
 from seg.nets.resize import bilinear, pad_to_multiple
 from seg.nets.vgg16 import VGG16
 
@@ -59,7 +60,7 @@ class DeepLabV2(nn.Module):
         branches = []
         for number, rate in enumerate(_RATES, 1):
             x = features
-            fc6 = ProductConv(self.hidden, rate=rate, dtype=self.dtype, name=f"fc6_{number}")
+            fc6 = Conv(self.hidden, product_conv, rate=rate, dtype=self.dtype, name=f"fc6_{number}")
             fc7 = nn.Conv(
                 self.hidden,
                 (1, 1),

@@ -1,8 +1,6 @@
 """A convolution as one matrix product for each cell of its kernel."""
 
 import jax.numpy as jnp
-from flax import linen as nn
-from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 
@@ -39,35 +37,3 @@ def product_conv(
             rows, columns = (max(-down, 0), max(down, 0)), (max(-right, 0), max(right, 0))
             total = total + jnp.pad(product, [(0, 0), rows, columns, (0, 0)])
     return total
-
-
-class ProductConv(nn.Module):
-    """A convolution with a large kernel or dilation; parameters as those of `nn.Conv`.
-
-    Attributes:
-        features: channels out.
-        side: of the kernel, in cells; odd.
-        rate: distance of the kernel's cells.
-        dtype: of the products; None for float32.
-    """
-
-    features: int
-    side: int = 3
-    rate: int = 1
-    dtype: DTypeLike | None = None
-
-    @nn.compact
-    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b h w features"]:
-        """Convolve.
-
-        Args:
-            x: features.
-
-        Returns:
-            Features of the same size, in `dtype`.
-        """
-        shape = (self.side, self.side, x.shape[-1], self.features)
-        kernel = self.param("kernel", nn.initializers.he_normal(), shape)
-        bias = self.param("bias", nn.initializers.zeros, (self.features,))
-        x, kernel, bias = nn.dtypes.promote_dtype(x, kernel, bias, dtype=self.dtype)
-        return product_conv(x, kernel, self.rate).astype(x.dtype) + bias[None, None, None, :]

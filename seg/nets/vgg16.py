@@ -8,7 +8,7 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from seg.nets.conv import Conv3x3
+from seg.nets.conv import Conv, conv3x3
 
 _CONVS = (2, 2, 3, 3, 3)  # of each stage
 _WIDTHS = (1, 2, 4, 8, 8)  # channels of each stage, relative to the first
@@ -47,8 +47,9 @@ class VGG16(nn.Module):
         x, pools = images, []
         for stage, (convs, factor) in enumerate(zip(_CONVS, _WIDTHS, strict=True), 1):
             for number in range(1, convs + 1):
-                x = Conv3x3(
+                x = Conv(
                     factor * self.width,
+                    conv3x3,
                     rate=2 if self.atrous and stage == 5 else 1,
                     dtype=self.dtype,
                     name=f"conv{stage}_{number}",
