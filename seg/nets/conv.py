@@ -16,8 +16,8 @@ def conv3x3(
 ) -> Float[Array, "b h w features"]:
     """Convolve; zeros around, the size is kept.
 
-    The same as `lax.conv_general_dilated`, and so is the gradient. On CPUs that of the kernel is nine
-    products over all pixels, which XLA's backend does two to five times as fast as the convolution with
+    The same as `lax.conv_general_dilated`, and so is the gradient. On CPUs that of the kernel is three
+    products over all pixels, which XLA's backend does two to seven times as fast as the convolution with
     an image for a kernel that it makes of it by itself.
 
     Args:
@@ -50,31 +50,58 @@ def _backward(rate: int, seen: tuple[Array, Array], grad: Array) -> tuple[Array,
     x, kernel = seen
     to_x = _convolve(grad, kernel[::-1, ::-1].swapaxes(2, 3), rate)
 
-    def by_products(x: Array, grad: Array) -> Array:
-        _, h, w, _ = x.shape
-        x = jnp.pad(x, [(0, 0), (rate, rate), (rate, rate), (0, 0)])
-        cells = [
-            jnp.einsum(
-                "bhwc,bhwd->cd",
-                x[:, i * rate : i * rate + h, j * rate : j * rate + w],
-                grad,
-                preferred_element_type=jnp.float32,
-            )
-            for i in range(3)
-            for j in range(3)
-        ]
-        return jnp.stack(cells).reshape(kernel.shape).astype(kernel.dtype)
-
     def by_convolution(x: Array, grad: Array) -> Array:
         _, back = jax.vjp(lambda kernel: _convolve(x, kernel, rate), kernel)
         (found,) = back(grad)
         return found
+
+    def by_products(x: Array, grad: Array) -> Array:
+        return kernel_gradient(x, grad, rate).astype(kernel.dtype)
 
     to_kernel = jax.lax.platform_dependent(x, grad, cpu=by_products, default=by_convolution)
     return to_x, to_kernel
 
 
 conv3x3.defvjp(_forward, _backward)
+
+
+def kernel_gradient(
+    x: Float[Array, "b h w c"], grad: Float[Array, "b h w features"], rate: int
+) -> Float[Array, "3 3 c features"]:
+    """The gradient of a 3x3 convolution's kernel, as one matrix product for each of its rows.
+
+    Three copies of the narrower of the two, shifted to the left and to the right, stand side by side: so
+    little is copied, and the products are large ones.
+
+    Args:
+        x: features that were convolved.
+        grad: gradient of the convolution's result.
+        rate: distance of the kernel's cells.
+
+    Returns:
+        f32, whatever the type of x, since many products are summed.
+    """
+    b, h, w, c = x.shape
+    around = (rate, rate)
+    total = partial(jnp.matmul, preferred_element_type=jnp.float32)
+
+    def beside(values: Array, order: tuple[int, ...]) -> Array:
+        values = jnp.pad(values, [(0, 0), (0, 0), around, (0, 0)])
+        return jnp.concatenate([values[:, :, j * rate : j * rate + w] for j in order], axis=-1)
+
+    def rows(values: Array) -> list[Array]:
+        values = jnp.pad(values, [(0, 0), around, (0, 0), (0, 0)])
+        return [flat(values[:, i * rate : i * rate + h]) for i in range(3)]
+
+    def flat(values: Array) -> Array:
+        return values.reshape(b * h * w, values.shape[-1])
+
+    if c < grad.shape[-1]:
+        products = [total(row.T, flat(grad)) for row in rows(beside(x, (0, 1, 2)))]
+        return jnp.stack(products).reshape(3, 3, c, -1)
+    columns = flat(beside(grad, (2, 1, 0)))
+    products = [total(row.T, columns) for row in rows(x)]
+    return jnp.stack(products).reshape(3, c, 3, -1).swapaxes(1, 2)
 
 
 class Conv(nn.Module):

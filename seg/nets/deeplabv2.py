@@ -14,7 +14,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.conv import Conv
-from seg.nets.product_conv import product_conv
+from seg.nets.product_conv import patch_conv, product_conv
 from seg.nets.resize import bilinear, pad_to_multiple
 from seg.nets.vgg16 import VGG16
 
@@ -61,13 +61,7 @@ class DeepLabV2(nn.Module):
         for number, rate in enumerate(_RATES, 1):
             x = features
             fc6 = Conv(self.hidden, product_conv, rate=rate, dtype=self.dtype, name=f"fc6_{number}")
-            fc7 = nn.Conv(
-                self.hidden,
-                (1, 1),
-                kernel_init=nn.initializers.he_normal(),
-                dtype=self.dtype,
-                name=f"fc7_{number}",
-            )
+            fc7 = Conv(self.hidden, patch_conv, side=1, dtype=self.dtype, name=f"fc7_{number}")
             for layer in (fc6, fc7):
                 x = nn.Dropout(0.5, deterministic=not train)(nn.relu(layer(x)))
             score = nn.Conv(

@@ -15,7 +15,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.conv import Conv
-from seg.nets.product_conv import product_conv
+from seg.nets.product_conv import patch_conv
 from seg.nets.resize import bilinear, pad_to_multiple
 from seg.nets.vgg16 import VGG16
 
@@ -94,7 +94,7 @@ class FCN8s(nn.Module):
         pools = backbone(pad_to_multiple(images, 32))
         x = pools[4]
         for name, side in (("fc6", 7), ("fc7", 1)):
-            x = Conv(self.hidden, product_conv, side=side, dtype=self.dtype, name=name)(x)
+            x = Conv(self.hidden, patch_conv, side=side, dtype=self.dtype, name=name)(x)
             x = nn.Dropout(0.5, deterministic=not train)(nn.relu(x))
         x = double(score(x, "score_fr"), "upscore2") + score(pools[3], "score_pool4")
         x = double(x, "upscore_pool4") + score(pools[2], "score_pool3")

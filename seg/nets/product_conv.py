@@ -1,18 +1,51 @@
-"""A convolution as one matrix product for each cell of its kernel."""
+"""Convolutions as matrix products, for kernels that reach as far as the map or nearly so."""
 
+from functools import partial
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+Cell = tuple[int, int, tuple[slice, slice], tuple[slice, slice]]
 
+
+def patch_conv(
+    x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], rate: int = 1
+) -> Float[Array, "b h w features"]:
+    """Convolve by one product of all patches with the kernel; zeros around, the size is kept.
+
+    The same as `lax.conv_general_dilated`. A kernel is then read only once, and its gradient written
+    once: for kernels of more numbers than the patches have, as those of fully connected layers.
+
+    Args:
+        x: features.
+        kernel: rows, columns (as many, an odd number), channels in, channels out.
+        rate: distance of the kernel's cells.
+
+    Returns:
+        f32, whatever the type of x, since many products are summed.
+    """
+    b, h, w, c = x.shape
+    side, _, _, features = kernel.shape
+    around = (side // 2 * rate,) * 2
+    x = jnp.pad(x, [(0, 0), around, around, (0, 0)])
+    starts = [(i * rate, j * rate) for i in range(side) for j in range(side)]
+    cells = [x[:, down : down + h, right : right + w] for down, right in starts]
+    patches = jnp.concatenate(cells, axis=-1).reshape(b * h * w, side * side * c)
+    flat = kernel.reshape(side * side * c, features)
+    product = jnp.matmul(patches, flat, preferred_element_type=jnp.float32)
+    return product.reshape(b, h, w, features)
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(2,))
 def product_conv(
     x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], rate: int = 1
 ) -> Float[Array, "b h w features"]:
-    """Convolve with a kernel whose cells lie `rate` apart; zeros around, the size is kept.
+    """Convolve by one product for each cell of the kernel; zeros around, the size is kept.
 
     The same as `lax.conv_general_dilated`. Cells that lie outside the map wherever the centre is (at
-    1/8 of 128x96 all but the centre of those with rate 18) are left out, and what remains are large
-    matrix products, which XLA's CPU backend does faster than a dilated convolution or one with a kernel
-    about as large as the map, above all backwards.
+    1/8 of 128x96 all but the centre of those with rate 18) are left out, and so is the part of the others
+    that does: for cells far apart, with which XLA's CPU backend is slow, above all backwards.
 
     Args:
         x: features.
@@ -22,18 +55,54 @@ def product_conv(
     Returns:
         f32, whatever the type of x, since many products are summed.
     """
+    size = x.shape[1:3]
+    total = jnp.zeros((*x.shape[:3], kernel.shape[-1]), jnp.float32)
+    for i, j, seen, seeing in _cells(x, kernel, rate):
+        product = jnp.einsum(
+            "bhwc,cd->bhwd", x[:, *seen], kernel[i, j], preferred_element_type=jnp.float32
+        )
+        around = [(part.start, n - part.stop) for part, n in zip(seeing, size, strict=True)]
+        total += jnp.pad(product, [(0, 0), *around, (0, 0)])
+    return total
+
+
+def _cells(x: Array, kernel: Array, rate: int) -> list[Cell]:
+    """Row and column of each cell that ever lies inside; the part it sees, and where its centre is then."""
     _, h, w, _ = x.shape
     side = kernel.shape[0]
-    total = jnp.zeros((*x.shape[:3], kernel.shape[-1]), jnp.float32)
-    for i in range(side):
-        for j in range(side):
-            down, right = (i - side // 2) * rate, (j - side // 2) * rate
-            if abs(down) >= h or abs(right) >= w:
-                continue
-            seen = x[:, max(down, 0) : h + min(down, 0), max(right, 0) : w + min(right, 0)]
-            product = jnp.einsum(
-                "bhwc,cd->bhwd", seen, kernel[i, j], preferred_element_type=jnp.float32
-            )
-            rows, columns = (max(-down, 0), max(down, 0)), (max(-right, 0), max(right, 0))
-            total = total + jnp.pad(product, [(0, 0), rows, columns, (0, 0)])
-    return total
+
+    def along(cell: int, size: int) -> tuple[slice, slice]:
+        offset = (cell - side // 2) * rate
+        seen = slice(max(offset, 0), size + min(offset, 0))
+        return seen, slice(seen.start - offset, seen.stop - offset)
+
+    rows, columns = ([along(cell, size) for cell in range(side)] for size in (h, w))
+    return [
+        (i, j, (top, left), (from_top, from_left))
+        for i, (top, from_top) in enumerate(rows)
+        for j, (left, from_left) in enumerate(columns)
+        if top.start < top.stop and left.start < left.stop
+    ]
+
+
+def _forward(x: Array, kernel: Array, rate: int) -> tuple[Array, tuple[Array, Array]]:
+    return product_conv(x, kernel, rate), (x, kernel)
+
+
+def _backward(rate: int, given: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
+    x, kernel = given
+    to_x = product_conv(grad, kernel[::-1, ::-1].swapaxes(2, 3), rate)
+    # Left to JAX, each cell would be written into a kernel of zeros and all of these added.
+    found = {
+        (i, j): jnp.einsum(
+            "bhwc,bhwd->cd", x[:, *seen], grad[:, *seeing], preferred_element_type=jnp.float32
+        )
+        for i, j, seen, seeing in _cells(x, kernel, rate)
+    }
+    outside = jnp.zeros(kernel.shape[2:], jnp.float32)
+    side = range(kernel.shape[0])
+    to_kernel = jnp.stack([jnp.stack([found.get((i, j), outside) for j in side]) for i in side])
+    return to_x.astype(x.dtype), to_kernel.astype(kernel.dtype)
+
+
+product_conv.defvjp(_forward, _backward)

@@ -9,6 +9,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.conv import Conv, conv3x3
+from seg.nets.max_pool import max_pool
 
 _CONVS = (2, 2, 3, 3, 3)  # of each stage
 _WIDTHS = (1, 2, 4, 8, 8)  # channels of each stage, relative to the first
@@ -58,9 +59,8 @@ class VGG16(nn.Module):
                     x = nn.GroupNorm(_GROUPS, dtype=self.dtype, name=f"norm{stage}_{number}")(x)
                 x = nn.relu(x)
             if self.atrous:
-                stride = 2 if stage <= 3 else 1
-                x = nn.max_pool(x, (3, 3), (stride, stride), padding=((1, 1), (1, 1)))
+                x = max_pool(x, 3, 2 if stage <= 3 else 1)
             else:
-                x = nn.max_pool(x, (2, 2), (2, 2))
+                x = max_pool(x, 2, 2)
             pools.append(x)
         return tuple(pools)

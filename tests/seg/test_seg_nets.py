@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, net, normalise
-from seg.nets.conv import Conv, conv3x3
+from seg.nets.conv import Conv, conv3x3, kernel_gradient
 from seg.nets.fcn8s import bilinear_kernel
-from seg.nets.product_conv import product_conv
+from seg.nets.max_pool import max_pool
+from seg.nets.product_conv import patch_conv, product_conv
 from seg.nets.resize import bilinear, repeat_pixels, space_to_depth
 
 VGG16_CONVS = 14_714_688
@@ -141,6 +142,8 @@ def convolve(x, kernel, rate):
     [
         *((product_conv, 3, rate) for rate in (1, 2, 4, 6, 9)),  # 9 leaves the centre only
         *((product_conv, side, 1) for side in (1, 5, 7)),
+        *((patch_conv, side, 1) for side in (1, 3, 7)),
+        (patch_conv, 3, 2),
         *((conv3x3, 3, rate) for rate in (1, 2, 4)),
     ],
 )
@@ -162,7 +165,9 @@ def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
 
 
 @pytest.mark.parametrize("dtype", [None, jnp.bfloat16])
-@pytest.mark.parametrize(("ours", "side"), [(conv3x3, 3), (product_conv, 3), (product_conv, 7)])
+@pytest.mark.parametrize(
+    ("ours", "side"), [(conv3x3, 3), (product_conv, 3), (product_conv, 7), (patch_conv, 7)]
+)
 def test_our_convolutions_have_the_parameters_of_flax_s(ours, side, dtype):
     key, x = jax.random.key(3), jax.random.normal(jax.random.key(4), (2, 5, 7, 4))
     theirs = nn.Conv(
@@ -174,6 +179,43 @@ def test_our_convolutions_have_the_parameters_of_flax_s(ours, side, dtype):
     assert found.dtype == expected.dtype
     wide = 1e-5 if dtype is None else 0.1
     np.testing.assert_allclose(found.astype(float), expected.astype(float), atol=wide)
+
+
+@pytest.mark.parametrize("features", [1, 4, 5, 9])  # the narrower one is copied, x has 4
+@pytest.mark.parametrize("rate", [1, 3])
+def test_gradient_of_a_kernel_is_that_of_xla(features, rate):
+    rng = np.random.default_rng(features)
+    x = jnp.asarray(rng.normal(size=(2, 5, 7, 4)), jnp.float32)
+    grad = jnp.asarray(rng.normal(size=(2, 5, 7, features)), jnp.float32)
+    kernel = jnp.zeros((3, 3, 4, features))
+    _, back = jax.vjp(lambda kernel: convolve(x, kernel, rate), kernel)
+    (expected,) = back(grad)
+    np.testing.assert_allclose(kernel_gradient(x, grad, rate), expected, atol=1e-4)
+
+
+@pytest.mark.parametrize(("side", "stride"), [(2, 2), (3, 1), (3, 2), (4, 2), (5, 1), (3, 3)])
+@given(seed=st.integers(0, 2**32 - 1), equal=st.booleans())
+def test_max_pool_is_that_of_flax_with_its_gradient(side, stride, seed, equal):
+    rng = np.random.default_rng(seed)
+    shape = (2, 2 * stride, 3 * stride, 3)
+    values = rng.integers(-2, 3, shape) if equal else rng.normal(size=shape)
+    x = jnp.asarray(values, jnp.float32)
+    around = ((side - 1) // 2,) * 2
+
+    def flax_s(x):
+        return nn.max_pool(x, (side, side), (stride, stride), (around, around))
+
+    expected, theirs = jax.vjp(flax_s, x)
+    found, ours = jax.vjp(lambda x: max_pool(x, side, stride), x)
+    np.testing.assert_array_equal(found, expected)
+    grad = jnp.asarray(rng.normal(size=found.shape), jnp.float32)
+    np.testing.assert_allclose(ours(grad)[0], theirs(grad)[0], atol=1e-5)
+
+
+def test_max_pool_keeps_half_precision():
+    x = jax.random.normal(jax.random.key(0), (1, 4, 4, 2), jnp.bfloat16)
+    found, back = jax.vjp(lambda x: max_pool(x, 3, 2), x)
+    assert found.dtype == back(found)[0].dtype == jnp.bfloat16
 
 
 def test_bilinear_by_hand():
