@@ -3,6 +3,7 @@
     python -m experiments.fidelity --target camvid --data DIR --holdout 0006R0
     python -m experiments.fidelity --target twin --preset smoke                  # about a minute
     python -m experiments.fidelity --target twin --reward-kind mmd               # without labels
+    python -m experiments.fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
 
 Proposals with random bins, the street set by eye and random attributes are scored on every rung of the
 ladder from the reward stage to the final size, some of them with several seeds. Kill it at any moment;

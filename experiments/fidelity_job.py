@@ -48,6 +48,11 @@ class FidelityConfig(TargetConfig):
     """Proposals that are scored with several seeds, the two that are added among them."""
     repeats: int = 4
     """Seeds of those."""
+    rungs: int | None = None
+    """Only the cheapest rungs, so many; by default all of them, up to the final size."""
+    require_signal: float | None = None
+    """End with exit code 1 where the signal of the cheapest reward, what a search would see, is less than so
+    many times its noise. 2 is a good demand to make before a search with a net that may learn nothing."""
 
 
 def fidelity_config(target: str, preset: str) -> FidelityConfig:
@@ -72,6 +77,10 @@ def check(config: FidelityConfig) -> None:
         )
     if not 2 <= config.repeats <= MOST_REPEATS:
         raise UserError(f"--repeats must be 2 to {MOST_REPEATS}, not {config.repeats}")
+    if config.rungs is not None and config.rungs < 1:
+        raise UserError(f"--rungs must be 1 or more, not {config.rungs}")
+    if config.require_signal is not None and not config.require_signal > 0:
+        raise UserError(f"--require-signal must be above 0, not {config.require_signal}")
     width = config.search.relaxation
     if width is not None and not 0 <= width <= 1:
         raise UserError(f"--search.relaxation must lie in [0, 1], not {width}")
@@ -95,11 +104,11 @@ def proposals(config: FidelityConfig) -> dict[str, sdr_jax.Proposal]:
 
 
 def levels(config: FidelityConfig) -> list[Level]:
-    """Every rung of the ladder; a reward without labels is compared with mIoU at the final size."""
+    """The rungs of the ladder; a reward without labels is compared with mIoU at the final size."""
     kind = config.reward_kind
-    rungs = ladder(config)
+    rungs = ladder(config)[: config.rungs]
     found = [Level(f"rung {k + 1}", rung.stage, kind) for k, rung in enumerate(rungs)]
-    if kind != "miou":
+    if kind != "miou" and config.rungs is None:
         found.append(Level("final nets", config.final, "miou"))
     return found
 
@@ -130,7 +139,14 @@ def run(config: FidelityConfig) -> dict[str, Any]:
             for number, level in enumerate(rungs)
         ]
         report = fidelity_report.summarize(
-            study.target, config.preset, rungs, names, names[2:], repeated, outcomes
+            study.target,
+            config.preset,
+            rungs,
+            names,
+            names[2:],
+            repeated,
+            outcomes,
+            config.require_signal,
         )
         fidelity_report.write(report, config.out)
         progress.say(fidelity_report.text(report))
@@ -179,5 +195,12 @@ def _score(
 
 
 def main(description: str, arguments: Sequence[str] | None = None) -> int:
-    """Parse, run, and turn what went wrong into one line. Returns the exit code."""
-    return main_on_target("fidelity", fidelity_config, run, description, arguments)
+    """Parse, run, and turn what went wrong into one line. Returns the exit code, 1 for too little signal."""
+    fit = True
+
+    def measure(config: FidelityConfig) -> None:
+        nonlocal fit
+        fit = run(config)["fit"] is not False
+
+    code = main_on_target("fidelity", fidelity_config, measure, description, arguments)
+    return code if fit else 1

@@ -38,6 +38,7 @@ def summarize(
     drawn: Sequence[str],
     repeated: Sequence[str],
     outcomes: Sequence[Mapping[str, Sequence[Outcome]]],
+    required: float | None = None,
 ) -> dict[str, Any]:
     """What ``fidelity.json`` holds; mIoU in percent, -MMD^2 as it is.
 
@@ -49,6 +50,7 @@ def summarize(
         drawn: those with random bins, among which the signal is measured.
         repeated: those that were scored with more seeds than one.
         outcomes: of every level, by proposal, in the order of the seeds.
+        required: how many times its noise the first rung's signal must be; ``fit`` then says whether it is.
     """
     first = [
         np.array([_value(level, found[name][0]) for name in names])
@@ -58,7 +60,10 @@ def summarize(
         _rung(level, found, firsts, first[-1], names, drawn, repeated)
         for level, found, firsts in zip(levels, outcomes, first, strict=True)
     ]
+    found = rungs[0]["signal_to_noise"]["value"]
     return {
+        "required_signal": required,
+        "fit": None if required is None else found is not None and found >= required,
         "target": target.name,
         "real": target.real,
         "note": target.title,
@@ -182,6 +187,12 @@ def text(report: dict[str, Any]) -> str:
         "",
         *(f"- {line}" for rung in report["rungs"] for line in _sentences(rung)),
     ]
+    if report["fit"] is not None:
+        verdict = "is" if report["fit"] else "is NOT"
+        first, times = report["rungs"][0]["rung"], f"{report['required_signal']:g}"
+        lines.append(
+            f"- {first}: the signal {verdict} {times} times the noise or more, as was demanded."
+        )
     failed = sum(rung["failed"] for rung in report["rungs"])
     if failed:
         lines.append(f"- {failed} evaluations failed and are left out.")

@@ -171,6 +171,28 @@ def test_a_killed_measurement_ends_as_an_unbroken_one(measure, tmp_path):
     assert [(killed.out / name).read_bytes() for name in FILES] == whole
 
 
+@pytest.mark.parametrize(("required", "fit"), [("1", True), ("1e9", False), (None, None)])
+def test_a_reward_with_too_little_signal_stops_a_script(measure, required, fit, capsys):
+    config, calls, _ = measure
+    flags = [
+        "--target",
+        "camvid",
+        "--preset",
+        "smoke",
+        "--data",
+        str(config.data),
+        "--workers",
+        "0",
+    ]
+    flags += ["--proposals", "5", "--repeated", "3", "--rungs", "1", "--out", str(config.out)]
+    code = main("", flags if required is None else [*flags, "--require-signal", required])
+    report = json.loads((config.out / "fidelity.json").read_text())
+    (rung,) = report["rungs"]
+    assert len(calls) == 7 + 3 and rung["signal_to_noise"]["value"] > 1
+    assert report["fit"] is fit and code == (fit is False)
+    assert ("the signal is NOT 1e+09 times the noise" in capsys.readouterr().out) == (fit is False)
+
+
 @pytest.mark.parametrize(
     ("flags", "words"),
     [
@@ -178,6 +200,8 @@ def test_a_killed_measurement_ends_as_an_unbroken_one(measure, tmp_path):
         (["--proposals", "1"], "--proposals must be 2 or more"),
         (["--repeated", "9"], "--repeated must be 2 to 5"),
         (["--repeats", "1"], "--repeats must be 2"),
+        (["--rungs", "0"], "--rungs must be 1 or more"),
+        (["--require-signal", "0"], "--require-signal must be above 0"),
         (["--search.relaxation", "2"], "--search.relaxation must lie in [0, 1]"),
         (["--target", "cityscapes"], "Cityscapes needs its folder"),
         (["--data", "x"], "--target twin takes no --data"),
