@@ -8,7 +8,7 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from seg.nets.conv import Conv, conv3x3
+from seg.nets.conv import Conv, conv
 from seg.nets.max_pool import max_pool
 
 _CONVS = (2, 2, 3, 3, 3)  # of each stage
@@ -50,7 +50,7 @@ class VGG16(nn.Module):
             for number in range(1, convs + 1):
                 x = Conv(
                     factor * self.width,
-                    conv3x3,
+                    conv,
                     rate=2 if self.atrous and stage == 5 else 1,
                     dtype=self.dtype,
                     name=f"conv{stage}_{number}",

@@ -1,5 +1,6 @@
 """Nets: shapes and parameter counts at full size (without running), behaviour at a small one."""
 
+from functools import partial
 from itertools import pairwise
 
 import jax
@@ -10,8 +11,8 @@ from flax import linen as nn
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, net, normalise
-from seg.nets.conv import Conv, conv3x3, kernel_gradient
+from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, compact, net, normalise
+from seg.nets.conv import Conv, conv, kernel_gradient
 from seg.nets.fcn8s import bilinear_kernel
 from seg.nets.max_pool import max_pool
 from seg.nets.product_conv import patch_conv, product_conv
@@ -30,13 +31,13 @@ def outline(module, *shape):
     return out, sum(leaf.size for leaf in jax.tree.leaves(variables))
 
 
-def conv(side, c_in, c_out):
+def conv_count(side, c_in, c_out):
     return side * side * c_in * c_out + c_out
 
 
 def test_vgg16_has_the_published_count():
     channels = [3, 64, 64, 128, 128, 256, 256, 256, 512, 512, 512, 512, 512, 512]
-    by_hand = sum(conv(3, c_in, c_out) for c_in, c_out in pairwise(channels))
+    by_hand = sum(conv_count(3, c_in, c_out) for c_in, c_out in pairwise(channels))
     assert by_hand == VGG16_CONVS
     for atrous in (False, True):
         assert outline(VGG16(atrous=atrous), 1, 64, 96, 3)[1] == VGG16_CONVS
@@ -58,8 +59,10 @@ def test_vgg16_strides():
 @pytest.mark.parametrize("classes", [11, 19, 21])
 def test_fcn8s_count(classes):
     out, count = outline(FCN8s(classes), 2, 360, 480, 3)
-    heads = conv(7, 512, 4096) + conv(1, 4096, 4096)
-    scores = conv(1, 4096, classes) + conv(1, 512, classes) + conv(1, 256, classes)
+    heads = conv_count(7, 512, 4096) + conv_count(1, 4096, 4096)
+    scores = (
+        conv_count(1, 4096, classes) + conv_count(1, 512, classes) + conv_count(1, 256, classes)
+    )
     assert out.shape == (2, 360, 480, classes)
     assert count == VGG16_CONVS + heads + scores + 2 * 4 * 4 * classes**2
 
@@ -67,7 +70,7 @@ def test_fcn8s_count(classes):
 @pytest.mark.parametrize("classes", [11, 19, 21])
 def test_deeplabv2_count(classes):
     out, count = outline(DeepLabV2(classes), 2, 320, 640, 3)
-    branch = conv(3, 512, 1024) + conv(1, 1024, 1024) + conv(1, 1024, classes)
+    branch = conv_count(3, 512, 1024) + conv_count(1, 1024, 1024) + conv_count(1, 1024, classes)
     assert out.shape == (2, 320, 640, classes)
     assert count == VGG16_CONVS + 4 * branch
 
@@ -77,10 +80,29 @@ def test_compact_count():
         return 9 * c_in * c_out + 2 * c_out  # no bias; GroupNorm has two numbers per channel
 
     by_hand = block(49, 24) + block(24, 24) + block(24, 48) + 2 * block(48, 48)
-    by_hand += conv(1, 48, 24) + block(24, 24) + conv(1, 24, 11)
+    by_hand += conv_count(1, 48, 24) + block(24, 24) + conv_count(1, 24, 11)
     out, count = outline(Compact(11), 1, 96, 128, 3)
     assert count == by_hand == 74_675
     assert out.shape == (1, 96, 128, 11)
+
+
+def test_compact_is_the_same_net_at_any_size(monkeypatch):
+    images = jax.random.normal(jax.random.key(0), (2, 24, 40, 3))
+    weight = jax.random.normal(jax.random.key(1), (2, 24, 40, 3))
+    module = Compact(3, width=8)
+
+    def all_of():
+        variables = module.init(jax.random.key(2), images)
+        value, back = jax.vjp(lambda variables: module.apply(variables, images), variables)
+        return variables, value, back(weight)
+
+    small = all_of()
+    monkeypatch.setattr(compact, "_LARGE", 0)
+    large = all_of()
+    jax.tree.map(np.testing.assert_array_equal, large[:2], small[:2])
+    jax.tree.map(partial(np.testing.assert_allclose, atol=1e-3), large[2], small[2])
+    different = jax.tree.map(lambda a, b: bool((a != b).any()), large[2], small[2])
+    assert any(jax.tree.leaves(different))  # two ways, indeed
 
 
 @pytest.mark.parametrize("name", ["compact", "fcn8s", "deeplabv2"])
@@ -144,7 +166,8 @@ def convolve(x, kernel, rate):
         *((product_conv, side, 1) for side in (1, 5, 7)),
         *((patch_conv, side, 1) for side in (1, 3, 7)),
         (patch_conv, 3, 2),
-        *((conv3x3, 3, rate) for rate in (1, 2, 4)),
+        *((conv, 3, rate) for rate in (1, 2, 4)),
+        *((conv, side, 1) for side in (1, 5, 7)),
     ],
 )
 def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
@@ -166,7 +189,7 @@ def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
 
 @pytest.mark.parametrize("dtype", [None, jnp.bfloat16])
 @pytest.mark.parametrize(
-    ("ours", "side"), [(conv3x3, 3), (product_conv, 3), (product_conv, 7), (patch_conv, 7)]
+    ("ours", "side"), [(conv, 3), (product_conv, 3), (product_conv, 7), (patch_conv, 7)]
 )
 def test_our_convolutions_have_the_parameters_of_flax_s(ours, side, dtype):
     key, x = jax.random.key(3), jax.random.normal(jax.random.key(4), (2, 5, 7, 4))
@@ -190,7 +213,7 @@ def test_gradient_of_a_kernel_is_that_of_xla(features, rate):
     kernel = jnp.zeros((3, 3, 4, features))
     _, back = jax.vjp(lambda kernel: convolve(x, kernel, rate), kernel)
     (expected,) = back(grad)
-    np.testing.assert_allclose(kernel_gradient(x, grad, rate), expected, atol=1e-4)
+    np.testing.assert_allclose(kernel_gradient(x, grad, 3, rate), expected, atol=1e-4)
 
 
 @pytest.mark.parametrize(("side", "stride"), [(2, 2), (3, 1), (3, 2), (4, 2), (5, 1), (3, 3)])
