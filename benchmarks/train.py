@@ -37,6 +37,10 @@ CLASSES = 11
 BATCHES = {"compact": 8, "deeplabv2": 4, "fcn8s": 4}
 SIZES = ("128x96", "480x360", "640x320")
 LARGE = 100_000  # pixels from which VGG nets take seconds an image: one is enough
+REWARDS = (
+    None,
+    180,
+)  # rendered images of the rewards that are split: the preset's, and a round number
 REAL = 367  # images of CamVid's training split, which the quick reward is scored on
 BUDGET = 12.0  # seconds after which no further repeat begins, once there are two
 
@@ -197,14 +201,20 @@ def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
     return rows
 
 
-def reward_row(real: tuple[np.ndarray, np.ndarray], steps: int | None = None) -> Row:
+def reward_row(
+    real: tuple[np.ndarray, np.ndarray], steps: int | None = None, images: int | None = None
+) -> Row:
     """Seconds of each part of one quick reward of ``experiments.camvid``, in this process.
+
+    Steps and images, a multiple of the shots of a street, are the preset's by default.
 
     ``compile`` is what the first training and scoring of a process take longer than the second: a search
     pays it once per worker, and with JAX's cache on disk only the first search does.
     """
     config = camvid_config("quick")
     stage = config.reward
+    if images:
+        stage = replace(stage, streets=images // stage.shots)
     settings = replace(stage.train, steps=steps or stage.train.steps)
     units = np.random.default_rng(0).uniform(size=(stage.streets, 23)).astype(np.float32)
 
@@ -294,7 +304,7 @@ def main(arguments: list[str] | None = None) -> int:
             rows += net_rows(job, options.repeats, options.threads, compare)
             print(f"{name} at {width}x{height}: done", file=sys.stderr, flush=True)
     print(table(rows))
-    reward = [reward_row(random_real())] if options.reward else []
+    reward = [reward_row(random_real(), images=n) for n in REWARDS] if options.reward else []
     if reward:
         print(f"\n{table(reward)}")
     write(options.json, rows=rows, reward=reward)
