@@ -21,7 +21,7 @@ from flax import linen as nn
 
 from benchmarks.report import Row, parser, report
 from benchmarks.train import Runs, count, medians
-from seg.nets.conv import conv
+from seg.nets.conv import conv, xla_conv
 from seg.nets.max_pool import max_pool
 from seg.nets.product_conv import patch_conv, product_conv
 
@@ -35,14 +35,6 @@ class Layer(NamedTuple):
     ours: Function
     xlas: Function
     shapes: tuple[tuple[int, ...], ...]
-
-
-def xla_conv(x: jax.Array, kernel: jax.Array, rate: int) -> jax.Array:
-    """As XLA does by itself."""
-    return jax.lax.conv_general_dilated(
-        x, kernel, (1, 1), "SAME", rhs_dilation=(rate, rate),
-        dimension_numbers=("NHWC", "HWIO", "NHWC"),
-    )  # fmt: skip
 
 
 def xla_pool(x: jax.Array, side: int, stride: int) -> jax.Array:
@@ -59,10 +51,7 @@ def convolution(
 
 def pooling(name: str, map_: tuple[int, ...], side: int, stride: int) -> Layer:
     """A layer from the shape of its features."""
-    ours, xlas = (
-        lambda x, pool=pool: pool(x, side, stride)  # nondiff arguments have to be positional
-        for pool in (max_pool, xla_pool)
-    )
+    ours, xlas = (partial(pool, side=side, stride=stride) for pool in (max_pool, xla_pool))
     return Layer(name, ours, xlas, (map_,))
 
 

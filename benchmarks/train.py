@@ -301,8 +301,10 @@ def main(arguments: list[str] | None = None) -> int:
             rows += net_rows(job, options.repeats, options.threads, compare)
             print(f"{name} at {width}x{height}: done", file=sys.stderr, flush=True)
     print(table(rows))
-    reward = [reward_row(random_real(), images=n) for n in REWARDS] if options.reward else []
-    if reward:
+    reward: list[Row] = []
+    if options.reward:
+        real = random_real()
+        reward = [reward_row(real, images=n) for n in REWARDS]
         print(f"\n{table(reward)}")
     write(options.json, rows=rows, reward=reward)
     return 0

@@ -28,10 +28,11 @@ def conv(
     Returns:
         Features in the type of x.
     """
-    return _convolve(x, kernel, rate)
+    return xla_conv(x, kernel, rate)
 
 
-def _convolve(x: Array, kernel: Array, rate: int) -> Array:
+def xla_conv(x: Array, kernel: Array, rate: int = 1) -> Array:
+    """The same with the gradients that JAX makes of it."""
     return jax.lax.conv_general_dilated(
         x,
         kernel,
@@ -43,15 +44,15 @@ def _convolve(x: Array, kernel: Array, rate: int) -> Array:
 
 
 def _forward(x: Array, kernel: Array, rate: int) -> tuple[Array, tuple[Array, Array]]:
-    return _convolve(x, kernel, rate), (x, kernel)
+    return xla_conv(x, kernel, rate), (x, kernel)
 
 
 def _backward(rate: int, seen: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
     x, kernel = seen
-    to_x = _convolve(grad, kernel[::-1, ::-1].swapaxes(2, 3), rate)
+    to_x = xla_conv(grad, kernel[::-1, ::-1].swapaxes(2, 3), rate)
 
     def by_convolution(x: Array, grad: Array) -> Array:
-        _, back = jax.vjp(lambda kernel: _convolve(x, kernel, rate), kernel)
+        _, back = jax.vjp(lambda kernel: xla_conv(x, kernel, rate), kernel)
         (found,) = back(grad)
         return found
 
@@ -110,7 +111,7 @@ class Conv(nn.Module):
 
     Attributes:
         features: channels out.
-        convolve: of features, kernel and rate: `conv`, `patch_conv` or `product_conv`.
+        convolve: of features, kernel and rate: `conv`, `xla_conv`, `patch_conv` or `product_conv`.
         side: of the kernel, in cells; odd.
         rate: distance of the kernel's cells.
         use_bias: add a number to each channel.

@@ -174,17 +174,9 @@ def test_a_killed_measurement_ends_as_an_unbroken_one(measure, tmp_path):
 @pytest.mark.parametrize(("required", "fit"), [("1", True), ("1e9", False), (None, None)])
 def test_a_reward_with_too_little_signal_stops_a_script(measure, required, fit, capsys):
     config, calls, _ = measure
-    flags = [
-        "--target",
-        "camvid",
-        "--preset",
-        "smoke",
-        "--data",
-        str(config.data),
-        "--workers",
-        "0",
-    ]
-    flags += ["--proposals", "5", "--repeated", "3", "--rungs", "1", "--out", str(config.out)]
+    flags = ["--target", "camvid", "--preset", "smoke", "--data", str(config.data)]
+    flags += ["--workers", "0", "--out", str(config.out)]
+    flags += ["--proposals", "5", "--repeated", "3", "--rungs", "1"]
     code = main("", flags if required is None else [*flags, "--require-signal", required])
     report = json.loads((config.out / "fidelity.json").read_text())
     (rung,) = report["rungs"]
