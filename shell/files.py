@@ -1,0 +1,112 @@
+"""Files that a kill at any moment leaves whole, and JSON that is read with suspicion."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, NoReturn
+
+from shell.errors import UserError
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors of the disk name ``path``; a write that finds the disk full names no file by itself."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = str(path)
+        raise
+
+
+def write(path: Path, content: bytes | str | Iterable[str], part: Path | None = None) -> int:
+    """Write a whole file or nothing; returns the number of bytes.
+
+    Args:
+        path: the file.
+        content: all of it, or text piece by piece.
+        part: the file while it is being written, on the same disk; by default ``path`` and ``.part``.
+
+    Raises:
+        OSError: with the file's name.
+    """
+    part = part or path.with_name(path.name + ".part")
+    pieces = [content] if isinstance(content, bytes | str) else content
+    with naming(path):
+        try:
+            with open(part, "wb") as file:
+                for piece in pieces:
+                    file.write(piece.encode() if isinstance(piece, str) else piece)
+                file.flush()
+                os.fsync(file.fileno())
+                size = file.tell()
+            os.replace(part, path)
+        except BaseException:
+            with suppress(OSError):
+                part.unlink()
+            raise
+    return size
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write ``value`` as indented JSON, whole or not at all."""
+    write(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
+
+
+def parse_json(text: str | bytes) -> Any:
+    """The value of a JSON text; NaN and infinities, which JSON lacks, are refused.
+
+    Raises:
+        ValueError: it is no JSON.
+    """
+    try:
+        return json.loads(text, parse_constant=_refuse_constant)
+    except RecursionError:
+        raise ValueError("it is nested too deeply") from None
+
+
+def _refuse_constant(name: str) -> NoReturn:
+    raise ValueError(f"{name} is not JSON")
+
+
+def read_json(path: Path) -> Any:
+    """The value in a JSON file.
+
+    Raises:
+        UserError: it is no JSON, with the file's name.
+        OSError: it cannot be read.
+    """
+    try:
+        return parse_json(path.read_bytes())
+    except ValueError as error:
+        raise UserError(f"{path} is no JSON file: {error}") from None
+
+
+def digest(value: Any) -> str:
+    """Sha256 of a plain value as canonical JSON."""
+    text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def folder_digest(root: Path) -> str:
+    """Sha256 of the names and bytes of all files below a folder."""
+    found = hashlib.sha256()
+    for path in sorted(p for p in root.rglob("*") if p.is_file()):
+        found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    return found.hexdigest()
+
+
+def versions(packages: Sequence[str]) -> dict[str, str]:
+    """Versions of packages, by name."""
+    found = {}
+    for package in packages:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found

@@ -1,0 +1,125 @@
+"""A job's folder: it says which job it holds, and lets no other one, nor a second process, in."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from shell.errors import UserError
+from shell.files import parse_json, versions, write_json
+
+CONFIG, LOCK = "config.json", "lock"
+
+
+def refuse_foreign(
+    path: Path, config: dict[str, Any], free: Sequence[str] = (), ours: Sequence[str] = ()
+) -> None:
+    """Raise UserError if a folder cannot take this job; nothing on the disk is changed.
+
+    Args:
+        path: ``--out``: new, empty, or the folder of the same job.
+        config: all that decides the job, plain values.
+        free: dotted names of values that may differ when a job is continued.
+        ours: what a folder may hold before there is a job in it, beside the lock.
+    """
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise UserError(f"--out {path} is a file; it must be a folder")
+    stored = path / CONFIG
+    if not stored.exists():
+        if {entry.name for entry in path.iterdir()} - {LOCK, f"{CONFIG}.part", *ours}:
+            raise UserError(f"--out {path} holds other files and no run; choose another")
+        return
+    try:
+        found = parse_json(stored.read_bytes())
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise UserError(f"{stored} is no JSON object; use another --out")
+    found.pop("versions", None)
+    for name, mine, theirs in differences(plain(config), found):
+        if name not in free:
+            raise UserError(
+                f"--out {path} holds a run with {name} = {json.dumps(theirs)}, not "
+                f"{json.dumps(mine)}; put that back to continue it, or use another --out"
+            )
+
+
+@contextmanager
+def opened(
+    path: Path,
+    config: dict[str, Any],
+    *,
+    free: Sequence[str] = (),
+    ours: Sequence[str] = (),
+    packages: Sequence[str] = (),
+) -> Iterator[bool]:
+    """Open a job's folder, new or to be continued, and keep a second process out of it.
+
+    Args:
+        path: the folder.
+        config: all that decides the job; ``config.json`` holds it, with the versions of packages.
+        free: dotted names of values that may differ when a job is continued.
+        ours: what a folder may hold before there is a job in it.
+        packages: whose versions are worth keeping.
+
+    Yields:
+        Whether the job is continued.
+
+    Raises:
+        UserError: the folder holds another job, something that is no job, is in use, or cannot be written.
+    """
+    refuse_foreign(path, config, free, ours)
+    new = not path.exists()
+    lock = FileLock(path / LOCK, timeout=0)
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        lock.acquire()
+    except Timeout:
+        raise UserError(f"--out {path} is in use by another run") from None
+    except OSError as error:
+        raise UserError(
+            f"--out {path} cannot be written ({error.strerror}); choose another"
+        ) from None
+    try:
+        refuse_foreign(path, config, free, ours)  # another process may have been first
+        continued = (path / CONFIG).exists()
+        if not continued:
+            write_json(path / CONFIG, {**plain(config), "versions": versions(packages)})
+        yield continued
+    finally:
+        lock.release()
+        if new and not (path / CONFIG).exists():
+            shutil.rmtree(path, ignore_errors=True)
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON would hold it; what JSON lacks, such as paths, as text."""
+    return json.loads(json.dumps(value, default=str))
+
+
+def differences(ours: Any, theirs: Any, name: str = "") -> Iterator[tuple[str, Any, Any]]:
+    """Yield (dotted name, ours, theirs) of every value of nested objects that is not the same.
+
+    A list of objects that have names is compared one by one.
+    """
+    if isinstance(ours, dict) and isinstance(theirs, dict):
+        for key in sorted(ours.keys() | theirs.keys()):
+            inner = f"{name}.{key}" if name else key
+            yield from differences(ours.get(key), theirs.get(key), inner)
+    elif _named(ours) and isinstance(theirs, list) and len(ours) == len(theirs):
+        for mine, other in zip(ours, theirs, strict=True):
+            yield from differences(mine, other, f"{name}.{mine['name']}")
+    elif ours != theirs:
+        yield name, ours, theirs
+
+
+def _named(value: Any) -> bool:
+    return isinstance(value, list) and all(isinstance(v, dict) and "name" in v for v in value)

@@ -1,0 +1,106 @@
+"""Lines of JSON, appended one by one: the memory of every long job.
+
+A half-written last line, as a kill leaves it, is dropped; every other line must be as this program writes it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock
+
+from shell.errors import UserError
+from shell.files import naming, parse_json
+
+Record = dict[str, Any]
+CURE = "remove it and all after it"
+
+
+class JsonLines:
+    """A file of JSON objects, one a line, read as far as it is whole.
+
+    Args:
+        path: the file, made with the first line; None keeps the lines in memory.
+        cure: what to do about a bad line, the end of the error's sentence.
+
+    Attributes:
+        path: the file.
+        lines: every object so far.
+
+    Raises:
+        UserError: a line that is no JSON object.
+        OSError: the file cannot be read.
+    """
+
+    def __init__(self, path: Path | None, cure: str = CURE) -> None:
+        self.path, self._cure = path, cure
+        self.lines: list[Record] = []
+        self._size = 0  # bytes read; whole lines only
+        self.refresh()
+
+    def where(self, number: int) -> str:
+        """File and line of the object with an index, for errors."""
+        return f"{self.path}: line {number + 1}"
+
+    def refresh(self) -> list[Record]:
+        """Read what other processes have added since; returns that."""
+        if self.path is None or not self.path.exists():
+            return []
+        before = len(self.lines)
+        with naming(self.path), open(self.path, "rb") as file:
+            file.seek(self._size)
+            data = file.read()
+        for line in data[: data.rfind(b"\n") + 1].splitlines(keepends=True):
+            self.lines.append(self._parse(line))
+            self._size += len(line)
+        return self.lines[before:]
+
+    def _parse(self, line: bytes) -> Record:
+        try:
+            record = parse_json(line)
+        except ValueError:
+            raise UserError(f"{self.where(len(self.lines))} is not JSON; {self._cure}") from None
+        if not isinstance(record, dict):
+            raise UserError(f"{self.where(len(self.lines))} is no JSON object; {self._cure}")
+        return record
+
+    def append(self, *records: Record) -> None:
+        """Add lines and see them to the disk; on a full disk, no part of them stays.
+
+        Raises:
+            RuntimeError: another process has added lines that were not read.
+            OSError: the file cannot be written.
+        """
+        text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in records).encode()
+        if self.path is not None:
+            with naming(self.path), open(self.path, "a+b", buffering=0) as file:
+                file.seek(self._size)
+                if b"\n" in file.read():
+                    raise RuntimeError(f"{self.path} was changed by another process; start again")
+                try:
+                    file.truncate(self._size)  # a kill may have left a part of a line
+                    rest = memoryview(text)
+                    while rest:
+                        rest = rest[file.write(rest) :]
+                    os.fsync(file.fileno())
+                except OSError:
+                    with suppress(OSError):
+                        file.truncate(self._size)
+                    raise
+            self._size += len(text)
+        self.lines += records
+
+    @contextmanager
+    def shared(self) -> Iterator[None]:
+        """Keep other processes from writing, with all that they have written read."""
+        assert self.path is not None
+        with naming(self.path):
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with FileLock(f"{self.path}.lock"):
+                self.refresh()
+                yield
