@@ -10,13 +10,16 @@ Kill it at any moment; the same command goes on where it was.
 from __future__ import annotations
 
 import sys
+from functools import partial
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.config import camvid_config
-    from experiments.main import main
-    from experiments.targets import camvid_target
+    from experiments.cli import main
+    from experiments.config import MainConfig
+    from experiments.main.job import MAIN
+    from experiments.presets import defaults
+    from experiments.study.skeleton import do
 
     sys.exit(
-        main("camvid", camvid_config, camvid_target, __doc__ or "", data_variable="CAMVID_DIR")
+        main("camvid", partial(defaults, MainConfig), partial(do, MAIN), __doc__, target="camvid")
     )

@@ -1,43 +1,43 @@
-"""What a study leaves: ``NAME.json``, ``NAME.md`` and ``NAME.png``, all from the scores of single nets.
+"""What a job leaves: ``NAME.json``, ``NAME.md`` and its figure, all from the scores of single nets.
 
-The JSON holds every net's mIoU and class IoU, so the table and the figure can be worked out again from
-it, without rendering: ``python -m experiments.NAME --rederive FILE.json --out DIR``.
+The JSON holds every net's mIoU and class IoU, so table and figure can be worked out again from it, without
+rendering: ``python -m experiments.NAME --rederive FILE.json --out DIR``.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.config import Stage
-from experiments.errors import UserError
-from experiments.folder import naming, write_atomically, write_json
-from experiments.outcome import Outcome
-from experiments.stats import mean_ci95, paired_gain
-from experiments.study import Study
-from scene.formats.files import read_json
+from experiments.config import Fidelity
+from experiments.reward.miou import Outcome
+from experiments.run.context import Run
+from experiments.study.stats import mean_ci95, paired_gain
 from seg.classes import class_table
+from shell.errors import UserError
+from shell.files import naming, read_json, write, write_json
 
 Report = dict[str, Any]
 
 
 class Form(NamedTuple):
-    """How the report of one study is made from its scores."""
+    """How the report of one job is made from its scores."""
 
-    name: str  # of the study and of its files
+    name: str  # of the job and of its files
     derive: Callable[[Report], Report]  # adds all that follows from the scores; twice is as once
     text: Callable[[Report], str]  # the table, in Markdown
-    picture: Callable[[Report], bytes]  # the figure, a PNG
+    figures: Mapping[str, Callable[[Report], bytes | str]]  # by file name
 
 
-def write(form: Form, scores: Report, folder: Path) -> Report:
-    """Derive the report and write its three files, the JSON last: where it is, the others are."""
+def write_report(form: Form, scores: Report, folder: Path) -> Report:
+    """Derive the report and write its files, the JSON last: where it is, the others are."""
     report = form.derive({"study": form.name, **scores})
-    write_atomically(folder / f"{form.name}.md", form.text(report) + "\n")
-    write_atomically(folder / f"{form.name}.png", form.picture(report))
+    write(folder / f"{form.name}.md", form.text(report) + "\n")
+    for name, draw in form.figures.items():
+        write(folder / name, draw(report))
     write_json(folder / f"{form.name}.json", report)
     return report
 
@@ -52,29 +52,29 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
         scores = read_json(file)
     except OSError as error:
         raise UserError(f"--rederive {file}: {error.strerror}") from None
-    except ValueError as error:
+    except UserError as error:
         raise UserError(f"--rederive: {error}") from None
     if not isinstance(scores, dict) or scores.get("study") != form.name:
         raise UserError(f"--rederive {file} is no report of experiments.{form.name}")
     try:
-        form.derive(scores)
+        form.text(form.derive(scores))
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise UserError(
             f"--rederive {file} does not hold what experiments.{form.name} writes ({error!r})"
         ) from None
     with naming(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    return write(form, scores, folder)
+    return write_report(form, scores, folder)
 
 
-def about(study: Study[Any], stage: Stage) -> Report:
+def about(run: Run[Any], fidelity: Fidelity) -> Report:
     """What every report says first.
 
     Args:
-        study: what was done.
-        stage: where its nets were scored.
+        run: what was done.
+        fidelity: at which its nets were scored.
     """
-    config, target = study.config, study.target
+    config, target = run.config, run.target
     return {
         "target": target.name,
         "real": target.real,
@@ -82,10 +82,9 @@ def about(study: Study[Any], stage: Stage) -> Report:
         "preset": config.preset,
         "reward_images": len(target.reward_names),
         "test_images": len(target.test_names),
-        "seeds": config.seeds,
-        "scored_at": f"{stage.width}x{stage.height}",
+        "seeds": getattr(config, "seeds", None),
+        "scored_at": fidelity.size,
         "classes": list(class_table(target.table).classes),
-        "learnt_from": "a search of this run" if config.learnt is None else str(config.learnt),
     }
 
 
@@ -129,14 +128,18 @@ def statistics(
     return {"mean": mean, "ci95": ci95, "gain": gain}
 
 
+def mean(values: Sequence[float | None]) -> float | None:
+    """The mean of what is known."""
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if known else None
+
+
 def class_means(scored: Sequence[Report | None], classes: Sequence[str]) -> dict[str, float | None]:
     """Mean IoU of each class in percent; None for classes that never occur in the truth."""
-    found: dict[str, float | None] = {}
-    for index, name in enumerate(classes):
-        values = [net["class_iou"][index] for net in scored if net is not None]
-        known = [v for v in values if v is not None]
-        found[name] = float(np.mean(known)) if known else None
-    return found
+    return {
+        name: mean([net["class_iou"][index] for net in scored if net is not None])
+        for index, name in enumerate(classes)
+    }
 
 
 def number(value: float | None, form: str = ".1f") -> str:
@@ -144,9 +147,14 @@ def number(value: float | None, form: str = ".1f") -> str:
     return "" if value is None else format(value, form)
 
 
-def interval(ci95: Sequence[float] | None) -> str:
+def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
     """An interval in a table."""
-    return "" if ci95 is None else f"{ci95[0]:.1f} to {ci95[1]:.1f}"
+    return "" if ci95 is None else f"{ci95[0]:{form}} to {ci95[1]:{form}}"
+
+
+def words(name: str) -> str:
+    """The name of an attribute, method or variant, for people."""
+    return name.replace("_", " ")
 
 
 def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
@@ -155,9 +163,15 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     return ["| " + " | ".join(cells) + " |" for cells in lines]
 
 
+def failures(rows: Sequence[Report]) -> list[str]:
+    """A sentence about the nets of all rows that failed, if any did."""
+    failed = sum(net is None for row in rows for net in row["nets"])
+    return ["", f"{failed} nets failed in training and are left out."] if failed else []
+
+
 def introduction(report: Report) -> str:
     """The first sentences of a report: what was scored on what."""
-    learnt = report["learnt_from"]
+    learnt = report.get("learnt_from")
     return (
         f"Target: {report['note']}. mIoU in percent at {report['scored_at']} on {report['test_images']} "
         f"test images, {report['seeds']} paired seeds, 95 % intervals by Student's t."

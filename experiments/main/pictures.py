@@ -6,36 +6,31 @@ import io
 from pathlib import Path
 
 import cv2
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-from matplotlib import pyplot as plt
 from matplotlib.figure import Figure
 
-from experiments.folder import naming, write_atomically
-from experiments.reward import REWARD_NAMES
-from experiments.search import SearchResult
-from experiments.targets import Target
+from experiments.config import RewardKind
+from experiments.run.context import REWARD_NAMES
+from experiments.run.search import Found
+from experiments.study.figure import plt, png
+from experiments.target.base import Target
 from scene.attributes import ATTRIBUTES
 from scene.dataset import Dataset
 from seg.classes import ClassTable, class_table
 from seg.data import RealSet
+from shell.files import naming, write
 
 COLUMNS = 6
 
 
 def _save(figure: Figure, folder: Path, name: str) -> None:
-    data = io.BytesIO()
-    figure.savefig(data, dpi=110, bbox_inches="tight", format="png")
-    plt.close(figure)
-    _write(folder, name, data)
+    _write(folder, name, png(figure, tight=True))
 
 
-def _write(folder: Path, name: str, data: io.BytesIO) -> None:
+def _write(folder: Path, name: str, data: bytes) -> None:
     with naming(folder):
         folder.mkdir(parents=True, exist_ok=True)
-    write_atomically(folder / name, data.getvalue())
+    write(folder / name, data)
 
 
 def colorize(labels: np.ndarray, table: ClassTable) -> np.ndarray:
@@ -73,21 +68,21 @@ def _enlarge(image: np.ndarray) -> np.ndarray:
     return cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
 
 
-def rewards(folder: Path, result: SearchResult, title: str, kind: str = "miou") -> None:
+def rewards(folder: Path, found: Found, title: str, kind: RewardKind = "miou") -> None:
     """Reward of every evaluation, the baseline, and where one group ends and the next begins."""
-    n = result.rewards.shape[1]
+    n = found.rewards.shape[1]
     scale, unit = (100, ", %") if kind == "miou" else (1, "")
-    every = scale * result.rewards.ravel()
+    every = scale * found.rewards.ravel()
     figure, axis = plt.subplots(figsize=(9, 4))
     axis.plot(np.arange(len(every)), every, ".", ms=4, color="0.6", label="reward")
-    axis.plot(np.maximum.accumulate(every), color="tab:green", lw=1, label="best so far")
-    middles = np.arange(len(result.rewards)) * n + (n - 1) / 2
+    axis.plot(np.fmax.accumulate(every), color="tab:green", lw=1, label="best so far")
+    middles = np.arange(len(found.rewards)) * n + (n - 1) / 2
     axis.plot(
-        middles, scale * result.rewards.mean(axis=1), color="tab:blue", lw=1, label="update's mean"
+        middles, scale * np.nanmean(found.rewards, axis=1), color="tab:blue", lw=1, label="update's mean"
     )
-    if np.isfinite(result.baselines).any() and np.nanmax(result.baselines) <= 1:
-        axis.plot(middles, scale * result.baselines, color="tab:orange", lw=1.5, label="baseline")
-    for border in np.flatnonzero(np.diff(result.groups)) + 1:
+    if np.isfinite(found.baselines).any() and np.nanmax(found.baselines) <= 1:
+        axis.plot(middles, scale * found.baselines, color="tab:orange", lw=1.5, label="baseline")
+    for border in np.flatnonzero(np.diff(found.groups)) + 1:
         axis.axvline(border * n - 0.5, color="0.8", lw=0.8)
     named = f"{REWARD_NAMES[kind]} on the reward images{unit}"
     axis.set(xlabel="evaluation", ylabel=named, title=title)
@@ -95,23 +90,23 @@ def rewards(folder: Path, result: SearchResult, title: str, kind: str = "miou") 
     _save(figure, folder, "reward.png")
 
 
-def distributions(folder: Path, result: SearchResult, title: str) -> None:
+def distributions(folder: Path, found: Found, title: str) -> None:
     """The policy's distribution over the bins of each of the 23 attributes, update by update.
 
     The numbers are kept beside the picture, f32[updates, 23, bins].
     """
     data = io.BytesIO()
-    np.save(data, result.probabilities)
-    _write(folder, "probabilities.npy", data)
+    np.save(data, found.probabilities)
+    _write(folder, "probabilities.npy", data.getvalue())
     figure, axes = plt.subplots(4, 6, figsize=(16, 9), sharex=True)
     for index, axis in enumerate(axes.flat):
         if index >= len(ATTRIBUTES):
             axis.set_axis_off()
             continue
         attribute = ATTRIBUTES[index]
-        image = result.probabilities[:, index].T
+        image = found.probabilities[:, index].T
         axis.imshow(image, aspect="auto", origin="lower", vmin=0, vmax=1, cmap="viridis",
-                    extent=(0, len(result.rewards), 0, 1))  # fmt: skip
+                    extent=(0, len(found.rewards), 0, 1))  # fmt: skip
         axis.set_title(attribute.name.replace("_", " "), fontsize=8)
         ticks = (0.0, 0.5, 1.0)
         axis.set_yticks(ticks, [f"{attribute.physical(t):.3g}" for t in ticks], fontsize=6)

@@ -1,4 +1,4 @@
-"""A ladder of ever costlier stages: many candidates at the bottom, the last ones at the final size.
+"""A ladder of ever costlier fidelities: many candidates at the bottom, the last ones at the final size.
 
 Each rung scores the candidates that are left on seeds of its own, which all of them share. Candidates
 that are surely worse than the best leave at once, the worse half leaves at the end of the rung. What
@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from experiments.config import Config, Stage
+from experiments.config import Fidelity
 
 CONFIDENCE = 0.95
 """Of each single comparison; many are made, so now and then a good candidate leaves early."""
@@ -38,29 +38,29 @@ Score = Callable[[int, Sequence[str], Sequence[int]], Mapping[str, Sequence[floa
 class Rung(NamedTuple):
     """One size at which candidates meet."""
 
-    stage: Stage
+    fidelity: Fidelity
     seeds: tuple[int, ...]  # one net each, for every candidate
 
 
-def cost_of(stage: Stage) -> float:
+def cost_of(fidelity: Fidelity) -> float:
     """About how many CPU seconds one evaluation takes, scoring left out.
 
     Measured on CamVid's quick preset: 4.5 s for a reward, 50 s for a final net.
     """
-    pixels = stage.width * stage.height
-    rendering = 0.2 * stage.streets + 8e-7 * stage.images * pixels * stage.samples**2
-    return rendering + training_cost(stage)
+    pixels = fidelity.width * fidelity.height
+    rendering = 0.2 * fidelity.streets + 8e-7 * fidelity.images * pixels * fidelity.samples**2
+    return rendering + training_cost(fidelity)
 
 
-def training_cost(stage: Stage) -> float:
+def training_cost(fidelity: Fidelity) -> float:
     """The part of ``cost_of`` that is training: all of it where the images are there already."""
-    train = stage.train
+    train = fidelity.train
     each = 2.5e-7 * (1 if train.net == "compact" else VGG_COST)
-    return each * train.steps * train.batch * stage.width * stage.height
+    return each * train.steps * train.batch * fidelity.width * fidelity.height
 
 
-def middle(low: Stage, high: Stage) -> Stage:
-    """The stage between two, half way on a logarithmic scale; net and rays are the higher one's."""
+def middle(low: Fidelity, high: Fidelity) -> Fidelity:
+    """The fidelity between two, half way on a logarithmic scale; net and rays are the higher one's."""
 
     def between(a: int, b: int, unit: int = 1) -> int:
         return max(round(math.sqrt(a * b) / unit), 1) * unit
@@ -75,19 +75,27 @@ def middle(low: Stage, high: Stage) -> Stage:
     )
 
 
-def ladder(config: Config) -> tuple[Rung, ...]:
-    """The rungs from the reward stage to the final one.
+def fidelities(low: Fidelity, high: Fidelity) -> tuple[Fidelity, ...]:
+    """Those of the ladder: the lowest, one between, the highest."""
+    return tuple(dict.fromkeys((low, middle(low, high), high)))
 
-    The last rung has ``--candidate-seeds`` nets for each candidate, every rung below twice as many as
-    the one above: its nets are cheaper and tell less.
+
+def ladder(low: Fidelity, high: Fidelity, nets: int, seed: int) -> tuple[Rung, ...]:
+    """The rungs from the reward's fidelity to the final one.
+
+    Args:
+        low: of the first rung.
+        high: of the last one.
+        nets: of the last rung, for each candidate; every rung below has twice as many as the one above,
+            since its nets are cheaper and tell less.
+        seed: of the run.
     """
-    low, high = config.reward, config.final
-    stages = tuple(dict.fromkeys((low, middle(low, high), high)))
+    steps = fidelities(low, high)
     rungs = []
-    for number, stage in enumerate(stages):
-        first = LADDER_SEED + RUNG_SEEDS * number + config.seed
-        nets = config.candidate_seeds * 2 ** (len(stages) - 1 - number)
-        rungs.append(Rung(stage, tuple(range(first, first + nets))))
+    for number, fidelity in enumerate(steps):
+        first = LADDER_SEED + RUNG_SEEDS * number + seed
+        count = nets * 2 ** (len(steps) - 1 - number)
+        rungs.append(Rung(fidelity, tuple(range(first, first + count))))
     return tuple(rungs)
 
 
@@ -102,15 +110,22 @@ def hopeless(ours: Sequence[float], best: Sequence[float], confidence: float = C
         confidence: of the one-sided interval. One pair tells nothing.
     """
     d = np.asarray(ours, float) - np.asarray(best, float)
+    d = d[np.isfinite(d)]  # failed nets have no reward
     if len(d) < 2:
         return False
     half = stats.t.ppf(confidence, len(d) - 1) * d.std(ddof=1) / math.sqrt(len(d))
     return bool(d.mean() + half < 0)
 
 
+def mean_of(rewards: Sequence[float]) -> float:
+    """The mean of the rewards that are known; where none is, the worst."""
+    known = [reward for reward in rewards if math.isfinite(reward)]
+    return float(np.mean(known)) if known else -math.inf
+
+
 def best_of(scores: Mapping[str, Sequence[float]], names: Sequence[str]) -> str:
     """The name with the highest mean; of equals the first."""
-    return max(names, key=lambda name: float(np.mean(scores[name])))
+    return max(names, key=lambda name: mean_of(scores[name]))
 
 
 def kept(entered: int) -> int:
@@ -130,7 +145,7 @@ def most_nets(candidates: int, rungs: Sequence[Rung]) -> list[int]:
 def most_cost(candidates: int, rungs: Sequence[Rung]) -> float:
     """The whole ladder in the units of ``cost_of``, if nobody leaves early."""
     nets = most_nets(candidates, rungs)
-    return sum(n * cost_of(rung.stage) for n, rung in zip(nets, rungs, strict=True))
+    return sum(n * cost_of(rung.fidelity) for n, rung in zip(nets, rungs, strict=True))
 
 
 def climb(
@@ -164,6 +179,6 @@ def climb(
             best = scores[best_of(scores, left)]
             left = [name for name in left if not hopeless(scores[name], best)]
         if not last:
-            ranked = sorted(left, key=lambda name: -float(np.mean(scores[name])))
+            ranked = sorted(left, key=lambda name: -mean_of(scores[name]))
             left = [name for name in left if name in ranked[: kept(entered)]]
     return best_of(scores, left), scores

@@ -20,7 +20,7 @@ from scene.workers import WorkerPool
 from seg.classes import class_table
 from seg.data import RealSet
 
-PRIOR_SPREAD = 0.12
+PRIOR_STD = 0.12
 """Hidden centres are normal around the street set by eye, with this standard deviation (unit)."""
 HIDDEN_WIDTH = 0.15
 """Every street of the twin is uniform on an interval of this width around the hidden centre."""
@@ -51,7 +51,7 @@ def twin_world(twin_seed: int) -> TwinWorld:
     pixels and its noise is twice the engine's.
     """
     rng = np.random.default_rng([2006, twin_seed])
-    centre = default_unit() + rng.normal(0, PRIOR_SPREAD, len(NAMES))
+    centre = default_unit() + rng.normal(0, PRIOR_STD, len(NAMES))
     response = CameraResponse(
         exposure=float(rng.uniform(0.85, 1.15)),
         gain=tuple(rng.uniform(0.92, 1.08, 3).tolist()),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -58,3 +58,34 @@ def welch(ours: Sequence[float], theirs: Sequence[float]) -> Welch | None:
     found = stats.ttest_ind(a, b, equal_var=False)
     values = (a.mean() - b.mean(), found.statistic, found.df, found.pvalue)
     return Welch(*(float(value) for value in values))
+
+
+RESAMPLES = 1000
+"""Of each bootstrap."""
+
+
+class Estimate(NamedTuple):
+    """A value and its 95 % interval; None where it is not defined."""
+
+    value: float | None
+    ci95: list[float] | None
+
+
+def bootstrap(counts: Sequence[int], statistic: Callable[..., float], seed: int) -> Estimate:
+    """A statistic of one or more sets, with the interval of the percentile bootstrap.
+
+    Args:
+        counts: how many each set holds; every set is drawn anew by itself.
+        statistic: of the chosen ones, one i64[count] for each set; NaN where it is not defined.
+        seed: of the resampling.
+    """
+    value = statistic(*(np.arange(count) for count in counts))
+    if not math.isfinite(value):
+        return Estimate(None, None)
+    rng = np.random.default_rng(seed)
+    drawn = np.array(
+        [statistic(*(rng.integers(0, n, n) for n in counts)) for _ in range(RESAMPLES)]
+    )
+    drawn = drawn[np.isfinite(drawn)]
+    ends = np.quantile(drawn, [0.025, 0.975]).tolist() if len(drawn) else None
+    return Estimate(value, ends)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from html import escape
-from typing import Any
 
-from experiments.finals import TRAINED_ON
+from experiments.main.summary import TRAINED_ON
+from experiments.study.form import Report, number
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; }
@@ -38,17 +38,12 @@ def _percent(value: float | None) -> str:
     return "not in the truth" if value is None else f"{value:.1f}"
 
 
-def html(summary: dict[str, Any], attributes: dict[str, Any]) -> str:
-    """The whole page.
-
-    Args:
-        summary: as in ``summary.json``.
-        attributes: as in ``attributes.json``.
-    """
-    rows, gain = summary["rows"], summary["gain"]
+def html(summary: Report) -> str:
+    """The whole page, from what ``summary.json`` holds."""
+    rows, gain, attributes = summary["rows"], summary["gain"], summary["attributes"]
     scores = [
-        (TRAINED_ON[r], f"{rows[r]['mean']:.1f}", _interval(rows[r]["ci95"])) for r in rows
-    ] + [("gain, learnt minus random", f"{gain['mean']:+.1f}", _interval(gain["ci95"]))]
+        (TRAINED_ON[r], number(rows[r]["mean"]), _interval(rows[r]["ci95"])) for r in rows
+    ] + [("gain, learnt minus random", number(gain["mean"], "+.1f"), _interval(gain["ci95"]))]
     classes = [
         (name, *(_percent(rows[r]["per_class"][name]) for r in rows))
         for name in rows["random"]["per_class"]

@@ -10,7 +10,6 @@ from __future__ import annotations
 import hashlib
 import io
 import time
-from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,22 +19,19 @@ import jax
 import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 
-from experiments.config import Config, Stage
-from experiments.errors import UserError
-from experiments.folder import write_atomically
-from experiments.reward import render
-from scene.attributes import NAMES
-from scene.catalogue import AssetPool
+from experiments.reward.miou import Outcome, Recipe, render, training_set
+from scene.proposal import Proposal, random_proposal
 from scene.workers import WorkerPool
-from seg.classes import class_table
 from seg.features import features
 from seg.mmd import mmd2
-from seg.train import TrainSettings, train
+from seg.train import TrainingError, TrainSettings, train
+from shell.errors import UserError
+from shell.files import write
 
 FILE = "feature-net.npz"
 """The net's parameters, in the run folder."""
 SEED = 20060
-"""Of the net, its streets and its attributes; the same for all runs, so that they can share a store."""
+"""Of the net and of its streets; the same for all runs, so that they can share a store."""
 
 
 class Reference(NamedTuple):
@@ -43,21 +39,7 @@ class Reference(NamedTuple):
 
     features: np.ndarray  # f32[n, vector]
     net: str  # file of the net's parameters
-    classes: int
     source: str  # hash of the images and of the net
-
-
-class Distance(NamedTuple):
-    """What one dataset was worth."""
-
-    reward: float  # -MMD^2
-    render_seconds: float
-    train_seconds: float  # of the features; nothing is trained
-
-    @property
-    def class_iou(self) -> list[float | None]:
-        """Nothing: classes are not told apart."""
-        return []
 
 
 class FeatureNet(NamedTuple):
@@ -79,61 +61,46 @@ class FeatureNet(NamedTuple):
         for leaf in jax.tree.leaves(params):
             source.update(leaf.tobytes())
         found = features(params, images, self.classes)
-        return Reference(found, str(self.path), self.classes, source.hexdigest())
+        return Reference(found, str(self.path), source.hexdigest())
 
 
-def feature_net(config: Config, table: str, folder: Path, workers: WorkerPool) -> FeatureNet:
+def feature_net(recipe: Recipe, folder: Path, workers: WorkerPool) -> FeatureNet:
     """The net of a run folder, trained if there is none yet.
 
-    Args:
-        config: the run: its reward stage, renderer and assets.
-        table: name of the class table.
-        folder: the run folder.
-        workers: who renders and trains it.
-
     Raises:
-        TrainingError: training diverged.
+        UserError: training diverged.
     """
     path = folder / FILE
     if not path.exists():
-        task = (config.reward, table, config.renderer, config.pool)
-        ((_, params),) = workers.map(train_features, [task])
+        try:
+            ((_, params),) = workers.map(train_features, [(recipe,)])
+        except TrainingError as error:
+            raise UserError(f"--reward-kind mmd: {error}") from None
         data = io.BytesIO()
         np.savez(data, **flatten_dict(params, sep="/"))
-        write_atomically(path, data.getvalue())
-    return FeatureNet(path, len(class_table(table).classes))
+        write(path, data.getvalue())
+    return FeatureNet(path, len(recipe.classes.classes))
 
 
-def train_features(stage: Stage, table: str, renderer: str, pool: AssetPool) -> Any:
+def train_features(recipe: Recipe) -> Any:
     """Parameters of a compact net that has seen every attribute anywhere in its range."""
-    shape = (stage.streets, len(NAMES))
-    units = np.random.default_rng(SEED).uniform(0, 1, shape).astype(np.float32)
-    dataset = render(stage, renderer, pool, units, SEED)
-    labels = class_table(table).from_train_id[dataset.labels]
-    # Compact whatever the stage trains, with the settings that suit it.
-    settings = replace(
-        TrainSettings(), table=table, steps=stage.train.steps, batch=stage.train.batch
+    own = recipe.fidelity.train
+    # Compact whatever the recipe trains, with the settings that suit it.
+    settings = TrainSettings(steps=own.steps, batch=own.batch)
+    images = training_set(recipe, random_proposal(), SEED)
+    return jax.tree.map(
+        np.asarray, train(SEED, *images, settings, len(recipe.classes.classes))
     )
-    return jax.tree.map(np.asarray, train(SEED, dataset.images, labels, settings))
 
 
-def evaluate_mmd(
-    stage: Stage,
-    table: str,
-    renderer: str,
-    pool: AssetPool,
-    units: np.ndarray,
-    seed: int,
-    real: Reference,
-) -> Distance:
-    """Render and compare; the arguments are those of ``reward.evaluate``, but for the last."""
-    del table
+def evaluate_mmd(recipe: Recipe, source: Proposal, seed: int, real: Reference) -> Outcome:
+    """Render and compare; the arguments are those of ``evaluate_miou``, but for the last."""
     started = time.perf_counter()
-    dataset = render(stage, renderer, pool, units, seed)
+    dataset = render(recipe, source, seed)
     rendered = time.perf_counter()
-    ours = features(_load(real.net), dataset.images, real.classes)
+    ours = features(_load(real.net), dataset.images, len(recipe.classes.classes))
     reward = -mmd2(ours, real.features)
-    return Distance(reward, rendered - started, time.perf_counter() - rendered)
+    return Outcome(reward, [], rendered - started, time.perf_counter() - rendered)
 
 
 @lru_cache(maxsize=1)

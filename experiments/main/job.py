@@ -1,0 +1,77 @@
+"""The main job: search, choose, train the final nets, render the answer, report."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from experiments.config import MainConfig
+from experiments.main import page, pictures, summary
+from experiments.main.summary import ROWS
+from experiments.reward.miou import Recipe, Source, render
+from experiments.run.context import Run, Work
+from experiments.run.ladder import training_cost
+from experiments.run.learn import learn, work_of
+from experiments.run.nets import paired_seeds, score_nets
+from experiments.study.form import Form, Report
+from experiments.study.skeleton import Study
+from scene.dataset import export_dataset, read_dataset
+from scene.proposal import Proposal, default_proposal, draw, random_proposal
+
+
+def plan(config: MainConfig) -> list[Work]:
+    """Rewards, candidates, and the nets of every row."""
+    real = config.unlabelled is None
+    work = [*work_of(config), Work.at("nets on rendered images", 3 * config.seeds, config.final)]
+    if real:
+        each = training_cost(config.final)
+        work.append(Work("nets on the reward images", config.seeds, config.final, each))
+    return work
+
+
+def scores(run: Run[MainConfig], _: Any) -> Report:
+    """Do the whole job, or what is left of it."""
+    config, target, folder = run.config, run.target, run.config.out
+    learnt = learn(run)
+    pictures.rewards(folder / "pictures", learnt.found, target.title, config.reward_kind)
+    pictures.distributions(folder / "pictures", learnt.found, target.title)
+    recipe = run.recipe(config.final)
+    sources: dict[str, Source] = {
+        "random": random_proposal(),
+        "default": default_proposal(config.default_width),
+        "learnt": learnt.proposal,
+    }
+    if target.labelled:
+        sources["real"] = run.truth(config.final, "reward")
+    rows = score_nets(run, "final", sources, recipe, paired_seeds(run))
+    export(run, recipe, learnt.proposal)
+    datasets = {
+        "random": render(recipe, random_proposal(), config.seed, run.workers),
+        "learnt": read_dataset(folder / "dataset"),
+    }
+    test = target.at(config.final.height, config.final.width).test
+    pictures.samples(folder / "pictures", target, test, datasets)
+    return summary.scores(run, {row: rows[row] for row in ROWS if row in rows}, learnt)
+
+
+def export(run: Run[MainConfig], recipe: Recipe, proposal: Proposal) -> None:
+    """The learnt dataset, with every label the engine knows, in ``dataset/``.
+
+    ``scene.render`` makes the same from the run's ``attributes.json`` and seed.
+    """
+    config, fidelity = run.config, recipe.fidelity
+    export_dataset(
+        draw(proposal, config.seed, fidelity.streets),
+        config.seed,
+        config.out / "dataset",
+        shots=fidelity.shots,
+        settings=fidelity.render_settings(),
+        renderer_name=recipe.renderer,
+        pool=recipe.pool,
+        proposal=proposal,
+        workers=run.workers,
+    )
+
+
+FORM = Form("summary", summary.derive, summary.text, {"report.html": page.html})
+MAIN = Study(FORM, plan, scores)
+"""What ``experiments.cityscapes`` and ``experiments.camvid`` do."""

@@ -1,0 +1,116 @@
+"""The run's answer in figures: ``summary.json``, and the table that is printed."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from experiments.reward.miou import Outcome
+from experiments.run.context import Run
+from experiments.run.learn import Learnt
+from experiments.study.form import Report, about, class_means, miou, nets, statistics
+from scene.attributes import ATTRIBUTES
+from scene.proposal import describe
+
+TRAINED_ON = {
+    "random": "random attributes",
+    "default": "attributes set by eye",
+    "learnt": "learnt attributes",
+    "real": "the reward images themselves",
+}
+"""What the nets of each row of the result were trained on."""
+ROWS = tuple(TRAINED_ON)
+"""Those of a target whose reward images have labels; without them none can be trained on."""
+
+
+def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Report:
+    """All that is measured; scores in percent, unit values in [0, 1]."""
+    config, target = run.config, run.target
+    lines = run.evaluations.records + run.finals.records
+    return {
+        **about(run, config.final),
+        "evaluations": len(run.evaluations.records),
+        "failed": sum(line["failed"] is not None for line in lines),
+        "seconds": {
+            "render": round(sum(line["render_seconds"] for line in lines), 1),
+            "train": round(sum(line["train_seconds"] for line in lines), 1),
+            "total": round(run.progress.elapsed, 1),
+        },
+        "nets": {row: nets(outcomes) for row, outcomes in rows.items()},
+        "candidates": {
+            name: [100 * v if np.isfinite(v) else None for v in values]
+            for name, values in learnt.scores.items()
+        },
+        "chosen_candidate": learnt.chosen,
+        "attributes": describe(learnt.proposal),
+        "hidden_centres": None if target.twin is None else target.twin.centre.tolist(),
+    }
+
+
+def derive(report: Report) -> Report:
+    """The report with means, intervals, the gain, and what the twin shows to be recovered.
+
+    ``random``, ``default`` and ``learnt`` also stand at the top, but not ``real``, which there says whether
+    the target is real data.
+    """
+    rows = {row: _row(own, report["classes"]) for row, own in report["nets"].items()}
+    gain = statistics(rows["learnt"]["miou"], rows["random"]["miou"])["gain"]
+    absent = [name for name, value in rows["random"]["per_class"].items() if value is None]
+    return {
+        **report,
+        "rows": rows,
+        **{row: rows[row] for row in rows if row != "real"},
+        "gain": gain or {"mean": None, "ci95": None},
+        "classes_absent_from_truth": absent,
+        **({} if report["hidden_centres"] is None else {"recovery": _recovery(report)}),
+    }
+
+
+def _row(own: list[Report | None], classes: list[str]) -> Report:
+    values = miou(own)
+    found = statistics(values)
+    per_class = {
+        name: None if value is None else round(value, 3)
+        for name, value in class_means(own, classes).items()
+    }
+    return {"miou": values, "mean": found["mean"], "ci95": found["ci95"], "per_class": per_class}
+
+
+def _recovery(report: Report) -> Report:
+    """How far the learnt centres are from the twin's hidden ones, in unit values."""
+    hidden = np.array(report["hidden_centres"])
+    learnt = np.array([report["attributes"][a.name]["unit"]["centre"] for a in ATTRIBUTES])
+    error = np.abs(learnt - hidden)
+    return {
+        "learnt_error": round(float(error.mean()), 4),
+        "centre_error": round(float(np.abs(0.5 - hidden).mean()), 4),
+        "by_attribute": {a.name: round(float(e), 4) for a, e in zip(ATTRIBUTES, error, strict=True)},
+    }
+
+
+def text(report: Report) -> str:
+    """The result as a small table for people."""
+    kind = "real images" if report["real"] else "the twin, NOT real data"
+    lines = [
+        f"mIoU in percent on {report['test_images']} test images ({kind}), "
+        f"{len(report['random']['miou'])} paired seeds, scored at {report['scored_at']}:"
+    ]
+    for row, entry in report["rows"].items():
+        lines.append(f"  {row:8s} {_said(entry, '5.1f')}  {TRAINED_ON[row]}")
+    lines.append(f"  gain     {_said(report['gain'], '+5.1f')}  learnt minus random")
+    if report["classes_absent_from_truth"]:
+        absent = ", ".join(report["classes_absent_from_truth"])
+        lines.append(f"  left out of the mean, for they never occur in the truth: {absent}")
+    if report["failed"]:
+        lines.append(f"  {report['failed']} evaluations failed in training and are left out")
+    return "\n".join(lines)
+
+
+def _said(entry: Report, form: str) -> str:
+    """A mean and its interval, in columns."""
+    mean = "    -" if entry["mean"] is None else format(entry["mean"], form)
+    ci95 = entry["ci95"]
+    return f"{mean}  " + (
+        "[    one seed   ]" if ci95 is None else f"[{ci95[0]:6.1f}, {ci95[1]:6.1f}]"
+    )

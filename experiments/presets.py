@@ -1,0 +1,135 @@
+"""The defaults of every command by target and preset."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_type_hints
+
+from experiments.config import Config, Fidelity, Preset, Search, TargetName
+from scene.attributes import NAMES
+from seg.recipes import RECIPES
+from seg.settings import TrainSettings
+
+PRESETS: tuple[Preset, ...] = get_args(Preset)
+TARGETS: tuple[TargetName, ...] = get_args(TargetName)
+
+POSITIONS = tuple(
+    f"{n}_position" for n in ("building", "fence", "tree", "pole", "bicycle", "person", "car")
+)
+DENSITIES = (
+    "building_probability",
+    *(f"{n}_interval" for n in ("building", "fence", "tree", "bicycle", "person", "pole", "car")),
+)
+ENVIRONMENT = NAMES[:8]
+
+CITYSCAPES_GROUPS: tuple[tuple[str, ...], ...] = (
+    POSITIONS,
+    *(DENSITIES[i : i + 2] for i in range(0, 8, 2)),
+    ENVIRONMENT,
+)
+"""The paper's six groups for Cityscapes: positions, densities in four pairs, environment."""
+
+CAMVID_GROUPS: tuple[tuple[str, ...], ...] = (
+    *(POSITIONS[i : i + 2] for i in range(0, 7, 2)),
+    DENSITIES,
+    ENVIRONMENT,
+)
+"""The paper's six groups for CamVid: positions in four, densities, environment."""
+
+AnyConfig = TypeVar("AnyConfig", bound=Config)
+
+
+def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: Any) -> AnyConfig:
+    """The defaults of a command's configuration.
+
+    Args:
+        kind: its class; what the presets do not know has defaults of its own.
+        target: what the nets must be good on.
+        preset: "smoke", "quick" or "paper".
+        own: values of this command in place of the preset's; of nested fields as a dictionary.
+    """
+    values = {**_PRESETS[preset](target), "target": target, "preset": preset}
+    if target == "camvid" and os.environ.get("CAMVID_DIR"):
+        values["data"] = Path(os.environ["CAMVID_DIR"])
+    for name, value in own.items():
+        inner = values.get(name)
+        nested = is_dataclass(inner) and not isinstance(inner, type) and isinstance(value, dict)
+        values[name] = replace(inner, **value) if nested else value  # type: ignore[type-var]
+    known = {field.name: field for field in fields(kind)}
+    picked = {name: value for name, value in values.items() if name in known}
+    if "search" in picked:
+        picked["search"] = _narrowed(picked["search"], kind)
+    return kind(**picked)
+
+
+def _narrowed(search: Search, kind: type[Config]) -> Any:
+    """The options of a search that a command has."""
+    own = get_type_hints(kind)["search"]
+    return own(**{field.name: getattr(search, field.name) for field in fields(own)})
+
+
+def _groups(target: TargetName) -> tuple[tuple[str, ...], ...]:
+    return CAMVID_GROUPS if target == "camvid" else CITYSCAPES_GROUPS
+
+
+def _smoke(target: TargetName) -> dict[str, Any]:
+    tiny = TrainSettings(steps=12, batch=4, warmup=2)
+    width, height = (64, 48) if target == "camvid" else (64, 32)
+    return {
+        "groups": _groups(target),
+        "search": Search(updates_per_group=1, datasets_per_update=2, bins=5),
+        "reward": Fidelity(width, height, streets=2, shots=2, samples=1, train=tiny),
+        "final": Fidelity(
+            width, height, streets=3, shots=2, samples=1, train=replace(tiny, steps=20)
+        ),
+        "reward_images": 8,
+        "test_images": 8,
+        "candidate_seeds": 1,
+        "candidates": ("argmax", "spread"),
+        "seeds": 2,
+        "asset_count": 4,
+    }
+
+
+def _quick(target: TargetName) -> dict[str, Any]:
+    if target == "camvid":
+        return {
+            "groups": _groups(target),
+            "search": Search(updates_per_group=6, datasets_per_update=8, relaxation=0.3),
+            "reward": Fidelity(64, 48, streets=12, shots=8, train=TrainSettings(steps=200)),
+            "final": Fidelity(128, 96, streets=50, shots=8, train=TrainSettings(steps=1000)),
+            "candidate_seeds": 3,
+        }
+    return {
+        "groups": _groups(target),
+        "search": Search(updates_per_group=10, datasets_per_update=4, relaxation=0.3),
+        "reward": Fidelity(64, 32, streets=12, shots=6, train=TrainSettings(steps=120)),
+        "final": Fidelity(96, 48, streets=30, shots=6, train=TrainSettings(steps=300)),
+        "reward_images": 500,
+        "seeds": 8,
+    }
+
+
+def _paper(target: TargetName) -> dict[str, Any]:
+    net = RECIPES["paper"]
+    width, height = (480, 360) if target == "camvid" else (640, 320)
+    return {
+        "groups": _groups(target),
+        "search": Search(
+            method="sdr",
+            updates_per_group=50,
+            datasets_per_update=1,
+            baseline="ema",
+            normalise=False,
+        ),
+        "reward": Fidelity(width, height, 18, 10, samples=1, train=net),
+        "final": Fidelity(width, height, 45, 10, samples=1, train=replace(net, steps=20_000)),
+        "candidates": ("argmax",),
+        "candidate_seeds": 1,
+        **({} if target == "camvid" else {"reward_images": 500}),
+    }
+
+
+_PRESETS = {"smoke": _smoke, "quick": _quick, "paper": _paper}

@@ -1,0 +1,147 @@
+"""Many evaluations of one kind: from what is remembered, else from worker processes."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from experiments.reward.miou import Outcome, Recipe, Source, Truth, attempt, evaluate_miou
+from experiments.reward.mmd import Reference, evaluate_mmd
+from experiments.reward.store import Log, Store, identity, outcome_of, record_of
+from experiments.target.base import Target
+from scene.version import ENGINE
+from scene.workers import WorkerPool
+from shell.errors import UserError
+from shell.files import digest, folder_digest
+from shell.lines import Record
+
+Side = Literal["reward", "test"]
+
+
+class Job(NamedTuple):
+    """One net to be trained and scored."""
+
+    source: Source
+    seed: int  # of the streets and of the net
+    notes: dict[str, Any]  # what the run's log says of it, beside what it came to
+
+
+class Memory(NamedTuple):
+    """Where evaluations are kept."""
+
+    log: Log  # of the run
+    store: Store | None  # shared with other runs
+    elapsed: Callable[[], float]  # seconds that the run has taken so far, for the log
+
+    def keep(self, record: Record, job: Job) -> None:
+        """Write an evaluation into the run's log."""
+        self.log.add({**record, **job.notes, "elapsed": round(self.elapsed(), 2)})
+
+
+class Evaluator:
+    """Scores nets of one recipe on one side of a target.
+
+    Args:
+        recipe: sizes, net, training, assets.
+        target: what to be good on.
+        side: which of its images score.
+        truth: those images, at the recipe's size; or their features, for rewards without labels.
+        workers: who renders and trains.
+    """
+
+    def __init__(
+        self, recipe: Recipe, target: Target, side: Side, truth: Truth | Reference, workers: WorkerPool
+    ) -> None:
+        self._recipe, self._truth, self._workers = recipe, truth, workers
+        self._evaluate = evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
+        self.about = about(recipe, target, side, truth)
+
+    def key(self, source: Source, seed: int) -> str:
+        """The name of an evaluation."""
+        return identity(self.about["config"], source, seed)
+
+    def map(self, jobs: Sequence[Job], memory: Memory) -> Iterator[tuple[int, Outcome]]:
+        """Yield (index, outcome) of every job: known ones first, the others as they come in.
+
+        Raises:
+            UserError: the truth holds no class.
+        """
+        keys = [self.key(job.source, job.seed) for job in jobs]
+        if memory.store is not None:
+            memory.store.refresh()
+        missing: dict[str, list[int]] = {}  # several jobs of one call may be the same
+        for index, key in enumerate(keys):
+            known = memory.log.get(key)
+            if known is None and memory.store is not None:
+                known = memory.store.get(key)
+                if known is not None:
+                    memory.keep(known, jobs[index])
+            if known is None:
+                missing.setdefault(key, []).append(index)
+            else:
+                yield index, outcome_of(known)
+        work = [indices[0] for indices in missing.values()]
+        tasks = [
+            (self._evaluate, self._recipe, jobs[index].source, int(jobs[index].seed), self._truth)
+            for index in work
+        ]
+        for number, outcome in self._workers.map(attempt, tasks):
+            index = work[number]
+            if outcome.failed is None and not math.isfinite(outcome.reward):
+                raise UserError(
+                    f"the score is {outcome.reward}: the images that score must hold at least one "
+                    "labelled class"
+                )
+            job = jobs[index]
+            record = record_of(keys[index], job.source, job.seed, outcome) | self.about
+            if memory.store is not None:
+                # What is kept decides, lest a continued run see another value.
+                record = memory.store.add(record)
+            memory.keep(record, job)
+            for twin in missing[keys[index]]:
+                yield twin, outcome_of(record)._replace(stored=twin != index)
+
+
+def about(
+    recipe: Recipe, target: Target, side: Side, truth: Truth | Reference
+) -> dict[str, Any]:
+    """What all evaluations of a recipe share: a hash of what decides them, words for people."""
+    names = target.reward_names if side == "reward" else target.test_names
+    if isinstance(truth, Reference):
+        kind, source = "mmd", truth.source
+    else:
+        pixels = hashlib.sha256()
+        for array in truth:
+            pixels.update(np.ascontiguousarray(array).tobytes())
+        kind, source = "miou", pixels.hexdigest()
+    pool = recipe.pool._asdict()
+    if pool["own"]:  # the files count, not where they lie
+        pool["own"] = folder_digest(Path(pool["own"]))
+    fidelity = recipe.fidelity
+    decides = {
+        "kind": kind,
+        "fidelity": asdict(fidelity),
+        "table": recipe.table,
+        "renderer": recipe.renderer,
+        "pool": pool,
+        # Names alone do not tell one twin from another.
+        "truth": [target.name, side, digest(list(names)), source],
+        "engine": ENGINE,
+    }
+    return {
+        "config": digest(decides)[:16],
+        "target": target.name,
+        "side": side,
+        "kind": kind,
+        "size": fidelity.size,
+        "images": fidelity.images,
+        "steps": fidelity.train.steps,
+        "net": fidelity.train.net,
+        "engine": ENGINE,
+    }

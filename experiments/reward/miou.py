@@ -1,0 +1,151 @@
+"""One evaluation: render a dataset or take a real one, train a fresh net on it, score it on real images.
+
+The functions here run in worker processes; they are pure in their arguments, so work lost with a worker
+can be done again.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from experiments.config import Fidelity
+from scene.catalogue import AssetPool
+from scene.dataset import Dataset, render_dataset
+from scene.proposal import Proposal, draw
+from scene.workers import WorkerPool
+from seg.classes import ClassTable, class_table
+from seg.metrics import iou, mean_iou
+from seg.train import Params, TrainingError, score, train
+
+
+class Recipe(NamedTuple):
+    """All that decides a net, but for its training set and its seed."""
+
+    fidelity: Fidelity
+    table: str  # name of the class table
+    renderer: str
+    pool: AssetPool  # the assets that may appear
+
+    @property
+    def classes(self) -> ClassTable:
+        """What its nets tell apart."""
+        return class_table(self.table)
+
+
+class Truth(NamedTuple):
+    """Images and their labels, ids of the target's table."""
+
+    images: np.ndarray  # u8[n, h, w, 3]
+    labels: np.ndarray  # u8[n, h, w]
+
+
+Source = Proposal | Truth
+"""What a net is trained on: a dataset rendered from a proposal f32[23], or images that are there already."""
+
+
+class Outcome(NamedTuple):
+    """What one training set was worth, or why that is not known."""
+
+    reward: float  # mIoU in [0, 1], or -MMD^2; NaN if it failed
+    class_iou: list[float | None]  # in [0, 1]; None for classes that do not occur in the truth
+    render_seconds: float
+    train_seconds: float  # training and scoring
+    failed: str | None = None
+    stored: bool = False  # it was known, and took no time now
+
+    @property
+    def seconds(self) -> float:
+        """What the evaluation took, when it was made, on a worker's one core."""
+        return self.render_seconds + self.train_seconds
+
+
+def attempt(evaluate: Callable[..., Outcome], *arguments: Any) -> Outcome:
+    """Evaluate; training that diverges is an outcome, too."""
+    started = time.perf_counter()
+    try:
+        return evaluate(*arguments)
+    except TrainingError as error:
+        return Outcome(math.nan, [], 0.0, time.perf_counter() - started, str(error))
+
+
+def render(
+    recipe: Recipe, proposal: Proposal, seed: int, workers: int | WorkerPool = 0
+) -> Dataset:
+    """The dataset of a proposal and a seed; by default in this process.
+
+    ``python -m scene.render --attributes FILE --seed SEED`` with the same sizes renders the same.
+    """
+    fidelity = recipe.fidelity
+    return render_dataset(
+        draw(proposal, seed, fidelity.streets),
+        seed,
+        shots=fidelity.shots,
+        settings=fidelity.render_settings(),
+        renderer_name=recipe.renderer,
+        pool=recipe.pool,
+        workers=workers,
+    )
+
+
+def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
+    """The images of a source, with labels in the classes of the recipe."""
+    if isinstance(source, Truth):
+        return source
+    dataset = render(recipe, source, seed)
+    return Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+
+
+def evaluate_miou(recipe: Recipe, source: Source, seed: int, truth: Truth) -> Outcome:
+    """Render, train, score.
+
+    Args:
+        recipe: sizes, net, training, assets.
+        source: what to train on.
+        seed: of the streets and of the net.
+        truth: what to score on.
+
+    Raises:
+        TrainingError: training diverged.
+    """
+    started = time.perf_counter()
+    own = training_set(recipe, source, seed)
+    rendered = 0.0 if isinstance(source, Truth) else time.perf_counter() - started
+    settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
+    params = train(seed, *own, settings, classes)
+    return scored(recipe, params, truth, rendered, time.perf_counter() - started - rendered)
+
+
+def scored(
+    recipe: Recipe, params: Params, truth: Truth, render_seconds: float, train_seconds: float
+) -> Outcome:
+    """What a trained net is worth; the time of scoring counts as training."""
+    started = time.perf_counter()
+    confusion = score(params, *truth, recipe.fidelity.train, len(recipe.classes.classes))
+    present = confusion.sum(axis=1) > 0
+    class_iou = [
+        float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)
+    ]
+    seconds = train_seconds + time.perf_counter() - started
+    return Outcome(mean_iou(confusion), class_iou, render_seconds, seconds)
+
+
+def worker_environment() -> dict[str, str]:
+    """Variables for workers: one thread each, and compiled functions kept between runs."""
+    cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "sdr-jax" / "xla"
+    flags = os.environ.get("XLA_FLAGS", "")
+    return {
+        "XLA_FLAGS": f"{flags} --xla_cpu_multi_thread_eigen=false".strip(),
+        # XLA's Cholesky is OpenBLAS's, whose threads spin: 300 times slower where cores are shared.
+        "OPENBLAS_NUM_THREADS": "1",
+        "JAX_COMPILATION_CACHE_DIR": os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "1",
+        "XLA_PYTHON_CLIENT_PREALLOCATE": "false",
+        "TF_CPP_MIN_LOG_LEVEL": "3",
+    }

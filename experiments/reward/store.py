@@ -1,0 +1,283 @@
+"""Evaluations on disk: what has been scored is not scored again.
+
+One record is one evaluation, named by all that decides it (`identity`): a run folder keeps its own, lines of
+``evaluations.jsonl`` and ``finals.jsonl``; ``--store FILE`` names a file that many runs share and may write
+to at once, behind a first line that names the attributes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments.reward.miou import Outcome, Source, Truth
+from scene.attributes import NAMES
+from shell.errors import UserError
+from shell.files import digest, write
+from shell.lines import JsonLines, Record
+
+FORMAT = "sdr-jax evaluations, 2"
+HEADER = {"store": FORMAT, "attributes": list(NAMES)}
+LOGS = ("evaluations.jsonl", "finals.jsonl")
+"""The files of a run folder: rewards of searches, and all other nets."""
+
+FIELDS: dict[str, tuple[type, ...]] = {
+    "key": (str,),
+    "config": (str,),
+    "engine": (int,),
+    "centre": (list, type(None)),
+    "width": (list, type(None)),
+    "seed": (int,),
+    "reward": (float, type(None)),
+    "class_iou": (list,),
+    "render_seconds": (float,),
+    "train_seconds": (float,),
+    "failed": (str, type(None)),
+}
+"""One record. A failed evaluation says why in ``failed`` and has no reward; a net that was trained on real
+images has no proposal."""
+VALUES = ("reward", "class_iou", "failed")
+"""What is always the same for the same key; seconds are not."""
+
+
+def identity(config: str, source: Source, seed: int) -> str:
+    """The name of an evaluation.
+
+    Args:
+        config: hash of all that decides it but for the two below.
+        source: proposal f32[23], or the images that are trained on.
+        seed: of the streets and of the net.
+    """
+    bytes_of = hashlib.sha256()
+    dtypes = (None, None) if isinstance(source, Truth) else (np.float32, np.float32)
+    for array, dtype in zip(source, dtypes, strict=True):
+        bytes_of.update(np.ascontiguousarray(array, dtype).tobytes())
+    return digest({"config": config, "source": bytes_of.hexdigest(), "seed": int(seed)})
+
+
+def record_of(key: str, source: Source, seed: int, outcome: Outcome) -> Record:
+    """What is kept of an evaluation."""
+    real = isinstance(source, Truth)
+    return {
+        "key": key,
+        "centre": None if real else _floats(source[0]),
+        "width": None if real else _floats(source[1]),
+        "seed": int(seed),
+        "reward": None if outcome.failed else float(outcome.reward),
+        "class_iou": outcome.class_iou,
+        "render_seconds": round(outcome.render_seconds, 3),
+        "train_seconds": round(outcome.train_seconds, 3),
+        "failed": outcome.failed,
+    }
+
+
+def outcome_of(record: Record) -> Outcome:
+    """An evaluation as it is remembered."""
+    return Outcome(
+        math.nan if record["reward"] is None else record["reward"],
+        record["class_iou"],
+        record["render_seconds"],
+        record["train_seconds"],
+        record["failed"],
+        stored=True,
+    )
+
+
+def _floats(values: Any) -> list[float]:
+    """Float32 numbers, each the shortest that is read back as the same."""
+    return [float(str(v)) for v in np.asarray(values, np.float32)]
+
+
+class Log:
+    """Evaluations of one run in a file of its folder; no other process writes to it.
+
+    Args:
+        path: the file.
+
+    Raises:
+        UserError: a line is not as this program writes it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self._lines = JsonLines(path, "remove it and all after it, or use another --out")
+        self._known: dict[str, Record] = {}
+        for number, record in enumerate(self.records):
+            check_fields(self._lines.where(number), record)
+            self._known.setdefault(record["key"], record)
+
+    @property
+    def records(self) -> list[Record]:
+        """Every line, in order; some may hold the same evaluation."""
+        return self._lines.lines
+
+    def get(self, key: str) -> Record | None:
+        """The evaluation of a key, if it is known."""
+        return self._known.get(key)
+
+    def add(self, record: Record) -> None:
+        """Keep an evaluation, and see it to the disk."""
+        self._lines.append(record)
+        self._known.setdefault(record["key"], record)
+
+
+class Store:
+    """The evaluations in a shared file, those that other runs add meanwhile included.
+
+    Args:
+        path: the file; it is made with the first evaluation.
+
+    Raises:
+        UserError: the file is no store, or the store of other attributes.
+    """
+
+    def __init__(self, path: Path) -> None:
+        if path.is_dir():
+            raise UserError(f"{path} is a folder; a store is a file")
+        self.path = path
+        self._known: dict[str, tuple[Record, str]] = {}
+        self._lines = JsonLines(path)
+        self._absorb(self._lines.lines)
+
+    def __len__(self) -> int:
+        return len(self._known)
+
+    @property
+    def records(self) -> list[Record]:
+        """Every evaluation, in the order in which they were made."""
+        return [record for record, _ in self._known.values()]
+
+    def refresh(self) -> None:
+        """Read what other runs have added."""
+        self._absorb(self._lines.refresh())
+
+    def get(self, key: str) -> Record | None:
+        """The evaluation of a key, if it is known."""
+        return self._known[key][0] if key in self._known else None
+
+    def where(self, key: str) -> str:
+        """File and line of a key."""
+        return self._known[key][1]
+
+    def add(self, record: Record) -> Record:
+        """Keep an evaluation and see it to the disk; what another run added first stands.
+
+        Returns:
+            The evaluation that is kept.
+        """
+        before = len(self._lines.lines)
+        with self._lines.shared():
+            self._absorb(self._lines.lines[before:])
+            known = self.get(record["key"])
+            if known is not None:
+                return known
+            first = [] if self._lines.lines else [HEADER]
+            self._lines.append(*first, record)
+            self._known[record["key"]] = record, self._lines.where(len(self._lines.lines) - 1)
+        return record
+
+    def _absorb(self, records: Sequence[Record]) -> None:
+        start = len(self._lines.lines) - len(records)
+        for number, record in enumerate(records, start):
+            if number == 0:
+                _check_header(self.path, record)
+                continue
+            where = self._lines.where(number)
+            check_fields(where, record)
+            refuse_conflict(*self._known.setdefault(record["key"], (record, where)), record, where)
+
+
+def _check_header(path: Path, header: Record) -> None:
+    found = header.get("store")
+    if found != FORMAT:
+        earlier = isinstance(found, str) and found.startswith(FORMAT.rpartition(",")[0])
+        what = f"of an earlier version ({found!r})" if earlier else "no store of evaluations"
+        raise UserError(f"{path} is {what}, expected {FORMAT!r}; use another store")
+    names = header.get("attributes")
+    if names != list(NAMES):
+        theirs = names if isinstance(names, list) else []
+        stray = [str(name) for name in theirs if name not in NAMES]
+        detail = f"such as {stray[0]}" if stray else "or in another order"
+        raise UserError(
+            f"{path} was written by another space: {len(theirs)} attributes, not these "
+            f"{len(NAMES)} ({detail}); use another store"
+        )
+
+
+def check_fields(where: str, record: Record) -> None:
+    """Raise UserError for a record that is not as this program writes it."""
+    for name, kinds in FIELDS.items():
+        if name not in record or not isinstance(record[name], kinds):
+            wanted = " or ".join("null" if k is type(None) else k.__name__ for k in kinds)
+            raise UserError(f"{where}: {name} must be of type {wanted}")
+    for name in ("centre", "width"):
+        if record[name] is not None and len(record[name]) != len(NAMES):
+            raise UserError(f"{where}: {name} must hold {len(NAMES)} values")
+    if (record["reward"] is None) != (record["failed"] is not None):
+        raise UserError(f"{where}: an evaluation has a reward or has failed, one of the two")
+
+
+def refuse_conflict(one: Record, where: str, other: Record, there: str) -> None:
+    """Raise UserError if two records of the same evaluation disagree."""
+    if any(one[name] != other[name] for name in VALUES):
+        raise UserError(
+            f"{where} and {there} hold the same evaluation with different values, "
+            f"{_value(one)} and {_value(other)}"
+        )
+
+
+def _value(record: Record) -> str:
+    return "failed" if record["reward"] is None else f"{record['reward']:.6f}"
+
+
+def read(path: Path) -> dict[str, tuple[Record, str]]:
+    """Evaluations by key, each with its file and line, of a store or of a run folder.
+
+    Raises:
+        UserError: there are none, or two that disagree.
+    """
+    if path.is_dir():
+        files = [path / name for name in LOGS if (path / name).exists()]
+        if not files:
+            raise UserError(f"{path}: no run folder; it holds neither of {', '.join(LOGS)}")
+        logs = [(file, Log(file).records) for file in files]
+        return merged(
+            (record, f"{file}: line {number}")
+            for file, records in logs
+            for number, record in enumerate(records, 1)
+        )
+    if not path.exists():
+        raise UserError(f"{path}: no such store")
+    store = Store(path)
+    return {record["key"]: (record, store.where(record["key"])) for record in store.records}
+
+
+def merged(found: Iterable[tuple[Record, str]]) -> dict[str, tuple[Record, str]]:
+    """Evaluations by key, those that are there twice once.
+
+    Raises:
+        UserError: two that disagree; both are named.
+    """
+    known: dict[str, tuple[Record, str]] = {}
+    for record, where in found:
+        refuse_conflict(*known.setdefault(record["key"], (record, where)), record, where)
+    return known
+
+
+def kinds_of(records: Iterable[Record]) -> dict[str, list[Record]]:
+    """Records by the name of their configuration."""
+    found: dict[str, list[Record]] = {}
+    for record in records:
+        found.setdefault(record["config"], []).append(record)
+    return found
+
+
+def write_store(path: Path, records: Sequence[Record]) -> None:
+    """A new store; whole or not at all."""
+    write(path, (json.dumps(line, allow_nan=False) + "\n" for line in (HEADER, *records)))

@@ -1,0 +1,212 @@
+"""One job under way: its configuration, target, workers, folder, store and progress.
+
+    with opened(config) as run:
+        run.begin([Work.at("nets", count, config.final)])
+        outcomes = run.score(run.evaluator(run.recipe(config.final), "test"), jobs, ...)
+
+A job that is started again does what is left: everything that was scored is in its folder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from typing import Any, Generic, NamedTuple, TypeVar
+
+from experiments.config import Config, Fidelity, RewardKind
+from experiments.reward.evaluator import Evaluator, Job, Memory, Side
+from experiments.reward.miou import Outcome, Recipe, Truth, worker_environment
+from experiments.reward.mmd import FeatureNet, Reference, feature_net
+from experiments.reward.store import LOGS, Log, Store
+from experiments.run.ladder import cost_of
+from experiments.target.base import Target
+from experiments.target.named import named_target
+from scene.render import RendererError, renderer
+from scene.version import ENGINE
+from scene.workers import WorkerPool
+from sdr_jax import refuse_failures
+from shell import folder
+from shell.errors import UserError
+from shell.progress import Progress, duration
+
+PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
+FREE_FIELDS = ("out", "workers", "store")
+"""Fields that may differ when a job is continued."""
+REWARD_NAMES: dict[RewardKind, str] = {"miou": "mIoU", "mmd": "-MMD^2"}
+"""What each ``--reward-kind`` is."""
+
+AnyConfig = TypeVar("AnyConfig", bound=Config)
+
+
+class Work(NamedTuple):
+    """Nets of one kind that a job trains."""
+
+    what: str  # such as "rewards of the search"
+    nets: int
+    fidelity: Fidelity
+    seconds: float  # of a CPU, each, about
+
+    @classmethod
+    def at(cls, what: str, nets: int, fidelity: Fidelity) -> Work:
+        """Nets that are trained on a rendered dataset."""
+        return cls(what, nets, fidelity, cost_of(fidelity))
+
+    @property
+    def cost(self) -> float:
+        """Of all of it, in the units of ``cost_of``."""
+        return self.nets * self.seconds
+
+
+@dataclass
+class Run(Generic[AnyConfig]):
+    """All that a job works with."""
+
+    config: AnyConfig
+    target: Target
+    workers: WorkerPool
+    evaluations: Log
+    """Rewards of searches, one line each, as they are made."""
+    finals: Log
+    """All other nets."""
+    store: Store | None
+    """Evaluations shared with other runs."""
+    progress: Progress
+    _net: list[FeatureNet] = field(default_factory=list)
+
+    def recipe(self, fidelity: Fidelity, **pool: Any) -> Recipe:
+        """How nets are made at a fidelity; fields of the pool of assets may be changed."""
+        config = self.config
+        assets = config.pool._replace(**pool)
+        return Recipe(fidelity, self.target.table, config.renderer, assets)
+
+    def truth(self, fidelity: Fidelity, side: Side) -> Truth:
+        """The target's labelled images of a side, at a fidelity's size."""
+        images = getattr(self.target.at(fidelity.height, fidelity.width), side)
+        return Truth(images.images, images.labels)
+
+    def evaluator(
+        self, recipe: Recipe, side: Side = "reward", kind: RewardKind = "miou"
+    ) -> Evaluator:
+        """Scores nets of a recipe on the images of a side."""
+        truth: Truth | Reference = self.truth(recipe.fidelity, side)
+        if kind == "mmd":
+            if not self._net:
+                self.progress.say(
+                    "The reward is -MMD^2 in the features of one net: labels are left alone"
+                )
+                own = self.recipe(self.config.reward)
+                self._net.append(feature_net(own, self.config.out, self.workers))
+            truth = self._net[0].reference(truth.images)
+        return Evaluator(recipe, self.target, side, truth, self.workers)
+
+    def score(
+        self,
+        evaluator: Evaluator,
+        jobs: Sequence[Job],
+        *,
+        log: Log,
+        cost: float,
+        say: Callable[[int, Outcome], str] | None = None,
+    ) -> list[Outcome]:
+        """Train and score a net for every job; a failed one is an outcome with its reason.
+
+        Args:
+            evaluator: of these nets.
+            jobs: what to train on, with which seeds.
+            log: where evaluations are kept: ``evaluations`` or ``finals``.
+            cost: of one net, in the units of the progress.
+            say: what progress says about a new outcome; the job's index is the first argument.
+        """
+        found: dict[int, Outcome] = {}
+        memory = Memory(log, self.store, lambda: self.progress.elapsed)
+        for index, outcome in evaluator.map(jobs, memory):
+            found[index] = outcome
+            self.progress.advance(cost, replayed=outcome.stored)
+            if say is not None and not outcome.stored:
+                self.progress.update(say(index, outcome))
+        return [found[index] for index in range(len(jobs))]
+
+    def begin(self, plan: Sequence[Work]) -> None:
+        """Say what is about to be done and how long it takes, and count it from here."""
+        label = "" if self.target.real else "twin, not real | "
+        lines = self.evaluations.records + self.finals.records
+        elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
+        self.progress = Progress(sum(work.cost for work in plan), elapsed, label)
+        self.progress.say(plan_text(plan, self.config.workers))
+        shared = "" if self.store is None else f" | {self.store.path} holds {len(self.store)}"
+        self.progress.say(f"Folder: {self.config.out}{shared}")
+        if lines:
+            self.progress.say(
+                f"Continuing: {len(self.evaluations.records)} rewards and "
+                f"{len(self.finals.records)} other nets are done, in {duration(elapsed)}"
+            )
+
+
+def refuse_failed(outcomes: Sequence[Outcome], total: int) -> None:
+    """Raise UserError if more than a tenth of all that is asked for has failed."""
+    reasons = [outcome.failed for outcome in outcomes if outcome.failed is not None]
+    if reasons:
+        refuse_failures(len(reasons), total, reasons[-1])
+
+
+def in_words(kind: RewardKind, reward: float) -> str:
+    """A reward as progress tells it: mIoU in percent, or -MMD^2 as it is."""
+    return f"{100 * reward:.1f}" if kind == "miou" else f"{reward:.4f}"
+
+
+def verdict(outcome: Outcome, kind: RewardKind = "miou") -> str:
+    """What progress says about a net."""
+    if outcome.failed:
+        return "failed"
+    return f"{REWARD_NAMES[kind]} {in_words(kind, outcome.reward)}"
+
+
+def plan_text(plan: Sequence[Work], workers: int) -> str:
+    """What is to be done, one line a kind, and how long all of it takes, about."""
+    lines = ["Plan, in CPU seconds:"]
+    for what, nets, fidelity, seconds in plan:
+        train = fidelity.train
+        size = f"{fidelity.size}, {fidelity.images} images, {train.steps} steps"
+        lines.append(f"  {nets:5d} x {seconds:6.1f}  {what} ({train.net}, {size})")
+    total = duration(sum(work.cost for work in plan) / max(workers, 1))
+    lines.append(
+        f"About {total} on {max(workers, 1)} worker(s), without compiling; what is known takes no time"
+    )
+    return "\n".join(lines)
+
+
+@contextmanager
+def opened(
+    config: AnyConfig, refuse: Callable[[Target], None] | None = None
+) -> Iterator[Run[AnyConfig]]:
+    """Open all that a job works with; close it afterwards.
+
+    Args:
+        config: the job, its fields checked.
+        refuse: raises UserError for what cannot be done on this target. Whatever the user got wrong
+            shows before the folder is made.
+
+    Raises:
+        UserError, DataError: what a user can get wrong.
+    """
+    try:
+        renderer(config.renderer)
+    except RendererError as error:
+        raise UserError(str(error)) from None
+    plain = {"engine": ENGINE, **asdict(config)}
+    with WorkerPool(config.workers, worker_environment()) as workers:
+        target = named_target(config, workers)
+        folder.refuse_foreign(config.out, plain, FREE_FIELDS)
+        if refuse is not None:
+            refuse(target)
+        store = None if config.store is None else Store(config.store)
+        print(f"Target: {target.title}", flush=True)
+        target.at(config.reward.height, config.reward.width)
+        with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
+            logs = [Log(config.out / name) for name in LOGS]
+            run = Run(config, target, workers, *logs, store, Progress(1.0))
+            try:
+                yield run
+            finally:
+                run.progress.close()

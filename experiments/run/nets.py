@@ -1,0 +1,71 @@
+"""Nets of named training sets, each scored with the same seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from experiments.config import RewardKind
+from experiments.reward.evaluator import Job, Side
+from experiments.reward.miou import Outcome, Recipe, Source, Truth
+from experiments.run.context import Run, refuse_failed, verdict
+from experiments.run.ladder import cost_of, training_cost
+
+Scores = dict[str, list[Outcome]]
+"""By name of the training set, outcomes in the order of the seeds; those of nets that failed among them."""
+
+
+def score_nets(
+    run: Run[Any],
+    what: str,
+    sources: Mapping[str, Source],
+    recipe: Recipe,
+    seeds: Sequence[int],
+    *,
+    side: Side = "test",
+    kind: RewardKind = "miou",
+    once: Sequence[str] = (),
+) -> Scores:
+    """Train one net for each training set and seed, all at once, and score it.
+
+    Args:
+        run: the job.
+        what: these nets are, in the run folder and in progress, such as "table, compact".
+        sources: training sets by name, proposals or images.
+        recipe: sizes, net, training and assets.
+        seeds: of streets and nets; the k-th of every set share one.
+        side: which of the target's images score.
+        kind: of the score.
+        once: names of sets that the first seed is enough for.
+
+    Raises:
+        UserError: more than a tenth of the nets failed.
+    """
+    wanted = [(name, seed) for seed in seeds for name in sources if name not in once or seed == seeds[0]]
+    jobs = [
+        Job(sources[name], seed, {"kind": what, "row": name, "seed": seed}) for name, seed in wanted
+    ]
+    evaluator = run.evaluator(recipe, side, kind)
+
+    def say(index: int, outcome: Outcome) -> str:
+        name, seed = wanted[index]
+        return f"{what}: {name}, seed {seed} | {verdict(outcome, kind)}"
+
+    # Both kinds of sets in one list of jobs, so that no worker waits; they differ in what they cost.
+    cost = sum(_cost(recipe, sources[name]) for name, _ in wanted) / max(len(wanted), 1)
+    outcomes = run.score(evaluator, jobs, log=run.finals, cost=cost, say=say)
+    refuse_failed(outcomes, len(jobs))
+    found: Scores = {name: [] for name in sources}
+    for (name, _), outcome in zip(wanted, outcomes, strict=True):
+        found[name].append(outcome)
+    return found
+
+
+def _cost(recipe: Recipe, source: Source) -> float:
+    cost = training_cost if isinstance(source, Truth) else cost_of
+    return cost(recipe.fidelity)
+
+
+def paired_seeds(run: Run[Any]) -> list[int]:
+    """The seeds of a result's rows."""
+    return [run.config.seed + k for k in range(run.config.seeds)]

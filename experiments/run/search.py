@@ -1,0 +1,187 @@
+"""The search: one jitted step per update, its rewards from worker processes through one callback."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+import sdr_jax
+from experiments.config import RewardKind, SearchOptions
+from experiments.reward.evaluator import Job
+from experiments.reward.miou import Outcome
+from experiments.run.context import REWARD_NAMES, Run, in_words, refuse_failed
+from experiments.run.ladder import cost_of
+from scene.attributes import NAMES
+from scene.proposal import Proposal, random_proposal
+from sdr_jax.registry import MethodName
+from shell.errors import UserError
+
+
+class Plan(NamedTuple):
+    """One search."""
+
+    name: str  # what the run's log calls it
+    method: MethodName
+    search: sdr_jax.Method
+    subset: tuple[str, ...]  # the attributes that it decides; all others stay random
+    datasets: int  # per update
+    updates: int
+    options: SearchOptions
+
+    @property
+    def evaluations(self) -> int:
+        """Rewards that it asks for."""
+        return self.datasets * self.updates
+
+
+class Found(NamedTuple):
+    """What a search found, and how it went."""
+
+    solution: Proposal  # the method's answer, f32[23] each
+    spread: Proposal  # the same, wide where the method is unsure
+    outcomes: list[Outcome]  # in the order in which they were asked for
+    rewards: np.ndarray  # f32[updates, datasets]; NaN where they failed
+    baselines: np.ndarray  # f32[updates]
+    groups: np.ndarray  # i32[updates]
+    probabilities: np.ndarray  # f32[updates, attributes of the subset, bins], after each update
+    cpu_seconds: float  # of the method itself, compiling included
+    wall_seconds: float
+
+
+def embed(subset: Sequence[str], proposals: Any) -> Proposal:
+    """Proposals f32[*batch, attributes of the subset] as f32[*batch, 23], the others random."""
+    where = [NAMES.index(name) for name in subset]
+    whole = []
+    for values, random in zip(proposals, random_proposal(), strict=True):
+        array = np.broadcast_to(random, (*values.shape[:-1], len(NAMES))).copy()
+        array[..., where] = np.asarray(values)
+        whole.append(array)
+    return Proposal(*whole)
+
+
+class _Stopwatch:
+    """CPU and wall seconds of this process while it runs; what runs inside another is taken off it."""
+
+    def __init__(self) -> None:
+        self.cpu = self.wall = 0.0
+
+    def __enter__(self) -> None:
+        self._started = time.process_time(), time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.cpu += time.process_time() - self._started[0]
+        self.wall += time.perf_counter() - self._started[1]
+
+
+class _Rewards:
+    """Scores the datasets of one update after the other; runs behind the callback, without JAX."""
+
+    def __init__(self, run: Run[Any], plan: Plan, kind: RewardKind) -> None:
+        self._run, self._plan = run, plan
+        self._evaluator = run.evaluator(run.recipe(run.config.reward), "reward", kind)
+        self._logged = {
+            (line.get("search"), line.get("update"), line.get("dataset")): line["key"]
+            for line in run.evaluations.records
+        }
+        self._update = 0
+        self.watch = _Stopwatch()
+        self.outcomes: list[Outcome] = []
+
+    def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
+        """Rewards f32[n]; NaN where the evaluation failed."""
+        with self.watch:
+            centres, widths = embed(self._plan.subset, asked.proposals)
+            actions, seeds = np.asarray(asked.actions).tolist(), asked.seeds.tolist()
+            jobs = [
+                Job(Proposal(centres[k], widths[k]), seed, self._notes(k, actions[k]))
+                for k, seed in enumerate(seeds)
+            ]
+            for job in jobs:
+                self._refuse_another(job)
+            run = self._run
+            cost = cost_of(run.config.reward)
+            outcomes = run.score(self._evaluator, jobs, log=run.evaluations, cost=cost)
+            self.outcomes += outcomes
+            self._update += 1
+            refuse_failed(self.outcomes, self._plan.evaluations)
+            return np.array([outcome.reward for outcome in outcomes], np.float32)
+
+    def _notes(self, dataset: int, actions: list[Any]) -> dict[str, Any]:
+        place = {"search": self._plan.name, "update": self._update, "dataset": dataset}
+        return {**place, "actions": actions}
+
+    def _refuse_another(self, job: Job) -> None:
+        place = tuple(job.notes[name] for name in ("search", "update", "dataset"))
+        key = self._evaluator.key(job.source, job.seed)
+        if self._logged.get(place, key) != key:
+            raise UserError(
+                f"{self._run.evaluations.path}: update {place[1]}, dataset {place[2]} was not made by "
+                "this run; use another --out"
+            )
+
+
+def search(run: Run[Any], plan: Plan, kind: RewardKind = "miou") -> Found:
+    """Run a whole search, or what is left of it.
+
+    The loop replays what the run folder already knows: the same keys give the same actions, and a
+    logged reward takes no time. So a killed run ends with the answer of an unbroken one. A failed
+    evaluation is left out of its update.
+
+    Args:
+        run: its reward's fidelity and seed are the search's.
+        plan: what searches, and how long.
+        kind: of the rewards.
+
+    Raises:
+        UserError: more than a tenth of the evaluations failed, or a log of another run.
+    """
+    rewards, watch = _Rewards(run, plan, kind), _Stopwatch()
+    reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
+    key = jax.random.key(run.config.seed)
+    steps = sdr_jax.drive(key, plan.search, reward_fn, plan.updates, plan.datasets)
+    history: list[tuple] = []
+    for update in range(plan.updates):
+        with watch:
+            state, record = next(steps)
+            info = jax.device_get(record.info)
+            probabilities = np.asarray(plan.search.probabilities(state))
+        history.append(
+            (np.asarray(record.rewards), float(info.baseline), int(info.group), probabilities)
+        )
+        run.progress.update(_said(plan, kind, update, history))
+    with watch:
+        answers = [
+            embed(plan.subset, jax.device_get(answer(state)))
+            for answer in (plan.search.solution, plan.search.spread)
+        ]
+    by_update, baselines, groups, distributions = zip(*history, strict=True)
+    return Found(
+        *answers,
+        outcomes=rewards.outcomes,
+        rewards=np.stack(by_update),
+        baselines=np.array(baselines, np.float32),
+        groups=np.array(groups, np.int32),
+        probabilities=np.stack(distributions),
+        cpu_seconds=max(watch.cpu - rewards.watch.cpu, 0.0),
+        wall_seconds=max(watch.wall - rewards.watch.wall, 0.0),
+    )
+
+
+def _said(plan: Plan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:
+    """What progress says about an update."""
+    latest, baseline, group, _ = history[-1]
+    where = f"{plan.name}: update {update + 1}/{plan.updates}"
+    if plan.method == "sdr":
+        where += f", group {group + 1}"
+    if np.isnan(latest).all():
+        return f"{where} | all failed"
+    best = max(float(np.nanmax(r)) for r, *_ in history if not np.isnan(r).all())
+    line = f"{REWARD_NAMES[kind]} {in_words(kind, float(np.nanmean(latest)))}, best {in_words(kind, best)}"
+    if np.isfinite(baseline):
+        scale = 100 if plan.options.squared_reward else 1
+        line += f", baseline {in_words(kind, baseline / scale)}"
+    return f"{where} | {line}"

@@ -1,0 +1,1 @@
+"""The skeleton of every command: plan, jobs, report."""

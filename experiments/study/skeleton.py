@@ -1,0 +1,117 @@
+"""A job from start to report: check, open, plan, work, write. The main job and all studies are one of these.
+
+    STUDY = Study(FORM, check, plan, scores)
+    report = do(STUDY, config)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Generic
+
+from experiments.config import LearntConfig
+from experiments.config import check as check_flags
+from experiments.run.context import AnyConfig, Run, Work, opened
+from experiments.run.learn import learn, work_of
+from experiments.study.form import Form, Report, rewrite, write_report
+from experiments.target.base import Target
+from scene.proposal import Proposal, parse_proposal
+from shell.errors import UserError
+from shell.files import read_json
+from shell.progress import duration
+
+
+def nothing(config: Any) -> None:
+    """No checks beyond those of all jobs."""
+
+
+def none(config: Any, target: Target) -> None:
+    """Nothing to be prepared."""
+
+
+@dataclass(frozen=True)
+class Study(Generic[AnyConfig]):
+    """What makes one job different from the others."""
+
+    form: Form
+    """Of its report."""
+    plan: Callable[[AnyConfig], list[Work]]
+    """The nets that it trains."""
+    scores: Callable[[Run[AnyConfig], Any], Report]
+    """Does the work, or what is left of it; is given what ``prepare`` made. Raises UserError, WorkerError."""
+    check: Callable[[AnyConfig], None] = nothing
+    """Raises UserError for a field that only this job has and that is out of range, by flag."""
+    prepare: Callable[[AnyConfig, Target], Any] = none
+    """Made before the folder is; raises UserError or DataError for what cannot be done on this target."""
+
+
+def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
+    """Do a whole job, or what is left of it, and return its report; with ``--rederive`` only write that.
+
+    Raises:
+        UserError, DataError: what a user can get wrong.
+        WorkerError: worker processes keep dying.
+    """
+    rederive: Path | None = getattr(config, "rederive", None)
+    if rederive is not None:
+        report = rewrite(study.form, rederive, config.out)
+        print(study.form.text(report), flush=True)
+        return report
+    check(study, config)
+    made: list[Any] = []
+    with opened(config, lambda target: made.append(study.prepare(config, target))) as run:
+        run.begin(study.plan(config))
+        report = write_report(study.form, study.scores(run, made[0]), config.out)
+        run.progress.say(study.form.text(report))
+        note = "" if run.target.real else " (the twin, not real data)"
+        file = config.out / f"{study.form.name}.json"
+        run.progress.say(f"Done in {duration(run.progress.elapsed)}{note}: {file}")
+        return report
+
+
+def check(study: Study[AnyConfig], config: AnyConfig) -> None:
+    """Raise UserError for a configuration that the job cannot work with, by flag."""
+    check_flags(config)
+    if isinstance(config, LearntConfig) and config.learnt is not None:
+        read_learnt(config.learnt)
+    study.check(config)
+
+
+def learnt_work(config: LearntConfig) -> list[Work]:
+    """What `learnt_attributes` trains."""
+    return [] if config.learnt is not None else work_of(config)
+
+
+def learnt_attributes(run: Run[Any]) -> Proposal:
+    """The attributes learnt for this target: from ``--learnt``, else by search, as the main job does.
+
+    A run of the main job with the same flags and the same ``--store`` gives the same, and what one of them
+    has scored, the other does not score again.
+
+    Raises:
+        UserError: ``--learnt`` is no attributes.json.
+    """
+    config: LearntConfig = run.config
+    return learn(run).proposal if config.learnt is None else read_learnt(config.learnt)
+
+
+def learnt_from(config: LearntConfig) -> str:
+    """Where learnt attributes are from, for reports."""
+    return "a search of this run" if config.learnt is None else str(config.learnt)
+
+
+def read_learnt(path: Path) -> Proposal:
+    """The proposal in an ``attributes.json``, f32[23] each.
+
+    Raises:
+        UserError: no such file, or the file of something else.
+    """
+    try:
+        return parse_proposal(read_json(path))
+    except OSError as error:
+        raise UserError(f"--learnt {path}: {error.strerror}") from None
+    except ValueError as error:
+        where = "" if str(error).startswith(str(path)) else f"{path}: "
+        raise UserError(f"--learnt {where}{error}") from None

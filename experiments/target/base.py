@@ -1,0 +1,52 @@
+"""A target: real images for the reward, and others for the reported figures."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from experiments.target.twin import TwinWorld
+from seg.classes import IGNORE_LABEL
+from seg.data import RealSet
+from shell.errors import UserError
+
+
+class Split(NamedTuple):
+    """Both sides of a target at one size."""
+
+    reward: RealSet
+    test: RealSet
+
+
+class Target(NamedTuple):
+    """A target; images are read (or rendered) when a size is asked for."""
+
+    name: str  # "twin", "cityscapes" or "camvid"
+    real: bool
+    table: str  # class table, see ``seg.class_table``; every net of the run tells these classes apart
+    title: str  # one line for people
+    reward_names: tuple[str, ...]
+    test_names: tuple[str, ...]
+    at: Callable[[int, int], Split]  # (height, width) -> images and labels
+    twin: TwinWorld | None = None
+    labelled: bool = True  # whether the reward images are
+
+
+def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> None:
+    """Raise UserError if an image would both give the reward and be reported on."""
+    both = sorted(set(reward_names) & set(test_names))
+    if both:
+        raise UserError(
+            f"{len(both)} images, such as {both[0]}, are among the reward images and the test "
+            "images; choose another --test-split or --holdout"
+        )
+
+
+def refuse_void(split: Split, where: str, labelled: bool) -> Split:
+    """The split itself; raises UserError if no pixel of a side that is scored has a label."""
+    for side, images in split._asdict().items():
+        if (side == "test" or labelled) and np.all(images.labels == IGNORE_LABEL):
+            raise UserError(f"{where}: all labels of the {side} images are void")
+    return split

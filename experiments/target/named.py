@@ -1,0 +1,72 @@
+"""The target that a configuration names."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from experiments.config import Config
+from experiments.target.base import Split, Target, refuse_void
+from experiments.target.real import real_target
+from experiments.target.twin import ASSETS, FIRST_ASSET, twin_names, twin_split, twin_world
+from scene.workers import WorkerPool
+from shell.errors import UserError
+
+
+def named_target(config: Config, workers: WorkerPool) -> Target:
+    """What ``--target`` and ``--data`` say.
+
+    Raises:
+        UserError: no data where they are needed, data for the twin, or what neither can do.
+        DataError: the data are not as they should be.
+    """
+    if config.target == "twin":
+        if config.data is not None:
+            raise UserError("--target twin takes no --data; --target camvid or cityscapes does")
+        return _twin(config, workers)
+    if config.data is None:
+        if config.target == "camvid":
+            raise UserError("CamVid needs its folder: --data DIR (or the variable CAMVID_DIR)")
+        raise UserError("Cityscapes needs its folder: --data DIR; or use --target twin")
+    return real_target(config.target, config, config.data)
+
+
+def _twin(config: Config, workers: WorkerPool) -> Target:
+    """The embedded stand-in; see ``twin``."""
+    if config.holdout or config.test_split:
+        raise UserError("--holdout and --test-split need --data: the twin has no such names")
+    if getattr(config, "unlabelled", None):
+        raise UserError("--unlabelled needs --data: nothing real is like the twin")
+    if config.asset_count is not None and config.asset_count >= FIRST_ASSET:
+        raise UserError(
+            f"--asset-count must be less than {FIRST_ASSET}, where the twin's begin, "
+            f"not {config.asset_count}"
+        )
+    world = twin_world(config.twin_seed)
+    counts = {"train": config.reward_images, "test": config.test_images}
+
+    @lru_cache(maxsize=1)
+    def at(height: int, width: int) -> Split:
+        sides = [
+            twin_split(
+                world,
+                split,
+                (height, width),
+                images=count,
+                renderer=config.renderer,
+                workers=workers,
+                assets=min(ASSETS, config.asset_count or ASSETS),
+            )
+            for split, count in counts.items()
+        ]
+        return refuse_void(Split(*sides), "the twin", True)
+
+    return Target(
+        name="twin",
+        real=False,
+        table="cityscapes",
+        title=f"the twin {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
+        reward_names=tuple(n for n, _ in twin_names("train", config.reward_images)),
+        test_names=tuple(n for n, _ in twin_names("test", config.test_images)),
+        at=at,
+        twin=world,
+    )

@@ -1,0 +1,105 @@
+"""CamVid and Cityscapes as they lie on disk."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from experiments.config import Config
+from experiments.target.base import Split, Target, refuse_overlap, refuse_void
+from seg.classes import IGNORE_LABEL, class_table
+from seg.data import (
+    DataError,
+    Entry,
+    RealSet,
+    list_camvid,
+    list_cityscapes,
+    list_unlabelled,
+    load,
+    load_unlabelled,
+    subset,
+)
+from shell.errors import UserError
+
+LISTS: dict[str, tuple[Callable[..., tuple[Entry, ...]], str]] = {
+    "camvid": (list_camvid, "test"),
+    "cityscapes": (list_cityscapes, "val"),
+}
+"""How each layout is listed, and the split that is reported on by default."""
+
+
+def real_target(name: str, config: Config, data: Path) -> Target:
+    """A public data set in the folder ``data``.
+
+    Raises:
+        UserError: no images on one of the sides, or the same ones on both.
+        DataError: the data are not as they should be.
+    """
+    listing, test_split = LISTS[name]
+    reward, test, where = _sides(listing, data, config.test_split or test_split, config)
+    test = subset(test, config.test_images, config.seed)
+    unlabelled: Path | None = getattr(config, "unlabelled", None)
+    if unlabelled is not None:
+        # No label is read, nor is there a place for one.
+        reward = tuple(Entry(p.stem, "", p, p) for p in list_unlabelled(unlabelled))
+    reward = subset(reward, config.reward_images, config.seed)
+    refuse_overlap([e.name for e in reward], [e.name for e in test])
+    table = class_table(name)
+    # What gives -MMD^2 needs no labels, even where there are some.
+    scored = getattr(config, "reward_kind", "miou") == "miou"
+
+    @lru_cache(maxsize=1)
+    def at(height: int, width: int) -> Split:
+        size = (height, width)
+        read = load(reward, table, size) if unlabelled is None else _void(reward, size)
+        return refuse_void(Split(read, load(test, table, size)), str(data), scored)
+
+    shared = sorted({e.sequence for e in reward} & {e.sequence for e in test})
+    note = f" (sequences {', '.join(shared)} are on both sides)" if shared else ""
+    kind = "images" if unlabelled is None else "images without labels"
+    return Target(
+        name=name,
+        real=True,
+        table=name,
+        title=f"{name}, {len(reward)} {kind} for the reward, {where}, {len(test)} images{note}",
+        reward_names=tuple(e.name for e in reward),
+        test_names=tuple(e.name for e in test),
+        at=at,
+        labelled=unlabelled is None,
+    )
+
+
+def _sides(
+    listing: Callable[..., tuple[Entry, ...]], data: Path, test_split: str, config: Config
+) -> tuple[tuple[Entry, ...], tuple[Entry, ...], str]:
+    """What gives the reward, what is reported on, and where that is from."""
+    reward = listing(data, "train")
+    if config.holdout is None:
+        try:
+            test = listing(data, test_split)
+        except DataError as error:
+            raise UserError(
+                f"{error}; --test-split or --holdout choose other images to report on"
+            ) from None
+        return reward, test, f"reported on split {test_split}"
+    if config.test_split is not None:
+        raise UserError("give --holdout or --test-split, not both")
+    held = tuple(e for e in reward if e.sequence == config.holdout)
+    rest = tuple(e for e in reward if e.sequence != config.holdout)
+    if not held or not rest:
+        raise UserError(
+            f"--holdout {config.holdout!r} must leave images on both sides; the training images "
+            f"have the sequences {', '.join(sorted({e.sequence for e in reward}))}"
+        )
+    return rest, held, f"reported on sequence {config.holdout}"
+
+
+def _void(entries: Sequence[Entry], size: tuple[int, int]) -> RealSet:
+    """Images without labels as a set whose every pixel is void."""
+    images = load_unlabelled([e.image_path for e in entries], size)
+    labels = np.full(images.shape[:3], IGNORE_LABEL, np.uint8)
+    names, sequences = (tuple(getattr(e, f) for e in entries) for f in ("name", "sequence"))
+    return RealSet(names, sequences, images, labels)
