@@ -14,7 +14,7 @@ from sdr_jax.actor_critic import actor_critic
 from sdr_jax.ask_tell import AskTell, Trial
 from sdr_jax.attribute_descent import attribute_descent
 from sdr_jax.baseline import Baseline, ema, leave_one_out
-from sdr_jax.callback import HostReward, host_reward
+from sdr_jax.callback import DataSets, HostReward, host_reward
 from sdr_jax.cma_es import cma_es
 from sdr_jax.gaussian import gaussian
 from sdr_jax.linear import linear
@@ -23,19 +23,32 @@ from sdr_jax.pbil import pbil
 from sdr_jax.policy import Policy
 from sdr_jax.random_attributes import random_attributes
 from sdr_jax.random_search import random_search
+from sdr_jax.registry import METHODS, MethodName
 from sdr_jax.reinforce import reinforce_loss
 from sdr_jax.rewards import identity, squared_percent
-from sdr_jax.run import Record, RewardFn, make_step, run, run_on_host
+from sdr_jax.run import (
+    Record,
+    RewardFn,
+    drive,
+    first_state,
+    make_step,
+    refuse_failures,
+    run,
+    run_on_host,
+)
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Proposal, Space, draw, relax, slide, space
 from sdr_jax.tpe import tpe
 
 __all__ = [
+    "METHODS",
     "AskTell",
     "Baseline",
+    "DataSets",
     "HostReward",
     "Info",
     "Method",
+    "MethodName",
     "Policy",
     "Proposal",
     "Record",
@@ -46,7 +59,9 @@ __all__ = [
     "attribute_descent",
     "cma_es",
     "draw",
+    "drive",
     "ema",
+    "first_state",
     "gaussian",
     "host_reward",
     "identity",
@@ -56,6 +71,7 @@ __all__ = [
     "pbil",
     "random_attributes",
     "random_search",
+    "refuse_failures",
     "reinforce_loss",
     "relax",
     "run",

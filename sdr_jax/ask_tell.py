@@ -210,8 +210,8 @@ class AskTell:
         self._rewards[id] = reward if np.isfinite(reward) else np.nan
         if len(self._rewards) < self.n:
             return
-        rewards = np.asarray([self._rewards[trial.id] for trial in self._trials], np.float32)
-        self.state = learn(self.method, self.state, self._actions, rewards)
+        rewards = jnp.asarray([self._rewards[trial.id] for trial in self._trials], jnp.float32)
+        self.state, _ = self.method.update(self.state, self._actions, rewards)
         self.updates += 1
         self._trials, self._rewards = (), {}
 
@@ -232,44 +232,6 @@ class AskTell:
                 "be those that the history began with"
             )
         self._take(ours["id"], np.nan if reward is None else reward)
-
-
-def learn(
-    method: Method,
-    state: State,
-    actions: Real[Array, "n attributes"],
-    rewards: Real[np.ndarray, "n"],
-) -> State:
-    """Updates a method with rewards of which some are NaN.
-
-    Most methods pass NaN by. One that NaN spoils (`sdr`) learns from the other data sets of the
-    update; if a single one is left of several, there is nothing to compare it with, and the state
-    stays.
-
-    Args:
-        method: what learns.
-        state: from before.
-        actions: of all data sets of the update.
-        rewards: theirs; NaN where the evaluation failed.
-
-    Returns:
-        The state afterwards, without NaN unless it came with it.
-    """
-    after, _ = method.update(state, actions, jnp.asarray(rewards, jnp.float32))
-    known = np.isfinite(rewards)
-    if known.all() or not _has_nan(after) or _has_nan(state):
-        return after
-    if known.sum() < min(2, len(rewards)):
-        return state
-    after, _ = method.update(state, actions[known], jnp.asarray(rewards[known], jnp.float32))
-    return after
-
-
-def _has_nan(state: State) -> bool:
-    arrays = [x for x in jax.tree.leaves(state) if isinstance(x, jax.Array | np.ndarray)]
-    return any(
-        bool(np.isnan(np.asarray(x)).any()) for x in arrays if jnp.issubdtype(x.dtype, jnp.floating)
-    )
 
 
 def _plain(centre: Any, width: Any) -> Proposal:

@@ -1,10 +1,15 @@
-"""Baselines: what a reward is compared with, so that its noise moves the policy less."""
+"""Baselines: what a reward is compared with, so that its noise moves the policy less.
+
+Rewards of NaN are left out of every mean, and so are their advantages, which are NaN, too.
+"""
 
 from collections.abc import Callable
 from typing import NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
+
+from sdr_jax.rewards import mean_known
 
 
 class BaselineState(NamedTuple):
@@ -15,11 +20,12 @@ class BaselineState(NamedTuple):
 
 
 class Baseline(NamedTuple):
-    """A pair of pure functions."""
+    """Two pure functions, and what they need."""
 
     init: Callable[[], BaselineState]
     # (state, rewards f32[n]) -> (advantages f32[n], state)
     advantage: Callable[[BaselineState, Float[Array, "n"]], tuple[Float[Array, "n"], BaselineState]]
+    least: int = 1  # known rewards of an update, of which fewer say nothing
 
 
 def ema(decay: float = 0.9, includes_current: bool = False) -> Baseline:
@@ -48,7 +54,7 @@ def ema(decay: float = 0.9, includes_current: bool = False) -> Baseline:
     def advantage(
         state: BaselineState, rewards: Float[Array, "n"]
     ) -> tuple[Float[Array, "n"], BaselineState]:
-        mean = rewards.mean()
+        mean = mean_known(rewards)
         first = state.seen == 0
         past = jnp.where(first, mean, state.value)
         present = jnp.where(first, mean, decay * past + (1 - decay) * mean)
@@ -71,10 +77,14 @@ def leave_one_out() -> Baseline:
         n = rewards.shape[0]
         if n < 2:
             raise ValueError("leave_one_out needs at least 2 data sets per update, got 1")
-        mean = rewards.mean()
-        return (rewards - mean) * n / (n - 1), BaselineState(mean, state.seen + 1)
+        known = jnp.sum(~jnp.isnan(rewards))
+        mean = mean_known(rewards)
+        apart = rewards - mean
+        some = apart * known / jnp.maximum(known - 1, 1)
+        advantages = jnp.where(known == n, apart * n / (n - 1), some)
+        return advantages, BaselineState(mean, state.seen + 1)
 
-    return Baseline(_init, advantage)
+    return Baseline(_init, advantage, least=2)
 
 
 def normalise(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array, "n"]:
@@ -83,7 +93,7 @@ def normalise(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array, 
     The size is the standard deviation around zero, not around the mean: with one data set, or with
     rewards that are all alike, the latter is 0 and the quotient would explode.
     """
-    return advantages / (jnp.sqrt(jnp.mean(advantages**2)) + eps)
+    return advantages / (jnp.sqrt(mean_known(advantages**2)) + eps)
 
 
 def _init() -> BaselineState:

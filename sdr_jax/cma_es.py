@@ -35,9 +35,9 @@ def cma_es(
     stuck. The answer is the bins that the mean lies in; groups play no part. A generation is filled
     over as many updates as it takes, n of any size. NaN rewards are passed by.
 
-    This is a host adapter, not to be jitted: `run`, `make_step` and their scan do not take it,
-    `run_on_host` does. Otherwise it behaves like the pure methods: the same key gives the same
-    data sets, and a state given stays valid.
+    This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
+    Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state
+    given stays valid.
 
     Args:
         space: the attributes and their bins.
@@ -133,4 +133,5 @@ def cma_es(
         spread=spread,
         probabilities=probabilities,
         updates=None,
+        traced=False,
     )

@@ -14,6 +14,7 @@ from sdr_jax.baseline import Baseline, BaselineState, leave_one_out
 from sdr_jax.baseline import normalise as normalised
 from sdr_jax.method import Info, Method, jitted, plain_info
 from sdr_jax.reinforce import reinforce_loss
+from sdr_jax.rewards import mean_known, only_finite
 from sdr_jax.space import Proposal, Space, bin_widths, check_relaxation, slide
 
 OPTIMIZER = optax.adam(0.1)
@@ -52,8 +53,6 @@ def gaussian(
     The logit keeps values inside [0, 1] without clipping, whose gradient would vanish. A proposal
     is the value, relaxed like a bin. The answer is the value of the mean. Groups play no part: all
     attributes are learnt at once, as in the original.
-
-    A NaN reward is passed by: it gets no advantage, and the others are compared among themselves.
 
     Args:
         space: the attributes; their bins set the width of proposals only.
@@ -94,12 +93,10 @@ def gaussian(
     def update(
         state: GaussianState, actions: Float[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[GaussianState, Info]:
-        known = jnp.isfinite(rewards)
-        mean_known = jnp.sum(jnp.where(known, rewards, 0.0)) / jnp.maximum(known.sum(), 1)
-        filled = jnp.where(known, rewards, mean_known)
-        raw_advantages, baseline_state = baseline.advantage(state.baseline, filled)
+        finite = only_finite(rewards)
+        known = ~jnp.isnan(finite)
+        raw_advantages, baseline_state = baseline.advantage(state.baseline, finite)
         advantages = normalised(raw_advantages) if normalise else raw_advantages
-        advantages = jnp.where(known, advantages, 0.0)
 
         def loss(params: GaussianParams) -> Array:
             return reinforce_loss(_log_prob(params, actions), advantages)
@@ -109,14 +106,14 @@ def gaussian(
         params = optax.apply_updates(state.params, steps)
         # A step without a reward would be one of the optimiser's momentum alone.
         next_state = jax.tree.map(
-            lambda new, old: jnp.where(jnp.any(known), new, old),
+            lambda new, old: jnp.where(known.sum() >= baseline.least, new, old),
             GaussianState(params, opt_state, baseline_state),
             state,
         )
         entropy = jnp.sum(state.params.log_std + 0.5 * np.log(2 * np.pi * np.e))
         info = plain_info(rewards, entropy)._replace(
-            baseline=jnp.mean(filled - raw_advantages),
-            advantages=advantages,
+            baseline=mean_known(finite - raw_advantages),
+            advantages=jnp.where(known, advantages, 0.0),
             grad_norm=jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in grads)),
         )
         return next_state, info

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key, Real
 
+from sdr_jax.rewards import mean_known
 from sdr_jax.space import Proposal
 
 State = Any
@@ -15,10 +16,10 @@ State = Any
 class Info(NamedTuple):
     """What one update did; for progress lines and plots, never needed to go on."""
 
-    reward_mean: Float[Array, ""]  # mean of the update's rewards
+    reward_mean: Float[Array, ""]  # mean of the update's rewards, NaN if all of them are
     reward_best: Float[Array, ""]  # the best of them
     baseline: Float[Array, ""]  # mean baseline, in units of transformed rewards; NaN without one
-    advantages: Float[Array, "n"]  # what the gradient was weighted with
+    advantages: Float[Array, "n"]  # what the gradient was weighted with; 0 for NaN rewards
     entropy: Float[Array, ""]  # of the distribution sampled from, before, in nats; NaN if unknown
     grad_norm: Float[Array, ""]  # L2 norm of the policy's gradient; 0 without one
     group: Int[Array, ""]  # the group the update was for; 0 where groups have no order
@@ -27,8 +28,8 @@ class Info(NamedTuple):
 def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
     """What there is to say of a method without baseline, gradient and order of groups."""
     return Info(
-        reward_mean=rewards.mean(),
-        reward_best=rewards.max(),
+        reward_mean=mean_known(rewards),
+        reward_best=jnp.nanmax(rewards),
         baseline=jnp.asarray(jnp.nan, jnp.float32),
         advantages=jnp.zeros_like(rewards),
         entropy=entropy,
@@ -66,7 +67,11 @@ class UpdateFn(Protocol):
     def __call__(
         self, state: State, actions: Real[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[State, Info]:
-        """Higher rewards are better. Whoever calls makes sure that they are finite."""
+        """Higher rewards are better; one that is not finite is of an evaluation that failed.
+
+        Failed ones are left out: learning from n rewards of which some failed is learning from the
+        others alone. Where none is left, nothing is learnt.
+        """
 
 
 @runtime_checkable
@@ -86,10 +91,9 @@ class ProbabilitiesFn(Protocol):
 
 
 class Method(NamedTuple):
-    """A search method. All functions are pure and jitted, and work under jit, scan and vmap.
+    """A search method: pure functions, which are jitted and work under jit, scan and vmap.
 
-    A pure function cannot raise: a NaN reward spoils the state it is given to. Check rewards
-    before `update`, or keep the state from before it, as `run.make_step` makes easy.
+    Those of a host adapter are pure as well, but neither jitted nor to be.
     """
 
     init: InitFn
@@ -99,6 +103,7 @@ class Method(NamedTuple):
     spread: ProposalFn  # the answer, left wide where the method is unsure
     probabilities: ProbabilitiesFn
     updates: int | None  # how many updates the method takes; None for any number
+    traced: bool = True  # False for a host adapter, which is not to be jitted
 
 
 def jitted(

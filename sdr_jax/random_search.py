@@ -54,7 +54,7 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
     def update(
         state: SearchState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[SearchState, Info]:
-        comparable = jnp.where(jnp.isnan(rewards), -jnp.inf, rewards)
+        comparable = jnp.where(jnp.isfinite(rewards), rewards, -jnp.inf)
         best = jnp.argmax(comparable)
         better = comparable[best] > state.reward
         info = plain_info(rewards, bins.entropy(bins.uniform(space)))

@@ -8,6 +8,8 @@ from jaxtyping import Array, Float
 def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) -> Float[Array, ""]:
     """The loss whose descent direction is the REINFORCE estimate.
 
+    Data sets whose advantage is NaN are left out, and n counts the others.
+
     `-grad loss = 1/n sum_k grad log pi(a_k) advantage_k`, an unbiased estimate of the gradient of
     the expected reward when `advantage_k = reward_k - b` and b does not depend on a_k.
 
@@ -21,4 +23,6 @@ def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) 
     Source: section "Scalable Discretization-and-Relaxation", second equation (there the number of
         data sets n is called K); Williams 1992.
     """
-    return -jnp.mean(log_probs * jax.lax.stop_gradient(advantages))
+    known = ~jnp.isnan(advantages)
+    weights = jax.lax.stop_gradient(jnp.where(known, advantages, 0.0))
+    return -jnp.sum(log_probs * weights) / jnp.maximum(known.sum(), 1)

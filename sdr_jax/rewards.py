@@ -1,5 +1,6 @@
-"""What is done to a reward before the method learns from it."""
+"""Rewards: NaN where an evaluation failed, and what is done to them before a method learns."""
 
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
@@ -14,3 +15,16 @@ def squared_percent(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
     Only for rewards >= 0, such as a mean IoU in [0, 1].
     """
     return (100 * rewards) ** 2
+
+
+def only_finite(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
+    """NaN for whatever is not finite: an infinite reward is no reward either."""
+    return jnp.where(jnp.isfinite(rewards), rewards, jnp.nan)
+
+
+def mean_known(rewards: Float[Array, "n"]) -> Float[Array, ""]:
+    """The mean of those that are not NaN; NaN if there is none.
+
+    With nothing left out it is `rewards.mean()` to the bit, which a division by a count is not.
+    """
+    return jnp.where(jnp.isnan(rewards).any(), jnp.nanmean(rewards), rewards.mean())

@@ -1,13 +1,19 @@
 """The whole optimisation: sample, reward, update, and again."""
 
+from collections.abc import Iterator
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key, Real
 
+from sdr_jax.callback import HostReward
 from sdr_jax.method import Info, Method, State
 from sdr_jax.space import Proposal
+from shell.errors import UserError
+
+MOST_FAILED = 0.1
+"""Share of a search's evaluations that may fail; one always may."""
 
 
 @runtime_checkable
@@ -15,7 +21,10 @@ class RewardFn(Protocol):
     """Scores data sets."""
 
     def __call__(self, rng_key: Key[Array, ""], proposals: Proposal) -> Float[Array, "n"]:
-        """The key is consumed; proposals are f32[n attributes] each; higher is better."""
+        """The key is consumed; proposals are f32[n attributes] each; higher is better.
+
+        NaN: the evaluation failed.
+        """
 
 
 class Record(NamedTuple):
@@ -31,30 +40,36 @@ class StepFn(Protocol):
     """One update, from one state to the next."""
 
     def __call__(self, rng_key: Key[Array, ""], state: State) -> tuple[State, Record]:
-        """The key is consumed. The state given stays valid, should the rewards turn out NaN."""
+        """The key is consumed; the state given stays valid."""
 
 
-def make_step(method: Method, reward_fn: RewardFn, n: int = 1, *, compiled: bool = True) -> StepFn:
-    """One jitted step = sample -> reward -> update, for loops on the host and for `run`.
+def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
+    """One step = sample -> reward -> update, jitted as a whole where the method can be traced.
 
     Args:
         method: what learns.
         reward_fn: what scores, in JAX or through `host_reward`.
         n: data sets per update.
-        compiled: False for host adapters such as `cma_es` and rewards that JAX cannot trace.
 
     Returns:
         `step(rng_key, state) -> (state, record)`.
     """
+    step = _plain_step(method, reward_fn, n)
+    return jax.jit(step) if method.traced else step
 
+
+def _plain_step(method: Method, reward_fn: RewardFn, n: int) -> StepFn:
     def step(rng_key: Key[Array, ""], state: State) -> tuple[State, Record]:
         sample_key, reward_key = jax.random.split(rng_key)
         actions, proposals = method.sample(sample_key, state, n)
-        rewards = jnp.asarray(reward_fn(reward_key, proposals), jnp.float32)
+        if isinstance(reward_fn, HostReward):
+            rewards = reward_fn(reward_key, proposals, actions)
+        else:
+            rewards = jnp.asarray(reward_fn(reward_key, proposals), jnp.float32)
         state, info = method.update(state, actions, rewards)
         return state, Record(actions, rewards, info)
 
-    return jax.jit(step) if compiled else step
+    return step
 
 
 def run(
@@ -66,12 +81,9 @@ def run(
 ) -> tuple[State, Record]:
     """Runs a whole optimisation as one scan; jit it as a whole for rewards written in JAX.
 
-    A loop on the host gets the same result, and may stop and go on anywhere, with
-    `init_key, steps_key = split(rng_key)` and `step(fold_in(steps_key, t), state)` for update t.
-
     Args:
         rng_key: consumed.
-        method: what learns.
+        method: what learns; none of the host adapters.
         reward_fn: what scores.
         updates: how many updates; by default as many as the method takes.
         n: data sets per update.
@@ -82,16 +94,63 @@ def run(
     Raises:
         ValueError: no number of updates, neither here nor in the method.
     """
-    updates = method.updates if updates is None else updates
-    if updates is None:
-        raise ValueError("this method takes any number of updates: say how many")
-    init_key, steps_key = jax.random.split(rng_key)
+    updates = _count(method, updates)
+    steps_key = jax.random.split(rng_key)[1]
     step = make_step(method, reward_fn, n)
 
     def body(state: State, t: Int[Array, ""]) -> tuple[State, Record]:
         return step(jax.random.fold_in(steps_key, t), state)
 
-    return jax.lax.scan(body, method.init(init_key), jnp.arange(updates))
+    return jax.lax.scan(body, first_state(rng_key, method), jnp.arange(updates))
+
+
+def first_state(rng_key: Key[Array, ""], method: Method) -> State:
+    """The state that `run` and `drive` begin with, given the same key."""
+    return method.init(jax.random.split(rng_key)[0])
+
+
+def drive(
+    rng_key: Key[Array, ""],
+    method: Method,
+    reward_fn: RewardFn,
+    updates: int | None = None,
+    n: int = 1,
+) -> Iterator[tuple[State, Record]]:
+    """The same optimisation as a loop on the host, one update at a time.
+
+    It takes host adapters such as `cma_es`. Keys are used as `run` uses them, so a pure method tries
+    and gets the same here as there. What an evaluation of a `HostReward` ended with is raised here,
+    before its update counts. Any other reward function is called with concrete arrays, so JAX need
+    not be able to trace it.
+
+    Args:
+        rng_key: consumed; `first_state` gives the state before the first update from it.
+        method: what learns, pure or a host adapter.
+        reward_fn: what scores.
+        updates: how many updates; by default as many as the method takes.
+        n: data sets per update.
+
+    Yields:
+        After each update, the state and what the update tried and got.
+
+    Raises:
+        ValueError: no number of updates, neither here nor in the method.
+    """
+    updates = _count(method, updates)
+    on_host = isinstance(reward_fn, HostReward)
+    step = (make_step if on_host else _plain_step)(method, reward_fn, n)
+
+    def steps() -> Iterator[tuple[State, Record]]:
+        steps_key = jax.random.split(rng_key)[1]
+        state = first_state(rng_key, method)
+        for t in range(updates):
+            next_state, record = step(jax.random.fold_in(steps_key, t), state)
+            if isinstance(reward_fn, HostReward):
+                reward_fn.reraise()
+            state = next_state
+            yield state, record
+
+    return steps()
 
 
 def run_on_host(
@@ -101,15 +160,12 @@ def run_on_host(
     updates: int | None = None,
     n: int = 1,
 ) -> tuple[State, Record]:
-    """Runs a whole optimisation as a plain loop, for any method and any reward.
-
-    It takes host adapters such as `cma_es` and rewards that JAX cannot trace, which `run` does not.
-    Keys are used as `run` uses them, so a pure method tries and gets the same here as there.
+    """`drive` to the end: for any method and any reward what `run` is for pure ones.
 
     Args:
         rng_key: consumed.
         method: what learns, pure or a host adapter.
-        reward_fn: what scores; called with concrete arrays, outside of jit.
+        reward_fn: what scores.
         updates: how many updates; by default as many as the method takes.
         n: data sets per update.
 
@@ -119,16 +175,32 @@ def run_on_host(
     Raises:
         ValueError: no number of updates, neither here nor in the method; or fewer than one.
     """
+    if _count(method, updates) < 1:
+        raise ValueError(f"updates is {updates}, but must be at least 1")
+    states, records = zip(*drive(rng_key, method, reward_fn, updates, n), strict=True)
+    return states[-1], jax.tree.map(lambda *leaves: jnp.stack(leaves), *records)
+
+
+def refuse_failures(failed: int, total: int, reason: str) -> None:
+    """Ends a search of which too much has failed for its answer to mean what it says.
+
+    Args:
+        failed: evaluations that have failed so far.
+        total: evaluations of the whole search.
+        reason: what the last failure said.
+
+    Raises:
+        UserError: more than a tenth, and more than one.
+    """
+    if failed > max(1, int(MOST_FAILED * total)):
+        raise UserError(
+            f"{failed} of {total} evaluations failed, more than a tenth of them; the last said: "
+            f"{reason}"
+        )
+
+
+def _count(method: Method, updates: int | None) -> int:
     updates = method.updates if updates is None else updates
     if updates is None:
         raise ValueError("this method takes any number of updates: say how many")
-    if updates < 1:
-        raise ValueError(f"updates is {updates}, but must be at least 1")
-    init_key, steps_key = jax.random.split(rng_key)
-    state = method.init(init_key)
-    step = make_step(method, reward_fn, n, compiled=False)
-    records = []
-    for t in range(updates):
-        state, record = step(jax.random.fold_in(steps_key, t), state)
-        records.append(record)
-    return state, jax.tree.map(lambda *leaves: jnp.stack(leaves), *records)
+    return updates

@@ -15,7 +15,7 @@ from sdr_jax.baseline import Baseline, BaselineState, ema
 from sdr_jax.baseline import normalise as normalised
 from sdr_jax.method import Info, Method, jitted
 from sdr_jax.reinforce import reinforce_loss
-from sdr_jax.rewards import identity
+from sdr_jax.rewards import identity, mean_known, only_finite
 from sdr_jax.space import (
     UNDECIDED,
     Proposal,
@@ -139,7 +139,8 @@ def sdr(
             (state.params, state.opt_state, state.inputs, layout.slots), group
         )
         group_actions = jnp.take(actions, slots.members, axis=1, mode="clip")
-        transformed = transform(rewards)
+        transformed = only_finite(transform(rewards))
+        known = ~jnp.isnan(transformed)
         raw_advantages, baseline_state = baseline.advantage(state.baseline, transformed)
         advantages = normalised(raw_advantages) if normalise else raw_advantages
 
@@ -150,8 +151,12 @@ def sdr(
             return reinforce_loss(log_probs, advantages), entropy
 
         grads, entropy = jax.grad(loss, has_aux=True)(params)
-        steps, opt_state = optimizer.update(grads, opt_state, params)
-        params = optax.apply_updates(params, steps)
+        steps, next_opt_state = optimizer.update(grads, opt_state, params)
+        params, opt_state, baseline_state = _choose(
+            known.sum() >= baseline.least,
+            (optax.apply_updates(params, steps), next_opt_state, baseline_state),
+            (params, opt_state, state.baseline),
+        )
 
         ends_group = (state.updates + 1) % updates_per_group == 0
         best = jnp.argmax(logits_of(params, inputs, slots.bins), axis=1).astype(jnp.int32)
@@ -165,10 +170,10 @@ def sdr(
             updates=state.updates + 1,
         )
         info = Info(
-            reward_mean=rewards.mean(),
-            reward_best=rewards.max(),
-            baseline=jnp.mean(transformed - raw_advantages),
-            advantages=advantages,
+            reward_mean=mean_known(rewards),
+            reward_best=jnp.nanmax(rewards),
+            baseline=mean_known(transformed - raw_advantages),
+            advantages=jnp.where(known, advantages, 0.0),
             entropy=entropy,
             grad_norm=_norm(grads),
             group=group,

@@ -42,10 +42,10 @@ def tpe(
     them. The answer is the best data set seen, as the library gives it: under noise partly the
     luckiest. Groups play no part. NaN rewards are passed by.
 
-    This is a host adapter, not to be jitted: `run`, `make_step` and their scan do not take it,
-    `run_on_host` does. Otherwise it behaves like the pure methods: the same key gives the same
-    data sets, and a state given stays valid. The library is told the history anew only where a
-    state does not follow from the one before.
+    This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
+    Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state
+    given stays valid. The library is told the history anew only where a state does not follow
+    from the one before.
 
     `probabilities`, and `spread` from it, are an estimate: the best quarter of the evaluations,
     and a uniform distribution with the weight of one more.
@@ -180,4 +180,5 @@ def tpe(
         spread=spread,
         probabilities=probabilities,
         updates=None,
+        traced=False,
     )

@@ -1,0 +1,153 @@
+"""Every search method by name, with options that are plain values; all command lines read this table."""
+
+import inspect
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple
+
+import optax
+
+from sdr_jax.actor_critic import actor_critic
+from sdr_jax.attribute_descent import attribute_descent
+from sdr_jax.baseline import ema, leave_one_out
+from sdr_jax.cma_es import cma_es
+from sdr_jax.gaussian import gaussian
+from sdr_jax.linear import linear
+from sdr_jax.method import Method
+from sdr_jax.pbil import pbil
+from sdr_jax.random_attributes import random_attributes
+from sdr_jax.random_search import random_search
+from sdr_jax.rewards import identity, squared_percent
+from sdr_jax.sdr import sdr
+from sdr_jax.space import Space
+from sdr_jax.tpe import tpe
+
+MethodName = Literal[
+    "actor_critic",
+    "sdr",
+    "random_attributes",
+    "random_search",
+    "attribute_descent",
+    "gaussian",
+    "pbil",
+    "linear",
+    "cma_es",
+    "tpe",
+]
+"""Every search method, by the name of its function."""
+
+BASELINES = {
+    "ema": ema(),
+    "ema_current": ema(includes_current=True),
+    "leave_one_out": leave_one_out(),
+}
+"""The paper's, the authors' code's, and the other rewards of the update."""
+
+Width = float | tuple[float, ...] | None
+
+
+class Entry(NamedTuple):
+    """A method as command lines make and run it."""
+
+    build: Callable[..., Method]  # (space, width, **options); its keywords are the options
+    n: int = 1  # data sets per update that suit it
+    least: int = 1  # as few as an update can take
+    budgeted: bool = False  # whether it must be told how many updates there will be
+
+
+def _sdr(
+    space: Space,
+    width: Width = None,
+    *,
+    updates_per_group: int = 50,
+    hidden: int = 256,
+    learning_rate: float = 0.01,
+    baseline: str = "ema",
+    normalise: bool = False,
+    squared_reward: bool = False,
+    unoptimised: str = "random",
+) -> Method:
+    if baseline not in BASELINES:
+        raise ValueError(f"baseline is {baseline!r}, but must be one of {', '.join(BASELINES)}")
+    return sdr(
+        space,
+        optax.adam(learning_rate),
+        updates_per_group=updates_per_group,
+        hidden=hidden,
+        baseline=BASELINES[baseline],
+        transform=squared_percent if squared_reward else identity,
+        normalise=normalise,
+        width=width,
+        unoptimised=unoptimised,
+    )
+
+
+def _gaussian(
+    space: Space,
+    width: Width = None,
+    *,
+    learning_rate: float = 0.1,
+    normalise: bool = True,
+    std: float = 1.5,
+) -> Method:
+    return gaussian(space, optax.adam(learning_rate), normalise=normalise, std=std, width=width)
+
+
+def _random_attributes(space: Space, width: Width = None) -> Method:
+    del width  # nothing is ever decided
+    return random_attributes(space)
+
+
+METHODS: dict[str, Entry] = {
+    "actor_critic": Entry(actor_critic, n=5),
+    "sdr": Entry(_sdr, budgeted=True),
+    "random_attributes": Entry(_random_attributes),
+    "random_search": Entry(random_search),
+    "attribute_descent": Entry(attribute_descent),
+    # It compares the data sets of an update with each other.
+    "gaussian": Entry(_gaussian, n=5, least=2),
+    "pbil": Entry(pbil),
+    "linear": Entry(linear),
+    "cma_es": Entry(cma_es),
+    "tpe": Entry(tpe),
+}
+"""All methods, by name."""
+
+
+def options_of(name: str) -> dict[str, Any]:
+    """The options of a method with their defaults, None where it chooses by itself.
+
+    Raises:
+        ValueError: an unknown name.
+    """
+    parameters = inspect.signature(_entry(name).build).parameters.values()
+    return {p.name: p.default for p in parameters if p.kind is inspect.Parameter.KEYWORD_ONLY}
+
+
+def make(name: str, space: Space, width: Width = None, **options: Any) -> Method:
+    """Makes a method.
+
+    Args:
+        name: one of `METHODS`.
+        space: the attributes.
+        width: of the relaxed bins, see `relax`.
+        options: among those of `options_of`.
+
+    Returns:
+        The method.
+
+    Raises:
+        ValueError: an unknown name, or an option that is unknown or out of range.
+        ImportError: a library that the method needs is not installed.
+    """
+    known = options_of(name)
+    unknown = [option for option in options if option not in known]
+    if unknown:
+        some = ", ".join(known) or "none"
+        raise ValueError(f"{name} has no option {unknown[0]!r}; known: {some}")
+    return _entry(name).build(space, width, **options)
+
+
+def _entry(name: str) -> Entry:
+    if name not in METHODS:
+        raise ValueError(f"unknown method {name!r}; known are {', '.join(METHODS)}")
+    return METHODS[name]
