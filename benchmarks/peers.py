@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from scene.street import Street
+    from scene.street.street import Street
 
 PEERS = ("pyrender", "mitsuba", "blender")
 NOT_INSTALLED = 3
@@ -33,8 +33,8 @@ def export_street(folder: Path, street: Street, width: int, height: int) -> None
     import numpy as np
     import trimesh
 
-    from scene.geometry import build, world
     from scene.render import RenderSettings
+    from scene.render.geometry import build, world
     from scene.render.protocol import camera_axes
 
     vertices = world(build(street)).vertices

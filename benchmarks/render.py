@@ -26,11 +26,11 @@ import numpy as np
 
 from benchmarks.peers import PEERS, export_street, run_peer
 from benchmarks.report import Row, parser, table, write
-from scene.catalogue import AssetPool
-from scene.dataset import render_dataset, street_of
-from scene.geometry import build
+from scene.assets.catalogue import AssetPool
+from scene.dataset.render import render_dataset, street_of
 from scene.preview import units
 from scene.render import RENDERERS, RendererError, RenderSettings, renderer
+from scene.render.geometry import build
 from scene.workers import WorkerPool
 
 SIZES = ((64, 48, 2), (128, 96, 2), (640, 320, 1), (1024, 512, 1))
@@ -39,7 +39,7 @@ STAGES = ("build", "bvh", "rays", "shade", "write")
 FIRST_IMAGE = """
 import numpy as np
 from scene.attributes import default_unit
-from scene.dataset import render_dataset
+from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
 render_dataset(default_unit()[None], 0, shots=1, settings=RenderSettings(640, 320))
 """

@@ -14,24 +14,24 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from scene.assets.catalogue import AssetPool
     from scene.attributes import ATTRIBUTES, StreetParams, default_unit, street_params
-    from scene.catalogue import AssetPool
     from scene.classes import CLASS_NAMES, TrainId, colorize
-    from scene.dataset import Dataset, render_dataset, render_street
-    from scene.export import export_dataset
+    from scene.dataset.export import export_dataset
+    from scene.dataset.render import Dataset, render_dataset, render_street
     from scene.render import RENDERERS, Frame, RendererError, RenderSettings, renderer
-    from scene.sensor import CameraResponse
-    from scene.street import Street, sample_street
+    from scene.render.sensor import CameraResponse
+    from scene.street.street import Street, sample_street
 
 _HOMES = {
     "scene.attributes": ("ATTRIBUTES", "StreetParams", "default_unit", "street_params"),
-    "scene.catalogue": ("AssetPool",),
+    "scene.assets.catalogue": ("AssetPool",),
     "scene.classes": ("CLASS_NAMES", "TrainId", "colorize"),
-    "scene.dataset": ("Dataset", "render_dataset", "render_street"),
-    "scene.export": ("export_dataset",),
+    "scene.dataset.render": ("Dataset", "render_dataset", "render_street"),
+    "scene.dataset.export": ("export_dataset",),
     "scene.render": ("RENDERERS", "Frame", "RenderSettings", "RendererError", "renderer"),
-    "scene.sensor": ("CameraResponse",),
-    "scene.street": ("Street", "sample_street"),
+    "scene.render.sensor": ("CameraResponse",),
+    "scene.street.street": ("Street", "sample_street"),
 }
 _HOME = {name: module for module, names in _HOMES.items() for name in names}
 

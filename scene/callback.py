@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, UInt8, UInt32
 
+from scene.assets.catalogue import AssetPool
 from scene.attributes import ATTRIBUTES
-from scene.catalogue import AssetPool
-from scene.dataset import render_street
+from scene.dataset.render import render_street
 from scene.render import RenderSettings, check_settings, renderer
 
 RenderFn = Callable[

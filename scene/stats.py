@@ -18,8 +18,8 @@ import numpy as np
 
 from scene.classes import CLASS_NAMES
 from scene.command import Parser
-from scene.formats.files import json_text
-from scene.formats.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
+from scene.dataset.formats.files import json_text
+from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
 
 
 class Statistics(NamedTuple):

@@ -42,8 +42,8 @@ def test_a_library_imports_only_what_is_its_own(package, absent):
 
 def test_built_in_assets_do_not_wait_for_trimesh():
     loaded = modules_after(
-        "import scene.export\n"
-        "from scene.catalogue import FAMILIES, asset\n"
+        "import scene.dataset.export\n"
+        "from scene.assets.catalogue import FAMILIES, asset\n"
         "assets = [asset(family, 0) for family in FAMILIES]"
     )
     assert "scene" in loaded

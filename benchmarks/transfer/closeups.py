@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.catalogue import AssetPool
 from scene.attributes import default_unit, street_params
-from scene.background import BEHIND
-from scene.catalogue import AssetPool
 from scene.render import RenderSettings, renderer
-from scene.street import FIRST_INSTANCE, Camera, Placement, Street, bounds, sample_street
+from scene.street.background import BEHIND
+from scene.street.street import FIRST_INSTANCE, Camera, Placement, Street, bounds, sample_street
 
 DISTANCE: dict[str, float] = {
     "building": 16.0,

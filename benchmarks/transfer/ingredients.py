@@ -7,14 +7,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from scene.assets.catalogue import AssetPool
 from scene.attributes import StreetParams, street_params
-from scene.background import BEHIND, LINES_END
-from scene.catalogue import AssetPool
-from scene.dataset import street_of
-from scene.ground import plain, sample_ground
+from scene.dataset.render import street_of
+from scene.ground.ground import plain, sample_ground
 from scene.render import RenderSettings, renderer
-from scene.sky import sample_sky
-from scene.street import Street
+from scene.sky.sky import sample_sky
+from scene.street.background import BEHIND, LINES_END
+from scene.street.street import Street
 from seg.classes import class_table
 
 CLEAR = 1e9

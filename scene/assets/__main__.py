@@ -15,10 +15,10 @@ import textwrap
 from collections.abc import Iterator
 from pathlib import Path
 
-import scene.redrawn
-from scene.catalogue import COUNTS, FAMILIES, asset, draw, families_of, kind, surfaces
+import scene.assets.redrawn
+from scene.assets.catalogue import COUNTS, FAMILIES, asset, draw, families_of, kind, surfaces
+from scene.assets.signature import LOOK_ALIKE, Signature, closest, distances, signature
 from scene.classes import CLASS_NAMES, TrainId
-from scene.signature import LOOK_ALIKE, Signature, closest, distances, signature
 
 MOST_REDRAWS = 50
 """A kind that gives nothing new in so many draws is too poor."""
@@ -114,7 +114,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if options.redraw:
         try:
-            write_redrawn(Path(scene.redrawn.__file__))
+            write_redrawn(Path(scene.assets.redrawn.__file__))
         except ValueError as error:
             parser.error(str(error))
     elif options.json:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, block, merge, polygon, ring, tube
-from scene.assets._palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, pick
-from scene.assets._vehicle import card, circle, mudguard, rod
+from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, pick
+from scene.assets.parts.vehicle import card, circle, mudguard, rod
+from scene.mesh.asset import Asset, Color, Point, block, merge, polygon, ring, tube
 
 SADDLE: Point = (-0.28, 0.0, 0.95)
 """Top of the saddle, m."""

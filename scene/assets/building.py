@@ -10,9 +10,8 @@ from itertools import product
 
 import numpy as np
 
-from scene.asset import Asset, box
-from scene.assets import _ornament as ornament
-from scene.assets._facade import (
+from scene.assets.parts import ornament
+from scene.assets.parts.facade import (
     GLASS,
     PANE,
     PROUD,
@@ -32,8 +31,9 @@ from scene.assets._facade import (
     upright,
     window,
 )
-from scene.assets._roof import OVERHANG, chimney, dormer, flat, pitched, plant_room, steeple
-from scene.assets._styles import KINDS, BuildingParams, sample_building
+from scene.assets.parts.roof import OVERHANG, chimney, dormer, flat, pitched, plant_room, steeple
+from scene.assets.parts.styles import KINDS, BuildingParams, sample_building
+from scene.mesh.asset import Asset, box
 
 __all__ = ["KINDS", "BuildingParams", "building", "eaves", "sample_building"]
 

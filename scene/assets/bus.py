@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, merge, polygon, tube
-from scene.assets._palette import (
+from scene.assets.parts.palette import (
     AMBER,
     BLACK,
     GLASS,
@@ -19,7 +18,7 @@ from scene.assets._palette import (
     TRIM,
     pick,
 )
-from scene.assets._vehicle import (
+from scene.assets.parts.vehicle import (
     Hull,
     Walls,
     arch,
@@ -32,6 +31,7 @@ from scene.assets._vehicle import (
     window_row,
     wrap,
 )
+from scene.mesh.asset import Asset, Color, block, merge, polygon, tube
 
 
 class BusParams(NamedTuple):

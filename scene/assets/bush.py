@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, box, merge, shade, solid, triangles, vary
-from scene.assets._foliage import AUTUMNS, GREENS, IVY, directions, leaf_cards, slivers, tufts
+from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, directions, leaf_cards, slivers, tufts
+from scene.mesh.asset import Asset, Color, box, merge, shade, solid, triangles, vary
 
 KINDS: tuple[str, ...] = (
     "hedge", "round", "ivy", "tall", "bare", "beech hedge", "planter", "grass", "flowers",

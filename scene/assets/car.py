@@ -6,11 +6,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, merge, vary
-from scene.assets._bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
-from scene.assets._fittings import Fittings, fittings
-from scene.assets._palette import BLACK, CHROME, GLASS, STEEL, TRIM, car_paint, darker, pick
-from scene.assets._wheel import STYLES, Wheel, wheels
+from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
+from scene.assets.parts.fittings import Fittings, fittings
+from scene.assets.parts.palette import BLACK, CHROME, GLASS, STEEL, TRIM, car_paint, darker, pick
+from scene.assets.parts.wheel import STYLES, Wheel, wheels
+from scene.mesh.asset import Asset, Color, merge, vary
 
 
 class CarParams(NamedTuple):

@@ -7,7 +7,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, box, loft, merge, quad, shade, triangles, tube, vary
+from scene.mesh.asset import (
+    Asset,
+    Color,
+    Point,
+    box,
+    loft,
+    merge,
+    quad,
+    shade,
+    triangles,
+    tube,
+    vary,
+)
 
 BLACK: Color = (0.014, 0.015, 0.016)
 GREEN: Color = (0.010, 0.040, 0.024)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, box, loft, merge, tube, vary
+from scene.mesh.asset import Asset, Color, box, loft, merge, tube, vary
 
 GLOW: Color = (0.62, 0.60, 0.52)
 """Lamp glass by day."""

@@ -6,11 +6,21 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, block, disc, ellipsoid, merge, polygon, tube
-from scene.assets._palette import AMBER, BLACK, HEADLAMP, PLATE, STEEL, TAILLAMP, TRIM, darker, pick
-from scene.assets._skin import moved, pair, slab
-from scene.assets._vehicle import card, mudguard, rod
-from scene.assets._wheel import Wheel, wheel
+from scene.assets.parts.palette import (
+    AMBER,
+    BLACK,
+    HEADLAMP,
+    PLATE,
+    STEEL,
+    TAILLAMP,
+    TRIM,
+    darker,
+    pick,
+)
+from scene.assets.parts.skin import moved, pair, slab
+from scene.assets.parts.vehicle import card, mudguard, rod
+from scene.assets.parts.wheel import Wheel, wheel
+from scene.mesh.asset import Asset, Color, Point, block, disc, ellipsoid, merge, polygon, tube
 
 SADDLE: Point = (-0.18, 0.0, 0.80)
 """Top of the seat where the rider sits, m."""

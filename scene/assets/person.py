@@ -6,11 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, merge, translate
-from scene.assets._body import figure
-from scene.assets._carried import PRAM_HANDLE, carried
-from scene.assets._head import head
-from scene.assets._human import (
+from scene.assets.parts.body import figure
+from scene.assets.parts.carried import PRAM_HANDLE, carried
+from scene.assets.parts.head import head
+from scene.assets.parts.human import (
     ANKLE,
     FOREARM,
     HIP_HALF,
@@ -22,8 +21,9 @@ from scene.assets._human import (
     Pose,
     shoulders,
 )
-from scene.assets._palette import pick
-from scene.assets._wardrobe import BRIGHT, CLOTHES, sample_outfit
+from scene.assets.parts.palette import pick
+from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, sample_outfit
+from scene.mesh.asset import Asset, Color, Point, merge, translate
 
 
 class PersonParams(NamedTuple):
@@ -37,7 +37,7 @@ class PersonParams(NamedTuple):
     arms: tuple[str, str]  # left and right, see ``_ARMS``
     stoop: float  # lean of the back, radians
     turn: float  # of the head, radians to the left
-    things: tuple[str, ...]  # see ``_carried.py``
+    things: tuple[str, ...]  # see ``parts/carried.py``
     thing_color: Color
     second_color: Color
 
@@ -45,7 +45,7 @@ class PersonParams(NamedTuple):
 class Kind(NamedTuple):
     """What a kind of person fixes; the rest is drawn."""
 
-    wear: tuple[str, ...]  # one of these styles of ``_wardrobe.py``
+    wear: tuple[str, ...]  # one of these styles of ``parts/wardrobe.py``
     gait: str = "walk"  # "walk", "stand", "run", or "any" of the first two
     arms: tuple[str, str] = ("swing", "swing")
     things: tuple[str, ...] = ()

@@ -6,14 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, merge
 from scene.assets import bicycle, motorcycle
-from scene.assets._body import figure
-from scene.assets._carried import backpack
-from scene.assets._head import head
-from scene.assets._human import ANKLE, Body, Outfit, Pose
-from scene.assets._palette import pick
-from scene.assets._wardrobe import BRIGHT, CLOTHES, HI_VIS, REFLECTING, sample_outfit
+from scene.assets.parts.body import figure
+from scene.assets.parts.carried import backpack
+from scene.assets.parts.head import head
+from scene.assets.parts.human import ANKLE, Body, Outfit, Pose
+from scene.assets.parts.palette import pick
+from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, HI_VIS, REFLECTING, sample_outfit
+from scene.mesh.asset import Asset, Color, Point, merge
 
 
 class RiderParams(NamedTuple):
@@ -32,7 +32,7 @@ class Kind(NamedTuple):
     """What a kind of rider fixes; the rest is drawn."""
 
     mount: str
-    style: str  # of the clothes, see ``_wardrobe.py``
+    style: str  # of the clothes, see ``parts/wardrobe.py``
     lean: tuple[float, float]
     hat: tuple[str, ...]  # one of these
     bag: float = 0.0  # its size, 0 for none

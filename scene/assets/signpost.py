@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, box, loft, merge, quad, tube, vary
+from scene.mesh.asset import Asset, Color, box, loft, merge, quad, tube, vary
 
 MAX_RADIUS = 0.06
 """No post is thicker (metres); plates hang just in front of x = -MAX_RADIUS."""

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, box, disc, loft, merge, polygon, vary
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
+from scene.mesh.asset import Asset, Color, box, disc, loft, merge, polygon, vary
 
 RED: Color = (0.95, 0.05, 0.03)
 AMBER: Color = (0.98, 0.45, 0.03)

@@ -9,11 +9,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, Point, box, loft, merge, polygon, vary
-from scene.assets._pictogram import Layer
-from scene.assets._sign_boards import Inks
-from scene.assets._sign_faces import FACES
+from scene.assets.parts.pictogram import Layer
+from scene.assets.parts.sign_boards import Inks
+from scene.assets.parts.sign_faces import FACES
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
+from scene.mesh.asset import Asset, Color, Point, box, loft, merge, polygon, vary
 
 KINDS: tuple[str, ...] = tuple(FACES)
 """What the face says."""

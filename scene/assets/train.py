@@ -11,9 +11,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, loft, merge, translate, tube
-from scene.assets._palette import AMBER, BLACK, GLASS, HEADLAMP, STEEL, TAILLAMP, TRIM, darker, pick
-from scene.assets._vehicle import (
+from scene.assets.parts.palette import (
+    AMBER,
+    BLACK,
+    GLASS,
+    HEADLAMP,
+    STEEL,
+    TAILLAMP,
+    TRIM,
+    darker,
+    pick,
+)
+from scene.assets.parts.vehicle import (
     Hull,
     Walls,
     axle,
@@ -26,6 +35,7 @@ from scene.assets._vehicle import (
     window_row,
     wrap,
 )
+from scene.mesh.asset import Asset, Color, block, loft, merge, translate, tube
 
 
 class TrainParams(NamedTuple):

@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.asset import Asset, Color, merge, translate, tube, vary
-from scene.assets._foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
+from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
+from scene.mesh.asset import Asset, Color, merge, translate, tube, vary
 
 KINDS: tuple[str, ...] = (
     "bare lime", "plane", "half bare", "conifer", "bare broad", "poplar", "pollard", "willow",

@@ -7,10 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
-from scene.asset import Asset, Color, block, merge, tube
-from scene.assets import _cargo, _lorry
-from scene.assets._lorry import TruckParams, floor
-from scene.assets._palette import (
+from scene.assets.parts import cargo as _cargo
+from scene.assets.parts import lorry as _lorry
+from scene.assets.parts.lorry import TruckParams, floor
+from scene.assets.parts.palette import (
     AMBER,
     BLACK,
     CHROME,
@@ -24,8 +24,9 @@ from scene.assets._palette import (
     darker,
     pick,
 )
-from scene.assets._skin import pair
-from scene.assets._vehicle import Hull, arch, axle, hull, lamps, panel, walls, wrap
+from scene.assets.parts.skin import pair
+from scene.assets.parts.vehicle import Hull, arch, axle, hull, lamps, panel, walls, wrap
+from scene.mesh.asset import Asset, Color, block, merge, tube
 
 _CAB = (0.50, 0.86)
 _MODELS: dict[str, TruckParams] = {

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scene.asset import (
+from scene.assets.parts.palette import darker
+from scene.assets.parts.wall_faces import FACES, RELIEF, TOPS, WallParams
+from scene.mesh.asset import (
     Asset,
     Color,
     box,
@@ -16,8 +18,6 @@ from scene.asset import (
     translate,
     vary,
 )
-from scene.assets._palette import darker
-from scene.assets._wall_faces import FACES, RELIEF, TOPS, WallParams
 
 BRICK: Color = (0.17, 0.085, 0.06)
 YELLOW_BRICK: Color = (0.27, 0.22, 0.15)

@@ -20,7 +20,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scene.catalogue import USES, AssetPool, absent, check_pool
+from scene.assets.catalogue import USES, AssetPool, absent, check_pool
 from scene.command import Parser, size
 from scene.preview.closeup import all_classes, class_page
 from scene.preview.streets import all_sweeps, contact_sheet, sweep, units

@@ -8,11 +8,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene import catalogue
+from scene.assets import catalogue
+from scene.assets.catalogue import FAMILIES, AssetPool, families_of, kind, own_assets
 from scene.assets.rider import MOUNT
-from scene.catalogue import FAMILIES, AssetPool, families_of, kind, own_assets
 from scene.classes import CLASS_NAMES
-from scene.ground import (
+from scene.ground.ground import (
     ROADS,
     SIDEWALKS,
     TERRAINS,
@@ -21,13 +21,13 @@ from scene.ground import (
     plain,
     sample_ground,
 )
+from scene.look.surfaces import sample_coat
 from scene.preview.layout import captioned, grid, stack
 from scene.render import RenderSettings, renderer
 from scene.render.protocol import camera_axes
-from scene.sensor import CameraResponse
-from scene.sky import SKIES, Sky, sample_sky
-from scene.street import FIRST_INSTANCE, Camera, Placement, Street
-from scene.surfaces import sample_coat
+from scene.render.sensor import CameraResponse
+from scene.sky.sky import SKIES, Sky, sample_sky
+from scene.street.street import FIRST_INSTANCE, Camera, Placement, Street
 
 SUN_AZIMUTH = math.radians(-110)
 """From behind the viewer's shoulder."""

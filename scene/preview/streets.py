@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from scene.assets.catalogue import AssetPool
 from scene.attributes import ATTRIBUTES, NAMES, default_unit, street_params
-from scene.catalogue import AssetPool
-from scene.dataset import render_street
+from scene.dataset.render import render_street
 from scene.preview.layout import captioned, grid, stack, tile
 from scene.proposal import RELAXATION
 from scene.render import RenderSettings, renderer
-from scene.street import sample_street
+from scene.street.street import sample_street
 
 
 def units(attributes: str, streets: int, seed: int) -> np.ndarray:

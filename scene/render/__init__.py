@@ -33,11 +33,11 @@ def renderer(name: str) -> Renderer:
     """
     keep_freed_memory()
     if name == "embree":
-        from scene.render.embree import EmbreeRenderer
+        from scene.render.embree.renderer import EmbreeRenderer
 
         return EmbreeRenderer()
     if name == "opengl":
-        from scene.render.opengl import OpenGLRenderer
+        from scene.render.opengl.renderer import OpenGLRenderer
 
         return OpenGLRenderer()
     raise ValueError(f"unknown renderer {name!r}; known: {', '.join(RENDERERS)}")

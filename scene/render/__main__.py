@@ -11,12 +11,12 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from scene.catalogue import USES, AssetPool
+from scene.assets.catalogue import USES, AssetPool
 from scene.command import Parser, duration, end_line, show, size
-from scene.export import export_dataset
-from scene.formats.files import read_json
-from scene.formats.layout import FORMATS, SPLITS
-from scene.formats.read import DESCRIPTION
+from scene.dataset.export import export_dataset
+from scene.dataset.formats.files import read_json
+from scene.dataset.formats.layout import FORMATS, SPLITS
+from scene.dataset.read import DESCRIPTION
 from scene.proposal import Proposal, default_proposal, draw, parse_proposal, random_proposal
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.workers import WorkerError

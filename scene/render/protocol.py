@@ -8,8 +8,8 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from scene.sensor import CameraResponse
-from scene.street import Camera, Street
+from scene.render.sensor import CameraResponse
+from scene.street.street import Camera, Street
 
 
 class RenderSettings(NamedTuple):

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import carray, njit
 
-from scene.geometry import ROW
-from scene.materials import MATERIALS, textures
+from scene.look.materials import MATERIALS, textures
 from scene.render.address import float_pointer
+from scene.render.geometry import ROW
 
 MISS = -1
 """Face of a sample that sees the sky."""
@@ -78,7 +78,7 @@ def _angle(y: float, x: float) -> np.float32:
 
 @njit(cache=True, fastmath=True)
 def _sky(x: float, y: float, z: float, panorama: Array, out: Array) -> None:
-    """Radiance of the sky along a unit direction that does not fall, see ``scene.sky.panorama``."""
+    """Radiance of the sky along a unit direction that does not fall, see ``scene.sky.sky.panorama``."""
     height, width = panorama.shape[0], panorama.shape[1]
     column = (_angle(y, x) * f32(1 / math.tau) + HALF) * f32(width) - HALF
     elevation = _angle(z, f32(math.sqrt(max(ONE - z * z, ZERO)))) * f32(2 / math.pi)

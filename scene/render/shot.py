@@ -13,12 +13,12 @@ import cv2
 import numpy as np
 from numba import njit
 
-from scene.geometry import Geometry
 from scene.render import shade, visibility
+from scene.render.geometry import Geometry
 from scene.render.protocol import Frame, RenderSettings, camera_axes, label_sample, pixel_rays
-from scene.sensor import develop, vary
-from scene.sky import panorama
-from scene.street import Camera, Street
+from scene.render.sensor import develop, vary
+from scene.sky.sky import panorama
+from scene.street.street import Camera, Street
 
 CAMERA_DRAW = 2**16
 """Tells the draw of a street's camera from the draws of its shots."""

@@ -11,8 +11,8 @@ import math
 import numpy as np
 from numba import carray, njit
 
-from scene.geometry import ROW
 from scene.render.address import float_pointer
+from scene.render.geometry import ROW
 
 OFFSET = 1e-2
 """Metres along the normal from a surface to the start of its next ray."""

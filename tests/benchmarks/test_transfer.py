@@ -15,9 +15,9 @@ from benchmarks.transfer.closeups import DISTANCE, _crossed, close_up, close_ups
 from benchmarks.transfer.ingredients import INGREDIENTS, render_world
 from benchmarks.transfer.nets import BLOCKS, held_out, steering_set
 from benchmarks.transfer.recipe import TABLE, Recipe, units, world
-from scene.catalogue import AssetPool
+from scene.assets.catalogue import AssetPool
 from scene.render import RenderSettings
-from scene.street import FIRST_INSTANCE
+from scene.street.street import FIRST_INSTANCE
 from seg.data import DataError
 
 CLASSES = ("sky", "road", "car")

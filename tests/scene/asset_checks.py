@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from hypothesis import strategies as st
 
-from scene.asset import Asset
-from scene.materials import MATERIALS
+from scene.look.materials import MATERIALS
+from scene.mesh.asset import Asset
 from tests.scene.rays import hits
 
 seeds = st.integers(0, 2**32 - 1)

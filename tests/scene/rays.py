@@ -7,8 +7,8 @@ the threads may go on spinning, and slow down all that the process does after.
 import numpy as np
 import trimesh
 
-from scene.render.embree import _by_tiles, _probe
-from scene.render.embree_api import Forest, Tree, query_arguments
+from scene.render.embree.api import Forest, Tree, query_arguments
+from scene.render.embree.renderer import _by_tiles, _probe
 
 
 def free(forest, starts, directions, wanted, columns, reach=np.inf):

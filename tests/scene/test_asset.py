@@ -6,9 +6,9 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene.asset import box, ellipsoid, merge, quads, rotate
-from scene.materials import material_id
-from scene.mesh import Mesh, cross, twice_areas
+from scene.look.materials import material_id
+from scene.mesh.asset import box, ellipsoid, merge, quads, rotate
+from scene.mesh.mesh import Mesh, cross, twice_areas
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 SQUARE = np.array([(0, 0, 0), (2, 0, 0), (2, 3, 0), (0, 3, 0)], float)

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scene.assets.catalogue import AssetPool
 from scene.attributes import default_unit, street_params
-from scene.background import BEHIND, LINES_END, VISTA_END, background
-from scene.catalogue import AssetPool
-from scene.street import sample_street
+from scene.street.background import BEHIND, LINES_END, VISTA_END, background
+from scene.street.street import sample_street
 
 SEEDS = st.integers(0, 2**32 - 1)
 UNITS = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed).random(23))
@@ -59,7 +59,7 @@ def test_it_leaves_lines_cameras_and_ground_as_they_are(seed):
     street = sample_street(DEFAULT, seed, 2, pool)
     without = pytest.MonkeyPatch()
     with without.context() as patch:
-        patch.setattr("scene.street.background", lambda params, rng: [])
+        patch.setattr("scene.street.street.background", lambda params, rng: [])
         bare = sample_street(DEFAULT, seed, 2, pool)
     assert (bare.cameras, bare.ground) == (street.cameras, street.ground)
     kept = street.placements[: len(bare.placements)]

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene.assets.__main__ import main
-from scene.catalogue import (
+from scene.assets.catalogue import (
     COUNTS,
     FAMILIES,
     AssetPool,
@@ -23,11 +23,11 @@ from scene.catalogue import (
     own_assets,
     pick,
 )
+from scene.assets.library import LibraryError
+from scene.assets.redrawn import REDRAWN
 from scene.classes import CLASS_NAMES
-from scene.geometry import asset_shape
-from scene.library import LibraryError
-from scene.redrawn import REDRAWN
-from scene.tones import TONES
+from scene.look.tones import TONES
+from scene.render.geometry import asset_shape
 
 seeds = st.integers(0, 2**32 - 1)
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from scene import check
-from scene.catalogue import AssetPool
+from scene.assets.catalogue import AssetPool
 from scene.check import findings, main
-from scene.export import export_dataset
-from scene.formats.edges import Overlap, overlap
-from scene.formats.files import png, read_png
-from scene.formats.layout import FORMATS
-from scene.formats.planes import ids_of
-from scene.formats.rle import encode
+from scene.dataset.edges import Overlap, overlap
+from scene.dataset.export import export_dataset
+from scene.dataset.formats.files import png, read_png
+from scene.dataset.formats.layout import FORMATS
+from scene.dataset.formats.planes import ids_of
+from scene.dataset.formats.rle import encode
 from scene.proposal import draw, random_proposal
 from scene.render import RenderSettings
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from scene.assets.catalogue import COUNTS, AssetPool
 from scene.attributes import default_unit, street_params
-from scene.catalogue import COUNTS, AssetPool
-from scene.dataset import render_dataset, render_street, street_of
+from scene.dataset.render import render_dataset, render_street, street_of
 from scene.render import RenderSettings
-from scene.street import sample_street
+from scene.street.street import sample_street
 from scene.workers import WorkerPool
 
 POOL = AssetPool(0, 3)

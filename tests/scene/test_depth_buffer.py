@@ -5,12 +5,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene.asset import box, ellipsoid
-from scene.geometry import Shape, shape_of, stand
+from scene.mesh.asset import box, ellipsoid
 from scene.render import RenderSettings
-from scene.render.depth_buffer import nearest
+from scene.render.embree.depth_buffer import nearest
+from scene.render.geometry import Shape, shape_of, stand
 from scene.render.shot import sample_rays
-from scene.street import Camera
+from scene.street.street import Camera
 
 SIZE = RenderSettings(width=40, height=30, fov=70)
 GREY = (0.5, 0.5, 0.5)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from scene.render import RendererError, embree_api
-from scene.render.embree_api import Forest, Tree
+from scene.render.embree.api import Forest, Tree
 from tests.scene.rays import free
 
 WALL = np.array([[5, -1, 0], [5, 1, 0], [5, 1, 2], [5, -1, 2]], np.float32)

@@ -15,12 +15,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from scene import export
+from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
-from scene.catalogue import AssetPool
-from scene.export import ExportError, export_dataset, read_dataset
-from scene.formats import files
-from scene.formats.layout import FORMATS
+from scene.dataset import export
+from scene.dataset.export import ExportError, export_dataset, read_dataset
+from scene.dataset.formats import files
+from scene.dataset.formats.layout import FORMATS
 from scene.proposal import draw, random_proposal
 from scene.render import RenderSettings
 from scene.render.__main__ import main

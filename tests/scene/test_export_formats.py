@@ -12,12 +12,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pycocotools import mask as coco_mask
 
-from scene.formats import files, rle
-from scene.formats.coco import SUPERCATEGORIES, categories
-from scene.formats.description import difference, outcome, street_entries
-from scene.formats.edges import overlap
-from scene.formats.layout import FORMATS, layout
-from scene.formats.planes import (
+from scene.dataset.description import difference, outcome, street_entries
+from scene.dataset.edges import overlap
+from scene.dataset.formats import files, rle
+from scene.dataset.formats.coco import SUPERCATEGORIES, categories
+from scene.dataset.formats.layout import FORMATS, layout
+from scene.dataset.formats.planes import (
     depth_plane,
     disparity_plane,
     ids_of,
@@ -25,8 +25,8 @@ from scene.formats.planes import (
     normals_plane,
     panoptic_plane,
 )
-from scene.formats.segments import label_ids, panoptic_ids, segments
-from scene.formats.shot import image_record
+from scene.dataset.formats.segments import label_ids, panoptic_ids, segments
+from scene.dataset.formats.shot import image_record
 from scene.render import RenderSettings
 
 seeds = st.integers(0, 2**32 - 1)

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scene.catalogue import AssetPool
-from scene.dataset import render_street
-from scene.export import export_dataset
-from scene.formats.planes import ids_of
-from scene.formats.segments import LABEL_OF_TRAIN
+from scene.assets.catalogue import AssetPool
+from scene.dataset.export import export_dataset
+from scene.dataset.formats.planes import ids_of
+from scene.dataset.formats.segments import LABEL_OF_TRAIN
+from scene.dataset.render import render_street
 from scene.proposal import default_proposal, draw
 from scene.render import RenderSettings
 

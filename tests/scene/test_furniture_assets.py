@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 
 from scene.assets import fence, signpost, traffic_light, traffic_sign, wall
-from scene.materials import material_id
+from scene.look.materials import material_id
 from tests.scene.asset_checks import (
     check_planes,
     check_sound,

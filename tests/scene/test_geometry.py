@@ -6,14 +6,14 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene import catalogue
-from scene.asset import box, ellipsoid
+from scene.assets import catalogue
+from scene.assets.catalogue import AssetPool
 from scene.attributes import default_unit, street_params
-from scene.catalogue import AssetPool
 from scene.classes import TrainId
-from scene.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
-from scene.materials import MATERIALS
-from scene.street import Placement, sample_street
+from scene.look.materials import MATERIALS
+from scene.mesh.asset import box, ellipsoid
+from scene.render.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
+from scene.street.street import Placement, sample_street
 
 POOL = AssetPool(0, 4)
 DEFAULT = street_params(default_unit())

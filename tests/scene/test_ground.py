@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene.classes import TrainId
-from scene.ground import (
+from scene.ground.ground import (
     FOOTWAYS,
     GROUND_INSTANCES,
     HALF_WIDTHS,
@@ -20,7 +20,7 @@ from scene.ground import (
     plain,
     sample_ground,
 )
-from scene.markings import (
+from scene.ground.markings import (
     ARROWS,
     WORDS,
     Legend,
@@ -32,8 +32,8 @@ from scene.markings import (
     parking,
     word,
 )
-from scene.materials import material_id
-from scene.quads import discs, flat, grid, rectangles, strokes, to_asset
+from scene.look.materials import material_id
+from scene.mesh.quads import discs, flat, grid, rectangles, strokes, to_asset
 
 SEEDS = st.integers(0, 2**32 - 1)
 

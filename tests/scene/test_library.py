@@ -12,9 +12,9 @@ from PIL import Image
 from trimesh.visual import TextureVisuals
 from trimesh.visual.material import PBRMaterial, SimpleMaterial
 
-from scene import catalogue, library
-from scene.library import FOLDERS, LibraryError, check, load, manifest, scan
-from scene.materials import material_id
+from scene.assets import catalogue, library
+from scene.assets.library import FOLDERS, LibraryError, check, load, manifest, scan
+from scene.look.materials import material_id
 
 CAR = (4.4, 1.8, 1.5)
 """Length, width and height of the box that stands for a car, metres."""
@@ -201,7 +201,7 @@ def test_vertices_that_are_no_numbers_are_named(shelf):
 
 
 def test_too_many_faces_are_named(shelf, monkeypatch):
-    monkeypatch.setattr("scene.mesh_file.MOST_FACES", 11)
+    monkeypatch.setattr("scene.mesh.file.MOST_FACES", 11)
     folder = shelf("car/box.stl", car())
     with pytest.raises(LibraryError, match=r"box\.stl: has 12 faces; at most 11"):
         check(folder)

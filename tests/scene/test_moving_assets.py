@@ -6,10 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene.assets import bicycle, motorcycle, person, rider
-from scene.assets._carried import CARRIED, carried
-from scene.assets._head import HAIRDOS, HATS, head
-from scene.assets._human import FOREARM, HAND, UPPER_ARM, Body, bend
-from scene.assets._wardrobe import STYLES, sample_outfit
+from scene.assets.parts.carried import CARRIED, carried
+from scene.assets.parts.head import HAIRDOS, HATS, head
+from scene.assets.parts.human import FOREARM, HAND, UPPER_ARM, Body, bend
+from scene.assets.parts.wardrobe import STYLES, sample_outfit
 from tests.scene.asset_checks import Limits, check_sound, kinds, make, mirror, seeds
 
 FAMILIES: dict[str, Limits] = {

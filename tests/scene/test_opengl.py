@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from scene.assets.catalogue import AssetPool
 from scene.attributes import default_unit, street_params
-from scene.catalogue import AssetPool
 from scene.classes import TrainId
-from scene.dataset import render_dataset
+from scene.dataset.render import render_dataset
 from scene.render import RendererError, RenderSettings, renderer
-from scene.sensor import CameraResponse
-from scene.street import sample_street
+from scene.render.sensor import CameraResponse
+from scene.street.street import sample_street
 
 ROOT = Path(__file__).resolve().parents[2]
 POOL = AssetPool(0, 6)
@@ -174,7 +174,7 @@ def test_where_opengl_is_missing_one_line_says_what_to_install(setting, value):
 
 
 def test_importing_the_renderers_does_not_load_opengl():
-    code = "import sys, scene.render, scene.render.opengl; print('OpenGL' in sys.modules)"
+    code = "import sys, scene.render, scene.render.opengl.renderer; print('OpenGL' in sys.modules)"
     done = subprocess.run(
         [sys.executable, "-c", code],
         cwd=ROOT,

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from scene.assets.catalogue import FAMILIES, AssetPool, asset, bounds, surfaces
 from scene.attributes import NAMES, default_unit
-from scene.catalogue import FAMILIES, AssetPool, asset, bounds, surfaces
 from scene.classes import CLASS_NAMES, TrainId, colorize
 from scene.preview import units
 from scene.preview.__main__ import main

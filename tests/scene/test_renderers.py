@@ -5,12 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from scene.asset import box
+from scene.assets.catalogue import FAMILIES, AssetPool
 from scene.attributes import BY_NAME, default_unit, street_params
-from scene.catalogue import FAMILIES, AssetPool
 from scene.classes import CLASS_NAMES, TrainId
-from scene.geometry import SKY_INSTANCE, build
-from scene.ground import plain, sample_ground
+from scene.ground.ground import plain, sample_ground
+from scene.mesh.asset import box
 from scene.render import (
     RENDERERS,
     RendererError,
@@ -18,10 +17,11 @@ from scene.render import (
     check_settings,
     renderer,
 )
+from scene.render.geometry import SKY_INSTANCE, build
 from scene.render.protocol import camera_axes, label_sample, pixel_rays
-from scene.sensor import CameraResponse
-from scene.sky import sample_sky
-from scene.street import Camera, Placement, Street, sample_street
+from scene.render.sensor import CameraResponse
+from scene.sky.sky import sample_sky
+from scene.street.street import Camera, Placement, Street, sample_street
 
 POOL = AssetPool(0, 4)
 SMALL = RenderSettings(width=96, height=64)
@@ -162,7 +162,7 @@ def test_the_kerb_is_where_projection_says(draw):
 @pytest.mark.parametrize("samples", [1, 2, 3])
 def test_a_box_is_labelled_where_projection_says(draw, samples, monkeypatch):
     cube = box((1.0, 2.0, 1.0), (0, 0, 0), (0.8, 0.1, 0.1))
-    monkeypatch.setattr("scene.catalogue.asset", lambda family, index: cube)
+    monkeypatch.setattr("scene.assets.catalogue.asset", lambda family, index: cube)
     settings = QUIET._replace(width=200, height=100, samples=samples)
     camera = Camera((1.0, 0.5, 1.6), yaw=0.1, pitch=0.05)
     # An index that no cache has seen.

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from scene.assets.catalogue import AssetPool
 from scene.callback import render_fn
-from scene.catalogue import AssetPool
-from scene.dataset import render_street
+from scene.dataset.render import render_street
 from scene.render import RendererError, RenderSettings, renderer
 
 POOL = AssetPool(0, 3)

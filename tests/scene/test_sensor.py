@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene.sensor import KEY, MIDDLE, CameraResponse, develop, vary
+from scene.render.sensor import KEY, MIDDLE, CameraResponse, develop, vary
 
 QUIET = CameraResponse(noise=0.0)
 PLAIN = CameraResponse(

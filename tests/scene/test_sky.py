@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene.clouds import KINDS, SIZE, cloud_relief
-from scene.sky import BRIGHTEST, SKIES, panorama, sample_sky
+from scene.sky.clouds import KINDS, SIZE, cloud_relief
+from scene.sky.sky import BRIGHTEST, SKIES, panorama, sample_sky
 
 SEEDS = st.integers(0, 2**32 - 1)
 ELEVATION = st.floats(math.radians(8), math.radians(80))

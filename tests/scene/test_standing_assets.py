@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 
 from scene.assets import building, tree
-from scene.materials import material_id
+from scene.look.materials import material_id
 from tests.scene.asset_checks import (
     check_planes,
     check_sound,

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene import catalogue
+from scene.assets import catalogue
+from scene.assets.catalogue import AssetPool
 from scene.attributes import default_unit, street_params
-from scene.background import BEHIND
-from scene.background import LINES_END as FAR_AHEAD
-from scene.catalogue import AssetPool
 from scene.classes import TrainId
-from scene.ground import ground_height
-from scene.street import (
+from scene.ground.ground import ground_height
+from scene.street.background import BEHIND
+from scene.street.background import LINES_END as FAR_AHEAD
+from scene.street.street import (
     FIRST_INSTANCE,
     JITTER,
     LINE_END,

@@ -6,10 +6,18 @@ import numpy as np
 import pytest
 from trimesh import Trimesh
 
-from scene.asset import box, merge, recolor, translate
-from scene.catalogue import COUNTS, FAMILIES, asset, families_of, surfaces
+from scene.assets.catalogue import COUNTS, FAMILIES, asset, families_of, surfaces
+from scene.assets.signature import (
+    LOOK_ALIKE,
+    SIDE,
+    SIZE_WEIGHT,
+    closest,
+    distance,
+    distances,
+    signature,
+)
 from scene.classes import CLASS_NAMES
-from scene.signature import LOOK_ALIKE, SIDE, SIZE_WEIGHT, closest, distance, distances, signature
+from scene.mesh.asset import box, merge, recolor, translate
 
 WANTED = {
     "person": 200, "car": 195, "bus": 28, "truck": 39, "building": 106, "bicycle": 18,

@@ -6,7 +6,7 @@ import trimesh
 from hypothesis import given, settings
 
 from scene.assets import bicycle
-from scene.materials import MATERIALS
+from scene.look.materials import MATERIALS
 from tests.scene.asset_checks import Limits, check_sound, kinds, make, mirror, module_of, seeds
 
 FAMILIES: dict[str, Limits] = {

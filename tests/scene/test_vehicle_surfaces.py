@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene.assets import car
-from scene.assets._bodywork import ARCH_GAP, Paint, at, axles, low, share, shell
-from scene.assets._skin import mirrored, revolve, sheet, slab, twin_sheets, weld
-from scene.assets._wheel import STYLES, Wheel, wheel
+from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, shell
+from scene.assets.parts.skin import mirrored, revolve, sheet, slab, twin_sheets, weld
+from scene.assets.parts.wheel import STYLES, Wheel, wheel
 
 SEEDS = st.integers(0, 2**32 - 1)
 RED = (0.5, 0.0, 0.0)

@@ -1,0 +1,272 @@
+"""A user's own assets: a folder of mesh files with a manifest of their licences.
+
+    my_assets/
+        assets.csv        file,author,licence,source and, where needed, up,forward,scale
+        car/golf.glb
+        traffic_sign/stop.obj
+
+Sub-folders are named by class or by asset family. Whatever is wrong becomes a ``LibraryError`` that
+names the file.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from functools import lru_cache
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.mesh.asset import Asset, rotate, translate
+from scene.mesh.file import SUFFIXES, MeshError, read_mesh
+
+MANIFEST = "assets.csv"
+REQUIRED = ("file", "author", "licence", "source")
+OPTIONAL = ("up", "forward", "scale")
+
+
+class Plausible(NamedTuple):
+    """What a family's assets measure, metres."""
+
+    longest: tuple[float, float]  # longest side
+    height: tuple[float, float]
+
+
+SIZES: dict[str, Plausible] = {
+    "building": Plausible((3, 120), (2.5, 120)),
+    "train": Plausible((5, 60), (2, 6)),
+    "fence": Plausible((0.5, 40), (0.3, 5)),
+    "wall": Plausible((0.5, 40), (0.3, 8)),
+    "tree": Plausible((1.5, 40), (1.5, 40)),
+    "bush": Plausible((0.2, 12), (0.15, 5)),
+    "bicycle": Plausible((1.0, 2.8), (0.6, 1.6)),
+    "motorcycle": Plausible((1.2, 3.2), (0.7, 2.0)),
+    "person": Plausible((0.6, 2.6), (0.6, 2.3)),
+    "rider": Plausible((0.6, 2.6), (0.6, 2.3)),
+    "lamp": Plausible((2, 18), (2, 18)),
+    "signpost": Plausible((0.8, 12), (0.8, 12)),
+    "traffic sign": Plausible((0.2, 8), (0.15, 8)),
+    "traffic light": Plausible((0.3, 10), (0.3, 10)),
+    "car": Plausible((2.2, 7), (0.9, 3)),
+    "bus": Plausible((4.5, 26), (2, 5)),
+    "truck": Plausible((3.5, 30), (1.6, 5)),
+}
+"""Every family; a file far from these is in other units, or lies on its side."""
+
+FOLDERS: dict[str, str] = {
+    **{family: family for family in SIZES},
+    "vegetation": "tree",
+    "pole": "lamp",
+}
+"""Name of a sub-folder (with spaces or underscores) -> family."""
+
+UNITS = (("millimetres", 0.001), ("centimetres", 0.01), ("inches", 0.0254), ("feet", 0.3048))
+SIDEWAYS = ("building", "train", "fence", "wall")
+"""Their front looks to the right, along -y: at the road, from the left of it."""
+BACKWARD = ("traffic sign", "traffic light")
+"""Their front looks back, along -x: at the traffic."""
+HUNG = 2.1
+"""Metres above the ground at which a sign or light without a pole of its own hangs."""
+POLELESS = 1.6
+"""A sign or light lower than this has no pole of its own."""
+POLE_RADIUS = 0.06
+"""Metres by which it keeps clear of the built-in pole."""
+
+
+class LibraryError(ValueError):
+    """A folder of own assets, or a file in it, cannot be used; the message names it."""
+
+
+class Row(NamedTuple):
+    """One line of the manifest."""
+
+    file: str  # path below the folder, with forward slashes
+    author: str
+    licence: str
+    source: str
+    up: str = ""  # see ``mesh_file.read_mesh``; empty: the format's own
+    forward: str = ""
+    scale: float = 1.0  # metres per unit of the file
+
+
+@lru_cache(maxsize=16)
+def manifest(folder: str) -> tuple[Row, ...]:
+    """The rows of a folder's ``assets.csv``, one for each mesh file, in order of the files' names.
+
+    Raises:
+        LibraryError: no folder, no manifest, a column, author or licence missing, a row without its
+            file, a file without its row, an unknown sub-folder, no mesh file at all.
+    """
+    root = Path(folder)
+    if not root.is_dir():
+        raise LibraryError(f"{root} is {'not a folder' if root.exists() else 'not there'}")
+    files = _mesh_files(root)
+    if not files:
+        raise LibraryError(f"{root} holds no mesh file ({', '.join(SUFFIXES)}) in a class's folder")
+    rows = {row.file: row for row in _rows(root / MANIFEST)}
+    for file in files:
+        if file not in rows:
+            raise LibraryError(f"{root / MANIFEST} has no row for {file}")
+    for file in rows:
+        if file not in files:
+            raise LibraryError(f"{root / MANIFEST} names {file}, which is not there")
+    return tuple(rows[file] for file in files)
+
+
+@lru_cache(maxsize=16)
+def scan(folder: str) -> dict[str, tuple[str, ...]]:
+    """Absolute paths of a folder's mesh files by family."""
+    found: dict[str, tuple[str, ...]] = {}
+    for row in manifest(folder):
+        path = Path(folder).resolve() / row.file
+        family = _family(path.parent.name)
+        found[family] = (*found.get(family, ()), str(path))
+    return found
+
+
+def check(folder: str) -> int:
+    """Load every asset of a folder once and count them, so that errors come before the work.
+
+    Raises:
+        LibraryError: whatever is wrong first.
+    """
+    found = scan(folder)
+    for family, paths in found.items():
+        for path in paths:
+            load(family, path)
+    return sum(len(paths) for paths in found.values())
+
+
+def load(family: str, path: str) -> Asset:
+    """The own asset in a file, placed as the family's built-in ones are.
+
+    Raises:
+        LibraryError: broken, empty or of no plausible size; the message names the file.
+    """
+    file = Path(path)
+    root = file.parents[1]
+    name = file.relative_to(root).as_posix()
+    row = next((r for r in manifest(str(root)) if r.file == name), None)
+    if row is None:
+        raise LibraryError(f"{root / MANIFEST} has no row for {name}")
+    try:
+        asset = read_mesh(file, up=row.up, forward=row.forward, scale=row.scale)
+        _check_size(asset, family)
+    except MeshError as error:
+        raise LibraryError(f"{file}: {error}") from error
+    except OSError as error:
+        raise LibraryError(f"{file}: {error.strerror}") from error
+    return _stand(asset, family)
+
+
+def _family(name: str) -> str:
+    return FOLDERS[name.replace("_", " ").lower()]
+
+
+def _mesh_files(root: Path) -> list[str]:
+    """Mesh files of all sub-folders, relative to ``root``, sorted."""
+    files = []
+    for folder in sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith(".")):
+        if folder.name.replace("_", " ").lower() not in FOLDERS:
+            raise LibraryError(
+                f"{folder} is no class that assets can have; known: {', '.join(FOLDERS)}"
+            )
+        files += [
+            p.relative_to(root).as_posix() for p in folder.iterdir() if p.suffix.lower() in SUFFIXES
+        ]
+    return sorted(files)
+
+
+def _rows(path: Path) -> list[Row]:
+    """The manifest as it is written, whatever files there are."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = list(csv.DictReader(file, restval=""))
+    except FileNotFoundError:
+        raise LibraryError(
+            f"{path} is missing; it needs a row for each asset, with {', '.join(REQUIRED)}"
+        ) from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise LibraryError(f"{path} cannot be read: {error}") from error
+    rows: list[Row] = []
+    for number, line in enumerate(lines, 2):
+        values = {str(k).strip(): str(v or "").strip() for k, v in line.items() if k is not None}
+        for column in REQUIRED:
+            if column not in values:
+                raise LibraryError(f"{path} has no column {column!r}")
+            if not values[column]:
+                raise LibraryError(f"{path}, line {number}: {column} is empty")
+        if values["file"] in {row.file for row in rows}:
+            raise LibraryError(f"{path}, line {number}: {values['file']} stands there twice")
+        rows.append(
+            Row(
+                file=values["file"],
+                author=values["author"],
+                licence=values["licence"],
+                source=values["source"],
+                up=values.get("up", "").lower(),
+                forward=values.get("forward", "").lower(),
+                scale=_scale(values.get("scale", ""), path, number),
+            )
+        )
+    return rows
+
+
+def _scale(text: str, path: Path, number: int) -> float:
+    try:
+        value = float(text or 1)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise LibraryError(f"{path}, line {number}: scale must be a positive number, not {text!r}")
+    return value
+
+
+def _check_size(asset: Asset, family: str) -> None:
+    """Raise MeshError for a size that the family cannot have, with what would mend it."""
+    extents = np.ptp(asset.mesh.vertices, axis=0)
+    sizes = SIZES[family]
+    if _fits(extents, sizes):
+        return
+    measures = f"is {extents.max():.4g} m long and {extents[2]:.4g} m high"
+    plausible = (
+        f"a {family} is {sizes.longest[0]:g} to {sizes.longest[1]:g} m long"
+        f" and {sizes.height[0]:g} to {sizes.height[1]:g} m high"
+    )
+    for unit, factor in UNITS:
+        if _fits(factor * extents, sizes):
+            hint = f"scale {factor:g} ({unit}) in {MANIFEST} would fit"
+            raise MeshError(f"{measures}; {plausible}; {hint}")
+    for axis, k in (("x", 0), ("y", 1)):
+        if _fits(np.array([*np.delete(extents, k), extents[k]]), sizes):
+            raise MeshError(
+                f"{measures}; {plausible}; does it lie on its side? See column 'up' of {MANIFEST} "
+                f"(upright along our {axis})"
+            )
+    raise MeshError(f"{measures}; {plausible}; see columns scale and up of {MANIFEST}")
+
+
+def _fits(extents: np.ndarray, sizes: Plausible) -> bool:
+    longest, height = extents.max(), extents[2]
+    return bool(
+        sizes.longest[0] <= longest <= sizes.longest[1]
+        and sizes.height[0] <= height <= sizes.height[1]
+    )
+
+
+def _stand(asset: Asset, family: str) -> Asset:
+    """Turn an asset's front where the family's looks, and stand it where the family's stand."""
+    if family in SIDEWAYS:
+        asset = rotate(asset, -math.pi / 2, (0, 0, 1))
+    if family in BACKWARD:
+        asset = rotate(asset, math.pi, (0, 0, 1))
+    low, high = asset.mesh.bounds
+    x, y = (low + high)[:2] / 2
+    z = low[2]
+    if family in SIDEWAYS:  # the front stands on the line
+        y = low[1]
+    if family in BACKWARD and high[2] - low[2] < POLELESS:
+        x, z = high[0] + POLE_RADIUS, low[2] - HUNG
+    return translate(asset, (-float(x), -float(y), -float(z)))

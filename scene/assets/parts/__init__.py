@@ -1,0 +1,1 @@
+"""What several families of assets are put together from."""

@@ -1,0 +1,340 @@
+"""The shell of a car as one curved surface: flanks with wheel arches, cabin, bonnet, nose and tail.
+
+A point of it is named by ``s``, the share of the length from the nose, and by its row in the section,
+from the sill over the shoulder and the windows to the middle of the roof.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.parts.palette import BLACK
+from scene.assets.parts.skin import mirrored, painted, weld
+from scene.mesh.asset import Asset, Color
+from scene.mesh.mesh import frozen
+
+FLANK = np.array([0.0, 0.2, 0.45, 0.78, 1.0])
+"""Heights of the rows below the shoulder, as shares from the sill up."""
+CABIN = np.array([0.1, 0.5, 0.86, 1.0])
+"""Heights of the rows from the shoulder to the edge of the roof."""
+ROOF = np.array([0.84, 0.45, 0.0])
+"""Places of the rows over the roof, as shares from its middle to its edge."""
+_GLASS_ROWS = slice(len(FLANK), len(FLANK) + 2)
+_SCREEN_ROWS = slice(len(FLANK) + len(CABIN), len(FLANK) + len(CABIN) + 2)
+_POWER = 2.4
+"""How square nose, screen and tail are in plan; 2 is a parabola."""
+
+
+class Body(NamedTuple):
+    """The shape of one car; metres, and shares of the length measured from the nose."""
+
+    length: float
+    width: float
+    height: float
+    wheelbase: float
+    front: float  # m from the nose to the front axle
+    wheel_radius: float
+    sill: float  # m from the ground to the underside
+    hood: float  # m, height of the bonnet's leading edge
+    cowl_height: float  # m, height of the bonnet at the windscreen
+    belt: float  # m, height of the lower edge of the windows
+    deck: float  # m, height of the body at the tail
+    cowl: float  # share: foot of the windscreen
+    roof_front: float  # share: top of the windscreen
+    roof_rear: float  # share: top of the rear window
+    tail: float  # share: foot of the rear window
+    glass: tuple[float, float]  # shares: where the side windows begin and end
+    pillars: tuple[float, ...]  # shares: posts between the side windows
+    tumblehome: float  # how far the roof is narrower than the body, as a share of it
+    nose: float = 0.22  # m that the nose is rounded in plan
+    stern: float = 0.12  # m that the tail is rounded in plan
+    rake: float = 0.07  # m that the top of the nose is set back behind the bumper
+    crown: float = 0.06  # m that the middle of the roof is above its edge
+    bed: tuple[float, float] | None = None  # shares: an open load bed (pickup) or cabin
+
+
+def at(b: Body, s: np.ndarray | float) -> np.ndarray:
+    """X of the flank at share ``s`` of the length, m."""
+    return b.length / 2 - b.nose - np.asarray(s) * (b.length - b.nose - b.stern)
+
+
+def share(b: Body, x: np.ndarray | float) -> np.ndarray:
+    """Inverse of ``at``."""
+    return (b.length / 2 - b.nose - np.asarray(x)) / (b.length - b.nose - b.stern)
+
+
+def axles(b: Body) -> tuple[float, float]:
+    """X of the front and the rear axle, m."""
+    front = b.length / 2 - b.front
+    return front, front - b.wheelbase
+
+
+def top(b: Body, s: np.ndarray) -> np.ndarray:
+    """Height of the body's middle line, m."""
+    return np.interp(s, *_top_knots(b))
+
+
+@lru_cache(maxsize=8)
+def _top_knots(b: Body) -> np.ndarray:
+    """Shares of the length and heights f64[2, n] between which the middle line is straight."""
+    span = b.roof_rear - b.roof_front
+    knots = [
+        (-0.01, b.hood - 0.03), (0.0, b.hood - 0.025), (0.03, b.hood),
+        (0.6 * b.cowl, 0.3 * b.hood + 0.7 * b.cowl_height),
+        (b.cowl, b.cowl_height), (b.roof_front - 0.03, b.height - 0.09), (b.roof_front, b.height - 0.045),
+        (b.roof_front + 0.12 * span, b.height - 0.012), (b.roof_front + 0.35 * span, b.height),
+        (b.roof_rear - 0.3 * span, b.height - 0.01), (b.roof_rear, b.height - 0.06),
+        (b.tail, b.deck), (max(b.tail + 0.004, 0.97), b.deck), (1.01, b.deck - 0.03),
+    ]  # fmt: skip
+    knots = [k for i, k in enumerate(knots) if i == 0 or k[0] > knots[i - 1][0]]
+    return frozen(np.array(knots).T.copy())
+
+
+def shoulder(b: Body, s: np.ndarray) -> np.ndarray:
+    """Height at which flank turns into bonnet, window or deck, m."""
+    line = np.interp(
+        s, [0, b.cowl - 0.02, b.cowl + 0.03, b.tail], [b.hood, b.belt - 0.03, b.belt, b.belt + 0.02]
+    )
+    return np.minimum(line, top(b, s) - 0.035)
+
+
+_HALF = np.array([[0, 0.06, 0.16, 0.3, 0.75, 0.9, 1], [0.90, 0.955, 0.99, 1, 1, 0.975, 0.93]])
+_SIDE = np.array([[0, 0.12, 0.3, 0.6, 0.8, 1], [0.955, 0.975, 0.99, 1.0, 0.985, 0.94]])
+
+
+def half(b: Body, s: np.ndarray) -> np.ndarray:
+    """Half the width of the body, m."""
+    return b.width / 2 * np.interp(s, *_HALF)
+
+
+def low(b: Body, s: np.ndarray) -> np.ndarray:
+    """Height of the flank's lower edge, a circle over each wheel, m."""
+    edge = np.interp(s, [0, 0.08, 0.9, 1], [b.sill + 0.04, b.sill, b.sill, b.sill + 0.09])
+    reach = b.wheel_radius + ARCH_GAP
+    for x in axles(b):
+        across = np.abs(at(b, s) - x)
+        inside = across < reach
+        circle = b.wheel_radius + np.sqrt(np.maximum(reach**2 - across**2, 0))
+        edge = np.where(inside, circle, edge)
+    return edge
+
+
+ARCH_GAP = 0.05
+"""Between a tyre and its wheel arch, m."""
+
+
+def side_y(b: Body, wide: np.ndarray, crest: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Half the width at height ``z`` of a flank that is ``wide`` and ends at ``crest``, m."""
+    up = (z - b.sill) / np.maximum(crest - b.sill, 1e-3)
+    return wide * np.interp(up, *_SIDE)
+
+
+def _ends(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """How far nose and tail recede at row height ``v`` (0 sill, 1 shoulder), m, negative at the nose."""
+    if s.min() > 0.08 and s.max() < 0.95:
+        return np.zeros(1)
+    fade = (1 - s / 0.08).clip(0, 1), (1 - (1 - s) / 0.05).clip(0, 1)
+    return -fade[0] * _receding(b, 0, v) + fade[1] * _receding(b, 1, v)
+
+
+def _receding(b: Body, end: int, v: np.ndarray) -> np.ndarray:
+    """How far the very nose (0) or tail (1) recedes at row height ``v``, m."""
+    nose, stern = (0.05, 0.008, 0.0, 0.5 * b.rake, b.rake), (0.06, 0.008, 0.0, 0.03, 0.05)
+    return np.interp(v, FLANK, stern if end else nose)
+
+
+def _bulge(b: Body, s: np.ndarray) -> np.ndarray:
+    """How far the middle of the section is ahead of its flanks, m."""
+    knots = [0, 0.7 * b.cowl, b.cowl, b.roof_front, b.roof_front + 0.1, b.roof_rear, 1.0]
+    return np.interp(s, knots, [b.nose, 0.14, 0.11, 0.07, 0, -0.03, -b.stern])
+
+
+def fascia(b: Body, end: int, c: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Points of the nose (``end`` 0) or tail (1): ``c`` -1 right .. 1 left, ``v`` 0 sill .. 1 shoulder."""
+    foot, crest, wide, flank_x, bulge = _rim(b, end)
+    z = foot + v * (crest - foot)
+    back = _receding(b, end, v)
+    x = flank_x + bulge * (1 - np.abs(c) ** _POWER) + (back if end else -back)
+    return _points(x, c * side_y(b, wide, crest, z), z)
+
+
+@lru_cache(maxsize=16)  # asked for by every lamp and plate of a car
+def _rim(b: Body, end: int) -> tuple[np.ndarray, ...]:
+    """Of nose (0) or tail (1): foot, shoulder, half width, x, how far its middle is ahead of it, m."""
+    s = np.array([float(end)])
+    return low(b, s), shoulder(b, s), half(b, s), at(b, s), _bulge(b, s)
+
+
+def _points(x: np.ndarray, y: np.ndarray, z: np.ndarray) -> np.ndarray:
+    """Points f64[..., 3] from coordinates of which y has the full shape."""
+    points = np.empty((*y.shape, 3))
+    points[..., 0], points[..., 1], points[..., 2] = x, y, z
+    return points
+
+
+def flank(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Points of the left flank: ``s`` along, ``v`` 0 at the sill (or arch) .. 1 at the shoulder."""
+    foot, crest = low(b, s), shoulder(b, s)
+    z = foot + v * (crest - foot)
+    return _points(at(b, s) + _ends(b, s, v), side_y(b, half(b, s), crest, z), z)
+
+
+def panel(b: Body, s: np.ndarray, v: np.ndarray) -> np.ndarray:
+    """Points of the left flank as if it had no wheel arches; ``v`` as in ``flank``."""
+    crest = shoulder(b, s)
+    z = b.sill + v * (crest - b.sill)
+    return _points(at(b, s) + _ends(b, s, v), side_y(b, half(b, s), crest, z), z)
+
+
+def doorway(b: Body) -> tuple[float, float]:
+    """Shares of the length between the wheel arches."""
+    front, rear = axles(b)
+    reach = b.wheel_radius + 1.2 * ARCH_GAP
+    return float(share(b, front - reach)), float(share(b, rear + reach))
+
+
+def cabin(b: Body, s: np.ndarray, w: np.ndarray) -> np.ndarray:
+    """Points of the left window band: ``w`` 0 at the shoulder .. 1 at the edge of the roof."""
+    foot, ridge, wide = shoulder(b, s), top(b, s), half(b, s)
+    edge = np.maximum(ridge - b.crown, foot + 0.6 * (ridge - foot))
+    y = side_y(b, wide, foot, foot)
+    grown = ((edge - foot) / (b.height - b.crown - b.belt)).clip(0, 1)
+    inset = wide * (0.12 * (1 - grown) + b.tumblehome * grown)
+    x = at(b, s) + _ends(b, s, np.ones_like(s))
+    lateral = 1 - inset * w**1.2 / y
+    x = x + _bulge(b, s) * (1 - lateral**_POWER)
+    return _points(x, y - inset * w**1.2, foot + w * (edge - foot))
+
+
+def roof(b: Body, s: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Points over bonnet, screens and roof: ``c`` 1 at the left edge .. 0 in the middle."""
+    edge = cabin(b, s, np.ones_like(s))
+    y = c * edge[..., 1]
+    crest = shoulder(b, s)
+    lateral = y / side_y(b, half(b, s), crest, crest)
+    x = at(b, s) + _ends(b, s, np.ones_like(s)) + _bulge(b, s) * (1 - lateral**_POWER)
+    z = edge[..., 2] + (top(b, s) - edge[..., 2]) * (1 - c**2.2)
+    return _points(x, y, z)
+
+
+def stations(b: Body) -> np.ndarray:
+    """Shares of the length at which the shell has a section."""
+    span = b.roof_rear - b.roof_front
+    marks = [
+        0,
+        0.03,
+        0.08,
+        0.6 * b.cowl,
+        b.cowl,
+        b.cowl + 0.012,
+        b.roof_front - 0.012,
+        b.roof_front,
+    ]
+    marks += [b.roof_front + 0.12 * span, b.roof_front + 0.35 * span, b.roof_rear - 0.3 * span]
+    marks += [
+        b.roof_rear,
+        b.roof_rear + 0.12 * (b.tail - b.roof_rear),
+        b.tail - 0.08 * (b.tail - b.roof_rear),
+    ]
+    marks += [0.5 * (b.cowl + b.roof_front), b.tail, 0.97, 1.0, *b.glass]
+    marks += [p + d for p in b.pillars for d in (-_POST, _POST)]
+    marks += [b.roof_rear + d * (b.tail - b.roof_rear) for d in (0.4, 0.7)]
+    if b.bed:
+        marks += [b.bed[0], b.bed[1]]
+    line = np.sort(np.clip(np.concatenate([marks, _arch_marks(b)]), 0, 1))
+    return line[np.concatenate([[True], np.diff(line) > 3.5e-3])]
+
+
+def _arch_marks(b: Body) -> np.ndarray:
+    """Shares of the length at which the wheel arches have a corner."""
+    reach = b.wheel_radius + ARCH_GAP
+    return np.concatenate([share(b, x + reach * _ARCH) for x in axles(b)])
+
+
+_ARCH = np.array([-1.03, -0.99, -0.9, -0.63, -0.22, 0.22, 0.63, 0.9, 0.99, 1.03])
+
+
+_POST = 0.009
+"""Half the width of a window post, as a share of the length."""
+
+
+class Paint(NamedTuple):
+    """What the shell wears."""
+
+    body: Color
+    lower: Color  # below ``lower_edge``: second colour or plastic
+    roof: Color
+    glass: Color
+    screen: Color
+    windows: tuple[bool, bool] = (True, True)  # whether there are side windows, and a rear one
+    lower_rows: int = 0  # rows of the flank that wear ``lower``
+    roof_material: str = "paint"
+
+
+def shell(b: Body, paint: Paint) -> Asset:
+    """The painted and glazed body, open below."""
+    s = stations(b)
+    along = s[:, None]
+    points = np.concatenate(
+        [flank(b, along, FLANK), cabin(b, along, CABIN), roof(b, along, ROOF)], axis=1
+    )
+    wear = [(paint.body, "paint"), (paint.lower, "plain"), (paint.roof, paint.roof_material)]
+    wear += [(paint.glass, "glass"), (paint.screen, "glass"), (BLACK, "plain")]
+    left = painted(points, wear, _cells(b, paint, s))
+    ends = []
+    for end in (0, 1):
+        rim = points[0 if end == 0 else -1]
+        c = rim[len(FLANK) - 1 :, 1] / rim[len(FLANK) - 1, 1]
+        rows = fascia(b, end, c, FLANK[:-1, None])
+        grid = np.concatenate([rows, rim[None, len(FLANK) - 1 :]])
+        cells = np.zeros((len(FLANK) - 1, len(c) - 1), int)
+        cells[: paint.lower_rows] = 1
+        ends.append(
+            painted(grid if end == 0 else grid[::-1], wear, cells if end == 0 else cells[::-1])
+        )
+    one = weld(left, *ends)
+    return weld(one, mirrored(one))
+
+
+def _cells(b: Body, paint: Paint, s: np.ndarray) -> np.ndarray:
+    """Which paint each cell of the left half of the shell wears."""
+    middle = (s[1:] + s[:-1]) / 2
+    cells = np.zeros((len(middle), len(FLANK) + len(CABIN) + len(ROOF) - 1), int)
+    cells[:, : paint.lower_rows] = 1
+    over = (middle > b.roof_front) & (middle < b.roof_rear)
+    cells[over, _SCREEN_ROWS.start - 1 :] = 2
+    post = np.zeros(len(middle), bool)
+    for p in b.pillars:
+        post |= np.abs(middle - p) < _POST
+    panes = (middle > b.glass[0]) & (middle < b.glass[1])
+    if paint.windows[0]:
+        cells[panes & ~post, _GLASS_ROWS] = 3
+        cells[panes & post, _GLASS_ROWS] = 5
+    screen = (middle > b.cowl + 0.011) & (middle < b.roof_front - 0.011)
+    cells[screen, _SCREEN_ROWS] = 4
+    cells[(middle > b.cowl) & (middle < b.cowl + 0.011), _SCREEN_ROWS] = 5
+    if paint.windows[1]:
+        fall = b.tail - b.roof_rear
+        rear = (middle > b.roof_rear + 0.1 * fall) & (middle < b.tail - 0.07 * fall)
+        cells[rear, _SCREEN_ROWS] = 3
+    if b.bed:
+        inside = (middle > b.bed[0]) & (middle < b.bed[1])
+        cells[inside, _SCREEN_ROWS.start :] = 5
+    return cells
+
+
+def underside(b: Body) -> Asset:
+    """Dark wheel wells and floor, closed off in the middle so that no light passes below the body."""
+    s = np.sort(np.clip(np.concatenate([_arch_marks(b), [0, 0.08, 0.9, 1]]), 0, 1))
+    edge = flank(b, s, np.zeros_like(s))
+    inner = edge * [1, 0.62, 1]
+    down = inner.copy()
+    down[:, 2] = np.minimum(b.sill + 0.02, inner[:, 2])
+    middle = down * [1, 0, 1]
+    left = painted(
+        np.stack([middle, down, inner, edge], 1), [(BLACK, "plain")], np.zeros((len(s) - 1, 3), int)
+    )
+    return weld(left, mirrored(left))

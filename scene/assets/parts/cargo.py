@@ -1,0 +1,315 @@
+"""Open and special loads of lorries: platforms, tubs, tanks, drums and cranes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scene.assets.parts.lorry import WHITE, TruckParams, bed, floor, sign
+from scene.assets.parts.palette import AMBER, BLACK, STEEL, TAILLAMP, TRIM, darker
+from scene.assets.parts.skin import moved, pair, revolve
+from scene.assets.parts.vehicle import lettering, panel, walls
+from scene.mesh.asset import Asset, Color, block, loft, polygon, repaint, reshaped, tube
+
+_GRAVEL: Color = (0.16, 0.13, 0.10)
+
+
+def flatbed(p: TruckParams) -> list[Asset]:
+    """An open bed with low sides."""
+    x, length, width = bed(p)
+    low, half = floor(p), width / 2
+    front, rear = x + length / 2, x - length / 2
+    rng = np.random.default_rng(p.seed)
+    parts = [
+        block((rear, -half, low), (front, half, low + 0.14), p.body, "wood"),
+        block((front - 0.08, -half, low), (front, half, p.height + 0.4), STEEL, "metal"),
+    ]
+    start = rear + 0.15
+    while start < rear + p.fill * length:
+        size = rng.uniform(0.7, 1.6)
+        end = min(start + size, front - 0.2)
+        tall = low + 0.14 + rng.uniform(0.35, 1.0) * (p.height - low)
+        wide = rng.uniform(0.55, 0.95) * half
+        kind = rng.integers(3)
+        if kind == 0:  # pipes
+            for y in np.arange(-wide, wide, 0.24):
+                parts.append(
+                    tube(
+                        (start, y, low + 0.27), (end, y, low + 0.27), 0.11, STEEL, "metal", sides=8
+                    )
+                )
+                parts.append(
+                    tube(
+                        (start, y + 0.1, low + 0.47),
+                        (end, y + 0.1, low + 0.47),
+                        0.11,
+                        STEEL,
+                        "metal",
+                        sides=8,
+                    )
+                )
+        else:
+            color = (WHITE, (0.16, 0.10, 0.06), p.cab, (0.25, 0.07, 0.03))[int(rng.integers(4))]
+            parts.append(
+                block(
+                    (start, -wide, low + 0.16),
+                    (end, wide, tall),
+                    color,
+                    "wood" if kind == 1 else "cloth",
+                )
+            )
+            for at in (0.3, 0.7):
+                strap = start + at * (end - start)
+                parts.append(
+                    block(
+                        (strap - 0.03, -wide - 0.01, low + 0.16),
+                        (strap + 0.03, wide + 0.01, tall + 0.01),
+                        AMBER,
+                    )
+                )
+        start = end + rng.uniform(0.05, 0.3)
+    if p.fill < 0.75:  # drop sides
+        for y in (half, -half):
+            parts.append(
+                block((rear, y - 0.02, low + 0.1), (front, y + 0.02, low + 0.5), p.cab, "metal")
+            )
+    return parts
+
+
+def _tub(
+    x: float, length: float, half: float, low: float, high: float, slope: float
+) -> list[np.ndarray]:
+    """Lower and upper edge of an open body that widens upwards."""
+    plan = np.array([(-0.5, -1, 0), (0.5, -1, 0), (0.5, 1, 0), (-0.5, 1, 0)])
+    lower = plan * [length * (1 - slope), half - 0.1, 0] + [x, 0, low]
+    return [lower, plan * [length, half, 0] + [x, 0, high]]
+
+
+def tipper(p: TruckParams) -> list[Asset]:
+    """A bed that tips."""
+    x, length, width = bed(p)
+    low, half, high = floor(p), width / 2, p.height
+    edge = _tub(x, length, half, low, high, 0.04)
+    heap = edge[1] * [1, 0.9, 1] - [0, 0, 0.12]
+    peak = (heap - [x, 0, 0]) * [0.4, 0.3, 1] + [x, 0, 0.6 * p.fill]
+    parts = [
+        loft(edge, p.body, "metal"),
+        loft([heap, peak], _GRAVEL, "concrete"),
+        block((x + length / 2, -half, high - 0.1), (x + length / 2 + 0.7, half, high), p.body),
+        tube((x + length / 2 + 0.15, 0, low), (x + length / 2 + 0.1, 0, high), 0.1, STEEL, "metal"),
+    ]
+    for share in np.linspace(0.04, 0.96, 7):  # ribs
+        post = x + (share - 0.5) * length
+        rib = block(
+            (post - 0.05, half - 0.16, low),
+            (post + 0.05, half + 0.03, high),
+            darker(p.body, 0.8),
+            "metal",
+        )
+        parts.append(pair(rib))
+    rail = block(
+        (x - length / 2, half - 0.06, high - 0.08),
+        (x + length / 2, half + 0.04, high),
+        p.body,
+        "metal",
+    )
+    side = walls(length, width + 0.08, low, high, x=x)
+    for u in (0.02, 0.3, 0.66, 0.94):  # ribs of the tailgate
+        parts.append(panel(side.rear, (u, u + 0.04), (0, 1), darker(p.body, 0.6), lift=0.04))
+    parts += [
+        panel(side.rear, (0, 1), (v, v + 0.05), darker(p.body, 0.6), lift=0.03)
+        for v in (0.0, 0.5, 0.95)
+    ]
+    return [*parts, pair(rail), *sign(p._replace(band=None), side, (0.3, 0.7), (0.35, 0.7))]
+
+
+def tanker(p: TruckParams) -> list[Asset]:
+    """A tank on the frame."""
+    x, length, width = bed(p)
+    low = floor(p)
+    radius = (p.height - low) / 2
+    middle = low + radius
+    angle = np.arange(20) * np.pi / 10
+    loop = np.column_stack([np.cos(angle) * 0.49 * width, np.sin(angle) * radius])
+    rings = []
+    for share, scale in (
+        (-0.5, 0.55),
+        (-0.49, 0.8),
+        (-0.46, 0.97),
+        (-0.44, 1.0),
+        (0.44, 1.0),
+        (0.46, 0.97),
+        (0.49, 0.8),
+        (0.5, 0.55),
+    ):
+        rings.append(np.column_stack([np.full(20, x + share * length), loop * scale + [0, middle]]))
+    parts = [
+        loft(rings, p.body, "metal"),
+        block(
+            (x - 0.4 * length, -0.3, p.height - 0.04),
+            (x + 0.4 * length, 0.3, p.height + 0.05),
+            TRIM,
+        ),
+        block((x - length / 2, -0.5, low - 0.1), (x + length / 2, 0.5, low + 0.15), TRIM),
+        tube(
+            (x - length / 2 - 0.02, 0.5, low),
+            (x - length / 2 - 0.02, 0.5, p.height),
+            0.03,
+            STEEL,
+            sides=4,
+        ),
+        tube(
+            (x - length / 2 - 0.02, 0.8, low),
+            (x - length / 2 - 0.02, 0.8, p.height - 0.1),
+            0.03,
+            STEEL,
+            sides=4,
+        ),
+    ]
+    for share in (-0.3, -0.05, 0.2):  # bands round the tank and manholes on it
+        wide = np.concatenate([loop, loop[:1]]) * 1.012 + [0, middle]
+        band = [
+            np.column_stack([np.full(21, x + (share + d) * length), wide]) for d in (-0.008, 0.008)
+        ]
+        parts.append(loft(band, p.band or STEEL, "metal", closed=False, caps=False))
+        at = x + (share + 0.1) * length
+        parts.append(
+            tube((at, 0, p.height - 0.1), (at, 0, p.height + 0.16), 0.25, STEEL, "metal", sides=10)
+        )
+    side = walls(0.8 * length, width + 0.01, low + 0.6 * radius, low + 1.4 * radius, x=x)
+    if p.letters is not None:
+        parts += [lettering(wall, (0.2, 0.8), (0.2, 0.75), p.letters, p.seed) for wall in side[:2]]
+    rear = walls(length + 0.02, width, low + 0.5 * radius, low + 1.5 * radius, x=x).rear
+    return [*parts, panel(rear, (0.4, 0.6), (0.4, 0.6), AMBER)]
+
+
+def refuse(p: TruckParams) -> list[Asset]:
+    """A hopper body whose rear loader hangs lower than its floor and leans out."""
+    x, length, width = bed(p)
+    low, half = floor(p), width / 2
+    tail, split = x - length / 2, x - length / 2 + 1.5
+    side = walls(x + length / 2 - split, width, low, p.height, x=(x + length / 2 + split) / 2)
+    outline = np.array(
+        [(split, 0.55), (split, p.height), (tail + 0.7, p.height), (tail, 1.6), (tail + 0.15, 0.55)]
+    )
+    rings = [np.column_stack([outline[:, 0], np.full(5, y), outline[:, 1]]) for y in (half, -half)]
+    slope = np.array(
+        [
+            (tail, half, 1.6),
+            (tail, -half, 1.6),
+            (tail + 0.7, -half, p.height),
+            (tail + 0.7, half, p.height),
+        ]
+    )
+    parts = [
+        block((split, -half, low), (x + length / 2, half, p.height - 0.15), p.body, "paint"),
+        loft(rings, darker(p.body, 0.8), "paint"),
+        panel(slope, (0.12, 0.88), (0.02, 0.45), BLACK),
+        panel(slope, (0, 1), (0.62, 0.72), AMBER),
+        *sign(p, side, (0.2, 0.8), (0.35, 0.65)),
+    ]
+    for share in np.linspace(0.04, 0.96, 6):  # ribs
+        post = split + share * (x + length / 2 - split)
+        rib = block(
+            (post - 0.05, half - 0.02, low),
+            (post + 0.05, half + 0.05, p.height - 0.2),
+            darker(p.body, 0.75),
+        )
+        parts.append(pair(rib))
+    bar = tube(
+        (tail + 0.15, half + 0.03, 0.7), (tail + 0.5, half + 0.03, 2.2), 0.05, STEEL, "metal"
+    )
+    lamp = block((tail - 0.02, half - 0.3, 1.25), (tail + 0.1, half - 0.05, 1.5), TAILLAMP, "lamp")
+    return [*parts, pair(bar), pair(lamp)]
+
+
+def mixer(p: TruckParams) -> list[Asset]:
+    """A slanting drum with painted spirals, a hopper and a chute."""
+    x, length, _ = bed(p)
+    low, radius = floor(p), (p.height - floor(p)) / 2 - 0.1
+    profile = [(0.3, 0.5), (0.72, 0.42), (1, 0.12), (1, -0.08), (0.62, -0.38), (0.42, -0.5)]
+    drum = revolve([(radius * r, -length * 0.9 * y) for r, y in profile], p.body, "paint", sides=24)
+    middle = drum.mesh.vertices[drum.mesh.faces].mean(axis=1)
+    turn = np.arctan2(middle[:, 2], middle[:, 0]) + 2.5 * middle[:, 1]
+    stripe = np.cos(turn) > 0.75  # a spiral of two bands
+    drum = repaint(drum, stripe, p.band or WHITE, "paint")
+    vertices = drum.mesh.vertices[:, [1, 0, 2]] * [-1, 1, 1]
+    tilt = 0.16
+    turned = np.column_stack([
+        vertices[:, 0] * np.cos(tilt) + vertices[:, 2] * np.sin(tilt),
+        vertices[:, 1],
+        vertices[:, 2] * np.cos(tilt) - vertices[:, 0] * np.sin(tilt),
+    ])  # fmt: skip
+    rear = x - length / 2
+    chute = [
+        (rear + 0.5, 0.25, 1.9),
+        (rear + 0.5, -0.25, 1.9),
+        (rear - 0.1, -0.2, 1.2),
+        (rear - 0.1, 0.2, 1.2),
+    ]
+    return [
+        moved(reshaped(drum, turned), x, 0, low + radius + 0.25),
+        block((x + 0.32 * length, -0.5, low), (x + 0.42 * length, 0.5, low + 1.1), p.cab),
+        pair(tube((rear + 0.7, 0.8, low), (rear + 0.5, 0.3, p.height - 0.4), 0.06, p.cab, "metal")),
+        loft([np.array(chute), np.array(chute) - [0, 0, 0.06]], STEEL, "metal"),
+        tube(
+            (rear + 0.6, 0, p.height - 0.75),
+            (rear + 0.45, 0, p.height),
+            0.3,
+            p.cab,
+            "paint",
+            end_radius=0.6,
+            sides=8,
+        ),
+    ]
+
+
+def skip(p: TruckParams) -> list[Asset]:
+    """A skip between two lifting arms."""
+    x, length, width = bed(p)
+    low, half = floor(p), width / 2
+    edge = _tub(x - 0.1 * length, 0.66 * length, half - 0.3, low + 0.2, p.height - 0.3, 0.45)
+    heap = edge[1] * [1, 0.95, 1] - [0, 0, 0.1]
+    peak = (heap - [x, 0, 0]) * [0.5, 0.4, 1] + [x, 0, 0.5 * p.fill]
+    root, tip = (
+        (x - 0.05 * length, half - 0.12, low + 0.2),
+        (x - 0.38 * length, half - 0.12, p.height),
+    )
+    return [
+        block((x - length / 2, -half, low), (x + length / 2, half, low + 0.16), TRIM, "metal"),
+        loft(edge, p.body, "metal"),
+        loft([heap, peak], (0.13, 0.10, 0.08), "concrete"),
+        pair(tube(root, tip, 0.12, p.cab, "paint", sides=4)),
+        pair(tube((root[0] + 0.28 * length, root[1], low + 0.2), root, 0.07, STEEL, "metal")),
+        pair(tube(tip, (tip[0] + 0.1, half - 0.3, p.height - 0.4), 0.02, BLACK, sides=4)),
+    ]
+
+
+def recovery(p: TruckParams) -> list[Asset]:
+    """A tilting platform with a crane behind the cab."""
+    x, length, width = bed(p)
+    low, half = floor(p), width / 2
+    front, rear = x + length / 2, x - length / 2 + 0.5  # ahead of the ramp
+    elbow = (front - 0.3, 0.0, p.height + 0.3)
+    hook = (front - 0.3 - 0.45 * length * p.fill, 0.0, p.height + 0.1)
+    bar = block(
+        (front - 0.05, -0.7, p.height - 0.35), (front + 0.1, 0.7, p.height - 0.2), AMBER, "lamp"
+    )
+    rail = block((rear, half - 0.06, low), (front, half, low + 0.22), p.body, "metal")
+    return [
+        block((rear, -half, low - 0.05), (front, half, low + 0.1), STEEL, "metal"),
+        pair(rail),
+        bar,
+        tube((front - 0.3, 0, low), elbow, 0.16, p.cab, "paint", sides=8),
+        tube(elbow, hook, 0.11, p.cab, "paint", sides=6),
+        tube(hook, (hook[0], 0, hook[2] - 0.7), 0.02, BLACK, sides=4),
+        polygon(
+            [
+                (rear, half, low),
+                (rear, -half, low),
+                (rear - 0.5, -half, 0.6),
+                (rear - 0.5, half, 0.6),
+            ],
+            STEEL,
+            "metal",
+        ),
+    ]

@@ -1,0 +1,224 @@
+"""What people carry or push: bags, cases, umbrellas, sticks, prams; metres, beside the body."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scene.assets.parts.human import Body, Pose, limb, shoulders, skin, spine
+from scene.assets.parts.palette import STEEL, darker
+from scene.mesh.asset import Asset, Color, Point, block, box, merge, ring, rotate, solid, translate
+
+CARRIED: tuple[str, ...] = (
+    "backpack", "shopping", "handbag", "shoulder bag", "briefcase", "suitcase", "umbrella",
+    "stick", "pram", "buggy", "box", "cup",
+)  # fmt: skip
+"""Names that ``carried`` knows; "" is nothing."""
+
+_STRAP: Color = (0.02, 0.02, 0.02)
+PRAM_HANDLE = (0.42, 0.98)
+"""How far ahead of the hips and how high a pram is held, m."""
+
+
+def _pillow(size: Point, base: Point, color: Color, bulge: float = 0.75) -> Asset:
+    """A soft box of ``size`` above ``base``: narrower at its top and bottom than in the middle."""
+    turn = (np.arange(12) + 0.5) * 2 * np.pi / 12
+    cos, sin = (np.sign(f) * np.abs(f) ** 0.6 for f in (np.cos(turn), np.sin(turn)))
+    rings = [
+        np.column_stack([k * size[0] / 2 * cos, k * size[1] / 2 * sin, np.full(12, z * size[2])])
+        for k, z in ((bulge, 0.0), (1.0, 0.15), (1.0, 0.7), (bulge, 0.93), (0.5 * bulge, 1.0))
+    ]
+    return skin(np.array(rings) + np.array(base), color)
+
+
+def _turned(asset: Asset, pose: Pose, origin: np.ndarray) -> Asset:
+    """The asset in the frame of the back: z along the spine, from ``origin``."""
+    leaned = rotate(asset, pose.lean, (0, 1, 0))
+    x, y, z = origin
+    return translate(leaned, (float(x), float(y), float(z)))
+
+
+def backpack(body: Body, pose: Pose, color: Color, size: float = 1.0) -> Asset:
+    """A bag on the back with two straps over the shoulders."""
+    h, (up, forward) = body.height, spine(pose)
+    deep = 0.066 * h * body.girth**0.7
+    bag = _pillow((0.10 * h * size, 0.165 * h, 0.25 * h * size),
+                  (-deep - 0.045 * h * size, 0, 0.055 * h), color)  # fmt: skip
+    pocket = _pillow((0.05 * h * size, 0.12 * h, 0.10 * h),
+                     (-deep - 0.10 * h * size, 0, 0.07 * h), darker(color, 0.7))  # fmt: skip
+    parts = [_turned(merge(bag, pocket), pose, np.array(pose.hip))]
+    hip = np.array(pose.hip)
+    for side in (0.055, -0.055):
+        y = np.array([0, side * h, 0])
+        path = [hip + y * 1.2 + a * h * up + b * h * forward for a, b in (
+            (0.27, -0.06), (0.315, -0.01), (0.27, 0.065), (0.20, 0.08), (0.13, 0.065))]  # fmt: skip
+        parts.append(limb(np.array(path), [0.016 * h] * 5, darker(color, 0.5), "cloth", 4))
+    return merge(*parts)
+
+
+def _shopping(hand: np.ndarray, h: float, color: Color) -> Asset:
+    x, y, z = hand
+    top = z - 0.15 * h
+    bag = block((x - 0.085 * h, y - 0.035 * h, top - 0.19 * h), (x + 0.085 * h, y + 0.035 * h, top),
+                color, "paint")  # fmt: skip
+    loops = [limb(np.array([(x - 0.05 * h, y + d, top), (x, y, z - 0.06 * h),
+                            (x + 0.05 * h, y + d, top)]), [0.006] * 3, _STRAP, "cloth", 3)
+             for d in (0.03 * h, -0.03 * h)]  # fmt: skip
+    return merge(bag, *loops)
+
+
+def _shoulder_bag(body: Body, pose: Pose, color: Color, across: bool) -> Asset:
+    """A bag at the right hip; its strap on the right shoulder, or across the chest."""
+    h, hip = body.height, np.array(pose.hip)
+    left, right = shoulders(body, pose)
+    side = -0.135 * h * body.girth**0.5
+    bag = _pillow((0.19 * h, 0.06 * h, 0.14 * h), (hip[0] - 0.01, hip[1] + side, hip[2] - 0.05 * h),
+                  color)  # fmt: skip
+    over = (left if across else right) + np.array([0, -0.03 * h if across else 0.02 * h, 0.045 * h])
+    chest = (over + hip) / 2
+    parts = [bag]
+    for ahead in (0.085, -0.085):
+        middle = chest + np.array([ahead * h, 0.02 * h if across else 0.5 * side, 0.05 * h])
+        low = np.array([hip[0] + 0.5 * ahead * h, hip[1] + side, hip[2] + 0.08 * h])
+        path = np.array([over, middle, low])
+        parts.append(limb(path, [0.009 * h] * 3, darker(color, 0.6), "cloth", 4))
+    return merge(*parts)
+
+
+def _suitcase(body: Body, pose: Pose, color: Color) -> Asset:
+    """A case on wheels pulled behind the right hand."""
+    hand, h = np.array(pose.hands[1]), body.height
+    foot = np.array([hand[0] - 0.55, hand[1] - 0.04, 0.083])
+    case = merge(
+        _pillow((0.24, 0.40, 0.60), (0, 0, 0.03), color, 0.95),
+        box((0.02, 0.34, 0.02), (-0.12, 0, 0.2), darker(color, 0.5)),
+        box((0.02, 0.34, 0.02), (-0.12, 0, 0.42), darker(color, 0.5)),
+        *(box((0.02, 0.02, 0.42), (0.06, y, 0.6), STEEL, "metal") for y in (0.09, -0.09)),
+        box((0.03, 0.2, 0.03), (0.06, 0, 1.0), _STRAP),
+        *(ring((0.06, y, 0.0), 0.035, 0.03, _STRAP, sides=8) for y in (0.17, -0.17)),
+    )
+    reach = hand - foot
+    tilt = float(np.arctan2(reach[0], max(reach[2] + 0.02 * h, 0.1)))
+    x, y, z = foot
+    return translate(rotate(case, tilt, (0, 1, 0)), (float(x), float(y), float(z)))
+
+
+def _umbrella(hand: np.ndarray, body: Body, color: Color, second: Color) -> Asset:
+    """An open umbrella over the head, its ribs' panels in one or two colours."""
+    x, y, z = hand
+    top = max(1.13 * body.height, z + 0.55)
+    sides = 8
+    turn = np.arange(2 * sides) * np.pi / sides
+    droop = np.where(np.arange(2 * sides) % 2, 0.94, 1.0)
+    centre = np.array([x - 0.06, 0.5 * y, top])
+    rings = [
+        centre + np.column_stack([r * droop * np.cos(turn), r * droop * np.sin(turn),
+                                  np.full(2 * sides, drop)])
+        for r, drop in ((0.02, 0.17), (0.2, 0.14), (0.36, 0.05), (0.48, -0.06))
+    ]  # fmt: skip
+    canopy = skin(np.array(rings), color)
+    count = 3 * 4 * sides
+    colors = canopy.color[:count].copy()
+    colors[(np.arange(count) // 4) % 2 == 1] = second
+    canopy = solid(canopy.mesh.vertices, canopy.mesh.faces[:count], color, "cloth")._replace(
+        color=colors
+    )
+    stick = limb(np.array([hand + [0, 0, -0.12], centre + [0, 0, 0.22]]), [0.011, 0.008], _STRAP,
+                 "metal", 5)  # fmt: skip
+    return merge(canopy, stick)
+
+
+def _stick(hand: np.ndarray, h: float, color: Color) -> Asset:
+    x, y, z = hand + np.array([0.035, 0, -0.02])
+    points = np.array([(x - 0.09, y, z + 0.03), (x, y, z + 0.035), (x + 0.12, y * 1.05, 0.0)])
+    return limb(points, [0.012, 0.013, 0.011], color, "wood", 6)
+
+
+def _wheels(places: list[Point], radius: float) -> list[Asset]:
+    parts = []
+    for x, y, z in places:
+        parts.append(ring((x, y, z), radius, 0.035, _STRAP, sides=14))
+        parts += [
+            box((2 * radius, 0.012, 0.012), (x, y, z - 0.006), STEEL, "metal"),
+            box((0.012, 0.012, 2 * radius), (x, y, z - radius), STEEL, "metal"),
+        ]
+    return parts
+
+
+def _pram(pose: Pose, color: Color, buggy: bool) -> Asset:
+    """A pram with a folding hood, or a buggy with a child in it, held by its handle."""
+    ahead, high = PRAM_HANDLE
+    handle = pose.hip[0] + ahead
+    x, radius = handle + 0.42, 0.11 if buggy else 0.17
+    turn = np.linspace(0, np.pi, 9)
+    places = [(x + d, y, radius + 0.018) for d in (-0.26, 0.30) for y in (0.25, -0.25)]
+    parts = _wheels(places, radius)
+    for y in (0.23, -0.23):
+        for path in (
+            [(x + 0.30, y, radius), (x - 0.12, y, 0.62), (handle, y, high)],
+            [(x - 0.26, y, radius), (x + 0.06, y, 0.58)],
+        ):
+            parts.append(limb(np.array(path), [0.014] * len(path), STEEL, "metal", 5))
+    parts.append(limb(np.array([(handle, -0.24, high), (handle, 0.24, high)]), [0.018] * 2, _STRAP,
+                      "rubber", 6))  # fmt: skip
+    low, length, back = (0.36, 0.52, 0.30) if buggy else (0.50, 0.82, 0.24)
+    tub = [
+        np.column_stack([x + length / 2 * k * np.cos(2 * turn[:-1]), 0.2 * k * np.sin(2 * turn[:-1]),
+                         np.full(8, low + z)])
+        for k, z in ((0.72, 0.0), (0.95, 0.10), (1.0, back))
+    ]  # fmt: skip
+    parts.append(skin(np.array(tub), color))
+    hood = [
+        np.column_stack([x - 0.34 * length + 0.32 * np.cos(a) * np.ones(9), 0.2 * np.cos(turn),
+                         low + back + 0.34 * np.sin(a) * np.sin(turn)])
+        for a in np.linspace(2.8, 1.0, 5)
+    ]  # fmt: skip
+    parts.append(skin(np.array(hood), darker(color, 0.75)))
+    if buggy:
+        for z, r, c in ((0.72, 0.12, (0.45, 0.30, 0.22)), (0.55, 0.14, (0.35, 0.06, 0.08))):
+            rings = [
+                np.column_stack([x - 0.06 + k * r * np.cos(2 * turn[:-1]),
+                                 k * r * np.sin(2 * turn[:-1]), np.full(8, z + d * r)])
+                for k, d in ((0.4, -0.9), (0.9, -0.5), (1.0, 0.1), (0.75, 0.7), (0.1, 1.0))
+            ]  # fmt: skip
+            parts.append(skin(np.array(rings), c, "skin"))
+    return merge(*parts)
+
+
+def carried(name: str, body: Body, pose: Pose, color: Color, second: Color) -> Asset:
+    """One thing of ``CARRIED`` where a person in ``pose`` holds it.
+
+    Raises:
+        ValueError: unknown name.
+    """
+    h = body.height
+    left, right = (np.array(hand) for hand in pose.hands)
+    match name:
+        case "backpack":
+            return backpack(body, pose, color)
+        case "shopping":
+            return merge(_shopping(left, h, second), _shopping(right, 1.1 * h, color))
+        case "handbag":
+            return _shopping(right, 0.85 * h, color)
+        case "shoulder bag":
+            return _shoulder_bag(body, pose, color, across=bool(second[0] > color[0]))
+        case "briefcase":
+            x, y, z = (float(v) for v in right)
+            low, high = (x - 0.2, y - 0.05, z - 0.45), (x + 0.2, y + 0.05, z - 0.14)
+            grip = box((0.14, 0.02, 0.04), (x, y, z - 0.14), _STRAP)
+            return merge(block(low, high, color, "plain"), grip)
+        case "suitcase":
+            return _suitcase(body, pose, color)
+        case "umbrella":
+            return _umbrella(right, body, color, second)
+        case "stick":
+            return _stick(right, h, (0.12, 0.06, 0.03))
+        case "pram" | "buggy":
+            return _pram(pose, color, name == "buggy")
+        case "box":
+            x, y, z = (float(v) for v in (left + right) / 2)
+            return block((x - 0.1, y - 0.22, z - 0.08), (x + 0.24, y + 0.22, z + 0.24), color)
+        case "cup":
+            x, y, z = (float(v) for v in right)
+            return limb(np.array([(x + 0.1, y, z), (x + 0.1, y, z + 0.13)]), [0.03, 0.042],
+                        (0.6, 0.58, 0.52), "plain", 8)  # fmt: skip
+    raise ValueError(f"unknown thing to carry {name!r}; known: {', '.join(CARRIED)}")

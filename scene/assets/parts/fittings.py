@@ -1,0 +1,317 @@
+"""What is laid on a car's shell: lamps, grille, plates, seams, handles, mirrors, rails, spoilers."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.parts.bodywork import FLANK, Body, cabin, doorway, fascia, panel, roof, shoulder
+from scene.assets.parts.palette import (
+    AMBER,
+    BLACK,
+    CHROME,
+    HEADLAMP,
+    PLATE,
+    PLATE_REAR,
+    TAILLAMP,
+    TRIM,
+)
+from scene.assets.parts.skin import pair, sheet, twin_sheets
+from scene.mesh.asset import Asset, Color, Point, block, ellipsoid, merge, tube
+
+Span = tuple[float, float]
+_LENS: Color = (0.30, 0.31, 0.32)
+
+
+class Fittings(NamedTuple):
+    """The choices of one car."""
+
+    lamp: tuple[
+        float, float, float
+    ]  # headlamp: inner edge (share of half the nose), low, high rows
+    wrap: float  # share of the length that headlamps reach back along the flank
+    grille: tuple[float, float, float]  # outer edge (share of half the nose), low, high rows
+    slats: int
+    rear_lamp: tuple[float, float, float]  # inner edge, low, high rows
+    plate: bool  # UK plates, yellow behind; else white both
+    bumper: Color | None  # of plastic, or in body colour
+    strip: Color | None  # rubbing strip along the doors
+    handles: Color
+    mirrors: Color
+    rails: Color | None = None
+    spoiler: Color | None = None
+    box: Color | None = None  # on the roof
+    sign: Color | None = None  # a taxi's
+    spare: bool = False  # wheel on the tail
+    aerial: bool = True
+    doors: tuple[float, ...] = ()  # shares of the length of the seams
+    fog: bool = True
+    signs: tuple[
+        tuple[Span, Span, Color], ...
+    ] = ()  # lettering on the flanks: where, and its colour
+
+
+_COLUMNS = np.array([-0.89, -0.733, -0.392, 0.0, 0.392, 0.733, 0.89])
+"""Where nose and tail have their corners: patches with the same ones nowhere dip below them."""
+
+
+def _between(span: Span, knots: np.ndarray) -> np.ndarray:
+    """The ends of a span and the knots inside it."""
+    low, high = span
+    return np.array([low, *(k for k in knots.tolist() if low + 0.01 < k < high - 0.01), high])
+
+
+def on_nose(
+    b: Body,
+    end: int,
+    c: Span,
+    v: Span,
+    color: Color,
+    material: str = "plain",
+    *,
+    lift: float = 0.01,
+) -> Asset:
+    """A patch on nose (0) or tail (1), spanning ``c`` across and the rows ``v``."""
+    return sheet(_nose_points(b, end, c, v, lift), color, material)
+
+
+def _nose_points(b: Body, end: int, c: Span, v: Span, lift: float) -> np.ndarray:
+    points = fascia(b, end, _between(c, _COLUMNS), _between(v, FLANK)[:, None])
+    points[..., 0] += lift if end == 0 else -lift
+    points[..., 1] *= 1 + lift / (b.width / 2)
+    return points if end == 0 else points[::-1]
+
+
+def on_flank(
+    b: Body,
+    s: Span,
+    v: Span,
+    color: Color,
+    material: str = "plain",
+    *,
+    lift: float = 0.008,
+    steps: int = 2,
+) -> Asset:
+    """A patch on both flanks between shares ``s`` of the length and rows ``v``."""
+    points = panel(b, np.linspace(*s, steps + 1)[:, None], _between(v, FLANK))
+    points[..., 1] += lift
+    return twin_sheets(points, color, material)
+
+
+def fittings(b: Body, f: Fittings) -> list[Asset]:
+    """All that is laid on the shell ``b``."""
+    return [*_front(b, f), *_rear(b, f), *_sides(b, f), *_over(b, f)]
+
+
+def _both(
+    b: Body, end: int, c: Span, v: Span, color: Color, material: str = "lamp", lift: float = 0.012
+) -> Asset:
+    return twin_sheets(_nose_points(b, end, c, v, lift), color, material)
+
+
+def _front(b: Body, f: Fittings) -> list[Asset]:
+    inner, down, up = f.lamp
+    edge, base, crest = f.grille
+    parts = [
+        _both(b, 0, (inner, 1.0), (down, up), _LENS),
+        on_flank(b, (0.0, f.wrap), (down + 0.05, up), _LENS, "lamp", lift=0.012),
+        on_flank(b, (f.wrap, f.wrap + 0.012), (down + 0.08, up - 0.05), AMBER, "lamp", lift=0.012),
+        _both(b, 0, (inner + 0.06, inner + 0.2), (down + 0.05, up - 0.06), HEADLAMP, lift=0.016),
+        on_nose(b, 0, (-edge, edge), (base, crest), BLACK, lift=0.012),
+        on_nose(b, 0, (-0.62, 0.62), (0.07, 0.27), BLACK, lift=0.008),
+        on_nose(b, 0, (-1, 1), (0.0, 0.05), TRIM, lift=0.012),
+        on_nose(b, 0, (-0.06, 0.06), (crest - 0.1, crest - 0.01), CHROME, "metal", lift=0.022),
+        plate(b, 0, PLATE, 0.36),
+    ]
+    for k in range(f.slats):
+        v = base + (crest - base) * (k + 0.6) / f.slats
+        parts.append(on_nose(b, 0, (-edge, edge), (v, v + 0.02), CHROME, "metal", lift=0.018))
+    if f.bumper is not None:
+        parts += _bumper(b, 0, f.bumper)
+    if f.fog:
+        parts.append(_both(b, 0, (0.62, 0.76), (0.12, 0.22), (0.35, 0.35, 0.34)))
+    return parts
+
+
+def _bumper(b: Body, end: int, color: Color) -> list[Asset]:
+    along = (0.0, 0.075) if end == 0 else (0.93, 1.0)
+    return [
+        on_nose(b, end, (-1, 1), (0.26, 0.52), color, lift=0.02),
+        on_flank(b, along, (0.26, 0.52), color, lift=0.02),
+    ]
+
+
+def plate(b: Body, end: int, color: Color, v: float) -> Asset:
+    """A number plate with its dark characters at row ``v``."""
+    middle = fascia(b, end, np.zeros(1), np.array([v]))[0]
+    out = 1 if end == 0 else -1
+    parts = []
+    for wide, tall, paint, lift in (
+        (0.26, 0.055, color, 0.03),
+        (0.2, 0.022, (0.12, 0.12, 0.11), 0.034),
+    ):
+        x, y = lift * out, wide * out
+        rows = [[(x, -y, z), (x, y, z)] for z in (-tall, tall)]
+        parts.append(sheet(np.array(rows) + middle, paint, "plain"))
+    return merge(*parts)
+
+
+def _rear(b: Body, f: Fittings) -> list[Asset]:
+    inner, down, up = f.rear_lamp
+    parts = [
+        _both(b, 1, (inner, 1.0), (down, up), TAILLAMP),
+        on_flank(b, (0.975, 1.0), (down + 0.03, up), TAILLAMP, "lamp", lift=0.012),
+        _both(
+            b,
+            1,
+            (inner + 0.03, 0.97),
+            (down + 0.3 * (up - down), down + 0.5 * (up - down)),
+            (0.5, 0.35, 0.3),
+            lift=0.016,
+        ),
+        on_nose(b, 1, (-1, 1), (0.0, 0.12), TRIM, lift=0.01),
+        on_nose(b, 1, (-inner, inner), (0.515, 0.53), BLACK, lift=0.012),
+        on_nose(b, 1, (-0.1, 0.1), (0.88, 0.92), CHROME, "metal", lift=0.016),
+        plate(b, 1, PLATE_REAR if f.plate else PLATE, 0.64),
+    ]
+    end = fascia(b, 1, np.array([0.55]), np.array([0.0]))[0]
+    parts.append(
+        tube(
+            (end[0] - 0.03, end[1], end[2] + 0.02),
+            (end[0] + 0.2, end[1], end[2] + 0.02),
+            0.03,
+            CHROME,
+            "metal",
+        )
+    )
+    if f.bumper is not None:
+        parts += _bumper(b, 1, f.bumper)
+    if f.spare:
+        x = end[0] - 0.02
+        parts.append(
+            tube(
+                (x + 0.05, 0, 0.62 * b.belt + 0.25),
+                (x - 0.17, 0, 0.62 * b.belt + 0.25),
+                0.34,
+                BLACK,
+                "rubber",
+                sides=16,
+            )
+        )
+        parts.append(
+            tube(
+                (x, 0, 0.62 * b.belt + 0.25),
+                (x - 0.18, 0, 0.62 * b.belt + 0.25),
+                0.22,
+                f.mirrors,
+                "paint",
+                sides=16,
+            )
+        )
+    return parts
+
+
+def _sides(b: Body, f: Fittings) -> list[Asset]:
+    parts = []
+    for seam in f.doors:
+        foot = 0.1 if doorway(b)[0] < seam < doorway(b)[1] else 0.62
+        parts.append(on_flank(b, (seam, seam + 0.0025), (foot, 1.0), BLACK, lift=0.004, steps=1))
+    for seam in f.doors[1:]:
+        parts.append(
+            on_flank(
+                b,
+                (seam - 0.042, seam - 0.008),
+                (0.8, 0.845),
+                f.handles,
+                "metal",
+                lift=0.025,
+                steps=1,
+            )
+        )
+    between = doorway(b)
+    parts.append(on_flank(b, between, (0.0, 0.1), TRIM, lift=0.01))
+    if f.strip is not None:
+        parts.append(on_flank(b, between, (0.41, 0.48), f.strip, lift=0.014))
+    for u, v, color in f.signs:
+        parts.append(on_flank(b, u, v, color, lift=0.016, steps=1))
+    s = np.array([b.cowl + 0.045])
+    x, y, z = cabin(b, s, np.array([0.1]))[0]
+    z = float(shoulder(b, s)[0]) + 0.08
+    mirror = ellipsoid((x, y + 0.13, z), (0.055, 0.11, 0.075), f.mirrors, "paint")
+    parts.append(
+        pair(
+            merge(
+                mirror, tube((x, y - 0.03, z - 0.05), (x, y + 0.1, z - 0.03), 0.02, TRIM, sides=4)
+            )
+        )
+    )
+    return parts
+
+
+def _over(b: Body, f: Fittings) -> list[Asset]:
+    """What stands on the roof or below the tail's edge."""
+    span = b.roof_rear - b.roof_front
+    middle = np.array([b.roof_front + 0.5 * span])
+    x, _, z = roof(b, middle, np.zeros(1))[0]
+    parts: list[Asset] = []
+    if f.rails is not None:
+        s = np.linspace(b.roof_front + 0.08 * span, b.roof_rear - 0.05 * span, 5)
+        line = roof(b, s, np.full(5, 0.93))
+        for (x0, y0, z0), (x1, y1, z1) in pairwise(line):
+            parts.append(
+                pair(
+                    tube(
+                        (x0, y0, z0 + 0.045), (x1, y1, z1 + 0.045), 0.02, f.rails, "metal", sides=4
+                    )
+                )
+            )
+    if f.spoiler is not None:
+        s, c = np.meshgrid(
+            [b.roof_rear - 0.015, b.roof_rear + 0.012], np.linspace(-0.85, 0.85, 7), indexing="ij"
+        )
+        points = np.stack(
+            [
+                roof(b, row, np.abs(k))
+                * np.stack([np.ones_like(k), np.sign(k), np.ones_like(k)], -1)
+                for row, k in zip(s, c, strict=True)
+            ]
+        )
+        points[1] += [-0.14, 0, 0.02]
+        points[0, :, 2] += 0.03
+        under = points[1] - [0, 0, 0.04]
+        parts.append(sheet(np.concatenate([points, under[None]])[:, ::-1], f.spoiler, "paint"))
+    if f.box is not None:
+        length = 0.62 * span * b.length
+        parts.append(
+            ellipsoid(
+                (x, 0.12, z + 0.15), (length / 1.6, 0.42, 0.17), f.box, "plain", subdivisions=2
+            )
+        )
+        parts += [
+            block((x + d - 0.03, -0.55, z - 0.02), (x + d + 0.03, 0.55, z + 0.05), BLACK)
+            for d in (-0.3, 0.4)
+        ]
+    if f.sign is not None:
+        front = roof(b, np.array([b.roof_front + 0.08 * span]), np.zeros(1))[0]
+        parts.append(
+            block(
+                (front[0] - 0.07, -0.3, front[2] - 0.03),
+                (front[0] + 0.07, 0.3, front[2] + 0.13),
+                f.sign,
+                "lamp",
+            )
+        )
+        parts.append(
+            block(
+                (front[0] - 0.075, -0.2, front[2] + 0.02),
+                (front[0] + 0.075, 0.2, front[2] + 0.09),
+                BLACK,
+            )
+        )
+    if f.aerial:
+        root = roof(b, np.array([b.roof_rear - 0.06]), np.zeros(1))[0]
+        tip: Point = (root[0] - 0.1, 0.0, root[2] + 0.22)
+        parts.append(tube((root[0], 0.0, root[2] - 0.01), tip, 0.008, BLACK, sides=4, caps=False))
+    return parts

@@ -1,0 +1,213 @@
+"""Heads: a face, hair in several cuts, hats, hoods and helmets."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from scene.assets.parts.human import NECK, TORSO, Body, Outfit, Pose, limb, skin, spine
+from scene.assets.parts.palette import BLACK, GLASS, darker
+from scene.mesh.asset import Asset, Color, Point, ellipsoid, merge, repaint, solid, translate
+from scene.mesh.mesh import frozen
+
+HAIRDOS: tuple[str, ...] = ("bald", "short", "thick", "curly", "bob", "long", "ponytail", "bun")
+"""How hair is worn."""
+HATS: tuple[str, ...] = (
+    "beanie", "cap", "brim", "hood", "headscarf", "hard hat", "cycle helmet", "full helmet",
+    "open helmet",
+)  # fmt: skip
+"""What may be worn on a head; "" is nothing."""
+
+SIZE = np.array([0.055, 0.045, 0.066])
+"""Half length, width and height of an adult's head, as shares of the standing height."""
+SIDES = 16
+# From chin to crown in units of ``SIZE``: height, reach to the front, to the back, half width.
+_SKULL = np.array([
+    (-1.00, 0.66, 0.00, 0.26), (-0.86, 0.92, 0.30, 0.56), (-0.58, 0.97, 0.74, 0.82),
+    (-0.28, 0.99, 0.92, 0.94), (0.02, 1.00, 1.03, 0.98), (0.32, 0.98, 1.07, 1.00),
+    (0.58, 0.87, 1.00, 0.93), (0.80, 0.64, 0.76, 0.72), (0.95, 0.33, 0.40, 0.40),
+    (1.00, 0.08, 0.08, 0.10),
+])  # fmt: skip
+_ANGLE = (np.arange(SIDES) + 0.5) * 2 * np.pi / SIDES
+_LEVEL = np.repeat((_SKULL[:-1, 0] + _SKULL[1:, 0]) / 2, SIDES).reshape(-1, SIDES)
+_AROUND = np.degrees(np.abs(np.angle(np.exp(1j * (_ANGLE + np.pi / SIDES)))))[None, :]
+"""Angle of each face from straight ahead, degrees in [0, 180]."""
+
+
+@lru_cache
+def _rings(grow: float = 1.0, volume: float = 0.0) -> np.ndarray:
+    """The skull's rings [levels, sides, 3], larger by a factor and by ``volume`` on the top."""
+    z, front, back, wide = _SKULL.T
+    cos, sin = np.cos(_ANGLE), np.sin(_ANGLE)
+    x = np.where(cos > 0, front[:, None] * cos, back[:, None] * cos)
+    y = wide[:, None] * sin
+    up = np.broadcast_to((z + volume * np.maximum(z, 0))[:, None], x.shape)
+    return frozen(np.stack([grow * x, grow * y, grow * up], -1))
+
+
+def _shell(keep: np.ndarray, grow: float, volume: float, color: Color, material: str) -> Asset:
+    """The part of an enlarged skull where ``keep`` [bands, sides] is set, and its crown."""
+    rings = _rings(grow, volume)
+    whole = skin(rings, color, material)
+    faces = np.repeat(np.broadcast_to(keep, _LEVEL.shape).ravel(), 2)
+    chosen = np.concatenate([faces, np.zeros(SIDES - 2, bool), np.ones(SIDES - 2, bool)])
+    return solid(whole.mesh.vertices, whole.mesh.faces[chosen], color, material)
+
+
+@lru_cache
+def _cut(hairdo: str) -> np.ndarray:
+    """Where hair grows: above a line that falls from the forehead to the nape."""
+    nape = {"short": -0.45, "bob": -0.9, "long": -0.9, "thick": -0.6, "curly": -0.7}.get(
+        hairdo, -0.5
+    )
+    line = np.interp(_AROUND, [0, 45, 75, 95, 120, 180], [0.5, 0.45, 0.1, -0.2, nape, nape])
+    return frozen(line < _LEVEL)
+
+
+def _hair(outfit: Outfit) -> list[Asset]:
+    """Hair in units of the head."""
+    do, color = outfit.hairdo, outfit.hair
+    if do == "bald":
+        return []
+    grow, volume = {
+        "short": (1.05, 0.02), "thick": (1.10, 0.08), "curly": (1.24, 0.10), "bob": (1.12, 0.05),
+    }.get(do, (1.07, 0.03))  # fmt: skip
+    parts = [_shell(_cut(do), grow, volume, color, "cloth")]
+    if do in ("bob", "long"):
+        low = -1.05 if do == "bob" else -1.95
+        levels = np.linspace(0.3, low, 5)
+        turn = np.radians(np.linspace(72, 288, 11))
+        spread = np.array([1.10, 1.18, 1.20, 1.14, 0.98])
+        curtain = np.array([
+            np.column_stack([1.02 * s * np.cos(turn) - 0.04 * k, s * np.sin(turn),
+                             np.full(len(turn), z)])
+            for k, (s, z) in enumerate(zip(spread, levels, strict=True))
+        ])  # fmt: skip
+        i = np.arange(10)
+        first = 11 * np.arange(4)[:, None]
+        a = first + i
+        faces = np.stack([a, a + 1, a + 12, a, a + 12, a + 11], -1).reshape(-1, 3)
+        parts.append(solid(curtain.reshape(-1, 3), faces, color, "cloth"))
+    if do == "ponytail":
+        tail = [(-1.0, 0, 0.45), (-1.5, 0, 0.35), (-1.62, 0, -0.5), (-1.45, 0, -1.5)]
+        parts.append(limb(np.array(tail), [0.2, 0.3, 0.34, 0.08], color, "cloth", 6))
+    if do == "bun":
+        parts.append(ellipsoid((-0.85, 0, 0.85), (0.45, 0.5, 0.42), color, "cloth"))
+    return parts
+
+
+def _brim(reach: float, wide: float, z: float, ahead: bool, color: Color, material: str) -> Asset:
+    """A flat brim all around, or a peak ahead only."""
+    turn = np.linspace(-1.3, 1.3, 9) if ahead else np.arange(17) * 2 * np.pi / 16
+    inner = np.column_stack([0.95 * np.cos(turn), 0.95 * np.sin(turn), np.full(len(turn), z)])
+    outer = np.column_stack(
+        [reach * np.cos(turn), wide * np.sin(turn), np.full(len(turn), z - 0.08)]
+    )
+    i = np.arange(len(turn) - 1)
+    n = len(turn)
+    faces = np.concatenate([np.stack([i, i + 1, i + n + 1], 1), np.stack([i, i + n + 1, i + n], 1)])
+    return solid(np.concatenate([inner, outer]), faces, color, material)
+
+
+def _hat(outfit: Outfit) -> list[Asset]:
+    """A hat in units of the head."""
+    color = outfit.hat_color
+    above = _LEVEL > np.interp(_AROUND, [0, 180], [0.35, 0.1])
+    match outfit.hat:
+        case "beanie":
+            return [_shell(_LEVEL > 0.1, 1.12, 0.22, color, "cloth")]
+        case "cap":
+            return [
+                _shell(above, 1.10, 0.08, color, "cloth"),
+                _brim(1.75, 0.95, 0.42, True, color, "cloth"),
+            ]
+        case "brim":
+            return [
+                _shell(above, 1.12, 0.25, color, "cloth"),
+                _brim(1.75, 1.6, 0.42, False, color, "cloth"),
+            ]
+        case "hood":
+            open_ = (_AROUND < 62) & (_LEVEL < 0.62)
+            return [_shell(~open_, 1.26, 0.08, color, "cloth")]
+        case "headscarf":
+            open_ = (_AROUND < 52) & (_LEVEL < 0.5)
+            drape = limb(np.array([(0.05, 0, -0.7), (-0.05, 0, -1.3), (-0.05, 0, -1.9)]),
+                         [0.85, 1.05, 1.65], color, "cloth", 10)  # fmt: skip
+            return [_shell(~open_, 1.12, 0.05, color, "cloth"), drape]
+        case "hard hat":
+            return [
+                _shell(above, 1.2, 0.12, color, "paint"),
+                _brim(1.6, 1.3, 0.44, False, color, "paint"),
+            ]
+        case "cycle helmet":
+            helmet = _shell(_LEVEL > np.interp(_AROUND, [0, 180], [0.45, 0.15]), 1.25, 0.2, color,
+                            "paint")  # fmt: skip
+            stripes = (np.arange(len(helmet.color)) // 2) % 4 == 1
+            return [repaint(helmet, stripes, darker(color, 0.25), "plain")]
+        case "open helmet":
+            open_ = (_AROUND < 65) & (_LEVEL < 0.45)
+            return [_shell(~open_ & (_LEVEL > -0.7), 1.3, 0.05, color, "paint")]
+        case "full helmet":
+            rings = skin(_rings(1.36, 0.02), color, "paint")
+            visor = np.repeat(((_AROUND < 68) & (np.abs(_LEVEL - 0.1) < 0.42)).ravel(), 2)
+            faces = np.concatenate([visor, np.zeros(2 * (SIDES - 2), bool)])
+            return [repaint(rings, faces, GLASS, "glass")]
+    return []
+
+
+def _face(outfit: Outfit) -> list[Asset]:
+    """The bare head: skull, nose, ears, brows and mouth, in units of the head."""
+    skull = skin(_rings(), outfit.skin, "skin")
+    if outfit.beard:
+        jaw = np.repeat(((_LEVEL < -0.35) & (_AROUND < 95)).ravel(), 2)
+        mask = np.concatenate([jaw, np.ones(SIDES - 2, bool), np.zeros(SIDES - 2, bool)])
+        skull = repaint(skull, mask, outfit.hair, "cloth")
+    nose = np.array([(0.98, 0, 0.18), (1.26, 0, -0.22), (0.96, 0.2, -0.3), (0.96, -0.2, -0.3)])
+    parts = [skull, solid(nose, np.array([[0, 1, 2], [0, 3, 1], [1, 3, 2]]), outfit.skin, "skin")]
+
+    def patch(y: float, z: float, half: float, high: float, color: Color) -> Asset:
+        """A small mark on the front of the face."""
+        x = 1.01 - 0.35 * y * y
+        corners = [(x, y - half, z), (x, y + half, z), (x, y + half, z + high),
+                   (x, y - half, z + high)]  # fmt: skip
+        return solid(np.array(corners), np.array([[0, 1, 2], [0, 2, 3]]), color, "skin")
+
+    for side in (0.42, -0.42):
+        parts.append(patch(side, 0.02, 0.2, 0.12, darker(outfit.skin, 0.28)))
+        parts.append(patch(side, 0.2, 0.24, 0.07, darker(outfit.hair, 0.9)))
+        parts.append(ellipsoid((-0.1, 2.4 * side, -0.05), (0.2, 0.1, 0.27), outfit.skin, "skin",
+                               subdivisions=0))  # fmt: skip
+    red, green, blue = outfit.skin
+    return [*parts, patch(0.0, -0.6, 0.3, 0.09, (0.7 * red, 0.4 * green, 0.4 * blue))]
+
+
+def head(body: Body, outfit: Outfit, pose: Pose) -> Asset:
+    """Neck and head of a person, where the pose has them, m."""
+    h, (up, forward) = body.height, spine(pose)
+    neck = np.array([np.sin(pose.look), 0, np.cos(pose.look)])
+    base = np.array(pose.hip) + h * (TORSO * 1.04 * up - 0.006 * forward)
+    centre = base + (NECK - 0.012 + 0.05 * (body.head - 1)) * h * neck + 0.008 * h * neck[::-1]
+    parts = [] if outfit.hat == "full helmet" else _face(outfit)
+    if outfit.hat not in ("hood", "headscarf", "full helmet"):
+        parts += _hair(outfit)
+    whole = merge(*parts, *_hat(outfit))
+    tilt, turn = 0.7 * pose.look, pose.turn
+    pitch = np.array([[np.cos(tilt), 0, np.sin(tilt)], [0, 1, 0], [-np.sin(tilt), 0, np.cos(tilt)]])
+    yaw = np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    scaled = whole.mesh.vertices * SIZE * h * body.head @ (pitch @ yaw).T
+    placed = solid(scaled, whole.mesh.faces, BLACK, "plain")
+    placed = translate(placed._replace(color=whole.color, material=whole.material), _point(centre))
+    wide = 0.031 * h * body.girth**0.4
+    throat = limb([base - 0.01 * h * up, centre - 0.3 * SIZE[2] * h * neck],
+                  [1.15 * wide, 0.95 * wide], outfit.skin, "skin", 10)  # fmt: skip
+    if outfit.collar is None:
+        return merge(placed, throat)
+    points = np.array([base - 0.02 * h * up, base + 0.02 * h * neck, base + 0.055 * h * neck])
+    scarf = limb(points, [0.052 * h, 0.056 * h, 0.046 * h], outfit.collar, "cloth", 10)
+    return merge(placed, throat, scarf)
+
+
+def _point(values: np.ndarray) -> Point:
+    x, y, z = values
+    return float(x), float(y), float(z)

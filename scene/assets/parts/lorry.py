@@ -1,0 +1,148 @@
+"""Lorries in numbers, and their closed bodies: boxes with doors, rails, curtains and lettering."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.parts.palette import BLACK, STEEL, TRIM, darker
+from scene.assets.parts.vehicle import Walls, lettering, panel, walls
+from scene.mesh.asset import Asset, Color, block, loft
+
+
+class TruckParams(NamedTuple):
+    """One lorry; metres, x measured back from the nose."""
+
+    load: str  # which of ``LOADS`` in truck.py
+    length: float
+    width: float
+    height: float  # of the load
+    cab_length: float
+    cab_height: float
+    axles: tuple[float, ...]  # x of each
+    wheel_radius: float
+    gap: float  # between cab and load
+    windscreen: tuple[float, float]  # share of the cab's height
+    rake: float  # m that the cab's roof is set back
+    cab: Color = (0.5, 0.5, 0.5)
+    body: Color = (0.6, 0.6, 0.6)
+    letters: Color | None = None  # on the sides
+    band: Color | None = None  # along the sides
+    visor: bool = False  # over the windscreen
+    deflector: bool = False  # on the cab's roof
+    beacons: bool = False
+    round: float = 0.18  # radius of the cab's corners
+    grille: tuple[float, float] = (0.2, 0.42)  # shares of the cab's height
+    fill: float = 0.7  # how full a load bed is
+    seed: int = 0  # of lettering and cargo
+
+
+WHITE: Color = (0.62, 0.62, 0.60)
+
+
+def floor(p: TruckParams) -> float:
+    """Height of the load bed, m."""
+    return 2 * p.wheel_radius + 0.12
+
+
+def bed(p: TruckParams) -> tuple[float, float, float]:
+    """Centre x, length and width of the load, m."""
+    length = p.length - p.cab_length - p.gap
+    return -p.length / 2 + length / 2, length, p.width
+
+
+def sign(
+    p: TruckParams, side: Walls, u: tuple[float, float], v: tuple[float, float]
+) -> list[Asset]:
+    """Band and lettering on both sides."""
+    parts = []
+    if p.band is not None:
+        height = 0.25 * (v[1] - v[0])
+        parts += [
+            panel(wall, (0, 1), (v[0] - height, v[0] - 0.1 * height), p.band, "paint")
+            for wall in side[:2]
+        ]
+    if p.letters is not None:
+        parts += [lettering(wall, u, v, p.letters, p.seed) for wall in side[:2]]
+    return parts
+
+
+def _doors(rear: np.ndarray) -> list[Asset]:
+    """Rear doors: a seam, upright locking bars and hinges."""
+    parts = [panel(rear, (0.495, 0.505), (0.03, 0.97), BLACK)]
+    for u in (0.2, 0.4, 0.6, 0.8):
+        parts.append(panel(rear, (u - 0.006, u + 0.006), (0.02, 0.98), STEEL, "metal", lift=0.03))
+    for v in (0.12, 0.5, 0.86):
+        for u in (0.0, 0.95):
+            parts.append(panel(rear, (u, u + 0.05), (v, v + 0.02), TRIM, "metal", lift=0.03))
+    return parts
+
+
+def _edges(side: Walls, color: Color) -> list[Asset]:
+    """Rails round the edges of a box body, which catch the light."""
+    parts = []
+    for wall in (side.left, side.right, side.rear, side.front):
+        parts += [
+            panel(wall, (0, 1), v, color, "metal", lift=0.02) for v in ((0, 0.035), (0.965, 1))
+        ]
+        parts += [
+            panel(wall, u, (0, 1), color, "metal", lift=0.02) for u in ((0, 0.012), (0.988, 1))
+        ]
+    return parts
+
+
+def box(p: TruckParams) -> list[Asset]:
+    """A closed box body."""
+    x, length, width = bed(p)
+    low = floor(p)
+    side = walls(length, width, low, p.height, x=x)
+    return [
+        block(
+            (x - length / 2, -width / 2, low),
+            (x + length / 2, width / 2, p.height),
+            p.body,
+            "paint",
+        ),
+        *_doors(side.rear),
+        *_edges(side, STEEL if max(p.body) > 0.3 else darker(p.body, 1.6)),
+        *sign(p, side, (0.14, 0.86), (0.38, 0.74)),
+    ]
+
+
+def curtain(p: TruckParams) -> list[Asset]:
+    """A box whose sides are curtains: folds, straps and buckles."""
+    x, length, width = bed(p)
+    low = floor(p)
+    side = walls(length, width, low, p.height, x=x)
+    parts = [
+        block(
+            (x - length / 2, -width / 2, low),
+            (x + length / 2, width / 2, p.height),
+            p.body,
+            "plain",
+        )
+    ]
+    parts += [*_doors(side.rear), *_edges(side, STEEL), *sign(p, side, (0.1, 0.9), (0.3, 0.8))]
+    for wall in side[:2]:
+        for share in np.linspace(0.03, 0.97, max(6, round(length / 0.7))):
+            parts.append(
+                panel(wall, (share - 0.002, share + 0.002), (0.02, 0.95), darker(p.body, 0.5))
+            )
+            parts.append(panel(wall, (share - 0.004, share + 0.004), (0.0, 0.06), TRIM, lift=0.03))
+    return parts
+
+
+def luton(p: TruckParams) -> list[Asset]:
+    """A box that reaches forward over the cab."""
+    x, length, width = bed(p)
+    front = x + length / 2
+    brow = [
+        (front, p.cab_height + 0.04),
+        (front + 1.0, p.cab_height + 0.1),
+        (front + 1.15, p.height - 0.35),
+        (front + 0.9, p.height),
+        (front, p.height),
+    ]
+    rings = [np.array([(u, y, v) for u, v in brow]) for y in (width / 2, -width / 2)]
+    return [*box(p), loft(rings, p.body, "paint")]

@@ -1,0 +1,232 @@
+"""What is put on a facade: shop fronts and signs, bay windows, balconies, cornices, pipes, dishes.
+
+Each layer stands off the wall by a distance of its own, at least 3 cm from the others, so that none
+fight for one plane where they cross.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+
+import numpy as np
+
+from scene.assets.parts.facade import GLASS, PROUD, Part, bays, patch, relief, upright
+from scene.mesh.asset import Color, Point, block, disc, polygon, tube
+
+STRING, PIPE, BOARD, PILASTER, CORNICE = 0.115, 0.15, 0.19, 0.27, 0.32
+"""How far each stands off the wall (metres)."""
+BAY_DEPTH = 0.6
+"""How far bay windows and balconies stand out (metres)."""
+
+
+def band(span: tuple[float, float], out: float, base: float, height: float, color: Color) -> Part:
+    """A slab along the facade, let into it by 5 cm."""
+    return relief((span[0], -out, base), (span[1], 0.05, base + height), color, "concrete")
+
+
+def lettering(
+    rng: np.random.Generator,
+    span: tuple[float, float],
+    levels: tuple[float, float],
+    y: float,
+    color: Color,
+) -> list[Part]:
+    """Strokes that read as a line of capitals from a distance."""
+    low, high = levels
+    tall = high - low
+    wide, stroke, x = 0.62 * tall, 0.15 * tall, span[0]
+    parts: list[Part] = []
+    while x + wide <= span[1]:
+        if rng.random() < 0.86:  # else a gap between words
+            left, right = (int(v) for v in rng.random(2) < (0.85, 0.45))
+            a, b = x + stroke * left, x + wide - stroke * right
+            strokes = [(x, x + stroke, low, high)] * left + [(b, x + wide, low, high)] * right
+            for z in (low, (low + high - stroke) / 2, high - stroke):
+                strokes += [(a, b, z, z + stroke)] * int(rng.random() < 0.6)
+            parts += [patch(upright(*s, y), color, "paint") for s in strokes]
+        x += 1.3 * wide
+    return parts
+
+
+def contrast(color: Color) -> Color:
+    """Cream on dark, black on bright."""
+    light = sum(color) / 3 < 0.25
+    return (0.75, 0.70, 0.52) if light else (0.03, 0.03, 0.035)
+
+
+def shop_front(
+    rng: np.random.Generator,
+    width: float,
+    ground: float,
+    colors: tuple[Color, Color],
+    awning: float,
+) -> list[Part]:
+    """Fascia with lettering, pilasters at both ends, goods in the windows, perhaps an awning.
+
+    Args:
+        rng: draws the letters and the goods.
+        width: of the facade (metres).
+        ground: height of the ground floor (metres).
+        colors: of the fascia and of the awning's other stripes.
+        awning: how far it stands out (metres); 0 for none.
+    """
+    board, stripe = colors
+    low, high, half = 0.77 * ground, 0.97 * ground, 0.48 * width
+    parts: list[Part] = [relief((-half, -BOARD, low), (half, 0.05, high), board, "paint")]
+    span = (-0.3 * width, float(rng.uniform(0.1, 0.32)) * width)
+    parts += lettering(rng, span, (low + 0.15, high - 0.15), -BOARD - PROUD, contrast(board))
+    for s in (-1, 1):
+        x = s * (width / 2 - 0.16)
+        parts.append(relief((x - 0.14, -PILASTER, 0), (x + 0.14, 0.05, high), board, "paint"))
+    for left, right in bays(width, 3, 0.7)[::2]:
+        for x in np.arange(left, right - 0.5, 0.62):
+            if rng.random() < 0.6:
+                tall, foot = rng.uniform(0.3, 0.8), rng.uniform(0.65, 1.1)
+                goods = tuple(float(v) for v in rng.uniform(0.08, 0.7, 3))
+                corners = upright(float(x), float(x) + 0.42, float(foot), float(foot + tall), 0.05)
+                parts.append(patch(corners, (goods[0], goods[1], goods[2]), "paint"))
+    if awning:
+        edges = np.linspace(-0.46 * width, 0.46 * width, 13)
+        edge, front = 0.64 * ground, -BOARD - 0.1
+        for k, (a, b) in enumerate(pairwise(edges)):
+            tone = (stripe, board)[k % 2]
+            slope = [(a, -awning, edge), (b, -awning, edge), (b, front, low), (a, front, low)]
+            parts.append(patch(slope, tone, "cloth"))
+            parts.append(patch(upright(a, b, edge - 0.2, edge, -awning), tone, "cloth"))
+    return parts
+
+
+def hanging_sign(x: float, base: float, color: Color) -> list[Part]:
+    """A board across the pavement on a bracket, painted on both sides."""
+    out = BAY_DEPTH + 0.3
+    board = block((x - 0.04, -out, base), (x + 0.04, -0.25, base + 0.85), color, "paint")
+    picture = [
+        patch([(x + s * 0.07, y, z) for y, z in ((-out + 0.1, base + 0.2), (-0.35, base + 0.2),
+              (-0.35, base + 0.65), (-out + 0.1, base + 0.65))], contrast(color), "paint")
+        for s in (-1, 1)
+    ]  # fmt: skip
+    bar = block((x - 0.03, -out, base + 0.85), (x + 0.03, 0.05, base + 0.93), (0.02, 0.02, 0.02))
+    return [board, *picture, bar]
+
+
+def bay_window(
+    span: tuple[float, float], levels: tuple[float, float, float], wall: tuple[Color, str],
+    frame: Color, roof: Color,
+) -> list[Part]:  # fmt: skip
+    """A canted bay before the wall.
+
+    Args:
+        span: where it meets the wall (metres).
+        levels: of its sill, head and top (metres).
+        wall: colour and material of the apron.
+        frame: colour around the panes.
+        roof: colour of its lid.
+    """
+    (left, right), (sill, head, top) = span, levels
+    cant = min(0.45, 0.25 * (right - left))
+    plan = [(left, 0.0), (left + cant, -BAY_DEPTH), (right - cant, -BAY_DEPTH), (right, 0.0)]
+    parts: list[Part] = []
+    for (x0, y0), (x1, y1) in pairwise(plan):
+        length = math.hypot(x1 - x0, y1 - y0)
+        out = np.array([y1 - y0, x0 - x1]) / length * PROUD
+
+        def facet(a: float, b: float, low: float, high: float, off: float) -> list[Point]:
+            foot = [
+                (x0 + s * (x1 - x0) + off * out[0], y0 + s * (y1 - y0) + off * out[1])  # noqa: B023
+                for s in (a, b)
+            ]
+            return [(*foot[0], low), (*foot[1], low), (*foot[1], high), (*foot[0], high)]
+
+        parts.append(patch(facet(0, 1, 0, sill, 0), *wall))
+        parts.append(patch(facet(0, 1, sill, top, 0), frame, "paint"))
+        panes = max(1, round(length / 0.7))
+        for k in range(panes):
+            a, b = (k + 0.09) / panes, (k + 0.91) / panes
+            parts.append(patch(facet(a, b, sill + 0.1, head, 1), GLASS, "glass"))
+    lid = [(x, y * 1.15, top) for x, y in plan]
+    ridge = [(left + cant, -0.02, top + 0.45), (right - cant, -0.02, top + 0.45)]
+    parts.append(patch([lid[1], lid[2], ridge[1], ridge[0]], roof, "roof"))
+    parts.append(polygon([lid[0], lid[1], ridge[0]], roof, "roof"))
+    return [*parts, polygon([lid[2], lid[3], ridge[1]], roof, "roof")]
+
+
+def balcony(span: tuple[float, float], floor: float, frame: Color, accent: Color) -> list[Part]:
+    """A slab with a railing one sees through."""
+    left, right = span
+    out = BAY_DEPTH
+    slab = relief((left, -out, floor - 0.07), (right, 0.05, floor + 0.07), frame, "concrete")
+    rail = relief((left, -out, floor + 0.98), (right, -out + 0.05, floor + 1.04), accent, "metal")
+    bars = [
+        patch(upright(x, x + 0.035, floor + 0.07, floor + 0.98, -out + 0.025), accent, "metal")
+        for x in np.arange(left + 0.02, right - 0.05, 0.16).tolist()
+    ]
+    ends = [
+        patch([(x, 0, floor + 0.1), (x, -out, floor + 0.1), (x, -out, floor + 1), (x, 0, floor + 1)],
+             accent, "metal")
+        for x in span
+    ]  # fmt: skip
+    return [slab, rail, *bars, *ends]
+
+
+def drainpipe(x: float, top: float, color: Color = (0.025, 0.025, 0.028)) -> list[Part]:
+    """A pipe from the gutter to the ground with the hopper it begins in."""
+    hopper = relief((x - 0.13, -PIPE - PROUD, top - 0.35), (x + 0.13, 0.05, top - 0.1), color)
+    return [hopper, relief((x - 0.05, -PIPE, 0), (x + 0.05, -0.05, top - 0.35), color)]
+
+
+def dish(x: float, z: float) -> list[Part]:
+    """A satellite dish on its arm."""
+    plate = disc((x, -0.42, z), 0.3, (0.5, 0.5, 0.5), "metal", axis=(0.4, -1, 0.5), sides=10)
+    return [plate, tube((x, 0, z - 0.1), (x, -0.4, z), 0.025, (0.2, 0.2, 0.2), "metal", sides=4)]
+
+
+def quoins(width: float, levels: tuple[float, float], color: Color) -> list[Part]:
+    """Dressed stones at both edges, long and short in turn."""
+    low, high = levels
+    rows = np.arange(low, high - 0.3, 0.36)
+    return [
+        patch(
+            upright(min(a, b), max(a, b), float(z) + 0.02, float(z) + 0.34, -PROUD),
+            color,
+            "plaster",
+        )
+        for s in (-1, 1)
+        for k, z in enumerate(rows)
+        for a, b in [(s * width / 2, s * (width / 2 - (0.5 if k % 2 else 0.3)))]
+    ]
+
+
+def timbers(
+    width: float, levels: list[float], columns: list[tuple[float, float]], color: Color
+) -> list[Part]:
+    """Dark beams at every floor and, behind them, posts beside every window."""
+    half = width / 2
+    beams = [band((-half, half), STRING, z - 0.1, 0.2, color) for z in levels]
+    posts = [
+        patch(upright(x - 0.09, x + 0.09, levels[0], levels[-1], -PROUD), color, "wood")
+        for left, right in columns
+        for x in (left - 0.14, right + 0.14)
+    ]
+    return beams + posts
+
+
+def turret(
+    x: float, radius: float, eaves: float, floors: list[float], wall: tuple[Color, str], roof: Color
+) -> list[Part]:
+    """A round corner tower with a window at every floor and a pointed roof."""
+    y, sides = 0.35 * radius, 12
+    shaft = tube((x, y, 0), (x, y, eaves + 1.2), radius, *wall, sides=sides, caps=False)
+    cap = tube((x, y, eaves + 1.2), (x, y, eaves + 1.2 + 2.6 * radius), 1.15 * radius, roof, "roof",
+               end_radius=0.03, sides=sides, caps=False)  # fmt: skip
+    panes = []
+    for floor in floors:
+        for turn in (-2.4, -np.pi / 2, -0.75):
+            out = np.array([math.cos(turn), math.sin(turn)])
+            side = np.array([-out[1], out[0]]) * 0.3
+            at = np.array([x, y]) + (radius + PROUD) * out
+            (a, b), (c, d) = at - side, at + side
+            corners = [(a, b, floor + 0.8), (c, d, floor + 0.8), (c, d, floor + 2.2),
+                       (a, b, floor + 2.2)]  # fmt: skip
+            panes.append(patch(corners, GLASS, "glass"))
+    return [shaft, cap, *panes]

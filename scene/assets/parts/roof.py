@@ -1,0 +1,147 @@
+"""Roofs over a rectangular plan: x from -width / 2 to width / 2, y from 0 to depth."""
+
+from __future__ import annotations
+
+from scene.assets.parts.facade import GLASS, upright
+from scene.mesh.asset import Asset, Color, Point, block, box, merge, polygon, quad, translate, tube
+
+OVERHANG = 0.35
+"""How far a pitched roof reaches beyond the walls (metres)."""
+
+GUTTER: Color = (0.03, 0.03, 0.03)
+
+
+def pitched(
+    plan: tuple[float, float],
+    eaves: float,
+    rise: float,
+    style: str,
+    color: Color,
+    end: tuple[Color, str],
+) -> Asset:
+    """Two slopes and two ends about a ridge.
+
+    Args:
+        plan: width (x) and depth (y), metres.
+        eaves: height of the walls, metres.
+        rise: of the ridge above them, metres.
+        style: "gable" (ridge along x), "front gable" (along y) or "hip" (along x, ends sloping).
+        color: of the roof.
+        end: colour and material of the walls, which close a gable.
+    """
+    along_y, hipped = style == "front gable", style == "hip"
+    length, span = reversed(plan) if along_y else plan
+    reach, half = length / 2 + OVERHANG, span / 2 + OVERHANG
+    low = eaves - rise * OVERHANG / (span / 2)  # the slopes go on beyond the walls
+    top = eaves + rise
+    inset = min(span / 2, 0.4 * length) if hipped else 0.0
+
+    def at(along: float, across: float, z: float) -> Point:
+        """From (along the ridge, across it) to (x, y)."""
+        x, y = (across, along) if along_y else (along, across)
+        return x, y + plan[1] / 2, z
+
+    ridge = [at(s * (reach - inset), 0, top) for s in (-1, 1)]
+    slopes = [
+        polygon([at(-reach, s * half, low), at(reach, s * half, low), *ridge[::-1]], color, "roof")
+        for s in (-1, 1)
+    ]
+    if hipped:
+        ends = [
+            polygon([at(s * reach, -half, low), at(s * reach, half, low), peak], color, "roof")
+            for s, peak in zip((-1, 1), ridge, strict=True)
+        ]
+    else:
+        gable = [(-span / 2, eaves), (span / 2, eaves), (0.0, top)]
+        ends = [polygon([at(s * length / 2, v, z) for v, z in gable], *end) for s in (-1, 1)]
+    edge = [
+        block((-reach, y - 0.07, low - 0.16), (reach, y + 0.07, low + 0.02), GUTTER)
+        for y in (plan[1] / 2 - half, plan[1] / 2 + half)
+    ]
+    return merge(*slopes, *ends, *([] if along_y else edge))
+
+
+def flat(
+    plan: tuple[float, float], eaves: float, rise: float, cornice: Color, parapet: tuple[Color, str]
+) -> Asset:
+    """A parapet on a cornice that stands out by 15 cm."""
+    width, depth = plan
+    ledge = 0.2
+    return merge(
+        box((width + 0.3, depth + 0.3, ledge), (0, depth / 2, eaves), cornice, "concrete"),
+        box((width, depth, rise - ledge), (0, depth / 2, eaves + ledge), *parapet),
+    )
+
+
+def chimney(base: Point, height: float, color: Color) -> Asset:
+    """A stack of bricks with two pots."""
+    stack = box((0.9, 0.7, height), (0, 0, 0), color, "brick")
+    pots = [
+        tube((x, 0, height), (x, 0, height + 0.4), 0.13, (0.3, 0.12, 0.06), "brick", sides=4)
+        for x in (-0.22, 0.22)
+    ]
+    return translate(merge(stack, *pots), base)
+
+
+def dormer(
+    x: float, slope: tuple[float, float], frame: Color, cheek: Color, color: Color
+) -> list[Asset]:
+    """A window in the front slope under a small gable of its own.
+
+    Args:
+        x: of its middle (metres).
+        slope: depth behind the facade and height at which its front stands on the roof (metres).
+        frame: colour of its face.
+        cheek: colour of its sides.
+        color: of its roof.
+    """
+    y, foot = slope
+    half, wall, back = 0.65, 1.15, 2.2
+    parts = [
+        block((x - half, y, foot - 0.3), (x + half, y + back, foot + wall), cheek, "roof"),
+        quad(upright(x - half, x + half, foot - 0.3, foot + wall, y - 0.04), frame, "paint"),
+    ]
+    for a, b in ((x - 0.48, x - 0.04), (x + 0.04, x + 0.48)):
+        parts.append(quad(upright(a, b, foot + 0.15, foot + wall - 0.1, y - 0.08), GLASS, "glass"))
+    top, eave, front = foot + wall + 0.6, foot + wall - 0.05, y - 0.25
+    for s in (-1, 1):
+        edge = x + s * (half + 0.15)
+        roof = [(edge, front, eave), (x, front, top), (x, y + back, top), (edge, y + back, eave)]
+        parts.append(quad(roof, color, "roof"))
+    gable = [(x - half, y - 0.04, eave), (x + half, y - 0.04, eave), (x, y - 0.04, top - 0.05)]
+    return [*parts, polygon(gable, frame, "paint")]
+
+
+def steeple(
+    centre: tuple[float, float], side: float, height: float, spire: float,
+    wall: tuple[Color, str], color: Color,
+) -> list[Asset]:  # fmt: skip
+    """A square tower with bell openings and battlements, and a spire where ``spire`` is over 0."""
+    (x, y), half = centre, side / 2
+    parts = [box((side, side, height), (x, y, 0), *wall)]
+    low, high = height - 3.0, height - 0.9
+    for level, tall in ((low, high - low), (0.45 * height, 1.6)):
+        bell = upright(x - 0.16 * side, x + 0.16 * side, level, level + tall, y - half - 0.04)
+        parts.append(quad(bell, GLASS, "plain"))
+    for z in (0.4 * height, height - 0.5):
+        parts.append(box((side + 0.25, side + 0.25, 0.2), (x, y, z), *wall))
+    for dx in (-1, 1):
+        for dy in (-1, 1):
+            parts.append(box((0.45, 0.45, 1.0), (x + dx * (half - 0.25), y + dy * (half - 0.25), height),
+                             *wall))  # fmt: skip
+    if spire:
+        parts.append(tube((x, y, height), (x, y, height + spire), 0.62 * side, color, "roof",
+                          end_radius=0.02, sides=8, caps=False))  # fmt: skip
+    return parts
+
+
+def plant_room(plan: tuple[float, float], base: float, color: Color) -> list[Asset]:
+    """What stands on a flat roof: a room for lifts, a cooler, a pipe."""
+    width, depth = plan
+    return [
+        box((0.35 * width, 0.35 * depth, 1.9), (0.12 * width, 0.55 * depth, base), color, "metal"),
+        box((1.3, 1.0, 1.0), (-0.28 * width, 0.35 * depth, base), (0.3, 0.3, 0.3), "metal"),
+        tube(
+            (-0.1 * width, 0.5 * depth, base), (-0.1 * width, 0.5 * depth, base + 2.4), 0.1, GUTTER
+        ),
+    ]

@@ -1,0 +1,132 @@
+"""Curved surfaces of vehicles: sheets over a grid of points, welded together so that light runs over them."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+
+from scene.look.materials import material_id
+from scene.mesh.asset import Asset, Color, loft, merge, reshaped, solid
+from scene.mesh.mesh import Mesh, frozen, twice_areas
+
+_SAME = 1e4
+"""Points that agree to 1 / _SAME of a metre are one vertex after welding."""
+
+
+def sheet(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
+    """A skin over a grid of points f64[n, m, 3]; cell (i, j) has the faces 2 (i (m - 1) + j) and next."""
+    return solid(points.reshape(-1, 3), _cells(*points.shape[:2]), color, material)
+
+
+@lru_cache
+def _cells(n: int, m: int) -> np.ndarray:
+    """Triangles i64[2 (n - 1) (m - 1), 3] of a grid of n by m points (read-only)."""
+    first = (np.arange(n - 1)[:, None] * m + np.arange(m - 1)).ravel()
+    a, b, c, d = first, first + 1, first + m + 1, first + m
+    return frozen(np.stack([a, b, c, a, c, d], 1).reshape(-1, 3))
+
+
+def twin_sheets(points: np.ndarray, color: Color, material: str = "paint") -> Asset:
+    """A sheet and its mirror image on the other side of the x-z plane, as one solid."""
+    one = points.reshape(-1, 3)
+    both = np.concatenate([one, one * _MIRROR])
+    return solid(both, _twin_cells(*points.shape[:2]), color, material)
+
+
+@lru_cache
+def _twin_cells(n: int, m: int) -> np.ndarray:
+    faces = _cells(n, m)
+    return frozen(np.concatenate([faces, faces[:, ::-1] + n * m]))
+
+
+def painted(points: np.ndarray, paints: list[tuple[Color, str]], cells: np.ndarray) -> Asset:
+    """A sheet whose cell (i, j) wears ``paints[cells[i, j]]``, a colour and a material."""
+    skin = sheet(points, (0, 0, 0))
+    which = np.repeat(cells.ravel(), 2)
+    color = np.array([c for c, _ in paints], np.float32)[which]
+    material = np.array([material_id(m) for _, m in paints], np.uint8)[which]
+    return skin._replace(color=color, material=material)
+
+
+def weld(*parts: Asset) -> Asset:
+    """One asset in which points at the same place are one vertex and no face is without area."""
+    whole = merge(*parts)
+    vertices = whole.mesh.vertices
+    key = np.round(vertices * _SAME).astype(np.int64)
+    # Three coordinates of a vehicle fit one integer: sorting it is cheaper than sorting rows.
+    key = (key[:, 0] * 2**21 + key[:, 1]) * 2**21 + key[:, 2]
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    faces = inverse[whole.mesh.faces]
+    points = vertices[first]
+    keep = twice_areas(points, faces) > 2e-7
+    return Asset(Mesh(points, faces[keep]), whole.color[keep], whole.material[keep])
+
+
+def mirrored(asset: Asset) -> Asset:
+    """The asset on the other side of the x-z plane."""
+    faces = np.ascontiguousarray(asset.mesh.faces[:, ::-1])
+    return asset._replace(mesh=Mesh(asset.mesh.vertices * _MIRROR, faces))
+
+
+_MIRROR = np.array([1.0, -1.0, 1.0])
+
+
+def pair(asset: Asset) -> Asset:
+    """The asset and its mirror image."""
+    return merge(asset, mirrored(asset))
+
+
+def moved(asset: Asset, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Asset:
+    """The asset shifted."""
+    return reshaped(asset, asset.mesh.vertices + (x, y, z))
+
+
+def revolve(
+    profile: list[tuple[float, float]], color: Color, material: str, *, sides: int = 18
+) -> Asset:
+    """A surface of revolution about the y axis from (radius, y) points, m."""
+    angle = np.arange(sides + 1) * 2 * np.pi / sides
+    radius, across = np.array(profile).T
+    points = np.stack(
+        [
+            radius[:, None] * np.cos(angle),
+            np.broadcast_to(across[:, None], (len(profile), sides + 1)),
+            radius[:, None] * np.sin(angle),
+        ],
+        axis=-1,
+    )
+    return weld(sheet(points, color, material))
+
+
+_ROUND = np.linspace(0, np.pi / 2, 4)
+
+
+def slab(stations: list[tuple[float, float, float, float]], color: Color, material: str) -> Asset:
+    """A rounded body along x from (x, half width, low, high) sections, narrower above."""
+    rings = []
+    for x, half, low, high in _smooth(stations):
+        middle = low + 0.45 * (high - low)
+        arc = [
+            (half * (0.45 + 0.55 * np.cos(a)), middle + (high - middle) * np.sin(a)) for a in _ROUND
+        ]
+        left = [(0.8 * half, low), (half, low + 0.15 * (high - low)), *arc]
+        rings.append([(x, y, z) for y, z in left] + [(x, -y, z) for y, z in left[::-1]])
+    return loft(np.array(rings), color, material)
+
+
+def _smooth(stations: list[tuple[float, float, float, float]]) -> np.ndarray:
+    """The stations with two more in every gap, on a curve through them."""
+    knots = np.array(stations)
+    t = np.arange(len(knots))
+    fine = np.linspace(0, len(knots) - 1, 3 * (len(knots) - 1) + 1)
+    slope = np.gradient(knots, axis=0)
+    low = np.minimum(fine.astype(int), len(knots) - 2)
+    u = (fine - t[low])[:, None]
+    a, b, da, db = knots[low], knots[low + 1], slope[low], slope[low + 1]
+    return (
+        (2 * u**3 - 3 * u**2 + 1) * a
+        + (u**3 - 2 * u**2 + u) * da
+        + (3 * u**2 - 2 * u**3) * b
+        + (u**3 - u**2) * db
+    )

@@ -1,0 +1,212 @@
+"""What the faces and tops of walls show: blocks, stones, ivy, paintings, railings, balusters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.mesh.asset import Asset, Color, box, loft, quad, solid, tube, vary
+
+IRON: Color = (0.016, 0.017, 0.019)
+RELIEF = 0.05
+"""How far blocks stand off the wall behind them, m."""
+PAINT = 0.032
+"""How far bands and paintings stand off the wall, m; less would flicker from afar."""
+
+
+class WallParams(NamedTuple):
+    """A straight length of wall with a coping, piers and what its face shows."""
+
+    length: float  # along x, m
+    height: float  # without the coping, m
+    thickness: float  # at the foot, m
+    color: Color
+    material: str
+    second: Color  # of the coping, the bands or the joints
+    coping: float = 0.0  # height of the coping, m; 0 for none
+    ridge: bool = False  # a coping like a roof
+    batter: float = 0.0  # how far the near face leans back at the top, m
+    piers: tuple[float, ...] = ()  # x of each pier, as a share of half the length
+    ball: bool = False  # on every pier
+    plinth: float = 0.0  # height of a darker foot, m; 0 for none
+    face: str = ""  # see ``FACES``
+    top: str = ""  # see ``TOPS``
+    steps: int = 1  # levels of the top along the wall
+    seed: int = 0
+
+
+def _front(left: float, right: float, low: float, high: float, y: float, color: Color,
+           material: str) -> Asset:  # fmt: skip
+    return quad(
+        [(left, y, low), (right, y, low), (right, y, high), (left, y, high)], color, material
+    )
+
+
+def _blocks(p: WallParams, rows: int, wide: float, rng: np.random.Generator) -> list[Asset]:
+    """Courses of stones of uneven lengths and tones, joints between them."""
+    parts, joint, half = [], 0.012, p.length / 2
+    edges = np.linspace(0, p.height, rows + 1)
+    for low, high in pairwise(edges):
+        x = -half
+        while x < half - 0.02:
+            right = min(x + wide * rng.uniform(0.6, 1.5), half)
+            right = half if half - right < 0.3 * wide else right
+            tone = vary(rng, p.color, 0.35)
+            parts.append(_front(x + joint, right - joint, low + joint, high - joint, 0, tone,
+                                p.material))  # fmt: skip
+            x = right
+    return parts
+
+
+def _face_blocks(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    return _blocks(p, 6, 0.38, rng)
+
+
+def _beams(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    return _blocks(p, 5, 2.2, rng)
+
+
+def _stones(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Small stones in wire baskets."""
+    parts = _blocks(p, 11, 0.16, rng)
+    for x in np.linspace(-0.5, 0.5, 4) * (p.length - 0.03):
+        parts.append(box((0.03, 0.03, p.height), (x, -0.05, 0), p.second, "metal"))
+    for z in (0.0, p.height / 2 - 0.01, p.height - 0.03):
+        parts.append(box((p.length, 0.03, 0.03), (0, -0.11, z), p.second, "metal"))
+    return parts
+
+
+def _weep_holes(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Pipes for the water behind, in two rows, and dark streaks of where it runs."""
+    parts = []
+    for z in (0.35, 1.2):
+        y = p.batter * z / p.height
+        for x in np.linspace(-0.4, 0.4, 4) * p.length:
+            parts.append(tube((x, y + 0.02, z), (x, y - 0.05, z), 0.05, p.second, "plain", sides=8))
+    return parts
+
+
+def _graffiti(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Fat letters in bright paint that nobody can read, with dark outlines."""
+    paints = ((0.55, 0.05, 0.25), (0.05, 0.35, 0.5), (0.6, 0.45, 0.03), (0.1, 0.4, 0.1),
+              (0.6, 0.6, 0.58), (0.3, 0.05, 0.4))  # fmt: skip
+    paint = vary(rng, paints[rng.integers(len(paints))], 0.2)
+    parts, x, slant = [], -0.42 * p.length, float(rng.uniform(-0.1, 0.15))
+    while x < 0.32 * p.length:
+        wide, low = float(rng.uniform(0.3, 0.5)), float(rng.uniform(0.25, 0.4))
+        high = low + float(rng.uniform(0.8, 1.1))
+        for y, grow, color in ((-PAINT, 0.04, (0.02, 0.02, 0.02)), (-2 * PAINT, 0.0, paint)):
+            turn = np.linspace(0, 2 * np.pi, 9)[:-1] + rng.uniform(0, 0.4)
+            u = x + wide / 2 + (wide / 2 + grow) * np.sign(np.cos(turn)) * abs(np.cos(turn)) ** 0.5
+            v = (low + high) / 2 + ((high - low) / 2 + grow) * np.sin(turn)
+            shape = np.column_stack([u + slant * np.sin(turn), np.full(8, y), v])
+            faces = np.array([[0, k, k + 1] for k in range(1, 7)])
+            parts.append(solid(shape, faces, color, "paint"))
+        hole = (low + high) / 2 + float(rng.uniform(-0.15, 0.15))
+        dark = (0.02, 0.02, 0.02)
+        middle = x + wide / 2
+        parts.append(
+            _front(middle - 0.05, middle + 0.05, hole, hole + 0.2, -3 * PAINT, dark, "paint")
+        )
+        x += wide + 0.14  # letters must not share a plane
+    return parts
+
+
+def _ribs(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Level ribs between steel posts."""
+    n = 15
+    z = np.linspace(0.02, p.height, 2 * n)
+    y = np.where((np.arange(2 * n) // 2) % 2, 0.0, -0.06)
+    rings = [
+        np.column_stack([np.full(2 * n, x), y - 0.032, z]) for x in (-p.length / 2, p.length / 2)
+    ]
+    posts = [box((0.14, 0.05, p.height + 0.06), (x, -0.125, 0), p.second, "metal")
+             for x in (-p.length / 2 + 0.07, 0.0, p.length / 2 - 0.07)]  # fmt: skip
+    return [loft(np.array(rings), p.color, p.material, closed=False, caps=False), *posts]
+
+
+def _bands(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Courses and lozenges in brick of another colour."""
+    half = p.length / 2
+    parts = [_front(-half, half, at * p.height, at * p.height + 0.11, -PAINT, p.second, p.material)
+             for at in (0.12, 0.82)]  # fmt: skip
+    for x in np.linspace(-0.375, 0.375, 4) * p.length:
+        z, r = 0.5 * p.height, 0.26
+        parts.append(quad([(x - r, -PAINT, z), (x, -PAINT, z - r), (x + r, -PAINT, z),
+                           (x, -PAINT, z + r)], p.second, p.material))  # fmt: skip
+    return parts
+
+
+def _ivy(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Leaves that hang from the top in uneven curtains."""
+    leaves = []
+    for _ in range(240):
+        x = float(rng.uniform(-0.47, 0.47)) * p.length
+        reach = p.height * (0.35 + 0.3 * np.sin(3.1 * x + p.seed % 7))
+        z, y = p.height - abs(rng.normal(0, 0.5)) * reach, -float(rng.uniform(0.05, 0.1))
+        size, turn = float(rng.uniform(0.06, 0.12)), rng.uniform(0, 2 * np.pi)
+        angle = turn + np.arange(4) * np.pi / 2
+        z = float(np.clip(z, size + 0.02, p.height))
+        corners = np.column_stack([x + size * np.cos(angle), y + 0.35 * size * np.sin(angle + 1),
+                                   z + size * np.sin(angle)])  # fmt: skip
+        leaves.append(quad(corners, vary(rng, p.second, 0.6), "foliage"))
+    return leaves
+
+
+def _profile(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Slots for a fork lift below, and red reflectors."""
+    slots = [_front(x - 0.3, x + 0.3, 0.0, 0.08, -0.04, (0.02, 0.02, 0.02), "plain")
+             for x in (-0.25 * p.length, 0.25 * p.length)]  # fmt: skip
+    y = 0.36 * p.thickness
+    marks = [box((0.09, 0.04, 0.09), (x, y - 0.02, 0.78 * p.height), p.second, "lamp")
+             for x in (-0.3 * p.length, 0.0, 0.3 * p.length)]  # fmt: skip
+    return slots + marks
+
+
+Add = Callable[[WallParams, np.random.Generator], list[Asset]]
+FACES: dict[str, Add] = {
+    "blocks": _face_blocks, "beams": _beams, "stones": _stones, "weep holes": _weep_holes,
+    "graffiti": _graffiti, "ribs": _ribs, "bands": _bands, "ivy": _ivy, "profile": _profile,
+}  # fmt: skip
+
+
+def _railings(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Iron railings on the coping."""
+    low, middle = p.height + p.coping, p.thickness / 2
+    bars = [tube((x, middle, low), (x, middle, low + 0.72), 0.013, IRON, "paint", end_radius=0.009,
+                 sides=4) for x in np.arange(-p.length / 2 + 0.3, p.length / 2 - 0.25, 0.13)]  # fmt: skip
+    rails = [box((p.length - 0.4, 0.04, 0.03), (0, middle, low + z), IRON, "paint")
+             for z in (0.08, 0.58)]  # fmt: skip
+    return bars + rails
+
+
+def _balusters(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Turned stone balusters under a rail."""
+    low, middle, turn = p.height + p.coping, p.thickness / 2, np.arange(8) * np.pi / 4
+    tiers = ((0.0, 0.07), (0.05, 0.07), (0.08, 0.04), (0.2, 0.085), (0.34, 0.045), (0.4, 0.04),
+             (0.43, 0.07), (0.48, 0.07))  # fmt: skip
+    parts = [box((p.length, 0.3, 0.13), (0, middle, low + 0.48), p.second, "plaster")]
+    for x in np.arange(-p.length / 2 + 0.35, p.length / 2 - 0.3, 0.24):
+        rings = [np.column_stack([x + r * np.cos(turn), middle + r * np.sin(turn),
+                                  np.full(8, low + z)]) for z, r in tiers]  # fmt: skip
+        parts.append(loft(np.array(rings), p.color, p.material))
+    return parts
+
+
+def _mound(p: WallParams, rng: np.random.Generator) -> list[Asset]:
+    """Ivy that has grown over the top."""
+    xs = np.linspace(-0.5, 0.5, 12) * p.length
+    turn = np.linspace(0, np.pi, 7)
+    rings = []
+    for x in xs:
+        r = float(rng.uniform(0.08, 0.2))
+        rings.append(np.column_stack([
+            np.full(7, x), p.thickness / 2 - (p.thickness / 2 + 0.09) * np.cos(turn),
+            p.height - 0.02 + r * np.sin(turn)]))  # fmt: skip
+    return [loft(np.array(rings), p.second, "foliage")]
+
+
+TOPS: dict[str, Add] = {"railings": _railings, "balusters": _balusters, "mound": _mound}

@@ -1,0 +1,162 @@
+"""Clothes by style: the colours people really wear, and what goes with what."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scene.assets.parts.human import Outfit
+from scene.assets.parts.palette import pick
+from scene.mesh.asset import Color
+
+SKINS: tuple[Color, ...] = (
+    (0.58, 0.37, 0.27), (0.52, 0.32, 0.22), (0.44, 0.26, 0.17), (0.33, 0.18, 0.11),
+    (0.20, 0.105, 0.06), (0.10, 0.050, 0.030),
+)  # fmt: skip
+HAIRS: tuple[Color, ...] = (
+    (0.012, 0.010, 0.009), (0.030, 0.017, 0.011), (0.075, 0.040, 0.020), (0.17, 0.075, 0.025),
+    (0.32, 0.21, 0.09), (0.34, 0.33, 0.32),
+)  # fmt: skip
+CLOTHES: tuple[Color, ...] = (
+    (0.014, 0.014, 0.016), (0.018, 0.022, 0.045), (0.050, 0.052, 0.056), (0.030, 0.045, 0.100),
+    (0.110, 0.080, 0.050), (0.050, 0.060, 0.035), (0.075, 0.025, 0.030), (0.160, 0.160, 0.160),
+    (0.450, 0.440, 0.420), (0.300, 0.240, 0.165), (0.020, 0.018, 0.018), (0.028, 0.055, 0.050),
+)  # fmt: skip
+"""Muted ones, as most people wear."""
+BRIGHT: tuple[Color, ...] = (
+    (0.380, 0.020, 0.025), (0.030, 0.120, 0.400), (0.050, 0.230, 0.110), (0.480, 0.280, 0.020),
+    (0.400, 0.100, 0.170), (0.560, 0.550, 0.530), (0.130, 0.280, 0.430), (0.200, 0.060, 0.230),
+    (0.450, 0.150, 0.030),
+)  # fmt: skip
+TROUSERS: tuple[Color, ...] = (
+    (0.014, 0.014, 0.016), (0.020, 0.026, 0.055), (0.038, 0.065, 0.130), (0.055, 0.055, 0.058),
+    (0.230, 0.180, 0.120), (0.110, 0.150, 0.210), (0.070, 0.055, 0.040), (0.160, 0.160, 0.160),
+)  # fmt: skip
+SHOES: tuple[Color, ...] = ((0.015, 0.014, 0.013), (0.06, 0.035, 0.02), (0.50, 0.50, 0.49),
+                            (0.06, 0.07, 0.10), (0.20, 0.11, 0.05))  # fmt: skip
+DARK_SHARE = 0.72
+"""How many adults wear black, navy or charcoal over dark trousers, seen in photos of streets."""
+_WOMENS_HAIR = ("bob", "long", "long", "ponytail", "bun", "curly", "short")
+_MENS_HAIR = ("short", "short", "short", "thick", "bald", "curly")
+WHITE_SOLE: Color = (0.55, 0.55, 0.53)
+HI_VIS: tuple[Color, ...] = ((0.52, 0.66, 0.04), (0.75, 0.20, 0.02))
+REFLECTING: Color = (0.62, 0.63, 0.62)
+
+STYLES: tuple[str, ...] = (
+    "jacket", "jumper", "hoodie", "hood", "t-shirt", "t-shirt and shorts", "puffer", "suit",
+    "short coat", "long coat", "skirt", "dress", "sports", "work", "robe",
+)  # fmt: skip
+"""Names that ``sample_outfit`` knows."""
+
+
+def sample_outfit(
+    rng: np.random.Generator, style: str, curves: float, *, old: bool = False, child: bool = False
+) -> tuple[Outfit, float]:
+    """Draw clothes, hair and skin.
+
+    Args:
+        rng: generator, moved on.
+        style: one of ``STYLES``.
+        curves: 0 for a man's build to 1 for a woman's.
+        old: grey hair.
+        child: bright colours.
+
+    Returns:
+        The outfit, and ``curves``, which a skirt or a dress raises.
+
+    Raises:
+        ValueError: unknown style.
+    """
+    if style not in STYLES:
+        raise ValueError(f"unknown style of clothes {style!r}; known: {', '.join(STYLES)}")
+    if style in ("skirt", "dress", "robe"):
+        curves = max(curves, 0.85)
+    woman = curves > 0.5
+    dark = not child and rng.random() < DARK_SHARE
+    colors = CLOTHES[:4] if dark else CLOTHES + BRIGHT
+    pale = WHITE_SOLE if rng.random() < 0.45 else (0.02, 0.02, 0.02)
+    dos = _WOMENS_HAIR if woman else _MENS_HAIR
+    outfit = Outfit(
+        skin=pick(rng, SKINS, 0.1),
+        hair=pick(rng, HAIRS[-1:] if old else HAIRS[:-1] if child else HAIRS, 0.2),
+        top=pick(rng, colors, 0.35),
+        legs=pick(rng, TROUSERS[:4] if dark else TROUSERS, 0.3),
+        shoes=pick(rng, SHOES),
+        sole=pale,
+        width=float(rng.choice([1.0, 1.12, 1.25])) if not woman else float(rng.choice([0.95, 1.1])),
+        hairdo=str(rng.choice(dos)),
+        beard=bool(not woman and not child and rng.random() < 0.25),
+        collar=pick(rng, BRIGHT + CLOTHES, 0.2) if rng.random() < 0.2 and not child else None,
+        hat=str(rng.choice(("", "", "", "", "beanie", "cap", "brim" if old else ""))),
+        hat_color=pick(rng, CLOTHES + BRIGHT, 0.3),
+    )
+    return _styled(rng, outfit, style, dark), curves
+
+
+def _styled(rng: np.random.Generator, base: Outfit, style: str, dark: bool) -> Outfit:
+    """The outfit with what its style fixes."""
+    other = pick(rng, BRIGHT + CLOTHES, 0.3)
+    warm = pick(rng, CLOTHES[:4] if dark else CLOTHES + BRIGHT[:2], 0.3)
+    bare = rng.random() < 0.5
+    dress = warm if dark else other
+    match style:
+        case "jacket":
+            return base._replace(padding=0.008, shirt=other if rng.random() < 0.6 else None,
+                                 accent=warm if rng.random() < 0.2 else None)  # fmt: skip
+        case "jumper":
+            return base._replace(padding=0.005, accent=other if rng.random() < 0.35 else None,
+                                 stripes=bool(rng.random() < 0.6))  # fmt: skip
+        case "hoodie":
+            return base._replace(padding=0.008, collar=base.top)
+        case "hood":
+            return base._replace(padding=0.010, hat="hood", hat_color=base.top, collar=base.top)
+        case "t-shirt":
+            return base._replace(top=other, sleeves=0.42, collar=None,
+                                 stripes=bool(rng.random() < 0.2),
+                                 accent=warm if rng.random() < 0.3 else None)  # fmt: skip
+        case "t-shirt and shorts":
+            return base._replace(top=other, sleeves=0.42, trousers=float(rng.uniform(0.35, 0.5)),
+                                 width=1.3, collar=None, legs=pick(rng, TROUSERS + BRIGHT[:3], 0.3),
+                                 shoes=pick(rng, SHOES[2:]), sole=WHITE_SOLE)  # fmt: skip
+        case "puffer":
+            return base._replace(padding=0.022, quilted=True, collar=base.top)
+        case "suit":
+            suit = pick(rng, (CLOTHES[0], CLOTHES[1], CLOTHES[2], (0.10, 0.10, 0.105)), 0.3)
+            return base._replace(top=suit, legs=suit, shirt=(0.55, 0.56, 0.58), padding=0.006,
+                                 shoes=SHOES[0], sole=(0.02, 0.02, 0.02), hat="", collar=None,
+                                 hem=0.14)  # fmt: skip
+        case "short coat":
+            return base._replace(padding=0.011, hem=float(rng.uniform(0.22, 0.38)), flare=1.1,
+                                 shirt=other if rng.random() < 0.25 else None)  # fmt: skip
+        case "long coat":
+            return base._replace(padding=0.012, hem=float(rng.uniform(0.5, 0.72)), top=warm,
+                                 flare=float(rng.uniform(1.1, 1.5)))  # fmt: skip
+        case "skirt":
+            legs = base.skin if bare else CLOTHES[0]
+            return base._replace(legs=legs, trousers=1.0, width=0.88,
+                                 hem=float(rng.uniform(0.35, 0.8)), hem_color=dress,
+                                 flare=float(rng.uniform(1.1, 1.8)))  # fmt: skip
+        case "dress":
+            legs = base.skin if bare else CLOTHES[0]
+            return base._replace(top=dress, legs=legs, width=0.88, collar=None, hat="",
+                                 sleeves=float(rng.choice([0.3, 0.42, 1.0])), hem_color=dress,
+                                 hem=float(rng.uniform(0.4, 0.85)),
+                                 flare=float(rng.uniform(1.2, 1.9)))  # fmt: skip
+        case "sports":
+            return base._replace(top=pick(rng, BRIGHT), sleeves=0.4, collar=None, hat="", width=0.95,
+                                 trousers=float(rng.choice([0.4, 0.8, 1.0])),
+                                 legs=pick(rng, TROUSERS[:4]), shoes=pick(rng, BRIGHT),
+                                 sole=WHITE_SOLE,
+                                 hairdo=base.hairdo if base.hairdo in ("bald", "bun") else "ponytail"
+                                 if base.hairdo in _WOMENS_HAIR[:4] else "short")  # fmt: skip
+        case "work":
+            vis = HI_VIS[rng.integers(2)]
+            full = rng.random() < 0.4
+            return base._replace(top=vis, bands=REFLECTING, padding=0.010, collar=None,
+                                 legs=vis if full else base.legs, width=1.25, hat="hard hat",
+                                 hat_color=pick(rng, ((0.6, 0.6, 0.58), (0.6, 0.42, 0.03),
+                                                      (0.05, 0.15, 0.4))),
+                                 shoes=SHOES[0])  # fmt: skip
+        case _:  # robe
+            return base._replace(top=warm, hem=0.93, hem_color=warm, flare=1.25, padding=0.008,
+                                 hat="headscarf", collar=None,
+                                 hat_color=warm if rng.random() < 0.4 else other)  # fmt: skip

@@ -1,0 +1,92 @@
+"""Road wheels: a tyre with rounded shoulders and a dished rim with spokes, a hub cap or bare steel."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.parts.palette import BLACK, STEEL, TYRE
+from scene.assets.parts.skin import mirrored, moved, revolve
+from scene.mesh.asset import Asset, Color, merge, solid
+
+STYLES: tuple[str, ...] = ("spokes", "twin spokes", "cap", "steel")
+"""How the face of a rim looks."""
+
+
+class Wheel(NamedTuple):
+    """One wheel; metres."""
+
+    radius: float
+    width: float
+    style: str = "spokes"
+    spokes: int = 5
+    rim_share: float = 0.66  # of the radius
+    color: Color = STEEL
+
+
+@lru_cache(maxsize=8)  # a lorry has the same one on every axle
+def wheel(w: Wheel, *, sides: int = 14) -> Asset:
+    """The wheel standing on z = 0 at x = 0, its outer face in y = 0, looking towards +y."""
+    r, rim = w.radius, w.rim_share * w.radius
+    tread = [(rim, 0.0), (0.93 * r, -0.004), (r, -0.16 * w.width), (r, -0.9 * w.width)]
+    dish = -0.18 * w.width
+    floor = w.color if w.style in ("cap", "steel") else BLACK
+    parts = [
+        revolve(tread[::-1], TYRE, "rubber", sides=sides),
+        revolve([(0.92 * rim, dish), (rim, 0.0)][::-1], w.color, "metal", sides=sides),
+        _blades(np.zeros(1), (0.0, 0.93 * rim), 2 * np.pi, dish, floor, sides=sides // 2),
+        _blades(np.zeros(1), (0.0, 0.2 * rim), 2 * np.pi, 0.1 * dish, w.color, sides=6),
+    ]
+    turn = np.arange(w.spokes) * 2 * np.pi / w.spokes + np.pi / 2
+    gap = 2 * np.pi / w.spokes
+    if w.style == "spokes":
+        parts.append(_blades(turn, (0.1 * rim, 0.95 * rim), 0.46 * gap, 0.45 * dish, w.color))
+    elif w.style == "twin spokes":
+        for side in (-0.2, 0.2):
+            arms = turn + side * gap
+            parts.append(_blades(arms, (0.1 * rim, 0.95 * rim), 0.2 * gap, 0.45 * dish, w.color))
+    else:  # holes near the edge
+        span = (0.55 * rim, 0.85 * rim) if w.style == "steel" else (0.72 * rim, 0.88 * rim)
+        parts.append(_blades(turn, span, 0.5 * gap, 0.9 * dish, BLACK))
+    return moved(merge(*parts), z=r)
+
+
+def _blades(
+    turn: np.ndarray,
+    span: tuple[float, float],
+    width: float,
+    y: float,
+    color: Color,
+    *,
+    sides: int = 1,
+) -> Asset:
+    """Sectors around the hub, each ``width`` radians wide between two radii, facing +y."""
+    low, high = span
+    angle = turn[:, None] + np.linspace(-0.5, 0.5, sides + 1) * width
+    # The foot of a spoke is as wide as its tip, so that spokes do not fan out to nothing.
+    foot = turn[:, None] + np.linspace(-0.5, 0.5, sides + 1) * width * min(
+        1.6, high / max(low, 1e-3) / 3
+    )
+    rows = [(low, foot), (high, angle)] if low > 0 else [(high, angle)]
+    points = np.concatenate(
+        [np.stack([r * np.cos(a), np.full_like(a, y), r * np.sin(a)], -1) for r, a in rows], 1
+    )
+    n, k = sides + 1, np.arange(sides)
+    if low > 0:
+        faces = np.concatenate(
+            [np.stack([k, k + 1, k + n + 1], 1), np.stack([k, k + n + 1, k + n], 1)]
+        )
+    else:
+        points = np.concatenate([points, np.broadcast_to([0, y, 0], (len(turn), 1, 3))], 1)
+        faces = np.stack([k + 1, k, np.full_like(k, n)], 1)[:, ::-1]
+    steps = np.arange(len(turn))[:, None, None] * points.shape[1]
+    return solid(points.reshape(-1, 3), (faces + steps).reshape(-1, 3), color, "metal")
+
+
+def wheels(w: Wheel, axles: tuple[float, ...], half_width: float, *, sides: int = 14) -> Asset:
+    """A wheel on either side of every axle x, outer faces at ``half_width``, m."""
+    left = moved(wheel(w, sides=sides), y=half_width)
+    right = mirrored(left)
+    return merge(*(moved(one, x=x) for x in axles for one in (left, right)))

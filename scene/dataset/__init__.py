@@ -1,0 +1,1 @@
+"""Many streets as labelled images: rendered, written, read back, checked."""

@@ -1,0 +1,114 @@
+"""The pictures that are written for every shot, as arrays ready for a PNG, and back.
+
+Encodings that are not Cityscapes' own:
+
+- ``depth``, u16: centimetres along the optical axis, 0 for the sky; 65535 is 655.35 m or more.
+- ``normals``, u8 RGB: ``round(127.5 (n + 1))`` of the unit normal in the camera's frame, x right, y up,
+  z towards the camera; black for the sky.
+- ``panoptic``, u8 RGB: segment id = R + 256 G + 256^2 B.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from scene.classes import colorize
+from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
+
+if TYPE_CHECKING:  # who only reads datasets need not load the engine
+    from scene.render.protocol import Frame, RenderSettings
+    from scene.street.street import Camera
+
+DEPTH_PER_METRE = 100
+BASELINE = 0.209313
+"""Metres between the cameras of Cityscapes, which turn depth into disparity."""
+DISPARITY_SCALE = 256
+"""Disparity of Cityscapes: pixels = (value - 1) / 256, and 0 where there is none."""
+DEEPEST = 65535
+COLOR_OF_LABEL = colorize(TRAIN_OF_LABEL)
+"""u8[256, 3]: the published colour of each labelId, black for what is not evaluated."""
+
+
+def focal_length(settings: RenderSettings) -> float:
+    """Focal length in pixels, alike in x and y."""
+    return settings.width / 2 / math.tan(math.radians(settings.fov) / 2)
+
+
+def depth_plane(depth: np.ndarray) -> np.ndarray:
+    """u16[h, w] centimetres of f32[h, w] metres; what is seen is never 0."""
+    values = np.clip(np.rint(depth * DEPTH_PER_METRE), 1, DEEPEST)
+    return np.where(depth > 0, values, 0).astype(np.uint16)
+
+
+def disparity_plane(depth: np.ndarray, settings: RenderSettings) -> np.ndarray:
+    """u16[h, w] of f32[h, w] metres, as in Cityscapes; the nearest things are cut at 256 pixels."""
+    product = BASELINE * focal_length(settings) * DISPARITY_SCALE
+    pixels = product / np.where(depth > 0, depth, 1)
+    return np.where(depth > 0, np.clip(np.rint(pixels) + 1, 1, DEEPEST), 0).astype(np.uint16)
+
+
+def normals_plane(normal: np.ndarray) -> np.ndarray:
+    """u8[h, w, 3] of unit normals f32[h, w, 3], zero for the sky."""
+    plane = np.rint(127.5 * normal + 127.5).astype(np.uint8)
+    x, y, z = np.moveaxis(normal, 2, 0)
+    plane[(x == 0) & (y == 0) & (z == 0)] = 0
+    return plane
+
+
+def normals_of(plane: np.ndarray) -> np.ndarray:
+    """f32[h, w, 3], unit up to rounding, from the picture; zero for the sky."""
+    seen = plane.any(axis=2, keepdims=True)
+    return np.where(seen, plane / np.float32(127.5) - 1, 0).astype(np.float32)
+
+
+def panoptic_plane(ids: np.ndarray) -> np.ndarray:
+    """u8[h, w, 3] of segment ids."""
+    return np.stack([ids & 255, ids >> 8 & 255, ids >> 16 & 255], axis=2).astype(np.uint8)
+
+
+def ids_of(plane: np.ndarray) -> np.ndarray:
+    """Segment ids i32[h, w] from the picture."""
+    return plane.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
+
+
+PLANES: dict[str, Callable[["Frame", np.ndarray, "RenderSettings"], np.ndarray]] = {
+    "image": lambda frame, ids, settings: frame.image,
+    "label_ids": lambda frame, ids, settings: label_ids(ids),
+    "train_ids": lambda frame, ids, settings: TRAIN_OF_LABEL[label_ids(ids)],
+    "instance_ids": lambda frame, ids, settings: ids.astype(np.uint16),
+    "color": lambda frame, ids, settings: COLOR_OF_LABEL.take(label_ids(ids), axis=0),
+    "panoptic": lambda frame, ids, settings: panoptic_plane(ids),
+    "depth": lambda frame, ids, settings: depth_plane(frame.depth),
+    "disparity": lambda frame, ids, settings: disparity_plane(frame.depth, settings),
+    "normals": lambda frame, ids, settings: normals_plane(frame.normal),
+}
+"""Kind -> picture, from (frame, segment ids, settings); colours are RGB."""
+
+
+def camera_entry(camera: Camera, settings: RenderSettings) -> dict[str, Any]:
+    """One camera as in Cityscapes: pixels, metres and radians; x along the road, y left, z up.
+
+    Pixel centres are whole numbers. Yaw is left positive, pitch down positive.
+    """
+    x, y, z = camera.position
+    return {
+        "extrinsic": {
+            "baseline": BASELINE,
+            "pitch": camera.pitch,
+            "roll": 0.0,
+            "x": x,
+            "y": y,
+            "yaw": -camera.yaw,
+            "z": z,
+        },
+        "intrinsic": {
+            "fx": focal_length(settings),
+            "fy": focal_length(settings),
+            "u0": (settings.width - 1) / 2,
+            "v0": (settings.height - 1) / 2,
+        },
+    }

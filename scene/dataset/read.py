@@ -1,0 +1,77 @@
+"""An exported dataset, read back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from scene.dataset.formats.files import read_json, read_png
+from scene.dataset.formats.layout import FORMATS, SPLITS, Layout, layout, stem
+from scene.dataset.formats.planes import ids_of
+from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
+
+DESCRIPTION = "dataset.json"
+WORK = ".export"
+"""Folder inside a dataset while it is unfinished."""
+
+
+class Described(NamedTuple):
+    """An exported dataset: where it is, and what its ``dataset.json`` says."""
+
+    folder: Path
+    description: dict[str, Any]
+    layout: Layout
+    split: str
+    stems: tuple[str, ...]  # of all images, in order
+    size: tuple[int, int]  # width, height in pixels
+
+    def path(self, kind: str, name: str) -> Path:
+        """The file of one kind of the image called ``name``."""
+        return self.folder / self.layout.paths(self.split, name)[kind]
+
+
+def describe(folder: Path) -> Described:
+    """Open an exported dataset.
+
+    Raises:
+        ValueError: the folder holds none, or its ``dataset.json`` is not as it was written.
+    """
+    path = folder / DESCRIPTION
+    if not path.is_file():
+        unfinished = (folder / WORK).exists()
+        why = "an unfinished export: the command that began it continues it" if unfinished else ""
+        raise ValueError(f"{folder}: {why or f'not a dataset, it has no {DESCRIPTION}'}")
+    found = read_json(path)
+    try:
+        images, shots = int(found["images"]), int(found["shots"])
+        size = (int(found["render"]["width"]), int(found["render"]["height"]))
+        sound = found["format"] in FORMATS and found["split"] in SPLITS
+        if not sound or min(images, shots, *size) < 1:
+            raise ValueError("format, split, images, shots or size")
+    except (LookupError, TypeError, ValueError) as error:
+        raise ValueError(f"{path} does not describe a dataset: {error}") from None
+    stems = tuple(stem(k // shots, k % shots) for k in range(images))
+    return Described(folder, found, layout(found["format"]), found["split"], stems, size)
+
+
+def labels(dataset: Described, name: str) -> np.ndarray:
+    """Train ids u8[h, w] of one image.
+
+    Raises:
+        ValueError, OSError: the file is damaged or missing, with its name.
+    """
+    return TRAIN_OF_LABEL[label_ids(ids_of(read_png(dataset.path("panoptic", name))))]
+
+
+def pictures(folder: Path) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Images u8[h, w, 3] and train ids u8[h, w] of an exported dataset, one by one.
+
+    Raises:
+        ValueError, OSError: not a dataset, or a file is damaged or missing, with its name.
+    """
+    dataset = describe(folder)
+    for name in dataset.stems:
+        yield read_png(dataset.path("image", name)), labels(dataset, name)

@@ -1,0 +1,109 @@
+"""From attribute vectors to a labelled dataset, in worker processes.
+
+A dataset is always a list of per-street attribute vectors. The bytes depend on the vectors, the seed,
+the size and the renderer, never on the number of workers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from scene.assets.catalogue import AssetPool
+from scene.attributes import check_unit, street_params
+from scene.render import Frame, RenderSettings, check_settings, renderer
+from scene.street.street import Street, sample_street
+from scene.workers import WorkerPool, opened
+
+
+class Dataset(NamedTuple):
+    """Images and labels in street order, shots of one street next to each other."""
+
+    images: np.ndarray  # u8[n, h, w, 3] sRGB
+    labels: np.ndarray  # u8[n, h, w] train ids
+
+
+def street_of(unit: np.ndarray, seed: int, index: int, shots: int, pool: AssetPool) -> Street:
+    """The ``index``-th street of the dataset with ``seed``, from its unit attributes f32[23]."""
+    street_seed = int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
+    return sample_street(street_params(unit), street_seed, shots, pool)
+
+
+def render_street(
+    unit: np.ndarray,
+    seed: int,
+    index: int,
+    shots: int,
+    settings: RenderSettings,
+    renderer_name: str,
+    pool: AssetPool,
+) -> list[Frame]:
+    """All shots of one street of a dataset."""
+    return renderer(renderer_name).render(street_of(unit, seed, index, shots, pool), settings)
+
+
+def _images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
+    frames = render_street(*task)
+    return np.stack([f.image for f in frames]), np.stack([f.label for f in frames])
+
+
+def check_request(
+    units: np.ndarray, shots: int, settings: RenderSettings, renderer_name: str
+) -> np.ndarray:
+    """The attributes f32[streets, 23] of a dataset that can be rendered here.
+
+    Raises:
+        ValueError: attributes, size or shots out of range, unknown renderer.
+        RendererError: this machine lacks what the renderer needs.
+    """
+    units = check_unit(units)
+    if units.ndim != 2 or len(units) == 0:
+        raise ValueError(f"a dataset needs attributes of shape [streets, 23], got {units.shape}")
+    if shots < 1:
+        raise ValueError(f"shots per street must be 1 or more, not {shots}")
+    check_settings(settings)
+    renderer(renderer_name)
+    return units
+
+
+def render_dataset(
+    units: np.ndarray,
+    seed: int,
+    *,
+    shots: int,
+    settings: RenderSettings,
+    renderer_name: str = "embree",
+    pool: AssetPool | None = None,
+    workers: int | WorkerPool = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Dataset:
+    """Render ``len(units) * shots`` images.
+
+    Args:
+        units: f32[streets, 23] attributes of each street, in [0, 1].
+        seed: with the street's index it decides everything left to chance.
+        shots: images per street.
+        settings: size and quality.
+        renderer_name: ``embree`` or ``opengl``.
+        pool: which assets may appear.
+        workers: processes to render in; 0 renders here, a ``WorkerPool`` is used and left open.
+        progress: called with (streets done, streets).
+
+    Raises:
+        ValueError: attributes, size or shots out of range, unknown renderer.
+        RendererError: this machine lacks what the renderer needs.
+        WorkerError: worker processes keep dying.
+    """
+    units = check_request(units, shots, settings, renderer_name)
+    pool = pool or AssetPool()
+    n, h, w = len(units) * shots, settings.height, settings.width
+    images, labels = np.empty((n, h, w, 3), np.uint8), np.empty((n, h, w), np.uint8)
+    tasks = [(u, seed, i, shots, settings, renderer_name, pool) for i, u in enumerate(units)]
+    with opened(workers) as processes:
+        for done, (i, result) in enumerate(processes.map(_images_and_labels, tasks), start=1):
+            images[i * shots : (i + 1) * shots], labels[i * shots : (i + 1) * shots] = result
+            if progress is not None:
+                progress(done, len(tasks))
+    return Dataset(images, labels)

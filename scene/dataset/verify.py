@@ -1,0 +1,158 @@
+"""Is one image of a dataset what it claims to be? Every label is checked against every other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from scene.classes import CLASS_NAMES, TrainId, colorize
+from scene.dataset.formats import rle
+from scene.dataset.formats.files import read_json, read_png
+from scene.dataset.formats.planes import ids_of, normals_of
+from scene.dataset.formats.segments import PER_CLASS, TRAIN_OF_LABEL, is_thing, label_ids, segments
+from scene.dataset.read import Described
+
+ROUNDING = 0.02
+"""How far from 1 the length of a normal may be after it was rounded to bytes."""
+COLOURED = ("image", "panoptic", "color", "normals")
+"""Kinds of pictures with three channels."""
+DEEP = ("instance_ids", "depth", "disparity")
+"""Kinds of pictures with 16 bits a pixel."""
+
+
+def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str]]:
+    """The pictures of one image, and what is wrong with those that are missing from it."""
+    planes: dict[str, np.ndarray] = {}
+    faults: list[str] = []
+    width, height = dataset.size
+    for kind in dataset.layout.files:
+        path = dataset.path(kind, name)
+        try:
+            if kind == "camera":
+                _check_camera(path)
+                continue
+            plane = read_png(path)
+        except FileNotFoundError:
+            faults.append(f"{path} is missing")
+            continue
+        except (OSError, ValueError) as error:
+            faults.append(str(error))
+            continue
+        dtype, axes = ("uint16" if kind in DEEP else "uint8"), (3 if kind in COLOURED else 2)
+        if plane.shape[:2] != (height, width):
+            faults.append(f"{path} is {plane.shape[1]}x{plane.shape[0]}, not {width}x{height}")
+        elif plane.dtype != dtype or plane.ndim != axes:
+            faults.append(
+                f"{path} is {plane.dtype} with {plane.ndim} axes, not {dtype} with {axes}"
+            )
+        else:
+            planes[kind] = plane
+    return planes, faults
+
+
+def _check_camera(path: Path) -> None:
+    """Raise ValueError if the camera's file does not hold what it should."""
+    camera = read_json(path)
+    for part, names in (
+        ("extrinsic", "x y z yaw pitch roll baseline"),
+        ("intrinsic", "fx fy u0 v0"),
+    ):
+        for name in names.split():
+            try:
+                found = camera[part][name]
+            except (LookupError, TypeError):
+                found = None
+            if isinstance(found, bool) or not isinstance(found, int | float):
+                raise ValueError(f"{path}: {part}.{name} must be a number, not {found!r}")
+
+
+def verify(planes: dict[str, np.ndarray], known: dict[str, Any]) -> Iterator[str]:
+    """Yield everything in one image that does not agree.
+
+    Args:
+        planes: its pictures by kind, as far as they could be read.
+        known: what the files about all images say of it: ``panoptic``, the segments, and ``instances``,
+            the annotations of things.
+    """
+    if "panoptic" not in planes:
+        return
+    ids = ids_of(planes["panoptic"])
+    yield from _illegal(ids)
+    label = label_ids(ids)
+    train = TRAIN_OF_LABEL[label]
+    derived = {
+        "label_ids": label,
+        "train_ids": train,
+        "instance_ids": ids,
+        "color": colorize(train),
+    }
+    for kind, wanted in derived.items():
+        if kind in planes:
+            wrong = planes[kind] != wanted
+            if wrong.any():
+                yield f"{kind}: {np.count_nonzero(wrong)} values differ from the panoptic segments"
+    yield from _segments(ids, known["panoptic"])
+    yield from _instances(ids, known["instances"])
+    sky = train == TrainId.SKY
+    for kind in ("depth", "disparity", "normals"):
+        if kind in planes:
+            empty = ~planes[kind].any(axis=2) if planes[kind].ndim == 3 else planes[kind] == 0
+            wrong = empty != sky
+            if wrong.any():
+                yield f"{kind}: {np.count_nonzero(wrong)} pixels disagree on what is sky"
+    if "normals" in planes:
+        length = np.linalg.norm(normals_of(planes["normals"]), axis=2)
+        wrong = ~sky & (np.abs(length - 1) > ROUNDING)
+        if wrong.any():
+            yield f"normals: {np.count_nonzero(wrong)} are not of length 1"
+
+
+def _illegal(ids: np.ndarray) -> Iterator[str]:
+    for value in np.unique(ids).tolist():
+        label = value if value < PER_CLASS else value // PER_CLASS
+        train_id = int(TRAIN_OF_LABEL[label]) if label < len(TRAIN_OF_LABEL) else 255
+        if value == 0:
+            continue
+        if train_id >= len(CLASS_NAMES):
+            yield f"panoptic: segment {value} belongs to no class"
+        elif is_thing(train_id) != (value >= PER_CLASS):
+            yield f"panoptic: segment {value} is no id for the class {CLASS_NAMES[train_id]}"
+
+
+def _segments(ids: np.ndarray, listed: list[dict[str, Any]]) -> Iterator[str]:
+    """Compare the segments seen with those listed: ids, classes, areas, boxes."""
+    seen = {s.id: (s.label_id, s.area, list(s.box)) for s in segments(ids)}
+    told = {s.get("id"): (s.get("category_id"), s.get("area"), s.get("bbox")) for s in listed}
+    for name in sorted(seen.keys() | told.keys(), key=str):
+        if name not in told:
+            yield f"segment {name} is in the picture but not in the list"
+        elif name not in seen:
+            yield f"segment {name} is in the list but not in the picture"
+        elif seen[name] != told[name]:
+            yield f"segment {name} is {seen[name]} (class, area, box), listed as {told[name]}"
+    if len(told) != len(listed):
+        yield f"{len(listed)} segments are listed with {len(told)} different ids"
+
+
+def _instances(ids: np.ndarray, annotations: list[dict[str, Any]]) -> Iterator[str]:
+    """Compare things with their annotations: every mask is one whole segment, with its box."""
+    left = {s.id: s for s in segments(ids) if s.id >= PER_CLASS}
+    for annotation in annotations:
+        where = f"annotation {annotation.get('id')}"
+        try:
+            mask = rle.mask(rle.decode(annotation["segmentation"]["counts"]), *ids.shape)
+            told = (annotation["category_id"], annotation["area"], annotation["bbox"])
+        except (LookupError, TypeError, ValueError) as error:
+            yield f"{where} cannot be read: {error}"
+            continue
+        inside = np.unique(ids[mask])
+        segment = left.pop(int(inside[0]), None) if len(inside) == 1 else None
+        if segment is None or segment.area != mask.sum():
+            yield f"{where}: its mask is not that of one object"
+        elif told != (segment.label_id, segment.area, list(segment.box)):
+            yield f"{where}: class, area or box {told} are not those of its mask"
+    for segment in left.values():
+        yield f"segment {segment.id} has no annotation"

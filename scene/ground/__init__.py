@@ -1,0 +1,1 @@
+"""Road, sidewalk and terrain."""

@@ -1,0 +1,199 @@
+"""The ground of one street: what is drawn, and the meshes of its road, sidewalk and terrain.
+
+Flat but for the kerb, which drops at driveways and side streets. The carriageway reaches
+``half_width`` from the centre line, then comes the sidewalk, then terrain; hills close the horizon.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.classes import TrainId
+from scene.ground.extent import (
+    FOOTWAYS,
+    GROUND_END,
+    GROUND_SIDE,
+    GROUND_START,
+    HALF_WIDTHS,
+    KERB_HEIGHT,
+    KERB_WIDTH,
+    PAINT_LIFT,
+)
+from scene.ground.markings import ARROWS, WORDS, Legend
+from scene.ground.relief import sidewalk_quads, terrain_quads
+from scene.ground.roadway import road_quads
+from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS, Coat, Color, Surface, sample_coat
+from scene.look.tones import ROAD_TONE, SIDEWALK_TONE
+from scene.mesh.asset import Asset
+from scene.mesh.quads import to_asset
+
+__all__ = [
+    "FOOTWAYS",
+    "GROUND_END",
+    "GROUND_INSTANCES",
+    "GROUND_SIDE",
+    "GROUND_START",
+    "HALF_WIDTHS",
+    "KERB_HEIGHT",
+    "KERB_WIDTH",
+    "PAINT_LIFT",
+    "ROADS",
+    "SIDEWALKS",
+    "TERRAINS",
+    "Coat",
+    "Ground",
+    "Surface",
+    "ground_assets",
+    "ground_height",
+    "plain",
+    "sample_ground",
+]
+
+GROUND_INSTANCES: dict[int, int] = {
+    1: int(TrainId.ROAD),
+    2: int(TrainId.SIDEWALK),
+    3: int(TrainId.TERRAIN),
+}
+"""Instance id -> train id of the three ground surfaces."""
+KERB_STONE = (0.21, 0.205, 0.195)
+"""Linear colour of kerb stones, before weather and dirt."""
+
+
+class Ground(NamedTuple):
+    """What varies from one street's ground to the next; places in metres along the road."""
+
+    half_width: float  # of the carriageway, m
+    footway: float  # width of each sidewalk, m
+    road: Coat
+    sidewalk: Coat
+    terrain: Coat
+    kerb: Color
+    strip: float  # the sidewalk along the kerb is this much lighter or darker
+    lane_shade: float  # how much lighter one lane is than the other
+    dash: tuple[float, float]  # metres painted, metres bare, on the centre line
+    centre: str  # "dashed", "double", "one side", "hatched" or "none"
+    edge_lines: int  # 0 none, 1 one line, 2 double line along each kerb
+    edge_yellow: bool
+    crosswalks: tuple[float, ...]
+    crossing: str  # "zebra" or "studs"
+    give_way: bool  # teeth rather than stop lines before crossings
+    drive: float  # the side (1 left, -1 right) whose traffic goes forward
+    parking: tuple[str, str]  # right and left: "none", "boxes" or "ticks"
+    cycle_lane: str  # "none", "line", "green" or "red"
+    legends: tuple[Legend, ...]
+    boxes: tuple[tuple[float, float], ...]  # box junctions, from and to
+    side_streets: tuple[tuple[float, float], ...]  # place and side
+    driveways: tuple[tuple[float, float], ...]  # place and side
+    patches: int  # repairs
+    covers: int  # manholes; 0 leaves the gratings out, too
+    hills: float  # m
+    seed: int  # of wear and shades
+
+    @property
+    def outer(self) -> float:
+        """Where the sidewalks end, metres from the centre line."""
+        return self.half_width + self.footway
+
+
+def ground_height(ground: Ground, y: float) -> float:
+    """Height of the ground ``y`` metres from the centre line."""
+    return 0.0 if abs(y) < ground.half_width else KERB_HEIGHT
+
+
+def plain(ground: Ground) -> Ground:
+    """The same surfaces with nothing painted or built into them, and level to the horizon."""
+    return ground._replace(
+        centre="none", edge_lines=0, crosswalks=(), parking=("none", "none"), cycle_lane="none",
+        legends=(), boxes=(), side_streets=(), driveways=(), patches=0, covers=0, hills=0.0,
+    )  # fmt: skip
+
+
+def _places(
+    rng: np.random.Generator, first: tuple[float, float], gap: tuple[float, float], end: float = 150
+) -> list[float]:
+    """Places along the road, ``gap`` metres apart, the first of them ``first`` metres on."""
+    found, x = [], float(rng.uniform(*first))
+    while x < end:
+        found.append(x)
+        x += float(rng.uniform(*gap))
+    return found
+
+
+def _either_side(rng: np.random.Generator, places: list[float]) -> tuple[tuple[float, float], ...]:
+    return tuple((x, 1.0 if rng.random() < 0.5 else -1.0) for x in places)
+
+
+def _legends(rng: np.random.Generator, lane: float, crosswalks: list[float]) -> list[Legend]:
+    """Words and arrows in the lanes, of which one is at ``lane``, clear of crossings."""
+    marks = []
+    for x in _places(rng, (6, 30), (14, 45), 110):
+        heading = 1.0 if rng.random() < 0.65 else -1.0
+        words = [" ".join(w) for w in WORDS]
+        kind = str(rng.choice(words if rng.random() < 0.4 else list(ARROWS)))
+        if all(abs(x + 2 * heading - c) > 8 for c in crosswalks):
+            marks.append(Legend(kind, x, heading * lane, heading))
+    return marks
+
+
+def sample_ground(rng: np.random.Generator, share: float = 1.0, drive: float = 1.0) -> Ground:
+    """Draw a ground: surfaces, markings, crossings every 40-90 m, repairs, driveways.
+
+    Args:
+        rng: consumed.
+        share: of the surfaces of each table that may be drawn (the half-asset study).
+        drive: the side, 1 left or -1 right, whose traffic goes forward.
+    """
+    half_width = float(rng.uniform(*HALF_WIDTHS))
+    crosswalks = _places(rng, (5, 60), (40, 90)) if rng.random() < 0.65 else []
+    boxes = _places(rng, (15, 60), (200, 300)) if rng.random() < 0.12 else []
+    side_streets = _places(rng, (12, 50), (35, 90)) if rng.random() < 0.6 else []
+    driveways = _places(rng, (4, 25), (9, 40), 100) if rng.random() < 0.6 else []
+    beside = str(rng.choice(["none", "edge", "parking", "cycle"], p=[0.22, 0.4, 0.23, 0.15]))
+    styles = rng.choice(["none", "boxes", "ticks"], 2, p=[0.2, 0.5, 0.3])
+    stone = rng.uniform(0.75, 1.25)
+    return Ground(
+        half_width=half_width,
+        footway=float(rng.uniform(*FOOTWAYS)),
+        road=sample_coat(rng, ROADS, share, ROAD_TONE),
+        sidewalk=sample_coat(rng, SIDEWALKS, share, SIDEWALK_TONE),
+        terrain=sample_coat(rng, TERRAINS, share),
+        kerb=(KERB_STONE[0] * stone, KERB_STONE[1] * stone, KERB_STONE[2] * stone),
+        strip=float(rng.choice([1.0, 0.85, 1.12])),
+        lane_shade=float(rng.uniform(-0.12, 0.15)) if rng.random() < 0.4 else 0.0,
+        dash=(float(rng.uniform(1.5, 4)), float(rng.uniform(2, 6))),
+        centre=str(
+            rng.choice(
+                ["dashed", "double", "one side", "hatched", "none"], p=[0.66, 0.1, 0.07, 0.05, 0.12]
+            )
+        ),
+        edge_lines=int(rng.integers(1, 3)) if beside == "edge" else 0,
+        edge_yellow=bool(rng.random() < 0.6),
+        crosswalks=tuple(crosswalks),
+        crossing="zebra" if rng.random() < 0.6 else "studs",
+        give_way=bool(rng.random() < 0.25),
+        drive=drive,
+        parking=(str(styles[0]), str(styles[1])) if beside == "parking" else ("none", "none"),
+        cycle_lane=str(rng.choice(["line", "green", "red"])) if beside == "cycle" else "none",
+        legends=tuple(_legends(rng, 0.46 * half_width * drive, crosswalks + boxes))
+        if rng.random() < 0.5
+        else (),
+        boxes=tuple((x, x + 9.0) for x in boxes),
+        side_streets=_either_side(rng, side_streets),
+        driveways=_either_side(rng, driveways),
+        patches=int(rng.integers(0, 12)),
+        covers=int(rng.integers(2, 9)),
+        hills=float(rng.uniform(4, 32)),
+        seed=int(rng.integers(2**32)),
+    )
+
+
+def ground_assets(ground: Ground) -> dict[int, Asset]:
+    """The three surfaces by instance id: road with its markings, sidewalk with its kerb, terrain."""
+    rng = np.random.default_rng(ground.seed)
+    surfaces = (road_quads, sidewalk_quads, terrain_quads)
+    return {
+        instance: to_asset(draw(ground, rng))
+        for instance, draw in zip(GROUND_INSTANCES, surfaces, strict=True)
+    }

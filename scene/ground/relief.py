@@ -1,0 +1,120 @@
+"""Beside the road: kerb stones, the sidewalk, and the land up to the hills on the horizon."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from scene.ground.extent import (
+    GROUND_END,
+    GROUND_SIDE,
+    GROUND_START,
+    KERB_HEIGHT,
+    KERB_WIDTH,
+    stations,
+    wavy,
+)
+from scene.mesh.quads import Quads, flat, grid, quads, rectangles
+
+if TYPE_CHECKING:
+    from scene.ground.ground import Ground
+
+DROPPED = 0.025
+"""Height of a dropped kerb, metres."""
+RAMP = 0.5
+"""Metres over which the sidewalk falls to a dropped kerb."""
+FLAT_SIDE, FLAT_END = 100.0, 330.0
+"""Beyond these the land may rise, metres to each side and along the road."""
+FIELDS = ((0.05, 0.085, 0.025), (0.10, 0.105, 0.04), (0.03, 0.05, 0.018), (0.13, 0.11, 0.06))
+"""Colours of distant fields and woods."""
+
+
+def sidewalk_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
+    """Kerb stones and paving on both sides."""
+    return [part for side in (-1.0, 1.0) for part in _one_side(ground, side, rng)]
+
+
+def _drops(ground: Ground, side: float) -> list[tuple[float, float]]:
+    """Where the kerb is dropped, from and to, metres along the road."""
+    return [(x - 1.8, x + 1.8) for x, s in ground.driveways if s == side] + [
+        (x - 5.0, x + 5.0) for x, s in ground.side_streets if s == side
+    ]
+
+
+def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Quads]:
+    drops = _drops(ground, side)
+    breaks = [b + d for drop in drops for b, d in zip(drop, (-0.6, 0.6), strict=True)]
+    x = np.unique(np.concatenate([stations(1.8), np.ravel(drops), breaks]))
+    top = np.full(len(x), KERB_HEIGHT + 0.005)
+    for start, end in drops:
+        top[(x >= start - 1e-9) & (x <= end + 1e-9)] = DROPPED
+    inner = ground.half_width + KERB_WIDTH
+    y = side * np.array([ground.half_width, ground.half_width + 0.02, inner])
+    kerb = grid(x, y, np.stack([np.zeros_like(top), top, top], axis=1))
+    stone = (rng.uniform(0.82, 1.1, len(x) - 1)[:, None] * [0.8, 1.0]).reshape(-1, 1)
+    parts = [quads(kerb, stone * np.asarray(ground.kerb), "concrete")]
+
+    ramp = grid(x, side * np.array([inner, inner + RAMP]),
+                np.stack([np.minimum(top, KERB_HEIGHT), np.full(len(x), KERB_HEIGHT)], axis=1))  # fmt: skip
+    base = np.asarray(ground.sidewalk.color)
+    edge = (1 + 0.05 * wavy(rng, x[:-1], 9.0))[:, None]
+    parts.append(quads(ramp, edge * base * ground.strip, ground.sidewalk.material))
+
+    bays = stations(4.5)
+    across = side * np.array([inner + RAMP, (inner + RAMP + ground.outer) / 2, ground.outer])
+    shade = (
+        1 + 0.05 * wavy(rng, bays[:-1], 9.0)[:, None] + rng.uniform(-0.02, 0.02, (len(bays) - 1, 2))
+    )
+    shade = (shade * [1.0, 0.93]).reshape(-1, 1)
+    level = np.full((len(bays), 3), KERB_HEIGHT)
+    parts.append(quads(grid(bays, across, level), shade * base, ground.sidewalk.material))
+    parts += [_blisters(x, side, inner) for x in ground.crosswalks]
+    parts += [_drive(ground, x, side) for x, s in ground.driveways if s == side]
+    return parts
+
+
+def _blisters(x: float, side: float, inner: float) -> Quads:
+    """Tactile paving beside a crossing."""
+    y0, y1 = sorted((side * inner, side * (inner + 0.8)))
+    outline = rectangles(*np.array([x - 1.2, x + 1.2, y0, y1]))
+    return flat(outline, KERB_HEIGHT + 0.003, np.array([0.24, 0.17, 0.11]), "tactile")
+
+
+def _drive(ground: Ground, x: float, side: float) -> Quads:
+    """A driveway over the sidewalk, in asphalt."""
+    y0, y1 = sorted((side * (ground.half_width + KERB_WIDTH + RAMP), side * ground.outer))
+    outline = rectangles(*np.array([x - 1.6, x + 1.6, y0, y1]))
+    color = 0.85 * np.asarray(ground.sidewalk.color)
+    return flat(outline, KERB_HEIGHT + 0.002, color, "concrete")
+
+
+def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
+    """Land on both sides in patches of near shades, and hills of fields and woods far away."""
+    base = np.asarray(ground.terrain.color)
+    x = stations(8.0)
+    parts = []
+    for side in (-1.0, 1.0):
+        y = side * np.array([ground.outer, 11.0, 16.0, 26.0, 50.0, FLAT_SIDE])
+        shape = (len(x) - 1, len(y) - 1)
+        shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
+        land = grid(x, y, np.full((len(x), len(y)), KERB_HEIGHT))
+        parts.append(quads(land, shade.reshape(-1, 1) * base, ground.terrain.material))
+        outer = side * np.array([FLAT_SIDE, 150.0, 220.0, 310.0, GROUND_SIDE])
+        along = np.linspace(GROUND_START, GROUND_END, 17)
+        rise = np.array([0.0, 0.15, 0.45, 0.8, 1.0])
+        parts.append(_hills(ground, along, outer, rise[None, :], rng))
+    ahead = np.array([FLAT_END, 380.0, 440.0, 520.0, GROUND_END])
+    across = np.linspace(-FLAT_SIDE, FLAT_SIDE, 9)
+    parts.append(_hills(ground, ahead, across, np.array([[0.0, 0.2, 0.5, 0.85, 1.0]]).T, rng))
+    return parts
+
+
+def _hills(
+    ground: Ground, x: np.ndarray, y: np.ndarray, rise: np.ndarray, rng: np.random.Generator
+) -> Quads:
+    """Slopes that rise away from the street by up to ``ground.hills`` metres."""
+    height = ground.hills * rise * rng.uniform(0.6, 1.0, (len(x), len(y)))
+    cells = (len(x) - 1) * (len(y) - 1)
+    field = np.array(FIELDS)[rng.integers(len(FIELDS), size=cells)]
+    return quads(grid(x, y, KERB_HEIGHT + 0.01 + height), field, "long grass")

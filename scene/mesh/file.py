@@ -1,0 +1,206 @@
+"""Mesh files as assets: one colour per face, metres, z up, front along x, standing on the ground.
+
+Textures are read once for each face, at points spread over it; the engine draws flat-coloured faces.
+glTF is y up with its front along z, and its colours are linear; everywhere else z is up, the front
+along x, and colours are sRGB.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import unquote
+
+import numpy as np
+
+from scene.look.materials import material_id
+from scene.mesh.asset import Asset
+from scene.mesh.mesh import Mesh
+
+if TYPE_CHECKING:
+    import trimesh
+
+SUFFIXES = (".glb", ".gltf", ".obj", ".ply", ".stl")
+"""Formats that are read."""
+GLTF = (".glb", ".gltf")
+MOST_FACES = 200_000
+"""A heavier mesh is refused: a street holds hundreds of assets."""
+AXES = {
+    f"{sign}{name}": factor * np.eye(3)[k]
+    for k, name in enumerate("xyz")
+    for sign, factor in (("", 1), ("-", -1))
+}
+"""Names of directions in a file: x, -x, y, ..."""
+GREY = (0.4, 0.4, 0.4)
+"""Linear RGB of what has no colour of its own."""
+SAMPLES = np.array([[1, 1, 1], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / [[3], [6], [6], [6]]
+"""Barycentric coordinates at which a face reads its texture."""
+CLEAR = 0.9
+"""Below this opacity a plain colour is glass."""
+HOLE = 0.5
+"""Below this opacity a textured face is left out: it is the air between the leaves."""
+
+
+class MeshError(ValueError):
+    """A mesh file cannot be used; the message says why, but not which file."""
+
+
+def read_mesh(path: Path, *, up: str = "", forward: str = "", scale: float = 1.0) -> Asset:
+    """The asset in a file, not moved yet.
+
+    Args:
+        path: a file with one of ``SUFFIXES``.
+        up: which way is up in the file, one of ``AXES``; by default y in glTF and z elsewhere.
+        forward: where its front looks; by default z in glTF and x elsewhere.
+        scale: metres per unit of the file.
+
+    Raises:
+        MeshError: broken or empty file, missing texture, too many faces, odd axes.
+    """
+    import trimesh  # takes a second, which streets of built-in assets need not wait for
+
+    for name in _referenced(path):
+        if not (path.parent / name).is_file():
+            raise MeshError(f"refers to {name}, which is not there")
+    try:
+        loaded = trimesh.load_scene(str(path), process=False)
+        pieces = [
+            _piece(geometry, np.asarray(matrix), path.suffix.lower() in GLTF)
+            for geometry, matrix in _placed(loaded)
+        ]
+    except MeshError:
+        raise
+    except Exception as error:  # loaders raise whatever their formats make them stumble over
+        raise MeshError(f"broken: {error}") from error
+    pieces = [piece for piece in pieces if len(piece.color)]
+    if not pieces:
+        raise MeshError("has no faces")
+    faces = sum(len(piece.color) for piece in pieces)
+    if faces > MOST_FACES:
+        raise MeshError(f"has {faces:,} faces; at most {MOST_FACES:,} are allowed")
+    turn = scale * _axes(path, up, forward)
+    offsets = np.cumsum([0] + [len(piece.mesh.vertices) for piece in pieces[:-1]])
+    vertices = np.concatenate([piece.mesh.vertices for piece in pieces]) @ turn.T
+    if not np.isfinite(vertices).all():
+        raise MeshError("has vertices that are not finite numbers")
+    joined = [piece.mesh.faces + o for piece, o in zip(pieces, offsets, strict=True)]
+    mesh = trimesh.Trimesh(vertices, np.concatenate(joined), process=False)
+    mesh.remove_unreferenced_vertices()
+    return Asset(
+        Mesh(np.asarray(mesh.vertices), np.asarray(mesh.faces)),
+        np.concatenate([piece.color for piece in pieces]),
+        np.concatenate([piece.material for piece in pieces]),
+    )
+
+
+def _axes(path: Path, up: str, forward: str) -> np.ndarray:
+    """Rotation f64[3, 3] from the file's axes to x forward, y left, z up."""
+    gltf = path.suffix.lower() in GLTF
+    up = up or ("y" if gltf else "z")
+    if not forward:
+        forward = "z" if up.endswith("y") else "x" if up.endswith("z") else "y"
+    for column, value in (("up", up), ("forward", forward)):
+        if value not in AXES:
+            raise MeshError(f"{column} is {value!r}; known: {', '.join(AXES)}")
+    if up[-1] == forward[-1]:
+        raise MeshError(f"up {up} and forward {forward} are the same axis")
+    z, x = AXES[up], AXES[forward]
+    return np.stack([x, np.cross(z, x), z])
+
+
+def _referenced(path: Path) -> Iterator[str]:
+    """Files that a mesh file needs beside itself."""
+    suffix = path.suffix.lower()
+    if suffix == ".gltf":
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+            uris = [row.get("uri", "") for k in ("buffers", "images") for row in content.get(k, [])]
+        except (ValueError, AttributeError) as error:
+            raise MeshError(f"broken: {error}") from error
+        yield from (unquote(uri) for uri in uris if uri and not uri.startswith("data:"))
+    if suffix == ".obj":
+        for library in _words_after(path, "mtllib"):
+            yield library
+            if (path.parent / library).is_file():
+                for word in ("map_Kd", "map_kd"):
+                    yield from (
+                        line.split()[-1] for line in _words_after(path.parent / library, word)
+                    )
+    if suffix == ".ply":
+        yield from _words_after(path, "comment TextureFile")
+
+
+def _words_after(path: Path, keyword: str) -> Iterator[str]:
+    """What follows a keyword at the start of lines of a text file (its beginning, for a binary)."""
+    with path.open("rb") as file:
+        for line in file:
+            text = line.decode("utf-8", "replace").strip()
+            if text.startswith(keyword + " ") and text[len(keyword) :].strip():
+                yield text[len(keyword) :].strip()
+            if text == "end_header":  # of a PLY: data from here on
+                return
+
+
+def _placed(loaded: trimesh.Scene) -> Iterator[tuple[trimesh.Trimesh, np.ndarray]]:
+    """Every mesh of a loaded file with its pose; points and lines are passed over."""
+    import trimesh
+
+    for node in loaded.graph.nodes_geometry:
+        matrix, name = loaded.graph[node]
+        geometry = loaded.geometry[name]
+        if isinstance(geometry, trimesh.Trimesh):
+            yield geometry, matrix
+
+
+def _piece(mesh: trimesh.Trimesh, matrix: np.ndarray, linear: bool) -> Asset:
+    """One mesh of a file in the file's own axes, its see-through faces left out."""
+    rgba, textured = _colors(mesh, linear)
+    keep = rgba[:, 3] >= HOLE if textured else np.ones(len(rgba), bool)
+    clear = (rgba[:, 3] < CLEAR) & (not textured)
+    vertices = np.asarray(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
+    material = np.where(clear, material_id("glass"), material_id("plain")).astype(np.uint8)
+    return Asset(
+        Mesh(vertices, np.asarray(mesh.faces)[keep]),
+        np.clip(rgba[keep, :3], 0, 1).astype(np.float32),
+        material[keep],
+    )
+
+
+def _colors(mesh: trimesh.Trimesh, linear: bool) -> tuple[np.ndarray, bool]:
+    """Linear RGB and opacity f64[faces, 4] of a mesh, and whether they come from a texture."""
+    count = len(mesh.faces)
+    visual = mesh.visual
+    plain = np.tile((*GREY, 1.0), (count, 1))
+    if visual.kind in ("vertex", "face"):
+        return _linear(np.asarray(visual.face_colors, float) / 255, linear), False
+    if visual.kind != "texture":
+        return plain, False
+    material = getattr(visual, "material", None)
+    picture = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    factor = getattr(material, "baseColorFactor", None)
+    if factor is None and picture is None:
+        factor = getattr(material, "diffuse", None)
+    tint = (
+        np.ones(4) if factor is None else _linear(np.asarray(factor, float)[None] / 255, linear)[0]
+    )
+    if picture is None or visual.uv is None:
+        return (np.tile(tint, (count, 1)) if factor is not None else plain), False
+    pixels = np.asarray(picture.convert("RGBA"), float) / 255
+    uv = np.einsum("sk,fkc->fsc", SAMPLES, np.asarray(visual.uv)[np.asarray(mesh.faces)])
+    if not np.isfinite(uv).all():
+        raise MeshError("has texture coordinates that are not finite numbers")
+    height, width = pixels.shape[:2]
+    columns = np.floor((uv[..., 0] % 1) * width).astype(int) % width
+    rows = np.floor(((1 - uv[..., 1]) % 1) * height).astype(int) % height
+    return _linear(pixels[rows, columns], False).mean(axis=1) * tint, True
+
+
+def _linear(rgba: np.ndarray, linear: bool) -> np.ndarray:
+    """Colours with sRGB decoded, unless they are ``linear``; opacity stays."""
+    if linear:
+        return rgba
+    rgb = rgba[..., :3]
+    decoded = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    return np.concatenate([decoded, rgba[..., 3:]], axis=-1)

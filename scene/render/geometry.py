@@ -1,0 +1,237 @@
+"""A street as flat arrays: every distinct mesh once, and where each instance of it stands.
+
+Nothing is copied per instance: a renderer that knows instancing pays for an asset's triangles once,
+and ``world`` merges them for one that does not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from scene.assets import catalogue
+from scene.classes import TrainId
+from scene.ground.ground import GROUND_INSTANCES, ground_assets
+from scene.look.tones import TONES
+from scene.mesh.asset import Asset
+from scene.street.street import FIRST_INSTANCE, Street
+
+SKY_INSTANCE = 0
+CREASE = 40.0
+"""Degrees between faces below which the surface is shaded as a curved one."""
+
+
+SMALL = 0.12
+"""Square metres below which a triangle may be left out far away."""
+THIN = 0.25
+"""Share of its small triangles that a far tree keeps."""
+ROW = 16
+"""Floats in a row of a surface: 64 bytes, one line of a processor's cache."""
+
+
+class Shape(NamedTuple):
+    """One mesh, ready to be placed; metres in its own frame.
+
+    All that shading asks about a face lies in one row of ``surface``: its normal (0-2), the smoothed
+    normals at its corners (3-11), its linear RGB albedo (12-14), its index into MATERIALS (15).
+    """
+
+    vertices: np.ndarray  # f32[v, 3]
+    faces: np.ndarray  # i32[f, 3]
+    surface: np.ndarray  # f32[f, ROW]
+    ball: np.ndarray  # f32[4] middle and radius of a ball around it
+    table: tuple[int, ...]  # addresses of surface, vertices, faces; numbers of vertices, faces
+
+    @classmethod
+    def of(cls, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray) -> Shape:
+        """The shape of these arrays, which must be contiguous."""
+        low, high = vertices.min(axis=0), vertices.max(axis=0)
+        middle = (low + high) / 2
+        radius = np.linalg.norm(vertices - middle, axis=1).max()
+        addresses = (int(a.ctypes.data) for a in (surface, vertices, faces))
+        ball = np.append(middle, 1.0001 * radius).astype(np.float32)
+        return cls(vertices, faces, surface, ball, (*addresses, len(vertices), len(faces)))
+
+    @property
+    def normal(self) -> np.ndarray:
+        """Unit normals f32[f, 3] of the flat faces."""
+        return self.surface[:, 0:3]
+
+    @property
+    def corners(self) -> np.ndarray:
+        """Unit normals f32[f, 3, 3] at each corner, smoothed where there is no edge."""
+        return self.surface[:, 3:12].reshape(-1, 3, 3)
+
+    @property
+    def color(self) -> np.ndarray:
+        """Linear RGB albedo f32[f, 3]."""
+        return self.surface[:, 12:15]
+
+    @property
+    def material(self) -> np.ndarray:
+        """Index i64[f] into MATERIALS."""
+        return self.surface[:, 15].astype(np.int64)
+
+
+class Geometry(NamedTuple):
+    """Which shape stands where; nothing is copied, since streets share their shapes."""
+
+    shapes: tuple[Shape, ...]  # of every instance from 1 on
+    tables: np.ndarray  # u64[instances, 5] each instance's ``Shape.table``; of the sky: 0
+    balls: np.ndarray  # f32[instances, 4] middle and radius of a ball around it, in its own frame
+    pose: np.ndarray  # f32[instances, 3, 4] shape -> world
+    train_id: np.ndarray  # u8[instances]; instance 0 is the sky
+
+    @property
+    def surfaces(self) -> np.ndarray:
+        """Address u64[instances] of each instance's ``surface``."""
+        return np.ascontiguousarray(self.tables[:, 0])
+
+    @property
+    def triangles(self) -> int:
+        """Triangles that stand in the street, every instance counted."""
+        return sum(len(shape.faces) for shape in self.shapes)
+
+
+def shape_of(asset: Asset, tone: float = 1.0) -> Shape:
+    """The arrays of an asset, its albedo times ``tone``."""
+    vertices = np.ascontiguousarray(asset.mesh.vertices, np.float32)
+    faces = np.ascontiguousarray(asset.mesh.faces, np.int32)
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    area = np.cross(b - a, c - a)
+    length = np.linalg.norm(area, axis=1, keepdims=True)
+    surface = np.empty((len(faces), ROW), np.float32)
+    normal = np.divide(area, length, out=np.zeros_like(area), where=length > 0)
+    # Solids are merged part by part: corners that touch are found by their place.
+    places = np.round(vertices * 1e4).astype(np.int64) @ (1, 2**21, 2**42)
+    corner = np.unique(places, return_inverse=True)[1].ravel()[faces.ravel()]
+    order = np.argsort(corner, kind="stable")
+    corners = np.empty((len(faces), 3, 3), np.float32)
+    _smooth(corner, order, area, normal, np.cos(np.radians(CREASE)), corners)
+    surface[:, 0:3], surface[:, 3:12] = normal, corners.reshape(-1, 9)
+    surface[:, 12:15] = np.minimum(tone * np.asarray(asset.color), 1.0)
+    surface[:, 15] = asset.material
+    return Shape.of(vertices, faces, surface)
+
+
+@njit(cache=True)
+def _smooth(
+    place: np.ndarray,
+    order: np.ndarray,
+    area: np.ndarray,
+    normal: np.ndarray,
+    least: float,
+    corners: np.ndarray,
+) -> None:
+    """Mean over the faces around each corner that bend less than the crease, by their area.
+
+    Faces may be wound either way: a normal counts in the direction that agrees.
+    """
+    begin = 0
+    while begin < len(order):
+        end = begin
+        while end < len(order) and place[order[end]] == place[order[begin]]:
+            end += 1
+        for i in range(begin, end):
+            face, corner = order[i] // 3, order[i] % 3
+            x, y, z = area[face, 0], area[face, 1], area[face, 2]
+            for j in range(begin, end):
+                other = order[j] // 3
+                if other == face:
+                    continue
+                dot = (
+                    normal[face, 0] * normal[other, 0]
+                    + normal[face, 1] * normal[other, 1]
+                    + normal[face, 2] * normal[other, 2]
+                )
+                if abs(dot) > least:
+                    sign = 1.0 if dot > 0 else -1.0
+                    x += sign * area[other, 0]
+                    y += sign * area[other, 1]
+                    z += sign * area[other, 2]
+            length = max((x * x + y * y + z * z) ** 0.5, 1e-20)
+            corners[face, corner, 0] = x / length
+            corners[face, corner, 1] = y / length
+            corners[face, corner, 2] = z / length
+        begin = end
+
+
+def thinned(shape: Shape, share: float) -> Shape:
+    """Keep a ``share`` of the small triangles, leaves and twigs, so much larger that they cover as much.
+
+    From afar a crown looks alike, and rays pass it sooner. Source: stochastic simplification (Cook,
+    Halstead, Planck, Ryu 2007).
+    """
+    corners = shape.vertices[shape.faces]
+    area = (
+        np.linalg.norm(
+            np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
+        )
+        / 2
+    )
+    small = area < SMALL
+    keep = ~small | (np.arange(len(area)) * 0.618034 % 1.0 < share)
+    middle = corners.mean(axis=1, keepdims=True)
+    scale = np.where(small, share**-0.5, 1.0)[:, None, None]
+    grown = (middle + scale * (corners - middle))[keep].astype(np.float32).reshape(-1, 3)
+    faces = np.arange(len(grown), dtype=np.int32).reshape(-1, 3)
+    return Shape.of(grown, faces, np.ascontiguousarray(shape.surface[keep]))
+
+
+@lru_cache(maxsize=2048)
+def asset_shape(family: str, asset: int | str, far: bool = False) -> Shape:
+    """The shape of a catalogue asset, whole or, for one that stays ``far``, thinned."""
+    if far:
+        return thinned(asset_shape(family, asset), THIN)
+    tone = TONES[family] if isinstance(asset, int) else 1.0
+    return shape_of(catalogue.asset(family, asset), tone)
+
+
+def build(street: Street) -> Geometry:
+    """Collect a street's shapes and poses."""
+    ground = ground_assets(street.ground)
+    shapes = [shape_of(ground[instance]) for instance in range(1, FIRST_INSTANCE)]
+    shapes += [asset_shape(p.family, p.asset, p.far) for p in street.placements]
+    pose = np.zeros((1 + len(shapes), 3, 4), np.float32)
+    pose[:FIRST_INSTANCE] = np.eye(3, 4)
+    train_id = np.zeros(1 + len(shapes), np.uint8)
+    train_id[SKY_INSTANCE] = TrainId.SKY
+    for instance, label in GROUND_INSTANCES.items():
+        train_id[instance] = label
+    for placement in street.placements:
+        pose[placement.instance] = placement.pose[:3]
+        train_id[placement.instance] = placement.train_id
+    return stand(shapes, pose, train_id)
+
+
+def stand(shapes: Sequence[Shape], pose: np.ndarray, train_id: np.ndarray) -> Geometry:
+    """Shapes as instances 1, 2, ...; row 0 of ``pose`` f32[n, 3, 4] and ``train_id`` u8[n] is the sky's."""
+    tables = np.array([(0,) * 5, *(shape.table for shape in shapes)], np.uint64)
+    balls = np.stack([np.zeros(4, np.float32), *(shape.ball for shape in shapes)])
+    return Geometry(tuple(shapes), tables, balls, pose, train_id)
+
+
+class World(NamedTuple):
+    """All instances merged, in world metres."""
+
+    vertices: np.ndarray  # f32[3 f, 3], three for each face
+    instance: np.ndarray  # i32[f]
+    face: np.ndarray  # i32[f] index into the faces of the instance's shape
+
+
+def world(geometry: Geometry) -> World:
+    """Merge every instance's triangles, for renderers without instancing."""
+    counts = [len(shape.faces) for shape in geometry.shapes]
+    parts = [
+        (shape.vertices @ pose[:, :3].T + pose[:, 3])[shape.faces].reshape(-1, 3)
+        for shape, pose in zip(geometry.shapes, geometry.pose[1:], strict=True)
+    ]
+    return World(
+        np.concatenate(parts),
+        np.repeat(np.arange(1, 1 + len(counts), dtype=np.int32), counts),
+        np.concatenate([np.arange(n, dtype=np.int32) for n in counts]),
+    )

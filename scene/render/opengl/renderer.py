@@ -1,0 +1,271 @@
+"""Rasterisation with OpenGL: the renderer that uses a GPU where there is one.
+
+OpenGL finds which face every sample sees, and draws the street from the sun for its shadows; shading is
+shared with the other renderers. On machines without a GPU, Mesa's software rasteriser does the drawing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+from numba import njit
+
+from scene.render import shade
+from scene.render.geometry import World, build, world
+from scene.render.opengl.shadow_maps import cast_shadows, pose_of
+from scene.render.protocol import (
+    Frame,
+    Lap,
+    RendererError,
+    RenderSettings,
+    camera_axes,
+    check_settings,
+    no_lap,
+)
+from scene.render.shot import (
+    Hits,
+    Light,
+    Rays,
+    Surroundings,
+    Visible,
+    expose,
+    sample_rays,
+    sky_segments,
+    spread,
+    sun_segments,
+    surroundings,
+    visible,
+)
+from scene.street.street import Camera, Street
+
+if TYPE_CHECKING:
+    from scene.render.opengl.raster import Rasterizer
+
+T = TypeVar("T")
+
+NEAR = 0.05
+"""Metres from the camera to the near plane."""
+STEPS = (0.1, 0.25, 0.6, 1.3, 2.5, 4.5)
+"""Metres from a surface at which something that hides the sky from it is looked for."""
+
+
+class OpenGLRenderer:
+    """Renders streets with OpenGL; all instances of a process share one context."""
+
+    name = "opengl"
+
+    def __init__(self) -> None:
+        """Open the context, once per process.
+
+        Raises:
+            RendererError: no EGL, no driver or no pyrender on this machine.
+        """
+        _on_gl_thread(_rasterizer)
+
+    def render(self, street: Street, settings: RenderSettings, lap: Lap = no_lap) -> list[Frame]:
+        """One frame per camera of the street; see ``protocol.Renderer``.
+
+        Raises:
+            ValueError: settings out of range.
+            RendererError: OpenGL failed; its resources have been freed.
+        """
+        check_settings(settings)
+        return _on_gl_thread(lambda: _render(street, settings, lap))
+
+
+@cache
+def _gl_thread() -> ThreadPoolExecutor:
+    """A context belongs to one thread, and callers may come from any (JAX callbacks do)."""
+    return ThreadPoolExecutor(1, thread_name_prefix="opengl")
+
+
+def _on_gl_thread(work: Callable[[], T]) -> T:
+    return _gl_thread().submit(work).result()
+
+
+@cache
+def _rasterizer() -> Rasterizer:
+    try:
+        from scene.render.opengl.raster import Rasterizer
+
+        return Rasterizer()
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RendererError(
+            f"the opengl renderer cannot start ({reason}); it needs pyrender and EGL with a driver "
+            "(Debian: apt-get install libegl1 libgl1-mesa-dri), or use --renderer embree"
+        ) from error
+
+
+def _release() -> None:
+    """Free the context; the next render opens another."""
+    if _rasterizer.cache_info().currsize:
+        try:
+            _rasterizer().delete()
+        finally:
+            _rasterizer.cache_clear()
+
+
+def _render(street: Street, settings: RenderSettings, lap: Lap) -> list[Frame]:
+    geometry = build(street)
+    merged = world(geometry)
+    around = surroundings(street, geometry, settings)
+    lap("build")
+    rasterizer = _rasterizer()
+    try:
+        rasterizer.load(
+            merged.vertices, np.arange(len(merged.vertices), dtype=np.int32).reshape(-1, 3)
+        )
+        lap("bvh")
+        frames = []
+        for shot, camera in enumerate(street.cameras):
+            rays = sample_rays(camera, settings)
+            picture = rasterizer.draw(*_view(camera, settings), rays.columns, rays.rows)
+            seen = visible(rays, geometry, _hits(picture, rays, merged))
+            light = _light(rasterizer, around, merged, camera, rays, picture, seen, settings)
+            lap("rays")
+            frames.append(expose(around, shot, rays, seen, light, settings))
+            lap("shade")
+        return frames
+    except BaseException:
+        _release()
+        raise
+
+
+def _hits(picture: np.ndarray, rays: Rays, merged: World) -> Hits:
+    """What OpenGL drew, as the other renderers say it."""
+    n = rays.rows * rays.columns
+    hits = Hits(
+        np.empty(n, np.int32), np.empty(n, np.int32), *(np.empty(n, np.float32) for _ in range(3))
+    )
+    _read(
+        picture.reshape(n, 2), rays.origin, rays.directions, rays.along,
+        merged.vertices, merged.instance, merged.face, *hits,
+    )  # fmt: skip
+    return hits
+
+
+@njit(cache=True, fastmath=True)
+def _read(
+    picture: np.ndarray,
+    origin: np.ndarray,
+    directions: np.ndarray,
+    along: np.ndarray,
+    vertices: np.ndarray,
+    instances: np.ndarray,
+    faces: np.ndarray,
+    face: np.ndarray,
+    instance: np.ndarray,
+    distance: np.ndarray,
+    u: np.ndarray,
+    v: np.ndarray,
+) -> None:
+    """Faces, distances and places within the faces from a picture of face numbers and depths."""
+    for i in range(face.shape[0]):
+        drawn = int(picture[i, 0])
+        if drawn < 0:
+            face[i], instance[i] = shade.MISS, 0
+            distance[i] = u[i] = v[i] = 0
+            continue
+        face[i], instance[i] = faces[drawn], instances[drawn]
+        distance[i] = picture[i, 1] / along[i]
+        # Barycentric coordinates of the point, from dot products with the two edges.
+        bb = bc = cc = pb = pc = np.float32(0)
+        for k in range(3):
+            a = vertices[3 * drawn, k]
+            edge_b, edge_c = vertices[3 * drawn + 1, k] - a, vertices[3 * drawn + 2, k] - a
+            p = origin[k] + distance[i] * directions[i, k] - a
+            bb += edge_b * edge_b
+            bc += edge_b * edge_c
+            cc += edge_c * edge_c
+            pb += p * edge_b
+            pc += p * edge_c
+        area = bb * cc - bc * bc
+        scale = 1 / area if area > 1e-20 else np.float32(0)
+        u[i] = min(max((cc * pb - bc * pc) * scale, 0.0), 1.0)
+        v[i] = min(max((bb * pc - bc * pb) * scale, 0.0), 1.0 - u[i])
+
+
+def _light(
+    rasterizer: Rasterizer,
+    around: Surroundings,
+    merged: World,
+    camera: Camera,
+    rays: Rays,
+    picture: np.ndarray,
+    seen: Visible,
+    settings: RenderSettings,
+) -> Light:
+    """Sun and sky at each sample, from pictures instead of rays."""
+    lit = np.ones(len(seen.points), np.float32)
+    if settings.shadows:
+        drawn = picture[..., 0].ravel().astype(np.int32)
+        segments = sun_segments(seen, around)
+        cast_shadows(rasterizer, merged, rays, seen, drawn, segments, lit)
+    opened = np.ones(len(seen.points), np.float32)
+    if settings.occlusion:
+        segments = sky_segments(seen, rays)
+        free = segments.wanted.astype(np.float32)
+        axes = camera_axes(camera).astype(np.float32)
+        _open_on_screen(
+            rays.origin, np.float32(rays.spacing), seen.hits.distance, segments.starts,
+            segments.directions, segments.wanted, axes, picture, free,
+        )  # fmt: skip
+        opened = spread(free, seen, rays)
+    return Light(lit, opened)
+
+
+def _view(camera: Camera, settings: RenderSettings) -> tuple[np.ndarray, np.ndarray]:
+    """Pose and projection of a shot; the far plane is at infinity."""
+    axes = camera_axes(camera) * [[1], [1], [-1]]
+    half = math.tan(math.radians(settings.fov) / 2)
+    projection = np.zeros((4, 4))
+    projection[0, 0] = 1 / half
+    projection[1, 1] = settings.width / (settings.height * half)
+    projection[2, 2:] = -1, -2 * NEAR
+    projection[3, 2] = -1
+    return pose_of(axes, np.asarray(camera.position)), projection
+
+
+@njit(cache=True, fastmath=True)
+def _open_on_screen(
+    origin: np.ndarray,
+    spacing: np.float32,
+    distance: np.ndarray,
+    starts: np.ndarray,
+    directions: np.ndarray,
+    wanted: np.ndarray,
+    axes: np.ndarray,
+    picture: np.ndarray,
+    free: np.ndarray,
+) -> None:
+    """Set ``free`` to 0 where a few steps along a ray into the open pass behind something seen."""
+    rows, columns = picture.shape[0], picture.shape[1]
+    width = (columns + 1) // 2
+    for j in range(wanted.shape[0]):
+        if not wanted[j]:
+            continue
+        start = 0.004 * distance[2 * (j // width) * columns + 2 * (j % width)]
+        for reach in STEPS:
+            x, y, z = np.float32(0), np.float32(0), np.float32(0)
+            for k in range(3):
+                place = starts[j, k] - origin[k] + (start + reach) * directions[j, k]
+                x += place * axes[0, k]
+                y += place * axes[1, k]
+                z += place * axes[2, k]
+            if z < NEAR:
+                break
+            column = math.floor(x / (z * spacing) + 0.5 * columns)
+            row = math.floor(0.5 * rows - y / (z * spacing))
+            if column < 0 or column >= columns or row < 0 or row >= rows:
+                break
+            behind = z - picture[row, column, 1]
+            # What is much nearer stands in front rather than over it.
+            if picture[row, column, 0] >= 0 and 0.002 * z < behind < 0.3 + reach:
+                free[j] = 0.0
+                break

@@ -1,0 +1,1 @@
+"""Weather, clouds, sun and sky."""

@@ -1,0 +1,209 @@
+"""Sun, sky and haze of one street. Radiances are linear RGB; 1 is a white wall in full light."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from scene.sky.clouds import cloud_relief
+from scene.sky.weather import SKIES as SKIES
+from scene.sky.weather import Range, sample_weather
+
+SUN = 1.9
+"""Irradiance of a nominal sun outside the air."""
+BRIGHTEST = 4.0
+"""No radiance of a sky goes beyond this, the sun's disc included."""
+DISC = math.cos(math.radians(0.9))
+"""Cosine at the edge of the sun's disc: three times as wide as the real one, or columns miss it."""
+
+
+class Sky(NamedTuple):
+    """Light from above; plain arrays and floats, so that both renderers read the same."""
+
+    sun_direction: np.ndarray  # f32[3] unit vector towards the sun
+    sun: np.ndarray  # f32[3] irradiance on a surface facing the sun
+    zenith: np.ndarray  # f32[3] radiance straight up between clouds
+    horizon: np.ndarray  # f32[3] radiance at the horizon, the colour of haze
+    cloud: np.ndarray  # f32[3] mean radiance of a cloud
+    cover: float  # share of the sky in cloud, 0 clear .. 1 overcast
+    cloud_offset: np.ndarray  # f32[2] where in the cloud map this sky lies
+    haze: float  # metres over which all but 1/e of the light is lost
+    wetness: float  # of the road, 0 dry .. 1 standing water
+    weather: str  # name of its row in ``SKIES``
+    clouds: str  # kind of cloud map
+    scale: float  # size of that map, in heights of the cloud base
+    wind: float  # direction in which streaks are drawn out, radians
+    lift: float  # how upright clouds stand at the horizon
+    crisp: float  # sharpness of cloud edges
+    opacity: float  # of thick cloud
+    relief: float  # contrast of its bright and dark sides
+
+    @property
+    def ambient(self) -> np.ndarray:
+        """Light f32[3] that a surface in a street gets from the sky.
+
+        A clear sky is brightest at the horizon, where houses hide it; a grey one overhead.
+        """
+        clear = 0.5 * self.zenith + 0.5 * self.horizon
+        return ((1 - self.cover) * 0.55 * clear + self.cover * 0.75 * self.cloud).astype(np.float32)
+
+
+def sample_sky(
+    rng: np.random.Generator,
+    *,
+    intensity: float,
+    elevation: float,
+    azimuth: float,
+    share: float = 1.0,
+) -> Sky:
+    """Draw weather for a sun at the given angles (radians) and overall ``intensity`` (1 is nominal).
+
+    The sun reddens and weakens towards the horizon; clouds take its light and give back grey. All
+    light is proportional to ``intensity``; ``share`` below 1 draws from the first of ``SKIES`` only.
+    """
+    weather = sample_weather(rng, elevation, share)
+    height = math.sin(elevation)
+    air = math.exp(-0.12 / max(height, 0.05))
+    warm = np.array([1.0, 0.55 + 0.45 * air, 0.25 + 0.75 * air])
+    sun = intensity * SUN * air * weather.sun * rng.uniform(0.85, 1.1) * warm
+    day = 0.55 + 0.45 * math.sqrt(max(height, 0.0))
+    level = intensity * day * math.exp(rng.normal(0, 0.12))
+    tint = 1 + rng.normal(0, 0.03, 3)
+    direction = [
+        math.cos(elevation) * math.cos(azimuth),
+        math.cos(elevation) * math.sin(azimuth),
+        height,
+    ]
+    return Sky(
+        sun_direction=np.array(direction, np.float32),
+        sun=sun.astype(np.float32),
+        zenith=(level * tint * weather.zenith).astype(np.float32),
+        horizon=(level * tint * weather.horizon).astype(np.float32),
+        cloud=(level * rng.uniform(0.85, 1.15) * tint * weather.cloud).astype(np.float32),
+        cover=rng.uniform(*weather.cover),
+        cloud_offset=rng.random(2).astype(np.float32),
+        haze=_log_uniform(rng, weather.haze),
+        wetness=rng.uniform(*weather.wetness),
+        weather=weather.name,
+        clouds=weather.clouds,
+        scale=rng.uniform(*weather.scale),
+        wind=rng.uniform(-math.pi, math.pi),
+        lift=weather.lift,
+        crisp=rng.uniform(*weather.crisp),
+        opacity=weather.opacity,
+        relief=weather.relief,
+    )
+
+
+def _log_uniform(rng: np.random.Generator, ends: Range) -> float:
+    return float(np.exp(rng.uniform(math.log(ends[0]), math.log(ends[1]))))
+
+
+def panorama(sky: Sky, columns: int) -> np.ndarray:
+    """Radiance f32[columns // 4, columns, 3] of the upper half of the sky.
+
+    Column c looks along azimuth -pi + 2 pi (c + 0.5) / columns (0 is +x, left positive), row r at
+    elevation (pi / 2) ((r + 0.5) / rows)^2: row 0 is the horizon, where most of a street's sky is.
+    """
+    return _panorama(
+        columns, sky.sun_direction, sky.sun, sky.zenith, sky.horizon, sky.cloud,
+        np.float32(sky.cover), sky.cloud_offset, np.float32(sky.scale), np.float32(sky.wind),
+        np.float32(sky.lift), np.float32(sky.crisp), np.float32(sky.opacity),
+        np.float32(sky.relief), cloud_relief(sky.clouds),
+    )  # fmt: skip
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _panorama(
+    columns: int, sun_direction: np.ndarray, sun: np.ndarray, zenith: np.ndarray,
+    horizon: np.ndarray, cloud: np.ndarray, cover: np.float32, offset: np.ndarray,
+    scale: np.float32, wind: np.float32, lift: np.float32, crisp: np.float32,
+    opacity: np.float32, relief: np.float32, clouds: np.ndarray,
+) -> np.ndarray:  # fmt: skip
+    """Clouds lie on a plane overhead that bends down by ``lift``, so that far ones still have flanks.
+
+    A cloud's bright side is the one that slopes up (seen from the street) or to the sun. Thin cloud
+    lets the sun's glow through, which gives it its silver lining.
+    """
+    rows = columns // 4
+    half, one, two, three = np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
+    size = clouds.shape[0]
+    far = 64 * size  # keeps places on the map positive
+    mask = size - 1  # the size is a power of two
+    out = np.empty((rows, columns, 3), np.float32)
+    east, north = np.empty(columns, np.float32), np.empty(columns, np.float32)
+    for c in range(columns):
+        azimuth = -math.pi + 2 * math.pi * (c + 0.5) / columns
+        east[c], north[c] = math.cos(azimuth), math.sin(azimuth)
+    cosine, sine = np.float32(math.cos(wind)), np.float32(math.sin(wind))
+    flat = np.float32(math.sqrt(sun_direction[0] ** 2 + sun_direction[1] ** 2))
+    base = np.empty(3, np.float32)
+    start0, start1 = np.float32(offset[0] * size + far), np.float32(offset[1] * size + far)
+    for r in range(rows):
+        elevation = math.pi / 2 * ((r + 0.5) / rows) ** 2
+        up, level = np.float32(math.sin(elevation)), np.float32(math.cos(elevation))
+        fade = np.float32((one - up) ** 6)
+        mist = np.float32(math.exp(-elevation / 0.05))  # the last three degrees are haze
+        reach = np.float32(level * (1 + lift) / (up + lift) * size / scale)
+        for k in range(3):
+            base[k] = zenith[k] * (one - fade) + horizon[k] * fade
+        for c in range(columns):
+            x, y = east[c], north[c]
+            toward = (x * sun_direction[0] + y * sun_direction[1]) * level + up * sun_direction[2]
+            t = max(toward, np.float32(0))
+            t2 = t * t
+            t8 = t2 * t2 * t2 * t2
+            t32 = t8 * t8 * t8 * t8
+            t128 = t32 * t32 * t32 * t32
+            t512 = t128 * t128 * t128 * t128
+            glow = np.float32(0.10) * t8 + np.float32(0.16) * t32 + np.float32(0.35) * t512
+            # Where the ray meets the clouds; rows of the map run along the wind.
+            u, v = x * cosine + y * sine, y * cosine - x * sine
+            row, column = u * reach + start0, v * reach + start1
+            r0, c0 = int(row), int(column)
+            fr, fc = row - np.float32(r0), column - np.float32(c0)
+            r0, c0 = r0 & mask, c0 & mask
+            r1, c1 = (r0 + 1) & mask, (c0 + 1) & mask
+            w00, w01 = (one - fr) * (one - fc), (one - fr) * fc
+            w10, w11 = fr * (one - fc), fr * fc
+            thick = (
+                w00 * clouds[r0, c0, 0] + w01 * clouds[r0, c1, 0]
+                + w10 * clouds[r1, c0, 0] + w11 * clouds[r1, c1, 0]
+            )  # fmt: skip
+            depth = thick - (one - cover)
+            opaque = min(max(depth * crisp + half, np.float32(0)), one)
+            opaque = opaque * opaque * (three - two * opaque) * opacity
+            tone = one
+            if opaque > 0:
+                slope_u = (
+                    w00 * clouds[r0, c0, 1] + w01 * clouds[r0, c1, 1]
+                    + w10 * clouds[r1, c0, 1] + w11 * clouds[r1, c1, 1]
+                )  # fmt: skip
+                slope_v = (
+                    w00 * clouds[r0, c0, 2] + w01 * clouds[r0, c1, 2]
+                    + w10 * clouds[r1, c0, 2] + w11 * clouds[r1, c1, 2]
+                )  # fmt: skip
+                su = sun_direction[0] * cosine + sun_direction[1] * sine
+                sv = sun_direction[1] * cosine - sun_direction[0] * sine
+                # Thickness that grows outwards is the upper flank, as the plane is seen from below.
+                flank = slope_u * u + slope_v * v
+                lit = -(slope_u * su + slope_v * sv)
+                core = np.float32(0.55) * min(depth / (cover + np.float32(0.05)), one)
+                tone = one + relief * (
+                    np.float32(0.55) * flank + np.float32(0.4) * flat * lit
+                    + np.float32(0.35) - core
+                )  # fmt: skip
+            through = one - np.float32(0.75) * opaque
+            disc = np.float32(0)
+            if toward > DISC - np.float32(1e-4):
+                disc = min((toward - np.float32(DISC)) * np.float32(20000) + half, one)
+                disc = max(disc, np.float32(0)) * (one - opaque)
+            for k in range(3):
+                value = base[k] * (one - opaque) + cloud[k] * tone * opaque
+                value = value * (one - mist) + horizon[k] * mist
+                value += sun[k] * (glow * through + two * disc)
+                out[r, c, k] = min(value, np.float32(BRIGHTEST))
+    return out

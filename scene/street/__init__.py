@@ -1,0 +1,1 @@
+"""Lines of objects along a road, and the camera that drives down it."""
