@@ -83,7 +83,7 @@ def jax_runs(job: Job) -> Runs:
     """Our passes, those of ``seg.train``."""
     settings = job.settings
     images, labels = job.data()
-    compiled = functions(settings)
+    compiled = functions(settings, CLASSES)
     module = net(job.net, CLASSES)
     data = jax.device_put((images, labels, np.ones(CLASSES, np.float32), np.uint32(0)))
     state = compiled.init(np.uint32(0), data[0])
@@ -228,12 +228,12 @@ def reward_row(
     labels = (dataset.labels % CLASSES).astype(np.uint8)  # any of the table's ids cost the same
 
     def short() -> None:
-        params = train(0, dataset.images, labels, replace(settings, steps=1))
-        score(params, *real, settings)
+        params = train(0, dataset.images, labels, replace(settings, steps=1), CLASSES)
+        score(params, *real, settings, CLASSES)
 
     cold, warm = seconds(short)[0], seconds(short)[0]
-    train_s, params = seconds(lambda: train(1, dataset.images, labels, settings))
-    score_s, _ = seconds(lambda: score(params, *real, settings))
+    train_s, params = seconds(lambda: train(1, dataset.images, labels, settings, CLASSES))
+    score_s, _ = seconds(lambda: score(params, *real, settings, CLASSES))
     return {
         "size": f"{stage.width}x{stage.height}",
         "images": len(labels),

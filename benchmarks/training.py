@@ -16,6 +16,7 @@ import numpy as np
 from benchmarks.report import Row, parser, report
 from seg.train import TrainSettings, train
 
+CLASSES = 11
 SIZES = ((64, 48), (128, 96))
 
 
@@ -25,7 +26,7 @@ def seconds(steps: int, images: np.ndarray, labels: np.ndarray, stepwise: bool) 
     times = []
     for seed in range(4):
         started = time.perf_counter()
-        train(seed, images, labels, settings, stepwise=stepwise)
+        train(seed, images, labels, settings, CLASSES, stepwise=stepwise)
         times.append(time.perf_counter() - started)
     return statistics.median(times[1:])
 
@@ -39,7 +40,7 @@ def main() -> int:
     rows: list[Row] = []
     for width, height in SIZES:
         images = rng.integers(0, 256, (32, height, width, 3), np.uint8)
-        labels = rng.integers(0, 11, (32, height, width), np.uint8)
+        labels = rng.integers(0, CLASSES, (32, height, width), np.uint8)
         base = None
         for loop in ("stepped", "scanned"):
             time_ = seconds(options.steps, images, labels, loop == "stepped")

@@ -11,7 +11,7 @@ from seg.classes import IGNORE_LABEL
 def cross_entropy_sums(
     logits: Float[Array, "*shape classes"],
     labels: Integer[Array, "*shape"],
-    weights: Float[Array, " classes"] | None = None,
+    class_weights: Float[Array, " classes"] | None = None,
     ignore: int = IGNORE_LABEL,
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """Numerator and denominator of `cross_entropy`; those of the parts of a batch add up.
@@ -21,7 +21,7 @@ def cross_entropy_sums(
     Args:
         logits: one vector per pixel.
         labels: class ids; `ignore` for void.
-        weights: of each class; None for equal ones.
+        class_weights: None for equal ones.
         ignore: the void label.
 
     Returns:
@@ -31,8 +31,8 @@ def cross_entropy_sums(
     target = jnp.where(labelled, labels, 0).astype(jnp.int32)
     picked = jax.nn.one_hot(target, logits.shape[-1], dtype=logits.dtype)
     weight = labelled.astype(logits.dtype)
-    if weights is not None:
-        weight = weight * (picked @ weights)
+    if class_weights is not None:
+        weight = weight * (picked @ class_weights)
     nats = jax.nn.logsumexp(logits, axis=-1) - jnp.sum(picked * logits, axis=-1)
     return jnp.sum(weight * nats), jnp.sum(weight)
 
@@ -40,7 +40,7 @@ def cross_entropy_sums(
 def cross_entropy(
     logits: Float[Array, "*shape classes"],
     labels: Integer[Array, "*shape"],
-    weights: Float[Array, " classes"] | None = None,
+    class_weights: Float[Array, " classes"] | None = None,
     ignore: int = IGNORE_LABEL,
 ) -> Float[Array, ""]:
     """Weighted mean of -log softmax(logits)[label] over the pixels that are not void.
@@ -50,13 +50,13 @@ def cross_entropy(
     Args:
         logits: one vector per pixel.
         labels: class ids; `ignore` for void.
-        weights: of each class; None for equal ones.
+        class_weights: None for equal ones.
         ignore: the void label.
 
     Returns:
         The loss, in nats.
     """
-    nats, total = cross_entropy_sums(logits, labels, weights, ignore)
+    nats, total = cross_entropy_sums(logits, labels, class_weights, ignore)
     return nats / jnp.where(total > 0, total, 1)
 
 

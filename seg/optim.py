@@ -5,14 +5,14 @@ step then serves any number of steps.
 """
 
 from collections.abc import Callable
+from typing import get_args
 
 import jax
 import numpy as np
 import optax
 from jaxtyping import Float32
 
-OPTIMIZERS = ("adam", "sgd")
-LR_MULTIPLIERS = ("none", "deeplab")
+from seg.settings import LrMultipliers, OptimizerName
 
 Path = tuple[str, ...]
 """Where a parameter is in its net, such as ("vgg16", "conv1_1", "kernel")."""
@@ -77,7 +77,10 @@ def scale_by_path(multiplier: Callable[[Path], float]) -> optax.GradientTransfor
 
 
 def optimizer(
-    name: str, momentum: float = 0.9, weight_decay: float = 0.0, lr_multipliers: str = "none"
+    name: str,
+    momentum: float = 0.9,
+    weight_decay: float = 0.0,
+    lr_multipliers: LrMultipliers = "none",
 ) -> optax.GradientTransformation:
     """The direction of a step, before it is scaled by minus the learning rate.
 
@@ -95,14 +98,11 @@ def optimizer(
         An optax transform; apply its updates with `descend`.
 
     Raises:
-        ValueError: no optimiser, or no set of multipliers, has that name.
+        ValueError: no optimiser has that name.
     """
-    if lr_multipliers not in LR_MULTIPLIERS:
-        raise ValueError(
-            f"unknown lr_multipliers {lr_multipliers!r}; known: {', '.join(LR_MULTIPLIERS)}"
-        )
-    if name not in OPTIMIZERS:
-        raise ValueError(f"unknown optimizer {name!r}; known optimizers: {', '.join(OPTIMIZERS)}")
+    if name not in get_args(OptimizerName):
+        known = ", ".join(get_args(OptimizerName))
+        raise ValueError(f"unknown optimizer {name!r}; known optimizers: {known}")
     decay, scale = optax.add_decayed_weights(weight_decay), []
     if lr_multipliers == "deeplab":
         decay = optax.add_decayed_weights(

@@ -1,10 +1,12 @@
 """All that decides how a net is trained, apart from the data and the seed."""
 
 from dataclasses import dataclass
+from typing import Literal
 
-from seg.classes import class_table
-from seg.nets import net
-from seg.optim import optimizer
+NetName = Literal["compact", "deeplabv2", "fcn8s"]
+OptimizerName = Literal["adam", "sgd"]
+LrMultipliers = Literal["none", "deeplab"]
+Dtype = Literal["float32", "bfloat16"]
 
 
 @dataclass(frozen=True)
@@ -14,9 +16,8 @@ class TrainSettings:
     Named sets of them are in `seg.recipes`.
 
     Attributes:
-        net: name of the net, see `seg.net`.
-        table: name of the class table, see `seg.class_table`.
-        optimizer: "adam" or "sgd".
+        net: see `seg.net`.
+        optimizer: see `seg.optim`.
         lr: highest learning rate. Paper (SGD): 5e-4.
         steps: how many updates. Paper: 1000 per reward, 20 000 at the end.
         batch: images per update. Paper: 4.
@@ -33,15 +34,14 @@ class TrainSettings:
             from (paper). None: every layer starts at random, He's way, and a VGG net then learns
             little in a thousand steps.
         norm: GroupNorm after the VGG nets' convolutions, for training from scratch; not in the paper.
-        lr_multipliers: "none", or "deeplab": rates and decay that differ by layer, see `seg.optim`.
+        lr_multipliers: rates and decay that differ by layer, see `seg.optim`.
         accumulate: parts into which the images of an update are cut, to need less memory; the
             gradient is that of the whole.
-        dtype: what the nets compute in, "float32" or "bfloat16"; parameters and logits stay float32.
+        dtype: what the nets compute in; parameters and logits stay float32.
     """
 
-    net: str = "compact"
-    table: str = "camvid"
-    optimizer: str = "adam"
+    net: NetName = "compact"
+    optimizer: OptimizerName = "adam"
     lr: float = 1e-2
     steps: int = 200
     batch: int = 8
@@ -56,14 +56,9 @@ class TrainSettings:
     predict_batch: int = 16
     weights: str | None = None
     norm: bool = False
-    lr_multipliers: str = "none"
+    lr_multipliers: LrMultipliers = "none"
     accumulate: int = 1
-    dtype: str = "float32"
-
-    @property
-    def classes(self) -> int:
-        """How many classes the table has."""
-        return len(class_table(self.table).classes)
+    dtype: Dtype = "float32"
 
 
 def check_settings(settings: TrainSettings) -> None:
@@ -85,5 +80,3 @@ def check_settings(settings: TrainSettings) -> None:
         raise ValueError("norm is for training from scratch: the nets of weights have no GroupNorm")
     if settings.weights is not None and settings.net == "compact":
         raise ValueError("weights are of VGG16, which the net compact does not have in it")
-    net(settings.net, settings.classes, settings.dtype, settings.norm)
-    optimizer(settings.optimizer, lr_multipliers=settings.lr_multipliers)

@@ -27,7 +27,7 @@ class TrainState(NamedTuple):
     """What one update hands to the next."""
 
     params: Params  # of the net
-    moments: optax.OptState  # of the optimiser
+    opt_state: optax.OptState  # of the optimiser
     step: Int32[Array, ""]  # updates so far
 
 
@@ -75,17 +75,17 @@ class Functions(NamedTuple):
     steps: Callable[..., tuple[TrainState, Array]]  # the same over many rows, scanned
 
 
-def functions(settings: TrainSettings) -> Functions:
+def functions(settings: TrainSettings, classes: int) -> Functions:
     """The compiled parts for some settings, shared by all settings that compile to the same."""
     plain = TrainSettings()
     # These are data of the step, or its shapes.
     free = ("lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch", "weights")
-    return _compiled(replace(settings, **{name: getattr(plain, name) for name in free}))
+    return _compiled(replace(settings, **{name: getattr(plain, name) for name in free}), classes)
 
 
 @lru_cache(maxsize=32)
-def _compiled(settings: TrainSettings) -> Functions:
-    module = net(settings.net, settings.classes, settings.dtype, settings.norm)
+def _compiled(settings: TrainSettings, classes: int) -> Functions:
+    module = net(settings.net, classes, settings.dtype, settings.norm)
     transform = optimizer(
         settings.optimizer, settings.momentum, settings.weight_decay, settings.lr_multipliers
     )
@@ -105,7 +105,7 @@ def _compiled(settings: TrainSettings) -> Functions:
         state: TrainState,
         images: UInt8[Array, "n h w 3"],
         labels: UInt8[Array, "n h w"],
-        weights: Float32[Array, " classes"],
+        class_weights: Float32[Array, " classes"],
         seed: UInt32[Array, ""],
         row: Plan,
     ) -> tuple[TrainState, Float[Array, ""]]:
@@ -116,25 +116,30 @@ def _compiled(settings: TrainSettings) -> Functions:
         dropout: PRNGKeyArray = jax.random.fold_in(jax.random.key(seed), state.step)
 
         def loss_of(params: Params) -> Float[Array, ""]:
-            return cross_entropy(logits_of(params, x, dropout), y, weights)
+            return cross_entropy(logits_of(params, x, dropout), y, class_weights)
 
         def sums_of(params: Params, x: Array, y: Array, part: Array) -> tuple[Array, Array]:
             key = jax.random.fold_in(dropout, part)
-            return cross_entropy_sums(logits_of(params, x, key), y, weights)
+            return cross_entropy_sums(logits_of(params, x, key), y, class_weights)
 
         if settings.accumulate == 1:
             loss, gradients = jax.value_and_grad(loss_of)(state.params)
         else:
             loss, gradients = accumulated(sums_of, state.params, x, y, settings.accumulate)
-        directions, moments = transform.update(gradients, state.moments, state.params)
+        directions, opt_state = transform.update(gradients, state.opt_state, state.params)
         params = descend(state.params, directions, row.lr)
-        return TrainState(params, moments, state.step + 1), loss
+        return TrainState(params, opt_state, state.step + 1), loss
 
     def steps(
-        state: TrainState, images: Array, labels: Array, weights: Array, seed: Array, rows: Plan
+        state: TrainState,
+        images: Array,
+        labels: Array,
+        class_weights: Array,
+        seed: Array,
+        rows: Plan,
     ) -> tuple[TrainState, Float[Array, " steps"]]:
         return jax.lax.scan(
-            lambda carry, row: step(carry, images, labels, weights, seed, row), state, rows
+            lambda carry, row: step(carry, images, labels, class_weights, seed, row), state, rows
         )
 
     return Functions(

@@ -13,11 +13,11 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Int64, UInt8
 
+from seg import losses
 from seg.classes import IGNORE_LABEL
-from seg.losses import class_weights
 from seg.metrics import confusion_matrix
 from seg.nets import net, normalise
-from seg.settings import TrainSettings, check_settings
+from seg.settings import Dtype, NetName, TrainSettings, check_settings
 from seg.step import Params, functions, plan
 from seg.weights import load
 
@@ -30,7 +30,7 @@ class TrainingError(Exception):
 
 @lru_cache(maxsize=32)
 def _predictor(
-    net_name: str, classes: int, dtype: str, norm: bool
+    net_name: NetName, classes: int, dtype: Dtype, norm: bool
 ) -> Callable[[Params, ArrayLike], Array]:
     module = net(net_name, classes, dtype, norm)
 
@@ -62,6 +62,7 @@ def train(
     images: UInt8[np.ndarray, "n h w 3"],
     labels: UInt8[np.ndarray, "n h w"],
     settings: TrainSettings,
+    classes: int,
     progress: Callable[[int, float], None] | None = None,
     params: Params | None = None,
     stepwise: bool | None = None,
@@ -71,8 +72,9 @@ def train(
     Args:
         rng_seed: 32 bits; decides initial parameters, order of the images, augmentation.
         images: RGB.
-        labels: ids of the class table of the settings, 255 for void.
+        labels: class ids, 255 for void.
         settings: everything else.
+        classes: how many the net tells apart.
         progress: called every 50 steps with the steps done and the loss of the last one.
         params: start from these (they are not changed); None starts afresh: from the settings'
             `weights` as far as those go, and at random.
@@ -83,7 +85,7 @@ def train(
         The parameters after the last step.
 
     Raises:
-        ValueError: no images, shapes that do not match, label ids outside the table, or settings
+        ValueError: no images, shapes that do not match, labels outside the classes, or settings
             or a seed out of range.
         TrainingError: the loss is not finite.
         WeightsError: the settings' `weights` cannot be used.
@@ -92,19 +94,19 @@ def train(
     check_settings(settings)
     if not 0 <= rng_seed < 2**32:
         raise ValueError(f"rng_seed must be in 0..2**32 - 1; got {rng_seed}")
-    stray = labels[(labels >= settings.classes) & (labels != IGNORE_LABEL)]
+    stray = labels[(labels >= classes) & (labels != IGNORE_LABEL)]
     if stray.size:
         raise ValueError(
-            f"label {stray.max()} lies outside the {settings.table} table: expected "
-            f"0..{settings.classes - 1}, or {IGNORE_LABEL} for void"
+            f"label {stray.max()} is none of {classes} classes; expected "
+            f"0..{classes - 1}, or {IGNORE_LABEL} for void"
         )
-    compiled = functions(settings)
+    compiled = functions(settings, classes)
     rows = plan(rng_seed, len(images), settings)
-    weights = np.ones(settings.classes, np.float32)
+    class_weights = np.ones(classes, np.float32)
     if settings.weighted:
-        weights = class_weights(labels, settings.classes)
+        class_weights = losses.class_weights(labels, classes)
     seed = np.uint32(rng_seed)
-    data = jax.device_put((images, labels, weights, seed))
+    data = jax.device_put((images, labels, class_weights, seed))
     if params is not None:
         # The step donates its state, so work on a copy.
         state = compiled.resume(jax.tree.map(jnp.array, params))
@@ -120,8 +122,8 @@ def train(
             for i in range(start, stop):
                 state, loss = compiled.step(state, *data, rows.rows(i))
         else:
-            state, losses = compiled.steps(state, *data, rows.rows(slice(start, stop)))
-            loss = losses[-1]
+            state, every_loss = compiled.steps(state, *data, rows.rows(slice(start, stop)))
+            loss = every_loss[-1]
         value = float(loss)
         if not np.isfinite(value):
             raise TrainingError(
@@ -134,7 +136,7 @@ def train(
 
 
 def predict(
-    params: Params, images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings
+    params: Params, images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings, classes: int
 ) -> UInt8[np.ndarray, "n h w"]:
     """Segment images, in batches of a fixed size (the last one padded): one compilation per shape.
 
@@ -142,6 +144,7 @@ def predict(
         params: from `train`.
         images: RGB, of any size.
         settings: those the parameters were trained with.
+        classes: how many the net tells apart.
 
     Returns:
         The most likely class of each pixel.
@@ -150,7 +153,7 @@ def predict(
         ValueError: there are no images, or they are not RGB bytes.
     """
     _check(images)
-    predict_batch = _predictor(settings.net, settings.classes, settings.dtype, settings.norm)
+    predict_batch = _predictor(settings.net, classes, settings.dtype, settings.norm)
     size = settings.predict_batch
     parts = []
     for start in range(0, len(images), size):
@@ -165,20 +168,22 @@ def score(
     images: UInt8[np.ndarray, "n h w 3"],
     labels: UInt8[np.ndarray, "n h w"],
     settings: TrainSettings,
+    classes: int,
 ) -> Int64[np.ndarray, "classes classes"]:
     """Predict and compare with the truth.
 
     Args:
         params: from `train`.
         images: RGB.
-        labels: ids of the class table, 255 for void.
+        labels: class ids, 255 for void.
         settings: those the parameters were trained with.
+        classes: how many the net tells apart.
 
     Returns:
         Confusion matrix over all images; row: true class, column: predicted class.
 
     Raises:
-        ValueError: no images, shapes that do not match, or label ids outside the table.
+        ValueError: no images, shapes that do not match, or labels outside the classes.
     """
     _check(images, labels)
-    return confusion_matrix(labels, predict(params, images, settings), settings.classes)
+    return confusion_matrix(labels, predict(params, images, settings, classes), classes)

@@ -2,6 +2,6 @@
 
 from seg.weights.errors import WeightsError
 from seg.weights.normalisation import NORMALISATIONS
-from seg.weights.store import convert, load
+from seg.weights.store import check, convert, load
 
-__all__ = ["NORMALISATIONS", "WeightsError", "convert", "load"]
+__all__ = ["NORMALISATIONS", "WeightsError", "check", "convert", "load"]

@@ -10,8 +10,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
+from seg.nets import net
+from seg.settings import TrainSettings
 from seg.weights.errors import WeightsError
 from seg.weights.normalisation import NORMALISATIONS, from_caffe
 from seg.weights.read import read, read_npz
@@ -121,6 +124,19 @@ def load(path: str | Path, net_name: str, params: Any) -> Any:
             for part in PARTS
         }
     return params
+
+
+def check(settings: TrainSettings, classes: int) -> None:
+    """See now, and not after a search, that the settings' weights fit their net; files alone are read.
+
+    Raises:
+        WeightsError: they do not.
+    """
+    if settings.weights is not None:
+        module = net(settings.net, classes, settings.dtype, settings.norm)
+        blank = jax.ShapeDtypeStruct((1, 64, 64, 3), np.float32)
+        shapes = jax.eval_shape(module.init, jax.random.key(0), blank)["params"]
+        load(settings.weights, settings.net, shapes)
 
 
 def _fitting(

@@ -104,8 +104,3 @@ def test_adam_takes_multipliers():
     direction, _ = transform.update(params, transform.init(params), params)
     np.testing.assert_allclose(direction["fc8_1"]["kernel"], [10.0], rtol=1e-4)
     np.testing.assert_allclose(direction["fc8_1"]["bias"], [20.0], rtol=1e-4)
-
-
-def test_unknown_multipliers():
-    with pytest.raises(ValueError, match="unknown lr_multipliers 'fcn'; known: none, deeplab"):
-        optimizer("sgd", lr_multipliers="fcn")

@@ -68,7 +68,7 @@ def test_the_papers_recipe():
 def test_recipes_train_both_nets(recipe, name):
     settings = replace(RECIPES[recipe], net=name, steps=2, warmup=0, batch=2)
     check_settings(settings)
-    params = train(0, *data(2), settings)
+    params = train(0, *data(2), settings, 11)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
     assert ("norm1_1" in params["vgg16"]) == settings.norm
 
@@ -85,7 +85,7 @@ def test_accumulated_steps_are_those_of_the_whole_batch(parts):
     whole = TrainSettings(optimizer="sgd", lr=0.1, steps=3, batch=4, warmup=0)
     losses = []
     fitted = [
-        train(0, *data(), settings, progress=lambda _, loss: losses.append(loss))
+        train(0, *data(), settings, 11, progress=lambda _, loss: losses.append(loss))
         for settings in (whole, replace(whole, accumulate=parts))
     ]
     for a, b in zip(*map(jax.tree.leaves, fitted), strict=True):
@@ -130,7 +130,7 @@ def test_bfloat16_computes_about_the_same(name):
 def test_bfloat16_keeps_the_state_in_float32():
     settings = TrainSettings(net="deeplabv2", dtype="bfloat16", steps=1, batch=2)
     images, labels = data(2)
-    compiled = functions(settings)
+    compiled = functions(settings, 11)
     state = jax.eval_shape(compiled.init, np.uint32(0), images)
     arguments = (images, labels, np.ones(11, np.float32), np.uint32(0))
     after, loss = jax.eval_shape(compiled.step, state, *arguments, plan(0, 2, settings).rows(0))
@@ -143,8 +143,8 @@ def test_images_of_any_size_are_segmented_whole(name):
     """As inside a frame of the mean colour whose sides are multiples of 8 or 32, then cropped."""
     settings = TrainSettings(net=name, predict_batch=2)
     images = data(3, (45, 61))[0]
-    params = functions(settings).init(np.uint32(0), images).params
-    predicted = predict(params, images, settings)
+    params = functions(settings, 11).init(np.uint32(0), images).params
+    predicted = predict(params, images, settings, 11)
     assert predicted.shape == (3, 45, 61) and predicted.dtype == np.uint8
     rows, cols = (64, 64) if name == "fcn8s" else (48, 64)
     x = seg.nets.normalise(jnp.asarray(images / np.float32(255)))
@@ -172,8 +172,8 @@ def test_training_starts_from_weights(name, tmp_path, monkeypatch):
         RECIPES["paper"], net=name, steps=1, lr=1e-6, batch=2,
         weights=str(tmp_path / "vgg16.npz"),
     )  # fmt: skip
-    params = train(0, *data(2), settings)
-    other = train(0, *data(2), replace(settings, weights=None))
+    params = train(0, *data(2), settings, 11)
+    other = train(0, *data(2), replace(settings, weights=None), 11)
     for layer in names.CONVS:
         kernel = arrays[f"{layer}/kernel"]
         np.testing.assert_allclose(params["vgg16"][layer]["kernel"], kernel, atol=1e-4)
@@ -186,4 +186,4 @@ def test_training_starts_from_weights(name, tmp_path, monkeypatch):
 def test_weights_that_are_not_there():
     settings = replace(RECIPES["paper"], weights="none.npz")
     with pytest.raises(WeightsError, match=r"none\.npz: No such file"):
-        train(0, *data(4), settings)
+        train(0, *data(4), settings, 11)
