@@ -12,8 +12,8 @@ import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 import sdr_jax
+from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import NAMES
-from scene.catalogue import AssetPool, check_pool
 from scene.proposal import RELAXATION
 from scene.render import RenderSettings, check_settings
 from sdr_jax.registry import MethodName
@@ -298,7 +298,7 @@ def _check_fidelity(flag: str, fidelity: Fidelity) -> None:
         raise UserError(f"{flag}.train.lr must be positive, not {train.lr}")
     with flagged(f"{flag}.train"):
         check_train_settings(train)
-    check_weights(train)
+    check_weights(train, 1)  # of any number of classes: the last layer is not among them
 
 
 def _check_search(search: Bins) -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from experiments.config import Stage
 from experiments.outcome import Outcome, attempt
 from experiments.reward import Evaluation, Truth, render
-from scene.catalogue import AssetPool
+from scene.assets.catalogue import AssetPool
 from seg.classes import class_table
 from seg.train import Params, TrainingError, TrainSettings, score, train
 

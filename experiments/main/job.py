@@ -14,7 +14,7 @@ from experiments.run.learn import learn, work_of
 from experiments.run.nets import paired_seeds, score_nets
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
-from scene.dataset import export_dataset, read_dataset
+from scene.dataset.export import export_dataset, read_dataset
 from scene.proposal import Proposal, default_proposal, draw, random_proposal
 
 

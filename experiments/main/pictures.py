@@ -15,7 +15,7 @@ from experiments.run.search import Found
 from experiments.study.figure import plt, png
 from experiments.target.base import Target
 from scene.attributes import ATTRIBUTES
-from scene.dataset import Dataset
+from scene.dataset.render import Dataset
 from seg.classes import ClassTable, class_table
 from seg.data import RealSet
 from shell.files import naming, write
@@ -78,7 +78,11 @@ def rewards(folder: Path, found: Found, title: str, kind: RewardKind = "miou") -
     axis.plot(np.fmax.accumulate(every), color="tab:green", lw=1, label="best so far")
     middles = np.arange(len(found.rewards)) * n + (n - 1) / 2
     axis.plot(
-        middles, scale * np.nanmean(found.rewards, axis=1), color="tab:blue", lw=1, label="update's mean"
+        middles,
+        scale * np.nanmean(found.rewards, axis=1),
+        color="tab:blue",
+        lw=1,
+        label="update's mean",
     )
     if np.isfinite(found.baselines).any() and np.nanmax(found.baselines) <= 1:
         axis.plot(middles, scale * found.baselines, color="tab:orange", lw=1.5, label="baseline")

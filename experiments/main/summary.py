@@ -85,7 +85,9 @@ def _recovery(report: Report) -> Report:
     return {
         "learnt_error": round(float(error.mean()), 4),
         "centre_error": round(float(np.abs(0.5 - hidden).mean()), 4),
-        "by_attribute": {a.name: round(float(e), 4) for a, e in zip(ATTRIBUTES, error, strict=True)},
+        "by_attribute": {
+            a.name: round(float(e), 4) for a, e in zip(ATTRIBUTES, error, strict=True)
+        },
     }
 
 

@@ -56,7 +56,12 @@ class Evaluator:
     """
 
     def __init__(
-        self, recipe: Recipe, target: Target, side: Side, truth: Truth | Reference, workers: WorkerPool
+        self,
+        recipe: Recipe,
+        target: Target,
+        side: Side,
+        truth: Truth | Reference,
+        workers: WorkerPool,
     ) -> None:
         self._recipe, self._truth, self._workers = recipe, truth, workers
         self._evaluate = evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
@@ -108,9 +113,7 @@ class Evaluator:
                 yield twin, outcome_of(record)._replace(stored=twin != index)
 
 
-def about(
-    recipe: Recipe, target: Target, side: Side, truth: Truth | Reference
-) -> dict[str, Any]:
+def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) -> dict[str, Any]:
     """What all evaluations of a recipe share: a hash of what decides them, words for people."""
     names = target.reward_names if side == "reward" else target.test_names
     if isinstance(truth, Reference):

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.config import Fidelity
-from scene.catalogue import AssetPool
-from scene.dataset import Dataset, render_dataset
+from scene.assets.catalogue import AssetPool
+from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Proposal, draw
 from scene.workers import WorkerPool
 from seg.classes import ClassTable, class_table
@@ -75,9 +75,7 @@ def attempt(evaluate: Callable[..., Outcome], *arguments: Any) -> Outcome:
         return Outcome(math.nan, [], 0.0, time.perf_counter() - started, str(error))
 
 
-def render(
-    recipe: Recipe, proposal: Proposal, seed: int, workers: int | WorkerPool = 0
-) -> Dataset:
+def render(recipe: Recipe, proposal: Proposal, seed: int, workers: int | WorkerPool = 0) -> Dataset:
     """The dataset of a proposal and a seed; by default in this process.
 
     ``python -m scene.render --attributes FILE --seed SEED`` with the same sizes renders the same.
@@ -129,9 +127,7 @@ def scored(
     started = time.perf_counter()
     confusion = score(params, *truth, recipe.fidelity.train, len(recipe.classes.classes))
     present = confusion.sum(axis=1) > 0
-    class_iou = [
-        float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)
-    ]
+    class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]
     seconds = train_seconds + time.perf_counter() - started
     return Outcome(mean_iou(confusion), class_iou, render_seconds, seconds)
 

@@ -88,9 +88,7 @@ def train_features(recipe: Recipe) -> Any:
     # Compact whatever the recipe trains, with the settings that suit it.
     settings = TrainSettings(steps=own.steps, batch=own.batch)
     images = training_set(recipe, random_proposal(), SEED)
-    return jax.tree.map(
-        np.asarray, train(SEED, *images, settings, len(recipe.classes.classes))
-    )
+    return jax.tree.map(np.asarray, train(SEED, *images, settings, len(recipe.classes.classes)))
 
 
 def evaluate_mmd(recipe: Recipe, source: Proposal, seed: int, real: Reference) -> Outcome:

@@ -41,7 +41,9 @@ def score_nets(
     Raises:
         UserError: more than a tenth of the nets failed.
     """
-    wanted = [(name, seed) for seed in seeds for name in sources if name not in once or seed == seeds[0]]
+    wanted = [
+        (name, seed) for seed in seeds for name in sources if name not in once or seed == seeds[0]
+    ]
     jobs = [
         Job(sources[name], seed, {"kind": what, "row": name, "seed": seed}) for name, seed in wanted
     ]

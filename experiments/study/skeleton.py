@@ -1,7 +1,7 @@
 """A job from start to report: check, open, plan, work, write. The main job and all studies are one of these.
 
-    STUDY = Study(FORM, check, plan, scores)
-    report = do(STUDY, config)
+STUDY = Study(FORM, check, plan, scores)
+report = do(STUDY, config)
 """
 
 from __future__ import annotations

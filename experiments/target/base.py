@@ -25,7 +25,9 @@ class Target(NamedTuple):
 
     name: str  # "twin", "cityscapes" or "camvid"
     real: bool
-    table: str  # class table, see ``seg.class_table``; every net of the run tells these classes apart
+    table: (
+        str  # class table, see ``seg.class_table``; every net of the run tells these classes apart
+    )
     title: str  # one line for people
     reward_names: tuple[str, ...]
     test_names: tuple[str, ...]

@@ -11,11 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES, default_unit
-from scene.catalogue import AssetPool
-from scene.dataset import render_dataset
+from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
-from scene.sensor import CameraResponse
+from scene.render.sensor import CameraResponse
 from scene.workers import WorkerPool
 from seg.classes import class_table
 from seg.data import RealSet
