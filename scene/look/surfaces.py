@@ -64,6 +64,10 @@ TERRAINS: tuple[Surface, ...] = (
 """What lies beyond the sidewalk."""
 
 
+ROAD_TONE, SIDEWALK_TONE = 0.78, 0.66
+"""Factors on the colours of roads and sidewalks; see ``tone`` in ``assets/family.py``."""
+
+
 def sample_coat(
     rng: np.random.Generator,
     surfaces: tuple[Surface, ...],

@@ -7,11 +7,12 @@ import pytest
 import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
+from scene.assets.redrawn import REDRAWN
+from scene.look.tones import TONES
 
 from scene.assets.__main__ import main
 from scene.assets.catalogue import (
     COUNTS,
-    FAMILIES,
     AssetPool,
     absent,
     asset,
@@ -23,10 +24,9 @@ from scene.assets.catalogue import (
     own_assets,
     pick,
 )
+from scene.assets.families import FAMILIES
 from scene.assets.library import LibraryError
-from scene.assets.redrawn import REDRAWN
 from scene.classes import CLASS_NAMES
-from scene.look.tones import TONES
 from scene.render.geometry import asset_shape
 
 seeds = st.integers(0, 2**32 - 1)

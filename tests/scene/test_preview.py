@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from scene.assets.catalogue import FAMILIES, AssetPool, asset, bounds, surfaces
+from scene.assets.catalogue import AssetPool, asset, bounds, surfaces
+from scene.assets.families import FAMILIES
 from scene.attributes import NAMES, default_unit
 from scene.classes import CLASS_NAMES, TrainId, colorize
 from scene.preview import units
@@ -16,7 +17,7 @@ from scene.preview.closeup import SKIES, asset_street, fit, named_sky, surface_s
 from scene.preview.layout import CAPTION, captioned, grid, stack, tile
 from scene.preview.streets import sweep
 from scene.render import RenderSettings, renderer
-from scene.render.protocol import camera_axes
+from scene.street.camera import camera_axes
 
 SMALL = RenderSettings(64, 48, samples=1)
 

@@ -5,23 +5,20 @@ import math
 import numpy as np
 import pytest
 
-from scene.assets.catalogue import FAMILIES, AssetPool
+from scene.assets.catalogue import AssetPool
+from scene.assets.families import FAMILIES
 from scene.attributes import BY_NAME, default_unit, street_params
 from scene.classes import CLASS_NAMES, TrainId
 from scene.ground.ground import plain, sample_ground
 from scene.mesh.asset import box
-from scene.render import (
-    RENDERERS,
-    RendererError,
-    RenderSettings,
-    check_settings,
-    renderer,
-)
+from scene.render import RENDERERS, RendererError, RenderSettings, check_settings, renderer
 from scene.render.geometry import SKY_INSTANCE, build
-from scene.render.protocol import camera_axes, label_sample, pixel_rays
+from scene.render.protocol import label_sample, pixel_rays
 from scene.render.sensor import CameraResponse
 from scene.sky.sky import sample_sky
-from scene.street.street import Camera, Placement, Street, sample_street
+from scene.street.camera import Camera, camera_axes
+from scene.street.placing import Placement
+from scene.street.street import Street, sample_street
 
 POOL = AssetPool(0, 4)
 SMALL = RenderSettings(width=96, height=64)

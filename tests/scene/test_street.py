@@ -15,17 +15,9 @@ from scene.classes import TrainId
 from scene.ground.ground import ground_height
 from scene.street.background import BEHIND
 from scene.street.background import LINES_END as FAR_AHEAD
-from scene.street.street import (
-    FIRST_INSTANCE,
-    JITTER,
-    LINE_END,
-    LINE_START,
-    LINES,
-    Placement,
-    bounds,
-    forward,
-    sample_street,
-)
+from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
+from scene.street.placing import FIRST_INSTANCE, Placement, bounds
+from scene.street.street import forward, sample_street
 
 POOL = AssetPool(0, 4)
 DEFAULT = street_params(default_unit())

@@ -13,7 +13,7 @@ from scene.dataset.formats.planes import PLANES, camera_entry
 from scene.dataset.formats.rle import Runs, encode
 from scene.dataset.formats.segments import PER_CLASS, panoptic_ids, segments
 from scene.render.protocol import Frame, RenderSettings
-from scene.street.street import Camera
+from scene.street.camera import Camera
 
 
 def shot_files(

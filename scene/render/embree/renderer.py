@@ -12,14 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
-from scene.render.embree.api import (
-    LANES,
-    Forest,
-    Tree,
-    device,
-    occluded8,
-    query_arguments,
-)
+from scene.render.embree.api import LANES, Forest, Tree, device, occluded8, query_arguments
 from scene.render.embree.depth_buffer import nearest
 from scene.render.geometry import Geometry, asset_shape, build
 from scene.render.protocol import Frame, Lap, RenderSettings, check_settings, no_lap
