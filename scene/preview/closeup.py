@@ -28,7 +28,7 @@ SUNS = (38.0, 12.0, 4.0, 70.0)
 """Elevations (degrees) at which a sky is looked for; some weathers come with a low sun only."""
 TRIES = 400
 """Seeds among which a sky of a given name is looked for."""
-RESPONSE = CameraResponse(noise=0.0, spread=0.0)
+RESPONSE = CameraResponse(noise=0.0, variation=0.0)
 """A camera that is the same for all."""
 FINE = "clear"
 """The weather that assets are shown in."""

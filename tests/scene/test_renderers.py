@@ -22,7 +22,7 @@ from scene.street.street import Street, sample_street
 
 POOL = AssetPool(0, 4)
 SMALL = RenderSettings(width=96, height=64)
-QUIET = SMALL._replace(response=CameraResponse(noise=0.0, meter=0.0, halo=0.0, spread=0.0))
+QUIET = SMALL._replace(response=CameraResponse(noise=0.0, meter=0.0, halo=0.0, variation=0.0))
 LEVEL = Camera((0.0, 0.0, 1.5), yaw=0.0, pitch=0.0)
 
 
