@@ -122,8 +122,9 @@ def export_dataset(
         with _locked(plan.folder):
             if not _complete(plan.folder, wanted):
                 _export(plan, units, wanted, workers, progress)
+    found: dict[str, Any] = read_json(plan.folder / DESCRIPTION)
     shutil.rmtree(plan.folder / WORK, ignore_errors=True)
-    return read_json(plan.folder / DESCRIPTION)
+    return found
 
 
 def read_dataset(folder: Path) -> Dataset:
@@ -145,15 +146,15 @@ def _export(
 ) -> None:
     """The work itself, in a folder that nobody else writes to."""
     work, scratch = plan.folder / WORK, plan.folder / WORK / "parts"
+    shutil.rmtree(scratch, ignore_errors=True)  # what a kill left half-written
+    scratch.mkdir(parents=True)
+    if not (work / "settings.json").exists():
+        write_json(work / "settings.json", {**wanted, "versions": description.versions()})
     paths = layout(plan.format).paths(plan.split, "").values()
     summaries = layout(plan.format).summaries(plan.split).values()
     for folder in {(plan.folder / path).parent for path in (*paths, *summaries)}:
         folder.mkdir(parents=True, exist_ok=True)
     (work / "streets").mkdir(exist_ok=True)
-    shutil.rmtree(scratch, ignore_errors=True)  # what a kill left half-written
-    scratch.mkdir(parents=True)
-    if not (work / "settings.json").exists():
-        write_json(work / "settings.json", {**wanted, "versions": description.versions()})
     finished = set(_finished(plan, range(len(units))))
     done, written = sum(_shots(plan, street) for street in finished), 0
     if progress is not None:

@@ -159,13 +159,24 @@ def test_an_export_of_other_settings_is_kept(changes, message, finished, tmp_pat
     if finished:
         run(folder)
     else:
-        monkeypatch.setattr(export, "_summarize", lambda *_: {})
-        run(folder)
-        monkeypatch.undo()
+        with monkeypatch.context() as broken, pytest.raises(FileNotFoundError):
+            broken.setattr(export, "_summarize", lambda *_: None)
+            run(folder)
     before = tree(folder)
     with pytest.raises(ExportError, match=f"{folder} holds an export with .*({message})"):
         run(folder, **changes)
     assert tree(folder) == before
+
+
+def test_an_export_of_another_engine_is_kept(tmp_path, monkeypatch):
+    run(tmp_path / "a")
+    before = tree(tmp_path / "a")
+    monkeypatch.setattr(export, "ENGINE", ENGINE + 1)
+    with pytest.raises(
+        ExportError, match=f"engine version {ENGINE}, and this is {ENGINE + 1}; cont"
+    ):
+        run(tmp_path / "a")
+    assert tree(tmp_path / "a") == before
 
 
 def test_other_folders_are_kept(tmp_path):
