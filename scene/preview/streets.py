@@ -31,12 +31,7 @@ def contact_sheet(
 
 
 def sweep(
-    name: str,
-    steps: int,
-    seed: int,
-    settings: RenderSettings,
-    renderer_name: str,
-    pool: AssetPool,
+    name: str, steps: int, seed: int, settings: RenderSettings, renderer_name: str, pool: AssetPool
 ) -> np.ndarray:
     """One attribute from 0 to 1 in ``steps``, all else at its default and left to the same seed.
 

@@ -48,12 +48,7 @@ def parser() -> Parser:
     add("--shots", type=int, default=6, help="images per street")
     add("--samples", type=int, default=2, help="rays per pixel along each axis")
     add("--renderer", choices=RENDERERS, default="embree")
-    add(
-        "--assets",
-        default="",
-        metavar="DIR",
-        help="folder of your own assets, see docs/engine.md",
-    )
+    add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
     add("--asset-use", choices=USES, default="both", help="which assets may appear")
     add("--asset-fraction", type=float, default=1.0, help="share of the assets that is used")
     return options

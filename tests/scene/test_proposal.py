@@ -30,9 +30,7 @@ def test_intervals_at_the_border_slide_inside_by_hand():
 
 
 @given(
-    st.lists(st.floats(0, 1), min_size=23, max_size=23),
-    st.floats(0, 1),
-    st.integers(0, 2**32 - 1),
+    st.lists(st.floats(0, 1), min_size=23, max_size=23), st.floats(0, 1), st.integers(0, 2**32 - 1)
 )
 def test_draws_stay_on_their_interval_and_below_one(centre, width, seed):
     proposal = slide(np.array(centre), width)

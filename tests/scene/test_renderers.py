@@ -138,11 +138,7 @@ def test_the_upper_half_of_an_empty_street_is_sky_and_the_lower_is_ground(draw):
     frame = draw(bare_street())
     assert (frame.label[:31] == TrainId.SKY).all()
     assert (frame.label[33:] != TrainId.SKY).all()
-    assert set(np.unique(frame.label[33:])) == {
-        TrainId.ROAD,
-        TrainId.SIDEWALK,
-        TrainId.TERRAIN,
-    }
+    assert set(np.unique(frame.label[33:])) == {TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN}
 
 
 def test_the_kerb_is_where_projection_says(draw):
