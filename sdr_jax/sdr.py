@@ -20,15 +20,8 @@ from sdr_jax.coordinate_descent import (
     lay_out,
     take,
 )
-from sdr_jax.method import Info, Method, jitted
-from sdr_jax.policy import (
-    Policy,
-    entropy,
-    init_policies,
-    log_prob,
-    mask_logits,
-    sample_bins,
-)
+from sdr_jax.method import Info, Method, jitted, norm
+from sdr_jax.policy import Policy, entropy, init_policies, log_prob, mask_logits, sample_bins
 from sdr_jax.reinforce import reinforce_loss
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, relax
 from sdr_jax.rewards import identity, mean_known, only_finite
@@ -159,7 +152,7 @@ def sdr(
                 baseline=mean_known(transformed - raw_advantages),
                 advantages=jnp.where(known, advantages, 0.0),
                 entropy=before,
-                grad_norm=optax.global_norm(grads),
+                grad_norm=norm(grads),
                 group=group,
             )
             return learner, best.astype(jnp.int32), info
@@ -181,12 +174,4 @@ def sdr(
         undecided = proposal(jnp.full(space.attributes, UNDECIDED))
         return choose(begun(groups, state.descent), wide, undecided)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-        updates=groups.updates,
-    )
+    return jitted(init, sample, update, solution, probabilities, spread, updates=groups.updates)

@@ -138,14 +138,7 @@ def actor_critic(
     def spread(state: ActorCriticState) -> Proposal:
         return moments(space, jax.nn.softmax(state.logits), width)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities, spread)
 
 
 def follow(

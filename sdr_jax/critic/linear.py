@@ -147,11 +147,4 @@ def linear(
         p = jax.nn.one_hot(actions, space.max_bins).mean(axis=0)
         return jnp.where(state.statistics.seen > 1, p, uniform(space))
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities, spread)

@@ -132,10 +132,4 @@ def attribute_descent(
         certain = jax.nn.one_hot(state.current, space.max_bins)
         return jnp.where(decided[:, None], certain, uniform(space))
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities)

@@ -125,13 +125,4 @@ def cma_es(
         below = np.where(edges >= 1 - 1e-9, 1.0, ndtr(z))
         return jnp.asarray(np.diff(below, prepend=0.0, axis=1), jnp.float32)
 
-    return Method(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-        updates=None,
-        traced=False,
-    )
+    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)

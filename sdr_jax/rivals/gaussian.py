@@ -10,7 +10,7 @@ from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float, Key, PyTree
 
 from sdr_jax.baseline import Baseline, BaselineState, leave_one_out, normalised
-from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.method import Info, Method, jitted, norm, plain_info
 from sdr_jax.reinforce import reinforce_loss
 from sdr_jax.relaxation import bin_mask, bin_widths, check_relaxation, slide
 from sdr_jax.rewards import mean_known, only_finite
@@ -113,7 +113,7 @@ def gaussian(
         info = plain_info(rewards, entropy)._replace(
             baseline=mean_known(finite - raw_advantages),
             advantages=jnp.where(known, advantages, 0.0),
-            grad_norm=jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in grads)),
+            grad_norm=norm(grads),
         )
         return next_state, info
 
@@ -132,14 +132,7 @@ def gaussian(
         below = ndtr((upper - mean[:, None]) / jnp.exp(log_std)[:, None])
         return jnp.diff(below, prepend=0.0, axis=1) * bin_mask(space)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities, spread)
 
 
 def _log_prob(params: GaussianParams, actions: Array) -> Array:

@@ -115,14 +115,7 @@ def pbil(
     def spread(state: PbilState) -> Proposal:
         return moments(space, state.probabilities, width)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=lambda state: state.probabilities,
-    )
+    return jitted(init, sample, update, solution, lambda state: state.probabilities, spread)
 
 
 def _rank_weights(rewards: Array, elite: float) -> Array:

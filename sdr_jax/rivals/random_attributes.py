@@ -50,10 +50,4 @@ def random_attributes(space: Space) -> Method:
     def probabilities(state: NothingLearnt) -> Float[Array, "attributes bins"]:
         return uniform(space)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities)

@@ -70,10 +70,4 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
     def probabilities(state: SearchState) -> Float[Array, "attributes bins"]:
         return uniform(space)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities)

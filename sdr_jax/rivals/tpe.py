@@ -172,13 +172,4 @@ def tpe(
     def spread(state: TpeState) -> Proposal:
         return moments(space, probabilities(state), width)
 
-    return Method(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-        updates=None,
-        traced=False,
-    )
+    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)
