@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import bins
 from sdr_jax.method import Info, Method, jitted, plain_info
-from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, moments, relax, uniform
+from sdr_jax.space import Proposal, Space
 
 
 class PbilState(NamedTuple):
@@ -69,7 +69,7 @@ def pbil(
     def init(rng_key: Key[Array, ""]) -> PbilState:
         del rng_key  # nothing is random before the first sample
         return PbilState(
-            probabilities=bins.uniform(space),
+            probabilities=uniform(space),
             actions=jnp.zeros((memory, space.attributes), jnp.int32),
             rewards=jnp.full(memory, -jnp.inf, jnp.float32),
         )
@@ -105,24 +105,17 @@ def pbil(
             actions=all_actions[-memory:],
             rewards=all_rewards[-memory:],
         )
-        return next_state, plain_info(rewards, bins.entropy(state.probabilities))
+        return next_state, plain_info(rewards, entropy(state.probabilities))
 
     def solution(state: PbilState) -> Proposal:
         best = jnp.argmax(state.probabilities, axis=1).astype(jnp.int32)
-        learnt = jnp.any(state.probabilities != bins.uniform(space))
+        learnt = jnp.any(state.probabilities != uniform(space))
         return relax(space, jnp.where(learnt, best, UNDECIDED), width)
 
     def spread(state: PbilState) -> Proposal:
-        return bins.spread(space, state.probabilities, width)
+        return moments(space, state.probabilities, width)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=lambda state: state.probabilities,
-    )
+    return jitted(init, sample, update, solution, lambda state: state.probabilities, spread)
 
 
 def _rank_weights(rewards: Array, elite: float) -> Array:

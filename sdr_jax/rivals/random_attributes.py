@@ -5,9 +5,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import bins
 from sdr_jax.method import Info, Method, jitted, plain_info
-from sdr_jax.space import UNDECIDED, Proposal, Space, relax
+from sdr_jax.relaxation import UNDECIDED, entropy, relax, uniform
+from sdr_jax.space import Proposal, Space
 
 
 class NothingLearnt(NamedTuple):
@@ -42,18 +42,12 @@ def random_attributes(space: Space) -> Method:
     def update(
         state: NothingLearnt, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[NothingLearnt, Info]:
-        return state, plain_info(rewards, bins.entropy(bins.uniform(space)))
+        return state, plain_info(rewards, entropy(uniform(space)))
 
     def solution(state: NothingLearnt) -> Proposal:
         return proposal()
 
     def probabilities(state: NothingLearnt) -> Float[Array, "attributes bins"]:
-        return bins.uniform(space)
+        return uniform(space)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities)

@@ -9,13 +9,12 @@ import optax
 from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float, Key, PyTree
 
-from sdr_jax import bins
-from sdr_jax.baseline import Baseline, BaselineState, leave_one_out
-from sdr_jax.baseline import normalise as normalised
-from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.baseline import Baseline, BaselineState, leave_one_out, normalised
+from sdr_jax.method import Info, Method, jitted, norm, plain_info
 from sdr_jax.reinforce import reinforce_loss
+from sdr_jax.relaxation import bin_mask, bin_widths, check_relaxation, slide
 from sdr_jax.rewards import mean_known, only_finite
-from sdr_jax.space import Proposal, Space, bin_widths, check_relaxation, slide
+from sdr_jax.space import Proposal, Space
 
 OPTIMIZER = optax.adam(0.1)
 BASELINE = leave_one_out()
@@ -114,7 +113,7 @@ def gaussian(
         info = plain_info(rewards, entropy)._replace(
             baseline=mean_known(finite - raw_advantages),
             advantages=jnp.where(known, advantages, 0.0),
-            grad_norm=jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in grads)),
+            grad_norm=norm(grads),
         )
         return next_state, info
 
@@ -131,16 +130,9 @@ def gaussian(
         mean, log_std = state.params
         upper = jax.scipy.special.logit(jnp.asarray(_upper_edges(space)))
         below = ndtr((upper - mean[:, None]) / jnp.exp(log_std)[:, None])
-        return jnp.diff(below, prepend=0.0, axis=1) * bins.mask(space)
+        return jnp.diff(below, prepend=0.0, axis=1) * bin_mask(space)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities, spread)
 
 
 def _log_prob(params: GaussianParams, actions: Array) -> Array:

@@ -14,9 +14,9 @@ import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import features, regression
-from sdr_jax.features import Features
-from sdr_jax.regression import Posterior, Statistics
+from sdr_jax.critic import features, regression
+from sdr_jax.critic.features import Features
+from sdr_jax.critic.regression import Posterior, Statistics
 from sdr_jax.space import Space
 
 PAIR_FEATURES = 256
@@ -63,7 +63,7 @@ class Model(NamedTuple):
     between: Float[Array, "*draws attributes attributes degree degree"]  # of cosines, symmetric
 
 
-def critic(space: Space, degree: int = 9, pair_degree: int | None = None) -> Critic:
+def make_critic(space: Space, degree: int = 9, pair_degree: int | None = None) -> Critic:
     """Lays the model out.
 
     f_i is a cosine series over the bins' values, g_ij a product of two shorter ones. Beside its own,
@@ -110,7 +110,7 @@ def critic(space: Space, degree: int = 9, pair_degree: int | None = None) -> Cri
     )
 
 
-def init(model: Critic) -> CriticState:
+def init_critic(model: Critic) -> CriticState:
     """A critic that has seen nothing."""
     effects = int(model.effect.max()) + 1
     zero = jnp.zeros((), jnp.float32)
@@ -134,12 +134,12 @@ def observe(
     x = jnp.concatenate([x, (x @ model.bend)[:, None]], axis=1)
     statistics = regression.add(state.statistics, x, rewards)
     data = regression.centred(statistics)
-    spread = data.square / data.freedom
+    variance = data.square / data.freedom
     fresh = state.noise <= 0
     state = CriticState(
         statistics,
-        jnp.where(fresh, SIGNAL * spread * _first_scales(model), state.scales),
-        jnp.where(fresh, (1 - SIGNAL) * spread, state.noise),
+        jnp.where(fresh, SIGNAL * variance * _first_scales(model), state.scales),
+        jnp.where(fresh, (1 - SIGNAL) * variance, state.noise),
     )
     stepped = _maximise_evidence(model, state)
     enough = statistics.seen > 1  # two rewards make a difference
@@ -252,6 +252,6 @@ def _maximise_evidence(model: Critic, state: CriticState) -> CriticState:
         + belief.mean @ (data.gram @ belief.mean)
         + jnp.sum(data.gram * covariance)
     )
-    spread = data.square / data.freedom
-    noise = (misfit + NOISE_WEIGHT * NOISE_SHARE * spread) / (data.freedom + NOISE_WEIGHT)
-    return CriticState(state.statistics, scales, jnp.maximum(noise, 1e-4 * spread))
+    variance = data.square / data.freedom
+    noise = (misfit + NOISE_WEIGHT * NOISE_SHARE * variance) / (data.freedom + NOISE_WEIGHT)
+    return CriticState(state.statistics, scales, jnp.maximum(noise, 1e-4 * variance))

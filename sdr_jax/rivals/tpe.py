@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import bins, host
-from sdr_jax.extras import needs
 from sdr_jax.method import Info, Method
-from sdr_jax.space import UNDECIDED, Proposal, Space
+from sdr_jax.relaxation import UNDECIDED, moments, uniform
+from sdr_jax.rivals import host
+from sdr_jax.space import Proposal, Space
 
 
 class TpeState(NamedTuple):
@@ -65,11 +65,11 @@ def tpe(
 
     Source: not in the paper; Bergstra et al. 2011, "Algorithms for hyper-parameter optimization".
     """
-    optuna = needs("optuna", "tpe")
+    optuna = host.needs("optuna", "tpe")
     relaxed = host.relaxation(space, width)
     if startup < 0:
         raise ValueError(f"startup is {startup}, but must be 0 or more")
-    uniform = np.asarray(bins.uniform(space))
+    prior = np.asarray(uniform(space))
     keys = [str(index) for index in range(space.attributes)]
     choices = {
         key: optuna.distributions.IntDistribution(0, count - 1)
@@ -163,22 +163,13 @@ def tpe(
         return relaxed(state.actions[np.argmax(state.rewards)])
 
     def probabilities(state: TpeState) -> Float[Array, "attributes bins"]:
-        counts = uniform.copy()
+        counts = prior.copy()
         order = np.argsort(-state.rewards, kind="stable")
         for index in order[: -(-len(order) // 4)]:
             counts[np.arange(space.attributes), state.actions[index]] += 1
         return jnp.asarray(counts / counts.sum(axis=1, keepdims=True))
 
     def spread(state: TpeState) -> Proposal:
-        return bins.spread(space, probabilities(state), width)
+        return moments(space, probabilities(state), width)
 
-    return Method(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-        updates=None,
-        traced=False,
-    )
+    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)

@@ -8,10 +8,10 @@ import numpy as np
 from jaxtyping import Array, Float, Key
 from scipy.special import ndtr
 
-from sdr_jax import bins, host
-from sdr_jax.extras import needs
 from sdr_jax.method import Info, Method
-from sdr_jax.space import UNDECIDED, Proposal, Space
+from sdr_jax.relaxation import UNDECIDED, moments
+from sdr_jax.rivals import host
+from sdr_jax.space import Proposal, Space
 
 
 class CmaState(NamedTuple):
@@ -55,7 +55,7 @@ def cma_es(
 
     Source: not in the paper; Hamano et al. 2022, "CMA-ES with margin".
     """
-    cmaes = needs("cmaes", "cma_es")
+    cmaes = host.needs("cmaes", "cma_es")
     relaxed = host.relaxation(space, width)
     if space.attributes < 2:
         raise ValueError(f"cma_es needs at least 2 attributes, this space has {space.attributes}")
@@ -116,7 +116,7 @@ def cma_es(
         return cma._sigma * state.optimizer._A * np.sqrt(np.diag(cma._C))
 
     def spread(state: CmaState) -> Proposal:
-        return bins.spread(space, probabilities(state), width)
+        return moments(space, probabilities(state), width)
 
     def probabilities(state: CmaState) -> Float[Array, "attributes bins"]:
         edges = np.arange(1, space.max_bins + 1)[None, :] / sizes[:, None]
@@ -125,13 +125,4 @@ def cma_es(
         below = np.where(edges >= 1 - 1e-9, 1.0, ndtr(z))
         return jnp.asarray(np.diff(below, prepend=0.0, axis=1), jnp.float32)
 
-    return Method(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-        updates=None,
-        traced=False,
-    )
+    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)

@@ -7,13 +7,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import bins
-from sdr_jax import critic as critics
-from sdr_jax.critic import Critic, CriticState
+from sdr_jax.critic.critic import (
+    Critic,
+    CriticState,
+    best_bins,
+    draw_best,
+    draw_models,
+    init_critic,
+    make_critic,
+    mean_model,
+    observe,
+    posterior,
+    values,
+)
+from sdr_jax.critic.regression import Posterior
 from sdr_jax.method import Info, Method, jitted, plain_info
 from sdr_jax.policy import entropy
-from sdr_jax.regression import Posterior
-from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
+from sdr_jax.relaxation import UNDECIDED, bin_mask, check_relaxation, moments, relax
+from sdr_jax.space import Proposal, Space
 
 SWEEPS = 4
 """Natural-gradient steps of the policy in every update."""
@@ -65,8 +76,8 @@ def actor_critic(
         space: the attributes, their bins, and the groups whose members may interact.
         width: of the relaxed bins, see `relax`.
         temperature: above 0; higher explores longer.
-        degree: see `critic.critic`.
-        pair_degree: see `critic.critic`.
+        degree: see `make_critic`.
+        pair_degree: see `make_critic`.
 
     Returns:
         The method, for any number of updates.
@@ -80,15 +91,15 @@ def actor_critic(
     check_relaxation(space, width, "random")
     if not (temperature > 0 and np.isfinite(temperature)):
         raise ValueError(f"temperature is {temperature}, but must be above 0")
-    model = critics.critic(space, degree, pair_degree)
-    there = bins.mask(space)
+    model = make_critic(space, degree, pair_degree)
+    there = bin_mask(space)
     level = np.where(there, 0.0, -np.inf).astype(np.float32)
 
     def init(rng_key: Key[Array, ""]) -> ActorCriticState:
         del rng_key  # nothing is random before the first sample
         undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
-        critic = critics.init(model)
-        belief = critics.posterior(model, critic)
+        critic = init_critic(model)
+        belief = posterior(model, critic)
         return ActorCriticState(critic, belief, jnp.asarray(level), undecided)
 
     def sample(
@@ -96,7 +107,7 @@ def actor_critic(
     ) -> tuple[Int[Array, "n attributes"], Proposal]:
         policy_key, draw_key = jax.random.split(rng_key)
         actions = stratified(policy_key, space, jax.nn.softmax(state.logits), n)
-        believed = critics.draw_best(draw_key, model, state.belief, n)
+        believed = draw_best(draw_key, model, state.belief, n)
         second = (jnp.arange(n) % 2 == 1) & (state.critic.noise > 0)
         actions = jnp.where(second[:, None], believed, actions)
         return actions, relax(space, actions, width)
@@ -105,9 +116,9 @@ def actor_critic(
         state: ActorCriticState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[ActorCriticState, Info]:
         info = plain_info(rewards, entropy(state.logits, jnp.ones(space.attributes, bool)))
-        critic = critics.observe(model, state.critic, actions, rewards)
-        belief = critics.posterior(model, critic)
-        best = critics.best_bins(model, belief)
+        critic = observe(model, state.critic, actions, rewards)
+        belief = posterior(model, critic)
+        best = best_bins(model, belief)
         logits = follow(model, belief, best, temperature)
         known = critic.noise > 0
         next_state = ActorCriticState(
@@ -125,16 +136,9 @@ def actor_critic(
         return relax(space, state.best, width)
 
     def spread(state: ActorCriticState) -> Proposal:
-        return bins.spread(space, jax.nn.softmax(state.logits), width)
+        return moments(space, jax.nn.softmax(state.logits), width)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities, spread)
 
 
 def follow(
@@ -155,15 +159,15 @@ def follow(
     Returns:
         The logits, up to a constant for each attribute.
     """
-    there = jnp.asarray(bins.mask(model.space))
+    there = jnp.asarray(bin_mask(model.space))
     sizes = jnp.asarray(model.space.bins, jnp.float32)[:, None]
-    mean = critics.mean_model(model, belief)
+    mean = mean_model(model, belief)
     # A fixed key: the same evaluations give the same temperatures.
-    draws = critics.draw_models(jax.random.key(0), model, belief, DRAWS)
+    draws = draw_models(jax.random.key(0), model, belief, DRAWS)
     probabilities = jax.nn.one_hot(start, model.space.max_bins)
     for _ in range(SWEEPS):
-        q = critics.values(model, mean, probabilities)
-        drawn = jax.vmap(lambda one: critics.values(model, one, probabilities))(draws)  # noqa: B023
+        q = values(model, mean, probabilities)
+        drawn = jax.vmap(lambda one: values(model, one, probabilities))(draws)  # noqa: B023
         error = jnp.where(there[None], drawn - q[None], 0.0)
         error = error - error.sum(axis=2, keepdims=True) / sizes[None]
         variance = jnp.where(there[None], error**2, 0.0).sum(axis=2) / sizes[None, :, 0]

@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import bins
 from sdr_jax.method import Info, Method, jitted, plain_info
-from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, relax, uniform
+from sdr_jax.space import Proposal, Space
 
 
 class SearchState(NamedTuple):
@@ -57,7 +57,7 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
         comparable = jnp.where(jnp.isfinite(rewards), rewards, -jnp.inf)
         best = jnp.argmax(comparable)
         better = comparable[best] > state.reward
-        info = plain_info(rewards, bins.entropy(bins.uniform(space)))
+        info = plain_info(rewards, entropy(uniform(space)))
         next_state = SearchState(
             jnp.where(better, actions[best], state.actions),
             jnp.where(better, comparable[best], state.reward),
@@ -68,12 +68,6 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
         return relax(space, state.actions, width)
 
     def probabilities(state: SearchState) -> Float[Array, "attributes bins"]:
-        return bins.uniform(space)
+        return uniform(space)
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities)

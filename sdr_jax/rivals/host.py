@@ -1,18 +1,36 @@
-"""What host adapters share: the jitted parts of a method that itself is not to be jitted."""
+"""What adapters of other libraries share: the import, and the jitted parts of a method that itself is not."""
 
+import importlib
 from collections.abc import Callable
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Key
 
-from sdr_jax import bins
 from sdr_jax.method import plain_info
-from sdr_jax.space import UNDECIDED, Proposal, Space, relax
+from sdr_jax.relaxation import UNDECIDED, entropy, relax
+from sdr_jax.space import Proposal, Space
 
-info = jax.jit(lambda rewards, probabilities: plain_info(rewards, bins.entropy(probabilities)))
+info = jax.jit(lambda rewards, probabilities: plain_info(rewards, entropy(probabilities)))
 """The info of an update, f32[n] rewards and f32[attributes bins] probabilities given."""
+
+
+def needs(module: str, method: str) -> Any:
+    """Imports what a method needs from the optional extra `search`.
+
+    Raises:
+        ImportError: it is not installed; says what to install.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name != module:  # it is there and lacks something of its own
+            raise
+        raise ModuleNotFoundError(
+            f"{method} needs the package {module}: pip install 'sdr-jax[search]'", name=module
+        ) from None
 
 
 def seed(rng_key: Key[Array, ""]) -> int:

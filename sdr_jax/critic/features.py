@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import bins
+from sdr_jax.relaxation import bin_centres, bin_mask
 from sdr_jax.space import Space
 
 STARTS = 8
@@ -53,8 +53,8 @@ def features(space: Space, degree: int, pair_degree: int, interaction: float) ->
         raise ValueError(f"interaction is {interaction}, but must be 0 or more")
     orders = np.arange(1, degree + 1, dtype=np.float32)
     there = orders[None, :] < np.asarray(space.bins)[:, None]  # [attributes degree]
-    basis = np.sqrt(2) * np.cos(np.pi * bins.centres(space)[:, :, None] * orders[None, None, :])
-    basis = basis * there[:, None, :] * bins.mask(space)[:, :, None]
+    basis = np.sqrt(2) * np.cos(np.pi * bin_centres(space)[:, :, None] * orders[None, None, :])
+    basis = basis * there[:, None, :] * bin_mask(space)[:, :, None]
     pairs = [pair for group in space.groups for pair in combinations(group, 2)]
     if pair_degree == 0:
         pairs = []
@@ -100,7 +100,7 @@ def split(layout: Features, weights: Array) -> tuple[Array, Array]:
 def _values(space: Space, layout: Features, alone: Array, pull: Array, attribute: Array) -> Array:
     """A model's value of an attribute's bins, f32[bins], under the others' pull f32[degree]."""
     short = jnp.asarray(layout.basis)[attribute, :, : layout.pair_degree]
-    there = jnp.asarray(bins.mask(space))[attribute]
+    there = jnp.asarray(bin_mask(space))[attribute]
     return jnp.where(there, alone[attribute] + short @ pull, -jnp.inf)
 
 
@@ -143,7 +143,7 @@ def maximise(
     rows = jnp.arange(space.attributes)
     shape = (STARTS - 1, space.attributes)
     sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
-    first = jnp.where(jnp.asarray(bins.mask(space)), alone, -jnp.inf).argmax(axis=1)
+    first = jnp.where(jnp.asarray(bin_mask(space)), alone, -jnp.inf).argmax(axis=1)
     random = jax.random.randint(rng_key, shape, 0, sizes, jnp.int32)
     starts = jnp.concatenate([first[None, :].astype(jnp.int32), random])
 

@@ -7,11 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import bins, regression
-from sdr_jax.features import evaluate, features, maximise, tables
+from sdr_jax.critic import regression
+from sdr_jax.critic.features import evaluate, features, maximise, tables
+from sdr_jax.critic.regression import Posterior, Statistics
 from sdr_jax.method import Info, Method, jitted, plain_info
-from sdr_jax.regression import Posterior, Statistics
-from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, relax, uniform
+from sdr_jax.space import Proposal, Space
 
 SIGNALS = np.geomspace(0.003, 30, 7).astype(np.float32)
 """Prior variances of an effect, relative to the noise's, among which the evidence chooses."""
@@ -138,19 +139,12 @@ def linear(
         weights = regression.draw(jax.random.key(1), state.belief, DRAWS, CAUTION)
         values = jax.vmap(lambda one: tables(space, layout, one, best))(weights)
         winners = jax.nn.one_hot(jnp.argmax(values, axis=2), space.max_bins)
-        p = jnp.where(state.statistics.seen > 1, winners.mean(axis=0), bins.uniform(space))
-        return bins.spread(space, p, width)
+        p = jnp.where(state.statistics.seen > 1, winners.mean(axis=0), uniform(space))
+        return moments(space, p, width)
 
     def probabilities(state: LinearState) -> Float[Array, "attributes bins"]:
         actions = thompson(jax.random.key(1), state.belief, DRAWS)
         p = jax.nn.one_hot(actions, space.max_bins).mean(axis=0)
-        return jnp.where(state.statistics.seen > 1, p, bins.uniform(space))
+        return jnp.where(state.statistics.seen > 1, p, uniform(space))
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        spread=spread,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities, spread)

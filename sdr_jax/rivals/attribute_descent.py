@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax import bins
 from sdr_jax.method import Info, Method, jitted, plain_info
-from sdr_jax.space import UNDECIDED, Proposal, Space, check_relaxation, relax
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, relax, uniform
+from sdr_jax.space import Proposal, Space
 
 PATIENCE = 3
 """How many times its usual number of data sets a sweep may take when rewards are NaN."""
@@ -121,7 +121,7 @@ def attribute_descent(
             tried=jnp.where(ends, 0, tried),
             sweeps=state.sweeps + ends.astype(jnp.int32),
         )
-        info = plain_info(rewards, bins.entropy(probabilities(state)))
+        info = plain_info(rewards, entropy(probabilities(state)))
         return next_state, info._replace(group=jnp.asarray(group_of)[turn(state)])
 
     def solution(state: DescentState) -> Proposal:
@@ -130,12 +130,6 @@ def attribute_descent(
     def probabilities(state: DescentState) -> Float[Array, "attributes bins"]:
         decided = (state.current >= 0).at[jnp.asarray(order)[turn(state)]].set(False)
         certain = jax.nn.one_hot(state.current, space.max_bins)
-        return jnp.where(decided[:, None], certain, bins.uniform(space))
+        return jnp.where(decided[:, None], certain, uniform(space))
 
-    return jitted(
-        init=init,
-        sample=sample,
-        update=update,
-        solution=solution,
-        probabilities=probabilities,
-    )
+    return jitted(init, sample, update, solution, probabilities)
