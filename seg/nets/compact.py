@@ -13,8 +13,8 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from seg.nets.conv import Conv, conv, xla_conv
-from seg.nets.resize import bilinear, pad_to_multiple, repeat_pixels, space_to_depth
+from seg.nets.ops.conv import Conv, conv, xla_conv
+from seg.nets.ops.resize import bilinear, pad_to_multiple, repeat_pixels, space_to_depth
 
 _CELL = 4  # pixels of a space-to-depth cell, along each side
 _GROUPS = 8
@@ -71,15 +71,7 @@ class Compact(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"], train: bool = False
     ) -> Float[Array, "b h w classes"]:
-        """Segment.
-
-        Args:
-            images: normalised RGB.
-            train: without effect; nets with dropout need it.
-
-        Returns:
-            Logits.
-        """
+        """Logits of normalised RGB; `train` is without effect, nets with dropout need it."""
         block = partial(_ConvNormRelu, dtype=self.dtype)
         init = nn.linear.default_kernel_init
         pointwise = partial(Conv, side=1, kernel_init=init, dtype=self.dtype)

@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, compact, net, normalise
-from seg.nets.conv import Conv, conv, kernel_gradient
+from seg.nets.ops.conv import Conv, conv, kernel_gradient
 from seg.nets.fcn8s import bilinear_kernel
-from seg.nets.max_pool import max_pool
-from seg.nets.product_conv import patch_conv, product_conv
-from seg.nets.resize import bilinear, repeat_pixels, space_to_depth
+from seg.nets.ops.max_pool import max_pool
+from seg.nets.ops.product_conv import patch_conv, product_conv
+from seg.nets.ops.resize import bilinear, repeat_pixels, space_to_depth
 
 VGG16_CONVS = 14_714_688
 

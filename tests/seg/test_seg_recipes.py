@@ -147,7 +147,7 @@ def test_images_of_any_size_are_segmented_whole(name):
     predicted = predict(params, images, settings, 11)
     assert predicted.shape == (3, 45, 61) and predicted.dtype == np.uint8
     rows, cols = (64, 64) if name == "fcn8s" else (48, 64)
-    x = seg.nets.normalise(jnp.asarray(images / np.float32(255)))
+    x = seg.nets.ops.normalise(jnp.asarray(images / np.float32(255)))
     padded = jnp.pad(x, [(0, 0), (0, rows - 45), (0, cols - 61), (0, 0)])
     logits = jax.jit(net(name, 11).apply)({"params": params}, padded)[:, :45, :61]
     assert (predicted == np.argmax(logits, -1)).mean() > 0.999
