@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import platform
 from pathlib import Path
 from typing import Any
 
-from shell.files import versions, write_json
+from shell.files import versions
+from shell.files import write as write_file
 
 Row = dict[str, Any]
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
@@ -67,7 +69,8 @@ def table(rows: list[Row]) -> str:
 def write(path: Path | None, **values: Any) -> None:
     """Write machine, versions and ``values`` as one JSON object; None writes nothing."""
     if path is not None:
-        write_json(path, {"machine": machine(), "versions": versions(PACKAGES), **values})
+        value = {"machine": machine(), "versions": versions(PACKAGES), **values}
+        write_file(path, json.dumps(value, indent=2) + "\n")
 
 
 def _text(value: Any) -> str:

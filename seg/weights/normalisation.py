@@ -13,12 +13,15 @@ Nothing in the numbers tells the two apart (kernels have similar sizes), so the 
 user: Caffe's weights are also handed round under torchvision's names.
 """
 
+from typing import Literal, get_args
+
 import numpy as np
 from jaxtyping import Float, Float32
 
 from seg.nets.ops.normalise import MEAN, STD
 
-NORMALISATIONS = ("torchvision", "caffe")
+Normalisation = Literal["torchvision", "caffe"]
+NORMALISATIONS = get_args(Normalisation)
 
 CAFFE_MEAN = (103.939, 116.779, 123.68)
 """Of ImageNet's images; blue, green, red in 0..255."""

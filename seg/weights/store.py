@@ -15,7 +15,7 @@ import numpy as np
 from seg.errors import WeightsError
 from seg.nets import net
 from seg.settings import TrainSettings
-from seg.weights.normalisation import NORMALISATIONS, from_caffe
+from seg.weights.normalisation import Normalisation, from_caffe
 from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import CONVS, LAYERS, PARTS, layers, scheme_of
 from shell.files import write
@@ -26,14 +26,13 @@ _OF_NET = {"deeplabv2": CONVS, "fcn8s": LAYERS}
 the authors thinned VGG16's out for them, here they start at random."""
 
 
-def convert(source: Path, out: Path, normalisation: str | None = None) -> str:
+def convert(source: Path, out: Path, normalisation: Normalisation | None = None) -> Normalisation:
     """Read ImageNet weights of VGG16, check them, and write our file, whole or not at all.
 
     Args:
         source: `.pth`, `.safetensors` or `.npz`.
         out: the file to write.
-        normalisation: what the weights expect, "torchvision" or "caffe"; None: torchvision's for
-            torchvision's and timm's names.
+        normalisation: what the weights expect; None: torchvision's for torchvision's and timm's names.
 
     Returns:
         The normalisation they expected.
@@ -47,10 +46,6 @@ def convert(source: Path, out: Path, normalisation: str | None = None) -> str:
     if converted is not None:
         raise WeightsError(f"{source}: is converted already; use it as it is")
     normalisation = normalisation or _default(arrays, source)
-    if normalisation not in NORMALISATIONS:
-        raise WeightsError(
-            f"unknown normalisation {normalisation!r}; known: {', '.join(NORMALISATIONS)}"
-        )
     ours = layers(arrays, str(source))
     if normalisation == "caffe":
         names = ("conv1_1/kernel", "conv1_1/bias")
@@ -61,7 +56,7 @@ def convert(source: Path, out: Path, normalisation: str | None = None) -> str:
     return normalisation
 
 
-def _default(arrays: Mapping[str, np.ndarray], source: Path) -> str:
+def _default(arrays: Mapping[str, np.ndarray], source: Path) -> Normalisation:
     scheme = scheme_of(arrays, str(source))
     if not scheme.torch:
         raise WeightsError(
