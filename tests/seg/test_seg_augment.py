@@ -62,6 +62,9 @@ def test_images_stay_in_range_and_labels_untouched_by_colour(seed):
     assert x.shape == images.shape and x.dtype == jnp.float32
     assert 0 <= x.min() and x.max() <= 1
     np.testing.assert_array_equal(y, labels)
+    x, y = augmented(rng, images, labels, mirror=False, colour=False, blur=False)
+    np.testing.assert_allclose(x, images / 255.0, rtol=1e-6)
+    np.testing.assert_array_equal(y, labels)
 
 
 def test_blur_by_hand():
@@ -78,13 +81,6 @@ def test_blur_leaves_flat_images_flat(seed):
     u = np.random.default_rng(seed).random((2, 2)).astype(np.float32)
     flat = jnp.broadcast_to(jnp.asarray(u[0])[:, None, None, None], (2, 5, 6, 3))
     np.testing.assert_allclose(blurred(flat, jnp.asarray(u[1])), flat, atol=1e-6)
-
-
-def test_nothing_is_done_when_all_is_off():
-    rng, images, labels = random_batch(0)
-    x, y = augmented(rng, images, labels, mirror=False, colour=False, blur=False)
-    np.testing.assert_allclose(x, images / 255.0, rtol=1e-6)
-    np.testing.assert_array_equal(y, labels)
 
 
 def test_draws_are_the_same_for_the_same_seed():
