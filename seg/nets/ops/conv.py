@@ -111,7 +111,7 @@ class Conv(nn.Module):
 
     Attributes:
         features: channels out.
-        convolve: of features, kernel and rate: `conv`, `xla_conv`, `patch_conv` or `product_conv`.
+        convolve: of features, kernel and rate: `conv`, `patch_conv` or `product_conv`.
         side: of the kernel, in cells; odd.
         rate: distance of the kernel's cells.
         use_bias: add a number to each channel.
