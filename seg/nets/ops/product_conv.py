@@ -12,18 +12,10 @@ Cell = tuple[int, int, tuple[slice, slice], tuple[slice, slice]]
 def patch_conv(
     x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], rate: int = 1
 ) -> Float[Array, "b h w features"]:
-    """Convolve by one product of all patches with the kernel; zeros around, the size is kept.
+    """`conv` by one product of all patches with the kernel; f32, since many products are summed.
 
-    The same as `lax.conv_general_dilated`. A kernel is then read only once, and its gradient written
-    once: for kernels of more numbers than the patches have, as those of fully connected layers.
-
-    Args:
-        x: features.
-        kernel: rows, columns (as many, an odd number), channels in, channels out.
-        rate: distance of the kernel's cells.
-
-    Returns:
-        f32, whatever the type of x, since many products are summed.
+    A kernel is then read only once, and its gradient written once: for kernels of more numbers than the
+    patches have, as those of fully connected layers.
     """
     b, h, w, c = x.shape
     side, _, _, features = kernel.shape
@@ -41,19 +33,11 @@ def patch_conv(
 def product_conv(
     x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], rate: int = 1
 ) -> Float[Array, "b h w features"]:
-    """Convolve by one product for each cell of the kernel; zeros around, the size is kept.
+    """`conv` by one product for each cell of the kernel; f32, since many products are summed.
 
-    The same as `lax.conv_general_dilated`. Cells that lie outside the map wherever the centre is (at
-    1/8 of 128x96 all but the centre of those with rate 18) are left out, and so is the part of the others
-    that does: for cells far apart, with which XLA's CPU backend is slow, above all backwards.
-
-    Args:
-        x: features.
-        kernel: rows, columns (as many, an odd number), channels in, channels out.
-        rate: distance of the cells.
-
-    Returns:
-        f32, whatever the type of x, since many products are summed.
+    Cells that lie outside the map wherever the centre is (at 1/8 of 128x96 all but the centre of those with
+    rate 18) are left out, and so is the part of the others that does: for cells far apart, with which
+    XLA's CPU backend is slow, above all backwards.
     """
     size = x.shape[1:3]
     total = jnp.zeros((*x.shape[:3], kernel.shape[-1]), jnp.float32)

@@ -19,9 +19,6 @@ def max_pool(x: Float[Array, "b h w c"], side: int, stride: int) -> Float[Array,
         x: features; height and width are multiples of `stride`.
         side: of the window, in cells; at least `stride`, and odd if `stride` is 1.
         stride: distance of the windows.
-
-    Returns:
-        rows = h / stride, cols = w / stride.
     """
     return _choose(x, side, stride)[0]
 

@@ -7,15 +7,7 @@ from jaxtyping import Array, Float, Float32
 
 
 def pad_to_multiple(x: Float[Array, "b h w c"], multiple: int) -> Float[Array, "b rows cols c"]:
-    """Add zeros at the bottom and on the right until the size is a multiple.
-
-    Args:
-        x: normalised images, for which 0 is the mean colour.
-        multiple: of height and width, in pixels.
-
-    Returns:
-        rows and cols are the next multiples of h and w.
-    """
+    """Add zeros at the bottom and on the right until height and width are multiples; 0 is the mean colour."""
     _, h, w, _ = x.shape
     return jnp.pad(x, [(0, 0), (0, -h % multiple), (0, -w % multiple), (0, 0)])
 
@@ -32,13 +24,6 @@ def bilinear(x: Float[Array, "b h w c"], times: int) -> Float[Array, "b rows col
 
     The same as `jax.image.resize`, as two products with constant matrices: with the gradient twice as
     fast on a CPU.
-
-    Args:
-        x: logits.
-        times: factor, along each side.
-
-    Returns:
-        rows = times * h, cols = times * w.
     """
     rows, cols = (_interpolation(n, times) for n in x.shape[1:3])
     exact = jax.lax.Precision.HIGHEST
@@ -47,30 +32,14 @@ def bilinear(x: Float[Array, "b h w c"], times: int) -> Float[Array, "b rows col
 
 
 def repeat_pixels(x: Float[Array, "b h w c"], times: int) -> Float[Array, "b rows cols c"]:
-    """Enlarge by repeating pixels.
-
-    Args:
-        x: features.
-        times: factor, along each side.
-
-    Returns:
-        rows = times * h, cols = times * w.
-    """
+    """Enlarge by repeating pixels."""
     b, h, w, c = x.shape
     blocks = jnp.broadcast_to(x[:, :, None, :, None, :], (b, h, times, w, times, c))
     return blocks.reshape(b, times * h, times * w, c)
 
 
 def space_to_depth(x: Float[Array, "b h w c"], cell: int) -> Float[Array, "b rows cols depth"]:
-    """Fold each cell x cell square of pixels into channels.
-
-    Args:
-        x: height and width are multiples of `cell`.
-        cell: pixels along a side.
-
-    Returns:
-        rows = h / cell, cols = w / cell, depth = cell * cell * c.
-    """
+    """Fold each square of cell x cell pixels into channels."""
     b, h, w, c = x.shape
     cells = x.reshape(b, h // cell, cell, w // cell, cell, c).transpose(0, 1, 3, 2, 4, 5)
     return cells.reshape(b, h // cell, w // cell, cell * cell * c)

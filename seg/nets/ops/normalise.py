@@ -9,13 +9,6 @@ STD = (0.229, 0.224, 0.225)
 
 
 def normalise(images: Float[Array, "b h w 3"]) -> Float[Array, "b h w 3"]:
-    """Centre and scale each channel by the statistics of ImageNet.
-
-    Args:
-        images: RGB in [0, 1].
-
-    Returns:
-        (images - mean) / standard deviation.
-    """
+    """Centre and scale each channel of RGB in [0, 1] by the statistics of ImageNet."""
     shape = (1, 1, 1, 3)
     return (images - jnp.reshape(jnp.array(MEAN), shape)) / jnp.reshape(jnp.array(STD), shape)

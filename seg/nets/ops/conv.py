@@ -16,9 +16,9 @@ def conv(
 ) -> Float[Array, "b h w features"]:
     """Convolve; zeros around, the size is kept.
 
-    The same as `lax.conv_general_dilated`, and so is the gradient. On CPUs that of the kernel is a
-    product over all pixels for each of its rows, which XLA's backend does two to seven times as fast as the
-    convolution with an image for a kernel that it makes of it by itself.
+    The same as `lax.conv_general_dilated`, and so is the gradient. On CPUs that of the kernel is a product
+    over all pixels for each of its rows, two to seven times as fast as XLA's way, a convolution with an image
+    for a kernel.
 
     Args:
         x: features.
@@ -111,7 +111,7 @@ class Conv(nn.Module):
 
     Attributes:
         features: channels out.
-        convolve: of features, kernel and rate: `conv`, `xla_conv`, `patch_conv` or `product_conv`.
+        convolve: of features, kernel and rate: `conv`, `patch_conv` or `product_conv`.
         side: of the kernel, in cells; odd.
         rate: distance of the kernel's cells.
         use_bias: add a number to each channel.
@@ -129,14 +129,7 @@ class Conv(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b h w features"]:
-        """Convolve.
-
-        Args:
-            x: features.
-
-        Returns:
-            Features of the same size, in `dtype`.
-        """
+        """Features of the same size, in `dtype`."""
         shape = (self.side, self.side, x.shape[-1], self.features)
         kernel = self.param("kernel", self.kernel_init, shape)
         bias = (
