@@ -16,8 +16,8 @@ from functools import partial
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.cli import main
     from experiments.assets.job import STUDY, defaults
+    from experiments.cli import main
     from experiments.study.skeleton import do
 
     sys.exit(main("assets", defaults, partial(do, STUDY), __doc__))

@@ -1,34 +1,31 @@
-"""Full and half assets at several numbers of images: the datasets, the nets, the report."""
+"""Full and half assets at several numbers of images: the datasets, and the nets trained on them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
-import sdr_jax
-from experiments import study_report
-from experiments.assets_report import FORM
-from experiments.config import Stage, refuse_repeats
-from experiments.errors import UserError
-from experiments.finals import default_proposal, random_proposal
-from experiments.main import main_of_study
-from experiments.progress import Progress
-from experiments.study import Study, Work, learnt_attributes, opened, search_work
-from experiments.study_config import StudyConfig, check_study, defaults_on
-from experiments.study_nets import score_nets
-from scene.command import duration
+from experiments import presets
+from experiments.assets.report import FORM
+from experiments.config import Fidelity, LearntConfig, Preset, TargetName, Unused
+from experiments.run.context import Run, Work
+from experiments.run.nets import paired_seeds, score_nets
+from experiments.study.form import Report, about, nets
+from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
+from scene.proposal import Proposal, default_proposal, random_proposal
+from shell.errors import UserError, refuse_repeats
 
 IMAGES = (90, 180, 450, 900, 1350)
 
 
 @dataclass(frozen=True, kw_only=True)
-class AssetsConfig(StudyConfig):
+class AssetsConfig(LearntConfig):
     """One study. Every field is a flag.
 
     --fractions stand in the place of --asset-fraction, and --images of --final.streets.
     """
 
+    asset_fraction: Annotated[float, *Unused] = 1.0
     images: tuple[int, ...] = IMAGES
     """Images of a training set; multiples of --final.shots, images of a street."""
     fractions: tuple[float, ...] = (1.0, 0.5)
@@ -37,19 +34,19 @@ class AssetsConfig(StudyConfig):
     """From which streets are drawn: random, set by eye, or learnt (by --learnt, else searched for)."""
 
 
-def assets_config(target: str, preset: str) -> AssetsConfig:
+def defaults(target: TargetName, preset: Preset) -> AssetsConfig:
     """The defaults of ``python -m experiments.assets``."""
-    config = defaults_on(AssetsConfig, target, preset)
-    if preset == "smoke":
-        return replace(config, images=(2, 4))
-    # Ten images of each street, as the paper's presets have it, divide all these numbers.
-    config = replace(config, final=replace(config.final, streets=45, shots=10))
-    return config if preset == "paper" else replace(config, seeds=3)
+    own: dict[str, Any] = {"images": (2, 4)}
+    if preset != "smoke":
+        # Ten images of each street, as the paper's presets have it, divide all numbers of images.
+        own = {"final": {"streets": 45, "shots": 10}}
+    if preset == "quick":
+        own["seeds"] = 3
+    return presets.defaults(AssetsConfig, target, preset, **own)
 
 
 def check(config: AssetsConfig) -> None:
-    """Raise UserError for a field out of range, by name."""
-    check_study(config)
+    """Raise UserError for a field out of range, by flag."""
     if not config.images or not config.fractions:
         raise UserError("--images and --fractions need at least one value each")
     for name in ("images", "fractions"):
@@ -68,73 +65,48 @@ def check(config: AssetsConfig) -> None:
         raise UserError(f"--learnt is of no use with --attributes {config.attributes}")
 
 
-def stage_of(config: AssetsConfig, images: int) -> Stage:
-    """The final stage with another number of images: more streets, not more images of each."""
+def fidelity_of(config: AssetsConfig, images: int) -> Fidelity:
+    """The final fidelity with another number of images: more streets, not more images of each."""
     return replace(config.final, streets=images // config.final.shots)
 
 
-def run(config: AssetsConfig) -> dict[str, Any]:
-    """Do the whole study, or what is left of it, and return what ``assets.json`` holds.
-
-    Raises:
-        UserError, DataError: what a user can get wrong.
-        WorkerError: worker processes keep dying.
-    """
-    check(config)
-    searching = search_work(config) if config.attributes == "learnt" else []
-    nets = len(config.fractions) * config.seeds
-    with opened(config) as study:
-        progress = study.begin(
-            [
-                *searching,
-                *(
-                    Work.at(
-                        f"nets, {len(config.fractions)} shares of the assets x {config.seeds} seeds",
-                        nets,
-                        stage_of(config, images),
-                    )
-                    for images in config.images
-                ),
-            ]
-        )
-        proposal = attributes(study, progress)
-        rows = []
-        for images in config.images:
-            stage = stage_of(config, images)
-            for fraction in config.fractions:
-                own = study._replace(config=replace(config, asset_fraction=fraction))
-                kind = f"{images} images, {100 * fraction:g} % of the assets"
-                outcomes = score_nets(own, kind, {"nets": proposal}, stage, progress)
-                rows.append(
-                    {
-                        "images": images,
-                        "streets": stage.streets,
-                        "fraction": fraction,
-                        "nets": study_report.nets(outcomes["nets"]),
-                    }
-                )
-        scores = {
-            **study_report.about(study, config.final),
-            "attributes": config.attributes,
-            "steps": config.final.train.steps,
-            "rows": rows,
-        }
-        report = study_report.write(FORM, scores, config.out)
-        progress.say(FORM.text(report))
-        progress.say(f"Done in {duration(progress.elapsed)}: {config.out / 'assets.md'}")
-        return report
+def plan(config: AssetsConfig) -> list[Work]:
+    """The nets of all datasets, after those of the search, if there is one."""
+    what = f"nets, {len(config.fractions)} shares of the assets x {config.seeds} seeds"
+    count = len(config.fractions) * config.seeds
+    work = [Work.at(what, count, fidelity_of(config, images)) for images in config.images]
+    return [*(learnt_work(config) if config.attributes == "learnt" else []), *work]
 
 
-def attributes(study: Study[AssetsConfig], progress: Progress) -> sdr_jax.Proposal:
+def scores(run: Run[AssetsConfig], _: None) -> Report:
+    """Train the nets of the whole study, or what is left of them."""
+    config, proposal = run.config, attributes(run)
+    rows = []
+    for images in config.images:
+        fidelity = fidelity_of(config, images)
+        for fraction in config.fractions:
+            recipe = run.recipe(fidelity, fraction=fraction)
+            what = f"{images} images, {100 * fraction:g} % of the assets"
+            outcomes = score_nets(run, what, {"nets": proposal}, recipe, paired_seeds(run))
+            place = {"images": images, "streets": fidelity.streets, "fraction": fraction}
+            rows.append({**place, "nets": nets(outcomes["nets"])})
+    return {
+        **about(run, config.final),
+        "learnt_from": learnt_from(config),
+        "attributes": config.attributes,
+        "steps": config.final.train.steps,
+        "rows": rows,
+    }
+
+
+def attributes(run: Run[AssetsConfig]) -> Proposal:
     """From which the streets of all datasets are drawn."""
-    config = study.config
-    if config.attributes == "learnt":
-        return learnt_attributes(study, progress)
-    if config.attributes == "random":
+    if run.config.attributes == "learnt":
+        return learnt_attributes(run)
+    if run.config.attributes == "random":
         return random_proposal()
-    return default_proposal(config.default_width)
+    return default_proposal(run.config.default_width)
 
 
-def main(description: str, arguments: Sequence[str] | None = None) -> int:
-    """Parse, run, and turn what went wrong into one line. Returns the exit code."""
-    return main_of_study(FORM, assets_config, run, description, arguments)
+STUDY = Study(FORM, plan, scores, check)
+"""What ``python -m experiments.assets`` does."""
