@@ -6,11 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from experiments.config import Fidelity, RewardKind
+from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Job, Side
 from experiments.reward.miou import Outcome, Recipe, Source, Truth
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost
+from scene.proposal import Proposal, default_proposal, random_proposal
 from seg.recipes import RECIPES
 from seg.settings import NetName, TrainSettings
 
@@ -74,6 +75,18 @@ def _cost(recipe: Recipe, source: Source) -> float:
 def paired_seeds(run: Run[Any]) -> list[int]:
     """The seeds of a result's rows."""
     return [run.config.seed + k for k in range(run.config.seeds)]
+
+
+def training_sets(run: Run[Any], learnt: Proposal, **others: Source) -> dict[str, Source]:
+    """What is compared: random, default and learnt attributes, other sets, and labelled reward images."""
+    config: SearchConfig = run.config
+    sets: dict[str, Source] = {
+        "random": random_proposal(),
+        "default": default_proposal(config.default_width),
+        "learnt": learnt,
+        **others,
+    }
+    return sets | ({"real": run.truth(config.final, "reward")} if run.target.labelled else {})
 
 
 def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:

@@ -152,6 +152,12 @@ def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
     return "" if ci95 is None else f"{ci95[0]:{form}} to {ci95[1]:{form}}"
 
 
+def cells(entry: Report | None, form: str = ".1f") -> list[str]:
+    """Mean and interval of a row or a gain, as two cells of a table; empty where there are none."""
+    known = entry or {"mean": None, "ci95": None}
+    return [number(known["mean"], form), interval(known["ci95"])]
+
+
 def half(row: Report) -> float:
     """Half the interval of a row, for error bars; 0 where there is none."""
     return row["mean"] - row["ci95"][0] if row["ci95"] else 0.0
