@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from experiments import presets
 from experiments.assets.report import FORM
-from experiments.config import Fidelity, LearntConfig, Preset, TargetName, Unused
+from experiments.config import Fidelity, LearntConfig, Preset, TargetName, Unused, refuse_shares
 from experiments.run.context import Run, Work
 from experiments.run.nets import paired_seeds, score_nets
 from experiments.study.form import Report, about, nets
@@ -47,13 +47,10 @@ def defaults(target: TargetName, preset: Preset) -> AssetsConfig:
 
 def check(config: AssetsConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if not config.images or not config.fractions:
-        raise UserError("--images and --fractions need at least one value each")
-    for name in ("images", "fractions"):
-        refuse_repeats(f"--{name}", getattr(config, name))
-    for fraction in config.fractions:
-        if not 0 < fraction <= 1:
-            raise UserError(f"--fractions must lie in (0, 1], not {fraction}")
+    if not config.images:
+        raise UserError("--images needs at least one value")
+    refuse_repeats("--images", config.images)
+    refuse_shares("--fractions", config.fractions)
     shots = config.final.shots
     for count in config.images:
         if count < 1 or count % shots:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from experiments.study.figure import plt, png
+from experiments.study.figure import curve, plt, png
 from experiments.study.form import (
     Form,
     Report,
+    cells,
     failures,
-    half,
-    interval,
     markdown,
     miou,
-    number,
     statistics,
     target_of,
 )
@@ -60,16 +58,8 @@ def text(report: Report) -> str:
 
 
 def _cells(row: Report) -> list[str]:
-    gain = row["more_assets"] or {}
-    return [
-        str(row["images"]),
-        str(row["streets"]),
-        f"{100 * row['fraction']:g} %",
-        number(row["mean"]),
-        interval(row["ci95"]),
-        number(gain.get("mean"), "+.1f"),
-        interval(gain.get("ci95")),
-    ]
+    place = [str(row["images"]), str(row["streets"]), f"{100 * row['fraction']:g} %"]
+    return [*place, *cells(row), *cells(row["more_assets"], "+.1f")]
 
 
 def picture(report: Report) -> bytes:
@@ -77,15 +67,10 @@ def picture(report: Report) -> bytes:
     figure, axis = plt.subplots(figsize=(7, 4.5), layout="constrained")
     fractions = sorted({row["fraction"] for row in report["rows"]}, reverse=True)
     for k, fraction in enumerate(fractions):
-        rows = sorted(
-            (r for r in report["rows"] if r["fraction"] == fraction and r["mean"] is not None),
-            key=lambda row: row["images"],
-        )
+        rows = [row for row in report["rows"] if row["fraction"] == fraction]
         # Beside each other, lest the intervals lie on each other.
         places = [row["images"] * (1 + 0.02 * (k - (len(fractions) - 1) / 2)) for row in rows]
-        bars, means = [half(row) for row in rows], [row["mean"] for row in rows]
-        label = f"{100 * fraction:g} % of the assets"
-        axis.errorbar(places, means, yerr=bars, fmt="o-", ms=4, capsize=3, label=label)
+        curve(axis, places, rows, f"{100 * fraction:g} % of the assets")
     counts = sorted({row["images"] for row in report["rows"]})
     axis.set_xscale("log")
     axis.set_xticks(counts, [str(count) for count in counts])

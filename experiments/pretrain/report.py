@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Any
+from itertools import product
 
-from experiments.figure import plt, png
-from experiments.stats import welch
-from experiments.study_report import (
+from experiments.study.figure import curve, plt, png
+from experiments.study.form import (
     Form,
+    Report,
+    cells,
     class_means,
-    interval,
+    failures,
     introduction,
     markdown,
     miou,
     number,
     statistics,
+    target_of,
 )
+from experiments.study.stats import welch
 
 COMPARED = (
     ("learnt", "scratch"),
@@ -25,9 +28,16 @@ COMPARED = (
     ("random", "longer"),
 )
 """Which rows are tested against which."""
+FIGURES = {
+    "difference": ("difference", "+.1f"),
+    "t": ("t", ".2f"),
+    "degrees": ("degrees", ".1f"),
+    "p": ("p_value", ".2g"),
+}
+"""Of a test: heads of the table, names in the report, and how they are written."""
 
 
-def derive(report: dict[str, Any]) -> dict[str, Any]:
+def derive(report: Report) -> Report:
     """The report with means, intervals and tests of its nets' scores."""
     rows = [
         {
@@ -42,23 +52,16 @@ def derive(report: dict[str, Any]) -> dict[str, Any]:
         for row in report["rows"]
     }
     tests = []
-    for fraction in dict.fromkeys(row["fraction"] for row in rows):
-        for ours, theirs in COMPARED:
-            if (ours, fraction) in known and (theirs, fraction) in known:
-                found = welch(known[ours, fraction], known[theirs, fraction])
-                tests.append(
-                    {
-                        "fraction": fraction,
-                        "row": ours,
-                        "against": theirs,
-                        **(found._asdict() if found else {}),
-                        "stars": found.stars if found else "",
-                    }
-                )
+    for fraction, (ours, theirs) in product(dict.fromkeys(r["fraction"] for r in rows), COMPARED):
+        if (ours, fraction) in known and (theirs, fraction) in known:
+            found = welch(known[ours, fraction], known[theirs, fraction])
+            test = {"fraction": fraction, "row": ours, "against": theirs}
+            figures = {"stars": ""} if found is None else {**found._asdict(), "stars": found.stars}
+            tests.append({**test, **figures})
     return {**report, "rows": rows, "tests": tests}
 
 
-def named(report: dict[str, Any]) -> dict[str, str]:
+def named(report: Report) -> dict[str, str]:
     """What nets of each row begin with."""
     nothing = "ImageNet weights" if report["weights"] else "scratch"
     return {
@@ -69,9 +72,14 @@ def named(report: dict[str, Any]) -> dict[str, str]:
     }
 
 
-def text(report: dict[str, Any]) -> str:
+def text(report: Report) -> str:
     """The tables, in Markdown."""
     names, before, after = named(report), report["pretraining"], report["finetuning"]
+    head = ["begun with", "share of the images", "images", "mIoU", "95 % interval"]
+    rows = [
+        [names[r["row"]], f"{100 * r['fraction']:g} %", str(r["images"]), *cells(r)]
+        for r in report["rows"]
+    ]
     lines = [
         introduction(report),
         "",
@@ -80,78 +88,50 @@ def text(report: dict[str, Any]) -> str:
         f"a share of the {report['reward_images']} reward images, the same for all rows of a seed. "
         f"Rows from {names['scratch']} get the steps of the fine-tuning only.",
         "",
-        *markdown(
-            ["begun with", "share of the images", "images", "mIoU", "95 % interval"],
-            [
-                [
-                    names[row["row"]],
-                    f"{100 * row['fraction']:g} %",
-                    str(row["images"]),
-                    number(row["mean"]),
-                    interval(row["ci95"]),
-                ]
-                for row in report["rows"]
-            ],
-        ),
+        *markdown(head, rows),
     ]
     if report["tests"]:
+        head = ["begun with", "against", "share", *FIGURES, ""]
+        tests = [
+            [
+                names[test["row"]],
+                names[test["against"]],
+                f"{100 * test['fraction']:g} %",
+                *(number(test.get(key), form) for key, form in FIGURES.values()),
+                test["stars"].replace("*", r"\*"),
+            ]
+            for test in report["tests"]
+        ]
         lines += [
             "",
             "Welch's t-test of the difference, two-sided, not corrected for the number of tests "
             "(* p < 0.05, ** p < 0.01):",
             "",
-            *markdown(
-                ["begun with", "against", "share", "difference", "t", "degrees", "p", ""],
-                [
-                    [
-                        names[test["row"]],
-                        names[test["against"]],
-                        f"{100 * test['fraction']:g} %",
-                        number(test.get("difference"), "+.1f"),
-                        number(test.get("t"), ".2f"),
-                        number(test.get("degrees"), ".1f"),
-                        number(test.get("p_value"), ".2g"),
-                        test["stars"].replace("*", r"\*"),
-                    ]
-                    for test in report["tests"]
-                ],
-            ),
+            *markdown(head, tests),
         ]
-    failed = sum(net is None for row in report["rows"] for net in row["nets"])
-    if failed:
-        lines += ["", f"{failed} nets failed in training and are left out."]
-    return "\n".join(lines)
+    return "\n".join([*lines, *failures(report["rows"])])
 
 
-def picture(report: dict[str, Any]) -> bytes:
+def picture(report: Report) -> bytes:
     """MIoU against the share of the real images, with intervals, as PNG."""
     names = named(report)
     rows = list(dict.fromkeys(row["row"] for row in report["rows"]))
     shares = sorted({(row["fraction"], row["images"]) for row in report["rows"]})
     figure, axis = plt.subplots(figsize=(7, 4.5), layout="constrained")
     for k, name in enumerate(rows):
-        offset = 0.05 * (k - (len(rows) - 1) / 2)  # lest the intervals lie on each other
-        points = sorted(
-            (
-                shares.index((row["fraction"], row["images"])) + offset,
-                row["mean"],
-                row["mean"] - row["ci95"][0] if row["ci95"] else 0.0,
-            )
-            for row in report["rows"]
-            if row["row"] == name and row["mean"] is not None
-        )
-        if points:
-            x, y, half = zip(*points, strict=True)
-            axis.errorbar(x, y, yerr=half, fmt="o-", ms=4, capsize=3, label=names[name])
+        own = [row for row in report["rows"] if row["row"] == name]
+        # Beside each other, lest the intervals lie on each other.
+        aside = 0.05 * (k - (len(rows) - 1) / 2)
+        places = [shares.index((row["fraction"], row["images"])) + aside for row in own]
+        curve(axis, places, own, names[name])
     axis.set_xticks(
         range(len(shares)), [f"{100 * share:g} %\n{images} images" for share, images in shares]
     )
     axis.set(xlabel="reward images for the fine-tuning", ylabel="mIoU on the test images, %")
     axis.legend(fontsize=8)
-    note = "" if report["real"] else " (not real data)"
-    axis.set_title(f"{report['target']}{note}, {report['net']}, {report['seeds']} nets each")
+    axis.set_title(f"{target_of(report)}, {report['net']}, {report['seeds']} nets each")
     return png(figure)
 
 
-FORM = Form("pretrain", derive, text, picture)
+FORM = Form("pretrain", derive, text, {"pretrain.png": picture})
 """The report of ``python -m experiments.pretrain``."""

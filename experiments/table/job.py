@@ -10,15 +10,14 @@ import numpy as np
 
 from experiments import presets
 from experiments.config import Fidelity, LearntConfig, Preset, TargetName, flagged
-from experiments.reward.miou import Source, Truth
+from experiments.reward.miou import Truth
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
-from experiments.run.nets import paired_seeds, score_nets, with_net
+from experiments.run.nets import paired_seeds, score_nets, training_sets, with_net
 from experiments.study.form import Report, about, nets
 from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
 from experiments.table.report import FORM
 from experiments.target.base import Target
-from scene.proposal import default_proposal, random_proposal
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data.folders import read_folders
 from seg.settings import NetName, check_settings
@@ -99,24 +98,20 @@ def plan(config: TableConfig) -> list[Work]:
     work, seeds = learnt_work(config), config.seeds
     given = 1 + sum(getattr(config, layout) is not None for layout in OTHERS)
     for name in config.nets:
-        fidelity, each = fidelity_of(config, name), training_cost(fidelity_of(config, name))
-        what = f"nets, {RENDERED} rendered sets x {seeds} seeds"
-        work.append(Work.at(what, RENDERED * seeds, fidelity))
-        what = f"nets, {given} sets of images x {seeds} seeds"
-        work.append(Work(what, given * seeds, fidelity, each))
+        fidelity = fidelity_of(config, name)
+        rendered = f"nets, {RENDERED} rendered sets x {seeds} seeds"
+        real = f"nets, {given} sets of images x {seeds} seeds"
+        work += [
+            Work.at(rendered, RENDERED * seeds, fidelity),
+            Work(real, given * seeds, fidelity, training_cost(fidelity)),
+        ]
     return work
 
 
 def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
     """Train the nets of the whole table, or what is left of them."""
     config = run.config
-    sources: dict[str, Source] = {
-        "random": random_proposal(),
-        "default": default_proposal(config.default_width),
-        "learnt": learnt_attributes(run),
-        **given,
-        "real": run.truth(config.final, "reward"),
-    }
+    sources = training_sets(run, learnt_attributes(run), **given)
     rows: list[dict[str, Any]] = []
     for name in config.nets:
         fidelity = fidelity_of(config, name)

@@ -10,10 +10,10 @@ from experiments.study.figure import plt, png
 from experiments.study.form import (
     Form,
     Report,
+    cells,
     class_means,
     failures,
     half,
-    interval,
     introduction,
     markdown,
     mean,
@@ -89,19 +89,13 @@ def derive(report: Report) -> Report:
         {"trained_on": name, **dict(zip(("images", "fcn8s", "deeplabv2"), values, strict=True))}
         for name, values in known.items()
     ]
+    absent = [name for name in classes if all(row["class_iou"][name] is None for row in rows)]
     return {
         **report,
         "rows": rows,
-        "classes_absent_from_truth": _absent(report),
+        "classes_absent_from_truth": absent,
         "paper": {"note": PAPER_NOTE, "rows": paper} if known else None,
     }
-
-
-def _absent(report: Report) -> list[str]:
-    """Classes that never occur in the truth, and so are left out of every mean."""
-    scored = [net for row in report["rows"] for net in row["nets"] if net is not None]
-    values = scored[0]["class_iou"] if scored else [0.0] * len(report["classes"])
-    return [name for name, v in zip(report["classes"], values, strict=True) if v is None]
 
 
 def _present(report: Report) -> list[str]:
@@ -115,12 +109,10 @@ def text(report: Report) -> str:
     head = (*HEAD, *(f"mIoU over {name}" for name in subsets))
     rows, by_class = [], []
     for row in report["rows"]:
-        gain = (row["gain"] or {}) if row["trained_on"] != BASELINE else {}
         name = [row["net"], TRAINED_ON[row["trained_on"]]]
-        figures = [str(row["images"]), number(row["mean"]), interval(row["ci95"])]
-        gained = [number(gain.get("mean"), "+.1f"), interval(gain.get("ci95"))]
+        gain = cells(row["gain"] if row["trained_on"] != BASELINE else None, "+.1f")
         over = [number(row["over_classes"][name]["mean"]) for name in subsets]
-        rows.append([*name, *figures, *gained, *over])
+        rows.append([*name, str(row["images"]), *cells(row), *gain, *over])
         by_class.append([*name, *(number(row["class_iou"][c]) for c in classes)])
     lines = [introduction(report), "", *markdown(head, rows), "", "IoU of each class, %:", ""]
     lines += markdown(["net", "trained on", *classes], by_class)
