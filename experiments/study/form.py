@@ -153,9 +153,9 @@ def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
 
 
 def cells(entry: Report | None, form: str = ".1f") -> list[str]:
-    """Mean and interval of a row or a gain, as two cells of a table; empty where there are none."""
+    """Mean and interval of a row or a gain, as two cells of a table; a sign is the mean's alone."""
     known = entry or {"mean": None, "ci95": None}
-    return [number(known["mean"], form), interval(known["ci95"])]
+    return [number(known["mean"], form), interval(known["ci95"], form.lstrip("+"))]
 
 
 def half(row: Report) -> float:
