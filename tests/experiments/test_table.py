@@ -68,6 +68,7 @@ def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
     text = (out / "table.md").read_text()
     assert "NOT of this run" in text and "| fcn8s | the reward images (upper bound) | 4 |" in text
     assert len(lines(out / "finals.jsonl")) == 2 * 4 * 2
+    assert lines(out / "evaluations.jsonl") == []  # the attributes are given
 
 
 def test_data_sets_of_others_are_cut_to_size_and_told_in_the_target_s_classes(
@@ -132,41 +133,7 @@ def test_vgg_nets_get_a_recipe_of_their_own():
         assert with_net(paper.final, name).train == own
 
 
-@pytest.mark.parametrize(
-    ("flags", "complaint"),
-    [
-        (("--nets", "compact", "compact"), "names one of them twice"),
-        (("--gta5", "/nowhere"), "/nowhere/images: no such folder; expected GTA5"),
-        (("--synthia", "/nowhere"), "/nowhere/RGB: no such folder"),
-        (("--kitti", "/nowhere"), "/nowhere/training/image_2: no such folder"),
-        (("--weights", "/nowhere.npz"), "--weights are for VGG nets"),
-        (("--weights", "/nowhere.npz", "--nets", "fcn8s"), "/nowhere.npz: No such file"),
-        (("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),
-        (("--seeds", "0"), "--seeds must be 1 or more"),
-        (("--data", "/nowhere"), "/nowhere"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_2(flags, complaint, table, tmp_path, error_line):
-    assert table(tmp_path / "run", *flags, evaluate=never) == 2
-    assert complaint in error_line()
-    assert not (tmp_path / "run").exists()
-
-
 def test_broken_data_of_others_show_before_anything_is_written(table, gta5, tmp_path, error_line):
     Image.fromarray(np.zeros((12, 16, 3), np.uint8)).save(gta5 / "labels" / "00003.png")
     assert table(tmp_path / "run", "--gta5", str(gta5), "--all-images", evaluate=never) == 2
     assert "00003.png" in error_line() and not (tmp_path / "run").exists()
-
-
-@pytest.mark.parametrize(
-    ("flags", "words"),
-    [
-        (("--nets", "resnet"), "resnet"),
-        (("--target", "mars"), "mars"),
-        (("--unlabelled", "."), "--unlabelled"),  # rows need labels
-    ],
-)
-def test_flags_that_cannot_be_are_refused_by_name(flags, words, table, tmp_path, capsys):
-    with pytest.raises(SystemExit) as end:
-        table(tmp_path / "run", *flags)
-    assert end.value.code == 2 and words in capsys.readouterr().err
