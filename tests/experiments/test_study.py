@@ -159,7 +159,7 @@ def test_smoke_on_the_twin_with_nets(name, start_job, tmp_path):
 
 
 def test_learnt_attributes_are_made_once(config, worth, tmp_path):
-    shared = replace(config, store=tmp_path / "shared.jsonl")
+    shared = replace(config, store=tmp_path / "shared.jsonl", candidates=("argmax", "broad"))
     with opened(shared) as run:
         plan = learnt_work(shared)
         run.begin(plan)
