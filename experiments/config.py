@@ -1,9 +1,10 @@
-"""What a job can be told: frozen dataclasses of plain values, each field a flag. Their defaults: `presets`."""
+"""What a job can be told: frozen dataclasses of plain values, each field a flag; defaults: `presets`."""
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -256,6 +257,16 @@ def check(config: Config) -> None:
 def _at_least(flag: str, value: float | None, least: int) -> None:
     if value is not None and value < least:
         raise UserError(f"{flag.replace('_', '-')} must be {least} or more, not {value}")
+
+
+def refuse_shares(flag: str, shares: Sequence[float]) -> None:
+    """Raise UserError unless each of one or more shares lies in (0, 1], none of them twice."""
+    if not shares:
+        raise UserError(f"{flag} needs at least one value")
+    refuse_repeats(flag, shares)
+    for share in shares:
+        if not 0 < share <= 1:
+            raise UserError(f"{flag} must lie in (0, 1], not {share:g}")
 
 
 class flagged:
