@@ -138,27 +138,26 @@ def figure(report: Report) -> bytes:
         _panel(axis, rung, top)
     row[0, 0].legend(loc="best", fontsize=8)
     note = "" if report["real"] else " (not real data)"
-    whole.suptitle(f"{report['target']}{note}: rewards of cheap nets against those of the top", fontsize=11)
+    whole.suptitle(f"{report['target']}{note}: cheap rewards against those of the top", fontsize=11)
     return png(whole)
 
 
 def _panel(axis: Axes, rung: Report, top: Report) -> None:
     """One point a proposal, the nets of the first seed; bars are the noise of one reward."""
     x, y = _firsts(top), _firsts(rung)
-    bars = {"fmt": "none", "ecolor": "0.8", "elinewidth": 0.8, "zorder": 1}
-    axis.errorbar(x, y, xerr=top["noise"], yerr=rung["noise"], label="noise, 1 s.d.", **bars)
-    drawn = slice(len(ADDED), None)
-    axis.scatter(x[drawn], y[drawn], s=18, label="random bins")
-    for k, (name, marker) in enumerate(zip(ADDED, "sD", strict=True)):
-        label = "set by eye" if name == "default" else "random attributes"
-        axis.scatter(x[k], y[k], s=36, marker=marker, label=label)
-    rank, signal = rung["rank_correlation"], rung["signal_to_noise"]
-    said = [rung["rung"], rung["size"], f"{rung['images']} images", f"{rung['core_seconds']:.0f} s a net"]
+    noise = axis.errorbar(x, y, rung["noise"], top["noise"], "none", ecolor="0.8", elinewidth=0.8)
+    noise.set_label("noise, 1 s.d.")
+    axis.scatter(x[len(ADDED) :], y[len(ADDED) :], s=18, zorder=3, label="random bins")
+    for k, (marker, label) in enumerate((("s", "set by eye"), ("D", "random attributes"))):
+        axis.scatter(x[k], y[k], s=36, marker=marker, zorder=3, label=label)
+    name, rank, signal = rung["rung"], rung["rank_correlation"], rung["signal_to_noise"]
+    cost = f"{rung['images']} images, {rung['core_seconds']:.0f} s a net"
     axis.set_title(
-        f"{', '.join(said)}\nrank correlation {_told(rank)}\nsignal / noise {_told(signal)}",
+        f"{name}, {rung['size']}, {cost}\n"
+        f"rank correlation {_told(rank)}\nsignal / noise {_told(signal)}",
         fontsize=9,
     )
-    axis.set(xlabel=f"{_unit(top)} on {top['rung']}", ylabel=f"{_unit(rung)} on {rung['rung']}")
+    axis.set(xlabel=f"{_unit(top)} on {top['rung']}", ylabel=f"{_unit(rung)} on {name}")
 
 
 def _told(estimate: Report) -> str:

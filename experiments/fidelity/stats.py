@@ -14,6 +14,7 @@ from scipy import stats
 
 from experiments.study.stats import Estimate, bootstrap
 
+
 class Pairing(NamedTuple):
     """Variances of the difference of two proposals."""
 
