@@ -2,10 +2,8 @@
 
     python -m benchmarks.layers
 
-Each row is one pass of one layer: forward, and the gradients by its features and by its kernel, with the
-convolutions of `seg.nets.conv` and `seg.nets.product_conv` and the pooling of `seg.nets.max_pool`; and with
-XLA's convolution and pooling, and the gradients that JAX makes of them. `ratio_to_xla` is XLA's time over
-ours.
+Each row is one pass of one layer: forward, and the gradients by its features and by its kernel, once as
+`seg.nets.ops` has them, once as XLA and JAX have them. `ratio_to_xla` is XLA's time over ours.
 """
 
 from __future__ import annotations
@@ -21,9 +19,9 @@ from flax import linen as nn
 
 from benchmarks.report import Row, parser, report
 from benchmarks.train import Runs, count, medians
-from seg.nets.conv import conv, xla_conv
-from seg.nets.max_pool import max_pool
-from seg.nets.product_conv import patch_conv, product_conv
+from seg.nets.ops.conv import conv, xla_conv
+from seg.nets.ops.max_pool import max_pool
+from seg.nets.ops.product_conv import patch_conv, product_conv
 
 Function = Callable[..., jax.Array]
 

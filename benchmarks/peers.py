@@ -35,7 +35,7 @@ def export_street(folder: Path, street: Street, width: int, height: int) -> None
 
     from scene.render import RenderSettings
     from scene.render.geometry import build, world
-    from scene.render.protocol import camera_axes
+    from scene.street.camera import camera_axes
 
     vertices = world(build(street)).vertices
     faces = np.arange(len(vertices)).reshape(-1, 3)

@@ -28,7 +28,7 @@ from benchmarks.peers import PEERS, export_street, run_peer
 from benchmarks.report import Row, parser, table, write
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import render_dataset, street_of
-from scene.preview import units
+from scene.proposal import default_proposal, draw
 from scene.render import RENDERERS, RendererError, RenderSettings, renderer
 from scene.render.geometry import build
 from scene.workers import WorkerPool
@@ -71,7 +71,7 @@ def speed(
         for _ in range(4):
             started = time.perf_counter()
             render_dataset(
-                units("default", streets, 0),
+                draw(default_proposal(), 0, streets),
                 0,
                 shots=shots,
                 settings=settings,
@@ -85,9 +85,9 @@ def speed(
 
 def split(name: str, size: tuple[int, int, int], streets: int, shots: int) -> dict[str, float]:
     """Milliseconds per image of every stage: the median over streets, each rendered once before."""
-    settings, draw = RenderSettings(*size), renderer(name)
+    settings, engine = RenderSettings(*size), renderer(name)
     costs = defaultdict(list)
-    for k, unit in enumerate(units("default", streets, 0)):
+    for k, unit in enumerate(draw(default_proposal(), 0, streets)):
         for warm in (False, True):
             spent: dict[str, float] = defaultdict(float)
             last = time.perf_counter()
@@ -99,7 +99,7 @@ def split(name: str, size: tuple[int, int, int], streets: int, shots: int) -> di
                 last = now
 
             street = street_of(unit, 0, k, shots, AssetPool())
-            frames = draw.render(street, settings, lap)
+            frames = engine.render(street, settings, lap)
             for frame in frames:
                 cv2.imencode(".png", frame.image)
                 cv2.imencode(".png", frame.label)
@@ -112,7 +112,10 @@ def split(name: str, size: tuple[int, int, int], streets: int, shots: int) -> di
 
 def renderers(sizes: list[tuple[int, int, int]], streets: int, shots: int) -> list[Row]:
     """One row for each size, renderer and number of workers."""
-    drawn = [street_of(u, 0, k, 1, AssetPool()) for k, u in enumerate(units("default", streets, 0))]
+    drawn = [
+        street_of(u, 0, k, 1, AssetPool())
+        for k, u in enumerate(draw(default_proposal(), 0, streets))
+    ]
     triangles = int(np.mean([build(street).triangles for street in drawn]))
     rows: list[Row] = []
     for size in sizes:
@@ -159,7 +162,9 @@ def starts() -> list[Row]:
     with WorkerPool(1) as pool:
         for label in ("new worker to first street", "warm worker to next street"):
             started = time.perf_counter()
-            render_dataset(units("default", 1, 0), 0, shots=1, settings=settings, workers=pool)
+            render_dataset(
+                draw(default_proposal(), 0, 1), 0, shots=1, settings=settings, workers=pool
+            )
             rows.append({"start": label, "seconds": time.perf_counter() - started})
     return rows
 
@@ -171,7 +176,10 @@ def peers(pythons: list[str], width: int, height: int, ours_ms: float) -> list[R
     ]
     with tempfile.TemporaryDirectory() as folder:
         export_street(
-            Path(folder), street_of(units("default", 1, 0)[0], 0, 0, 1, AssetPool()), width, height
+            Path(folder),
+            street_of(draw(default_proposal(), 0, 1)[0], 0, 0, 1, AssetPool()),
+            width,
+            height,
         )
         for name in PEERS:
             timed = next(filter(None, (run_peer(p, name, Path(folder)) for p in pythons)), [])

@@ -9,9 +9,11 @@ import platform
 from pathlib import Path
 from typing import Any
 
-from experiments.folder import versions, write_atomically
+from shell.files import versions
+from shell.files import write as write_file
 
 Row = dict[str, Any]
+PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:
@@ -67,8 +69,8 @@ def table(rows: list[Row]) -> str:
 def write(path: Path | None, **values: Any) -> None:
     """Write machine, versions and ``values`` as one JSON object; None writes nothing."""
     if path is not None:
-        value = {"machine": machine(), "versions": versions(), **values}
-        write_atomically(path, json.dumps(value, indent=2) + "\n")
+        value = {"machine": machine(), "versions": versions(PACKAGES), **values}
+        write_file(path, json.dumps(value, indent=2) + "\n")
 
 
 def _text(value: Any) -> str:

@@ -14,7 +14,7 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from multiprocessing import get_context
@@ -28,6 +28,7 @@ from benchmarks.problems import PROBLEMS, Problem
 from benchmarks.ranking import behind, mean_ranks, needed, text
 from benchmarks.report import Row, parser, table, write
 from experiments.reward import worker_environment
+from sdr_jax.registry import METHODS, make
 
 DEFAULT = "actor_critic"
 """The method that a user of the experiments gets."""
@@ -42,61 +43,41 @@ LOOKS = 10
 """Evaluations between two looks at a method's recommendation."""
 
 
-class Entry(NamedTuple):
-    """A method as it is run here."""
-
-    make: Callable[[sdr_jax.Space, int], sdr_jax.Method]  # of a space and a number of evaluations
-    n: int = 1  # data sets per update
-    least: int = 1  # as few as an update can take
-    budgeted: bool = False  # whether the method depends on the number of evaluations
-
-
-def _sdr(space: sdr_jax.Space, evaluations: int) -> sdr_jax.Method:
-    """The paper's settings, one data set per update, spread evenly over the groups."""
-    return sdr_jax.sdr(space, updates_per_group=max(1, evaluations // len(space.groups)))
-
-
-METHODS: dict[str, Entry] = {
-    "random_attributes": Entry(lambda space, _: sdr_jax.random_attributes(space)),
-    "random_search": Entry(lambda space, _: sdr_jax.random_search(space)),
-    "attribute_descent": Entry(lambda space, _: sdr_jax.attribute_descent(space)),
-    "sdr": Entry(_sdr, budgeted=True),
-    # It compares the data sets of an update with each other.
-    "gaussian": Entry(lambda space, _: sdr_jax.gaussian(space), n=5, least=2),
-    "pbil": Entry(lambda space, _: sdr_jax.pbil(space)),
-    "linear": Entry(lambda space, _: sdr_jax.linear(space)),
-    "cma_es": Entry(lambda space, _: sdr_jax.cma_es(space)),
-    "tpe": Entry(lambda space, _: sdr_jax.tpe(space)),
-    "actor_critic": Entry(lambda space, _: sdr_jax.actor_critic(space), n=5),
-}
-"""All methods, by name."""
-
-
 class Trace(NamedTuple):
     """One search as it went."""
 
     values: dict[int, float]  # evaluations -> true value of what is then recommended
     luckiest: dict[int, float]  # evaluations -> true value of the data set of the highest reward
-    seconds: float  # of the method itself, sampling and updating
+    seconds: float  # of the method itself: all but the rewards
     updates: int
 
 
 @cache
-def _made(name: str, space: sdr_jax.Space, evaluations: int | None) -> sdr_jax.Method:
+def _method(name: str, space: sdr_jax.Space, evaluations: int | None) -> sdr_jax.Method:
     """A method, made once: what it compiles is used again for the next seed."""
-    return METHODS[name].make(space, evaluations or 0)
+    options = {}
+    if name == "sdr" and evaluations:  # spread evenly over the groups, one data set per update
+        options["updates_per_group"] = max(1, evaluations // len(space.groups))
+    return make(name, space, **options)
 
 
-def _method(name: str, space: sdr_jax.Space, evaluations: int) -> sdr_jax.Method:
-    if name not in METHODS:
-        raise ValueError(f"unknown method {name!r}; known are {', '.join(METHODS)}")
-    return _made(name, space, evaluations if METHODS[name].budgeted else None)
+class _Watched:
+    """A problem's reward; remembers its own seconds, and the data set of the highest reward."""
 
+    def __init__(self, problem: Problem, nothing: sdr_jax.Proposal) -> None:
+        self._problem, self.lucky, self.seconds = problem, nothing, 0.0
+        self._best = -np.inf
 
-@jax.jit
-def _step_keys(rng_key: jax.Array, t: int) -> tuple[jax.Array, jax.Array]:
-    sample_key, reward_key = jax.random.split(jax.random.fold_in(rng_key, t))
-    return sample_key, reward_key
+    def __call__(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> np.ndarray:
+        jax.block_until_ready(proposals)
+        started = time.perf_counter()
+        rewards = np.asarray(self._problem.reward(rng_key, proposals), np.float32)
+        self.seconds += time.perf_counter() - started
+        top = int(np.where(np.isnan(rewards), -np.inf, rewards).argmax())
+        if rewards[top] > self._best:
+            self._best = float(rewards[top])
+            self.lucky = sdr_jax.Proposal(*(np.asarray(part)[top] for part in proposals))
+        return rewards
 
 
 def trace(
@@ -114,41 +95,31 @@ def trace(
     Returns:
         The trace; a look between two updates sees the state after the one before.
     """
-    method, entry = _method(name, problem.space, evaluations), METHODS[name]
-    n = min(entry.n, evaluations)
-    if n < entry.least:
+    if name not in METHODS:
+        raise ValueError(f"unknown method {name!r}; known are {', '.join(METHODS)}")
+    n = min(METHODS[name].n, evaluations)
+    if n < METHODS[name].least:
         raise ValueError(
-            f"evaluations is {evaluations}, but {name} takes at least {entry.least} at a time"
+            f"evaluations is {evaluations}, but {name} takes at least {METHODS[name].least} at a time"
         )
-    updates = evaluations // n
-    if method.updates is not None:
-        updates = min(updates, method.updates)
-    init_key, steps_key = jax.random.split(jax.random.key(seed))
-    state = method.init(init_key)
-    best, lucky = -np.inf, method.solution(state)
+    method = _method(name, problem.space, evaluations if METHODS[name].budgeted else None)
+    updates = min(evaluations // n, method.updates or evaluations)
+    rng_key = jax.random.key(seed)
+    reward_fn = _Watched(problem, method.solution(sdr_jax.first_state(rng_key, method)))
     values: dict[int, float] = {}
     luckiest: dict[int, float] = {}
     waiting = sorted(looks)
     seconds = 0.0
-    for t in range(updates):
-        sample_key, reward_key = _step_keys(steps_key, t)
-        started = time.perf_counter()
-        actions, proposals = jax.block_until_ready(method.sample(sample_key, state, n))
-        seconds += time.perf_counter() - started
-        rewards = np.asarray(problem.reward(reward_key, proposals), np.float32)
-        top = int(np.where(np.isnan(rewards), -np.inf, rewards).argmax())
-        if rewards[top] > best:
-            best = float(rewards[top])
-            lucky = sdr_jax.Proposal(*(np.asarray(part)[top] for part in proposals))
-        started = time.perf_counter()
-        state, _ = method.update(state, actions, jax.numpy.asarray(rewards))
+    started = time.perf_counter()
+    for t, (state, _) in enumerate(sdr_jax.drive(rng_key, method, reward_fn, updates, n), 1):
         jax.block_until_ready(jax.tree.leaves(state))
         seconds += time.perf_counter() - started
-        done = (t + 1) * n
-        while waiting and (t == updates - 1 or done + n > waiting[0]):
+        while waiting and (t == updates or (t + 1) * n > waiting[0]):
             look = waiting.pop(0)
             values[look] = float(problem.true_value(method.solution(state)))
-            luckiest[look] = float(problem.true_value(lucky))
+            luckiest[look] = float(problem.true_value(reward_fn.lucky))
+        started = time.perf_counter()
+    seconds -= reward_fn.seconds
     return Trace(values, luckiest, seconds, updates)
 
 

@@ -27,11 +27,12 @@ from benchmarks.report import Row, parser, table, write
 from experiments.config import camvid_config
 from experiments.reward import render
 from seg.nets import net, normalise
-from seg.nets.normalise import MEAN, STD
+from seg.nets.ops.normalise import MEAN, STD
 from seg.recipes import RECIPES
-from seg.settings import TrainSettings
-from seg.step import functions, plan
+from seg.settings import NetName, TrainSettings
+from seg.step import Data, functions, plan
 from seg.train import score, train
+from shell.command import size
 
 CLASSES = 11
 BATCHES = {"compact": 8, "deeplabv2": 4, "fcn8s": 4}
@@ -45,7 +46,7 @@ BUDGET = 12.0  # seconds after which no further repeat begins, once there are tw
 class Job(NamedTuple):
     """One net at one size."""
 
-    net: str
+    net: NetName
     width: int
     height: int
     batch: int
@@ -85,19 +86,19 @@ def jax_runs(job: Job) -> Runs:
     images, labels = job.data()
     compiled = functions(settings, CLASSES)
     module = net(job.net, CLASSES)
-    data = jax.device_put((images, labels, np.ones(CLASSES, np.float32), np.uint32(0)))
-    state = compiled.init(np.uint32(0), data[0])
+    data = jax.device_put(Data(images, labels, np.ones(CLASSES, np.float32), np.uint32(0)))
+    state = compiled.init(np.uint32(0), data.images)
 
     @jax.jit
     def forward(params: Any, images: jax.Array) -> jax.Array:
         return module.apply({"params": params}, normalise(images.astype(jnp.float32) / 255))
 
-    yield "forward", lambda: forward(state.params, data[0]).block_until_ready()
+    yield "forward", lambda: forward(state.params, data.images).block_until_ready()
     row = plan(0, job.batch, settings).rows(0)
 
     def step() -> None:
         nonlocal state
-        state, loss = compiled.step(state, *data, row)
+        state, loss = compiled.step(state, data, row)
         jax.block_until_ready((state, loss))
 
     yield "step", step
@@ -253,17 +254,6 @@ def random_real() -> tuple[np.ndarray, np.ndarray]:
     rng = np.random.default_rng(0)
     shape = (REAL, stage.height, stage.width)
     return rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(0, CLASSES, shape, np.uint8)
-
-
-def size(text: str) -> tuple[int, int]:
-    """Width and height of "480x360"."""
-    try:
-        width, height = (int(part) for part in text.split("x"))
-    except ValueError:
-        width = height = 0
-    if min(width, height) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no size; expected such as 480x360")
-    return width, height
 
 
 def count(text: str) -> int:

@@ -16,13 +16,13 @@ from typing import Any
 import numpy as np
 
 from scene.classes import CLASS_NAMES, LABEL_IDS
-from scene.command import Parser
 from scene.dataset.edges import Overlap, overlap
-from scene.dataset.formats.files import read_json
 from scene.dataset.formats.planes import ids_of
 from scene.dataset.formats.segments import label_ids
 from scene.dataset.read import Described, describe
 from scene.dataset.verify import load, verify
+from shell.command import Parser
+from shell.files import read_json
 
 LEAST_LIFT = 2.2
 """Depth jumps on id edges, over what chance gives. Ours: 4 to 5; labels off by one pixel: 1.6."""

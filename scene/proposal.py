@@ -1,7 +1,8 @@
 """Which streets a dataset is made from: an interval of [0, 1] per attribute, and what is drawn from it.
 
 The same idea as the search's proposals, in NumPy and drawn street by street, so that any street of a
-dataset can be made again without those before it.
+dataset can be made again without those before it. What ``describe`` writes, ``parse_proposal`` reads, and
+``draw`` makes the same streets of.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scene.attributes import NAMES, check_unit, default_unit
+from scene.attributes import ATTRIBUTES, NAMES, check_unit, default_unit
 
 RELAXATION = 0.15
 """Width of the intervals around the street set by eye, as a share of each range."""
@@ -27,7 +28,10 @@ class Proposal(NamedTuple):
 
 
 def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
-    """A proposal whose intervals, where they stick out of [0, 1], are moved inside at full width."""
+    """A proposal whose intervals, where they stick out of [0, 1], are moved inside at full width.
+
+    What was slid once stays as it is.
+    """
     centre = np.asarray(centre, np.float32)
     width = np.clip(np.broadcast_to(np.asarray(width, np.float32), centre.shape), 0, 1)
     return Proposal(np.clip(centre, width / 2, 1 - width / 2), width)
@@ -38,9 +42,35 @@ def random_proposal() -> Proposal:
     return slide(np.full(len(NAMES), 0.5), 1.0)
 
 
-def default_proposal() -> Proposal:
-    """The street set by eye, relaxed."""
-    return slide(default_unit(), RELAXATION)
+def default_proposal(width: float = RELAXATION) -> Proposal:
+    """Intervals of one ``width`` around the street set by eye."""
+    return slide(default_unit(), width)
+
+
+def describe(proposal: Proposal) -> dict[str, dict[str, Any]]:
+    """A proposal as ``attributes.json`` holds it: every attribute in unit and physical values."""
+    rows = {}
+    centres, widths = (np.asarray(part, np.float32).tolist() for part in proposal)
+    for attribute, centre, width in zip(ATTRIBUTES, centres, widths, strict=True):
+        low, high = max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
+        rows[attribute.name] = {
+            "unit": {"centre": shortest(centre), "width": shortest(width)},
+            "physical": {
+                "centre": round(attribute.physical(centre), 4),
+                "low": round(attribute.physical(low), 4),
+                "high": round(attribute.physical(high), 4),
+                "unit": attribute.unit,
+            },
+            "meaning": attribute.meaning,
+        }
+    return rows
+
+
+def shortest(value: float) -> float:
+    """The shortest number that is read back as the same float32."""
+    exact = np.float32(value)
+    short = float(str(exact))
+    return short if np.float32(short) == exact else float(exact)
 
 
 def parse_proposal(value: Any) -> Proposal:
@@ -85,8 +115,9 @@ def _interval(name: str, entry: Any) -> tuple[float, float]:
 def draw(proposal: Proposal, seed: int, streets: int) -> np.ndarray:
     """Attributes f32[streets, 23] in [0, 1); street ``k`` depends on (proposal, seed, k) only."""
     units = np.empty((streets, len(NAMES)), np.float32)
-    low = proposal.centre - proposal.width / 2
+    centre, width = slide(*proposal)
+    low = centre - width / 2
     for street in range(streets):
         rng = np.random.default_rng([seed, street, UNITS_STREAM])
-        units[street] = low + proposal.width * rng.random(len(NAMES), dtype=np.float32)
+        units[street] = low + width * rng.random(len(NAMES), dtype=np.float32)
     return np.clip(units, 0.0, BELOW_ONE)  # rounding could reach 1

@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from scene.classes import CLASS_NAMES
-from scene.command import Parser
-from scene.dataset.formats.files import json_text
 from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
+from shell.command import Parser
+from shell.files import write_json
 
 
 class Statistics(NamedTuple):
@@ -149,7 +149,7 @@ def main(arguments: list[str] | None = None) -> int:
         classes, found = compare(options.dataset, options.against, tuple(options.only))
         if options.json is not None:
             plain = {name: report(classes, s) for name, s in found.items()}
-            options.json.write_text(json_text(plain), encoding="utf-8")
+            write_json(options.json, plain)
     except (ValueError, OSError) as error:
         command.fail(error)
     print(table(classes, found))

@@ -10,22 +10,24 @@ A reward that must leave JAX, such as rendering images and training on them: `ho
 One that comes from elsewhere, at its own time: `AskTell`; from a program: `python -m sdr_jax.tune`.
 """
 
-from sdr_jax.actor_critic import actor_critic
 from sdr_jax.ask_tell import AskTell, Trial
-from sdr_jax.attribute_descent import attribute_descent
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import DataSets, HostReward, host_reward
-from sdr_jax.cma_es import cma_es
-from sdr_jax.gaussian import gaussian
-from sdr_jax.linear import linear
+from sdr_jax.critic.actor_critic import actor_critic
+from sdr_jax.critic.linear import linear
 from sdr_jax.method import Info, Method
-from sdr_jax.pbil import pbil
 from sdr_jax.policy import Policy
-from sdr_jax.random_attributes import random_attributes
-from sdr_jax.random_search import random_search
 from sdr_jax.registry import METHODS, MethodName
 from sdr_jax.reinforce import reinforce_loss
+from sdr_jax.relaxation import relax, slide
 from sdr_jax.rewards import identity, squared_percent
+from sdr_jax.rivals.attribute_descent import attribute_descent
+from sdr_jax.rivals.cma_es import cma_es
+from sdr_jax.rivals.gaussian import gaussian
+from sdr_jax.rivals.pbil import pbil
+from sdr_jax.rivals.random_attributes import random_attributes
+from sdr_jax.rivals.random_search import random_search
+from sdr_jax.rivals.tpe import tpe
 from sdr_jax.run import (
     Record,
     RewardFn,
@@ -37,8 +39,7 @@ from sdr_jax.run import (
     run_on_host,
 )
 from sdr_jax.sdr import sdr
-from sdr_jax.space import Proposal, Space, draw, relax, slide, space
-from sdr_jax.tpe import tpe
+from sdr_jax.space import Proposal, Space, draw, space
 
 __all__ = [
     "METHODS",

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
 import os
-from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn, cast
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +12,9 @@ import numpy as np
 from jaxtyping import Array, Real
 
 from sdr_jax.method import Method, State
+from sdr_jax.run import first_state
 from sdr_jax.space import Proposal, Space
+from shell.lines import CURE, JsonLines
 
 RECORD = ("id", "update", "actions", "seed", "reward")
 """What every line of a history holds; whoever tells may add more."""
@@ -26,57 +26,6 @@ class Trial(NamedTuple):
     id: int  # counts from 0 through the whole search
     proposal: Proposal  # NumPy f32[attributes] each: centre and width of every attribute, in [0, 1]
     seed: int  # uint32, for whatever is random in the evaluation
-
-
-class History:
-    """Lines of JSON, appended one by one; a half-written last line is dropped.
-
-    Args:
-        path: the file, made with the first line; None keeps the lines in memory only.
-
-    Raises:
-        ValueError: a line that is no JSON object.
-        OSError: the file cannot be read or mended.
-    """
-
-    def __init__(self, path: Path | None) -> None:
-        self.path = path
-        self.lines: list[dict[str, Any]] = []
-        self._size = 0
-        if path is None or not path.exists():
-            return
-        for line in path.read_bytes().splitlines(keepends=True):
-            if not line.endswith(b"\n"):
-                with open(path, "r+b") as file:
-                    file.truncate(self._size)
-                break
-            self.lines.append(_parse(line, f"{path}: line {len(self.lines) + 1}"))
-            self._size += len(line)
-
-    def append(self, record: dict[str, Any]) -> None:
-        """Adds one line and sees it to the disk; on a full disk, no part of it stays.
-
-        Raises:
-            RuntimeError: someone else has written to the file.
-            OSError: it cannot be written.
-        """
-        line = (json.dumps(record, allow_nan=False) + "\n").encode()
-        if self.path is not None:
-            with open(self.path, "ab", buffering=0) as file:
-                if os.fstat(file.fileno()).st_size != self._size:
-                    raise RuntimeError(f"{self.path} was changed by another process; start again")
-                try:
-                    rest = memoryview(line)
-                    while rest:
-                        rest = rest[file.write(rest) :]
-                    os.fsync(file.fileno())
-                except OSError as error:
-                    with suppress(OSError):
-                        file.truncate(self._size)
-                    error.filename = str(self.path)
-                    raise
-            self._size += len(line)
-        self.lines.append(record)
 
 
 class AskTell:
@@ -121,15 +70,16 @@ class AskTell:
         if n < 1:
             raise ValueError(f"n is {n}, but must be at least 1")
         self.space, self.method, self.n = space, method, n
-        init_key, self._steps_key = jax.random.split(jax.random.key(seed))
-        self.state: State = method.init(init_key)
+        rng_key = jax.random.key(seed)
+        self._steps_key = jax.random.split(rng_key)[1]
+        self.state: State = first_state(rng_key, method)
         self.updates = 0
         self._actions: Real[Array, "n attributes"] = jnp.zeros((n, space.attributes), jnp.int32)
         self._trials: tuple[Trial, ...] = ()  # none before the actions are sampled
         self._rewards: dict[int, float] = {}
-        self._log = History(None if path is None else Path(path))
-        for number, record in enumerate(self._log.lines, 1):
-            self._replay(record, f"{path}: line {number}")
+        self._log = JsonLines(None if path is None else Path(path), f"{CURE}, or begin anew")
+        for number, record in enumerate(self._log.lines):
+            self._replay(record, self._log.where(number))
 
     @property
     def history(self) -> list[dict[str, Any]]:
@@ -236,17 +186,3 @@ class AskTell:
 
 def _plain(centre: Any, width: Any) -> Proposal:
     return Proposal(cast(Array, np.asarray(centre)), cast(Array, np.asarray(width)))
-
-
-def _parse(line: bytes, where: str) -> dict[str, Any]:
-    try:
-        record = json.loads(line, parse_constant=_refuse_constant)
-    except ValueError:
-        record = None
-    if not isinstance(record, dict):
-        raise ValueError(f"{where} is no JSON object; remove it and all after it, or begin anew")
-    return record
-
-
-def _refuse_constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not JSON")

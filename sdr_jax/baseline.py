@@ -87,7 +87,7 @@ def leave_one_out() -> Baseline:
     return Baseline(_init, advantage, least=2)
 
 
-def normalise(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array, "n"]:
+def normalised(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array, "n"]:
     """Divides advantages by their size, `a / (sqrt(mean(a^2)) + eps)`.
 
     The size is the standard deviation around zero, not around the mean: with one data set, or with

@@ -1,9 +1,15 @@
 """The policy: a small network from random attribute values to a categorical over bins for each."""
 
+from collections import defaultdict
+from functools import partial
+
 import flax.linen as nn
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, Key
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, Key, PyTree
+
+from sdr_jax.space import Space
 
 
 class Policy(nn.Module):
@@ -35,7 +41,7 @@ def mask_logits(
     return jnp.where(mask, logits, -jnp.inf)
 
 
-def sample(
+def sample_bins(
     rng_key: Key[Array, ""], logits: Float[Array, "attributes bins"], n: int
 ) -> Int[Array, "n attributes"]:
     """Samples each attribute's bin from its categorical, n times; the key is consumed."""
@@ -73,3 +79,48 @@ def entropy(
     log_probs = jnp.where(jnp.isneginf(log_probs), 0.0, log_probs)
     terms = -jax.nn.softmax(logits) * log_probs
     return jnp.where(present, terms.sum(axis=1), 0.0).sum()
+
+
+def init_policies(
+    rng_key: Key[Array, ""], space: Space, hidden: int
+) -> tuple[PyTree[Array], Float[Array, "groups size"]]:
+    """Initialises every group's policy at its own size, pads and stacks them.
+
+    Padding is exact: a group's padded policy has the parameters of its own-size policy and zeros
+    around them. Zero inputs and masked logits give these zeros no gradient, so they stay zero.
+
+    Args:
+        rng_key: consumed.
+        space: the attribute space.
+        hidden: hidden units of each policy.
+
+    Returns:
+        The parameters, with a leading groups axis on every leaf, for `Policy(size, max_bins)`;
+        and the policies' inputs, random attribute values in [0, 1), zero where padded.
+    """
+    alike: dict[tuple[int, int], list[int]] = defaultdict(list)  # these share a compilation
+    for index, group in enumerate(space.groups):
+        alike[len(group), max(space.bins[attribute] for attribute in group)].append(index)
+    size = max(map(len, space.groups))
+    shapes = jax.eval_shape(lambda key: _init_policy(key, size, space.max_bins, hidden), rng_key)
+    keys = jax.random.split(rng_key, len(space.groups))
+    parts = []
+    for (attributes, bins), indices in alike.items():
+        own_init = partial(_init_policy, attributes=attributes, bins=bins, hidden=hidden)
+        part = jax.vmap(own_init)(keys[np.asarray(indices)])
+        parts.append(jax.tree.map(_pad, part, shapes))
+    order = np.argsort(np.concatenate(list(alike.values())))
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[order], *parts)
+
+
+def _init_policy(
+    rng_key: Key[Array, ""], attributes: int, bins: int, hidden: int
+) -> tuple[PyTree[Array], Float[Array, "attributes"]]:
+    input_key, params_key = jax.random.split(rng_key)
+    inputs = jax.random.uniform(input_key, (attributes,))
+    return Policy(attributes, bins, hidden).init(params_key, inputs), inputs
+
+
+def _pad(stacked: Array, like: jax.ShapeDtypeStruct) -> Array:
+    sizes = zip(stacked.shape[1:], like.shape, strict=True)
+    return jnp.pad(stacked, [(0, 0), *((0, to - size) for size, to in sizes)])

@@ -6,20 +6,20 @@ from typing import Any, Literal, NamedTuple
 
 import optax
 
-from sdr_jax.actor_critic import actor_critic
-from sdr_jax.attribute_descent import attribute_descent
 from sdr_jax.baseline import ema, leave_one_out
-from sdr_jax.cma_es import cma_es
-from sdr_jax.gaussian import gaussian
-from sdr_jax.linear import linear
+from sdr_jax.critic.actor_critic import actor_critic
+from sdr_jax.critic.linear import linear
 from sdr_jax.method import Method
-from sdr_jax.pbil import pbil
-from sdr_jax.random_attributes import random_attributes
-from sdr_jax.random_search import random_search
 from sdr_jax.rewards import identity, squared_percent
+from sdr_jax.rivals.attribute_descent import attribute_descent
+from sdr_jax.rivals.cma_es import cma_es
+from sdr_jax.rivals.gaussian import gaussian
+from sdr_jax.rivals.pbil import pbil
+from sdr_jax.rivals.random_attributes import random_attributes
+from sdr_jax.rivals.random_search import random_search
+from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Space
-from sdr_jax.tpe import tpe
 
 MethodName = Literal[
     "actor_critic",

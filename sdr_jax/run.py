@@ -5,6 +5,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int, Key, Real
 
 from sdr_jax.callback import HostReward
@@ -20,7 +21,9 @@ MOST_FAILED = 0.1
 class RewardFn(Protocol):
     """Scores data sets."""
 
-    def __call__(self, rng_key: Key[Array, ""], proposals: Proposal) -> Float[Array, "n"]:
+    def __call__(
+        self, rng_key: Key[Array, ""], proposals: Proposal
+    ) -> Float[Array | np.ndarray, "n"]:
         """The key is consumed; proposals are f32[n attributes] each; higher is better.
 
         NaN: the evaluation failed.
@@ -123,12 +126,7 @@ def drive(
     before its update counts. Any other reward function is called with concrete arrays, so JAX need
     not be able to trace it.
 
-    Args:
-        rng_key: consumed; `first_state` gives the state before the first update from it.
-        method: what learns, pure or a host adapter.
-        reward_fn: what scores.
-        updates: how many updates; by default as many as the method takes.
-        n: data sets per update.
+    Args as `run` takes them; `first_state` gives the state before the first update.
 
     Yields:
         After each update, the state and what the update tried and got.
@@ -162,15 +160,7 @@ def run_on_host(
 ) -> tuple[State, Record]:
     """`drive` to the end: for any method and any reward what `run` is for pure ones.
 
-    Args:
-        rng_key: consumed.
-        method: what learns, pure or a host adapter.
-        reward_fn: what scores.
-        updates: how many updates; by default as many as the method takes.
-        n: data sets per update.
-
-    Returns:
-        The final state, and the records of all updates, stacked on a leading axis.
+    Args and results are those of `run`.
 
     Raises:
         ValueError: no number of updates, neither here nor in the method; or fewer than one.

@@ -18,7 +18,6 @@ if TYPE_CHECKING:
         class_table,
     )
     from seg.data import (
-        DataError,
         Entry,
         RealSet,
         list_camvid,
@@ -29,45 +28,13 @@ if TYPE_CHECKING:
         read_cityscapes,
         read_folders,
     )
+    from seg.errors import DataError, WeightsError
     from seg.losses import class_weights, cross_entropy
     from seg.metrics import absent_classes, confusion_matrix, iou, mean_iou
     from seg.nets import net
     from seg.recipes import RECIPES
     from seg.settings import TrainSettings, check_settings
     from seg.train import TrainingError, predict, score
-    from seg.weights import WeightsError
-
-_HOMES = {
-    "seg.classes": (
-        "CAMVID_11",
-        "CITYSCAPES_19",
-        "IGNORE_LABEL",
-        "SYNTHIA_13",
-        "SYNTHIA_16",
-        "ClassTable",
-        "class_table",
-    ),
-    "seg.data": (
-        "DataError",
-        "Entry",
-        "RealSet",
-        "list_camvid",
-        "list_cityscapes",
-        "list_folders",
-        "load",
-        "read_camvid",
-        "read_cityscapes",
-        "read_folders",
-    ),
-    "seg.losses": ("class_weights", "cross_entropy"),
-    "seg.metrics": ("absent_classes", "confusion_matrix", "iou", "mean_iou"),
-    "seg.nets": ("net",),
-    "seg.recipes": ("RECIPES",),
-    "seg.settings": ("TrainSettings", "check_settings"),
-    "seg.train": ("TrainingError", "predict", "score"),
-    "seg.weights": ("WeightsError",),
-}
-_HOME = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "CAMVID_11",
@@ -102,9 +69,13 @@ __all__ = [
     "read_folders",
     "score",
 ]
+_HOMES = ("classes", "errors", "data", "metrics", "settings", "recipes", "losses", "nets", "train")
+"""Where the names are; those that need JAX come last."""
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'seg' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+    for home in _HOMES if name in __all__ else ():
+        module = import_module(f"seg.{home}")
+        if hasattr(module, name):
+            return getattr(module, name)
+    raise AttributeError(f"module 'seg' has no attribute {name!r}")

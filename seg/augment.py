@@ -19,15 +19,7 @@ MAX_SATURATION = 0.5  # distance from grey is scaled by 0.5 .. 1.5
 
 
 def draw(rng: np.random.Generator, *shape: int) -> Float32[np.ndarray, "*shape draws"]:
-    """Draw the numbers that `augment` needs.
-
-    Args:
-        rng: consumed in place.
-        *shape: of the images, e.g. (steps, batch).
-
-    Returns:
-        Uniform in [0, 1).
-    """
+    """Draw the numbers in [0, 1) that `augment` needs, for images of some shape such as (steps, batch)."""
     return rng.random((*shape, DRAWS), dtype=np.float32)
 
 
@@ -35,38 +27,21 @@ def _between(u: Float[Array, " b"], low: float, high: float) -> Float[Array, "b 
     return (low + u * (high - low))[:, None, None, None]
 
 
-def mirror(
+def mirrored(
     images: Float[Array, "b h w c"], labels: Integer[Array, "b h w"], u: Float[Array, " b"]
 ) -> tuple[Float[Array, "b h w c"], Integer[Array, "b h w"]]:
-    """Swap left and right, in image and label, where u < 0.5.
-
-    Args:
-        images: any.
-        labels: of the images.
-        u: one number per image.
-
-    Returns:
-        Images and labels.
-    """
-    flips = u < 0.5
+    """Swap left and right, in image and label, where u < 0.5."""
+    swap = (u < 0.5)[:, None, None]
     return (
-        jnp.where(flips[:, None, None, None], images[:, :, ::-1], images),
-        jnp.where(flips[:, None, None], labels[:, :, ::-1], labels),
+        jnp.where(swap[..., None], images[:, :, ::-1], images),
+        jnp.where(swap, labels[:, :, ::-1], labels),
     )
 
 
-def colour(
+def coloured(
     images: Float[Array, "b h w 3"], draws: Float[Array, "b draws"]
 ) -> Float[Array, "b h w 3"]:
-    """Vary gamma, gain, contrast and saturation of each image.
-
-    Args:
-        images: RGB in [0, 1].
-        draws: from `draw`; 0.5 in a column leaves that quality as it is.
-
-    Returns:
-        RGB, clipped to [0, 1].
-    """
+    """Vary gamma, gain, contrast and saturation of each image; draws of 0.5 leave them as they are."""
     gamma = MAX_GAMMA ** _between(draws[:, GAMMA], -1.0, 1.0)
     gain = MAX_GAIN ** _between(draws[:, GAIN], -1.0, 1.0)
     contrast = _between(draws[:, CONTRAST], 1 - MAX_CONTRAST, 1 + MAX_CONTRAST)
@@ -78,16 +53,8 @@ def colour(
     return jnp.clip(mean + contrast * (x - mean), 0, 1)
 
 
-def blur(images: Float[Array, "b h w c"], u: Float[Array, " b"]) -> Float[Array, "b h w c"]:
-    """Mix each image with its 3x3 binomial blur (1 2 1 along each axis).
-
-    Args:
-        images: any.
-        u: share of the blurred image, in [0, 1].
-
-    Returns:
-        Images, same mean up to the border.
-    """
+def blurred(images: Float[Array, "b h w c"], u: Float[Array, " b"]) -> Float[Array, "b h w c"]:
+    """Mix each image with its 3x3 binomial blur (1 2 1 along each axis); u is the blur's share."""
     padded = jnp.pad(images, [(0, 0), (1, 1), (1, 1), (0, 0)], mode="edge")
     rows = 0.25 * (padded[:, :-2] + 2 * padded[:, 1:-1] + padded[:, 2:])
     soft = 0.25 * (rows[:, :, :-2] + 2 * rows[:, :, 1:-1] + rows[:, :, 2:])
@@ -98,9 +65,9 @@ def augment(
     images: UInt8[Array, "b h w 3"],
     labels: UInt8[Array, "b h w"],
     draws: Float[Array, "b draws"],
-    flip: bool = True,
-    colours: bool = True,
-    blurs: bool = True,
+    mirror: bool = True,
+    colour: bool = True,
+    blur: bool = True,
 ) -> tuple[Float[Array, "b h w 3"], UInt8[Array, "b h w"]]:
     """Mirror, colour and blur a batch.
 
@@ -108,18 +75,18 @@ def augment(
         images: RGB.
         labels: class ids.
         draws: from `draw`.
-        flip: mirror half of the images.
-        colours: vary gamma, gain, contrast, saturation.
-        blurs: mix with a blur.
+        mirror: swap left and right of half of the images.
+        colour: vary gamma, gain, contrast, saturation.
+        blur: mix with a blur.
 
     Returns:
         RGB in [0, 1], and labels.
     """
     x = images.astype(jnp.float32) / 255
-    if flip:
-        x, labels = mirror(x, labels, draws[:, MIRROR])
-    if colours:
-        x = colour(x, draws)
-    if blurs:
-        x = blur(x, draws[:, BLUR])
+    if mirror:
+        x, labels = mirrored(x, labels, draws[:, MIRROR])
+    if colour:
+        x = coloured(x, draws)
+    if blur:
+        x = blurred(x, draws[:, BLUR])
     return x, labels

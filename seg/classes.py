@@ -170,13 +170,7 @@ _TABLES = {table.name: table for table in (CITYSCAPES_19, CAMVID_11)}
 
 
 def class_table(name: str) -> ClassTable:
-    """Look a class table up by name.
-
-    Args:
-        name: "cityscapes" or "camvid".
-
-    Returns:
-        The table.
+    """Look a class table up by name, "cityscapes" or "camvid".
 
     Raises:
         ValueError: no table has that name; the message lists those that exist.

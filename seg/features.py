@@ -11,6 +11,7 @@ from flax import linen as nn
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Float32, UInt8
 
+from seg.batches import in_batches
 from seg.nets import Compact, normalise
 
 GRID = 2
@@ -24,16 +25,7 @@ PENULTIMATE = "_ConvNormRelu_5"
 def penultimate(
     params: Any, images: Float[Array, "b h w 3"], classes: int
 ) -> Float[Array, "b rows cols features"]:
-    """What the last layer of the compact net makes its logits from.
-
-    Args:
-        params: of the net.
-        images: normalised RGB.
-        classes: how many classes the net tells apart.
-
-    Returns:
-        Features, none below 0.
-    """
+    """Features, none below 0, that the last layer of the compact net makes its logits from."""
 
     def wanted(module: nn.Module, method: str) -> bool:
         return module.name == PENULTIMATE and method == "__call__"
@@ -45,14 +37,7 @@ def penultimate(
 
 
 def pool(maps: Float[Array, "b rows cols features"]) -> Float[Array, "b vector"]:
-    """Averages over the whole map, then over each cell of the coarse grid, row by row.
-
-    Args:
-        maps: at least 2x2 in size; cells of an odd one differ by a pixel.
-
-    Returns:
-        Five times as many numbers as features.
-    """
+    """Averages over the whole map, then over each cell of the coarse grid, row by row."""
     _, rows, cols, _ = maps.shape
     parts = [maps.mean(axis=(1, 2))]
     for i in range(GRID):
@@ -76,7 +61,7 @@ def _extractor(classes: int) -> Callable[[Any, ArrayLike], Array]:
 def features(
     params: Any, images: UInt8[np.ndarray, "n h w 3"], classes: int
 ) -> Float32[np.ndarray, "n vector"]:
-    """Describe images, in batches of a fixed size (the last one padded).
+    """Describe images.
 
     Args:
         params: of a compact net.
@@ -87,9 +72,4 @@ def features(
         One vector per image.
     """
     extract = _extractor(classes)
-    parts = []
-    for start in range(0, len(images), BATCH):
-        batch = images[start : start + BATCH]
-        padding = [(0, BATCH - len(batch)), (0, 0), (0, 0), (0, 0)]
-        parts.append(np.asarray(extract(params, np.pad(batch, padding))))
-    return np.concatenate(parts)[: len(images)]
+    return in_batches(lambda batch: extract(params, batch), images, BATCH)

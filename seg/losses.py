@@ -17,15 +17,6 @@ def cross_entropy_sums(
     """Numerator and denominator of `cross_entropy`; those of the parts of a batch add up.
 
     sum_i w[y_i] * -log p_i[y_i] and sum_i w[y_i], over the pixels that are not void.
-
-    Args:
-        logits: one vector per pixel.
-        labels: class ids; `ignore` for void.
-        class_weights: None for equal ones.
-        ignore: the void label.
-
-    Returns:
-        Weighted nats, and the weight of all pixels.
     """
     labelled = labels != ignore
     target = jnp.where(labelled, labels, 0).astype(jnp.int32)

@@ -53,13 +53,9 @@ def confusion_matrix(
 
 
 def iou(confusion: Int64[np.ndarray, "classes classes"]) -> Float64[np.ndarray, " classes"]:
-    """Intersection over union of each class: true positives / (truth + predicted - true positives).
+    """IoU of each class: true positives / (truth + predicted - true positives).
 
-    Args:
-        confusion: from `confusion_matrix`.
-
-    Returns:
-        IoU in [0, 1]; NaN for classes that do not occur in the ground truth.
+    NaN for classes that do not occur in the ground truth.
     """
     hits = np.diagonal(confusion).astype(np.float64)
     truth = confusion.sum(1)
@@ -92,13 +88,5 @@ def mean_iou(
 def absent_classes(
     confusion: Int64[np.ndarray, "classes classes"], names: Sequence[str]
 ) -> tuple[str, ...]:
-    """Name the classes that `mean_iou` leaves out, because the ground truth has none of them.
-
-    Args:
-        confusion: from `confusion_matrix`.
-        names: class names, in the order of the ids.
-
-    Returns:
-        Names, in the order of the ids.
-    """
+    """Names of the classes that `mean_iou` leaves out, because the ground truth has none of them."""
     return tuple(name for name, truth in zip(names, confusion.sum(1), strict=True) if truth == 0)

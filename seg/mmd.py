@@ -10,14 +10,7 @@ DEGREE = 3
 def polynomial_kernel(
     x: Float[np.ndarray, "n d"], y: Float[np.ndarray, "m d"]
 ) -> Float64[np.ndarray, "n m"]:
-    """Likeness of every pair: k(x, y) = (x . y / d + 1)^3.
-
-    Args:
-        x: one vector per row.
-        y: one vector per row.
-
-    Returns:
-        The kernel of each pair.
+    """Likeness of every pair of rows: k(x, y) = (x . y / d + 1)^3.
 
     Source: Bińkowski et al. (2018), "Demystifying MMD GANs".
     """
@@ -31,15 +24,8 @@ def mmd2(x: Float[np.ndarray, "n d"], y: Float[np.ndarray, "m d"]) -> float:
     sum_{i != j} k(x_i, x_j) / (n (n - 1)) + sum_{i != j} k(y_i, y_j) / (m (m - 1))
     - 2 sum_{i, j} k(x_i, y_j) / (n m). It may be a little below 0.
 
-    Args:
-        x: one vector per row, at least two.
-        y: one vector per row, at least two.
-
-    Returns:
-        MMD^2, in the units of the kernel.
-
     Raises:
-        ValueError: fewer than two vectors on a side.
+        ValueError: fewer than two vectors (rows) on a side.
 
     Source: Gretton et al. (2012), "A Kernel Two-Sample Test", equation 3.
     """

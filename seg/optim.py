@@ -40,15 +40,7 @@ def poly_schedule(
 
 
 def deeplab_multiplier(path: Path) -> float:
-    """How much faster than the others DeepLab trains a parameter.
-
-    10 for the layers that score the classes (fc8), 1 for others; twice that for biases.
-
-    Args:
-        path: of the parameter.
-
-    Returns:
-        Factor of the learning rate.
+    """How much faster than the others DeepLab trains a parameter: 10 for fc8; twice that for biases.
 
     Source: `lr_mult` in the train.prototxt that Chen et al. (2018) publish, where only fc8 is new.
     """
@@ -63,14 +55,7 @@ def _map_paths(function: Callable[[Path, jax.Array], object], tree: optax.Params
 
 
 def scale_by_path(multiplier: Callable[[Path], float]) -> optax.GradientTransformation:
-    """Scale each parameter's update by a factor that its place decides.
-
-    Args:
-        multiplier: path of a parameter, in a tree of dictionaries, to its factor.
-
-    Returns:
-        A transform without a state.
-    """
+    """Scale each parameter's update by a factor that its path, in a tree of dictionaries, decides."""
     return optax.stateless(
         lambda updates, _: _map_paths(lambda path, u: u * multiplier(path), updates)
     )
@@ -118,14 +103,5 @@ def optimizer(
 def descend(
     params: optax.Params, directions: optax.Updates, lr: jax.typing.ArrayLike
 ) -> optax.Params:
-    """Step against the directions.
-
-    Args:
-        params: any pytree.
-        directions: same structure.
-        lr: f32[], the learning rate of this step.
-
-    Returns:
-        params - lr * directions.
-    """
+    """Step against the directions: params - lr * directions."""
     return jax.tree.map(lambda p, d: p - lr * d, params, directions)

@@ -31,6 +31,15 @@ class TrainState(NamedTuple):
     step: Int32[Array, ""]  # updates so far
 
 
+class Data(NamedTuple):
+    """What all updates of a training share; NumPy or JAX."""
+
+    images: UInt8[Any, "n h w 3"]
+    labels: UInt8[Any, "n h w"]
+    class_weights: Float32[Any, " classes"]  # of the loss
+    seed: UInt32[Any, ""]  # of dropout
+
+
 class Plan(NamedTuple):
     """What is random or scheduled in each update; NumPy on the host, traced inside the step."""
 
@@ -44,16 +53,7 @@ class Plan(NamedTuple):
 
 
 def plan(seed: int, count: int, settings: TrainSettings) -> Plan:
-    """Draw all that is random in a training.
-
-    Args:
-        seed: 32 bits.
-        count: images to choose from.
-        settings: steps, batch, learning rate.
-
-    Returns:
-        One row per update.
-    """
+    """Draw all that is random in a training on `count` images; one row per update. The seed has 32 bits."""
     rng = np.random.default_rng(seed)
     needed = settings.steps * settings.batch
     # Permutations, one after the other: every image is seen equally often.
@@ -101,26 +101,17 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
     def logits_of(params: Params, x: Array, dropout: PRNGKeyArray) -> Array:
         return module.apply({"params": params}, normalise(x), train=True, rngs={"dropout": dropout})
 
-    def step(
-        state: TrainState,
-        images: UInt8[Array, "n h w 3"],
-        labels: UInt8[Array, "n h w"],
-        class_weights: Float32[Array, " classes"],
-        seed: UInt32[Array, ""],
-        row: Plan,
-    ) -> tuple[TrainState, Float[Array, ""]]:
-        picks = row.picks
-        x, y = augment(
-            images[picks], labels[picks], row.draws, settings.mirror, settings.colour, settings.blur
-        )
-        dropout: PRNGKeyArray = jax.random.fold_in(jax.random.key(seed), state.step)
+    def step(state: TrainState, data: Data, row: Plan) -> tuple[TrainState, Float[Array, ""]]:
+        x, y = data.images[row.picks], data.labels[row.picks]
+        x, y = augment(x, y, row.draws, settings.mirror, settings.colour, settings.blur)
+        dropout: PRNGKeyArray = jax.random.fold_in(jax.random.key(data.seed), state.step)
 
         def loss_of(params: Params) -> Float[Array, ""]:
-            return cross_entropy(logits_of(params, x, dropout), y, class_weights)
+            return cross_entropy(logits_of(params, x, dropout), y, data.class_weights)
 
         def sums_of(params: Params, x: Array, y: Array, part: Array) -> tuple[Array, Array]:
             key = jax.random.fold_in(dropout, part)
-            return cross_entropy_sums(logits_of(params, x, key), y, class_weights)
+            return cross_entropy_sums(logits_of(params, x, key), y, data.class_weights)
 
         if settings.accumulate == 1:
             loss, gradients = jax.value_and_grad(loss_of)(state.params)
@@ -131,16 +122,9 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
         return TrainState(params, opt_state, state.step + 1), loss
 
     def steps(
-        state: TrainState,
-        images: Array,
-        labels: Array,
-        class_weights: Array,
-        seed: Array,
-        rows: Plan,
+        state: TrainState, data: Data, rows: Plan
     ) -> tuple[TrainState, Float[Array, " steps"]]:
-        return jax.lax.scan(
-            lambda carry, row: step(carry, images, labels, class_weights, seed, row), state, rows
-        )
+        return jax.lax.scan(lambda carry, row: step(carry, data, row), state, rows)
 
     return Functions(
         init=jax.jit(init),

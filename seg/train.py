@@ -14,11 +14,12 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Int64, UInt8
 
 from seg import losses
+from seg.batches import in_batches
 from seg.classes import IGNORE_LABEL
 from seg.metrics import confusion_matrix
 from seg.nets import net, normalise
 from seg.settings import Dtype, NetName, TrainSettings, check_settings
-from seg.step import Params, functions, plan
+from seg.step import Data, Params, functions, plan
 from seg.weights import load
 
 _CHUNK = 50  # steps between two looks at the loss; also the length of a scan on an accelerator
@@ -106,12 +107,12 @@ def train(
     if settings.weighted:
         class_weights = losses.class_weights(labels, classes)
     seed = np.uint32(rng_seed)
-    data = jax.device_put((images, labels, class_weights, seed))
+    data = jax.device_put(Data(images, labels, class_weights, seed))
     if params is not None:
         # The step donates its state, so work on a copy.
         state = compiled.resume(jax.tree.map(jnp.array, params))
     else:
-        state = compiled.init(seed, data[0])
+        state = compiled.init(seed, data.images)
         if settings.weights is not None:
             state = compiled.resume(load(settings.weights, settings.net, state.params))
     if stepwise is None:
@@ -120,9 +121,9 @@ def train(
         stop = min(start + _CHUNK, settings.steps)
         if stepwise:
             for i in range(start, stop):
-                state, loss = compiled.step(state, *data, rows.rows(i))
+                state, loss = compiled.step(state, data, rows.rows(i))
         else:
-            state, every_loss = compiled.steps(state, *data, rows.rows(slice(start, stop)))
+            state, every_loss = compiled.steps(state, data, rows.rows(slice(start, stop)))
             loss = every_loss[-1]
         value = float(loss)
         if not np.isfinite(value):
@@ -138,7 +139,7 @@ def train(
 def predict(
     params: Params, images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings, classes: int
 ) -> UInt8[np.ndarray, "n h w"]:
-    """Segment images, in batches of a fixed size (the last one padded): one compilation per shape.
+    """Segment images.
 
     Args:
         params: from `train`.
@@ -154,13 +155,7 @@ def predict(
     """
     _check(images)
     predict_batch = _predictor(settings.net, classes, settings.dtype, settings.norm)
-    size = settings.predict_batch
-    parts = []
-    for start in range(0, len(images), size):
-        batch = images[start : start + size]
-        padding = [(0, size - len(batch)), (0, 0), (0, 0), (0, 0)]
-        parts.append(np.asarray(predict_batch(params, np.pad(batch, padding))))
-    return np.concatenate(parts)[: len(images)]
+    return in_batches(lambda batch: predict_batch(params, batch), images, settings.predict_batch)
 
 
 def score(

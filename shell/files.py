@@ -24,13 +24,20 @@ def naming(path: Path) -> Iterator[None]:
         raise
 
 
-def write(path: Path, content: bytes | str | Iterable[str], part: Path | None = None) -> int:
+def write(
+    path: Path,
+    content: bytes | str | Iterable[str],
+    part: Path | None = None,
+    *,
+    sync: bool = True,
+) -> int:
     """Write a whole file or nothing; returns the number of bytes.
 
     Args:
         path: the file.
         content: all of it, or text piece by piece.
         part: the file while it is being written, on the same disk; by default ``path`` and ``.part``.
+        sync: wait for the disk, some milliseconds a file: what is written outlives a power cut.
 
     Raises:
         OSError: with the file's name.
@@ -43,7 +50,8 @@ def write(path: Path, content: bytes | str | Iterable[str], part: Path | None = 
                 for piece in pieces:
                     file.write(piece.encode() if isinstance(piece, str) else piece)
                 file.flush()
-                os.fsync(file.fileno())
+                if sync:
+                    os.fsync(file.fileno())
                 size = file.tell()
             os.replace(part, path)
         except BaseException:

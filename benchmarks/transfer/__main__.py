@@ -37,17 +37,17 @@ from benchmarks.transfer.nets import (
     steering_set,
 )
 from benchmarks.transfer.recipe import TABLE, Recipe, call, units, world
-from experiments.errors import UserError
-from experiments.folder import Log, naming, write_atomically
-from experiments.progress import Progress
 from experiments.reward import worker_environment
 from scene.workers import WorkerError, WorkerPool
 from seg.classes import class_table
 from seg.data import DataError
 from seg.train import TrainingError
+from shell import files
+from shell.command import exit_code
+from shell.errors import UserError
+from shell.lines import CURE, JsonLines
+from shell.progress import Progress
 
-FIELDS: dict[str, type] = {"key": dict, "scores": dict}
-"""One line of ``nets.jsonl``; scores are confusion matrices as lists."""
 Scores = dict[str, list[dict[str, Any]]]
 """Row -> scores of its nets, in the order of their seeds."""
 
@@ -55,22 +55,14 @@ Scores = dict[str, list[dict[str, Any]]]
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
     options = _options(arguments)
-    try:
-        _run(options)
-    except (UserError, DataError, TrainingError) as error:
-        return _fail(f"error: {error}", 2)
-    except OSError as error:
-        return _fail(f"error: {error.filename}: {error.strerror}; the same command goes on", 2)
-    except WorkerError as error:
-        return _fail(f"error: {error}", 1)
-    except KeyboardInterrupt:
-        return _fail("\nstopped; the same command goes on where it was", 130)
-    return 0
 
+    def work() -> None:
+        try:
+            _run(options)
+        except (DataError, TrainingError) as error:
+            raise UserError(str(error)) from error
 
-def _fail(message: str, code: int) -> int:
-    print(message, file=sys.stderr, flush=True)
-    return code
+    return exit_code(work, also=(WorkerError,))
 
 
 def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -120,13 +112,9 @@ def _run(options: argparse.Namespace) -> None:
     )
     real = steering_set(options.data, recipe)
     wanted = nets(recipe, real, options.only, range(options.seeds))
-    with naming(options.out):
+    with files.naming(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
-    log = Log(options.out / "nets.jsonl", FIELDS)
-    try:
-        scores = _train(wanted, log, options)
-    finally:
-        log.close()
+    scores = _train(wanted, JsonLines(options.out / "nets.jsonl"), options)
     classes = class_table(TABLE).classes
     found = summary(scores, classes)
     if "tones" in options.only:
@@ -139,9 +127,13 @@ def _run(options: argparse.Namespace) -> None:
     write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **found)
 
 
-def _train(wanted: Sequence[Net], log: Log, options: argparse.Namespace) -> Scores:
-    """The scores of every net, trained now or remembered."""
-    done = {_name(line["key"]): line["scores"] for line in log.lines}
+def _train(wanted: Sequence[Net], log: JsonLines, options: argparse.Namespace) -> Scores:
+    """The scores of every net, trained now or remembered; confusion matrices as lists."""
+    done: dict[str, dict[str, Any]] = {}
+    for k, line in enumerate(log.lines):
+        if not isinstance(line.get("key"), dict) or not isinstance(line.get("scores"), dict):
+            raise UserError(f"{log.where(k)} has no key and scores; {CURE}")
+        done[_name(line["key"])] = line["scores"]
     missing = [net for net in wanted if _name(net.key) not in done]
     progress = Progress(sum(net.cost for net in wanted))
     progress.advance(sum(n.cost for n in wanted) - sum(n.cost for n in missing), replayed=True)
@@ -150,11 +142,12 @@ def _train(wanted: Sequence[Net], log: Log, options: argparse.Namespace) -> Scor
             key = missing[index].key
             if sheet is not None:
                 _, data = cv2.imencode(".png", sheet[..., ::-1])
-                write_atomically(options.out / f"close-ups-{key['seed']}.png", data.tobytes())
+                files.write(options.out / f"close-ups-{key['seed']}.png", data.tobytes())
             log.append({"key": key, "scores": scores})
             done[_name(key)] = scores
             progress.advance(missing[index].cost)
             progress.update(f"{key['net']}, seed {key['seed']}")
+    progress.close()
     found: Scores = {}
     for net in wanted:
         found.setdefault(net.key["net"], []).append(done[_name(net.key)])

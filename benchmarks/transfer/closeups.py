@@ -12,7 +12,9 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import default_unit, street_params
 from scene.render import RenderSettings, renderer
 from scene.street.background import BEHIND
-from scene.street.street import FIRST_INSTANCE, Camera, Placement, Street, bounds, sample_street
+from scene.street.camera import Camera
+from scene.street.placing import FIRST_INSTANCE, Placement, bounds
+from scene.street.street import Street, sample_street
 
 DISTANCE: dict[str, float] = {
     "building": 16.0,

@@ -104,7 +104,7 @@ INGREDIENTS: dict[str, Change] = {
         blur=0.0, noise=0.0, vignette=0.0, fringe=0.0, halo=0.0, jpeg=0
     ),
     "metering and contrast": _camera(meter=0.0, contrast=1.0),
-    "variety of cameras": _camera(spread=0.0),
+    "variety of cameras": _camera(variation=0.0),
     "haze": _street(clear_air),
     "wet roads": _street(dry_road),
     "variety of weather": _street(first_weather),

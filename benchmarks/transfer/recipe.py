@@ -13,8 +13,7 @@ import numpy as np
 
 from benchmarks.transfer.closeups import DISTANCE, close_ups
 from benchmarks.transfer.ingredients import INGREDIENTS, World, render_world
-from experiments.finals import default_proposal, draw_units, random_proposal
-from experiments.reward import Truth
+from scene.proposal import default_proposal, draw, random_proposal
 from scene.render import RenderSettings
 from seg.classes import class_table
 from seg.train import TrainSettings, predict, score, train
@@ -35,6 +34,13 @@ class Recipe(NamedTuple):
     relaxed: float = 0.15  # width of the intervals around the street set by eye
     close_ups: int = 8  # of each family, for each net
     batch: int = 8
+
+
+class Truth(NamedTuple):
+    """Real images with labels."""
+
+    images: np.ndarray  # u8[n, h, w, 3]
+    labels: np.ndarray  # u8[n, h, w]
 
 
 Result = tuple[dict[str, Any], np.ndarray | None]
@@ -60,7 +66,7 @@ def world(recipe: Recipe, without: str | None = None) -> World:
 def units(recipe: Recipe, attributes: str, seed: int) -> np.ndarray:
     """Attributes f32[streets, 23]: ``random``, or ``default``, relaxed."""
     proposal = random_proposal() if attributes == "random" else default_proposal(recipe.relaxed)
-    return draw_units(proposal, seed, recipe.streets)
+    return draw(proposal, seed, recipe.streets)
 
 
 def rendered_net(

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from benchmarks.report import Row
-from scene.assets.catalogue import FAMILIES
+from scene.assets.families import FAMILIES
 from seg.classes import class_table
 from seg.metrics import iou, mean_iou
 

@@ -6,8 +6,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, pick
 from scene.assets.parts.vehicle import card, circle, mudguard, rod
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, block, merge, polygon, ring, tube
 
 SADDLE: Point = (-0.28, 0.0, 0.95)
@@ -311,3 +313,10 @@ def _rear_load(p: BicycleParams) -> list[Asset]:
             )
         ]
     return []
+
+
+FAMILY = Family(
+    "bicycle", TrainId.BICYCLE, KINDS, sample_bicycle, bicycle,
+    count=18, size=Size((1.0, 2.8), (0.6, 1.6)), tone=0.4, line=("bicycle", 0.7),
+    facing="either", stage=ROAD._replace(azimuth=-62),
+)  # fmt: skip

@@ -10,6 +10,7 @@ from itertools import product
 
 import numpy as np
 
+from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts import ornament
 from scene.assets.parts.facade import (
     GLASS,
@@ -33,9 +34,10 @@ from scene.assets.parts.facade import (
 )
 from scene.assets.parts.roof import OVERHANG, chimney, dormer, flat, pitched, plant_room, steeple
 from scene.assets.parts.styles import KINDS, BuildingParams, sample_building
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, box
 
-__all__ = ["KINDS", "BuildingParams", "building", "eaves", "sample_building"]
+__all__ = ["FAMILY", "KINDS", "BuildingParams", "building", "eaves", "sample_building"]
 
 
 def eaves(params: BuildingParams) -> float:
@@ -249,3 +251,10 @@ def building(params: BuildingParams) -> Asset:
     p = params
     rng = np.random.default_rng(p.seed)
     return assemble([*_facade(rng, p), *_trim(rng, p), *_added(rng, p), *_sides(p), *_top(p)])
+
+
+FAMILY = Family(
+    "building", TrainId.BUILDING, KINDS, sample_building, building,
+    count=106, size=Size((3, 120), (2.5, 120)), tone=0.66, line=("building", 0.96),
+    facing="road", front="right", stage=FRONTAGE,
+)  # fmt: skip

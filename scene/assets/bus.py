@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -31,6 +32,7 @@ from scene.assets.parts.vehicle import (
     window_row,
     wrap,
 )
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, block, merge, polygon, tube
 
 
@@ -360,3 +362,10 @@ def _bonnet(p: BusParams) -> list[Asset]:
         lamps(front, (0.12, 0.26), (0.4, 0.65), HEADLAMP, lift=0.02),
         panel(front, (0.42, 0.58), (0.06, 0.16), PLATE, lift=0.08),
     ]
+
+
+FAMILY = Family(
+    "bus", TrainId.BUS, KINDS, sample_bus, bus,
+    count=28, size=Size((4.5, 26), (2, 5)), tone=0.55, line=("car", 0.05),
+    facing="lane", stage=ROAD,
+)  # fmt: skip

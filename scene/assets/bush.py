@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import Family, Size
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, directions, leaf_cards, slivers, tufts
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, box, merge, shade, solid, triangles, vary
 
 KINDS: tuple[str, ...] = (
@@ -224,3 +226,9 @@ def bush(params: BushParams) -> Asset:
     mesh = whole.mesh.copy()
     mesh.vertices = np.maximum(whole.mesh.vertices, [-np.inf, -np.inf, 0])
     return whole._replace(mesh=mesh)
+
+
+FAMILY = Family(
+    "bush", TrainId.VEGETATION, KINDS, sample_bush, bush,
+    count=16, size=Size((0.2, 12), (0.15, 5)), tone=1.8, line=("tree", 0.3),
+)  # fmt: skip

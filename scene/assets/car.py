@@ -6,10 +6,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.bodywork import ARCH_GAP, Body, Paint, axles, half, shell, underside
 from scene.assets.parts.fittings import Fittings, fittings
 from scene.assets.parts.palette import BLACK, CHROME, GLASS, STEEL, TRIM, car_paint, darker, pick
 from scene.assets.parts.wheel import STYLES, Wheel, wheels
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, vary
 
 
@@ -281,3 +283,10 @@ def car(params: CarParams) -> Asset:
         *fittings(b, params.fittings),
         wheels(params.wheel, axles(b), track),
     )
+
+
+FAMILY = Family(
+    "car", TrainId.CAR, KINDS, sample_car, car,
+    count=195, size=Size((2.2, 7), (0.9, 3)), tone=0.52, line=("car", 0.9),
+    facing="lane", stage=ROAD, again=(175,),
+)  # fmt: skip

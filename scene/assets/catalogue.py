@@ -8,104 +8,18 @@ user's own assets stand beside them, named by the path of their file.
 from __future__ import annotations
 
 import zlib
-from collections.abc import Callable
 from functools import lru_cache
 from pathlib import PurePath
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets import (
-    bicycle,
-    building,
-    bus,
-    bush,
-    car,
-    fence,
-    lamp,
-    library,
-    motorcycle,
-    person,
-    rider,
-    signpost,
-    traffic_light,
-    traffic_sign,
-    train,
-    tree,
-    truck,
-    wall,
-)
-from scene.assets.redrawn import REDRAWN
-from scene.classes import CLASS_NAMES, TrainId
+from scene.assets import library
+from scene.assets.families import FAMILIES
+from scene.classes import CLASS_NAMES
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 from scene.mesh.asset import Asset
 from scene.sky.weather import SKIES
-
-
-class Family(NamedTuple):
-    """One asset family: its class, its kinds and its two functions."""
-
-    train_id: TrainId
-    kinds: tuple[str, ...]
-    sample: Callable[[np.random.Generator, str], Any]  # (rng, kind) -> params
-    build: Callable[[Any], Asset]  # params -> asset, pure
-
-
-FAMILIES: dict[str, Family] = {
-    "building": Family(
-        TrainId.BUILDING, building.KINDS, building.sample_building, building.building
-    ),
-    "train": Family(TrainId.TRAIN, train.KINDS, train.sample_train, train.train),
-    "fence": Family(TrainId.FENCE, fence.KINDS, fence.sample_fence, fence.fence),
-    "wall": Family(TrainId.WALL, wall.KINDS, wall.sample_wall, wall.wall),
-    "tree": Family(TrainId.VEGETATION, tree.KINDS, tree.sample_tree, tree.tree),
-    "bush": Family(TrainId.VEGETATION, bush.KINDS, bush.sample_bush, bush.bush),
-    "bicycle": Family(TrainId.BICYCLE, bicycle.KINDS, bicycle.sample_bicycle, bicycle.bicycle),
-    "motorcycle": Family(
-        TrainId.MOTORCYCLE, motorcycle.KINDS, motorcycle.sample_motorcycle, motorcycle.motorcycle
-    ),
-    "person": Family(TrainId.PERSON, person.KINDS, person.sample_person, person.person),
-    "rider": Family(TrainId.RIDER, rider.KINDS, rider.sample_rider, rider.rider),
-    "lamp": Family(TrainId.POLE, lamp.KINDS, lamp.sample_lamp, lamp.lamp),
-    "signpost": Family(TrainId.POLE, signpost.KINDS, signpost.sample_signpost, signpost.signpost),
-    "traffic sign": Family(
-        TrainId.TRAFFIC_SIGN,
-        traffic_sign.KINDS,
-        traffic_sign.sample_traffic_sign,
-        traffic_sign.traffic_sign,
-    ),
-    "traffic light": Family(
-        TrainId.TRAFFIC_LIGHT,
-        traffic_light.KINDS,
-        traffic_light.sample_traffic_light,
-        traffic_light.traffic_light,
-    ),
-    "car": Family(TrainId.CAR, car.KINDS, car.sample_car, car.car),
-    "bus": Family(TrainId.BUS, bus.KINDS, bus.sample_bus, bus.bus),
-    "truck": Family(TrainId.TRUCK, truck.KINDS, truck.sample_truck, truck.truck),
-}
-
-
-COUNTS: dict[str, int] = {
-    "building": 106,
-    "train": 8,
-    "fence": 16,
-    "wall": 16,
-    "tree": 24,
-    "bush": 16,
-    "bicycle": 18,
-    "motorcycle": 18,
-    "person": 200,
-    "rider": 30,
-    "lamp": 16,
-    "signpost": 16,
-    "traffic sign": 40,
-    "traffic light": 10,
-    "car": 195,
-    "bus": 28,
-    "truck": 39,
-}
-"""Assets of the full catalogue; any larger index works, too."""
 
 USES = ("both", "own", "built-in")
 """Values of ``AssetPool.use``."""
@@ -115,7 +29,7 @@ class AssetPool(NamedTuple):
     """The assets a street may draw from: consecutive indices of every family, and a user's own."""
 
     first: int = 0
-    size: int | None = None  # built-in ones of every family; None: as many as ``COUNTS`` says
+    size: int | None = None  # built-in ones of every family; None: ``Family.count``
     fraction: float = 1.0  # share that is used, of built-in and own ones (the half-asset study)
     own: str = ""  # folder of own assets, see ``library``
     use: str = "both"  # which ones: "both", "own" or "built-in"
@@ -153,7 +67,7 @@ def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | 
     With both in use, every asset is as likely as any other. Always takes one number from ``rng``.
     """
     share = rng.random()
-    size = COUNTS[family] if pool.size is None else pool.size
+    size = FAMILIES[family].count if pool.size is None else pool.size
     count = 0 if pool.use == "own" else max(1, round(size * pool.fraction))
     own = own_assets(pool, family)
     if count + len(own) == 0:
@@ -193,15 +107,9 @@ def asset(family: str, ref: int | str) -> Asset:
         return library.load(family, ref)
     if ref < 0:
         raise ValueError(f"asset index of {family} must be 0 or more, not {ref}")
-    return draw(family, ref, REDRAWN.get(family, {}).get(ref, 0))
-
-
-def draw(family: str, index: int, redraws: int = 0) -> Asset:
-    """An asset of a family and index, the first one or, after ``redraws``, a later one of its kind."""
-    seed = [zlib.crc32(family.encode()), index]
-    rng = np.random.default_rng([*seed, redraws] if redraws else seed)
-    entry = FAMILIES[family]
-    return entry.build(entry.sample(rng, kind(family, index)))
+    row = FAMILIES[family]
+    seed = [zlib.crc32(family.encode()), ref, *([1] if ref in row.again else [])]
+    return row.build(row.sample(np.random.default_rng(seed), kind(family, ref)))
 
 
 @lru_cache(maxsize=4096)

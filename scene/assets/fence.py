@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import FRONTAGE, Family, Size
+from scene.classes import TrainId
 from scene.mesh.asset import (
     Asset,
     Color,
@@ -312,3 +314,10 @@ def fence(params: FenceParams) -> Asset:
         for share in p.rails
     ]  # fmt: skip
     return merge(*posts, *rails, *_INFILLS[p.infill](p))
+
+
+FAMILY = Family(
+    "fence", TrainId.FENCE, KINDS, sample_fence, fence,
+    count=16, size=Size((0.5, 40), (0.3, 5)), tone=0.85, line=("fence", 0.6),
+    facing="road", front="right", stage=FRONTAGE, runs=True,
+)  # fmt: skip

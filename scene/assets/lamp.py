@@ -6,6 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import Family, Size
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, box, loft, merge, tube, vary
 
 GLOW: Color = (0.62, 0.60, 0.52)
@@ -280,3 +282,10 @@ def lamp(params: LampParams) -> Asset:
     if not p.arms:
         parts += _HEADS[p.head](p, 0.0, p.height, 1.0)
     return merge(*parts)
+
+
+FAMILY = Family(
+    "lamp", TrainId.POLE, KINDS, sample_lamp, lamp,
+    count=16, size=Size((2, 18), (2, 18)), tone=2.1, line=("pole", 0.4),
+    facing="road",
+)  # fmt: skip

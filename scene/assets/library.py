@@ -19,54 +19,24 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.families import FAMILIES
+from scene.assets.family import Size
+from scene.classes import CLASS_NAMES
 from scene.mesh.asset import Asset, rotate, translate
 from scene.mesh.file import SUFFIXES, MeshError, read_mesh
+from shell.errors import UserError
 
 MANIFEST = "assets.csv"
 REQUIRED = ("file", "author", "licence", "source")
 OPTIONAL = ("up", "forward", "scale")
 
 
-class Plausible(NamedTuple):
-    """What a family's assets measure, metres."""
-
-    longest: tuple[float, float]  # longest side
-    height: tuple[float, float]
-
-
-SIZES: dict[str, Plausible] = {
-    "building": Plausible((3, 120), (2.5, 120)),
-    "train": Plausible((5, 60), (2, 6)),
-    "fence": Plausible((0.5, 40), (0.3, 5)),
-    "wall": Plausible((0.5, 40), (0.3, 8)),
-    "tree": Plausible((1.5, 40), (1.5, 40)),
-    "bush": Plausible((0.2, 12), (0.15, 5)),
-    "bicycle": Plausible((1.0, 2.8), (0.6, 1.6)),
-    "motorcycle": Plausible((1.2, 3.2), (0.7, 2.0)),
-    "person": Plausible((0.6, 2.6), (0.6, 2.3)),
-    "rider": Plausible((0.6, 2.6), (0.6, 2.3)),
-    "lamp": Plausible((2, 18), (2, 18)),
-    "signpost": Plausible((0.8, 12), (0.8, 12)),
-    "traffic sign": Plausible((0.2, 8), (0.15, 8)),
-    "traffic light": Plausible((0.3, 10), (0.3, 10)),
-    "car": Plausible((2.2, 7), (0.9, 3)),
-    "bus": Plausible((4.5, 26), (2, 5)),
-    "truck": Plausible((3.5, 30), (1.6, 5)),
-}
-"""Every family; a file far from these is in other units, or lies on its side."""
-
-FOLDERS: dict[str, str] = {
-    **{family: family for family in SIZES},
-    "vegetation": "tree",
-    "pole": "lamp",
-}
-"""Name of a sub-folder (with spaces or underscores) -> family."""
+FOLDERS: dict[str, str] = {family: family for family in FAMILIES}
+"""Name of a sub-folder (with spaces or underscores) -> family; a class means its first family."""
+for _family in FAMILIES.values():
+    FOLDERS.setdefault(CLASS_NAMES[_family.train_id], _family.name)
 
 UNITS = (("millimetres", 0.001), ("centimetres", 0.01), ("inches", 0.0254), ("feet", 0.3048))
-SIDEWAYS = ("building", "train", "fence", "wall")
-"""Their front looks to the right, along -y: at the road, from the left of it."""
-BACKWARD = ("traffic sign", "traffic light")
-"""Their front looks back, along -x: at the traffic."""
 HUNG = 2.1
 """Metres above the ground at which a sign or light without a pole of its own hangs."""
 POLELESS = 1.6
@@ -75,7 +45,7 @@ POLE_RADIUS = 0.06
 """Metres by which it keeps clear of the built-in pole."""
 
 
-class LibraryError(ValueError):
+class LibraryError(UserError):
     """A folder of own assets, or a file in it, cannot be used; the message names it."""
 
 
@@ -121,7 +91,7 @@ def scan(folder: str) -> dict[str, tuple[str, ...]]:
     found: dict[str, tuple[str, ...]] = {}
     for row in manifest(folder):
         path = Path(folder).resolve() / row.file
-        family = _family(path.parent.name)
+        family = FOLDERS[_plain(path.parent.name)]
         found[family] = (*found.get(family, ()), str(path))
     return found
 
@@ -161,15 +131,15 @@ def load(family: str, path: str) -> Asset:
     return _stand(asset, family)
 
 
-def _family(name: str) -> str:
-    return FOLDERS[name.replace("_", " ").lower()]
+def _plain(name: str) -> str:
+    return name.replace("_", " ").lower()
 
 
 def _mesh_files(root: Path) -> list[str]:
     """Mesh files of all sub-folders, relative to ``root``, sorted."""
     files = []
     for folder in sorted(p for p in root.iterdir() if p.is_dir() and not p.name.startswith(".")):
-        if folder.name.replace("_", " ").lower() not in FOLDERS:
+        if _plain(folder.name) not in FOLDERS:
             raise LibraryError(
                 f"{folder} is no class that assets can have; known: {', '.join(FOLDERS)}"
             )
@@ -227,7 +197,7 @@ def _scale(text: str, path: Path, number: int) -> float:
 def _check_size(asset: Asset, family: str) -> None:
     """Raise MeshError for a size that the family cannot have, with what would mend it."""
     extents = np.ptp(asset.mesh.vertices, axis=0)
-    sizes = SIZES[family]
+    sizes = FAMILIES[family].size
     if _fits(extents, sizes):
         return
     measures = f"is {extents.max():.4g} m long and {extents[2]:.4g} m high"
@@ -248,7 +218,7 @@ def _check_size(asset: Asset, family: str) -> None:
     raise MeshError(f"{measures}; {plausible}; see columns scale and up of {MANIFEST}")
 
 
-def _fits(extents: np.ndarray, sizes: Plausible) -> bool:
+def _fits(extents: np.ndarray, sizes: Size) -> bool:
     longest, height = extents.max(), extents[2]
     return bool(
         sizes.longest[0] <= longest <= sizes.longest[1]
@@ -258,15 +228,16 @@ def _fits(extents: np.ndarray, sizes: Plausible) -> bool:
 
 def _stand(asset: Asset, family: str) -> Asset:
     """Turn an asset's front where the family's looks, and stand it where the family's stand."""
-    if family in SIDEWAYS:
+    front = FAMILIES[family].front
+    if front == "right":
         asset = rotate(asset, -math.pi / 2, (0, 0, 1))
-    if family in BACKWARD:
+    if front == "back":
         asset = rotate(asset, math.pi, (0, 0, 1))
     low, high = asset.mesh.bounds
     x, y = (low + high)[:2] / 2
     z = low[2]
-    if family in SIDEWAYS:  # the front stands on the line
+    if front == "right":  # it stands on the line
         y = low[1]
-    if family in BACKWARD and high[2] - low[2] < POLELESS:
+    if front == "back" and high[2] - low[2] < POLELESS:
         x, z = high[0] + POLE_RADIUS, low[2] - HUNG
     return translate(asset, (-float(x), -float(y), -float(z)))

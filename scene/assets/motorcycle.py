@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -20,6 +21,7 @@ from scene.assets.parts.palette import (
 from scene.assets.parts.skin import moved, pair, slab
 from scene.assets.parts.vehicle import card, mudguard, rod
 from scene.assets.parts.wheel import Wheel, wheel
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, block, disc, ellipsoid, merge, polygon, tube
 
 SADDLE: Point = (-0.18, 0.0, 0.80)
@@ -339,3 +341,10 @@ def _cases(p: MotorcycleParams) -> list[Asset]:
         block((rear - 0.28, y - 0.1, 0.42), (rear + 0.22, y + 0.1, 0.76), p.color, "paint")
         for y in (0.24, -0.24)
     ]
+
+
+FAMILY = Family(
+    "motorcycle", TrainId.MOTORCYCLE, KINDS, sample_motorcycle, motorcycle,
+    count=18, size=Size((1.2, 3.2), (0.7, 2.0)), tone=0.4, line=("bicycle", 0.3),
+    facing="either", stage=ROAD._replace(azimuth=-55),
+)  # fmt: skip

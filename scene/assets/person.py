@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import Family, Size
 from scene.assets.parts.body import figure
 from scene.assets.parts.carried import PRAM_HANDLE, carried
 from scene.assets.parts.head import head
@@ -23,6 +24,7 @@ from scene.assets.parts.human import (
 )
 from scene.assets.parts.palette import pick
 from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, sample_outfit
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge, translate
 
 
@@ -248,3 +250,10 @@ def _arm(p: PersonParams, name: str, ahead: float) -> tuple[Point, Point]:
     x = UPPER_ARM * np.sin(angle) + FOREARM * np.sin(angle + elbow)
     z = -UPPER_ARM * np.cos(angle) - FOREARM * np.cos(angle + elbow)
     return (float(x), 0.03 + 0.01 * p.body.girth, float(z)), (-1.0, 0.35, -0.3)
+
+
+FAMILY = Family(
+    "person", TrainId.PERSON, KINDS, sample_person, person,
+    count=200, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.42, line=("person", 0.75),
+    facing="either",
+)  # fmt: skip

@@ -7,12 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets import bicycle, motorcycle
+from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.body import figure
 from scene.assets.parts.carried import backpack
 from scene.assets.parts.head import head
 from scene.assets.parts.human import ANKLE, Body, Outfit, Pose
 from scene.assets.parts.palette import pick
 from scene.assets.parts.wardrobe import BRIGHT, CLOTHES, HI_VIS, REFLECTING, sample_outfit
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, merge
 
 
@@ -133,3 +135,10 @@ def _pose(p: RiderParams) -> Pose:
         look=0.5 * p.lean,
         turn=p.turn,
     )
+
+
+FAMILY = Family(
+    "rider", TrainId.RIDER, KINDS, sample_rider, rider,
+    count=30, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.42, line=("person", 0.25),
+    facing="either", stage=ROAD._replace(azimuth=-50), on=MOUNT,
+)  # fmt: skip

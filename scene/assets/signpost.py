@@ -11,6 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import Family, Size
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, box, loft, merge, quad, tube, vary
 
 MAX_RADIUS = 0.06
@@ -211,3 +213,9 @@ def signpost(params: SignpostParams) -> Asset:
         ]
         parts.append(_revolved(p, foot, p.color))
     return merge(*parts, *(_EXTRAS[p.extra](p) if p.extra else ()))
+
+
+FAMILY = Family(
+    "signpost", TrainId.POLE, KINDS, sample_signpost, signpost,
+    count=16, size=Size((0.8, 12), (0.8, 12)), tone=2.1, line=None,
+)  # fmt: skip

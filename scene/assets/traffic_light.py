@@ -6,7 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import SIGN, Family, Size
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, box, disc, loft, merge, polygon, vary
 
 RED: Color = (0.95, 0.05, 0.03)
@@ -161,3 +163,10 @@ def traffic_light(params: TrafficLightParams) -> Asset:
         reach = max(h.y for h in p.heads) - min(h.y for h in p.heads)
         parts.append(box((0.05, reach, 0.05), (-MAX_RADIUS - 0.03, 0, p.centre), p.color, "metal"))
     return merge(*parts)
+
+
+FAMILY = Family(
+    "traffic light", TrainId.TRAFFIC_LIGHT, KINDS, sample_traffic_light, traffic_light,
+    count=10, size=Size((0.3, 10), (0.3, 10)), tone=1.4, line=("pole", 0.25),
+    facing="camera", front="back", stage=SIGN, on="signpost",
+)  # fmt: skip

@@ -9,10 +9,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import SIGN, Family, Size
 from scene.assets.parts.pictogram import Layer
 from scene.assets.parts.sign_boards import Inks
 from scene.assets.parts.sign_faces import FACES
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, Point, box, loft, merge, polygon, vary
 
 KINDS: tuple[str, ...] = tuple(FACES)
@@ -89,3 +91,10 @@ def traffic_sign(params: TrafficSignParams) -> Asset:
     ]
     extra = _supplement(p, p.supplement, back, low - 0.03) if p.supplement else []
     return merge(rear, *faces, edge, *rails, *extra)
+
+
+FAMILY = Family(
+    "traffic sign", TrainId.TRAFFIC_SIGN, KINDS, sample_traffic_sign, traffic_sign,
+    count=40, size=Size((0.2, 8), (0.15, 8)), tone=1.7, line=("pole", 0.35),
+    facing="camera", front="back", stage=SIGN, on="signpost",
+)  # fmt: skip

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.palette import (
     AMBER,
     BLACK,
@@ -35,6 +36,7 @@ from scene.assets.parts.vehicle import (
     window_row,
     wrap,
 )
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, block, loft, merge, translate, tube
 
 
@@ -314,3 +316,10 @@ _BODIES: dict[str, Callable[[TrainParams], list[Asset]]] = {
     "container": _container,
     "tank": _tank,
 }
+
+
+FAMILY = Family(
+    "train", TrainId.TRAIN, KINDS, sample_train, train,
+    count=8, size=Size((5, 60), (2, 6)), tone=0.7, line=("building", 0.04),
+    facing="road", front="right", stage=FRONTAGE,
+)  # fmt: skip

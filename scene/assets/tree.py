@@ -11,7 +11,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.assets.family import Family, Size
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, merge, translate, tube, vary
 
 KINDS: tuple[str, ...] = (
@@ -348,3 +350,9 @@ def _within(asset: Asset, params: TreeParams) -> Asset:
     mesh = asset.mesh.copy()
     mesh.vertices = vertices
     return asset._replace(mesh=mesh)
+
+
+FAMILY = Family(
+    "tree", TrainId.VEGETATION, KINDS, sample_tree, tree,
+    count=24, size=Size((1.5, 40), (1.5, 40)), tone=2.1, line=("tree", 0.7),
+)  # fmt: skip

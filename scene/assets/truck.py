@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from scene.assets.parts import cargo as _cargo
-from scene.assets.parts import lorry as _lorry
+from scene.assets.family import ROAD, Family, Size
+from scene.assets.parts import cargo, lorry
 from scene.assets.parts.lorry import TruckParams, floor
 from scene.assets.parts.palette import (
     AMBER,
@@ -26,6 +26,7 @@ from scene.assets.parts.palette import (
 )
 from scene.assets.parts.skin import pair
 from scene.assets.parts.vehicle import Hull, arch, axle, hull, lamps, panel, walls, wrap
+from scene.classes import TrainId
 from scene.mesh.asset import Asset, Color, block, merge, tube
 
 _CAB = (0.50, 0.86)
@@ -63,16 +64,16 @@ KINDS: tuple[str, ...] = tuple(_MODELS)
 """Body types."""
 
 LOADS: dict[str, Callable[[TruckParams], list[Asset]]] = {
-    "box": _lorry.box,
-    "curtain": _lorry.curtain,
-    "luton": _lorry.luton,
-    "flatbed": _cargo.flatbed,
-    "tipper": _cargo.tipper,
-    "tanker": _cargo.tanker,
-    "refuse": _cargo.refuse,
-    "mixer": _cargo.mixer,
-    "skip": _cargo.skip,
-    "recovery": _cargo.recovery,
+    "box": lorry.box,
+    "curtain": lorry.curtain,
+    "luton": lorry.luton,
+    "flatbed": cargo.flatbed,
+    "tipper": cargo.tipper,
+    "tanker": cargo.tanker,
+    "refuse": cargo.refuse,
+    "mixer": cargo.mixer,
+    "skip": cargo.skip,
+    "recovery": cargo.recovery,
 }
 """What a lorry may carry."""
 
@@ -278,3 +279,10 @@ def _tail(p: TruckParams) -> list[Asset]:
         lamps(rear, (0.2, 0.34), (0.25, 0.6), (0.5, 0.2, 0.02), lift=0.02),
         panel(rear, (0.4, 0.6), (0.3, 0.6), PLATE_REAR, lift=0.02),
     ]
+
+
+FAMILY = Family(
+    "truck", TrainId.TRUCK, KINDS, sample_truck, truck,
+    count=39, size=Size((3.5, 30), (1.6, 5)), tone=0.55, line=("car", 0.05),
+    facing="lane", stage=ROAD,
+)  # fmt: skip

@@ -4,20 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.palette import darker
 from scene.assets.parts.wall_faces import FACES, RELIEF, TOPS, WallParams
-from scene.mesh.asset import (
-    Asset,
-    Color,
-    box,
-    extrude,
-    loft,
-    merge,
-    rotate,
-    solid,
-    translate,
-    vary,
-)
+from scene.classes import TrainId
+from scene.mesh.asset import Asset, Color, box, extrude, loft, merge, rotate, solid, translate, vary
 
 BRICK: Color = (0.17, 0.085, 0.06)
 YELLOW_BRICK: Color = (0.27, 0.22, 0.15)
@@ -140,3 +131,10 @@ def wall(params: WallParams) -> Asset:
     if p.top:
         parts += TOPS[p.top](p, rng)
     return merge(*parts, *_piers(p))
+
+
+FAMILY = Family(
+    "wall", TrainId.WALL, KINDS, sample_wall, wall,
+    count=16, size=Size((0.5, 40), (0.3, 8)), tone=0.66, line=("fence", 0.4),
+    facing="road", front="right", stage=FRONTAGE, runs=True,
+)  # fmt: skip

@@ -6,7 +6,7 @@ street. The same call again does what is missing; the files about all images and
 
 from __future__ import annotations
 
-import os
+import json
 import shutil
 import zlib
 from collections import Counter
@@ -16,19 +16,23 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from filelock import FileLock, Timeout
 
 from scene.assets import library
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.classes import CLASS_NAMES
 from scene.dataset import description
-from scene.dataset.formats.files import json_text, read_json, write
 from scene.dataset.formats.layout import SPLITS, layout, stem
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK, pictures
 from scene.dataset.render import Dataset, check_request, street_of
-from scene.proposal import Proposal
+from scene.proposal import Proposal, describe, shortest
 from scene.render import RenderSettings, renderer
+from scene.version import ENGINE
 from scene.workers import WorkerPool, opened
+from shell.errors import UserError
+from shell.files import read_json, write, write_json
+from shell.folder import differences, plain
 
 BLOCK = 4096
 """Bytes that disks give out at a time."""
@@ -36,7 +40,7 @@ MARGIN = 1.2
 """Room asked for, over what the first image needs."""
 
 
-class ExportError(ValueError):
+class ExportError(UserError):
     """A folder cannot take an export; the message names the folder and says what would do."""
 
 
@@ -114,12 +118,13 @@ def export_dataset(
     wanted = _settings(plan, units, proposal)
     if not _complete(plan.folder, wanted):
         _check_room(plan, units)
-        plan.folder.mkdir(parents=True, exist_ok=True)
-    with _locked(plan.folder):
-        if not _complete(plan.folder, wanted):
-            return _export(plan, units, wanted, workers, progress)
-        shutil.rmtree(plan.folder / WORK, ignore_errors=True)  # a kill came just before
-        return read_json(plan.folder / DESCRIPTION)
+        (plan.folder / WORK).mkdir(parents=True, exist_ok=True)
+        with _locked(plan.folder):
+            if not _complete(plan.folder, wanted):
+                _export(plan, units, wanted, workers, progress)
+    found: dict[str, Any] = read_json(plan.folder / DESCRIPTION)
+    shutil.rmtree(plan.folder / WORK, ignore_errors=True)
+    return found
 
 
 def read_dataset(folder: Path) -> Dataset:
@@ -138,14 +143,18 @@ def _export(
     wanted: dict[str, Any],
     workers: int | WorkerPool,
     progress: Callable[[int, int, int], None] | None,
-) -> dict[str, Any]:
+) -> None:
     """The work itself, in a folder that nobody else writes to."""
     work, scratch = plan.folder / WORK, plan.folder / WORK / "parts"
     shutil.rmtree(scratch, ignore_errors=True)  # what a kill left half-written
     scratch.mkdir(parents=True)
     if not (work / "settings.json").exists():
-        opening = {**wanted, "versions": description.versions()}
-        write(work / "settings.json", json_text(opening), scratch)
+        write_json(work / "settings.json", {**wanted, "versions": description.versions()})
+    paths = layout(plan.format).paths(plan.split, "").values()
+    summaries = layout(plan.format).summaries(plan.split).values()
+    for folder in {(plan.folder / path).parent for path in (*paths, *summaries)}:
+        folder.mkdir(parents=True, exist_ok=True)
+    (work / "streets").mkdir(exist_ok=True)
     finished = set(_finished(plan, range(len(units))))
     done, written = sum(_shots(plan, street) for street in finished), 0
     if progress is not None:
@@ -156,7 +165,7 @@ def _export(
             done, written = done + _shots(plan, tasks[position][1]), written + size
             if progress is not None:
                 progress(done, plan.images, written)
-    return _summarize(plan, len(units), scratch)
+    _summarize(plan, len(units))
 
 
 def _export_street(plan: Plan, index: int, unit: np.ndarray) -> int:
@@ -171,14 +180,18 @@ def _export_street(plan: Plan, index: int, unit: np.ndarray) -> int:
         name = stem(index, shot)
         files, known = shot_files(frames[shot], street.cameras[shot], plan.settings, kind_of)
         paths = kind_of.paths(plan.split, name)
-        sizes = [write(plan.folder / paths[k], files[k], scratch) for k in files]
+        # A power cut may cost what is not synced; what is shorter than its record is rendered again.
+        sizes = [
+            write(plan.folder / paths[k], files[k], scratch / f"{name}.{k}", sync=False)
+            for k in files
+        ]
         record["images"].append({"stem": name, "bytes": sizes, **known})
         total += sum(sizes)
-    write(_record_path(plan, index), json_text(record), scratch)
+    write_json(_record_path(plan, index), record)
     return total
 
 
-def _summarize(plan: Plan, streets: int, scratch: Path) -> dict[str, Any]:
+def _summarize(plan: Plan, streets: int) -> None:
     """Write the files about all images; ``dataset.json`` says that all is done."""
     size = (plan.settings.width, plan.settings.height)
 
@@ -191,35 +204,36 @@ def _summarize(plan: Plan, streets: int, scratch: Path) -> dict[str, Any]:
     kind_of = layout(plan.format)
     for name, path in kind_of.summaries(plan.split).items():
         text = kind_of.summary_text(name, plan.split, images, size)
-        write(plan.folder / path, text, scratch)
+        write(plan.folder / path, text)
     if _own_folder(plan.pool):
         # Authors and licences go wherever the pictures of their assets go.
         listing = Path(plan.pool.own) / library.MANIFEST
-        write(plan.folder / library.MANIFEST, listing.read_bytes(), scratch)
+        write(plan.folder / library.MANIFEST, listing.read_bytes())
     found = {
         **read_json(plan.folder / WORK / "settings.json"),
         "encodings": description.ENCODINGS,
         **description.outcome(records(), size[0] * size[1]),
     }
-    write(plan.folder / DESCRIPTION, json_text(found), scratch)
-    shutil.rmtree(plan.folder / WORK, ignore_errors=True)
-    return found
+    write_json(plan.folder / DESCRIPTION, found)
 
 
 def _settings(plan: Plan, units: np.ndarray, proposal: Proposal | None) -> dict[str, Any]:
     """All that decides the files, as ``dataset.json`` has it."""
+    render = {**plan.settings._asdict(), "response": plan.settings.response._asdict()}
+    unit = {name: row["unit"] for name, row in describe(proposal).items()} if proposal else None
     return {
+        "engine": ENGINE,
         "format": plan.format,
         "split": plan.split,
         "images": plan.images,
         "shots": plan.shots,
         "seed": plan.seed,
         "renderer": plan.renderer,
-        "render": description.plain(plan.settings),
+        "render": plain(render),
         "assets": {**plan.pool._asdict(), "own": Path(plan.pool.own).name},
         "own_assets": _own_assets(plan.pool),
-        "attributes": None if proposal is None else description.attribute_entry(proposal),
-        "streets": description.street_entries(units),
+        "attributes": unit,
+        "streets": [[shortest(value) for value in row] for row in units.tolist()],
     }
 
 
@@ -255,9 +269,13 @@ def _complete(folder: Path, wanted: dict[str, Any]) -> bool:
     theirs = read_json(stored)
     if not isinstance(theirs, dict):
         raise ExportError(f"{stored} does not describe an export; choose another folder")
-    found = description.difference(wanted, {key: theirs.get(key) for key in wanted})
-    if found is not None:
-        name, ours, other = found
+    engine = theirs.get("engine", "0")
+    if engine != ENGINE:
+        raise ExportError(
+            f"{folder} holds an export of engine version {engine}, and this is {ENGINE}; continue it "
+            "with the release that began it, or choose another folder"
+        )
+    for name, ours, other in differences(wanted, {key: theirs.get(key) for key in wanted}):
         values = "" if isinstance(ours, list | dict) else f" = {other}, not {ours}"
         raise ExportError(
             f"{folder} holds an export with {'' if values else 'other '}{name}{values}; "
@@ -271,7 +289,7 @@ def _check_room(plan: Plan, units: np.ndarray) -> None:
     street = street_of(units[0], plan.seed, 0, 1, plan.pool)
     frame = renderer(plan.renderer).render(street, plan.settings)[0]
     files, record = shot_files(frame, street.cameras[0], plan.settings, layout(plan.format))
-    sizes = [*(len(content) for content in files.values()), 2 * len(json_text(record))]
+    sizes = [*(len(content) for content in files.values()), 2 * len(json.dumps(record, indent=2))]
     image = sum(-(-size // BLOCK) * BLOCK for size in sizes)
     finished = sum(1 for _ in (plan.folder / WORK / "streets").glob("*.json"))
     need = MARGIN * image * max(plan.images - finished * plan.shots, 0)
@@ -313,18 +331,13 @@ def _shots(plan: Plan, street: int) -> int:
 
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
-    """Keep a second process out, with nothing on the disk that a kill could leave behind."""
+    """Keep a second process out; the system forgets the lock of one that was killed."""
+    lock = FileLock(folder / WORK / "lock", timeout=0)
     try:
-        import fcntl
-    except ImportError:  # not on Windows
-        yield
-        return
-    handle = os.open(folder, os.O_RDONLY)
+        lock.acquire()
+    except Timeout:
+        raise ExportError(f"{folder} is in use by another export") from None
     try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise ExportError(f"{folder} is in use by another export") from None
         yield
     finally:
-        os.close(handle)
+        lock.release()

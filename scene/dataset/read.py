@@ -8,10 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scene.dataset.formats.files import read_json, read_png
 from scene.dataset.formats.layout import FORMATS, SPLITS, Layout, layout, stem
 from scene.dataset.formats.planes import ids_of
+from scene.dataset.formats.png import read_png
 from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
+from shell.files import read_json
 
 DESCRIPTION = "dataset.json"
 WORK = ".export"

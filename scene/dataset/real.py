@@ -1,7 +1,4 @@
-"""Real images beside which a dataset is measured, read only to be counted.
-
-CamVid in the SegNet layout (11 classes) or any folder in the layout of Cityscapes (19 classes).
-"""
+"""Real images beside which a dataset is measured, read only to be counted: CamVid, or Cityscapes' layout."""
 
 from __future__ import annotations
 
@@ -16,23 +13,25 @@ from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.formats.segments import TRAIN_OF_LABEL
 from scene.dataset.read import DESCRIPTION, pictures
 
-CAMVID = (
-    *("sky", "building", "pole", "road", "sidewalk", "tree", "sign", "fence", "car"),
-    *("pedestrian", "bicyclist"),
-)
-"""The 11 classes of CamVid as the literature counts them."""
-_CAMVID_OF_NAME = {
-    **{"road": "road", "sidewalk": "sidewalk", "building": "building", "wall": "building"},
-    **{"fence": "fence", "pole": "pole", "traffic light": "sign", "traffic sign": "sign"},
-    **{"vegetation": "tree", "terrain": "tree", "sky": "sky", "person": "pedestrian"},
-    **{"rider": "bicyclist", "motorcycle": "bicyclist", "bicycle": "bicyclist"},
-    **{"car": "car", "truck": "car", "bus": "car"},
+_CAMVID: dict[str, tuple[str, ...]] = {
+    "sky": ("sky",),
+    "building": ("building", "wall"),
+    "pole": ("pole",),
+    "road": ("road",),
+    "sidewalk": ("sidewalk",),
+    "tree": ("vegetation", "terrain"),
+    "sign": ("traffic light", "traffic sign"),
+    "fence": ("fence",),
+    "car": ("car", "truck", "bus"),
+    "pedestrian": ("person",),
+    "bicyclist": ("rider", "motorcycle", "bicycle"),
 }
+CAMVID: tuple[str, ...] = tuple(_CAMVID)
+"""The 11 classes of CamVid as the literature counts them."""
 CAMVID_OF_TRAIN = np.full(256, VOID, np.uint8)
 """u8[256]: train id -> CamVid's class; trains are void there."""
-for _train_id, _name in enumerate(CLASS_NAMES):
-    if _name in _CAMVID_OF_NAME:
-        CAMVID_OF_TRAIN[_train_id] = CAMVID.index(_CAMVID_OF_NAME[_name])
+for _k, _ours in enumerate(_CAMVID.values()):
+    CAMVID_OF_TRAIN[[CLASS_NAMES.index(name) for name in _ours]] = _k
 
 
 class Pictures(NamedTuple):
@@ -43,7 +42,7 @@ class Pictures(NamedTuple):
 
 
 def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
-    """The images of an exported dataset, of CamVid or of a folder like Cityscapes.
+    """The images of an exported dataset, of CamVid (SegNet's layout) or of a folder like Cityscapes.
 
     Args:
         folder: where they are.
@@ -55,45 +54,35 @@ def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
     if (folder / DESCRIPTION).is_file():
         return Pictures(CLASS_NAMES, pictures(folder))
     if (folder / "train").is_dir() and (folder / "trainannot").is_dir():
-        images = sorted(p for p in (folder / "train").iterdir() if p.suffix in (".jpg", ".png"))
-        labels = [folder / "trainannot" / f"{path.stem}.png" for path in images]
-        legal = np.full(256, VOID, np.uint8)
-        legal[: len(CAMVID)] = np.arange(len(CAMVID))
-        classes: tuple[str, ...] = CAMVID
+        found, tail, labels, ending = "train/*.[jp][pn]g", "", "trainannot", ""
+        classes, legal = CAMVID, np.arange(256, dtype=np.uint8)
+        legal[len(CAMVID) :] = VOID
     elif (folder / "leftImg8bit").is_dir():
-        images = sorted((folder / "leftImg8bit").glob("*/*/*_leftImg8bit.png"))
-        labels = [_cityscapes_label(folder, path) for path in images]
-        legal, classes = TRAIN_OF_LABEL, CLASS_NAMES
+        found, tail = "leftImg8bit/*/*/*_leftImg8bit.png", "_leftImg8bit"
+        labels, ending = "gtFine", "_gtFine_labelIds"
+        classes, legal = CLASS_NAMES, TRAIN_OF_LABEL
     else:
         raise ValueError(
             f"{folder}: expected {DESCRIPTION}, train/ with trainannot/ (CamVid), or leftImg8bit/"
         )
-    chosen = [
-        pair
-        for pair in zip(images, labels, strict=True)
-        if not prefixes or pair[0].name.startswith(prefixes)
-    ]
-    if not chosen:
-        raise ValueError(
-            f"{folder}: no images" + (f" called {', '.join(prefixes)}" * bool(prefixes))
-        )
-    return Pictures(classes, _read(chosen, legal))
+    images = [p for p in sorted(folder.glob(found)) if p.name.startswith(prefixes or "")]
+    if not images:
+        called = f" called {', '.join(prefixes)}" if prefixes else ""
+        raise ValueError(f"{folder}: no images{called}")
+
+    def label_of(image: Path) -> Path:
+        below = image.parent.relative_to(folder).parts[1:]
+        return folder.joinpath(labels, *below, f"{image.stem.removesuffix(tail)}{ending}.png")
+
+    return Pictures(classes, (_read(image, label_of(image), legal) for image in images))
 
 
-def _cityscapes_label(folder: Path, image: Path) -> Path:
-    name = image.name.replace("_leftImg8bit.png", "_gtFine_labelIds.png")
-    return folder / "gtFine" / image.parent.parent.name / image.parent.name / name
-
-
-def _read(
-    files: list[tuple[Path, Path]], table: np.ndarray
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    for image_path, label_path in files:
-        image = _decode(image_path, cv2.IMREAD_COLOR)[..., ::-1]
-        label = table[_decode(label_path, cv2.IMREAD_GRAYSCALE)]
-        if image.shape[:2] != label.shape:
-            raise ValueError(f"{label_path} and {image_path} differ in size")
-        yield image, label
+def _read(image_path: Path, label_path: Path, legal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    image = _decode(image_path, cv2.IMREAD_COLOR)[..., ::-1]
+    label = legal[_decode(label_path, cv2.IMREAD_GRAYSCALE)]
+    if image.shape[:2] != label.shape:
+        raise ValueError(f"{label_path} and {image_path} differ in size")
+    return image, label
 
 
 def _decode(path: Path, flags: int) -> np.ndarray:

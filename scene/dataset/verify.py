@@ -10,10 +10,11 @@ import numpy as np
 
 from scene.classes import CLASS_NAMES, TrainId, colorize
 from scene.dataset.formats import rle
-from scene.dataset.formats.files import read_json, read_png
 from scene.dataset.formats.planes import ids_of, normals_of
+from scene.dataset.formats.png import read_png
 from scene.dataset.formats.segments import PER_CLASS, TRAIN_OF_LABEL, is_thing, label_ids, segments
 from scene.dataset.read import Described
+from shell.files import read_json
 
 ROUNDING = 0.02
 """How far from 1 the length of a normal may be after it was rounded to bytes."""

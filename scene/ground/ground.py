@@ -1,4 +1,4 @@
-"""The ground of one street: what is drawn, and the meshes of its road, sidewalk and terrain.
+"""The ground of one street: what is drawn by chance.
 
 Flat but for the kerb, which drops at driveways and side streets. The carriageway reaches
 ``half_width`` from the centre line, then comes the sidewalk, then terrain; hills close the horizon.
@@ -10,53 +10,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.classes import TrainId
-from scene.ground.extent import (
-    FOOTWAYS,
-    GROUND_END,
-    GROUND_SIDE,
-    GROUND_START,
-    HALF_WIDTHS,
-    KERB_HEIGHT,
-    KERB_WIDTH,
-    PAINT_LIFT,
-)
+from scene.ground.extent import FOOTWAYS, HALF_WIDTHS, KERB_HEIGHT
 from scene.ground.markings import ARROWS, WORDS, Legend
-from scene.ground.relief import sidewalk_quads, terrain_quads
-from scene.ground.roadway import road_quads
-from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS, Coat, Color, Surface, sample_coat
-from scene.look.tones import ROAD_TONE, SIDEWALK_TONE
-from scene.mesh.asset import Asset
-from scene.mesh.quads import to_asset
+from scene.look.surfaces import (
+    ROAD_TONE,
+    ROADS,
+    SIDEWALK_TONE,
+    SIDEWALKS,
+    TERRAINS,
+    Coat,
+    Color,
+    sample_coat,
+)
 
-__all__ = [
-    "FOOTWAYS",
-    "GROUND_END",
-    "GROUND_INSTANCES",
-    "GROUND_SIDE",
-    "GROUND_START",
-    "HALF_WIDTHS",
-    "KERB_HEIGHT",
-    "KERB_WIDTH",
-    "PAINT_LIFT",
-    "ROADS",
-    "SIDEWALKS",
-    "TERRAINS",
-    "Coat",
-    "Ground",
-    "Surface",
-    "ground_assets",
-    "ground_height",
-    "plain",
-    "sample_ground",
-]
-
-GROUND_INSTANCES: dict[int, int] = {
-    1: int(TrainId.ROAD),
-    2: int(TrainId.SIDEWALK),
-    3: int(TrainId.TERRAIN),
-}
-"""Instance id -> train id of the three ground surfaces."""
 KERB_STONE = (0.21, 0.205, 0.195)
 """Linear colour of kerb stones, before weather and dirt."""
 
@@ -187,13 +153,3 @@ def sample_ground(rng: np.random.Generator, share: float = 1.0, drive: float = 1
         hills=float(rng.uniform(4, 32)),
         seed=int(rng.integers(2**32)),
     )
-
-
-def ground_assets(ground: Ground) -> dict[int, Asset]:
-    """The three surfaces by instance id: road with its markings, sidewalk with its kerb, terrain."""
-    rng = np.random.default_rng(ground.seed)
-    surfaces = (road_quads, sidewalk_quads, terrain_quads)
-    return {
-        instance: to_asset(draw(ground, rng))
-        for instance, draw in zip(GROUND_INSTANCES, surfaces, strict=True)
-    }

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from scene.ground.extent import (
@@ -15,10 +13,8 @@ from scene.ground.extent import (
     stations,
     wavy,
 )
+from scene.ground.ground import Ground
 from scene.mesh.quads import Quads, flat, grid, quads, rectangles
-
-if TYPE_CHECKING:
-    from scene.ground.ground import Ground
 
 DROPPED = 0.025
 """Height of a dropped kerb, metres."""

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from scene.ground import markings
@@ -16,10 +14,8 @@ from scene.ground.extent import (
     stations,
     wavy,
 )
+from scene.ground.ground import Ground
 from scene.mesh.quads import Quads, discs, flat, grid, quads, rectangles
-
-if TYPE_CHECKING:
-    from scene.ground.ground import Ground
 
 WHITE, YELLOW = (0.56, 0.56, 0.53), (0.50, 0.34, 0.05)
 IRON = (0.07, 0.065, 0.06)

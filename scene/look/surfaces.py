@@ -64,11 +64,12 @@ TERRAINS: tuple[Surface, ...] = (
 """What lies beyond the sidewalk."""
 
 
+ROAD_TONE, SIDEWALK_TONE = 0.78, 0.66
+"""Factors on the colours of roads and sidewalks; see ``tone`` in ``assets/family.py``."""
+
+
 def sample_coat(
-    rng: np.random.Generator,
-    surfaces: tuple[Surface, ...],
-    share: float = 1.0,
-    tone: float = 1.0,
+    rng: np.random.Generator, surfaces: tuple[Surface, ...], share: float = 1.0, tone: float = 1.0
 ) -> Coat:
     """Draw one of the first ``share`` of ``surfaces``, at least one, and its colour times ``tone``."""
     known = surfaces[: max(1, round(share * len(surfaces)))]

@@ -18,6 +18,7 @@ import numpy as np
 from scene.look.materials import material_id
 from scene.mesh.asset import Asset
 from scene.mesh.mesh import Mesh
+from shell.errors import UserError
 
 if TYPE_CHECKING:
     import trimesh
@@ -43,7 +44,7 @@ HOLE = 0.5
 """Below this opacity a textured face is left out: it is the air between the leaves."""
 
 
-class MeshError(ValueError):
+class MeshError(UserError):
     """A mesh file cannot be used; the message says why, but not which file."""
 
 

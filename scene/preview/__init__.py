@@ -1,3 +1,1 @@
 """Pictures to look at: contact sheets of streets, sweeps of attributes, pages of assets."""
-
-from scene.preview.streets import units as units

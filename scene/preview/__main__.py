@@ -21,10 +21,11 @@ import cv2
 import numpy as np
 
 from scene.assets.catalogue import USES, AssetPool, absent, check_pool
-from scene.command import Parser, size
 from scene.preview.closeup import all_classes, class_page
-from scene.preview.streets import all_sweeps, contact_sheet, sweep, units
+from scene.preview.streets import all_sweeps, contact_sheet, sweep
+from scene.proposal import default_proposal, draw, random_proposal
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
+from shell.command import Parser, size
 
 FORMATS = (".png", ".jpg", ".jpeg")
 QUALITY = 88
@@ -89,7 +90,8 @@ def page(options: argparse.Namespace) -> np.ndarray:
         if everything:
             return all_classes(columns, settings, engine, pool)
         return class_page(options.asset, options.count, columns, settings, engine, pool)
-    rows = units(options.attributes, options.streets, options.seed)
+    proposal = random_proposal() if options.attributes == "random" else default_proposal()
+    rows = draw(proposal, options.seed, options.streets)
     return contact_sheet(rows, options.seed, options.shots, settings, engine, pool)
 
 

@@ -4,30 +4,23 @@ from __future__ import annotations
 
 import math
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 
 from scene.assets import catalogue
-from scene.assets.catalogue import FAMILIES, AssetPool, families_of, kind, own_assets
-from scene.assets.rider import MOUNT
+from scene.assets.catalogue import AssetPool, families_of, kind, own_assets
+from scene.assets.families import FAMILIES
 from scene.classes import CLASS_NAMES
-from scene.ground.ground import (
-    ROADS,
-    SIDEWALKS,
-    TERRAINS,
-    Ground,
-    ground_height,
-    plain,
-    sample_ground,
-)
-from scene.look.surfaces import sample_coat
+from scene.ground.ground import Ground, ground_height, plain, sample_ground
+from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS, sample_coat
 from scene.preview.layout import captioned, grid, stack
 from scene.render import RenderSettings, renderer
-from scene.render.protocol import camera_axes
 from scene.render.sensor import CameraResponse
-from scene.sky.sky import SKIES, Sky, sample_sky
-from scene.street.street import FIRST_INSTANCE, Camera, Placement, Street
+from scene.sky.sky import Sky, sample_sky
+from scene.sky.weather import SKIES
+from scene.street.camera import Camera, camera_axes
+from scene.street.placing import FIRST_INSTANCE, Placement
+from scene.street.street import Street
 
 SUN_AZIMUTH = math.radians(-110)
 """From behind the viewer's shoulder."""
@@ -35,7 +28,7 @@ SUNS = (38.0, 12.0, 4.0, 70.0)
 """Elevations (degrees) at which a sky is looked for; some weathers come with a low sun only."""
 TRIES = 400
 """Seeds among which a sky of a given name is looked for."""
-RESPONSE = CameraResponse(noise=0.0, spread=0.0)
+RESPONSE = CameraResponse(noise=0.0, variation=0.0)
 """A camera that is the same for all."""
 FINE = "clear"
 """The weather that assets are shown in."""
@@ -47,33 +40,6 @@ FILL = 0.88
 """Share of the picture that an asset fills."""
 
 
-class Stage(NamedTuple):
-    """Where a family is shown: metres left of the centre line, and from where it is seen."""
-
-    y: float
-    azimuth: float  # degrees of the viewer, from the asset's front axis x, left positive
-    elevation: float  # degrees above the asset
-
-
-ROAD = Stage(-1.5, -38, 12)
-FOOTWAY = Stage(6.5, -38, 8)
-FRONTAGE = Stage(8.3, -62, 9)
-SIGN = Stage(6.5, -155, 4)
-STAGES: dict[str, Stage] = {
-    "building": FRONTAGE,
-    "train": FRONTAGE,
-    "fence": FRONTAGE,
-    "wall": FRONTAGE,
-    "traffic sign": SIGN,
-    "traffic light": SIGN,
-    "car": ROAD,
-    "bus": ROAD,
-    "truck": ROAD,
-    "bicycle": ROAD._replace(azimuth=-62),
-    "motorcycle": ROAD._replace(azimuth=-55),
-    "rider": ROAD._replace(azimuth=-50),
-}
-"""Other families stand on the sidewalk."""
 VIEWPOINTS = {
     "road": Camera((0.0, -2.2, 1.5), 0.0, math.radians(14)),
     "sidewalk": Camera((0.0, 6.5, 1.6), 0.0, math.radians(20)),
@@ -124,21 +90,18 @@ def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Stre
         aspect: width over height of the picture.
         fov: horizontal field of view, degrees.
     """
-    stage = STAGES.get(family, FOOTWAY)
-    ground = bare()
+    row, ground = FAMILIES[family], bare()
+    stage = row.stage
     pose = np.eye(4)
     pose[:3, 3] = PLACE, stage.y, ground_height(ground, stage.y)
     parts = [(family, ref)]
-    if isinstance(ref, int) and family == "rider":
-        parts.append((MOUNT[kind(family, ref)], ref))
-    if isinstance(ref, int) and family in ("traffic sign", "traffic light"):
-        parts.append(("signpost", ref))
+    if isinstance(ref, int) and row.on:
+        parts.append((row.base(kind(family, ref)), ref))
     placements = tuple(
         Placement(name, part, int(FAMILIES[name].train_id), FIRST_INSTANCE + k, pose)
         for k, (name, part) in enumerate(parts)
     )
-    # A sign is looked at itself, not its post.
-    shown = parts[:1] if family in ("traffic sign", "traffic light") else parts
+    shown = parts[:1] if row.front == "back" else parts  # a sign itself, not its post
     boxes = np.stack([catalogue.bounds(*part) for part in shown])
     low, high = boxes[:, 0].min(axis=0) + pose[:3, 3], boxes[:, 1].max(axis=0) + pose[:3, 3]
     camera = fit(low, high, stage.azimuth, stage.elevation, aspect, fov)

@@ -8,16 +8,8 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import ATTRIBUTES, NAMES, default_unit, street_params
 from scene.dataset.render import render_street
 from scene.preview.layout import captioned, grid, stack, tile
-from scene.proposal import RELAXATION
 from scene.render import RenderSettings, renderer
 from scene.street.street import sample_street
-
-
-def units(attributes: str, streets: int, seed: int) -> np.ndarray:
-    """Attributes f32[streets, 23]: around the street set by eye, or anywhere."""
-    spread = np.random.default_rng(seed).uniform(-0.5, 0.5, (streets, len(NAMES)))
-    centre, width = (0.5, 1.0) if attributes == "random" else (default_unit(), RELAXATION)
-    return np.clip(centre + width * spread, 0, 1).astype(np.float32)
 
 
 def contact_sheet(
@@ -39,12 +31,7 @@ def contact_sheet(
 
 
 def sweep(
-    name: str,
-    steps: int,
-    seed: int,
-    settings: RenderSettings,
-    renderer_name: str,
-    pool: AssetPool,
+    name: str, steps: int, seed: int, settings: RenderSettings, renderer_name: str, pool: AssetPool
 ) -> np.ndarray:
     """One attribute from 0 to 1 in ``steps``, all else at its default and left to the same seed.
 

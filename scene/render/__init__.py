@@ -3,13 +3,7 @@
 from __future__ import annotations
 
 from scene.render.memory import keep_freed_memory
-from scene.render.protocol import (
-    Frame,
-    Renderer,
-    RendererError,
-    RenderSettings,
-    check_settings,
-)
+from scene.render.protocol import Frame, Renderer, RendererError, RenderSettings, check_settings
 
 RENDERERS: tuple[str, ...] = ("embree", "opengl")
 

@@ -7,23 +7,25 @@ python -m scene.render --attributes runs/main/attributes.json --images 450 --for
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from scene.assets.catalogue import USES, AssetPool
-from scene.command import Parser, duration, end_line, show, size
 from scene.dataset.export import export_dataset
-from scene.dataset.formats.files import read_json
 from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.dataset.read import DESCRIPTION
 from scene.proposal import Proposal, default_proposal, draw, parse_proposal, random_proposal
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.workers import WorkerError
+from shell.command import INTERRUPTED, Parser, size
+from shell.files import read_json
+
+if TYPE_CHECKING:
+    from shell.progress import Progress
 
 MOST_IMAGES = 10_000_000
 """More are a slip of the hand."""
-INTERRUPTED = 130
 
 
 def parser() -> Parser:
@@ -46,12 +48,7 @@ def parser() -> Parser:
     add("--shots", type=int, default=6, help="images per street")
     add("--samples", type=int, default=2, help="rays per pixel along each axis")
     add("--renderer", choices=RENDERERS, default="embree")
-    add(
-        "--assets",
-        default="",
-        metavar="DIR",
-        help="folder of your own assets, see scene/library.py",
-    )
+    add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
     add("--asset-use", choices=USES, default="both", help="which assets may appear")
     add("--asset-fraction", type=float, default=1.0, help="share of the assets that is used")
     return options
@@ -75,27 +72,25 @@ def proposal(source: str) -> Proposal:
         raise ValueError(f"{where}{error}") from None
 
 
-def reporter() -> Callable[[int, int, int], None]:
-    """Prints how far the export is and how long it will take."""
-    started = time.perf_counter()
+def reporter(progress: Progress) -> Callable[[int, int, int], None]:
+    """Tells how far the export is; what an earlier call has finished took this one no time."""
     before: list[int] = []
 
     def report(done: int, images: int, written: int) -> None:
+        progress.advance(done - (before[-1] if before else 0), replayed=not before)
         before.append(done)
-        fresh = done - before[0]
-        pace = (time.perf_counter() - started) / fresh if fresh else 0.0
-        left = f" | {duration(pace * (images - done))} left" if fresh else ""
-        show(
-            f"[{100 * done // images:3d} %] {done} of {images} images | {written / 1e6:.1f} MB{left}"
-        )
+        progress.update(f"{done} of {images} images | {written / 1e6:.1f} MB")
 
     return report
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
+    from shell.progress import Progress, duration  # its library is nothing for worker processes
+
     command = parser()
     options = command.parse_args(arguments)
+    progress = Progress(options.images)
     try:
         if not 1 <= options.images <= MOST_IMAGES:
             raise ValueError(f"--images must lie in 1..{MOST_IMAGES:,}, not {options.images}")
@@ -105,7 +100,6 @@ def main(arguments: list[str] | None = None) -> int:
         width, height = options.size
         settings = check_settings(RenderSettings(width, height, samples=options.samples))
         chosen = proposal(options.attributes)
-        started = time.perf_counter()
         found = export_dataset(
             draw(chosen, options.seed, -(-options.images // options.shots)),
             options.seed,
@@ -121,16 +115,17 @@ def main(arguments: list[str] | None = None) -> int:
             ),
             proposal=chosen,
             workers=options.workers,
-            progress=reporter(),
+            progress=reporter(progress),
         )
     except (ValueError, OSError, RendererError, WorkerError) as error:
         command.fail(error)
     except KeyboardInterrupt:
-        end_line()
+        progress.close()
         sys.stderr.write(f"interrupted; the same command continues {options.out}\n")
         return INTERRUPTED
-    seconds = duration(time.perf_counter() - started)
-    end_line()
+    finally:
+        progress.close()
+    seconds = duration(progress.elapsed)
     print(f"{found['images']} images in {seconds}: {options.out / DESCRIPTION}", flush=True)
     return 0
 

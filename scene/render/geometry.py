@@ -15,10 +15,10 @@ from numba import njit
 
 from scene.assets import catalogue
 from scene.classes import TrainId
-from scene.ground.ground import GROUND_INSTANCES, ground_assets
-from scene.look.tones import TONES
+from scene.ground.build import GROUND_INSTANCES, ground_assets
 from scene.mesh.asset import Asset
-from scene.street.street import FIRST_INSTANCE, Street
+from scene.street.placing import FIRST_INSTANCE
+from scene.street.street import Street
 
 SKY_INSTANCE = 0
 CREASE = 40.0
@@ -187,7 +187,7 @@ def asset_shape(family: str, asset: int | str, far: bool = False) -> Shape:
     """The shape of a catalogue asset, whole or, for one that stays ``far``, thinned."""
     if far:
         return thinned(asset_shape(family, asset), THIN)
-    tone = TONES[family] if isinstance(asset, int) else 1.0
+    tone = catalogue.FAMILIES[family].tone if isinstance(asset, int) else 1.0
     return shape_of(catalogue.asset(family, asset), tone)
 
 

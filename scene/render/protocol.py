@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from scene.render.sensor import CameraResponse
-from scene.street.street import Camera, Street
+from scene.street.street import Street
 
 
 class RenderSettings(NamedTuple):
@@ -83,15 +83,6 @@ def check_settings(settings: RenderSettings) -> RenderSettings:
     if not 5 <= settings.fov <= 150:
         raise ValueError(f"fov must lie in 5..150 degrees, not {settings.fov}")
     return settings
-
-
-def camera_axes(camera: Camera) -> np.ndarray:
-    """Rows: the camera's right, up and forward axes in the world, f64[3, 3]."""
-    cy, sy = math.cos(camera.yaw), math.sin(camera.yaw)
-    cp, sp = math.cos(camera.pitch), math.sin(camera.pitch)
-    forward = np.array([cp * cy, -cp * sy, -sp])
-    right = np.array([-sy, -cy, 0.0])
-    return np.stack([right, np.cross(right, forward), forward])
 
 
 def pixel_rays(settings: RenderSettings, samples: int) -> tuple[np.ndarray, np.ndarray]:

@@ -48,15 +48,15 @@ class CameraResponse(NamedTuple):
     fringe: float = 0.0  # pixels by which red is larger than blue in the corners
     halo: float = 0.1  # strength of the sharpening
     jpeg: int = 0  # quality 1..100; 0 stores without loss
-    spread: float = 1.0  # how far ``vary`` goes; 0 gives every street the same camera
+    variation: float = 1.0  # between the cameras of streets, see ``vary``; 0 gives all the same
 
 
 def vary(response: CameraResponse, rng: np.random.Generator) -> CameraResponse:
     """One street's camera around ``response``: each value times a random factor near 1.
 
-    What is switched off stays off. A spread of 0 returns ``response`` itself.
+    What is switched off stays off. A variation of 0 returns ``response`` itself.
     """
-    s = response.spread
+    s = response.variation
     if s == 0:
         return response
     bend = np.exp(s * rng.normal(0, 1, 9) * (0.2, 0.05, 0.05, 0.3, 0.4, 0.05, 0.1, 0.4, 0.4))

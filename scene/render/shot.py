@@ -15,10 +15,11 @@ from numba import njit
 
 from scene.render import shade, visibility
 from scene.render.geometry import Geometry
-from scene.render.protocol import Frame, RenderSettings, camera_axes, label_sample, pixel_rays
+from scene.render.protocol import Frame, RenderSettings, label_sample, pixel_rays
 from scene.render.sensor import develop, vary
 from scene.sky.sky import panorama
-from scene.street.street import Camera, Street
+from scene.street.camera import Camera, camera_axes
+from scene.street.street import Street
 
 CAMERA_DRAW = 2**16
 """Tells the draw of a street's camera from the draws of its shots."""

@@ -14,34 +14,21 @@ import argparse
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import NoReturn
+from typing import Any, NoReturn
 
-from sdr_jax.tune.errors import TuneError
-from sdr_jax.tune.methods import METHODS
-from sdr_jax.tune.progress import table
+from sdr_jax.registry import METHODS
 from sdr_jax.tune.search import tune
 from sdr_jax.tune.settings import read
-
-INTERRUPTED = 130
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        raise TuneError(message)
+from shell.command import Parser, exit_code
 
 
-def _parser() -> _Parser:
-    parser = _Parser(
-        prog="python -m sdr_jax.tune",
-        usage="%(prog)s space.toml [options] -- simulator ... {attributes.json} ...",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-        allow_abbrev=False,
-        argument_default=argparse.SUPPRESS,
-    )
+def _parser() -> Parser:
+    parser = Parser("sdr_jax.tune", __doc__)
+    parser.usage = "%(prog)s space.toml [options] -- simulator ... {attributes.json} ..."
+    parser.argument_default = argparse.SUPPRESS
     add = parser.add_argument
     add("space", type=Path, help="TOML file: attributes, method, sizes")
     add("--out", type=Path, help="run folder; by default runs/ and the TOML file's name")
@@ -61,40 +48,45 @@ def main(arguments: Sequence[str] | None = None) -> int:
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
     split = arguments.index("--") if "--" in arguments else len(arguments)
     command = arguments[split + 1 :]
-    try:
-        flags = vars(_parser().parse_args(arguments[:split]))
-        path = flags.pop("space")
-        out = flags.pop("out", Path("runs") / path.stem)
+    flags = vars(_parser().parse_args(arguments[:split]))
+    path = flags.pop("space")
+    out = flags.pop("out", Path("runs") / path.stem)
+
+    def work() -> None:
         answer = tune(read(path, flags), command, out)
-    except (TuneError, OSError) as error:
-        return _fail(_text(error), 2)
-    except KeyboardInterrupt:
-        return _fail("stopped; the same command goes on where it was", INTERRUPTED)
-    print(table(answer))
-    print(
-        f"{answer['evaluations']} evaluations by {answer['method']}, {answer['failed']} failed; "
-        f"best score {answer['best']['score']:.4g}, mean {answer['mean_score']:.4g}; "
-        f"all of it in {out / 'answer.json'}",
-        flush=True,
+        print(table(answer))
+        print(
+            f"{answer['evaluations']} evaluations by {answer['method']}, {answer['failed']} failed; "
+            f"best score {answer['best']['score']:.4g}, mean {answer['mean_score']:.4g}; "
+            f"all of it in {out / 'answer.json'}",
+            flush=True,
+        )
+
+    return exit_code(work)
+
+
+def table(answer: Mapping[str, Any]) -> str:
+    """The answer, one line per attribute.
+
+    Name, centre and ends of the solution's interval, and the ends of the spread's.
+    """
+    rows = [("attribute", "value", "from", "to", "perhaps from", "to")]
+    for name, found in answer["solution"].items():
+        wide = answer["spread"][name]
+        numbers = (found["centre"], found["low"], found["high"], wide["low"], wide["high"])
+        rows.append((name, *(f"{number:.4g}" for number in numbers)))
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return "\n".join(
+        "  ".join(
+            cell.rjust(width) if column else cell.ljust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
     )
-    return 0
 
 
 def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
     raise KeyboardInterrupt
-
-
-def _text(error: Exception) -> str:
-    if isinstance(error, OSError):
-        where = f"{error.filename}: " if error.filename else ""
-        return f"{where}{error.strerror or error}; once that is put right, the same command goes on"
-    return str(error)
-
-
-def _fail(message: str, code: int) -> int:
-    line = " ".join(message.split())
-    print(f"error: {line}" if code != INTERRUPTED else f"\n{line}", file=sys.stderr, flush=True)
-    return code
 
 
 if __name__ == "__main__":

@@ -3,20 +3,38 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+import jax
+import jax.numpy as jnp
+
 from sdr_jax.ask_tell import AskTell
-from sdr_jax.tune import methods
-from sdr_jax.tune.disk import write_json
-from sdr_jax.tune.errors import TuneError
-from sdr_jax.tune.folder import RunFolder
-from sdr_jax.tune.progress import Progress
+from sdr_jax.method import Method
+from sdr_jax.registry import make
+from sdr_jax.run import refuse_failures
 from sdr_jax.tune.settings import Settings
 from sdr_jax.tune.simulator import Outcome, Simulator, check_command
 from sdr_jax.tune.units import describe
+from shell.errors import UserError
+from shell.files import write_json
+from shell.folder import CONFIG, opened
+from shell.progress import Progress
+
+FREE = ("evaluations", "timeout_seconds", "retries", "workers")
+"""Fields that may differ when a run is continued: none changes what was scored before."""
+
+PACKAGES = ("sdr-jax", "jax", "numpy")
+HISTORY, EVALUATIONS = "evaluations.jsonl", "evaluations"
+"""A line, and a folder, for every evaluation."""
+
+
+class _NeverWorked(UserError):
+    """A first update without a single score is a broken simulator, not bad luck."""
 
 
 def tune(settings: Settings, command: Sequence[str], out: Path) -> dict[str, Any]:
@@ -31,50 +49,72 @@ def tune(settings: Settings, command: Sequence[str], out: Path) -> dict[str, Any
         The answer, as written to `answer.json`.
 
     Raises:
-        TuneError: something that the user can put right.
+        UserError: something that the user can put right.
         OSError: the folder cannot be written.
     """
     check_command(command)
-    space = settings.space()
-    n = settings.datasets_per_update
-    width, options = settings.relaxation, settings.method_options
-    method = methods.make(settings.method, space, width, n, options)
-    folder = RunFolder(out, settings, command)
+    method = _method(settings)
+    config = {**asdict(settings), "command": list(command)}
+    try:
+        with opened(out, config, free=FREE, ours=(EVALUATIONS,), packages=PACKAGES):
+            answer = _search(settings, method, command, out)
+            write_json(out / "answer.json", answer)
+            return answer
+    except _NeverWorked:
+        # There is no run here; what the simulator left stays to be looked at.
+        for name in (HISTORY, CONFIG):
+            (out / name).unlink(missing_ok=True)
+        raise
+
+
+def _method(settings: Settings) -> Method:
+    """The method, once it has learnt: no option of it fails after hours of simulation."""
+    n, width = settings.datasets_per_update, settings.relaxation
+    try:
+        method = make(settings.method, settings.space(), width, **settings.method_options)
+        state = method.init(jax.random.key(0))
+        actions, _ = method.sample(jax.random.key(0), state, n)
+        method.update(state, actions, jnp.zeros(n))
+    except (ImportError, TypeError, ValueError) as error:
+        raise UserError(f"method {settings.method}: {error}") from None
+    return method
+
+
+def _search(
+    settings: Settings, method: Method, command: Sequence[str], out: Path
+) -> dict[str, Any]:
+    n, total = settings.datasets_per_update, settings.evaluations
+    search = AskTell(settings.space(), method, n, settings.seed, out / HISTORY)
+    told = len(search.history)
+    if told > total:
+        raise UserError(
+            f"--out {out} holds {told} evaluations already, but evaluations is {total}; ask for at "
+            "least as many, or use another --out"
+        )
     simulator = Simulator(
         command,
         settings.attributes,
-        folder.evaluations,
+        out / EVALUATIONS,
         timeout=settings.timeout_seconds,
         retries=settings.retries,
         repeats=settings.repeats,
     )
+    progress = Progress(total)
+    progress.advance(told, replayed=True)
+    if told:
+        progress.say(f"continuing {out}: {told} of {total} evaluations are done")
     pool = ThreadPoolExecutor(settings.workers)
     try:
-        try:
-            search = AskTell(space, method, n, settings.seed, folder.history)
-        except ValueError as error:
-            raise TuneError(str(error)) from None
-        told = len(search.history)
-        if told > settings.evaluations:
-            raise TuneError(
-                f"--out {out} holds {told} evaluations already, but evaluations is "
-                f"{settings.evaluations}; ask for at least as many, or use another --out"
-            )
-        progress = Progress(settings.evaluations, told)
-        if told:
-            progress.say(f"continuing {out}: {told} of {settings.evaluations} evaluations are done")
-        _refuse_if_all_failed(search, folder, command)
-        while search.updates * n < settings.evaluations:
+        _refuse_failures(search, settings, command, out)
+        while search.updates * n < total:
             _one_update(search, simulator, pool, progress, settings)
-            _refuse_if_all_failed(search, folder, command)
-        answer = _answer(search, settings)
-        write_json(out / "answer.json", answer)
-        return answer
+            _refuse_failures(search, settings, command, out)
+        return _answer(search, settings)
     finally:
         # Also on Ctrl-C: nothing is left running, and the threads end.
         simulator.stop()
         pool.shutdown(cancel_futures=True)
-        folder.close()
+        progress.close()
 
 
 def _one_update(
@@ -85,23 +125,20 @@ def _one_update(
     settings: Settings,
 ) -> None:
     update = search.updates
+    updates = settings.evaluations // settings.datasets_per_update
     waiting = {pool.submit(simulator.evaluate, trial): trial.id for trial in search.ask()}
     for future in as_completed(waiting):
         outcome, id = future.result(), waiting[future]
         search.tell(id, _reward(outcome, settings), **_notes(outcome))
         progress.advance()
-        attempts = (
-            "1 attempt" if len(outcome.failures) == 1 else f"{len(outcome.failures)} attempts"
-        )
-        if outcome.score is None:
-            progress.say(f"evaluation {id} failed after {attempts}: {outcome.failures[-1]}")
-        elif outcome.failures:
-            progress.say(f"evaluation {id} has a score after {attempts}: {outcome.failures[-1]}")
-        updates = settings.evaluations // settings.datasets_per_update
-        progress.show(
-            f"update {update + 1}/{updates} | {_scores(search, update, settings.minimize)}",
-            whole_update=search.updates > update,
-        )
+        if outcome.failures:
+            tried = len(outcome.failures)
+            what = "failed" if outcome.score is None else "has a score"
+            attempts = "1 attempt" if tried == 1 else f"{tried} attempts"
+            progress.say(f"evaluation {id} {what} after {attempts}: {outcome.failures[-1]}")
+        if search.updates > update or sys.stdout.isatty():
+            scores = _scores(search, update, settings.minimize)
+            progress.update(f"update {update + 1}/{updates} | {scores}")
 
 
 def _reward(outcome: Outcome, settings: Settings) -> float | None:
@@ -130,17 +167,20 @@ def _scores(search: AskTell, update: int, minimize: bool) -> str:
     return f"{mean}best {best:.4g}" + (f", {failed} failed" if failed else "")
 
 
-def _refuse_if_all_failed(search: AskTell, folder: RunFolder, command: Sequence[str]) -> None:
-    """A first update without a single score is a broken simulator, not bad luck."""
-    first = [line for line in search.history if line["update"] == 0]
-    if len(first) < search.n or any(line["reward"] is not None for line in first):
+def _refuse_failures(
+    search: AskTell, settings: Settings, command: Sequence[str], out: Path
+) -> None:
+    failed = [line for line in search.history if line["reward"] is None]
+    if not failed:
         return
-    reason = first[0].get("failures") or ["no reason is known"]
-    folder.forget()
-    raise TuneError(
-        f"all {search.n} evaluations of the first update failed; the simulator "
-        f"{' '.join(command)}: {reason[-1]} (its output is in {folder.evaluations})"
-    )
+    reason = (failed[-1].get("failures") or ["no reason is known"])[-1]
+    where = f"(its output is in {out / EVALUATIONS})"
+    if search.updates == 1 and len(failed) == search.n:
+        raise _NeverWorked(
+            f"all {search.n} evaluations of the first update failed; the simulator "
+            f"{' '.join(command)}: {reason} {where}"
+        )
+    refuse_failures(len(failed), settings.evaluations, f"{reason} {where}")
 
 
 def _answer(search: AskTell, settings: Settings) -> dict[str, Any]:

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
+from sdr_jax.registry import METHODS, options_of
 from sdr_jax.space import Space
 from sdr_jax.space import space as make_space
-from sdr_jax.tune.errors import TuneError
-from sdr_jax.tune.methods import DEFAULT_METHOD, METHODS, options_of
 from sdr_jax.tune.units import Attribute
+from shell.errors import UserError
 
 TYPES = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
 
@@ -42,7 +42,7 @@ class Settings:
 
     attributes: tuple[Attribute, ...]
     groups: tuple[tuple[str, ...], ...] | None = None
-    method: str = DEFAULT_METHOD
+    method: str = "actor_critic"
     method_options: dict[str, Any] = field(default_factory=dict)
     evaluations: int = 200
     datasets_per_update: int = 8
@@ -78,14 +78,14 @@ class _Reader:
         """Where a field got its value from."""
         return FLAGS.get(name, f"--{name}") if name in self._flags else f"{self._path}: {name}"
 
-    def fail(self, what: str) -> TuneError:
-        return TuneError(f"{self._path}: {what}")
+    def fail(self, what: str) -> UserError:
+        return UserError(f"{self._path}: {what}")
 
     def typed(self, value: Any, kind: type, where: str) -> Any:
         """The value as `kind`; whole numbers pass for numbers, true does not pass for 1."""
         right = type(value) is kind or (kind is float and type(value) is int)
         if not right or (kind is float and not math.isfinite(value)):
-            raise TuneError(f"{where} is {value!r}, but must be {TYPES[kind]}")
+            raise UserError(f"{where} is {value!r}, but must be {TYPES[kind]}")
         return kind(value)
 
     def known(self, table: Mapping[str, Any], names: list[str], where: str) -> None:
@@ -107,7 +107,7 @@ def read(path: Path, flags: Mapping[str, Any]) -> Settings:
         The settings, checked; `sdr` gets the updates per group that its evaluations suffice for.
 
     Raises:
-        TuneError: the first thing that is wrong, with its file or flag.
+        UserError: the first thing that is wrong, with its file or flag.
     """
     reader = _Reader(path, flags)
     table = {**_load(path), **flags}
@@ -127,7 +127,7 @@ def read(path: Path, flags: Mapping[str, Any]) -> Settings:
         kind = float if name in ("relaxation", "timeout_seconds") else type(entry.default)
         value = reader.typed(table[name], kind, reader.at(name))
         if name in LEAST and value < LEAST[name]:
-            raise TuneError(f"{reader.at(name)} is {value}, but must be at least {LEAST[name]}")
+            raise UserError(f"{reader.at(name)} is {value}, but must be at least {LEAST[name]}")
         values[name] = value
     settings = Settings(**values)
     _check(reader, settings)
@@ -138,9 +138,9 @@ def _load(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_bytes().decode())
     except OSError as error:
-        raise TuneError(f"{path}: {error.strerror or error}") from None
+        raise UserError(f"{path}: {error.strerror or error}") from None
     except ValueError as error:
-        raise TuneError(f"{path} is no TOML: {error}") from None
+        raise UserError(f"{path} is no TOML: {error}") from None
 
 
 def _tables(reader: _Reader, table: Mapping[str, Any]) -> list[dict[str, Any]]:
@@ -202,23 +202,23 @@ def _check(reader: _Reader, settings: Settings) -> None:
     except ValueError as error:
         raise reader.fail(f"{error}") from None
     if settings.seed > LARGEST_SEED:
-        raise TuneError(f"{reader.at('seed')} is {settings.seed}, but must be below 2^32")
+        raise UserError(f"{reader.at('seed')} is {settings.seed}, but must be below 2^32")
     if settings.relaxation is not None and not 0 <= settings.relaxation <= 1:
-        raise TuneError(
+        raise UserError(
             f"{reader.at('relaxation')} is {settings.relaxation:g}, but must lie in [0, 1]"
         )
     if settings.timeout_seconds <= 0:
-        raise TuneError(
+        raise UserError(
             f"{reader.at('timeout_seconds')} is {settings.timeout_seconds:g}, but must be above 0"
         )
     if settings.method not in METHODS:
-        raise TuneError(
+        raise UserError(
             f"{reader.at('method')} {settings.method!r} is unknown; known: {', '.join(METHODS)}"
         )
     n, total = settings.datasets_per_update, settings.evaluations
     if total % n:
         right = f"{n}" if total < n else f"{total - total % n} or {total - total % n + n}"
-        raise TuneError(
+        raise UserError(
             f"{reader.at('evaluations')} is {total}, but must be a multiple of "
             f"datasets_per_update = {n}, such as {right}"
         )
@@ -239,7 +239,7 @@ def _with_options(reader: _Reader, settings: Settings, options: Any) -> Settings
         count = len(settings.space().groups)
         per_group = checked.setdefault("updates_per_group", math.ceil(updates / count))
         if updates > per_group * count:
-            raise TuneError(
+            raise UserError(
                 f"{reader.at('evaluations')} is {settings.evaluations}, but sdr with "
                 f"updates_per_group = {per_group} takes {count} groups x {per_group} updates x "
                 f"{settings.datasets_per_update} = {count * per_group * settings.datasets_per_update}"

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sdr_jax.ask_tell import Trial
-from sdr_jax.tune.errors import TuneError
 from sdr_jax.tune.units import Attribute, describe
+from shell.errors import UserError
 
 PLACEHOLDER = "{attributes.json}"
 WANTED = 'a number or a JSON object with "score"'
@@ -49,20 +49,20 @@ def check_command(command: Sequence[str]) -> None:
     """Refuses a command that cannot work.
 
     Raises:
-        TuneError: no command, no placeholder in it, or a program that is not there.
+        UserError: no command, no placeholder in it, or a program that is not there.
     """
     if not command:
-        raise TuneError(f"say what to run at the end: -- ./my_simulator {PLACEHOLDER}")
+        raise UserError(f"say what to run at the end: -- ./my_simulator {PLACEHOLDER}")
     if not any(PLACEHOLDER in argument for argument in command):
-        raise TuneError(
+        raise UserError(
             f"no argument of the simulator holds {PLACEHOLDER}, for which the path of its input is "
             f"put in: -- {' '.join(command)} {PLACEHOLDER}"
         )
     program = command[0]
     if shutil.which(program) is None:
         if os.path.isfile(program):
-            raise TuneError(f"the simulator {program} is not executable; try chmod +x {program}")
-        raise TuneError(f"the simulator {program} does not exist; give its path or put it on PATH")
+            raise UserError(f"the simulator {program} is not executable; try chmod +x {program}")
+        raise UserError(f"the simulator {program} does not exist; give its path or put it on PATH")
 
 
 class Simulator:

@@ -2,10 +2,10 @@
 
 from seg.data.camvid import list_camvid, read_camvid
 from seg.data.cityscapes import list_cityscapes, read_cityscapes
-from seg.data.errors import DataError
 from seg.data.folders import LAYOUTS, list_folders, read_folders
 from seg.data.realset import Entry, RealSet, load, subset
 from seg.data.unlabelled import list_unlabelled, load_unlabelled
+from seg.errors import DataError
 
 __all__ = [
     "LAYOUTS",

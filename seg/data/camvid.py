@@ -7,8 +7,8 @@ SegNet tutorial.
 from pathlib import Path
 
 from seg.classes import CAMVID_11
-from seg.data.errors import DataError
 from seg.data.realset import Entry, RealSet, load, subset
+from seg.errors import DataError
 
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 
@@ -95,20 +95,5 @@ def read_camvid(
     limit: int | None = None,
     seed: int = 0,
 ) -> RealSet:
-    """Read a split of CamVid.
-
-    Args:
-        root: see `list_camvid`.
-        split: see `list_camvid`.
-        size: (height, width) in pixels to resize to; None keeps the size on disk.
-        limit: keep a random subset of this many images.
-        seed: of that subset.
-
-    Returns:
-        Images and labels, as ids of `CAMVID_11`.
-
-    Raises:
-        DataError: the data are not as they should be.
-        ValueError: size or limit is not positive.
-    """
+    """Read a split of CamVid as ids of `CAMVID_11`: `list_camvid`, `subset` and `load` in one."""
     return load(subset(list_camvid(root, split), limit, seed), CAMVID_11, size)

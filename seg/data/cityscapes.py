@@ -6,8 +6,8 @@ Source: Cordts et al., "The Cityscapes dataset for semantic urban scene understa
 from pathlib import Path
 
 from seg.classes import CITYSCAPES_19
-from seg.data.errors import DataError
 from seg.data.realset import Entry, RealSet, load, subset
+from seg.errors import DataError
 
 _IMAGE_END, _LABEL_END = "_leftImg8bit.png", "_gtFine_labelIds.png"
 
@@ -59,20 +59,8 @@ def read_cityscapes(
     limit: int | None = None,
     seed: int = 0,
 ) -> RealSet:
-    """Read a split of Cityscapes, or of a data set written in its layout.
+    """Read a split as ids of `CITYSCAPES_19`: `list_cityscapes`, `subset` and `load` in one.
 
-    Args:
-        root: see `list_cityscapes`.
-        split: see `list_cityscapes`.
-        size: (height, width) in pixels to resize to; None keeps the size on disk.
-        limit: keep a random subset of this many images (the paper: 500 of the training set).
-        seed: of that subset.
-
-    Returns:
-        Images and labels, as ids of `CITYSCAPES_19`.
-
-    Raises:
-        DataError: the data are not as they should be.
-        ValueError: size or limit is not positive.
+    The paper's reward set is 500 images of the training split.
     """
     return load(subset(list_cityscapes(root, split), limit, seed), CITYSCAPES_19, size)

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from seg.classes import CITYSCAPES_19, GTA5_19, SYNTHIA_19, ClassTable
-from seg.data.errors import DataError
 from seg.data.images import read_label, read_packed_label
 from seg.data.realset import Entry, LabelReader, RealSet, load, subset
+from seg.errors import DataError
 
 
 class Layout(NamedTuple):
@@ -41,7 +41,7 @@ def list_folders(root: str | Path, layout: str) -> tuple[Entry, ...]:
         layout: one of `LAYOUTS`.
 
     Returns:
-        Entries sorted by name; all are of one sequence, since names do not tell drives apart.
+        Entries sorted by name, all of one sequence, since names do not tell drives apart.
 
     Raises:
         DataError: a folder is missing, an image has no label, or there are no images.
@@ -75,21 +75,6 @@ def read_folders(
     limit: int | None = None,
     seed: int = 0,
 ) -> RealSet:
-    """Read a data set of two folders.
-
-    Args:
-        root: see `list_folders`.
-        layout: "gta5", "synthia" or "kitti".
-        size: (height, width) in pixels to resize to; None keeps the size on disk, which must be one.
-        limit: keep a random subset of this many images.
-        seed: of that subset.
-
-    Returns:
-        Images and labels, as ids of `CITYSCAPES_19`.
-
-    Raises:
-        DataError: the data are not as they should be.
-        ValueError: unknown layout, or size or limit is not positive.
-    """
+    """Read a data set as ids of `CITYSCAPES_19`: `list_folders`, `subset` and `load` in one."""
     entries = subset(list_folders(root, layout), limit, seed)
     return load(entries, LAYOUTS[layout].table, size, LAYOUTS[layout].read)

@@ -9,7 +9,7 @@ from jaxtyping import UInt8
 from PIL import Image
 
 from seg.classes import ClassTable
-from seg.data.errors import DataError
+from seg.errors import DataError
 
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
@@ -38,13 +38,7 @@ def _decode(path: Path, data: bytes, flags: int) -> np.ndarray:
 
 
 def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
-    """Read a photograph.
-
-    Args:
-        path: PNG or JPEG; grey images become three equal channels, 16 bits become 8.
-
-    Returns:
-        RGB in 0..255.
+    """Read a photograph as RGB; grey becomes three equal channels, 16 bits become 8.
 
     Raises:
         DataError: the file is missing, not an image, broken or truncated.
@@ -61,17 +55,14 @@ def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
 
 
 def read_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
-    """Read a label file and map its values to the ids of a table.
+    """Read a label file and map its values to the ids of a table, 255 for void.
 
     Grey files, 8 or 16 bits, go through OpenCV; palette files through Pillow, because OpenCV would
     replace each id by its colour.
 
     Args:
         path: PNG of one channel.
-        table: says which values are legal and what they mean.
-
-    Returns:
-        Ids of the table; 255 for void.
+        table: which values are legal, and what they mean.
 
     Raises:
         DataError: the file is missing, broken, in colours, or holds a value outside the table.
@@ -96,14 +87,11 @@ def read_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
 
 
 def read_packed_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
-    """Read a label file of SYNTHIA: three channels of 16 bits, class ids in the first.
+    """Read a label file of SYNTHIA, 16 bits: class ids in the first channel, instances in the second.
 
     Args:
-        path: PNG; the second channel holds instances and is left alone.
-        table: says which values are legal and what they mean.
-
-    Returns:
-        Ids of the table; 255 for void.
+        path: PNG of three channels.
+        table: which values are legal, and what they mean.
 
     Raises:
         DataError: the file is missing, broken, of other channels or bits, or holds a value outside the table.

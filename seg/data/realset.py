@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import UInt8
 
 from seg.classes import ClassTable
-from seg.data.errors import DataError
 from seg.data.images import read_image, read_label
+from seg.errors import DataError
 
 
 class Entry(NamedTuple):
@@ -40,9 +40,6 @@ def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[
         entries: the whole split.
         limit: how many to keep; None, or more than there are, keeps all.
         seed: of the choice.
-
-    Returns:
-        The entries kept.
 
     Raises:
         ValueError: limit is less than 1.

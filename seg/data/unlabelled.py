@@ -6,21 +6,15 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from seg.data.errors import DataError
 from seg.data.images import read_image
 from seg.data.realset import resize_image
+from seg.errors import DataError
 
 SUFFIXES = (".png", ".jpg", ".jpeg")
 
 
 def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
-    """List the images in a folder and its sub-folders without reading them.
-
-    Args:
-        root: the folder.
-
-    Returns:
-        PNG and JPEG files, sorted by path.
+    """List the PNG and JPEG files in a folder and its sub-folders, sorted by path, without reading them.
 
     Raises:
         DataError: there is no such folder, it holds no image, or two images share their name.
@@ -42,14 +36,7 @@ def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
 def load_unlabelled(
     paths: Sequence[Path], size: tuple[int, int]
 ) -> UInt8[np.ndarray, "n height width 3"]:
-    """Read images and resize them.
-
-    Args:
-        paths: from `list_unlabelled`.
-        size: (height, width) in pixels.
-
-    Returns:
-        RGB.
+    """Read images as RGB and resize them to (height, width).
 
     Raises:
         DataError: a file is missing, broken or not an image.

@@ -8,7 +8,7 @@ from flax import linen as nn
 from seg.nets.compact import Compact
 from seg.nets.deeplabv2 import DeepLabV2
 from seg.nets.fcn8s import FCN8s
-from seg.nets.normalise import normalise
+from seg.nets.ops.normalise import normalise
 from seg.nets.vgg16 import VGG16
 from seg.settings import Dtype
 

@@ -3,9 +3,9 @@
 Works at a quarter of the resolution (space to depth), with one stage at an eighth, dilated for
 context, and a skip between the two. A channel holds the row, because street scenes are ordered from
 top to bottom. GroupNorm has no statistics that would differ between synthetic and real images.
+Convolutions are XLA's own: with so few channels `seg.nets.ops.conv` gains nothing below 480x360.
 """
 
-from collections.abc import Callable
 from functools import partial
 
 import jax.numpy as jnp
@@ -13,20 +13,10 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from seg.nets.conv import Conv, conv, xla_conv
-from seg.nets.resize import bilinear, pad_to_multiple, repeat_pixels, space_to_depth
+from seg.nets.ops.resize import bilinear, pad_to_multiple, repeat_pixels, space_to_depth
 
 _CELL = 4  # pixels of a space-to-depth cell, along each side
 _GROUPS = 8
-_LARGE = 16_384  # cells of a batch from which kernels' gradients are products
-"""Smaller ones, 128x96 among them, gain less, and keep XLA's gradient: what has been recorded hangs on its
-rounding."""
-
-
-def _way(x: Float[Array, "b h w c"]) -> Callable[[Array, Array, int], Array]:
-    """How to convolve features of this size: values and parameters are the same either way."""
-    b, h, w, _ = x.shape
-    return conv if b * h * w >= _LARGE else xla_conv
 
 
 class _ConvNormRelu(nn.Module):
@@ -37,20 +27,15 @@ class _ConvNormRelu(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b rows cols features"]:
-        if self.stride == 1:
-            convolution = Conv(
-                self.features, _way(x), 3, self.dilation, use_bias=False, dtype=self.dtype
-            )
-        else:
-            convolution = nn.Conv(
-                self.features,
-                (3, 3),
-                self.stride,
-                use_bias=False,
-                kernel_init=nn.initializers.he_normal(),
-                dtype=self.dtype,
-            )
-        x = convolution(x)
+        x = nn.Conv(
+            self.features,
+            (3, 3),
+            self.stride,
+            kernel_dilation=self.dilation,
+            use_bias=False,
+            kernel_init=nn.initializers.he_normal(),
+            dtype=self.dtype,
+        )(x)
         return nn.relu(nn.GroupNorm(num_groups=_GROUPS, dtype=self.dtype)(x))
 
 
@@ -71,18 +56,9 @@ class Compact(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"], train: bool = False
     ) -> Float[Array, "b h w classes"]:
-        """Segment.
-
-        Args:
-            images: normalised RGB.
-            train: without effect; nets with dropout need it.
-
-        Returns:
-            Logits.
-        """
+        """Logits of normalised RGB; `train` is without effect, nets with dropout need it."""
         block = partial(_ConvNormRelu, dtype=self.dtype)
-        init = nn.linear.default_kernel_init
-        pointwise = partial(Conv, side=1, kernel_init=init, dtype=self.dtype)
+        pointwise = partial(nn.Conv, kernel_size=(1, 1), dtype=self.dtype)
         _, h, w, _ = images.shape
         x = space_to_depth(pad_to_multiple(images, 2 * _CELL), _CELL)
         b, rows, cols, _ = x.shape
@@ -93,8 +69,8 @@ class Compact(nn.Module):
         x = block(2 * self.width, stride=2)(skip)
         x = x + block(2 * self.width, dilation=2)(x)
         x = x + block(2 * self.width, dilation=2)(x)
-        x = repeat_pixels(pointwise(self.width, _way(x))(x), 2)
+        x = repeat_pixels(pointwise(self.width)(x), 2)
         x = block(self.width)(x + skip)
-        logits = pointwise(self.classes, _way(x))(x).astype(jnp.float32)
+        logits = pointwise(self.classes)(x).astype(jnp.float32)
         # Bilinear logits: 1 point of mIoU more than repeated ones, for 5 % more time per step.
         return bilinear(logits, _CELL)[:, :h, :w]

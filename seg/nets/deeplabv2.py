@@ -13,9 +13,9 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from seg.nets.conv import Conv
-from seg.nets.product_conv import patch_conv, product_conv
-from seg.nets.resize import bilinear, pad_to_multiple
+from seg.nets.ops.conv import Conv
+from seg.nets.ops.product_conv import patch_conv, product_conv
+from seg.nets.ops.resize import bilinear, pad_to_multiple
 from seg.nets.vgg16 import VGG16
 
 _RATES = (6, 12, 18, 24)
@@ -45,14 +45,9 @@ class DeepLabV2(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"], train: bool = False
     ) -> Float[Array, "b h w classes"]:
-        """Segment.
+        """Logits of normalised RGB: the sum of four branches, whose fc6 is dilated by 6, 12, 18 and 24.
 
-        Args:
-            images: normalised RGB.
-            train: drop half of the features after fc6 and fc7; needs `rngs={"dropout": key}`.
-
-        Returns:
-            Logits: the sum of four branches, whose fc6 is dilated by 6, 12, 18 and 24.
+        With `train`, half of the features after fc6 and fc7 are dropped; that needs `rngs={"dropout": key}`.
         """
         _, h, w, _ = images.shape
         backbone = VGG16(self.width, True, self.norm, self.dtype, name="vgg16")

@@ -14,9 +14,9 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from seg.nets.conv import Conv
-from seg.nets.product_conv import patch_conv
-from seg.nets.resize import bilinear, pad_to_multiple
+from seg.nets.ops.conv import Conv
+from seg.nets.ops.product_conv import patch_conv
+from seg.nets.ops.resize import bilinear, pad_to_multiple
 from seg.nets.vgg16 import VGG16
 
 
@@ -25,13 +25,7 @@ def bilinear_kernel(
 ) -> Float[Array, "rows cols classes classes"]:
     """Initial kernel of a stride-2 transposed convolution that interpolates each class bilinearly.
 
-    Args:
-        rng_key: unused; initialisers have it.
-        shape: (4, 4, classes, classes).
-        dtype: of the kernel.
-
-    Returns:
-        Along each side 1/4 3/4 3/4 1/4; classes do not mix.
+    Along each side 1/4 3/4 3/4 1/4; classes do not mix. Initialisers have a key, which is not used.
     """
     del rng_key
     side = jnp.array([0.25, 0.75, 0.75, 0.25], dtype)
@@ -63,14 +57,9 @@ class FCN8s(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"], train: bool = False
     ) -> Float[Array, "b h w classes"]:
-        """Segment.
+        """Logits of normalised RGB.
 
-        Args:
-            images: normalised RGB.
-            train: drop half of the features after fc6 and fc7; needs `rngs={"dropout": key}`.
-
-        Returns:
-            Logits.
+        With `train`, half of the features after fc6 and fc7 are dropped; that needs `rngs={"dropout": key}`.
         """
 
         def score(x: Array, name: str) -> Array:

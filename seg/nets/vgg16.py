@@ -8,8 +8,8 @@ from flax import linen as nn
 from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
-from seg.nets.conv import Conv, conv
-from seg.nets.max_pool import max_pool
+from seg.nets.ops.conv import Conv, conv
+from seg.nets.ops.max_pool import max_pool
 
 _CONVS = (2, 2, 3, 3, 3)  # of each stage
 _WIDTHS = (1, 2, 4, 8, 8)  # channels of each stage, relative to the first
@@ -37,13 +37,10 @@ class VGG16(nn.Module):
 
     @nn.compact
     def __call__(self, images: Float[Array, "b h w 3"]) -> tuple[Float[Array, "b _h _w _c"], ...]:
-        """Extract features.
+        """The five pooled stages, of strides 2, 4, 8, 16, 32, or 2, 4, 8, 8, 8 if atrous.
 
         Args:
             images: normalised RGB; sides are multiples of 32, or of 8 if atrous.
-
-        Returns:
-            The five pooled stages. Strides 2, 4, 8, 16, 32, or 2, 4, 8, 8, 8 if atrous.
         """
         x, pools = images, []
         for stage, (convs, factor) in enumerate(zip(_CONVS, _WIDTHS, strict=True), 1):

@@ -1,6 +1,6 @@
 """ImageNet weights of VGG16: read from the files that people have, put into our nets."""
 
-from seg.weights.errors import WeightsError
+from seg.errors import WeightsError
 from seg.weights.normalisation import NORMALISATIONS
 from seg.weights.store import check, convert, load
 

@@ -7,40 +7,33 @@ names of torchvision or timm, or conv1_1/kernel, conv1_1/bias ... fc7/bias. Then
 TrainSettings(net="fcn8s", weights="vgg16.npz").
 """
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from seg.weights import NORMALISATIONS, WeightsError, convert
+from seg.weights import NORMALISATIONS, convert
+from shell.command import Parser, exit_code
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m seg.weights",
-        description=__doc__,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    command = parser.add_subparsers(required=True, metavar="convert").add_parser(
-        "convert", help="check a file of weights and write it as .npz"
-    )
-    command.add_argument("file", type=Path, help=".pth, .safetensors or .npz")
-    command.add_argument("--out", type=Path, required=True, help="the .npz file to write")
-    command.add_argument(
+    parser = Parser("seg.weights", __doc__)
+    parser.add_argument("convert", choices=["convert"], help="check a file, write it as .npz")
+    parser.add_argument("file", type=Path, help=".pth, .safetensors or .npz")
+    parser.add_argument("--out", type=Path, required=True, help="the .npz file to write")
+    parser.add_argument(
         "--normalisation",
         choices=NORMALISATIONS,
         help="which images the weights expect: torchvision (RGB in [0, 1], minus mean, by deviation; "
         "the default for torchvision's names) or caffe (BGR in 0..255, minus mean)",
     )
     options = parser.parse_args(arguments)
-    try:
-        normalisation = convert(options.file, options.out, options.normalisation)
-    except WeightsError as error:
-        print(f"error: {' '.join(str(error).split())}", file=sys.stderr)
-        return 2
-    print(f"{options.out}: VGG16 of {options.file}, which expected {normalisation}'s images")
-    return 0
+
+    def work() -> None:
+        expected = convert(options.file, options.out, options.normalisation)
+        print(f"{options.out}: VGG16 of {options.file}, which expected {expected}'s images")
+
+    return exit_code(work)
 
 
 if __name__ == "__main__":

@@ -13,12 +13,15 @@ Nothing in the numbers tells the two apart (kernels have similar sizes), so the 
 user: Caffe's weights are also handed round under torchvision's names.
 """
 
+from typing import Literal, get_args
+
 import numpy as np
 from jaxtyping import Float, Float32
 
-from seg.nets.normalise import MEAN, STD
+from seg.nets.ops.normalise import MEAN, STD
 
-NORMALISATIONS = ("torchvision", "caffe")
+Normalisation = Literal["torchvision", "caffe"]
+NORMALISATIONS = get_args(Normalisation)
 
 CAFFE_MEAN = (103.939, 116.779, 123.68)
 """Of ImageNet's images; blue, green, red in 0..255."""
@@ -27,15 +30,7 @@ CAFFE_MEAN = (103.939, 116.779, 123.68)
 def from_caffe(
     kernel: Float[np.ndarray, "rows columns 3 c"], bias: Float[np.ndarray, " c"]
 ) -> tuple[Float32[np.ndarray, "rows columns 3 c"], Float32[np.ndarray, " c"]]:
-    """The first convolution for our images, from one for Caffe's.
-
-    Args:
-        kernel: input channels blue, green, red.
-        bias: of the same layer.
-
-    Returns:
-        Kernel and bias of a layer with the same output.
-    """
+    """The first convolution for our images, from one for Caffe's, whose channels are blue, green, red."""
     rgb = kernel[:, :, ::-1].astype(np.float64)
     offset = 255 * np.array(MEAN) - np.array(CAFFE_MEAN[::-1])
     scaled = rgb * (255 * np.array(STD))[None, None, :, None]

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from io import BufferedIOBase
 from typing import Any
 
-from seg.weights.errors import WeightsError
+from seg.errors import WeightsError
 from seg.weights.tensors import DTYPES, Tensor
 
 _INSTRUCTIONS = (
@@ -97,14 +97,11 @@ _Unpickler.dispatch = _only_known()
 
 
 def load(file: BufferedIOBase, where: str) -> Any:
-    """Read one pickle, up to its end and not further.
+    """Read one pickle, up to its end and not further: plain values; tensors as `Tensor`.
 
     Args:
         file: at the beginning of the pickle.
         where: what messages call it.
-
-    Returns:
-        Plain values; tensors as `Tensor`.
 
     Raises:
         WeightsError: the pickle is damaged, or would do more than describe tensors.

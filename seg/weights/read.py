@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from seg.weights.errors import WeightsError
+from seg.errors import WeightsError
 from seg.weights.safetensors_file import read_safetensors
 from seg.weights.torch_file import read_legacy, read_zip
 
@@ -13,13 +13,7 @@ _KINDS = "a .pth of torch.save, .safetensors, or .npz"
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
-    """Read a `.pth`, `.safetensors` or `.npz` file.
-
-    Args:
-        path: the file; its name does not matter.
-
-    Returns:
-        Arrays by name, as they are in the file.
+    """Read a `.pth`, `.safetensors` or `.npz` file, whatever its name: its arrays by name.
 
     Raises:
         WeightsError: there is no such file, it is damaged, or of no kind that is known.
@@ -47,24 +41,16 @@ def _is_npz(path: Path) -> bool:
 
 
 def read_npz(path: Path, only: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:
-    """Read the arrays of a `.npz` file.
-
-    Args:
-        path: the file.
-        only: read those of these names that there are; None for all.
-
-    Returns:
-        Arrays by name.
+    """Read the arrays of a `.npz` file; of the names in `only` those that there are, None for all.
 
     Raises:
-        WeightsError: damaged, or it holds objects other than arrays.
-        OSError: it cannot be read.
+        WeightsError: it cannot be read, is damaged, or holds objects other than arrays.
     """
     try:
         with np.load(path, allow_pickle=False) as archive:
             names = archive.files if only is None else [n for n in archive.files if n in only]
             return {name: archive[name] for name in names}
-    except OSError:
-        raise
+    except OSError as error:
+        raise WeightsError(f"{path}: {error.strerror or error}") from None
     except Exception as error:  # zipfile, zlib and NumPy each have their own
         raise WeightsError(f"{path}: a damaged .npz, or not of plain arrays ({error})") from None

@@ -1,27 +1,21 @@
 """Reads `.safetensors`: the length of a JSON header, the header, then the tensors' bytes."""
 
-import json
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from seg.weights.errors import WeightsError
+from seg.errors import WeightsError
 from seg.weights.tensors import from_bytes, item_size
+from shell.files import parse_json
 
 _DTYPES = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "BF16": "bfloat16", "I64": "<i8"}
 _MAX_HEADER = 100_000_000  # bytes, as in the format's own reader
 
 
 def read_safetensors(path: Path) -> dict[str, np.ndarray]:
-    """Read all tensors.
-
-    Args:
-        path: the file.
-
-    Returns:
-        Arrays by name.
+    """Read all tensors, by name.
 
     Raises:
         WeightsError: damaged, or an element type that no weights have.
@@ -34,8 +28,8 @@ def read_safetensors(path: Path) -> dict[str, np.ndarray]:
     if length > min(len(data) - 8, _MAX_HEADER):
         raise WeightsError(f"{path}: cut short, or no safetensors file")
     try:
-        header = json.loads(bytes(data[8 : 8 + length]))
-    except (ValueError, RecursionError):
+        header = parse_json(bytes(data[8 : 8 + length]))
+    except ValueError:
         raise WeightsError(f"{path}: its header is not JSON; damaged, or no safetensors") from None
     if not isinstance(header, dict):
         raise WeightsError(f"{path}: its header is no JSON object; expected names of tensors")

@@ -4,21 +4,21 @@ Our file is an `.npz` of `seg.weights.vgg16.shapes()`, for images as `seg.nets.n
 `normalisation`: what the weights expected before they were converted.
 """
 
-import os
+import io
 from collections.abc import Mapping
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 
+from seg.errors import WeightsError
 from seg.nets import net
 from seg.settings import TrainSettings
-from seg.weights.errors import WeightsError
-from seg.weights.normalisation import NORMALISATIONS, from_caffe
+from seg.weights.normalisation import Normalisation, from_caffe
 from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import CONVS, LAYERS, PARTS, layers, scheme_of
+from shell.files import write
 
 _MARK = "normalisation"
 _OF_NET = {"deeplabv2": CONVS, "fcn8s": LAYERS}
@@ -26,39 +26,37 @@ _OF_NET = {"deeplabv2": CONVS, "fcn8s": LAYERS}
 the authors thinned VGG16's out for them, here they start at random."""
 
 
-def convert(source: Path, out: Path, normalisation: str | None = None) -> str:
+def convert(source: Path, out: Path, normalisation: Normalisation | None = None) -> Normalisation:
     """Read ImageNet weights of VGG16, check them, and write our file, whole or not at all.
 
     Args:
         source: `.pth`, `.safetensors` or `.npz`.
         out: the file to write.
-        normalisation: what the weights expect, "torchvision" or "caffe"; None: torchvision's for
-            torchvision's and timm's names.
+        normalisation: what the weights expect; None: torchvision's for torchvision's and timm's names.
 
     Returns:
         The normalisation they expected.
 
     Raises:
-        WeightsError: a file cannot be read or written, or holds anything but VGG16.
+        WeightsError: the file cannot be read, or holds anything but VGG16.
+        OSError: `out` cannot be written.
     """
     arrays = read(source)
     converted = arrays.pop(_MARK, None)
     if converted is not None:
         raise WeightsError(f"{source}: is converted already; use it as it is")
     normalisation = normalisation or _default(arrays, source)
-    if normalisation not in NORMALISATIONS:
-        raise WeightsError(
-            f"unknown normalisation {normalisation!r}; known: {', '.join(NORMALISATIONS)}"
-        )
     ours = layers(arrays, str(source))
     if normalisation == "caffe":
         names = ("conv1_1/kernel", "conv1_1/bias")
         ours |= zip(names, from_caffe(*(ours[name] for name in names)), strict=True)
-    _write(out, {**ours, _MARK: np.array(normalisation)})
+    content = io.BytesIO()
+    np.savez(content, **ours, **{_MARK: np.array(normalisation)})  # type: ignore[arg-type]
+    write(out, content.getvalue())
     return normalisation
 
 
-def _default(arrays: Mapping[str, np.ndarray], source: Path) -> str:
+def _default(arrays: Mapping[str, np.ndarray], source: Path) -> Normalisation:
     scheme = scheme_of(arrays, str(source))
     if not scheme.torch:
         raise WeightsError(
@@ -66,23 +64,6 @@ def _default(arrays: Mapping[str, np.ndarray], source: Path) -> str:
             "(RGB in [0, 1], mean and deviation) or caffe (BGR in 0..255, mean)"
         )
     return "torchvision"
-
-
-def _write(out: Path, arrays: Mapping[str, np.ndarray]) -> None:
-    part = out.with_name(out.name + ".part")
-    try:
-        try:
-            with open(part, "wb") as file:
-                np.savez(file, **arrays)  # type: ignore[arg-type]
-                file.flush()
-                os.fsync(file.fileno())
-            os.replace(part, out)
-        except BaseException:
-            with suppress(OSError):
-                part.unlink()
-            raise
-    except OSError as error:
-        raise WeightsError(f"{out}: {error.strerror or error}") from None
 
 
 def load(path: str | Path, net_name: str, params: Any) -> Any:
@@ -108,10 +89,7 @@ def load(path: str | Path, net_name: str, params: Any) -> Any:
             f"{path}: the net {net_name} has no VGG16 in it; only {' and '.join(_OF_NET)} have"
         )
     names = tuple(f"{layer}/{part}" for layer in _OF_NET[net_name] for part in PARTS)
-    try:
-        arrays = read_npz(path, (*names, _MARK))
-    except OSError as error:
-        raise WeightsError(f"{path}: {error.strerror or error}") from None
+    arrays = read_npz(path, (*names, _MARK))
     if _MARK not in arrays:
         raise WeightsError(
             f"{path}: not converted yet: python -m seg.weights convert {path} --out vgg16.npz"

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seg.weights.errors import WeightsError
+from seg.errors import WeightsError
 
 DTYPES = {
     "BFloat16": "bfloat16",

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
+from seg.errors import WeightsError
 from seg.weights import pickles
-from seg.weights.errors import WeightsError
 from seg.weights.tensors import Tensor, from_bytes, item_size
 
 _MAGIC = 0x1950A86A20F9469CFC6C
@@ -22,12 +22,6 @@ _VERSION = 1001
 
 def read_zip(path: Path) -> dict[str, np.ndarray]:
     """Read a state dict from a zip archive: one pickle, and one file per storage.
-
-    Args:
-        path: the file.
-
-    Returns:
-        Arrays by name.
 
     Raises:
         WeightsError: damaged, or no state dict.
@@ -66,12 +60,6 @@ def _entry(archive: zipfile.ZipFile, name: str, default: bytes | None, path: Pat
 
 def read_legacy(path: Path) -> dict[str, np.ndarray]:
     """Read a state dict in the format before PyTorch 1.6: five pickles, then the storages.
-
-    Args:
-        path: the file.
-
-    Returns:
-        Arrays by name.
 
     Raises:
         WeightsError: damaged, or no state dict.

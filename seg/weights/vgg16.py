@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from seg.weights.errors import WeightsError
+from seg.errors import WeightsError
 
 CONVS = tuple(
     f"conv{s}_{n}" for s, count in enumerate((2, 2, 3, 3, 3), 1) for n in range(1, count + 1)
@@ -56,14 +56,11 @@ def shapes() -> dict[str, tuple[int, ...]]:
 
 
 def scheme_of(names: Iterable[str], where: str) -> Scheme:
-    """How a file names its layers.
+    """How a file names its layers; WeightsError where in no way that is known.
 
     Args:
         names: of all its arrays.
         where: what messages call it.
-
-    Raises:
-        WeightsError: in no way that is known.
     """
     have = set(names)
     hits = {scheme: sum(n + scheme.parts[0] in have for n in scheme.layers) for scheme in SCHEMES}
@@ -78,14 +75,11 @@ def scheme_of(names: Iterable[str], where: str) -> Scheme:
 
 
 def layers(arrays: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
-    """All layers of VGG16 under our names, in our layout.
+    """All layers of VGG16, f32, under the names and in the shapes of `shapes()`.
 
     Args:
         arrays: what a file holds.
         where: what messages call it.
-
-    Returns:
-        f32 arrays of the names and shapes of `shapes()`.
 
     Raises:
         WeightsError: a layer is missing, has another shape or no finite values, or there are layers that

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from benchmarks import layers as benchmark
-from seg.nets.product_conv import product_conv
+from seg.nets.ops.product_conv import product_conv
 
 SMALL = (
     benchmark.convolution("dilated", product_conv, (1, 4, 6, 2), (3, 3, 2, 3), 2),

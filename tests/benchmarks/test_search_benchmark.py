@@ -10,7 +10,8 @@ import pytest
 
 import sdr_jax
 from benchmarks.problems import GROUPS, PROBLEMS, Tabular, _build, grouped_space
-from benchmarks.search import METHODS, evaluate, main, trace
+from benchmarks.search import evaluate, main, trace
+from sdr_jax import METHODS
 
 ANALYTIC = [name for name in PROBLEMS if name != "camvid"]
 
@@ -125,10 +126,10 @@ def test_bad_calls_are_refused(call: tuple, culprit: str) -> None:
 
 
 def test_a_missing_extra_is_an_error_not_a_missing_row(monkeypatch) -> None:
-    def missing(space: sdr_jax.Space, evaluations: int) -> sdr_jax.Method:
+    def missing(space: sdr_jax.Space, width: None) -> sdr_jax.Method:
         raise ImportError("tpe needs the package optuna: pip install 'sdr-jax[search]'")
 
-    monkeypatch.setitem(METHODS, "tpe", METHODS["tpe"]._replace(make=missing))
+    monkeypatch.setitem(METHODS, "tpe", METHODS["tpe"]._replace(build=missing))
     other = sdr_jax.space(["a"], bins=3)
     with pytest.raises(ImportError, match="optuna"):
         evaluate("tpe", SimpleNamespace(space=other), 4, 0)

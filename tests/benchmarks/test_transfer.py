@@ -17,7 +17,7 @@ from benchmarks.transfer.nets import BLOCKS, held_out, steering_set
 from benchmarks.transfer.recipe import TABLE, Recipe, units, world
 from scene.assets.catalogue import AssetPool
 from scene.render import RenderSettings
-from scene.street.street import FIRST_INSTANCE
+from scene.street.placing import FIRST_INSTANCE
 from seg.data import DataError
 
 CLASSES = ("sky", "road", "car")

@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from experiments.stats import paired_gain
+from experiments.targets import TARGETS
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -22,9 +24,7 @@ from experiments.ablation_config import (
 from experiments.ablation_job import main, run
 from experiments.ablation_report import FORM
 from experiments.config import CAMVID_GROUPS, DENSITIES, ENVIRONMENT, POSITIONS, PRESETS
-from experiments.stats import paired_gain
 from experiments.store import Store
-from experiments.targets import TARGETS
 from scene.attributes import NAMES
 
 from .conftest import Killed, formula, lines, never

@@ -5,6 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from experiments.errors import UserError
+from experiments.outcome import Outcome
+from experiments.stats import mean_ci95, paired_gain
+from experiments.targets import TARGETS, Target
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -24,12 +28,8 @@ from experiments.compare_config import (
 from experiments.compare_main import main
 from experiments.compare_search import Found, embed, learnable
 from experiments.config import PRESETS
-from experiments.errors import UserError
-from experiments.outcome import Outcome
 from experiments.reward import Evaluation
-from experiments.stats import mean_ci95, paired_gain
 from experiments.store import Store
-from experiments.targets import TARGETS, Target
 from scene.attributes import NAMES
 from seg.train import TrainingError
 

@@ -7,17 +7,17 @@ the threads may go on spinning, and slow down all that the process does after.
 import numpy as np
 import trimesh
 
-from scene.render.embree.api import Forest, Tree, query_arguments
+from scene.render.embree.api import MeshBVH, SceneBVH, query_arguments
 from scene.render.embree.renderer import _by_tiles, _probe
 
 
-def free(forest, starts, directions, wanted, columns, reach=np.inf):
+def free(bvh, starts, directions, wanted, columns, reach=np.inf):
     """Which rays meet nothing: f32[n], 1 if so, 0 if not, -1 where not wanted."""
     rows = len(wanted) // columns
     order = _by_tiles(np.asarray(wanted, np.uint8), columns, rows, 4, 2)
     found = np.full(len(wanted), -1, np.float32)
     _probe(
-        forest.scene, query_arguments(coherent=False), np.asarray(starts, np.float32),
+        bvh.scene, query_arguments(coherent=False), np.asarray(starts, np.float32),
         np.asarray(directions, np.float32), order, np.float32(reach), found,
     )  # fmt: skip
     return found
@@ -25,9 +25,9 @@ def free(forest, starts, directions, wanted, columns, reach=np.inf):
 
 def hits(mesh: trimesh.Trimesh, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Which rays meet the mesh: bool[n] of f[n, 3] each, or of one direction for all."""
-    tree = Tree(mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
-    forest = Forest([tree], [1], np.eye(3, 4, dtype=np.float32)[None])
-    return free(forest, starts, directions, np.ones(len(starts)), len(starts)) == 0
+    mesh_bvh = MeshBVH(mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
+    bvh = SceneBVH([mesh_bvh], [1], np.eye(3, 4, dtype=np.float32)[None])
+    return free(bvh, starts, directions, np.ones(len(starts)), len(starts)) == 0
 
 
 def first_face(mesh: trimesh.Trimesh, start: tuple, direction: tuple) -> int:

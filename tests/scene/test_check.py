@@ -11,9 +11,10 @@ from scene.assets.catalogue import AssetPool
 from scene.check import findings, main
 from scene.dataset.edges import Overlap, overlap
 from scene.dataset.export import export_dataset
-from scene.dataset.formats.files import png, read_png
 from scene.dataset.formats.layout import FORMATS
 from scene.dataset.formats.planes import ids_of
+from scene.dataset.formats.png import encode as png
+from scene.dataset.formats.png import read_png
 from scene.dataset.formats.rle import encode
 from scene.proposal import draw, random_proposal
 from scene.render import RenderSettings

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from scene.assets.catalogue import COUNTS, AssetPool
+from scene.assets.catalogue import AssetPool
+from scene.assets.families import FAMILIES
 from scene.attributes import default_unit, street_params
 from scene.dataset.render import render_dataset, render_street, street_of
 from scene.render import RenderSettings
@@ -61,7 +62,7 @@ def test_the_pool_of_assets_is_that_of_the_street():
     street = street_of(default_unit(), 1, 0, 1, AssetPool(5, 2))
     assert {p.asset for p in street.placements} == {5, 6}
     default = sample_street(street_params(default_unit()), street.seed, 1)
-    assert all(p.asset < COUNTS[p.family] for p in default.placements)
+    assert all(p.asset < FAMILIES[p.family].count for p in default.placements)
 
 
 def test_an_open_pool_is_used_and_left_open(here):

@@ -10,7 +10,7 @@ from scene.render import RenderSettings
 from scene.render.embree.depth_buffer import nearest
 from scene.render.geometry import Shape, shape_of, stand
 from scene.render.shot import sample_rays
-from scene.street.street import Camera
+from scene.street.camera import Camera
 
 SIZE = RenderSettings(width=40, height=30, fov=70)
 GREY = (0.5, 0.5, 0.5)

@@ -19,11 +19,12 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset import export
 from scene.dataset.export import ExportError, export_dataset, read_dataset
-from scene.dataset.formats import files
 from scene.dataset.formats.layout import FORMATS
 from scene.proposal import draw, random_proposal
 from scene.render import RenderSettings
 from scene.render.__main__ import main
+from scene.version import ENGINE
+from shell import files
 
 ROOT = Path(__file__).resolve().parents[2]
 TINY = RenderSettings(width=64, height=48)
@@ -66,7 +67,7 @@ def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
     assert found["assets"]["size"] == 3 and found["own_assets"] == []
     np.testing.assert_array_equal(np.array(found["streets"], np.float32), UNITS)
     assert found["attributes"]["car_position"] == {"centre": 0.5, "width": 1.0}
-    assert list(found["attributes"]) == list(NAMES)
+    assert list(found["attributes"]) == list(NAMES) and found["engine"] == ENGINE
     assert found["versions"]["numpy"] == np.__version__
     dataset = read_dataset(unbroken)
     share = np.bincount(dataset.labels.ravel(), minlength=19) / dataset.labels.size
@@ -92,7 +93,7 @@ def test_an_export_cut_short_anywhere_continues_to_the_same_files(
 
     def cut(source, target):
         if next(left, None) is None:
-            os.rename(source, f"{source}.left")  # a kill would not have tidied up
+            os.link(source, f"{source}.left")  # a kill would not have tidied up
             raise KeyboardInterrupt
         real(source, target)
 
@@ -100,6 +101,8 @@ def test_an_export_cut_short_anywhere_continues_to_the_same_files(
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "a", format=format)
     monkeypatch.undo()
+    for part in (tmp_path / "a").rglob("*.left"):
+        part.rename(part.with_suffix(""))
     assert not (tmp_path / "a" / "dataset.json").exists()
     seen = []
     run(tmp_path / "a", format=format, progress=lambda *state: seen.append(state))
@@ -156,13 +159,24 @@ def test_an_export_of_other_settings_is_kept(changes, message, finished, tmp_pat
     if finished:
         run(folder)
     else:
-        monkeypatch.setattr(export, "_summarize", lambda *_: {})
-        run(folder)
-        monkeypatch.undo()
+        with monkeypatch.context() as broken, pytest.raises(FileNotFoundError):
+            broken.setattr(export, "_summarize", lambda *_: None)
+            run(folder)
     before = tree(folder)
     with pytest.raises(ExportError, match=f"{folder} holds an export with .*({message})"):
         run(folder, **changes)
     assert tree(folder) == before
+
+
+def test_an_export_of_another_engine_is_kept(tmp_path, monkeypatch):
+    run(tmp_path / "a")
+    before = tree(tmp_path / "a")
+    monkeypatch.setattr(export, "ENGINE", ENGINE + 1)
+    with pytest.raises(
+        ExportError, match=f"engine version {ENGINE}, and this is {ENGINE + 1}; cont"
+    ):
+        run(tmp_path / "a")
+    assert tree(tmp_path / "a") == before
 
 
 def test_other_folders_are_kept(tmp_path):

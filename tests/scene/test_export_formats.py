@@ -1,8 +1,6 @@
 """Segments, masks, encodings and files of a dataset, without rendering."""
 
-import errno
 import json
-import os
 import struct
 import zlib
 
@@ -12,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pycocotools import mask as coco_mask
 
-from scene.dataset.description import difference, outcome, street_entries
+from scene.dataset.description import outcome
 from scene.dataset.edges import overlap
-from scene.dataset.formats import files, rle
+from scene.dataset.formats import coco, png, rle
 from scene.dataset.formats.coco import SUPERCATEGORIES, categories
 from scene.dataset.formats.layout import FORMATS, layout
 from scene.dataset.formats.planes import (
@@ -130,66 +128,34 @@ def test_encodings_come_back(seed):
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
 def test_pictures_come_back_from_their_files(shape, dtype, tmp_path):
     plane = np.random.default_rng(0).integers(0, np.iinfo(dtype).max, shape).astype(dtype)
-    (tmp_path / "a.png").write_bytes(files.png(plane))
-    np.testing.assert_array_equal(files.read_png(tmp_path / "a.png"), plane)
+    (tmp_path / "a.png").write_bytes(png.encode(plane))
+    np.testing.assert_array_equal(png.read_png(tmp_path / "a.png"), plane)
 
 
 @given(seeds, st.floats(0, 1, exclude_max=True))
 def test_every_cut_of_a_picture_is_found(seed, where):
-    data = files.png(np.random.default_rng(seed).integers(0, 256, (9, 9), dtype=np.uint8))
-    assert files.png_fault(data) is None
-    assert files.png_fault(data[: int(where * len(data))]) is not None
+    data = png.encode(np.random.default_rng(seed).integers(0, 256, (9, 9), dtype=np.uint8))
+    assert png.fault_of(data) is None
+    assert png.fault_of(data[: int(where * len(data))]) is not None
 
 
 def test_damage_of_a_picture_is_found(tmp_path):
-    data = files.png(np.zeros((9, 9), np.uint8))
+    data = png.encode(np.zeros((9, 9), np.uint8))
     middle = data.index(b"IDAT") + 6
     broken = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
-    assert files.png_fault(broken) == "is damaged"
-    assert files.png_fault(b"GIF89a") == "is no PNG file"
+    assert png.fault_of(broken) == "is damaged"
+    assert png.fault_of(b"GIF89a") == "is no PNG file"
     empty = struct.pack(">I", 0) + b"IEND" + struct.pack(">I", zlib.crc32(b"IEND"))
     (tmp_path / "a.png").write_bytes(data[:8] + empty)
     with pytest.raises(ValueError, match=r"a\.png cannot be decoded"):
-        files.read_png(tmp_path / "a.png")
+        png.read_png(tmp_path / "a.png")
 
 
 def test_lists_written_in_pieces_are_json():
     members = {"a": [], "b": [1], "c": [{"x": "é"}, None]}
-    assert json.loads("".join(files.json_lines(members))) == members
+    assert json.loads("".join(coco.json_lines(members))) == members
     with pytest.raises(ValueError):
-        "".join(files.json_lines({"a": [float("nan")]}))
-
-
-def test_a_file_is_written_whole_or_not_at_all(tmp_path, monkeypatch):
-    target = tmp_path / "deep" / "a.txt"
-    assert files.write(target, (str(k) for k in range(3)), tmp_path) == 3
-    assert target.read_text() == "012"
-
-    def failing():
-        yield "x"
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
-    with pytest.raises(OSError) as caught:
-        files.write(target, failing(), tmp_path)
-    assert caught.value.errno == errno.ENOSPC and caught.value.filename == str(target)
-    assert target.read_text() == "012" and {p.name for p in tmp_path.iterdir()} == {"deep"}
-
-
-def test_difference_names_the_setting():
-    ours = {"seed": 1, "render": {"width": 8, "fov": 50}}
-    assert difference(ours, {"seed": 1, "render": {"width": 8, "fov": 50}}) is None
-    assert difference(ours, {"seed": 1, "render": {"width": 9, "fov": 50}}) == (
-        "render.width",
-        8,
-        9,
-    )
-    assert difference(ours, {"seed": 1, "render": None})[0] == "render"
-
-
-@given(seeds)
-def test_attributes_are_written_so_that_they_come_back(seed):
-    units = np.random.default_rng(seed).random((2, 23), np.float32)
-    np.testing.assert_array_equal(np.array(street_entries(units), np.float32), units)
+        "".join(coco.json_lines({"a": [float("nan")]}))
 
 
 def test_outcome_by_hand():

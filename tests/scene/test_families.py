@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from scene.assets.catalogue import FAMILIES
+from scene.assets.families import FAMILIES
 from tests.scene.asset_checks import kinds, make, module_of
 
 NAMES = [family.replace(" ", "_") for family in FAMILIES]

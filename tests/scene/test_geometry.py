@@ -13,7 +13,8 @@ from scene.classes import TrainId
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import box, ellipsoid
 from scene.render.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
-from scene.street.street import Placement, sample_street
+from scene.street.placing import Placement
+from scene.street.street import sample_street
 
 POOL = AssetPool(0, 4)
 DEFAULT = street_params(default_unit())

@@ -6,20 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene.classes import TrainId
-from scene.ground.ground import (
-    FOOTWAYS,
-    GROUND_INSTANCES,
-    HALF_WIDTHS,
-    KERB_HEIGHT,
-    KERB_WIDTH,
-    ROADS,
-    SIDEWALKS,
-    TERRAINS,
-    ground_assets,
-    ground_height,
-    plain,
-    sample_ground,
-)
+from scene.ground.build import GROUND_INSTANCES, ground_assets
+from scene.ground.extent import FOOTWAYS, HALF_WIDTHS, KERB_HEIGHT, KERB_WIDTH
+from scene.ground.ground import ground_height, plain, sample_ground
 from scene.ground.markings import (
     ARROWS,
     WORDS,
@@ -33,6 +22,7 @@ from scene.ground.markings import (
     word,
 )
 from scene.look.materials import material_id
+from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 from scene.mesh.quads import discs, flat, grid, rectangles, strokes, to_asset
 
 SEEDS = st.integers(0, 2**32 - 1)

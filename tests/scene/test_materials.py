@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from scene.ground.ground import ROADS, SIDEWALKS, TERRAINS
 from scene.look.materials import BRIGHTEST, DARKEST, MATERIALS, TEXTURE_SIZE, material_id, textures
 from scene.look.patterns import PATTERNS, value_noise
+from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 
 
 def test_names_are_unique_and_every_pattern_is_known_and_used():

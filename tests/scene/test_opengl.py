@@ -118,7 +118,7 @@ def test_workers_draw_the_same_bytes(opengl):
 
 
 def test_after_a_failure_resources_are_free_and_the_next_picture_is_right(opengl, monkeypatch):
-    from scene.render import raster
+    from scene.render.opengl import raster
 
     drawn = street(0)
     before = opengl.render(drawn, SMALL)[0]

@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from scene.assets.catalogue import FAMILIES, AssetPool, asset, bounds, surfaces
-from scene.attributes import NAMES, default_unit
+from scene.assets.catalogue import AssetPool, asset, bounds, surfaces
+from scene.assets.families import FAMILIES
+from scene.attributes import NAMES
 from scene.classes import CLASS_NAMES, TrainId, colorize
-from scene.preview import units
 from scene.preview.__main__ import main
 from scene.preview.closeup import SKIES, asset_street, fit, named_sky, surface_street
 from scene.preview.layout import CAPTION, captioned, grid, stack, tile
 from scene.preview.streets import sweep
 from scene.render import RenderSettings, renderer
-from scene.render.protocol import camera_axes
+from scene.street.camera import camera_axes
 
 SMALL = RenderSettings(64, 48, samples=1)
 
@@ -125,13 +125,6 @@ def test_an_unknown_sky_is_refused():
 
 
 # -- streets ---------------------------------------------------------------------------------------
-
-
-def test_units_lie_around_the_default_or_anywhere():
-    near, far = units("default", 40, 0), units("random", 40, 0)
-    assert near.shape == far.shape == (40, len(NAMES))
-    assert np.abs(near - default_unit()).max() <= 0.0751
-    assert far.min() < 0.05 and far.max() > 0.95
 
 
 def test_a_sweep_of_light_goes_from_dark_to_bright():

@@ -1,5 +1,7 @@
 """Intervals of attributes: what a file may say, and what is drawn from them."""
 
+import json
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,10 +10,13 @@ from hypothesis import strategies as st
 from scene.attributes import NAMES, default_unit
 from scene.proposal import (
     RELAXATION,
+    Proposal,
     default_proposal,
+    describe,
     draw,
     parse_proposal,
     random_proposal,
+    shortest,
     slide,
 )
 
@@ -25,9 +30,7 @@ def test_intervals_at_the_border_slide_inside_by_hand():
 
 
 @given(
-    st.lists(st.floats(0, 1), min_size=23, max_size=23),
-    st.floats(0, 1),
-    st.integers(0, 2**32 - 1),
+    st.lists(st.floats(0, 1), min_size=23, max_size=23), st.floats(0, 1), st.integers(0, 2**32 - 1)
 )
 def test_draws_stay_on_their_interval_and_below_one(centre, width, seed):
     proposal = slide(np.array(centre), width)
@@ -61,6 +64,33 @@ def test_a_file_gives_values_or_intervals():
     proposal = parse_proposal(given)
     np.testing.assert_allclose(proposal.centre[:4], [0.25, 0.5, 0.8, 0.25], rtol=1e-6)
     np.testing.assert_allclose(proposal.width[:4], [0, 0.2, 0.4, 0], rtol=1e-6)
+
+
+UNIT = st.floats(0, 1, width=32)
+LIST = st.lists(UNIT, min_size=23, max_size=23)
+
+
+@given(LIST, LIST, st.integers(0, 2**32 - 1))
+def test_what_is_described_is_read_back_to_the_same_streets(centre, width, seed):
+    proposal = slide(np.array(centre), np.array(width))
+    text = json.dumps(describe(proposal))
+    again = parse_proposal(json.loads(text))
+    assert [part.tobytes() for part in again] == [part.tobytes() for part in proposal]
+    rough = Proposal(np.float32(centre), np.float32(width))  # sticks out of [0, 1]
+    other = parse_proposal(json.loads(json.dumps(describe(rough))))
+    assert draw(other, seed, 2).tobytes() == draw(rough, seed, 2).tobytes()
+
+
+@given(st.floats(width=32, allow_nan=False, allow_infinity=False))
+def test_numbers_are_short_and_the_same_float32(value):
+    assert np.float32(json.loads(json.dumps(shortest(value)))) == np.float32(value)
+    assert shortest(np.float32(0.15)) == 0.15
+
+
+def test_a_description_says_where_the_interval_lies_in_metres():
+    row = describe(default_proposal(0.2))["camera_position_y"]  # 0.8 to 4 m, by default 1.5
+    assert row["unit"] == {"centre": 0.21875, "width": 0.2} and row["meaning"]
+    assert row["physical"] == {"centre": 1.5, "low": 1.18, "high": 1.82, "unit": "m"}
 
 
 def without(name):

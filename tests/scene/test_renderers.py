@@ -5,27 +5,24 @@ import math
 import numpy as np
 import pytest
 
-from scene.assets.catalogue import FAMILIES, AssetPool
+from scene.assets.catalogue import AssetPool
+from scene.assets.families import FAMILIES
 from scene.attributes import BY_NAME, default_unit, street_params
 from scene.classes import CLASS_NAMES, TrainId
 from scene.ground.ground import plain, sample_ground
 from scene.mesh.asset import box
-from scene.render import (
-    RENDERERS,
-    RendererError,
-    RenderSettings,
-    check_settings,
-    renderer,
-)
+from scene.render import RENDERERS, RendererError, RenderSettings, check_settings, renderer
 from scene.render.geometry import SKY_INSTANCE, build
-from scene.render.protocol import camera_axes, label_sample, pixel_rays
+from scene.render.protocol import label_sample, pixel_rays
 from scene.render.sensor import CameraResponse
 from scene.sky.sky import sample_sky
-from scene.street.street import Camera, Placement, Street, sample_street
+from scene.street.camera import Camera, camera_axes
+from scene.street.placing import Placement
+from scene.street.street import Street, sample_street
 
 POOL = AssetPool(0, 4)
 SMALL = RenderSettings(width=96, height=64)
-QUIET = SMALL._replace(response=CameraResponse(noise=0.0, meter=0.0, halo=0.0, spread=0.0))
+QUIET = SMALL._replace(response=CameraResponse(noise=0.0, meter=0.0, halo=0.0, variation=0.0))
 LEVEL = Camera((0.0, 0.0, 1.5), yaw=0.0, pitch=0.0)
 
 
@@ -141,11 +138,7 @@ def test_the_upper_half_of_an_empty_street_is_sky_and_the_lower_is_ground(draw):
     frame = draw(bare_street())
     assert (frame.label[:31] == TrainId.SKY).all()
     assert (frame.label[33:] != TrainId.SKY).all()
-    assert set(np.unique(frame.label[33:])) == {
-        TrainId.ROAD,
-        TrainId.SIDEWALK,
-        TrainId.TERRAIN,
-    }
+    assert set(np.unique(frame.label[33:])) == {TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN}
 
 
 def test_the_kerb_is_where_projection_says(draw):

@@ -155,6 +155,8 @@ def test_every_street_has_its_own_camera_but_what_is_off_stays_off(seed):
     assert drawn.exposure != full.exposure
     assert 0.4 < drawn.exposure < 2.5
     assert 1 <= drawn.jpeg <= 100
-    assert vary(full._replace(spread=0.0), np.random.default_rng(seed)) == full._replace(spread=0.0)
+    assert vary(full._replace(variation=0.0), np.random.default_rng(seed)) == full._replace(
+        variation=0.0
+    )
     off = vary(PLAIN, np.random.default_rng(seed))
     assert (off.noise, off.blur, off.fringe, off.halo, off.vignette, off.jpeg) == (0,) * 6

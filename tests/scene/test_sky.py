@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene.sky.clouds import KINDS, SIZE, cloud_relief
-from scene.sky.sky import BRIGHTEST, SKIES, panorama, sample_sky
+from scene.sky.sky import BRIGHTEST, panorama, sample_sky
+from scene.sky.weather import SKIES
 
 SEEDS = st.integers(0, 2**32 - 1)
 ELEVATION = st.floats(math.radians(8), math.radians(80))

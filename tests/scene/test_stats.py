@@ -8,7 +8,7 @@ import pytest
 import scene
 from scene.classes import CLASS_NAMES
 from scene.dataset.export import export_dataset, read_dataset
-from scene.dataset.formats.files import png
+from scene.dataset.formats.png import encode as png
 from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN
 from scene.proposal import draw, random_proposal
 from scene.stats import compare, count, main

@@ -15,23 +15,15 @@ from scene.classes import TrainId
 from scene.ground.ground import ground_height
 from scene.street.background import BEHIND
 from scene.street.background import LINES_END as FAR_AHEAD
-from scene.street.street import (
-    FIRST_INSTANCE,
-    JITTER,
-    LINE_END,
-    LINE_START,
-    LINES,
-    Placement,
-    bounds,
-    forward,
-    sample_street,
-)
+from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
+from scene.street.placing import FIRST_INSTANCE, Placement, bounds
+from scene.street.street import sample_street
 
 POOL = AssetPool(0, 4)
 DEFAULT = street_params(default_unit())
 SEEDS = st.integers(0, 2**32 - 1)
 UNITS = st.integers(0, 2**32 - 1).map(lambda seed: np.random.default_rng(seed).random(23))
-LINE_OF = {family: line.name for line in LINES for family, _ in line.mix}
+LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
 
 
 def street(params=DEFAULT, seed=0, shots=1, pool=POOL):
@@ -55,7 +47,7 @@ def foreground(placements):
 def by_line(placements):
     """Placements of every line; a rider's machine and a sign's post go with the first part."""
     placements = foreground(placements)
-    lines = {line.name: [] for line in LINES}
+    lines = {line: [] for line in LINES}
     line, pose = None, None
     for placement in placements:
         if placement.pose is not pose:
@@ -145,7 +137,7 @@ def test_buildings_are_placed_by_their_near_face_and_look_at_the_road():
         assert p.pose[1, 1] == pytest.approx(math.copysign(1, p.pose[1, 3]))
 
 
-@given(SEEDS, st.sampled_from([line.name for line in LINES]), st.floats(0, 1))
+@given(SEEDS, st.sampled_from(list(LINES)), st.floats(0, 1))
 def test_moving_a_line_leaves_all_others_as_they_are(seed, moved, unit):
     # From sidewalk to terrain, so that the height of the ground is the same.
     params = DEFAULT._replace(**{f"{moved}_position": 9 + 5 * unit})
@@ -158,7 +150,7 @@ def test_moving_a_line_leaves_all_others_as_they_are(seed, moved, unit):
     assert x_before == x_after
 
 
-@given(SEEDS, st.sampled_from([line.name for line in LINES]))
+@given(SEEDS, st.sampled_from(list(LINES)))
 def test_thinning_a_line_leaves_all_others_as_they_are(seed, thinned):
     params = DEFAULT._replace(**{f"{thinned}_interval": 33.0})
     before, after = by_line(street(seed=seed).placements), by_line(street(params, seed).placements)
@@ -197,7 +189,7 @@ def test_families_of_a_line_come_in_their_shares():
         for seed in range(60)
         for p in objects(by_line(street(seed=seed).placements)["pole"])
     ]
-    for family, share in next(line.mix for line in LINES if line.name == "pole"):
+    for family, share in LINES["pole"].items():
         assert poles.count(family) / len(poles) == pytest.approx(share, abs=0.05)
 
 
@@ -249,13 +241,6 @@ def test_shots_are_spread_over_the_drive():
     assert all(10 * k <= v <= 10 * (k + 1) + 13.5 for k, v in enumerate(x))
 
 
-def test_forward_is_along_the_road_right_for_yaw_and_down_for_pitch():
-    camera = street().cameras[0]
-    assert forward(camera._replace(yaw=0, pitch=0)) == pytest.approx([1, 0, 0])
-    assert forward(camera._replace(yaw=math.pi / 2, pitch=0)) == pytest.approx([0, -1, 0])
-    assert forward(camera._replace(yaw=0, pitch=math.pi / 2)) == pytest.approx([0, 0, -1])
-
-
 def test_the_camera_moves_on_out_of_a_bus_in_its_way():
     # A line of vehicles where the camera drives: blocked nearly everywhere, it takes the gaps.
     params = DEFAULT._replace(
@@ -277,10 +262,3 @@ def test_bounds_of_a_turned_placement():
     (box,) = bounds([Placement("car", 0, 13, 4, pose)])
     assert box[0] == pytest.approx([10 - high[1], 3 + low[0], 0.5 + low[2]])
     assert box[1] == pytest.approx([10 - low[1], 3 + high[0], 0.5 + high[2]])
-
-
-def test_an_unknown_family_and_a_negative_index_are_refused_by_name():
-    with pytest.raises(ValueError, match="unknown asset family 'tram'; known: building"):
-        catalogue.asset("tram", 0)
-    with pytest.raises(ValueError, match="car must be 0 or more"):
-        catalogue.asset("car", -1)

@@ -37,16 +37,3 @@ def camvid(tmp_path: Path) -> Path:
     lines = [f"{prefix}/train/{name}.png {prefix}/trainannot/{name}.png" for name in names]
     (root / "train.txt").write_text("\n".join(lines) + "\n")
     return root
-
-
-@pytest.fixture
-def cityscapes(tmp_path: Path) -> Path:
-    """Two cities with two images each."""
-    root = tmp_path / "cityscapes"
-    for i, (city, frame) in enumerate((c, f) for c in ("bonn", "aachen") for f in range(2)):
-        stem = f"{city}_00000{frame}_000019"
-        write_image(root / "leftImg8bit" / "train" / city / f"{stem}_leftImg8bit.png", i)
-        write_label(
-            root / "gtFine" / "train" / city / f"{stem}_gtFine_labelIds.png", label_values(i, 33)
-        )
-    return root

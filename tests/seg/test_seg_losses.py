@@ -71,9 +71,6 @@ def test_class_weights_by_hand():
     labels = np.array([[[0, 0, 0, 1], [255, 255, 255, 255]]], np.uint8)
     raw = np.array([0.76, 0.26, 0.01]) ** -0.75
     np.testing.assert_allclose(class_weights(labels, 3), raw / raw.mean(), rtol=1e-6)
-
-
-def test_class_weights_of_nothing_are_one():
     np.testing.assert_allclose(class_weights(np.full((1, 2, 2), 255, np.uint8), 4), np.ones(4))
 
 

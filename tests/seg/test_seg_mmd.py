@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from seg.features import features, penultimate, pool
 from seg.mmd import mmd2, polynomial_kernel
 from seg.nets import Compact, normalise
-from seg.nets.resize import bilinear
+from seg.nets.ops.resize import bilinear
 
 SEEDS = st.integers(0, 2**32 - 1)
 

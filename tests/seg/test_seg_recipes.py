@@ -17,9 +17,9 @@ import seg.train
 import seg.weights.vgg16 as names
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, predict
 from seg.nets import Compact, DeepLabV2, FCN8s, net
-from seg.step import accumulated, functions, plan
+from seg.step import Data, accumulated, functions, plan
 from seg.train import train
-from seg.weights.store import _write
+from seg.weights import check
 
 WIDTH, HIDDEN = 8, 16
 SMALL = {
@@ -132,10 +132,9 @@ def test_bfloat16_keeps_the_state_in_float32():
     images, labels = data(2)
     compiled = functions(settings, 11)
     state = jax.eval_shape(compiled.init, np.uint32(0), images)
-    arguments = (images, labels, np.ones(11, np.float32), np.uint32(0))
-    after, loss = jax.eval_shape(compiled.step, state, *arguments, plan(0, 2, settings).rows(0))
-    same = jax.tree.map(lambda a, b: (a.shape, a.dtype) == (b.shape, b.dtype), state, after)
-    assert all(jax.tree.leaves(same)) and loss.dtype == jnp.float32
+    given = Data(images, labels, np.ones(11, np.float32), np.uint32(0))
+    after, loss = jax.eval_shape(compiled.step, state, given, plan(0, 2, settings).rows(0))
+    assert after == state and loss.dtype == jnp.float32
 
 
 @pytest.mark.parametrize("name", SMALL)
@@ -161,7 +160,7 @@ def write_weights(path, monkeypatch):
     arrays = {
         n: rng.normal(0, 0.01, shape).astype(np.float32) for n, shape in names.shapes().items()
     }
-    _write(path, {**arrays, "normalisation": np.array("torchvision")})
+    np.savez(path, **arrays, normalisation="torchvision")
     return arrays
 
 
@@ -183,7 +182,11 @@ def test_training_starts_from_weights(name, tmp_path, monkeypatch):
     np.testing.assert_allclose(params[last]["kernel"], other[last]["kernel"], atol=1e-4)
 
 
-def test_weights_that_are_not_there():
+def test_weights_are_checked_before_they_are_needed(tmp_path, monkeypatch):
+    write_weights(tmp_path / "vgg16.npz", monkeypatch)
+    check(RECIPES["paper"], 11)
+    check(replace(RECIPES["paper"], weights=str(tmp_path / "vgg16.npz")), 11)
     settings = replace(RECIPES["paper"], weights="none.npz")
-    with pytest.raises(WeightsError, match=r"none\.npz: No such file"):
-        train(0, *data(4), settings, 11)
+    for use in (lambda: check(settings, 11), lambda: train(0, *data(4), settings, 11)):
+        with pytest.raises(WeightsError, match=r"none\.npz: No such file"):
+            use()

@@ -15,7 +15,7 @@ import pytest
 
 import seg.weights.vgg16 as names
 from seg.nets import DeepLabV2, FCN8s, normalise
-from seg.nets.normalise import MEAN, STD
+from seg.nets.ops.normalise import MEAN, STD
 from seg.weights import WeightsError, convert, load
 from seg.weights.__main__ import main
 from seg.weights.normalisation import CAFFE_MEAN, from_caffe
@@ -330,7 +330,7 @@ def test_files_that_are_not_there_or_something_else(tmp_path):
         with pytest.raises(WeightsError, match=message):
             read(tmp_path / name)
     save_npz(tmp_path / "w.npz", theirs(ours()))
-    with pytest.raises(WeightsError, match=r"o\.npz: No such file"):
+    with pytest.raises(OSError, match=r"No such file .*o\.npz"):
         convert(tmp_path / "w.npz", tmp_path / "no" / "o.npz")
 
 

@@ -220,10 +220,7 @@ def figure(body: Body, outfit: Outfit, pose: Pose) -> Asset:
         ankle = np.array(pose.ankles[k])
         knee = bend(top, ankle, THIGH * h, SHIN * h, (1, 0.15 * side, 0.3))
         legs.append((top, knee, ankle))
-        parts += [
-            _leg(body, outfit, legs[-1]),
-            _shoe(ankle, h, pose.toes[k], 0.12 * side, outfit),
-        ]
+        parts += [_leg(body, outfit, legs[-1]), _shoe(ankle, h, pose.toes[k], 0.12 * side, outfit)]
         wrist = np.array(pose.hands[k])
         x, y, z = pose.elbows[k]
         elbow = bend(shoulder, wrist, UPPER_ARM * h, FOREARM * h, (x, y * side, z))

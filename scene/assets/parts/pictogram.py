@@ -79,10 +79,7 @@ def arrow(points: Outline, pen: float, color: Color, head: float = 2.6) -> Mark:
     along /= np.hypot(*along)
     side, end, wide = np.array([-along[1], along[0]]), np.array([u1, v1]), head * pen / 2
     tip = (end + wide * side, end - wide * side, end + 1.5 * wide * along)
-    return (
-        *line(points, pen, color),
-        Layer(tuple((float(u), float(v)) for u, v in tip), color),
-    )
+    return (*line(points, pen, color), Layer(tuple((float(u), float(v)) for u, v in tip), color))
 
 
 # Strokes of letters on a grid of 3 columns and 5 rows: "xy" is one point, "," starts a new stroke.

@@ -100,13 +100,7 @@ def walls(length: float, width: float, low: float, high: float, *, x: float = 0)
 
 
 def panel(
-    wall: Corners,
-    u: Span,
-    v: Span,
-    color: Color,
-    material: str = "plain",
-    *,
-    lift: float = 0.012,
+    wall: Corners, u: Span, v: Span, color: Color, material: str = "plain", *, lift: float = 0.012
 ) -> Asset:
     """A rectangle laid on ``wall``: shares ``u`` along and ``v`` up it, ``lift`` m outside."""
     return quads(_laid(wall, [u], [v], lift), [color], [material])

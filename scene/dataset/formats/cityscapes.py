@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from typing import Any
 
 from scene.dataset.formats import coco
-from scene.dataset.formats.files import json_lines
 
 CITY = "scenex"
 
@@ -44,10 +43,10 @@ def summary_text(
     """One of the ``summaries``, in pieces; ``size`` is (width, height) in pixels."""
     if name == "instances":
         image = FILES["image"]
-        return json_lines(
+        return coco.json_lines(
             coco.instances(records, size, lambda stem: image.format(split=split, stem=stem))
         )
-    return json_lines(
+    return coco.json_lines(
         {
             "images": _images(records, size),
             "annotations": _annotations(records),

@@ -8,11 +8,11 @@ polygons could not be exact. Source: cocodataset.org, "Data format".
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 from scene.classes import CLASS_NAMES, COLORS, LABEL_IDS
-from scene.dataset.formats.files import json_lines
 from scene.dataset.formats.segments import is_thing
 
 Records = Callable[[], Iterable[dict[str, Any]]]
@@ -126,3 +126,14 @@ def panoptic(records: Records, size: tuple[int, int]) -> dict[str, Iterable[Any]
         "annotations": annotations,
         "categories": categories(),
     }
+
+
+def json_lines(members: dict[str, Iterable[Any]]) -> Iterator[str]:
+    """A JSON object of lists, one item a line, without holding the lists in memory."""
+    yield "{"
+    for position, (name, items) in enumerate(members.items()):
+        yield f"{',' if position else ''}\n{json.dumps(name)}: ["
+        for number, item in enumerate(items):
+            yield f"{',' if number else ''}\n{json.dumps(item, allow_nan=False)}"
+        yield "]"
+    yield "\n}\n"

@@ -21,7 +21,7 @@ from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
 
 if TYPE_CHECKING:  # who only reads datasets need not load the engine
     from scene.render.protocol import Frame, RenderSettings
-    from scene.street.street import Camera
+    from scene.street.camera import Camera
 
 DEPTH_PER_METRE = 100
 BASELINE = 0.209313

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
 
 from scene.classes import CLASS_NAMES, VOID
-from scene.dataset.formats.files import json_text, png
+from scene.dataset.formats import png
 from scene.dataset.formats.layout import Layout
 from scene.dataset.formats.planes import PLANES, camera_entry
 from scene.dataset.formats.rle import Runs, encode
 from scene.dataset.formats.segments import PER_CLASS, panoptic_ids, segments
 from scene.render.protocol import Frame, RenderSettings
-from scene.street.street import Camera
+from scene.street.camera import Camera
 
 
 def shot_files(
@@ -33,9 +34,9 @@ def shot_files(
     """
     ids = panoptic_ids(frame.label, frame.instance)
     files = {
-        kind: json_text(camera_entry(camera, settings)).encode()
+        kind: json.dumps(camera_entry(camera, settings), indent=1).encode()
         if kind == "camera"
-        else png(PLANES[kind](frame, ids, settings))
+        else png.encode(PLANES[kind](frame, ids, settings))
         for kind in layout.files
     }
     return files, image_record(frame.image, frame.label, ids)

@@ -127,7 +127,7 @@ occluded8 = types.ExternalFunction("rtcOccluded8", _packet)
 """For compiled code: (valid, scene, ray packet, arguments), all addresses."""
 
 
-class Tree:
+class MeshBVH:
     """A bounding volume hierarchy over one mesh, worth a slow build since many streets will use it.
 
     It keeps the arrays alive that Embree reads.
@@ -166,23 +166,23 @@ class Tree:
             self._embree.rtcReleaseScene(self.scene)
 
 
-class Forest:
-    """A scene of instances of trees; instance ids are those that hits report.
+class SceneBVH:
+    """One over instances of meshes; instance ids are those that hits report.
 
     Args:
-        trees: one for each instance.
+        meshes: one for each instance.
         ids: the instances' ids, above 0 or equal.
-        poses: f32[n, 3, 4] from the trees' frames to the world.
+        poses: f32[n, 3, 4] from the meshes' frames to the world.
     """
 
-    def __init__(self, trees: list[Tree], ids: list[int], poses: np.ndarray) -> None:
+    def __init__(self, meshes: list[MeshBVH], ids: list[int], poses: np.ndarray) -> None:
         self._embree = embree = library()
-        self._trees = trees
+        self._meshes = meshes
         poses = np.ascontiguousarray(poses, np.float32)
         self.scene = int(embree.rtcNewScene(device()))
-        for tree, number, pose in zip(trees, ids, poses, strict=True):
+        for mesh, number, pose in zip(meshes, ids, poses, strict=True):
             instance = embree.rtcNewGeometry(device(), INSTANCE)
-            embree.rtcSetGeometryInstancedScene(instance, tree.scene)
+            embree.rtcSetGeometryInstancedScene(instance, mesh.scene)
             embree.rtcSetGeometryTransform(instance, 0, FLOAT3X4_ROW_MAJOR, pose.ctypes.data)
             embree.rtcCommitGeometry(instance)
             embree.rtcAttachGeometryByID(self.scene, instance, number)

@@ -14,10 +14,10 @@ from numba import carray, njit
 
 from scene.render.address import float_pointer, int_pointer
 from scene.render.geometry import SKY_INSTANCE, Geometry
-from scene.render.protocol import RenderSettings, camera_axes, pixel_rays
+from scene.render.protocol import RenderSettings, pixel_rays
 from scene.render.shade import MISS
 from scene.render.shot import Hits, Rays
-from scene.street.street import Camera
+from scene.street.camera import Camera, camera_axes
 
 NEAR = 1e-3
 """Metres in front of the camera from which on corners are projected."""

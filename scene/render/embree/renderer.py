@@ -12,14 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numba import njit
 
-from scene.render.embree.api import (
-    LANES,
-    Forest,
-    Tree,
-    device,
-    occluded8,
-    query_arguments,
-)
+from scene.render.embree.api import LANES, MeshBVH, SceneBVH, device, occluded8, query_arguments
 from scene.render.embree.depth_buffer import nearest
 from scene.render.geometry import Geometry, asset_shape, build
 from scene.render.protocol import Frame, Lap, RenderSettings, check_settings, no_lap
@@ -62,7 +55,7 @@ class EmbreeRenderer:
         geometry = build(street)
         around = surroundings(street, geometry, settings)
         lap("build")
-        forest = _plant(street, geometry)
+        bvh = _scene_bvh(street, geometry)
         lap("bvh")
         frames = []
         for shot, camera in enumerate(street.cameras):
@@ -71,12 +64,12 @@ class EmbreeRenderer:
             lit = np.ones(len(seen.points), np.float32)
             if settings.shadows:
                 sun = sun_segments(seen, around)
-                lit = _free(forest, sun, rays.columns, rays.rows, np.inf, coherent=True)
+                lit = _free(bvh, sun, rays.columns, rays.rows, np.inf, coherent=True)
             opened = np.ones(len(seen.points), np.float32)
             if settings.occlusion:
                 half = (rays.columns + 1) // 2, (rays.rows + 1) // 2
                 into_the_open = sky_segments(seen, rays)
-                free = _free(forest, into_the_open, *half, REACH, coherent=False)
+                free = _free(bvh, into_the_open, *half, REACH, coherent=False)
                 opened = spread(free, seen, rays)
             lap("rays")
             frames.append(expose(around, shot, rays, seen, Light(lit, opened), settings))
@@ -85,26 +78,26 @@ class EmbreeRenderer:
 
 
 @lru_cache(maxsize=2048)
-def _asset_tree(family: str, asset: int | str, far: bool) -> Tree:
+def _asset_bvh(family: str, asset: int | str, far: bool) -> MeshBVH:
     shape = asset_shape(family, asset, far)
-    return Tree(shape.vertices, shape.faces)
+    return MeshBVH(shape.vertices, shape.faces)
 
 
-def _plant(street: Street, geometry: Geometry) -> Forest:
+def _scene_bvh(street: Street, geometry: Geometry) -> SceneBVH:
     """What can be in the way of light: all but the ground, of which ``sky_segments`` knows."""
-    trees = [_asset_tree(p.family, p.asset, p.far) for p in street.placements]
+    meshes = [_asset_bvh(p.family, p.asset, p.far) for p in street.placements]
     ids = [p.instance for p in street.placements]
-    return Forest(trees, ids, geometry.pose[ids])
+    return SceneBVH(meshes, ids, geometry.pose[ids])
 
 
 def _free(
-    forest: Forest, segments: Segments, columns: int, rows: int, reach: float, *, coherent: bool
+    bvh: SceneBVH, segments: Segments, columns: int, rows: int, reach: float, *, coherent: bool
 ) -> np.ndarray:
     """f32[n]: 1 where nothing lies within ``reach`` metres along a wanted ray, else 0."""
     free = np.zeros(columns * rows, np.float32)
     order = _by_tiles(segments.wanted, columns, rows, 4, 2)
     _probe(
-        forest.scene, query_arguments(coherent=coherent), segments.starts, segments.directions,
+        bvh.scene, query_arguments(coherent=coherent), segments.starts, segments.directions,
         order, np.float32(reach), free,
     )  # fmt: skip
     return free

@@ -18,15 +18,7 @@ from numba import njit
 from scene.render import shade
 from scene.render.geometry import World, build, world
 from scene.render.opengl.shadow_maps import cast_shadows, pose_of
-from scene.render.protocol import (
-    Frame,
-    Lap,
-    RendererError,
-    RenderSettings,
-    camera_axes,
-    check_settings,
-    no_lap,
-)
+from scene.render.protocol import Frame, Lap, RendererError, RenderSettings, check_settings, no_lap
 from scene.render.shot import (
     Hits,
     Light,
@@ -41,7 +33,8 @@ from scene.render.shot import (
     surroundings,
     visible,
 )
-from scene.street.street import Camera, Street
+from scene.street.camera import Camera, camera_axes
+from scene.street.street import Street
 
 if TYPE_CHECKING:
     from scene.render.opengl.raster import Rasterizer

@@ -1,0 +1,33 @@
+"""Every asset family. The order is that of the catalogue, and of the lines in a street."""
+
+from __future__ import annotations
+
+from scene.assets import (
+    bicycle,
+    building,
+    bus,
+    bush,
+    car,
+    fence,
+    lamp,
+    motorcycle,
+    person,
+    rider,
+    signpost,
+    traffic_light,
+    traffic_sign,
+    train,
+    tree,
+    truck,
+    wall,
+)
+from scene.assets.family import Family
+
+FAMILIES: dict[str, Family] = {
+    module.FAMILY.name: module.FAMILY
+    for module in (
+        building, train, fence, wall, tree, bush, bicycle, motorcycle, person, rider,
+        lamp, signpost, traffic_sign, traffic_light, car, bus, truck,
+    )
+}  # fmt: skip
+"""By name."""

@@ -1,0 +1,59 @@
+"""Pictures as PNG files, read with suspicion."""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+
+def encode(plane: np.ndarray) -> bytes:
+    """A picture, u8 or u16, [h, w] or RGB [h, w, 3], as a PNG file."""
+    done, data = cv2.imencode(".png", plane[..., ::-1] if plane.ndim == 3 else plane)
+    if not done:
+        raise ValueError(f"cannot encode a picture of shape {plane.shape} and type {plane.dtype}")
+    return data.tobytes()
+
+
+def fault_of(data: bytes) -> str | None:
+    """What is wrong with the bytes of a PNG file: not one, cut short, or damaged; None if nothing.
+
+    Decoders fill up what a cut file lacks and say nothing, so chunks and checksums are walked here.
+    """
+    if not data.startswith(_SIGNATURE):
+        return "is no PNG file"
+    at = len(_SIGNATURE)
+    while at + 12 <= len(data):
+        (length,) = struct.unpack_from(">I", data, at)
+        kind, end = data[at + 4 : at + 8], at + 12 + length
+        if end > len(data):
+            break
+        (checksum,) = struct.unpack_from(">I", data, end - 4)
+        if zlib.crc32(data[at + 4 : end - 4]) != checksum:
+            return "is damaged"
+        if kind == b"IEND":
+            return None
+        at = end
+    return "is cut short"
+
+
+def read_png(path: Path) -> np.ndarray:
+    """A picture as it was given to ``encode``.
+
+    Raises:
+        ValueError: not a whole PNG file, with the file's name.
+        OSError: it cannot be read.
+    """
+    data = path.read_bytes()
+    fault = fault_of(data)
+    if fault is not None:
+        raise ValueError(f"{path} {fault}")
+    plane = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if plane is None:
+        raise ValueError(f"{path} cannot be decoded")
+    return plane[..., ::-1] if plane.ndim == 3 else plane

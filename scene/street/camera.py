@@ -1,0 +1,70 @@
+"""The camera of a street: a pinhole, and the path it drives."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+DRIVE = 60.0
+"""Metres of road over which the camera takes its shots."""
+SEARCH = 15.0
+"""Metres by which a shot may be moved on to a place where nothing blocks the lens."""
+VIEW = 4.0
+"""Metres of view that should be free."""
+SPARE = 0.3
+"""Metres that things should be away from it."""
+
+
+class Camera(NamedTuple):
+    """A pinhole camera; ``yaw`` right positive, ``pitch`` down positive, radians."""
+
+    position: tuple[float, float, float]
+    yaw: float
+    pitch: float
+
+
+def camera_axes(camera: Camera) -> np.ndarray:
+    """Rows: the camera's right, up and forward axes in the world, f64[3, 3]."""
+    cy, sy = math.cos(camera.yaw), math.sin(camera.yaw)
+    cp, sp = math.cos(camera.pitch), math.sin(camera.pitch)
+    forward = np.array([cp * cy, -cp * sy, -sp])
+    right = np.array([-sy, -cy, 0.0])
+    return np.stack([right, np.cross(right, forward), forward])
+
+
+def camera_path(
+    first: Camera, shots: int, boxes: np.ndarray, rng: np.random.Generator
+) -> tuple[Camera, ...]:
+    """Poses spread over ``DRIVE`` metres, each moved on until nothing blocks the lens.
+
+    Args:
+        first: the camera at the start of the road.
+        shots: how many.
+        boxes: f64[n, 2, 3] low and high corners of what is in the way.
+        rng: consumed.
+    """
+    _, y, z = first.position
+    cameras = []
+    for shot in range(shots):
+        steps = (shot + rng.random()) * DRIVE / shots + np.arange(0.0, SEARCH, 1.5)
+        candidates = [first._replace(position=(float(x), y, z)) for x in steps]
+        cameras.append(candidates[int(np.argmin(_blocked(candidates, boxes)))])
+    return tuple(cameras)
+
+
+def _blocked(cameras: list[Camera], boxes: np.ndarray) -> np.ndarray:
+    """How much i64[cameras] of the first metres of each view lies inside boxes, with some to spare.
+
+    Standing inside one counts more than any view into one. The cameras look the same way.
+    """
+    places = np.array([camera.position for camera in cameras])
+    ahead = np.linspace(0, VIEW, 9)[:, None] * camera_axes(cameras[0])[2]
+    points = places[:, None] + ahead
+    low, high = boxes[:, 0] - SPARE, boxes[:, 1] + SPARE
+    near = (high >= points.min(axis=(0, 1))) & (low <= points.max(axis=(0, 1)))
+    low, high = low[near.all(axis=1)], high[near.all(axis=1)]
+    inside = (points[:, :, None] > low) & (points[:, :, None] < high)
+    hidden = inside.all(axis=3).any(axis=2)
+    return hidden.sum(axis=1) + points.shape[1] * hidden[:, 0]

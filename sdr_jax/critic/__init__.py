@@ -1,0 +1,1 @@
+"""Models of the reward, and the methods that follow them."""

@@ -1,0 +1,206 @@
+"""SDR carried on: the policy over bins follows a critic that learns from every evaluation."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+from sdr_jax.critic.critic import (
+    Critic,
+    CriticState,
+    best_bins,
+    draw_best,
+    draw_models,
+    init_critic,
+    make_critic,
+    mean_model,
+    observe,
+    posterior,
+    values,
+)
+from sdr_jax.critic.regression import Posterior
+from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.policy import entropy
+from sdr_jax.relaxation import UNDECIDED, bin_mask, check_relaxation, moments, relax
+from sdr_jax.space import Proposal, Space
+
+SWEEPS = 4
+"""Natural-gradient steps of the policy in every update."""
+
+DRAWS = 32
+"""Draws from the critic's posterior, whose spread sets the temperatures."""
+
+
+class ActorCriticState(NamedTuple):
+    """A policy, and what it follows."""
+
+    critic: CriticState
+    belief: Posterior  # the critic's
+    logits: Float[Array, "attributes bins"]  # minus infinity for bins an attribute lacks
+    best: Int[Array, "attributes"]  # bins of the critic's highest mean, -1 before two rewards
+
+
+def actor_critic(
+    space: Space,
+    width: float | tuple[float, ...] | None = None,
+    *,
+    temperature: float = 1.0,
+    degree: int = 9,
+    pair_degree: int | None = None,
+) -> Method:
+    """SDR whose policy gradient comes from a model of the reward instead of from single rewards.
+
+    As in SDR, each attribute has a softmax policy over its bins, data sets are drawn from it and
+    relaxed. But where REINFORCE throws a reward away after one noisy step, a Bayesian critic keeps
+    all of them (`critic.py`: smooth in every attribute, pairwise within groups, its scales learnt by
+    evidence), and the gradient of what it expects of the policy is exact. The policy maximises
+
+        E_pi[r_critic] + sum_i tau_i H(pi_i),   tau_i = temperature * std_i
+
+    where std_i is the posterior's standard deviation of the differences between i's bins: so an
+    attribute keeps exploring until the critic is surer of them than they differ. The natural
+    gradient in the logits is `Q_i - tau_i log pi_i`; steps of 1 / tau_i, which are `logits = Q / tau`,
+    alternate with new expectations. Groups say which attributes may interact, not in which order to
+    learn: all are learnt at once.
+
+    Policies of independent attributes cannot say "both or neither". So every second data set is not
+    drawn from them, but the best of a model drawn from the posterior (Thompson sampling). Draws
+    from the policies are stratified.
+
+    The answer holds the bins of the critic's highest mean, not of the luckiest draw. `spread` has the
+    moments of the policy: what drowns in the noise stays wide. NaN rewards are passed by.
+
+    Args:
+        space: the attributes, their bins, and the groups whose members may interact.
+        width: of the relaxed bins, see `relax`.
+        temperature: above 0; higher explores longer.
+        degree: see `make_critic`.
+        pair_degree: see `make_critic`.
+
+    Returns:
+        The method, for any number of updates.
+
+    Raises:
+        ValueError: an option out of range.
+
+    Source: not in the paper, whose policy and bins it keeps; Kakade 2001, "A natural policy
+        gradient"; MacKay 1992, "Bayesian interpolation".
+    """
+    check_relaxation(space, width, "random")
+    if not (temperature > 0 and np.isfinite(temperature)):
+        raise ValueError(f"temperature is {temperature}, but must be above 0")
+    model = make_critic(space, degree, pair_degree)
+    there = bin_mask(space)
+    level = np.where(there, 0.0, -np.inf).astype(np.float32)
+
+    def init(rng_key: Key[Array, ""]) -> ActorCriticState:
+        del rng_key  # nothing is random before the first sample
+        undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
+        critic = init_critic(model)
+        belief = posterior(model, critic)
+        return ActorCriticState(critic, belief, jnp.asarray(level), undecided)
+
+    def sample(
+        rng_key: Key[Array, ""], state: ActorCriticState, n: int
+    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+        policy_key, draw_key = jax.random.split(rng_key)
+        actions = stratified(policy_key, space, jax.nn.softmax(state.logits), n)
+        believed = draw_best(draw_key, model, state.belief, n)
+        second = (jnp.arange(n) % 2 == 1) & (state.critic.noise > 0)
+        actions = jnp.where(second[:, None], believed, actions)
+        return actions, relax(space, actions, width)
+
+    def update(
+        state: ActorCriticState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[ActorCriticState, Info]:
+        info = plain_info(rewards, entropy(state.logits, jnp.ones(space.attributes, bool)))
+        critic = observe(model, state.critic, actions, rewards)
+        belief = posterior(model, critic)
+        best = best_bins(model, belief)
+        logits = follow(model, belief, best, temperature)
+        known = critic.noise > 0
+        next_state = ActorCriticState(
+            critic,
+            belief,
+            jnp.where(known, logits, state.logits),
+            jnp.where(known, best, state.best),
+        )
+        return next_state, info
+
+    def probabilities(state: ActorCriticState) -> Float[Array, "attributes bins"]:
+        return jax.nn.softmax(state.logits)
+
+    def solution(state: ActorCriticState) -> Proposal:
+        return relax(space, state.best, width)
+
+    def spread(state: ActorCriticState) -> Proposal:
+        return moments(space, jax.nn.softmax(state.logits), width)
+
+    return jitted(init, sample, update, solution, probabilities, spread)
+
+
+def follow(
+    model: Critic,
+    belief: Posterior,
+    start: Int[Array, "attributes"],
+    temperature: float,
+) -> Float[Array, "attributes bins"]:
+    """Moves a policy to where a critic's expected reward plus entropy is highest.
+
+    Args:
+        model: the critic.
+        belief: what it believes.
+        start: bins from which to begin, as if they were certain: with interactions there may be
+            several maxima, and the policy belongs at the best.
+        temperature: factor on the posterior's standard deviations.
+
+    Returns:
+        The logits, up to a constant for each attribute.
+    """
+    there = jnp.asarray(bin_mask(model.space))
+    sizes = jnp.asarray(model.space.bins, jnp.float32)[:, None]
+    mean = mean_model(model, belief)
+    # A fixed key: the same evaluations give the same temperatures.
+    draws = draw_models(jax.random.key(0), model, belief, DRAWS)
+    probabilities = jax.nn.one_hot(start, model.space.max_bins)
+    for _ in range(SWEEPS):
+        q = values(model, mean, probabilities)
+        drawn = jax.vmap(lambda one: values(model, one, probabilities))(draws)  # noqa: B023
+        error = jnp.where(there[None], drawn - q[None], 0.0)
+        error = error - error.sum(axis=2, keepdims=True) / sizes[None]
+        variance = jnp.where(there[None], error**2, 0.0).sum(axis=2) / sizes[None, :, 0]
+        tau = temperature * jnp.sqrt(variance.mean(axis=0))
+        logits = jnp.where(there, q / jnp.maximum(tau, 1e-12)[:, None], -jnp.inf)
+        probabilities = jax.nn.softmax(logits)
+    return logits - jnp.max(logits, axis=1, keepdims=True)
+
+
+def stratified(
+    rng_key: Key[Array, ""],
+    space: Space,
+    probabilities: Float[Array, "attributes bins"],
+    n: int,
+) -> Int[Array, "n attributes"]:
+    """Draws n actions, each from the policy, that together keep to it as closely as n can.
+
+    Every attribute's quantiles are cut into n parts, of which each action gets one, shuffled
+    independently of other attributes: a Latin hypercube.
+
+    Args:
+        rng_key: consumed.
+        space: the attributes and their bins.
+        probabilities: the policy; rows sum to 1.
+        n: how many.
+
+    Returns:
+        Bins.
+    """
+    shift_key, order_key = jax.random.split(rng_key)
+    shift = jax.random.uniform(shift_key, (n, space.attributes))
+    order = jax.random.uniform(order_key, (n, space.attributes))
+    quantiles = (jnp.argsort(order, axis=0) + shift) / n
+    below = jnp.cumsum(probabilities, axis=1)
+    actions = jnp.sum(quantiles[:, :, None] >= below[None], axis=2)  # rounding may end below 1
+    return jnp.minimum(actions, jnp.asarray(space.bins)[None, :] - 1).astype(jnp.int32)

@@ -1,0 +1,257 @@
+"""The critic: a Bayesian model of the reward over bins, with the structure of the groups.
+
+    r(a) = b + sum_i f_i(a_i) + sum_{i<j in a group} g_ij(a_i, a_j) + noise
+
+Under policies that choose each attribute's bin independently, its expectation is exact: no sampling.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.linalg import solve_triangular
+from jaxtyping import Array, Float, Int, Key
+
+from sdr_jax.critic import features, regression
+from sdr_jax.critic.features import Features
+from sdr_jax.critic.regression import Posterior, Statistics
+from sdr_jax.space import Space
+
+PAIR_FEATURES = 256
+"""About as many features do all interactions together get, which decides how fine they are."""
+
+SIGNAL = 0.7
+"""Share of the first rewards' variance that is taken for signal, before the evidence speaks."""
+
+PAIR_SHARE = 0.3
+"""Share of the signal that interactions are taken for at first."""
+
+SHRINK = 4.0
+"""Pseudo-weights that pull each effect's scale towards the mean of its kind."""
+
+NOISE_SHARE, NOISE_WEIGHT = 0.3, 4.0
+"""Prior of the noise: its share of the rewards' variance, and the evaluations that is worth."""
+
+
+class Critic(NamedTuple):
+    """The model (constants): cosine features, and which effect each belongs to.
+
+    Effects are the attributes, then the pairs, then the curvature that all attributes share.
+    """
+
+    space: Space
+    layout: Features
+    effect: Int[np.ndarray, "features"]  # one more than the layout has: the shared curvature
+    variance: Float[np.ndarray, "features"]  # prior's, relative to the effect's scale
+    bend: Float[np.ndarray, "features"]  # the layout's features that the curvature adds up
+
+
+class CriticState(NamedTuple):
+    """What the critic has learnt."""
+
+    statistics: Statistics
+    scales: Float[Array, "effects"]  # prior variance of each effect; 0 before the first rewards
+    noise: Float[Array, ""]  # variance of a reward; 0 before the first
+
+
+class Model(NamedTuple):
+    """One function of the bins: the critic's mean, or a draw from its posterior."""
+
+    alone: Float[Array, "*draws attributes bins"]  # f_i
+    between: Float[Array, "*draws attributes attributes degree degree"]  # of cosines, symmetric
+
+
+def make_critic(space: Space, degree: int = 9, pair_degree: int | None = None) -> Critic:
+    """Lays the model out.
+
+    f_i is a cosine series over the bins' values, g_ij a product of two shorter ones. Beside its own,
+    every f_i has a second cosine in common with all others: attributes tend to be best well inside
+    their range, or at its ends, alike, and what all of them bend is learnt long before each one is.
+
+    Args:
+        space: the attributes, their bins, and the groups whose members may interact.
+        degree: cosines per attribute; those beyond its bins less one are left out.
+        pair_degree: cosines of each attribute in interactions, 0 for none; by default as many as
+            leave all interactions together about 256 features, at least 1.
+
+    Returns:
+        The model.
+
+    Raises:
+        ValueError: an option out of range.
+    """
+    pairs = sum(len(group) * (len(group) - 1) // 2 for group in space.groups)
+    if pair_degree is None:
+        finest = max(space.bins) - 1
+        pair_degree = min(degree, finest, max(1, math.isqrt(PAIR_FEATURES // max(pairs, 1))))
+    layout = features.features(space, degree, pair_degree, 1.0)
+    effects = space.attributes + len(layout.pairs)
+    effect = np.concatenate(
+        [
+            np.repeat(np.arange(space.attributes), degree),
+            np.repeat(np.arange(space.attributes, effects), pair_degree**2),
+        ]
+    )
+    totals = np.bincount(effect, weights=layout.variance, minlength=effects)
+    variance = layout.variance / totals[effect]
+    bend = np.zeros(len(effect), np.float32)
+    second = slice(1, space.attributes * degree, degree)
+    if degree > 1:
+        bend[second] = layout.variance[second] > 0
+    shared = (variance * bend).max(initial=0)
+    return Critic(
+        space,
+        layout,
+        np.append(effect, effects).astype(np.int32),
+        np.append(variance, shared).astype(np.float32),
+        bend,
+    )
+
+
+def init_critic(model: Critic) -> CriticState:
+    """A critic that has seen nothing."""
+    effects = int(model.effect.max()) + 1
+    zero = jnp.zeros((), jnp.float32)
+    scales = jnp.zeros(effects, jnp.float32)
+    return CriticState(regression.empty(len(model.effect)), scales, zero)
+
+
+def observe(
+    model: Critic,
+    state: CriticState,
+    actions: Int[Array, "n attributes"],
+    rewards: Float[Array, "n"],
+) -> CriticState:
+    """Counts evaluations in, and takes one step towards the scales of most evidence.
+
+    The step is one of expectation maximisation, from where the last update left them. An effect's
+    scale is pulled towards the mean of its kind, so that none dies by chance. NaN rewards are passed
+    by.
+    """
+    x = features.evaluate(model.layout, actions)
+    x = jnp.concatenate([x, (x @ model.bend)[:, None]], axis=1)
+    statistics = regression.add(state.statistics, x, rewards)
+    data = regression.centred(statistics)
+    variance = data.square / data.freedom
+    fresh = state.noise <= 0
+    state = CriticState(
+        statistics,
+        jnp.where(fresh, SIGNAL * variance * _first_scales(model), state.scales),
+        jnp.where(fresh, (1 - SIGNAL) * variance, state.noise),
+    )
+    stepped = _maximise_evidence(model, state)
+    enough = statistics.seen > 1  # two rewards make a difference
+    zeros = CriticState(statistics, jnp.zeros_like(state.scales), jnp.zeros_like(state.noise))
+    return jax.tree.map(lambda a, b: jnp.where(enough, a, b), stepped, zeros)
+
+
+def posterior(model: Critic, state: CriticState) -> Posterior:
+    """The belief about the weights; that of the prior before two rewards are known."""
+    scales = jnp.where(state.noise > 0, state.scales, 1.0)
+    noise = jnp.where(state.noise > 0, state.noise, 1.0)
+    std = jnp.sqrt(jnp.asarray(model.variance) * scales[model.effect])
+    return regression.posterior(regression.centred(state.statistics), std, jnp.sqrt(noise))[0]
+
+
+def mean_model(model: Critic, belief: Posterior) -> Model:
+    """The posterior's mean."""
+    return _model(model, belief.mean)
+
+
+def draw_models(rng_key: Key[Array, ""], model: Critic, belief: Posterior, n: int) -> Model:
+    """Draws from the posterior, stacked on a leading axis; the key is consumed."""
+    weights = regression.draw(rng_key, belief, n)
+    return jax.vmap(lambda one: _model(model, one))(weights)
+
+
+def values(
+    model: Critic, function: Model, probabilities: Float[Array, "attributes bins"]
+) -> Float[Array, "attributes bins"]:
+    """Expected reward of each bin of each attribute, the others left to the policy.
+
+        Q_i(k) = f_i(k) + sum_{j in the group of i} E_{a_j ~ pi_j} g_ij(k, a_j)
+
+    up to a constant per attribute. Exact, since the policy's attributes are independent.
+
+    Args:
+        model: the constants.
+        function: one model, without leading axes.
+        probabilities: the policy.
+
+    Returns:
+        Q; for bins an attribute lacks it means nothing.
+    """
+    short = jnp.asarray(model.layout.basis)[:, :, : model.layout.pair_degree]
+    expected = jnp.einsum("ab,abp->ap", probabilities, short)
+    pulls = jnp.einsum("ajpq,jq->ap", function.between, expected)
+    return function.alone + jnp.einsum("abp,ap->ab", short, pulls)
+
+
+def best_bins(model: Critic, belief: Posterior) -> Int[Array, "attributes"]:
+    """The bins of the highest mean: coordinate ascent from a few starts."""
+    weights = _plain(model, belief.mean)
+    return features.maximise(jax.random.key(0), model.space, model.layout, weights)
+
+
+def draw_best(
+    rng_key: Key[Array, ""], model: Critic, belief: Posterior, n: int
+) -> Int[Array, "n attributes"]:
+    """The best bins of each of n models drawn from the posterior; the key is consumed."""
+    weights_key, start_key = jax.random.split(rng_key)
+    weights = regression.draw(weights_key, belief, n)
+    return jax.vmap(
+        lambda key, one: features.maximise(key, model.space, model.layout, _plain(model, one))
+    )(jax.random.split(start_key, n), weights)
+
+
+def _plain(model: Critic, weights: Array) -> Array:
+    """Weights of the layout's features alone: the shared curvature is handed out."""
+    return weights[:-1] + weights[-1] * model.bend
+
+
+def _model(model: Critic, weights: Array) -> Model:
+    return Model(*features.split(model.layout, _plain(model, weights)))
+
+
+def _first_scales(model: Critic) -> Float[np.ndarray, "effects"]:
+    attributes, pairs = model.space.attributes, len(model.layout.pairs)
+    share = PAIR_SHARE if pairs else 0.0
+    own = np.full(attributes, (1 - share) / attributes)
+    interactions = np.full(pairs, share / max(pairs, 1))
+    return np.concatenate([own, interactions, own[:1]]).astype(np.float32)
+
+
+def _maximise_evidence(model: Critic, state: CriticState) -> CriticState:
+    """One step of expectation maximisation of scales and noise."""
+    attributes, pairs = model.space.attributes, len(model.layout.pairs)
+    data = regression.centred(state.statistics)
+    belief = posterior(model, state)
+    inverse = solve_triangular(belief.factor, jnp.eye(len(model.effect)), lower=True)
+    covariance = belief.scale[:, None] * (inverse.T @ inverse) * belief.scale[None, :]
+
+    there = model.variance > 0
+    relative = np.where(there, model.variance, 1)
+    squares = jnp.where(there, (belief.mean**2 + jnp.diag(covariance)) / relative, 0.0)
+    sums = jax.ops.segment_sum(squares, jnp.asarray(model.effect), len(state.scales))
+    counts = np.bincount(model.effect, weights=there, minlength=len(state.scales))
+    own, interactions = slice(attributes), slice(attributes, attributes + pairs)
+    kinds = jnp.concatenate(
+        [
+            jnp.full(attributes, sums[own].sum() / counts[own].sum()),
+            jnp.full(pairs, sums[interactions].sum() / max(counts[interactions].sum(), 1)),
+        ]
+    )
+    scales = (sums[:-1] + SHRINK * kinds) / (counts[:-1] + SHRINK)
+    scales = jnp.append(scales, kinds[0])  # what is shared is as large as what each has
+
+    misfit = (
+        data.square
+        - 2 * belief.mean @ data.moment
+        + belief.mean @ (data.gram @ belief.mean)
+        + jnp.sum(data.gram * covariance)
+    )
+    variance = data.square / data.freedom
+    noise = (misfit + NOISE_WEIGHT * NOISE_SHARE * variance) / (data.freedom + NOISE_WEIGHT)
+    return CriticState(state.statistics, scales, jnp.maximum(noise, 1e-4 * variance))

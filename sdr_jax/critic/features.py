@@ -1,0 +1,163 @@
+"""Features of ordered bins, linear in whose weights a reward is modelled, and its best bins."""
+
+from itertools import combinations
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+from sdr_jax.relaxation import bin_centres, bin_mask
+from sdr_jax.space import Space
+
+STARTS = 8
+"""Where coordinate ascent starts: at the best of each attribute alone, the others at random."""
+
+SWEEPS = 4
+"""How often coordinate ascent goes round all attributes."""
+
+
+class Features(NamedTuple):
+    """The features of a space (constants): first the attributes' own, then the pairs'."""
+
+    basis: Float[np.ndarray, "attributes bins degree"]  # cosines of each bin
+    pairs: Int[np.ndarray, "pairs 2"]  # which attributes interact
+    pair_degree: int  # cosines of each of them
+    variance: Float[np.ndarray, "features"]  # the prior's, up to a factor; 0 for what is not there
+
+
+def features(space: Space, degree: int, pair_degree: int, interaction: float) -> Features:
+    """Lays out cosine features, `sqrt(2) cos(pi m c)` of a bin's centre c, m = 1..degree.
+
+    Over an attribute's bins these are orthogonal and have mean zero. Their prior variance is
+    1 / m^2; that of a product of two `interaction` / (m^2 l^2).
+
+    Args:
+        space: the attributes, their bins, and the groups whose members interact.
+        degree: cosines per attribute; those beyond its bins less one are left out.
+        pair_degree: cosines of each attribute of a pair, at most `degree`; 0 for no pairs.
+        interaction: see above.
+
+    Returns:
+        The features.
+
+    Raises:
+        ValueError: an option out of range.
+    """
+    if degree < 1:
+        raise ValueError(f"degree is {degree}, but must be at least 1")
+    if not 0 <= pair_degree <= degree:
+        raise ValueError(f"pair_degree is {pair_degree}, but must lie in [0, degree = {degree}]")
+    if not (interaction >= 0 and np.isfinite(interaction)):
+        raise ValueError(f"interaction is {interaction}, but must be 0 or more")
+    orders = np.arange(1, degree + 1, dtype=np.float32)
+    there = orders[None, :] < np.asarray(space.bins)[:, None]  # [attributes degree]
+    basis = np.sqrt(2) * np.cos(np.pi * bin_centres(space)[:, :, None] * orders[None, None, :])
+    basis = basis * there[:, None, :] * bin_mask(space)[:, :, None]
+    pairs = [pair for group in space.groups for pair in combinations(group, 2)]
+    if pair_degree == 0:
+        pairs = []
+    own = there / orders[None, :] ** 2
+    i, j = np.asarray(pairs, np.int32).reshape(-1, 2).T
+    products = own[i, :pair_degree, None] * own[j, None, :pair_degree]
+    variance = np.concatenate([own.ravel(), interaction * products.ravel()])
+    return Features(
+        basis.astype(np.float32),
+        np.asarray(pairs, np.int32).reshape(-1, 2),
+        pair_degree,
+        variance.astype(np.float32),
+    )
+
+
+def evaluate(layout: Features, actions: Int[Array, "n attributes"]) -> Float[Array, "n features"]:
+    """The features of data sets, given their bins."""
+    n, attributes = actions.shape
+    rows = jnp.arange(attributes)
+    own = jnp.asarray(layout.basis)[rows[None, :], actions]  # [n attributes degree]
+    short = own[:, :, : layout.pair_degree]
+    first, second = short[:, layout.pairs[:, 0]], short[:, layout.pairs[:, 1]]
+    products = first[:, :, :, None] * second[:, :, None, :]
+    return jnp.concatenate([own.reshape(n, -1), products.reshape(n, -1)], axis=1)
+
+
+def split(layout: Features, weights: Array) -> tuple[Array, Array]:
+    """A model's value of each bin alone, and its symmetric interactions.
+
+    Returns:
+        f32[attributes bins] and f32[attributes attributes pair_degree pair_degree].
+    """
+    attributes, _, degree = layout.basis.shape
+    short = layout.pair_degree
+    own = weights[: attributes * degree].reshape(attributes, degree)
+    alone = jnp.einsum("abd,ad->ab", jnp.asarray(layout.basis), own)
+    blocks = weights[attributes * degree :].reshape(len(layout.pairs), short, short)
+    i, j = layout.pairs.T
+    zeros = jnp.zeros((attributes, attributes, short, short), weights.dtype)
+    return alone, zeros.at[i, j].set(blocks).at[j, i].set(blocks.transpose(0, 2, 1))
+
+
+def _values(space: Space, layout: Features, alone: Array, pull: Array, attribute: Array) -> Array:
+    """A model's value of an attribute's bins, f32[bins], under the others' pull f32[degree]."""
+    short = jnp.asarray(layout.basis)[attribute, :, : layout.pair_degree]
+    there = jnp.asarray(bin_mask(space))[attribute]
+    return jnp.where(there, alone[attribute] + short @ pull, -jnp.inf)
+
+
+def tables(
+    space: Space,
+    layout: Features,
+    weights: Float[Array, "features"],
+    actions: Int[Array, "attributes"],
+) -> Float[Array, "attributes bins"]:
+    """A model's value of each attribute's bins with the others at `actions`, up to a constant.
+
+    Minus infinity for bins an attribute lacks.
+    """
+    alone, between = split(layout, weights)
+    rows = jnp.arange(space.attributes)
+    at = jnp.asarray(layout.basis)[rows, actions, : layout.pair_degree]
+    pulls = jnp.einsum("ijpq,jq->ip", between, at)
+    return jax.vmap(lambda pull, row: _values(space, layout, alone, pull, row))(pulls, rows)
+
+
+def maximise(
+    rng_key: Key[Array, ""],
+    space: Space,
+    layout: Features,
+    weights: Float[Array, "features"],
+) -> Int[Array, "attributes"]:
+    """The best bins under a model: coordinate ascent from several starts.
+
+    Args:
+        rng_key: consumed, for the starts.
+        space: the attribute space.
+        layout: its features.
+        weights: the model.
+
+    Returns:
+        Bins; a local optimum, the best of those found.
+    """
+    alone, between = split(layout, weights)
+    basis = jnp.asarray(layout.basis)[:, :, : layout.pair_degree]
+    rows = jnp.arange(space.attributes)
+    shape = (STARTS - 1, space.attributes)
+    sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
+    first = jnp.where(jnp.asarray(bin_mask(space)), alone, -jnp.inf).argmax(axis=1)
+    random = jax.random.randint(rng_key, shape, 0, sizes, jnp.int32)
+    starts = jnp.concatenate([first[None, :].astype(jnp.int32), random])
+
+    def ascend(actions: Array) -> tuple[Array, Array]:
+        def move(step: Array, actions: Array) -> Array:
+            attribute = step % space.attributes
+            pull = jnp.einsum("jpq,jq->p", between[attribute], basis[rows, actions])
+            values = _values(space, layout, alone, pull, attribute)
+            return actions.at[attribute].set(jnp.argmax(values).astype(jnp.int32))
+
+        actions = jax.lax.fori_loop(0, SWEEPS * space.attributes, move, actions)
+        at = basis[rows, actions]
+        pairs = 0.5 * jnp.einsum("ip,ijpq,jq->", at, between, at)
+        return actions, alone[rows, actions].sum() + pairs
+
+    found, values = jax.vmap(ascend)(starts)
+    return found[jnp.argmax(values)]

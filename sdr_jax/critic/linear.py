@@ -1,0 +1,150 @@
+"""A Bayesian linear model of the reward: smooth in every attribute, pairwise within groups."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+from sdr_jax.critic import regression
+from sdr_jax.critic.features import evaluate, features, maximise, tables
+from sdr_jax.critic.regression import Posterior, Statistics
+from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, relax, uniform
+from sdr_jax.space import Proposal, Space
+
+SIGNALS = np.geomspace(0.003, 30, 7).astype(np.float32)
+"""Prior variances of an effect, relative to the noise's, among which the evidence chooses."""
+
+DRAWS = 64
+"""Draws from the posterior behind `spread` and `probabilities`."""
+
+CAUTION = 2.0
+"""Standard errors that an effect must exceed before `spread` narrows its attribute."""
+
+
+class LinearState(NamedTuple):
+    """What the regression has learnt."""
+
+    statistics: Statistics
+    belief: Posterior  # of the weights
+
+
+def linear(
+    space: Space,
+    width: float | tuple[float, ...] | None = None,
+    *,
+    explore: float = 1.0,
+    degree: int = 4,
+    pair_degree: int = 2,
+    interaction: float = 0.5,
+) -> Method:
+    """Thompson sampling on a ridge regression of the reward on the bins.
+
+        y = b + sum_i f_i(a_i) + sum_{i<j in a group} g_ij(a_i, a_j) + noise
+
+    f_i is a cosine series in the bin's value, so neighbouring bins are alike, g_ij a product of two
+    shorter ones. Weights have a normal prior that falls with the frequency; its size relative to
+    the noise is chosen by the evidence at every update, the noise by its posterior mean. Every
+    data set is the best of a model drawn from the posterior: coordinate ascent from a few starts.
+
+    `solution` is the best of the posterior's mean model. `spread` asks for each attribute, the
+    others at the solution, which bin is best in models drawn from the posterior, at twice its
+    standard deviation, and takes the moments of that distribution: an attribute whose effect drowns
+    in the noise stays wide. NaN
+    rewards are passed by.
+
+    Args:
+        space: the attributes, their bins, and the groups whose members may interact.
+        width: of the relaxed bins, see `relax`.
+        explore: factor on the posterior's standard deviation in `sample`; 1 is Thompson sampling,
+            which explores for longer than a small budget lasts when there are many attributes.
+        degree: cosines per attribute, at most its bins less one.
+        pair_degree: cosines per attribute in interactions; 0 is an additive model.
+        interaction: prior variance of an interaction's weights, relative to the attributes' own.
+
+    Returns:
+        The method, for any number of updates; `entropy` in its info is NaN.
+
+    Raises:
+        ValueError: an option out of range.
+
+    Source: not in the paper; Thompson 1933; Rasmussen and Williams 2006, chapter 2.
+    """
+    check_relaxation(space, width, "random")
+    if not (explore >= 0 and np.isfinite(explore)):
+        raise ValueError(f"explore is {explore}, but must be 0 or more")
+    layout = features(space, degree, pair_degree, interaction)
+    prior_std = np.sqrt(layout.variance)
+    size = len(prior_std)
+
+    def init(rng_key: Key[Array, ""]) -> LinearState:
+        del rng_key  # nothing is random before the first sample
+        statistics = regression.empty(size)
+        return LinearState(statistics, posterior(statistics))
+
+    def posterior(statistics: Statistics) -> Posterior:
+        data = regression.centred(statistics)
+
+        def fit(signal: Array) -> tuple[Posterior, Array]:
+            std = jnp.sqrt(signal) * jnp.asarray(prior_std)
+            belief, whitened = regression.posterior(data, std, jnp.ones(()))  # in units of noise
+            explained = jnp.dot(whitened, std * data.moment)
+            left = jnp.maximum(data.square - explained, 1e-4 * data.square)
+            log_det = 2 * jnp.sum(jnp.log(jnp.diag(belief.factor)))
+            evidence = -0.5 * (log_det + data.freedom * jnp.log(left))
+            return belief._replace(scale=jnp.sqrt(left / data.freedom) * std), evidence
+
+        fits, evidence = jax.lax.map(fit, jnp.asarray(SIGNALS))
+        best = jnp.argmax(evidence)
+        return jax.tree.map(lambda leaf: leaf[best], fits)
+
+    def thompson(rng_key: Key[Array, ""], belief: Posterior, n: int) -> Array:
+        draw_key, start_key = jax.random.split(rng_key)
+        weights = regression.draw(draw_key, belief, n, explore)
+        return jax.vmap(lambda key, one: maximise(key, space, layout, one))(
+            jax.random.split(start_key, n), weights
+        )
+
+    def sample(
+        rng_key: Key[Array, ""], state: LinearState, n: int
+    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+        random_key, thompson_key = jax.random.split(rng_key)
+        shape = (n, space.attributes)
+        sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
+        random = jax.random.randint(random_key, shape, 0, sizes, jnp.int32)
+        chosen = thompson(thompson_key, state.belief, n)
+        actions = jnp.where(
+            state.statistics.seen > 1, chosen, random
+        )  # two rewards make a difference
+        return actions, relax(space, actions, width)
+
+    def update(
+        state: LinearState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[LinearState, Info]:
+        statistics = regression.add(state.statistics, evaluate(layout, actions), rewards)
+        next_state = LinearState(statistics, posterior(statistics))
+        return next_state, plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+
+    def best_of(belief: Posterior) -> Array:
+        return maximise(jax.random.key(0), space, layout, belief.mean)
+
+    def solution(state: LinearState) -> Proposal:
+        best = best_of(state.belief)
+        return relax(space, jnp.where(state.statistics.seen > 1, best, UNDECIDED), width)
+
+    def spread(state: LinearState) -> Proposal:
+        best = best_of(state.belief)
+        weights = regression.draw(jax.random.key(1), state.belief, DRAWS, CAUTION)
+        values = jax.vmap(lambda one: tables(space, layout, one, best))(weights)
+        winners = jax.nn.one_hot(jnp.argmax(values, axis=2), space.max_bins)
+        p = jnp.where(state.statistics.seen > 1, winners.mean(axis=0), uniform(space))
+        return moments(space, p, width)
+
+    def probabilities(state: LinearState) -> Float[Array, "attributes bins"]:
+        actions = thompson(jax.random.key(1), state.belief, DRAWS)
+        p = jax.nn.one_hot(actions, space.max_bins).mean(axis=0)
+        return jnp.where(state.statistics.seen > 1, p, uniform(space))
+
+    return jitted(init, sample, update, solution, probabilities, spread)

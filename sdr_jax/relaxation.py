@@ -1,0 +1,132 @@
+"""Relaxation: from bins to intervals, and from distributions over bins to intervals."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from sdr_jax.space import Proposal, Space
+
+UNDECIDED = -1
+"""The action of an attribute nothing is known about yet."""
+
+UNOPTIMISED = ("random", "half")
+"""What an undecided attribute may be: drawn from all of [0, 1], or 0.5."""
+
+
+def slide(
+    centre: Float[Array | np.ndarray, "*batch attributes"],
+    width: Float[Array | np.ndarray, "*batch attributes"],
+) -> Proposal:
+    """Makes a proposal, moving intervals that stick out of [0, 1] back inside at full width.
+
+    Clipping the drawn values instead would pile them up at the borders.
+    """
+    width = jnp.clip(width, 0.0, 1.0)
+    return Proposal(jnp.clip(centre, width / 2, 1 - width / 2), width)
+
+
+def check_relaxation(
+    space: Space, width: float | tuple[float, ...] | None, unoptimised: str
+) -> None:
+    """Raises ValueError if `relax` cannot work with these options."""
+    if unoptimised not in UNOPTIMISED:
+        raise ValueError(f"unoptimised is {unoptimised!r}, but must be one of {UNOPTIMISED}")
+    if width is None:
+        return
+    widths = np.asarray(width, np.float64)
+    if widths.shape not in ((), (space.attributes,)):
+        raise ValueError(f"{widths.size} widths for {space.attributes} attributes")
+    if not np.all((widths >= 0) & (widths <= 1)):
+        raise ValueError(f"width is {width}, but must lie in [0, 1]")
+
+
+def bin_widths(space: Space, width: float | tuple[float, ...] | None) -> Float[Array, "attributes"]:
+    """The width of each attribute's relaxed bin: `width`, or by default 1 / K."""
+    default = 1 / np.asarray(space.bins, np.float32)
+    return jnp.broadcast_to(
+        jnp.asarray(default if width is None else width, jnp.float32), (space.attributes,)
+    )
+
+
+def relax(
+    space: Space,
+    actions: Int[Array | np.ndarray, "*batch attributes"],
+    width: float | tuple[float, ...] | None = None,
+    unoptimised: str = "random",
+) -> Proposal:
+    """Turns bins into intervals: `centre = (k + 0.5) / K`, `width = 1 / K`.
+
+    With these defaults the bins tile [0, 1]. The paper publishes neither the shape nor the width of
+    the variance it injects; a uniform over the bin is ours.
+
+    Args:
+        space: the attribute space.
+        actions: bins, int[*batch attributes], each in [0, K), or -1 where nothing is decided.
+        width: another width, for all attributes or one for each, in [0, 1]. Wider intervals slide
+            back inside at the borders; 0 is no relaxation at all.
+        unoptimised: what -1 means: "random" (the paper: centre 0.5, width 1) or "half" (the
+            authors' code: 0.5, relaxed like any decided value).
+
+    Returns:
+        The proposal, f32[*batch attributes] each.
+
+    Raises:
+        ValueError: a width outside [0, 1] or another meaning of -1.
+
+    Source: section "Scalable Discretization-and-Relaxation".
+    """
+    check_relaxation(space, width, unoptimised)
+    bins = jnp.broadcast_to(jnp.asarray(space.bins, jnp.float32), actions.shape)
+    widths = jnp.broadcast_to(bin_widths(space, width), actions.shape)
+    decided = actions >= 0
+    centre = jnp.where(decided, (actions.astype(jnp.float32) + 0.5) / bins, 0.5)
+    if unoptimised == "random":
+        widths = jnp.where(decided, widths, 1.0)
+    return slide(centre, widths)
+
+
+def bin_mask(space: Space) -> Bool[np.ndarray, "attributes bins"]:
+    """Which bins each attribute has."""
+    return np.arange(space.max_bins) < np.asarray(space.bins)[:, None]
+
+
+def bin_centres(space: Space) -> Float[np.ndarray, "attributes bins"]:
+    """The middle of every bin, `(k + 0.5) / K`; beyond 1 for bins an attribute lacks."""
+    bins = np.asarray(space.bins, np.float32)[:, None]
+    return (np.arange(space.max_bins, dtype=np.float32) + np.float32(0.5)) / bins
+
+
+def uniform(space: Space) -> Float[Array, "attributes bins"]:
+    """Every attribute's uniform distribution over the bins it has."""
+    return jnp.asarray(bin_mask(space) / np.asarray(space.bins, np.float32)[:, None])
+
+
+def entropy(probabilities: Float[Array, "attributes bins"]) -> Float[Array, ""]:
+    """Entropy in nats, `-sum_i sum_k p_i(k) log p_i(k)`, summed over attributes."""
+    return -jnp.sum(probabilities * jnp.log(jnp.where(probabilities > 0, probabilities, 1.0)))
+
+
+def moments(
+    space: Space,
+    probabilities: Float[Array, "attributes bins"],
+    width: float | tuple[float, ...] | None = None,
+) -> Proposal:
+    """The intervals with the moments of distributions over bins.
+
+        centre = sum_k p_k c_k,   width = sqrt(12 sum_k p_k (c_k - centre)^2 + w^2)
+
+    with c_k the bins' centres and w their (relaxed) width, slid into [0, 1]. Uniform distributions
+    give all of [0, 1], certain ones their relaxed bin.
+
+    Args:
+        space: the attributes and their bins.
+        probabilities: f32[attributes bins], rows sum to 1, zero for bins an attribute lacks.
+        width: of the relaxed bins, see `relax`.
+
+    Returns:
+        The proposal, f32[attributes] each.
+    """
+    middle = jnp.asarray(bin_centres(space))
+    mean = jnp.sum(probabilities * middle, axis=1)
+    variance = jnp.sum(probabilities * (middle - mean[:, None]) ** 2, axis=1)
+    return slide(mean, jnp.sqrt(12 * variance + bin_widths(space, width) ** 2))

@@ -1,0 +1,1 @@
+"""Searches that SDR is compared with."""

@@ -1,0 +1,128 @@
+"""CMA-ES with margin over the bins, through the library `cmaes`: a host adapter."""
+
+from copy import deepcopy
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Key
+from scipy.special import ndtr
+
+from sdr_jax.method import Info, Method
+from sdr_jax.relaxation import UNDECIDED, moments
+from sdr_jax.rivals import host
+from sdr_jax.space import Proposal, Space
+
+
+class CmaState(NamedTuple):
+    """A Python object, not a pytree of arrays; an update that changes the optimiser copies it."""
+
+    optimizer: Any  # a `cmaes.CMAwM`
+    told: tuple[tuple[np.ndarray, float], ...]  # evaluations of a generation that is not full yet
+    seen: bool  # whether there was any reward
+
+
+def cma_es(
+    space: Space,
+    width: float | tuple[float, ...] | None = None,
+    *,
+    sigma: float = 0.25,
+    population: int | None = None,
+) -> Method:
+    """Covariance matrix adaptation with margin: a Gaussian over all attributes, rounded to bins.
+
+    The margin keeps the probability of leaving a bin from vanishing, on which plain CMA-ES gets
+    stuck. The answer is the bins that the mean lies in; groups play no part. A generation is filled
+    over as many updates as it takes, n of any size. NaN rewards are passed by.
+
+    This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
+    Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state
+    given stays valid.
+
+    Args:
+        space: the attributes and their bins.
+        width: of the relaxed bins, see `relax`.
+        sigma: standard deviation at the start, as a fraction of [0, 1].
+        population: evaluations per generation; by default 4 + floor(3 log(attributes)).
+
+    Returns:
+        The method, for any number of updates; actions are the library's values before rounding,
+        f32, in [0, 1] and a little beyond.
+
+    Raises:
+        ImportError: `cmaes` is not installed.
+        ValueError: an option out of range, or a space of one attribute, which the library refuses.
+
+    Source: not in the paper; Hamano et al. 2022, "CMA-ES with margin".
+    """
+    cmaes = host.needs("cmaes", "cma_es")
+    relaxed = host.relaxation(space, width)
+    if space.attributes < 2:
+        raise ValueError(f"cma_es needs at least 2 attributes, this space has {space.attributes}")
+    if not 0 < sigma <= 1:
+        raise ValueError(f"sigma is {sigma}, but must lie in (0, 1]")
+    if population is not None and population < 2:
+        raise ValueError(f"population is {population}, but must be at least 2")
+    sizes = np.asarray(space.bins)
+    margin = 0.5 / sizes  # centres of bins lie in [margin, 1 - margin]
+
+    def init(rng_key: Key[Array, ""]) -> CmaState:
+        optimizer = cmaes.CMAwM(
+            mean=np.full(space.attributes, 0.5),
+            sigma=sigma,
+            bounds=np.stack([margin, 1 - margin], axis=1),
+            steps=1.0 / sizes,
+            seed=host.seed(rng_key),
+            population_size=population,
+        )
+        return CmaState(optimizer, (), False)
+
+    def sample(
+        rng_key: Key[Array, ""], state: CmaState, n: int
+    ) -> tuple[Float[Array, "n attributes"], Proposal]:
+        # Asking moves nothing but the generator, and that starts afresh every time.
+        state.optimizer.reseed_rng(host.seed(rng_key))
+        asked = np.asarray([state.optimizer.ask() for _ in range(n)])  # [n, (rounded, raw), ...]
+        return jnp.asarray(asked[:, 1], jnp.float32), relaxed(bins_of(asked[:, 0]))
+
+    def update(
+        state: CmaState, actions: Float[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[CmaState, Info]:
+        optimizer, told = state.optimizer, list(state.told)
+        for action, reward in zip(
+            np.asarray(actions, np.float64), np.asarray(rewards), strict=True
+        ):
+            if not np.isfinite(reward):
+                continue
+            told.append((action, -float(reward)))  # the library minimises
+            if len(told) == optimizer.population_size:
+                optimizer = deepcopy(optimizer)
+                optimizer.tell(told)
+                told = []
+        seen = state.seen or bool(np.any(np.isfinite(rewards)))
+        info = host.info(rewards, probabilities(state))
+        return CmaState(optimizer, tuple(told), seen), info
+
+    def bins_of(values: np.ndarray) -> np.ndarray:
+        return np.clip(np.floor(values * sizes), 0, sizes - 1).astype(np.int32)
+
+    def solution(state: CmaState) -> Proposal:
+        best = bins_of(state.optimizer.mean)
+        return relaxed(best if state.seen else np.full_like(best, UNDECIDED))
+
+    def deviations(state: CmaState) -> np.ndarray:
+        # Public attributes do not tell; the margin scales the discrete coordinates by _A.
+        cma = state.optimizer._cma
+        return cma._sigma * state.optimizer._A * np.sqrt(np.diag(cma._C))
+
+    def spread(state: CmaState) -> Proposal:
+        return moments(space, probabilities(state), width)
+
+    def probabilities(state: CmaState) -> Float[Array, "attributes bins"]:
+        edges = np.arange(1, space.max_bins + 1)[None, :] / sizes[:, None]
+        z = (edges - state.optimizer.mean[:, None]) / deviations(state)[:, None]
+        # All that is beyond the last edge counts for the last bin.
+        below = np.where(edges >= 1 - 1e-9, 1.0, ndtr(z))
+        return jnp.asarray(np.diff(below, prepend=0.0, axis=1), jnp.float32)
+
+    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)

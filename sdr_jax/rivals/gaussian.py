@@ -1,0 +1,148 @@
+"""A Gaussian policy under REINFORCE, as in learning to simulate and Meta-Sim: no bins."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+from jax.scipy.special import ndtr, ndtri
+from jaxtyping import Array, Float, Key, PyTree
+
+from sdr_jax.baseline import Baseline, BaselineState, leave_one_out, normalised
+from sdr_jax.method import Info, Method, jitted, norm, plain_info
+from sdr_jax.reinforce import reinforce_loss
+from sdr_jax.relaxation import bin_mask, bin_widths, check_relaxation, slide
+from sdr_jax.rewards import mean_known, only_finite
+from sdr_jax.space import Proposal, Space
+
+OPTIMIZER = optax.adam(0.1)
+BASELINE = leave_one_out()
+QUANTILES = np.asarray(ndtri((jnp.arange(64) + 0.5) / 64))  # of the standard normal
+
+
+class GaussianParams(NamedTuple):
+    """One normal distribution per attribute, of the logit of its value."""
+
+    mean: Float[Array, "attributes"]
+    log_std: Float[Array, "attributes"]
+
+
+class GaussianState(NamedTuple):
+    """The policy, and what its updates remember."""
+
+    params: GaussianParams
+    opt_state: PyTree[Array]  # of the optimiser
+    baseline: BaselineState
+
+
+def gaussian(
+    space: Space,
+    optimizer: optax.GradientTransformation = OPTIMIZER,
+    *,
+    baseline: Baseline = BASELINE,
+    normalise: bool = True,
+    std: float = 1.5,
+    width: float | tuple[float, ...] | None = None,
+) -> Method:
+    """REINFORCE on the mean and spread of a Gaussian per attribute; actions are continuous.
+
+        z ~ N(mean, std^2),   value = 1 / (1 + exp(-z))
+
+    The logit keeps values inside [0, 1] without clipping, whose gradient would vanish. A proposal
+    is the value, relaxed like a bin. The answer is the value of the mean. Groups play no part: all
+    attributes are learnt at once, as in the original.
+
+    Args:
+        space: the attributes; their bins set the width of proposals only.
+        optimizer: any optax transformation.
+        baseline: `leave_one_out()` needs two or more data sets per update; `ema()` takes one.
+        normalise: whether to divide advantages by their size, so that any scale of rewards will do.
+        std: of the logits at the start; 1.5 is close to uniform on [0, 1].
+        width: of the proposals, see `relax`.
+
+    Returns:
+        The method, for any number of updates; actions are the logits z, f32.
+
+    Raises:
+        ValueError: an option out of range.
+
+    Source: the paper's "Difference with learning to simulate and meta-sim"; Ruiz et al. 2019,
+        "Learning to simulate"; Kar et al. 2019, "Meta-Sim".
+    """
+    if not (std > 0 and np.isfinite(std)):
+        raise ValueError(f"std is {std}, but must be above 0")
+    check_relaxation(space, width, "random")
+    widths = bin_widths(space, width)
+
+    def init(rng_key: Key[Array, ""]) -> GaussianState:
+        del rng_key  # nothing is random before the first sample
+        zeros = jnp.zeros(space.attributes, jnp.float32)
+        params = GaussianParams(zeros, jnp.full_like(zeros, np.log(std)))
+        return GaussianState(params, optimizer.init(params), baseline.init())
+
+    def sample(
+        rng_key: Key[Array, ""], state: GaussianState, n: int
+    ) -> tuple[Float[Array, "n attributes"], Proposal]:
+        mean, log_std = state.params
+        noise = jax.random.normal(rng_key, (n, space.attributes))
+        actions = mean[None, :] + jnp.exp(log_std)[None, :] * noise
+        return actions, slide(jax.nn.sigmoid(actions), jnp.broadcast_to(widths, actions.shape))
+
+    def update(
+        state: GaussianState, actions: Float[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[GaussianState, Info]:
+        finite = only_finite(rewards)
+        known = ~jnp.isnan(finite)
+        raw_advantages, baseline_state = baseline.advantage(state.baseline, finite)
+        advantages = normalised(raw_advantages) if normalise else raw_advantages
+
+        def loss(params: GaussianParams) -> Array:
+            return reinforce_loss(_log_prob(params, actions), advantages)
+
+        grads = jax.grad(loss)(state.params)
+        steps, opt_state = optimizer.update(grads, state.opt_state, state.params)
+        params = optax.apply_updates(state.params, steps)
+        # A step without a reward would be one of the optimiser's momentum alone.
+        next_state = jax.tree.map(
+            lambda new, old: jnp.where(known.sum() >= baseline.least, new, old),
+            GaussianState(params, opt_state, baseline_state),
+            state,
+        )
+        entropy = jnp.sum(state.params.log_std + 0.5 * np.log(2 * np.pi * np.e))
+        info = plain_info(rewards, entropy)._replace(
+            baseline=mean_known(finite - raw_advantages),
+            advantages=jnp.where(known, advantages, 0.0),
+            grad_norm=norm(grads),
+        )
+        return next_state, info
+
+    def solution(state: GaussianState) -> Proposal:
+        return slide(jax.nn.sigmoid(state.params.mean), widths)
+
+    def spread(state: GaussianState) -> Proposal:
+        mean, log_std = state.params
+        logits = mean[:, None] + jnp.exp(log_std)[:, None] * QUANTILES[None, :]
+        values = jax.nn.sigmoid(logits)
+        return slide(values.mean(axis=1), jnp.sqrt(12 * values.var(axis=1) + widths**2))
+
+    def probabilities(state: GaussianState) -> Float[Array, "attributes bins"]:
+        mean, log_std = state.params
+        upper = jax.scipy.special.logit(jnp.asarray(_upper_edges(space)))
+        below = ndtr((upper - mean[:, None]) / jnp.exp(log_std)[:, None])
+        return jnp.diff(below, prepend=0.0, axis=1) * bin_mask(space)
+
+    return jitted(init, sample, update, solution, probabilities, spread)
+
+
+def _log_prob(params: GaussianParams, actions: Array) -> Array:
+    """Log-density of the logits, f32[n], up to a constant."""
+    z = (actions - params.mean[None, :]) / jnp.exp(params.log_std)[None, :]
+    return jnp.sum(-0.5 * z**2 - params.log_std[None, :], axis=1)
+
+
+def _upper_edges(space: Space) -> Float[np.ndarray, "attributes bins"]:
+    """The upper edge of every bin, 1 for the last and beyond."""
+    sizes = np.asarray(space.bins, np.float32)[:, None]
+    edges = np.arange(1, space.max_bins + 1, dtype=np.float32)[None, :] / sizes
+    return np.minimum(edges, np.float32(1))

@@ -1,0 +1,63 @@
+"""What adapters of other libraries share: the import, and the jitted parts of a method that itself is not."""
+
+import importlib
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Key
+
+from sdr_jax.method import plain_info
+from sdr_jax.relaxation import UNDECIDED, entropy, relax
+from sdr_jax.space import Proposal, Space
+
+info = jax.jit(lambda rewards, probabilities: plain_info(rewards, entropy(probabilities)))
+"""The info of an update, f32[n] rewards and f32[attributes bins] probabilities given."""
+
+
+def needs(module: str, method: str) -> Any:
+    """Imports what a method needs from the optional extra `search`.
+
+    Raises:
+        ImportError: it is not installed; says what to install.
+    """
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError as error:
+        if error.name != module:  # it is there and lacks something of its own
+            raise
+        raise ModuleNotFoundError(
+            f"{method} needs the package {module}: pip install 'sdr-jax[search]'", name=module
+        ) from None
+
+
+def seed(rng_key: Key[Array, ""]) -> int:
+    """A library's seed, of 32 bits; the key is consumed."""
+    return int(_bits(rng_key))
+
+
+def relaxation(
+    space: Space, width: float | tuple[float, ...] | None
+) -> Callable[[Array | np.ndarray], Proposal]:
+    """`relax` for a space and a width, looked up: the same numbers without its dispatches.
+
+    Raises:
+        ValueError: a width outside [0, 1].
+    """
+    choices = np.arange(UNDECIDED, space.max_bins, dtype=np.int32)
+    table = relax(space, np.repeat(choices[:, None], space.attributes, axis=1), width)
+    centres, widths = (np.asarray(part) for part in table)
+    columns = np.arange(space.attributes)
+
+    def relaxed(actions: Array | np.ndarray) -> Proposal:
+        rows = np.asarray(actions) - UNDECIDED
+        return Proposal(jnp.asarray(centres[rows, columns]), jnp.asarray(widths[rows, columns]))
+
+    return relaxed
+
+
+@jax.jit
+def _bits(rng_key: Key[Array, ""]) -> Array:
+    return jax.random.bits(rng_key, (), jnp.uint32)

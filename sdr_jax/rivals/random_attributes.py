@@ -1,0 +1,53 @@
+"""Random attributes: learns nothing; what every search is measured from."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, Key
+
+from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.relaxation import UNDECIDED, entropy, relax, uniform
+from sdr_jax.space import Proposal, Space
+
+
+class NothingLearnt(NamedTuple):
+    """The state of a method that keeps nothing."""
+
+
+def random_attributes(space: Space) -> Method:
+    """Every attribute over its whole range (centre 0.5, width 1), whatever the rewards say.
+
+    Args:
+        space: the attributes.
+
+    Returns:
+        The method, for any number of updates; its actions are all -1.
+
+    Source: the paper's baseline ("random attributes").
+    """
+
+    def proposal(*batch: int) -> Proposal:
+        return relax(space, jnp.full((*batch, space.attributes), UNDECIDED, jnp.int32))
+
+    def init(rng_key: Key[Array, ""]) -> NothingLearnt:
+        del rng_key
+        return NothingLearnt()
+
+    def sample(
+        rng_key: Key[Array, ""], state: NothingLearnt, n: int
+    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+        del rng_key  # the streets draw from the whole range, not the data set
+        return jnp.full((n, space.attributes), UNDECIDED, jnp.int32), proposal(n)
+
+    def update(
+        state: NothingLearnt, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[NothingLearnt, Info]:
+        return state, plain_info(rewards, entropy(uniform(space)))
+
+    def solution(state: NothingLearnt) -> Proposal:
+        return proposal()
+
+    def probabilities(state: NothingLearnt) -> Float[Array, "attributes bins"]:
+        return uniform(space)
+
+    return jitted(init, sample, update, solution, probabilities)

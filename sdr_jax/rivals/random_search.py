@@ -1,0 +1,73 @@
+"""Random search, the rival every method has to beat: try bins at random, keep the best."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int, Key
+
+from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, relax, uniform
+from sdr_jax.space import Proposal, Space
+
+
+class SearchState(NamedTuple):
+    """The best that has been seen."""
+
+    actions: Int[Array, "attributes"]  # its bins, -1 before the first update
+    reward: Float[Array, ""]  # its reward, minus infinity before the first update
+
+
+def random_search(space: Space, width: float | tuple[float, ...] | None = None) -> Method:
+    """Uniform bins for all attributes at once; the answer is the best data set seen.
+
+    Groups play no part. `solution` and `spread` are the same: one reward says nothing of how sure
+    the best bin is. Under noisy rewards the best is partly the luckiest. NaN rewards are passed by.
+
+    Args:
+        space: the attributes and their bins.
+        width: of the relaxed bins, see `relax`.
+
+    Returns:
+        The method, for any number of updates.
+
+    Raises:
+        ValueError: a width outside [0, 1].
+
+    Source: the paper's comparison of searches ("random search").
+    """
+    check_relaxation(space, width, "random")
+
+    def init(rng_key: Key[Array, ""]) -> SearchState:
+        del rng_key  # nothing is random before the first sample
+        undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
+        return SearchState(undecided, jnp.asarray(-jnp.inf, jnp.float32))
+
+    def sample(
+        rng_key: Key[Array, ""], state: SearchState, n: int
+    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+        shape = (n, space.attributes)
+        sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
+        actions = jax.random.randint(rng_key, shape, 0, sizes, jnp.int32)
+        return actions, relax(space, actions, width)
+
+    def update(
+        state: SearchState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[SearchState, Info]:
+        comparable = jnp.where(jnp.isfinite(rewards), rewards, -jnp.inf)
+        best = jnp.argmax(comparable)
+        better = comparable[best] > state.reward
+        info = plain_info(rewards, entropy(uniform(space)))
+        next_state = SearchState(
+            jnp.where(better, actions[best], state.actions),
+            jnp.where(better, comparable[best], state.reward),
+        )
+        return next_state, info
+
+    def solution(state: SearchState) -> Proposal:
+        return relax(space, state.actions, width)
+
+    def probabilities(state: SearchState) -> Float[Array, "attributes bins"]:
+        return uniform(space)
+
+    return jitted(init, sample, update, solution, probabilities)

@@ -1,0 +1,175 @@
+"""TPE, the tree-structured Parzen estimator, through the library `optuna`: a host adapter."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, Key
+
+from sdr_jax.method import Info, Method
+from sdr_jax.relaxation import UNDECIDED, moments, uniform
+from sdr_jax.rivals import host
+from sdr_jax.space import Proposal, Space
+
+
+class TpeState(NamedTuple):
+    """All evaluations so far; a Python object of growing size, not for jit."""
+
+    actions: np.ndarray  # i32[evaluations attributes]: their bins
+    rewards: np.ndarray  # f64[evaluations]: finite
+
+
+class _Latest(NamedTuple):
+    """The study of the latest state: telling another one all anew takes longer than the rest."""
+
+    state: TpeState
+    study: Any  # knows the evaluations of the state
+    asked: list[Any]  # trials of it that wait for a reward: the last sample
+    actions: list[list[int]]  # their bins
+
+
+def tpe(
+    space: Space,
+    width: float | tuple[float, ...] | None = None,
+    *,
+    startup: int = 10,
+    multivariate: bool = False,
+) -> Method:
+    """Models the good and the other evaluations apart, and proposes where good ones are denser.
+
+    Bins are ordered integers, so neighbours share evidence. The n data sets of an update are asked
+    one after the other, those pending counted as poor (the library's constant liar), which spreads
+    them. The answer is the best data set seen, as the library gives it: under noise partly the
+    luckiest. Groups play no part. NaN rewards are passed by.
+
+    This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
+    Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state
+    given stays valid. The library is told the history anew only where a state does not follow
+    from the one before.
+
+    `probabilities`, and `spread` from it, are an estimate: the best quarter of the evaluations,
+    and a uniform distribution with the weight of one more.
+
+    Args:
+        space: the attributes and their bins.
+        width: of the relaxed bins, see `relax`.
+        startup: evaluations at random before the model is used.
+        multivariate: model attributes jointly instead of each alone.
+
+    Returns:
+        The method, for any number of updates.
+
+    Raises:
+        ImportError: `optuna` is not installed.
+        ValueError: an option out of range.
+
+    Source: not in the paper; Bergstra et al. 2011, "Algorithms for hyper-parameter optimization".
+    """
+    optuna = host.needs("optuna", "tpe")
+    relaxed = host.relaxation(space, width)
+    if startup < 0:
+        raise ValueError(f"startup is {startup}, but must be 0 or more")
+    prior = np.asarray(uniform(space))
+    keys = [str(index) for index in range(space.attributes)]
+    choices = {
+        key: optuna.distributions.IntDistribution(0, count - 1)
+        for key, count in zip(keys, space.bins, strict=True)
+    }
+
+    def new_study() -> Any:
+        storage = optuna.storages.InMemoryStorage()
+        # The library greets every new study; that is not ours to say.
+        level = optuna.logging.get_verbosity()
+        optuna.logging.set_verbosity(optuna.logging.WARNING)
+        try:
+            study = optuna.create_study(storage=storage, direction="maximize")
+        finally:
+            optuna.logging.set_verbosity(level)
+        return study
+
+    def tell(study: Any, actions: Any, rewards: Any) -> None:
+        study.add_trials(
+            optuna.trial.create_trial(
+                params=dict(zip(keys, row, strict=True)), distributions=choices, value=reward
+            )
+            for row, reward in zip(actions.tolist(), rewards.tolist(), strict=True)
+        )
+
+    def forget(study: Any, trials: list[Any]) -> None:
+        """Nobody told their rewards; failed ones are not looked at."""
+        for trial in trials:
+            study.tell(trial, state=optuna.trial.TrialState.FAIL)
+
+    latest: _Latest | None = None
+
+    def known(state: TpeState) -> _Latest:
+        nonlocal latest
+        if latest is None or latest.state is not state:
+            latest = _Latest(state, new_study(), [], [])
+            tell(latest.study, state.actions, state.rewards)
+        return latest
+
+    def init(rng_key: Key[Array, ""]) -> TpeState:
+        del rng_key  # nothing is random before the first sample
+        return TpeState(np.zeros((0, space.attributes), np.int32), np.zeros(0))
+
+    def sample(
+        rng_key: Key[Array, ""], state: TpeState, n: int
+    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+        nonlocal latest
+        before = known(state)
+        study = before.study
+        forget(study, before.asked)
+        # All that is random comes from here, so a study used before asks like a new one.
+        study.sampler = optuna.samplers.TPESampler(
+            n_startup_trials=startup,
+            multivariate=multivariate,
+            constant_liar=n > 1,  # with one there is nobody to spread from
+            seed=host.seed(rng_key),
+        )
+        trials = [study.ask(choices) for _ in range(n)]
+        rows = [[params[key] for key in keys] for params in (trial.params for trial in trials)]
+        latest = _Latest(state, study, trials, rows)
+        actions = np.asarray(rows, np.int32)
+        return jnp.asarray(actions), relaxed(actions)
+
+    def update(
+        state: TpeState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[TpeState, Info]:
+        nonlocal latest
+        info = host.info(rewards, probabilities(state))
+        rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
+        finite = np.isfinite(values)
+        before = known(state)
+        if rows.tolist() == before.actions:
+            for trial, value, good in zip(before.asked, values, finite, strict=True):
+                if good:
+                    before.study.tell(trial, value)
+                else:
+                    forget(before.study, [trial])
+        else:
+            forget(before.study, before.asked)
+            tell(before.study, rows[finite], values[finite])
+        next_state = TpeState(
+            np.concatenate([state.actions, rows[finite]]),
+            np.concatenate([state.rewards, values[finite]]),
+        )
+        latest = _Latest(next_state, before.study, [], [])
+        return next_state, info
+
+    def solution(state: TpeState) -> Proposal:
+        if not len(state.rewards):
+            return relaxed(np.full(space.attributes, UNDECIDED, np.int32))
+        return relaxed(state.actions[np.argmax(state.rewards)])
+
+    def probabilities(state: TpeState) -> Float[Array, "attributes bins"]:
+        counts = prior.copy()
+        order = np.argsort(-state.rewards, kind="stable")
+        for index in order[: -(-len(order) // 4)]:
+            counts[np.arange(space.attributes), state.actions[index]] += 1
+        return jnp.asarray(counts / counts.sum(axis=1, keepdims=True))
+
+    def spread(state: TpeState) -> Proposal:
+        return moments(space, probabilities(state), width)
+
+    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)

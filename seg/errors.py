@@ -1,0 +1,11 @@
+"""What can be wrong with the files that a user names."""
+
+from shell.errors import UserError
+
+
+class DataError(UserError):
+    """A data set cannot be read; the message names the file or folder and what would be right."""
+
+
+class WeightsError(UserError):
+    """Weights cannot be used; the message names the file and the layer, and what would be right."""

@@ -1,0 +1,1 @@
+"""What the nets are put together from."""

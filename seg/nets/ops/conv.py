@@ -1,0 +1,140 @@
+"""The nets' convolution, and one whose kernel's gradient is matrix products on CPUs."""
+
+from collections.abc import Callable, Iterable
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(2,))
+def conv(
+    x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], rate: int = 1
+) -> Float[Array, "b h w features"]:
+    """Convolve; zeros around, the size is kept.
+
+    The same as `lax.conv_general_dilated`, and so is the gradient. On CPUs that of the kernel is a product
+    over all pixels for each of its rows, two to seven times as fast as XLA's way, a convolution with an image
+    for a kernel.
+
+    Args:
+        x: features.
+        kernel: rows, columns (as many, an odd number), channels in, channels out.
+        rate: distance of the kernel's cells.
+
+    Returns:
+        Features in the type of x.
+    """
+    return xla_conv(x, kernel, rate)
+
+
+def xla_conv(x: Array, kernel: Array, rate: int = 1) -> Array:
+    """The same with the gradients that JAX makes of it."""
+    return jax.lax.conv_general_dilated(
+        x,
+        kernel,
+        (1, 1),
+        "SAME",
+        rhs_dilation=(rate, rate),
+        dimension_numbers=("NHWC", "HWIO", "NHWC"),
+    )
+
+
+def _forward(x: Array, kernel: Array, rate: int) -> tuple[Array, tuple[Array, Array]]:
+    return xla_conv(x, kernel, rate), (x, kernel)
+
+
+def _backward(rate: int, seen: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
+    x, kernel = seen
+    to_x = xla_conv(grad, kernel[::-1, ::-1].swapaxes(2, 3), rate)
+
+    def by_convolution(x: Array, grad: Array) -> Array:
+        _, back = jax.vjp(lambda kernel: xla_conv(x, kernel, rate), kernel)
+        (found,) = back(grad)
+        return found
+
+    def by_products(x: Array, grad: Array) -> Array:
+        return kernel_gradient(x, grad, kernel.shape[0], rate).astype(kernel.dtype)
+
+    to_kernel = jax.lax.platform_dependent(x, grad, cpu=by_products, default=by_convolution)
+    return to_x, to_kernel
+
+
+conv.defvjp(_forward, _backward)
+
+
+def kernel_gradient(
+    x: Float[Array, "b h w c"], grad: Float[Array, "b h w features"], side: int, rate: int
+) -> Float[Array, "side side c features"]:
+    """The gradient of a convolution's kernel, as one matrix product for each of its rows.
+
+    Copies of the narrower of the two, shifted by each of the kernel's columns, stand side by side: so
+    little is copied, and the products are large ones.
+
+    Args:
+        x: features that were convolved.
+        grad: gradient of the convolution's result.
+        side: of the kernel, in cells; odd.
+        rate: distance of the kernel's cells.
+
+    Returns:
+        f32, whatever the type of x, since many products are summed.
+    """
+    b, h, w, c = x.shape
+    around = (side // 2 * rate,) * 2
+    total = partial(jnp.matmul, preferred_element_type=jnp.float32)
+
+    def beside(values: Array, order: Iterable[int]) -> Array:
+        values = jnp.pad(values, [(0, 0), (0, 0), around, (0, 0)])
+        return jnp.concatenate([values[:, :, j * rate : j * rate + w] for j in order], axis=-1)
+
+    def rows(values: Array) -> list[Array]:
+        values = jnp.pad(values, [(0, 0), around, (0, 0), (0, 0)])
+        return [flat(values[:, i * rate : i * rate + h]) for i in range(side)]
+
+    def flat(values: Array) -> Array:
+        return values.reshape(b * h * w, values.shape[-1])
+
+    if c < grad.shape[-1]:
+        products = [total(row.T, flat(grad)) for row in rows(beside(x, range(side)))]
+        return jnp.stack(products).reshape(side, side, c, -1)
+    columns = flat(beside(grad, reversed(range(side))))
+    products = [total(row.T, columns) for row in rows(x)]
+    return jnp.stack(products).reshape(side, c, side, -1).swapaxes(1, 2)
+
+
+class Conv(nn.Module):
+    """A convolution of stride 1 that keeps the size; parameters as those of `nn.Conv`.
+
+    Attributes:
+        features: channels out.
+        convolve: of features, kernel and rate: `conv`, `patch_conv` or `product_conv`.
+        side: of the kernel, in cells; odd.
+        rate: distance of the kernel's cells.
+        use_bias: add a number to each channel.
+        kernel_init: the kernel at the start.
+        dtype: what it computes in; None for float32.
+    """
+
+    features: int
+    convolve: Callable[[Array, Array, int], Array]
+    side: int = 3
+    rate: int = 1
+    use_bias: bool = True
+    kernel_init: nn.initializers.Initializer = nn.initializers.he_normal()
+    dtype: DTypeLike | None = None
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b h w features"]:
+        """Features of the same size, in `dtype`."""
+        shape = (self.side, self.side, x.shape[-1], self.features)
+        kernel = self.param("kernel", self.kernel_init, shape)
+        bias = (
+            self.param("bias", nn.initializers.zeros, (self.features,)) if self.use_bias else None
+        )
+        x, kernel, bias = nn.dtypes.promote_dtype(x, kernel, bias, dtype=self.dtype)
+        y = self.convolve(x, kernel, self.rate).astype(x.dtype)
+        return y if bias is None else y + bias[None, None, None, :]

@@ -1,0 +1,75 @@
+"""The pictures are those of this ``ENGINE``; where they are not, raise it in ``scene/version.py``.
+
+Then write the golden figures anew, in the root of the repository:
+
+    python -m tests.scene.test_version
+"""
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from scene.dataset.render import render_dataset
+from scene.proposal import default_proposal, draw, random_proposal
+from scene.render import RenderSettings
+from scene.version import ENGINE
+
+GOLDEN = Path(__file__).parent / "golden.json"
+SETTINGS = RenderSettings(128, 64, samples=2)
+STREETS, SEED = 4, 11
+CELL = 16
+"""Pixels along each side of the cells whose mean colours are compared."""
+LEVELS, PIXELS = 0.5, 0.002
+"""What machines may differ by: levels of a cell's mean colour, share of the pixels of a class."""
+
+
+def figures() -> dict[str, object]:
+    """What pictures and labels of a few streets come to."""
+    found: dict[str, object] = {"engine": ENGINE}
+    for name, proposal in (("random", random_proposal()), ("default", default_proposal())):
+        units = draw(proposal, SEED, STREETS)
+        images, labels = render_dataset(units, SEED, shots=1, settings=SETTINGS)
+        cells = images.reshape(STREETS, 64 // CELL, CELL, 128 // CELL, CELL, 3).mean(axis=(2, 4))
+        shares = [np.bincount(label.ravel(), minlength=19) / label.size for label in labels]
+        found[name] = {
+            "cells": np.round(cells, 2).reshape(STREETS, -1).tolist(),
+            "shares": np.round(shares, 5).tolist(),
+        }
+    return found
+
+
+def faults(found: dict, golden: dict) -> list[str]:
+    """What differs by more than machines do."""
+    lines = []
+    for name in ("random", "default"):
+        for key, most in (("cells", LEVELS), ("shares", PIXELS)):
+            away = np.abs(np.array(found[name][key]) - golden[name][key])
+            if away.max() > most:
+                lines.append(f"{name} {key} of street {away.max(axis=1).argmax()}: {away.max()}")
+    return lines
+
+
+def test_pictures_are_those_of_this_engine():
+    golden = json.loads(GOLDEN.read_text())
+    different = faults(figures(), golden)
+    cure = "raise ENGINE in scene/version.py, then python -m tests.scene.test_version"
+    assert not different, f"{different}; {cure}"
+    assert golden["engine"] == ENGINE, "golden figures of another engine: " + cure
+
+
+def test_the_measure_sees_one_cell_and_one_class():
+    golden = json.loads(GOLDEN.read_text())
+    found = json.loads(GOLDEN.read_text())
+    assert faults(found, golden) == []
+    found["random"]["cells"][2][7] += 1
+    found["default"]["shares"][1][13] += 0.01
+    different = faults(found, golden)
+    assert [line.split(":")[0] for line in different] == [
+        "random cells of street 2",
+        "default shares of street 1",
+    ]
+
+
+if __name__ == "__main__":
+    GOLDEN.write_text(json.dumps(figures()) + "\n")
