@@ -120,7 +120,7 @@ def record(run: Run[SensitivityConfig]) -> Records:
     evaluator = run.evaluator(run.recipe(config.reward))
     own, first = evaluator.about["config"], SENSITIVITY_SEED + config.seed
     jobs = [
-        Job(proposal, first + k, {"kind": "sensitivity", "seed": first + k})
+        Job(proposal, first + k, {"nets": "sensitivity"})
         for k, proposal in enumerate(random_bins(config, config.evaluations))
     ]
     # Rewards that other runs have made at this fidelity count, too.
