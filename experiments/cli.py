@@ -24,6 +24,10 @@ class _Choice:
     target: TargetName = "twin"
 
 
+class Unmet(Exception):
+    """The work is done, but its result is not what a flag demands."""
+
+
 def main(
     name: str,
     defaults: Callable[[TargetName, Preset], AnyConfig],
@@ -44,7 +48,8 @@ def main(
         target: of a command that has no ``--target``.
 
     Returns:
-        The exit code: 2 for what the user can put right, 1 for workers that died, 130 after Ctrl-C.
+        The exit code: 2 for what the user can put right, 1 for workers that died or `Unmet`, 130 after
+        Ctrl-C.
     """
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     # On a GPU the policy must leave the memory to the workers' nets.
@@ -65,4 +70,4 @@ def main(
         )
         work(config)
 
-    return exit_code(run, also=(WorkerError,))
+    return exit_code(run, also=(WorkerError, Unmet))

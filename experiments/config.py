@@ -250,6 +250,8 @@ def check(config: Config) -> None:
     search = getattr(config, "search", None)
     if search is not None:
         _check_search(search)
+    if hasattr(config, "reward_kind"):
+        _check_rewards(config)
     if isinstance(config, SearchConfig):
         _check_answer(config)
 
@@ -327,21 +329,21 @@ def _check_search(search: Bins) -> None:
             )
 
 
+def _check_rewards(config: Any) -> None:
+    if not 0 <= config.default_width <= 1:
+        raise UserError(f"--default-width must lie in [0, 1], not {config.default_width}")
+    if config.reward_kind == "mmd" and min(config.reward.images, config.final.images) < 2:
+        raise UserError("--reward-kind mmd needs fidelities of at least 2 images")
+
+
 def _check_answer(config: SearchConfig) -> None:
     if not config.candidates:
         raise UserError("--candidates needs at least one way to relax the answer")
     refuse_repeats("--candidates", config.candidates)
-    if not 0 <= config.default_width <= 1:
-        raise UserError(f"--default-width must lie in [0, 1], not {config.default_width}")
     if getattr(config, "unlabelled", None) is not None and config.reward_kind != "mmd":
         raise UserError("--unlabelled needs --reward-kind mmd: mIoU needs labels")
-    if config.reward_kind == "mmd":
-        if config.search.squared_reward:
-            raise UserError(
-                "--search.squared-reward needs --reward-kind miou: squares have no sign"
-            )
-        if min(config.reward.images, config.final.images) < 2:
-            raise UserError("--reward-kind mmd needs fidelities of at least 2 images")
+    if config.reward_kind == "mmd" and config.search.squared_reward:
+        raise UserError("--search.squared-reward needs --reward-kind miou: squares have no sign")
     make_method(config.search, config.search.method, make_space(config), 1)
 
 

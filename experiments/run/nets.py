@@ -49,7 +49,7 @@ def score_nets(
         (name, seed) for seed in seeds for name in sources if name not in once or seed == seeds[0]
     ]
     jobs = [
-        Job(sources[name], seed, {"kind": what, "row": name, "seed": seed}) for name, seed in wanted
+        Job(sources[name], seed, {"nets": what, "row": name, "seed": seed}) for name, seed in wanted
     ]
     evaluator = run.evaluator(recipe, side, kind)
 

@@ -3,37 +3,32 @@
 import json
 import math
 from dataclasses import replace
+from io import BytesIO
 
 import numpy as np
 import pytest
-from experiments.targets import TARGETS
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
-from experiments import fidelity_job as module
-from experiments.config import PRESETS
-from experiments.fidelity_job import (
-    check,
-    fidelity_config,
-    levels,
-    main,
-    proposals,
-    run,
-)
-from experiments.fidelity_stats import (
-    bootstrap,
+from experiments.cli import main
+from experiments.fidelity import report as module
+from experiments.fidelity.job import STUDY, defaults, measure, proposals, rungs
+from experiments.fidelity.stats import (
     noise_variance,
     pairing,
     residual_variance,
     signal_to_noise,
     spearman,
 )
-from experiments.reward import Evaluation
+from experiments.presets import PRESETS, TARGETS
+from experiments.reward.miou import Outcome
+from experiments.study.skeleton import check, do
 from scene.attributes import NAMES
 
 from .conftest import Killed, lines
 
-FILES = ("fidelity.json", "fidelity.md")
+FILES = ("fidelity.json", "fidelity.md", "fidelity.png")
 
 
 def table_of(worth, seeds, left):
@@ -90,120 +85,130 @@ def test_signal_to_noise_finds_what_was_put_in():
     assert signal_to_noise(first[:1], table, 0) == (None, None)
 
 
-def test_a_bootstrap_draws_each_set_by_itself():
-    found = bootstrap((3, 5), lambda a, b: float(len(a) * 10 + len(b) + (b.max() > 4)), 0)
-    assert found.value == 35 and found.ci95 == [35, 35]
-    assert bootstrap((3,), lambda k: math.nan, 0) == (None, None)
-
-
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("target", TARGETS)
 def test_presets_are_sound(target, preset):
-    config = fidelity_config(target, preset)
-    check(config)
-    found = levels(config)
-    assert [level.kind for level in found] == ["miou"] * 3
-    assert found[0].stage == config.reward and found[-1].stage == config.final
-    found = levels(replace(config, reward_kind="mmd"))
-    assert [level.kind for level in found] == ["mmd"] * 3 + ["miou"]
+    config = defaults(target, preset)
+    check(STUDY, config)
+    found = rungs(config)
+    assert [rung.kind for rung in found] == ["miou"] * 3
+    assert found[0].fidelity == config.reward and found[-1].fidelity == config.final
+    found = rungs(replace(config, reward_kind="mmd"))
+    assert [rung.kind for rung in found] == ["mmd"] * 3 + ["miou"]
 
 
 def test_proposals_have_random_bins_at_the_search_s_relaxation():
-    config = fidelity_config("camvid", "quick")
-    found = proposals(config)
+    config = defaults("camvid", "quick")
+    found, again = proposals(config), proposals(config)
     assert list(found)[:3] == ["default", "random", "draw-1"] and len(found) == 2 + 24
     assert found["draw-1"].centre.shape == (len(NAMES),)
     np.testing.assert_allclose(found["draw-1"].width, 0.3)
-    again = proposals(config)
     np.testing.assert_array_equal(found["draw-9"].centre, again["draw-9"].centre)
     assert not np.array_equal(found["draw-9"].centre, found["draw-8"].centre)
 
 
 @pytest.fixture
-def measure(camvid, tmp_path, monkeypatch):
-    """Measures with a formula for the reward, and lists the calls."""
+def measured(camvid, tmp_path, scored_by):
+    """A measurement with a formula for the reward, and the list of its calls."""
     calls: list[tuple] = []
 
-    def evaluate(stage, table, renderer, pool, units, seed, truth):
+    def evaluate(recipe, source, seed, truth):
         if len(calls) == evaluate.limit:
             raise Killed
-        calls.append((stage, seed, truth.images.shape))
-        right = int(1e6 * (1 - np.abs(units - 0.5).mean())) + seed % 7
-        return Evaluation(np.array([[right, 10**6]] * 2), 0.01, 0.02)
+        calls.append((recipe.fidelity, seed))
+        right = 1 - float(np.abs(source.centre - 0.5).mean()) + 1e-6 * (seed % 7)
+        return Outcome(right / 2, [right / 2], 0.01, 0.02)
 
     evaluate.limit = -1
-    monkeypatch.setattr(module, "evaluate", evaluate)
-    config = replace(
-        fidelity_config("camvid", "smoke"), data=camvid, workers=0, proposals=5, repeated=3,
-        out=tmp_path / "run",
-    )  # fmt: skip
-    return config, calls, evaluate
+    scored_by(evaluate)
+    config = defaults("camvid", "smoke")
+    own = {"data": camvid, "workers": 0, "out": tmp_path / "run"}
+    return replace(config, proposals=5, repeated=3, **own), calls, evaluate
 
 
-def test_every_proposal_is_scored_on_every_rung(measure):
-    config, calls, _ = measure
-    report = run(config)
+def test_every_proposal_is_scored_on_every_rung(measured, tmp_path):
+    config, calls, _ = measured
+    report = do(STUDY, config)
     assert len(calls) == 3 * (7 + 3)
-    for rung, level in zip(report["rungs"], levels(config), strict=True):
-        own = {seed for stage, seed, _ in calls if stage == level.stage}
-        others = {seed for stage, seed, _ in calls if stage != level.stage}
+    for rung, step in zip(report["rungs"], rungs(config), strict=True):
+        own = {seed for fidelity, seed in calls if fidelity == step.fidelity}
+        others = {seed for fidelity, seed in calls if fidelity != step.fidelity}
         assert len(own) == 2 and not own & others
         assert [len(r) for r in rung["rewards"].values()] == [2, 2, 2, 1, 1, 1, 1]
         assert rung["core_seconds"] == pytest.approx(0.03)
     assert report["rungs"][-1]["rank_correlation"]["value"] == pytest.approx(1)
-    assert json.loads((config.out / "fidelity.json").read_text()) == report
     text = (config.out / "fidelity.md").read_text()
     assert "the reward's signal is at least" in text and "common random numbers" in text
+    again = replace(config, rederive=config.out / "fidelity.json", out=tmp_path / "again")
+    assert do(STUDY, again) == json.loads((config.out / "fidelity.json").read_text()) == report
+    for name in FILES:
+        assert (again.out / name).read_bytes() == (config.out / name).read_bytes()
 
 
-def test_a_killed_measurement_ends_as_an_unbroken_one(measure, tmp_path):
-    config, calls, evaluate = measure
-    run(config)
-    whole = [(config.out / name).read_bytes() for name in FILES]
+def test_a_killed_measurement_ends_as_an_unbroken_one(measured, tmp_path):
+    config, calls, evaluate = measured
+    whole = do(STUDY, config)
     calls.clear()
     killed = replace(config, out=tmp_path / "killed")
     evaluate.limit = 13
     with pytest.raises(Killed):
-        run(killed)
+        do(STUDY, killed)
     evaluate.limit = -1
-    run(killed)
-    assert len(calls) == 30 and len(lines(killed.out / "store.jsonl")) == 31
-    assert [(killed.out / name).read_bytes() for name in FILES] == whole
+    assert do(STUDY, killed) == whole
+    assert len(calls) == 30 == len(lines(killed.out / "finals.jsonl"))
+
+
+def test_what_failed_is_left_out_and_told(measured):
+    scores = do(STUDY, measured[0])
+    rung = scores["rungs"][0]
+    rung["rewards"]["random"][1] = rung["rewards"]["draw-1"][0] = rung["rewards"]["draw-5"][0] = (
+        None
+    )
+    report = module.derive(scores)
+    assert report["rungs"][0]["failed"] == 3
+    assert report["rungs"][0]["noise"] is None  # one repeated proposal is left
+    assert "3 evaluations failed" in module.text(report)
+    assert Image.open(BytesIO(module.figure(report))).width > 600
 
 
 @pytest.mark.parametrize(("required", "fit"), [("1", True), ("1e9", False), (None, None)])
-def test_a_reward_with_too_little_signal_stops_a_script(measure, required, fit, capsys):
-    config, calls, _ = measure
+def test_a_reward_with_too_little_signal_stops_a_script(measured, required, fit, capsys):
+    config, calls, _ = measured
     flags = ["--target", "camvid", "--preset", "smoke", "--data", str(config.data)]
     flags += ["--workers", "0", "--out", str(config.out)]
     flags += ["--proposals", "5", "--repeated", "3", "--rungs", "1"]
-    code = main("", flags if required is None else [*flags, "--require-signal", required])
+    flags += [] if required is None else ["--require-signal", required]
+    code = main("fidelity", defaults, measure, "", flags)
     report = json.loads((config.out / "fidelity.json").read_text())
     (rung,) = report["rungs"]
     assert len(calls) == 7 + 3 and rung["signal_to_noise"]["value"] > 1
     assert report["fit"] is fit and code == (fit is False)
-    assert ("the signal is NOT 1e+09 times the noise" in capsys.readouterr().out) == (fit is False)
+    said = capsys.readouterr()
+    assert ("the signal is NOT 1e+09 times the noise" in said.out) == (fit is False)
+    assert ("--require-signal 1e+09: the signal of rung 1 is" in said.err) == (fit is False)
 
 
 @pytest.mark.parametrize(
     ("flags", "words"),
     [
-        (["--target", "moon"], "--target 'moon' is unknown"),
         (["--proposals", "1"], "--proposals must be 2 or more"),
         (["--repeated", "9"], "--repeated must be 2 to 5"),
         (["--repeats", "1"], "--repeats must be 2"),
         (["--rungs", "0"], "--rungs must be 1 or more"),
         (["--require-signal", "0"], "--require-signal must be above 0"),
+        (["--require-signal", "nan"], "--require-signal must be above 0"),
         (["--search.relaxation", "2"], "--search.relaxation must lie in [0, 1]"),
+        (["--default-width", "2"], "--default-width must lie in [0, 1]"),
         (["--target", "cityscapes"], "Cityscapes needs its folder"),
         (["--data", "x"], "--target twin takes no --data"),
+        (["--rederive", "none.json"], "--rederive none.json: No such file"),
     ],
 )
 def test_what_cannot_work_is_one_line_and_exit_code_2(flags, words, tmp_path, error_line):
     out = tmp_path / "run"
-    code = main("", ["--preset", "smoke", "--workers", "0", "--out", str(out), *flags])
-    assert code == 2 and words in error_line()
-    assert not out.exists()
+    flags = ["--preset", "smoke", "--workers", "0", "--out", str(out), *flags]
+    assert main("fidelity", defaults, measure, "", flags) == 2
+    assert words in error_line() and not out.exists()
 
 
 @pytest.mark.slow

@@ -235,7 +235,7 @@ def test_candidates_climb_on_the_reward_images_of_each_size(job):
     for fidelity, _, shape in scores.calls:
         assert shape == (4, fidelity.height, fidelity.width, 3)
     assert scores.calls[0][0] == config.reward and scores.calls[-1][0] == config.final
-    kinds = [line["kind"] for line in lines(config.out / "finals.jsonl")]
+    kinds = [line["nets"] for line in lines(config.out / "finals.jsonl")]
     assert len(kinds) == len(scores.calls) - 12 and set(kinds) <= {"rung-1", "rung-2", "rung-3"}
     assert progress.left is not None and progress.left < 1e-6
 

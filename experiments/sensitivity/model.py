@@ -69,9 +69,7 @@ class Fit(NamedTuple):
 class Shares(NamedTuple):
     """Parts of the variance that attributes uniform on the unit cube give the reward."""
 
-    effects: (
-        np.ndarray
-    )  # f64[effects] of the expected model: attributes alone, pairs; they sum to 1
+    effects: np.ndarray  # f64[effects] of the expected model: attributes, pairs; they sum to 1
     drawn: np.ndarray  # f64[draws, effects], what the posterior leaves open around these
     signal: float  # the variance of which they are parts
 
@@ -85,16 +83,9 @@ def lay_out(attributes: int) -> Layout:
     both = np.array([1 / (p * q) ** 2 for p, q in PAIR_ORDERS])
     pairs = np.array(list(combinations(range(attributes), 2)), int).reshape(-1, 2)
     effects = np.arange(attributes + len(pairs))
-    return Layout(
-        attributes,
-        pairs,
-        np.concatenate(
-            [effects[:attributes].repeat(DEGREE), effects[attributes:].repeat(len(both))]
-        ),
-        np.concatenate(
-            [np.tile(own / own.sum(), attributes), np.tile(both / both.sum(), len(pairs))]
-        ),
-    )
+    effect = effects[:attributes].repeat(DEGREE), effects[attributes:].repeat(len(both))
+    relative = np.tile(own / own.sum(), attributes), np.tile(both / both.sum(), len(pairs))
+    return Layout(attributes, pairs, np.concatenate(effect), np.concatenate(relative))
 
 
 def waves(unit: np.ndarray, width: np.ndarray | float = 0.0) -> np.ndarray:
@@ -156,9 +147,8 @@ def fit(layout: Layout, x: np.ndarray, rewards: np.ndarray) -> Fit:
         belief = believed()
         weights = belief.weights
         seen = solve_triangular(belief.factor, belief.x, lower=True)
-        unknown = 1 - belief.variance * (seen**2).sum(
-            axis=0
-        )  # of the prior's variance, what is left
+        # Of the prior's variance, what is left.
+        unknown = 1 - belief.variance * (seen**2).sum(axis=0)
         squares = (weights**2 + belief.variance * unknown) / relative
         sums = np.bincount(effect, squares, layout.effects)
         kinds = np.bincount(kind, sums, 2) / counts_of_kind

@@ -1,4 +1,4 @@
-"""Recorded rewards as arrays: from stores of evaluations, or from lines of bins and rewards.
+"""Recorded rewards as arrays: from stores and run folders, or from lines of bins and rewards.
 
 A line of bins is ``{"bins": [23 integers], "reward": mIoU in percent}``, as in
 ``benchmarks/data/camvid.jsonl``; what the bins mean, ``--search.bins`` and ``--search.relaxation`` say.
@@ -12,16 +12,14 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
-import sdr_jax
-from experiments import store
-from experiments.config import Config
-from experiments.errors import UserError
-from experiments.folder import naming
-from experiments.search import make_space
+from experiments.reward import store
+from experiments.study.bins import relaxed
 from scene.attributes import NAMES
+from shell.errors import UserError
+from shell.files import naming
+from shell.lines import Record
 
 BINS = "bins"
 """In place of a configuration's name: lines of bins, which do not tell theirs."""
@@ -39,11 +37,11 @@ class Records(NamedTuple):
     aside: tuple[str, ...]  # other configurations that were found, in words
 
 
-def read(paths: Sequence[Path], config: Config, target: str, wanted: str | None = None) -> Records:
+def read(paths: Sequence[Path], config: Any, target: str, wanted: str | None = None) -> Records:
     """The rewards of one configuration in some files.
 
     Args:
-        paths: stores, folders that have one, or files of bins; they may overlap.
+        paths: stores, run folders, or files of bins; they may overlap.
         config: what bins mean.
         target: name of the target whose rewards count.
         wanted: name of the configuration; by default that with the most rewards.
@@ -51,26 +49,16 @@ def read(paths: Sequence[Path], config: Config, target: str, wanted: str | None 
     Raises:
         UserError: a file that cannot be read, or no reward that fits.
     """
-    found: dict[str, dict[str, Any]] = {}
-    for number, path in enumerate(paths):
-        if path.is_file() and BINS in _first_line(path):
-            for line, record in enumerate(_read_bins(path, config)):
-                found[f"{number}:{line}"] = record
-            continue
-        for record in store.read(path).records:
-            first = found.setdefault(record["key"], record)
-            if first["reward"] != record["reward"]:
-                raise UserError(
-                    f"{path}: evaluation {record['key'][:12]} has another reward than in the files "
-                    "before it"
-                )
-    return choose(found.values(), target, wanted, ", ".join(map(str, paths)))
+    bins = [path for path in paths if path.is_file() and BINS in _first_line(path)]
+    stored = [store.read(path) for path in paths if path not in bins]
+    known = store.merged(entry for found in stored for entry in found.values())
+    records = [record for record, _ in known.values()]
+    records += [record for path in bins for record in _read_bins(path, config)]
+    return choose(records, target, wanted, ", ".join(map(str, paths)))
 
 
-def choose(
-    records: Iterable[dict[str, Any]], target: str, wanted: str | None, where: str
-) -> Records:
-    """The records of one configuration among those of reward images of a target.
+def choose(records: Iterable[Record], target: str, wanted: str | None, where: str) -> Records:
+    """The records of one configuration among those of proposals' mIoU on reward images of a target.
 
     Args:
         records: lines of a store.
@@ -81,25 +69,23 @@ def choose(
     Raises:
         UserError: there are none.
     """
-    kinds: dict[str, list[dict[str, Any]]] = {}
-    for record in records:
-        kinds.setdefault(record["config"], []).append(record)
+    kinds = store.kinds_of(records)
+    needed = {"target": target, "side": "reward", "kind": "miou"}
     fitting = {
-        name: own
+        name: [record for record in own if record["centre"] is not None]  # not of real images
         for name, own in kinds.items()
-        if own[0].get("side", "reward") == "reward" and own[0].get("target", target) == target
+        if all(own[0].get(field, value) == value for field, value in needed.items())
     }
+    fitting = {name: own for name, own in fitting.items() if own}
     listed = "; ".join(_words(name, own) for name, own in kinds.items()) or "nothing"
-    if wanted is not None:
-        if wanted not in fitting:
-            raise UserError(
-                f"--records-config {wanted!r}: {where} has no such rewards of {target}, but {listed}"
-            )
-        name = wanted
-    elif not fitting:
+    if wanted is not None and wanted not in fitting:
+        raise UserError(
+            f"--records-config {wanted!r}: {where} has no such rewards of {target}, but {listed}"
+        )
+    if not fitting:
         raise UserError(f"{where} holds no rewards of target {target}, but {listed}")
-    else:
-        name = max(sorted(fitting), key=lambda n: sum(r["reward"] is not None for r in fitting[n]))
+    most = max(sorted(fitting), key=lambda n: sum(r["reward"] is not None for r in fitting[n]))
+    name = most if wanted is None else wanted
     own = fitting[name]
     aside = tuple(_words(other, kinds[other]) for other in kinds if other != name)
     known = [r for r in own if r["reward"] is not None]
@@ -111,15 +97,15 @@ def choose(
     )
 
 
-def _words(name: str, records: Sequence[dict[str, Any]]) -> str:
+def _words(name: str, records: Sequence[Record]) -> str:
     """A configuration in words."""
-    one = records[0]
     if name == BINS:
         return f"{len(records)} rewards of bins"
-    about = [str(one.get(field, "?")) for field in ("target", "side", "size", "images", "steps")]
+    fields = ("target", "side", "size", "images", "steps", "engine")
+    target, side, size, images, steps, engine = (records[0].get(field, "?") for field in fields)
     return (
-        f"{name} ({len(records)} of {about[0]}, {about[1]} images, {about[2]}, "
-        f"{about[3]} rendered, {about[4]} steps, engine {one.get('engine', '?')})"
+        f"{name} ({len(records)} of {target}, {side} images, {size}, {images} rendered, {steps} steps, "
+        f"engine {engine})"
     )
 
 
@@ -133,7 +119,7 @@ def _first_line(path: Path) -> Any:
     return found if isinstance(found, dict) else {}
 
 
-def _read_bins(path: Path, config: Config) -> list[dict[str, Any]]:
+def _read_bins(path: Path, config: Any) -> list[Record]:
     """Lines of bins as lines of a store."""
     bins, rewards = [], []
     with naming(path):
@@ -141,23 +127,20 @@ def _read_bins(path: Path, config: Config) -> list[dict[str, Any]]:
     for number, line in enumerate(lines, 1):
         try:
             record = json.loads(line)
-            actions, reward = record["bins"], float(record["reward"])
-            whole = all(type(k) is int and 0 <= k < config.search.bins for k in actions)
-            if not (whole and len(actions) == len(NAMES) and math.isfinite(reward)):
+            chosen, reward = record["bins"], float(record["reward"])
+            whole = all(type(k) is int and 0 <= k < config.search.bins for k in chosen)
+            if not (whole and len(chosen) == len(NAMES) and math.isfinite(reward)):
                 raise ValueError
         except (ValueError, KeyError, TypeError):
             raise UserError(
                 f"{path}: line {number} must hold a reward and {len(NAMES)} bins from 0 to "
                 f"{config.search.bins - 1} (--search.bins)"
             ) from None
-        bins.append(actions)
-        rewards.append(reward)
-    relaxed = jax.device_get(
-        sdr_jax.relax(make_space(config), np.asarray(bins, np.int32), config.search.relaxation)
-    )
+        bins.append(chosen)
+        rewards.append(reward / 100)
     return [
-        {"config": BINS, "centre": centre, "width": width, "reward": reward / 100}
-        for centre, width, reward in zip(
-            relaxed.centre.tolist(), relaxed.width.tolist(), rewards, strict=True
+        {"config": BINS, "centre": centre.tolist(), "width": width.tolist(), "reward": reward}
+        for (centre, width), reward in zip(
+            relaxed(config, np.asarray(bins, np.int32)), rewards, strict=True
         )
     ]

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from experiments import sensitivity_model as model
-from experiments.fidelity_stats import bootstrap
-from experiments.sensitivity_picture import picture
-from experiments.sensitivity_records import Records
-from experiments.study_report import Form, markdown
+from experiments.sensitivity import model
+from experiments.sensitivity.picture import picture
+from experiments.sensitivity.records import Records
+from experiments.study.form import Form, Report, interval, markdown, number, words
+from experiments.study.stats import bootstrap
 from scene.attributes import ATTRIBUTES, NAMES, Attribute
 
 FOLDS = 5
@@ -29,7 +29,7 @@ HEAD = (
 TOP_PAIRS = 10
 
 
-def summarize(records: Records) -> dict[str, Any]:
+def summarize(records: Records) -> Report:
     """What ``sensitivity.json`` says of the records; shares of variance in percent.
 
     Args:
@@ -99,7 +99,7 @@ def _proposals(records: Records) -> np.ndarray:
 
 def _cross_validated(
     layout: model.Layout, x: np.ndarray, rewards: np.ndarray, proposals: np.ndarray
-) -> dict[str, Any]:
+) -> Report:
     """R^2 on proposals that the model has not seen, over the records as they lie.
 
     1 - sum (r - prediction)^2 / sum (r - mean)^2, with the interval of the bootstrap over records.
@@ -119,7 +119,7 @@ def _cross_validated(
     return {"value": value, "ci95": ci95, "error": error, "folds": FOLDS}
 
 
-def _repeats(rewards: np.ndarray, proposals: np.ndarray) -> dict[str, Any]:
+def _repeats(rewards: np.ndarray, proposals: np.ndarray) -> Report:
     """The noise that proposals scored more than once show, and how many degrees of freedom it has."""
     counts = np.bincount(proposals)
     degrees = int((counts - 1).sum())
@@ -130,7 +130,7 @@ def _repeats(rewards: np.ndarray, proposals: np.ndarray) -> dict[str, Any]:
     return {"repeats": _round(np.sqrt(square / degrees)), "degrees": degrees}
 
 
-def _best(attribute: Attribute, curves: np.ndarray, grid: np.ndarray) -> dict[str, Any]:
+def _best(attribute: Attribute, curves: np.ndarray, grid: np.ndarray) -> Report:
     """Where a main effect f64[draws, points] is highest, and how much it moves the reward."""
     mean = curves.mean(axis=0)
     peaks = np.quantile(grid[curves.argmax(axis=1)], [0.05, 0.95])
@@ -142,7 +142,7 @@ def _best(attribute: Attribute, curves: np.ndarray, grid: np.ndarray) -> dict[st
     }
 
 
-def _percent(value: Any, drawn: np.ndarray) -> dict[str, Any]:
+def _percent(value: Any, drawn: np.ndarray) -> Report:
     """A share and the 95 % interval of its draws, in percent; what cannot be told from 0 begins there."""
     ends = np.quantile(drawn, [0.025, 0.975]).clip(0, 1)  # draws scatter around the expected model
     return {"value": _round(100 * value), "ci95": _rounded(100 * ends)}
@@ -156,16 +156,11 @@ def _rounded(values: Any) -> list[float]:
     return [_round(value) for value in values]
 
 
-def _share(share: dict[str, Any]) -> list[str]:
-    low, high = share["ci95"]
-    return [f"{share['value']:.1f}", f"{low:.1f} to {high:.1f}"]
+def _share(share: Report) -> list[str]:
+    return [number(share["value"]), interval(share["ci95"])]
 
 
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def verdict(r2: dict[str, Any]) -> str:
+def verdict(r2: Report) -> str:
     """What the cross-validated R^2 says about all the rest."""
     if r2["value"] is None or r2["value"] < NOTHING:
         return (
@@ -177,26 +172,24 @@ def verdict(r2: dict[str, Any]) -> str:
     return "Shares tell apart what the model explains, not the noise."
 
 
-def text(report: dict[str, Any]) -> str:
+def text(report: Report) -> str:
     """The tables, in Markdown."""
     records, r2, noise = report["records"], report["r2"], report["noise"]
     failed = f", {records['failed']} failed ones left out" if records["failed"] else ""
-    between = (
-        "" if r2["ci95"] is None else f" (95 % interval {r2['ci95'][0]:.2f} to {r2['ci95'][1]:.2f})"
-    )
-    repeats = (
-        "no proposal was scored twice"
-        if noise["repeats"] is None
-        else f"{noise['repeats']:.2f} by proposals scored more than once "
-        f"({noise['degrees']} degrees of freedom)"
-    )
-    value = "undefined" if r2["value"] is None else f"{r2['value']:.2f}"
+    value, ci95 = number(r2["value"], ".2f") or "undefined", interval(r2["ci95"], ".2f")
+    between = ci95 and f" (95 % interval {ci95})"
+    repeats = "no proposal was scored twice"
+    if noise["repeats"] is not None:
+        repeats = (
+            f"{noise['repeats']:.2f} by proposals scored more than once ({noise['degrees']} degrees of "
+            "freedom)"
+        )
     signal, interactions = _share(report["signal"]), _share(report["interactions"])
     lines = [
         f"Target: {report['note']}. {records['rewards']} rewards of {records['proposals']} proposals"
         f"{failed}, mean {records['mean']:.1f}, standard deviation {records['sd']:.2f} mIoU points: "
         f"{records['words']}.",
-        *(f"Left aside: {words}." for words in records["left_aside"]),
+        *(f"Left aside: {aside}." for aside in records["left_aside"]),
         "",
         f"Cross-validated R²: {value}{between}, over {r2['folds']} folds. {verdict(r2)}",
         f"Noise of one reward (standard deviation, mIoU points): {noise['model']:.2f} by the model, which "
@@ -217,7 +210,7 @@ def text(report: dict[str, Any]) -> str:
         *markdown(
             ("attributes", "share, %", "95 % interval"),
             [
-                [" × ".join(map(_words, row["names"])), *_share(row["share"])]
+                [" × ".join(map(words, row["names"])), *_share(row["share"])]
                 for row in report["pairs"][:TOP_PAIRS]
             ],
         ),
@@ -225,11 +218,11 @@ def text(report: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _attribute(rank: int, row: dict[str, Any]) -> list[str]:
+def _attribute(rank: int, row: Report) -> list[str]:
     low, high = row["range90"]
     return [
         str(rank),
-        _words(row["name"]),
+        words(row["name"]),
         *_share(row["share"]),
         *_share(row["total"]),
         f"{row['best']:.3g} {row['unit']}",
@@ -238,5 +231,5 @@ def _attribute(rank: int, row: dict[str, Any]) -> list[str]:
     ]
 
 
-FORM = Form("sensitivity", lambda report: report, text, picture)
-"""The report of ``python -m experiments.sensitivity``; all that it tells is in its JSON."""
+FORM = Form("sensitivity", lambda report: report, text, {"sensitivity.png": picture})
+"""All that is told is in the JSON; the records themselves are not."""

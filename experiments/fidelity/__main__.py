@@ -6,7 +6,7 @@
     python -m experiments.fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
 
 Proposals with random bins, the street set by eye and random attributes are scored on every rung of the
-ladder from the reward stage to the final size, some of them with several seeds. Kill it at any moment;
+ladder from the reward's size to the final one, some of them with several seeds. Kill it at any moment;
 the same command goes on where it was.
 """
 
@@ -16,6 +16,7 @@ import sys
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.fidelity_job import main
+    from experiments.cli import main
+    from experiments.fidelity.job import defaults, measure
 
-    sys.exit(main(__doc__ or ""))
+    sys.exit(main("fidelity", defaults, measure, __doc__))

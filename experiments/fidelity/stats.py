@@ -7,21 +7,12 @@ seed does to all proposals alike, and what is left. Common random numbers cancel
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy import stats
 
-RESAMPLES = 1000
-"""Of each bootstrap."""
-
-
-class Estimate(NamedTuple):
-    """A value and its 95 % interval; None where it is not defined."""
-
-    value: float | None
-    ci95: list[float] | None
+from experiments.study.stats import Estimate, bootstrap
 
 
 class Pairing(NamedTuple):
@@ -37,26 +28,6 @@ def spearman(x: np.ndarray, y: np.ndarray) -> float:
     if len(x) < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
         return math.nan
     return float(np.corrcoef(stats.rankdata(x), stats.rankdata(y))[0, 1])
-
-
-def bootstrap(counts: Sequence[int], statistic: Callable[..., float], seed: int) -> Estimate:
-    """A statistic of one or more sets of proposals, with the interval of the percentile bootstrap.
-
-    Args:
-        counts: how many each set holds; every set is drawn anew by itself.
-        statistic: of the chosen ones, one i64[count] for each set; NaN where it is not defined.
-        seed: of the resampling.
-    """
-    value = statistic(*(np.arange(count) for count in counts))
-    if not math.isfinite(value):
-        return Estimate(None, None)
-    rng = np.random.default_rng(seed)
-    drawn = np.array(
-        [statistic(*(rng.integers(0, n, n) for n in counts)) for _ in range(RESAMPLES)]
-    )
-    drawn = drawn[np.isfinite(drawn)]
-    ends = np.quantile(drawn, [0.025, 0.975]).tolist() if len(drawn) else None
-    return Estimate(value, ends)
 
 
 def noise_variance(table: np.ndarray) -> float:

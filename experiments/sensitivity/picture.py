@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
-from experiments.figure import plt, png
+from experiments.study.figure import plt, png
+from experiments.study.form import Report, number, words
 
 COLUMNS = 6
 
 
-def picture(report: dict[str, Any]) -> bytes:
-    """The picture, as PNG.
-
-    Args:
-        report: as in ``sensitivity.json``.
-    """
+def picture(report: Report) -> bytes:
+    """The picture, as PNG."""
     rows = report["attributes"]
     down = -(-len(rows) // COLUMNS)
     # Margins are given: a layout that is worked out takes ten seconds for so many axes.
@@ -26,19 +21,13 @@ def picture(report: dict[str, Any]) -> bytes:
     _bars(left, rows)
     _curves(right, report, down)
     note = "" if report["real"] else " (not real data)"
-    r2 = report["r2"]["value"]
-    figure.suptitle(
-        f"{report['target']}{note}, {report['records']['rewards']} rewards, cross-validated R² "
-        f"{'undefined' if r2 is None else format(r2, '.2f')}"
-    )
+    r2 = number(report["r2"]["value"], ".2f") or "undefined"
+    rewards = report["records"]["rewards"]
+    figure.suptitle(f"{report['target']}{note}, {rewards} rewards, cross-validated R² {r2}")
     return png(figure, dpi=90)
 
 
-def _words(name: str) -> str:
-    return name.replace("_", " ")
-
-
-def _bars(figure: Figure | SubFigure, rows: list[dict[str, Any]]) -> None:
+def _bars(figure: Figure | SubFigure, rows: list[Report]) -> None:
     """Shares alone and with interactions, with their intervals, the largest on top."""
     axis = figure.subplots(gridspec_kw={"left": 0.36, "right": 0.97, "bottom": 0.07, "top": 0.92})
     places = np.arange(len(rows))
@@ -48,14 +37,14 @@ def _bars(figure: Figure | SubFigure, rows: list[dict[str, Any]]) -> None:
         # A skew posterior's mean may lie outside its interval.
         wings = np.maximum([values - ends[0], ends[1] - values], 0)
         axis.barh(places + offset, values, 0.4, xerr=wings, label=label, error_kw={"lw": 0.8})
-    axis.set_yticks(places, [_words(row["name"]) for row in rows], fontsize=8)
+    axis.set_yticks(places, [words(row["name"]) for row in rows], fontsize=8)
     axis.invert_yaxis()
     axis.set(xlabel="share of the reward's signal, %, 95 % intervals")
     axis.set_xlim(left=0)
     axis.legend(fontsize=8, loc="lower right")
 
 
-def _curves(figure: Figure | SubFigure, report: dict[str, Any], down: int) -> None:
+def _curves(figure: Figure | SubFigure, report: Report, down: int) -> None:
     """Main effects of all attributes, in the order of the bars, on one scale of rewards."""
     margins = {"left": 0.05, "right": 0.99, "bottom": 0.05, "top": 0.92}
     spaces = {"hspace": 0.4, "wspace": 0.08}
@@ -72,5 +61,5 @@ def _curves(figure: Figure | SubFigure, report: dict[str, Any], down: int) -> No
         ticks = [0, len(unit) // 2, len(unit) - 1]
         axis.set_xticks([unit[k] for k in ticks], [f"{curve['physical'][k]:.3g}" for k in ticks])
         axis.tick_params(labelsize=6)
-        axis.set_title(f"{_words(row['name'])}, {row['unit']}", fontsize=7)
+        axis.set_title(f"{words(row['name'])}, {row['unit']}", fontsize=7)
     figure.supylabel("effect on mIoU, points, mean and 90 % band", fontsize=8)

@@ -1,0 +1,1 @@
+"""Which of the 23 attributes matter, and which of them together."""
