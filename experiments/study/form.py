@@ -54,7 +54,7 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
         raise UserError(f"--rederive {file}: {error.strerror}") from None
     except UserError as error:
         raise UserError(f"--rederive: {error}") from None
-    if not isinstance(scores, dict) or scores.get("study") != form.name:
+    if not isinstance(scores, dict) or scores.get("study", form.name) != form.name:
         raise UserError(f"--rederive {file} is no report of experiments.{form.name}")
     try:
         form.text(form.derive(scores))
@@ -150,6 +150,11 @@ def number(value: float | None, form: str = ".1f") -> str:
 def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
     """An interval in a table."""
     return "" if ci95 is None else f"{ci95[0]:{form}} to {ci95[1]:{form}}"
+
+
+def half(entry: Report) -> float:
+    """Half the interval of a mean, for the bars of a figure; none where there is one value."""
+    return entry["mean"] - entry["ci95"][0] if entry["ci95"] else 0.0
 
 
 def words(name: str) -> str:
