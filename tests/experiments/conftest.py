@@ -14,12 +14,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import sdr_jax
-from experiments import summary
-from experiments.config import Config, camvid_config, cityscapes_config
-from experiments.reward import Evaluation
+from experiments.config import Config, MainConfig
+from experiments.presets import defaults
+from experiments.reward.miou import Outcome, Truth
 from scene.attributes import NAMES
-from seg.classes import class_table
+from scene.proposal import Proposal, describe, draw
 
 ROOT = Path(__file__).resolve().parents[2]
 H, W = 12, 16
@@ -74,13 +73,14 @@ def cityscapes(tmp_path: Path) -> Path:
 @pytest.fixture
 def tiny_twin(tmp_path: Path) -> Config:
     """A smoke configuration of the twin."""
-    return replace(cityscapes_config("smoke"), out=tmp_path / "run", workers=0)
+    return replace(defaults(MainConfig, "twin", "smoke"), out=tmp_path / "run", workers=0)
 
 
 @pytest.fixture
 def tiny_camvid(tmp_path: Path, camvid: Path) -> Config:
     """A smoke configuration of the CamVid above."""
-    return replace(camvid_config("smoke"), out=tmp_path / "run", workers=0, data=camvid)
+    config = defaults(MainConfig, "camvid", "smoke")
+    return replace(config, out=tmp_path / "run", workers=0, data=camvid)
 
 
 class Killed(BaseException):
@@ -92,30 +92,24 @@ def never(*task: Any) -> Any:
     raise AssertionError("this was known")
 
 
-def formula(stage, table, renderer, pool, units, seed, truth) -> Evaluation:
-    """Worth more with buildings far off; a little noise by seed."""
-    right = 500 + int(400 * units[:, NAMES.index("building_position")].mean()) + seed % 50
-    return _worth(right, table)
-
-
-def formula_real(stage, table, images, labels, seed, truth) -> Evaluation:
-    """Worth more with more images."""
-    return _worth(800 + len(images) + seed % 50, table)
-
-
-def _worth(right: int, table: str) -> Evaluation:
-    """All classes alike: right of 2000 pixels each, the others taken for the next class."""
-    eye = np.eye(len(class_table(table).classes), dtype=np.int64)
-    return Evaluation(right * eye + (2000 - right) * np.roll(eye, 1, axis=1), 0.5, 1.5)
+def formula(recipe, source, seed, truth) -> Outcome:
+    """Worth more with buildings far off, or with more real images; a little noise by seed."""
+    if isinstance(source, Truth):
+        right = 800 + len(source.images) + seed % 50
+    else:
+        streets = draw(source, seed, recipe.fidelity.streets)
+        right = 500 + int(400 * streets[:, NAMES.index("building_position")].mean()) + seed % 50
+    iou = right / (4000 - right)  # right of 2000 pixels of each class, the others taken for the next
+    return Outcome(iou, [iou] * len(recipe.classes.classes), 0.5, 1.5)
 
 
 @pytest.fixture
 def learnt_file(tmp_path: Path) -> Path:
     """An attributes.json with buildings far off."""
     centre = np.where(np.array(NAMES) == "building_position", 0.9, 0.5).astype(np.float32)
-    proposal = sdr_jax.Proposal(centre, np.full(len(NAMES), 0.1, np.float32))
+    proposal = Proposal(centre, np.full(len(NAMES), 0.1, np.float32))
     path = tmp_path / "attributes.json"
-    path.write_text(json.dumps(summary.attributes(proposal)))
+    path.write_text(json.dumps(describe(proposal)))
     return path
 
 
