@@ -141,7 +141,7 @@ def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) 
         "config": digest(decides)[:16],
         "target": target.name,
         "side": side,
-        "kind": kind,
+        "reward_kind": kind,
         "size": fidelity.size,
         "images": fidelity.images,
         "steps": fidelity.train.steps,

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from experiments.finals import default_proposal, random_proposal
+from experiments.stats import paired_gain
+from experiments.targets import TARGETS
 from PIL import Image
 
 from experiments import study_nets
 from experiments.assets_job import IMAGES, assets_config, attributes, check, main, run, stage_of
 from experiments.assets_report import FORM
 from experiments.config import PRESETS
-from experiments.finals import default_proposal, random_proposal
 from experiments.reward import Evaluation
-from experiments.stats import paired_gain
 from experiments.study import Study
-from experiments.targets import TARGETS
 
 from .conftest import Killed, formula, lines, never
 

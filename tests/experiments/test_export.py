@@ -5,7 +5,7 @@ import pytest
 from PIL import Image
 
 import scene
-from scene.export import read_dataset
+from scene.dataset.export import read_dataset
 from scene.proposal import draw, random_proposal
 from seg.classes import CITYSCAPES_19
 from seg.data import read_cityscapes

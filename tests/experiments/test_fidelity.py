@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from experiments.targets import TARGETS
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -28,7 +29,6 @@ from experiments.fidelity_stats import (
     spearman,
 )
 from experiments.reward import Evaluation
-from experiments.targets import TARGETS
 from scene.attributes import NAMES
 
 from .conftest import Killed, lines

@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.config import Config, cityscapes_config
-from experiments.finals import ROWS, draw_units, random_proposal
-from experiments.reward import Truth, evaluate, worker_environment
+from experiments.config import MainConfig
+from experiments.main.summary import ROWS
+from experiments.presets import defaults
+from experiments.reward.miou import Recipe, Truth, evaluate_miou, worker_environment
 from scene.attributes import NAMES
+from scene.proposal import random_proposal
+from scene.render.__main__ import main as scene_render
 from scene.workers import WorkerPool
 from seg.data import read_cityscapes
 
@@ -66,7 +69,7 @@ def test_the_run_folder_is_complete(unbroken):
     out, _ = unbroken
     assert {p.name for p in out.iterdir()} == {
         "attributes.json", "config.json", "dataset", "evaluations.jsonl", "finals.jsonl", "lock",
-        "pictures", "report.html", "summary.json",
+        "pictures", "report.html", "summary.json", "summary.md",
     }  # fmt: skip
     assert {p.name for p in (out / "pictures").iterdir()} == {
         "attributes.png", "images.png", "probabilities.npy", "reward.png",
@@ -131,7 +134,7 @@ def test_stopped_and_killed_it_ends_with_the_answer_of_an_unbroken_run(
     code, stdout, stderr = start_job(out, *TINY).finish()
     assert (code, stderr) == (0, "")
     continuing = next(line for line in stdout.splitlines() if line.startswith("Continuing"))
-    assert "12 rewards" in continuing and "0 final nets" not in continuing
+    assert "12 rewards" in continuing and "0 other nets" not in continuing
 
     whole, _ = unbroken
     assert (out / "attributes.json").read_bytes() == (whole / "attributes.json").read_bytes()
@@ -148,27 +151,44 @@ def test_stopped_and_killed_it_ends_with_the_answer_of_an_unbroken_run(
     np.testing.assert_array_equal(ours.labels, theirs.labels)
 
 
+def test_the_engine_alone_makes_the_runs_dataset_again(unbroken, tmp_path):
+    """One draw: a run's attributes.json and seed are all that its dataset needs."""
+    out, _ = unbroken
+    config = json.loads((out / "config.json").read_text())
+    final = config["final"]
+    code = scene_render(
+        [
+            "--attributes", str(out / "attributes.json"), "--seed", str(config["seed"]),
+            "--images", str(final["streets"] * final["shots"]), "--shots", str(final["shots"]),
+            "--size", f"{final['width']}x{final['height']}", "--samples", str(final["samples"]),
+            "--asset-count", str(config["asset_count"]), "--workers", "0", "--out", str(tmp_path / "again"),
+        ]
+    )  # fmt: skip
+    assert code == 0
+    ours, theirs = (
+        {p.relative_to(root): p.read_bytes() for p in root.rglob("*") if p.is_file()}
+        for root in (out / "dataset", tmp_path / "again")
+    )
+    assert ours == theirs and len(ours) > 20
+
+
 def test_rewards_do_not_depend_on_the_number_of_workers():
-    config: Config = cityscapes_config("smoke")
-    stage = replace(config.reward, train=replace(config.reward.train, steps=4))
+    config = defaults(MainConfig, "twin", "smoke")
+    fidelity = replace(config.reward, train=replace(config.reward.train, steps=4))
+    recipe = Recipe(fidelity, "cityscapes", "embree", config.pool)
     rng = np.random.default_rng(0)
     truth = Truth(
         rng.integers(0, 256, (3, 32, 64, 3), dtype=np.uint8),
         rng.integers(0, 19, (3, 32, 64), dtype=np.uint8),
     )
-    tasks = [
-        (stage, "cityscapes", "embree", config.pool, units, seed, truth)
-        for seed in (1, 2**32 - 1)
-        for units in [draw_units(random_proposal(), seed % 1000, stage.streets)]
-    ]
+    tasks = [(recipe, random_proposal(), seed, truth) for seed in (1, 2**32 - 1)]
     found = []
     for workers in (0, 1, 2):
         with WorkerPool(workers, worker_environment()) as pool:
-            answers = dict(pool.map(evaluate, tasks))
-        found.append([answers[k].confusion for k in range(2)])
-    np.testing.assert_array_equal(found[1], found[0])
-    np.testing.assert_array_equal(found[2], found[0])
-    assert found[0][0].sum() == 3 * 32 * 64 and (found[0][0] != found[0][1]).any()
+            answers = dict(pool.map(evaluate_miou, tasks))
+        found.append([(answers[k].reward, answers[k].class_iou) for k in range(2)])
+    assert found[0] == found[1] == found[2]
+    assert found[0][0] != found[0][1]
 
 
 def test_smoke_run_on_real_camvid(camvid_dir, start_job, tmp_path):

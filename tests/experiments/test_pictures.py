@@ -5,28 +5,28 @@ import numpy as np
 import pytest
 from PIL import Image
 
-import sdr_jax
-from experiments import folder as folder_module
-from experiments import pictures
-from experiments.search import SearchResult
-from experiments.targets import Target
-from scene.dataset import Dataset
+from experiments.main import pictures
+from experiments.run.search import Found
+from experiments.target.base import Target
+from scene.dataset.render import Dataset
+from scene.proposal import random_proposal
 from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL
 from seg.data import RealSet
+from shell import files
 
 N = 4
 TARGET = Target("camvid", True, "camvid", "the title", (), (), lambda height, width: None)
 
 
 @pytest.fixture
-def result() -> SearchResult:
+def found() -> Found:
     rng = np.random.default_rng(0)
-    half = sdr_jax.Proposal(np.full(23, 0.5, np.float32), np.ones(23, np.float32))
+    half = random_proposal()
     probabilities = rng.dirichlet(np.ones(5), (6, 23)).astype(np.float32)
-    return SearchResult(
-        half, half, rng.random((6, 2)).astype(np.float32), np.full(6, 0.4, np.float32),
-        np.repeat(np.arange(3), 2), probabilities,
-    )  # fmt: skip
+    rewards = rng.random((6, 2)).astype(np.float32)
+    rewards[2, 0] = np.nan  # it failed
+    baselines, groups = np.full(6, 0.4, np.float32), np.repeat(np.arange(3), 2)
+    return Found(half, half, [], rewards, baselines, groups, probabilities, 0.0, 0.0)
 
 
 def test_colours_are_the_tables():
@@ -38,21 +38,21 @@ def test_colours_are_the_tables():
     np.testing.assert_array_equal(pictures.colorize(labels, CAMVID_11)[0, 0], (128, 128, 128))
 
 
-def test_rewards_and_distributions(result, tmp_path):
-    pictures.rewards(tmp_path / "pictures", result, "title")
-    pictures.distributions(tmp_path / "pictures", result, "title")
+def test_rewards_and_distributions(found, tmp_path):
+    pictures.rewards(tmp_path / "pictures", found, "title")
+    pictures.distributions(tmp_path / "pictures", found, "title")
     names = {"reward.png", "attributes.png", "probabilities.npy"}
     assert {p.name for p in (tmp_path / "pictures").iterdir()} == names
     for name in ("reward.png", "attributes.png"):
         picture = np.asarray(Image.open(tmp_path / "pictures" / name).convert("RGB"))
         assert min(picture.shape[:2]) > 300 and picture.std() > 5
     kept = np.load(tmp_path / "pictures" / "probabilities.npy")
-    np.testing.assert_array_equal(kept, result.probabilities)
+    np.testing.assert_array_equal(kept, found.probabilities)
 
 
 @pytest.mark.parametrize("baselines", [np.full(6, np.nan), np.full(6, 900.0)])
-def test_rewards_without_a_baseline_in_their_unit(result, tmp_path, baselines):
-    pictures.rewards(tmp_path, result._replace(baselines=baselines), "title")
+def test_rewards_without_a_baseline_in_their_unit(found, tmp_path, baselines):
+    pictures.rewards(tmp_path, found._replace(baselines=baselines), "title")
     assert (tmp_path / "reward.png").exists()
 
 
@@ -74,13 +74,13 @@ def test_samples_show_target_random_and_learnt_with_labels(tmp_path, monkeypatch
         np.testing.assert_array_equal(below, np.concatenate(list(expected), axis=1))
 
 
-def test_a_full_disk_leaves_no_half_picture(result, tmp_path, monkeypatch):
+def test_a_full_disk_leaves_no_half_picture(found, tmp_path, monkeypatch):
     def fsync(descriptor):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(folder_module.os, "fsync", fsync)
+    monkeypatch.setattr(files.os, "fsync", fsync)
     with pytest.raises(OSError) as caught:
-        pictures.rewards(tmp_path / "pictures", result, "title")
+        pictures.rewards(tmp_path / "pictures", found, "title")
     assert caught.value.filename == str(tmp_path / "pictures" / "reward.png")
     assert list((tmp_path / "pictures").iterdir()) == []
 

@@ -6,21 +6,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from experiments.finals import draw_units, random_proposal
+from experiments.outcome import Outcome
+from experiments.stats import welch
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from scene.catalogue import AssetPool
 from scipy import stats
 
 from experiments import pretrain_job, pretrain_nets
 from experiments.config import camvid_config
-from experiments.finals import draw_units, random_proposal
-from experiments.outcome import Outcome
 from experiments.pretrain_job import fine_stage, main, pretrain_config
 from experiments.pretrain_nets import Start, chosen_images, subsets, transfer
 from experiments.pretrain_report import FORM
 from experiments.reward import Truth
-from experiments.stats import welch
-from scene.catalogue import AssetPool
 from scene.dataset import Dataset
 from seg.train import TrainingError
 

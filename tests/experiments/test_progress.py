@@ -3,9 +3,9 @@
 import io
 
 import pytest
+from experiments.progress import Progress
 
 from experiments import progress
-from experiments.progress import Progress
 
 
 @pytest.fixture

@@ -7,11 +7,6 @@ import resource
 from dataclasses import replace
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
-from experiments import folder as module
-from experiments.config import camvid_config
 from experiments.errors import UserError
 from experiments.folder import (
     EVALUATION_FIELDS,
@@ -22,8 +17,13 @@ from experiments.folder import (
     write_atomically,
     write_json,
 )
-from experiments.main import main
 from experiments.targets import camvid_target
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments import folder as module
+from experiments.config import camvid_config
+from experiments.main import main
 
 LINE = {
     "update": 0,

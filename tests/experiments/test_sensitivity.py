@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from experiments.targets import TARGETS
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from PIL import Image
@@ -15,7 +16,6 @@ from experiments.sensitivity_job import check, main, proposals, run, sensitivity
 from experiments.sensitivity_model import DEGREE, PAIR_ORDERS
 from experiments.sensitivity_records import BINS, Records, read
 from experiments.store import HEADER, Store
-from experiments.targets import TARGETS
 from scene.attributes import NAMES
 
 from .conftest import Killed, formula, lines, never

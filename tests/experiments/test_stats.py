@@ -4,10 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from experiments.stats import mean_ci95, paired_gain
 from hypothesis import given
 from hypothesis import strategies as st
-
-from experiments.stats import mean_ci95, paired_gain
 
 values = st.lists(st.floats(-100, 100), min_size=2, max_size=12)
 

@@ -10,21 +10,21 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-
-import sdr_jax
-from experiments import search as search_module
-from experiments.config import camvid_config
 from experiments.evaluator import Evaluator, Job, about
 from experiments.finals import draw_units, random_proposal
 from experiments.folder import RunFolder
 from experiments.keys import digest, engine, evaluation_key, folder_digest
 from experiments.outcome import attempt
 from experiments.progress import Progress
+from experiments.targets import Target
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sdr_jax
+from experiments import search as search_module
+from experiments.config import camvid_config
 from experiments.reward import Evaluation, Truth
 from experiments.store import HEADER, Store, main
-from experiments.targets import Target
 from scene.attributes import NAMES
 from scene.workers import WorkerPool
 from seg.train import TrainingError

@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-
-import sdr_jax
-from experiments import finals, search, study_nets, study_report, summary
 from experiments.errors import UserError
 from experiments.finals import Finals, default_proposal, random_proposal
 from experiments.outcome import Outcome
-from experiments.reward import Truth
-from experiments.study import Work, learnt_attributes, opened, plan_text, search_work
 from experiments.study_config import StudyConfig, check_study, defaults_on, read_learnt
 from experiments.study_nets import score_nets
 from experiments.study_report import Form, class_means, nets, rewrite, statistics, write
+
+import sdr_jax
+from experiments import finals, search, study_nets, study_report, summary
+from experiments.reward import Truth
+from experiments.study import Work, learnt_attributes, opened, plan_text, search_work
 from scene.attributes import NAMES
 from seg.train import TrainingError
 

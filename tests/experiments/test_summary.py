@@ -1,50 +1,56 @@
 """The answer in figures: keys that scripts rely on, percent, physical values."""
 
 import json
-import math
-from dataclasses import replace
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-import sdr_jax
-from experiments.config import cityscapes_config
-from experiments.folder import write_json
-from experiments.report import html
-from experiments.summary import attributes, summarize, text
-from experiments.targets import Target
-from experiments.twin import twin_world
-from scene.attributes import ATTRIBUTES, BY_NAME, NAMES
+from experiments.config import MainConfig
+from experiments.main import summary as module
+from experiments.main.page import html
+from experiments.main.summary import derive, text
+from experiments.presets import defaults
+from experiments.reward.miou import Outcome
+from experiments.run.learn import Learnt
+from experiments.target.base import Target
+from experiments.target.twin import twin_world
+from scene.proposal import slide
 from seg.classes import class_table
+from shell.files import write_json
 
 CLASSES = len(class_table("cityscapes").classes)
 ROW_MIOU = {"random": [0.1, 0.2], "default": [0.2, 0.3], "learnt": [0.3, 0.5], "real": [0.6, 0.6]}
 
 
-def record(miou: float) -> dict:
+def outcome(miou: float, failed: str | None = None) -> Outcome:
     """IoU of road = miou, of the rest 0; the last class never occurs."""
-    class_iou = [miou] + [0.0] * (CLASSES - 2) + [None]
-    return {"miou": miou, "class_iou": class_iou, "render_seconds": 2.0, "train_seconds": 3.0}
+    return Outcome(miou, [miou] + [0.0] * (CLASSES - 2) + [None], 2.0, 3.0, failed)
 
 
-def made(seeds: int = 2, real: bool = False) -> dict:
+def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
     target = Target(
         "cityscapes" if real else "twin", real, "cityscapes", "the title", ("a", "b", "c"),
         ("d",), lambda height, width: None, None if real else twin_world(0),
     )  # fmt: skip
-    rows = {row: [record(m) for m in values[:seeds]] for row, values in ROW_MIOU.items()}
-    logged = [record(m) for values in ROW_MIOU.values() for m in values]
-    folder = SimpleNamespace(
-        evaluations=SimpleNamespace(lines=logged[:3]), finals=SimpleNamespace(lines=logged[3:])
+    rows = {row: [outcome(m) for m in values[:seeds]] for row, values in ROW_MIOU.items()}
+    if failed:
+        rows["random"][0] = Outcome(float("nan"), [], 0.0, 1.0, "the loss is nan")
+    line = {"failed": None, "render_seconds": 2.0, "train_seconds": 3.0}
+    logs = [[line] * 3, [line] * 4 + [{**line, "failed": "the loss is nan"}] * failed]
+    config = defaults(MainConfig, "twin", "smoke", seeds=seeds)
+    run = SimpleNamespace(
+        config=config,
+        target=target,
+        evaluations=SimpleNamespace(records=logs[0]),
+        finals=SimpleNamespace(records=logs[1]),
+        progress=SimpleNamespace(elapsed=99.25),
     )
-    learnt = sdr_jax.Proposal(np.full(23, 0.5, np.float32), np.full(23, 0.1, np.float32))
-    config = replace(cityscapes_config("smoke"), seeds=seeds)
-    scores = {"argmax": [0.2], "spread": [0.25]}
-    return summarize(config, target, folder, rows, "spread", scores, learnt, 99.25)
+    learnt = Learnt(
+        slide(np.full(23, 0.5), 0.1), None, "spread", {"argmax": [0.2], "spread": [0.25]}
+    )
+    return derive(module.scores(run, rows, learnt))
 
 
 def test_keys_are_those_that_scripts_rely_on(tmp_path):
@@ -55,7 +61,7 @@ def test_keys_are_those_that_scripts_rely_on(tmp_path):
     assert summary["preset"] == "smoke"
     assert (summary["reward_images"], summary["test_images"]) == (3, 1)
     assert summary["evaluations"] == 3
-    assert summary["seconds"] == {"render": 16.0, "train": 24.0, "total": 99.2}
+    assert summary["seconds"] == {"render": 14.0, "train": 21.0, "total": 99.2}
     assert set(summary["rows"]) == {"random", "default", "learnt", "real"}
     for row in ("random", "default", "learnt"):
         assert summary[row] == summary["rows"][row]
@@ -106,41 +112,19 @@ def test_the_table_of_the_twin_says_that_it_is_not_real():
     assert "+25.0" in table and "bicycle" in table.splitlines()[-1]
 
 
-def test_physical_values_by_hand():
-    centre = np.full(23, 0.5, np.float32)
-    width = np.full(23, 0.2, np.float32)
-    found = attributes(sdr_jax.Proposal(centre, width))
-    assert list(found) == list(NAMES)
-    # Linear: -12..20 deg. Logarithmic: 5..50 m, whose middle is 5 sqrt(10).
-    pitch, cars = found["camera_rotation_x"], found["car_interval"]
-    assert pitch["unit"] == {"centre": 0.5, "width": 0.2}
-    assert pitch["physical"] == {
-        "centre": pytest.approx(4), "low": pytest.approx(0.8), "high": pytest.approx(7.2), "unit": "deg"
-    }  # fmt: skip
-    assert cars["physical"]["centre"] == pytest.approx(5 * math.sqrt(10), abs=1e-4)
-    assert cars["physical"]["low"] == pytest.approx(5 * 10**0.4, abs=1e-4)
-    assert cars["physical"]["high"] == pytest.approx(5 * 10**0.6, abs=1e-4)
-
-
-@given(
-    st.lists(st.floats(0, 1, width=32), min_size=23, max_size=23),
-    st.lists(st.floats(0, 1, width=32), min_size=23, max_size=23),
-)
-def test_physical_values_stay_in_the_table(centre, width):
-    found = attributes(sdr_jax.Proposal(np.float32(centre), np.float32(width)))
-    for attribute in ATTRIBUTES:
-        physical = found[attribute.name]["physical"]
-        assert physical["unit"] == BY_NAME[attribute.name].unit
-        low, middle, high = physical["low"], physical["centre"], physical["high"]
-        assert attribute.low - 1e-3 <= low <= middle <= high <= attribute.high + 1e-3
+def test_a_net_that_failed_is_left_out_and_told():
+    summary = made(failed=True)
+    assert summary["random"]["miou"] == [None, pytest.approx(20)] and summary["failed"] == 1
+    assert summary["random"]["mean"] == pytest.approx(20)
+    assert summary["gain"] == {"mean": pytest.approx(30), "ci95": None}
+    assert "1 evaluations failed in training and are left out" in text(summary)
+    assert "20.0" in html(summary)
 
 
 def test_the_report_shows_the_figures_and_says_that_the_twin_is_not_real():
-    learnt = sdr_jax.Proposal(np.full(23, 0.5, np.float32), np.full(23, 0.1, np.float32))
-    page = html(made(), attributes(learnt))
-    assert "not a result on real data" in page and "not a result" not in html(
-        made(real=True), attributes(learnt)
-    )
+    page = html(made())
+    assert "not a result on real data" in page
+    assert "not a result" not in html(made(real=True))
     parser = ElementTree.fromstring(
         page.split("<body>")[1].join(["<body>", ""]).split("</html>")[0]
     )
@@ -153,6 +137,5 @@ def test_the_report_shows_the_figures_and_says_that_the_twin_is_not_real():
 
 
 def test_the_report_escapes_what_it_is_told():
-    learnt = sdr_jax.Proposal(np.full(23, 0.5, np.float32), np.full(23, 0.1, np.float32))
-    page = html(made() | {"note": "<script>"}, attributes(learnt))
+    page = html(made() | {"note": "<script>"})
     assert "<script>" not in page and "&lt;script&gt;" in page

@@ -5,14 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from experiments.errors import UserError
+from experiments.stats import mean_ci95, paired_gain
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
 from experiments import study_nets
-from experiments.errors import UserError
 from experiments.reward import Evaluation
-from experiments.stats import mean_ci95, paired_gain
 from experiments.store import Store
 from experiments.table_job import check, main, stage_of, table_config
 from experiments.table_report import FORM, PAPER, subset_miou

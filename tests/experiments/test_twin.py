@@ -7,22 +7,23 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments import twin as module
-from experiments.config import PRESETS, camvid_config, cityscapes_config
-from experiments.targets import cityscapes_target
-from experiments.twin import (
+from experiments.config import MainConfig
+from experiments.presets import PRESETS, TARGETS, defaults
+from experiments.target import twin as module
+from experiments.target.named import named_target
+from experiments.target.twin import (
     FIRST_ASSET,
     HIDDEN_WIDTH,
     IMAGES,
-    PRIOR_SPREAD,
+    PRIOR_STD,
     SHOTS,
     twin_split,
     twin_world,
 )
+from scene.assets.catalogue import COUNTS
 from scene.attributes import default_unit
-from scene.catalogue import COUNTS
-from scene.dataset import Dataset
-from scene.sensor import CameraResponse
+from scene.dataset.render import Dataset
+from scene.render.sensor import CameraResponse
 from scene.workers import WorkerPool
 
 seeds = st.integers(0, 2**31)
@@ -50,7 +51,7 @@ def test_the_prior_is_the_stated_one():
     inside = (default_unit() > 0.45) & (default_unit() < 0.55)  # far from where it is clipped
     offsets = (centres - default_unit())[:, inside]
     assert abs(offsets.mean()) < 0.015
-    assert offsets.std() == pytest.approx(PRIOR_SPREAD, rel=0.1)
+    assert offsets.std() == pytest.approx(PRIOR_STD, rel=0.1)
 
 
 def test_the_camera_is_another_one():
@@ -81,12 +82,12 @@ def split(name, images=None, seed=0):
     )
 
 
-@pytest.mark.parametrize("presets", [cityscapes_config, camvid_config])
+@pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("preset", PRESETS)
-def test_its_assets_are_not_the_searchs(renders, presets, preset):
+def test_its_assets_are_not_the_searchs(renders, target, preset):
     split("train")
     [(_, _, options)] = renders
-    ours, theirs = presets(preset).pool, options["pool"]
+    ours, theirs = defaults(MainConfig, target, preset).pool, options["pool"]
     assert ours.first + (ours.size or max(COUNTS.values())) <= FIRST_ASSET == theirs.first
     assert not theirs.own
 
@@ -121,8 +122,8 @@ def test_every_street_lies_in_the_hidden_interval(renders):
 
 
 def test_it_never_passes_for_real_data(renders):
-    config = replace(cityscapes_config("smoke"), twin_seed=3)
-    target = cityscapes_target(config, WorkerPool(0))
+    config = replace(defaults(MainConfig, "twin", "smoke"), twin_seed=3)
+    target = named_target(config, WorkerPool(0))
     assert target.real is False and target.name == "twin"
     assert "twin 3" in target.title and "NOT real data" in target.title
     assert len(target.reward_names) == len(target.test_names) == 8

@@ -1,6 +1,7 @@
 """Real data as targets: the split, the overlap, and everything that can be wrong on disk."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -8,12 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from experiments.config import camvid_config, cityscapes_config
-from experiments.errors import UserError
-from experiments.main import main
-from experiments.targets import camvid_target, cityscapes_target, refuse_overlap
+from experiments.cli import main
+from experiments.config import MainConfig
+from experiments.main.job import MAIN
+from experiments.presets import defaults
+from experiments.study.skeleton import do
+from experiments.target.base import refuse_overlap
+from experiments.target.named import named_target
 from scene.workers import WorkerPool
 from seg.classes import CAMVID_11
+from shell.errors import UserError
 
 POOL = WorkerPool(0)
 
@@ -26,7 +31,8 @@ def fails(camvid, tmp_path, error_line):
         out = tmp_path / "new" / "run"
         arguments = ["--preset", "smoke", "--workers", "0", "--data", str(camvid)]
         arguments += ["--out", str(out), *flags]
-        assert main("camvid", camvid_config, camvid_target, "", arguments) == 2
+        own, work = partial(defaults, MainConfig), partial(do, MAIN)
+        assert main("camvid", own, work, "", arguments, target="camvid") == 2
         line = error_line()
         for word in words:
             assert word in line
@@ -36,7 +42,7 @@ def fails(camvid, tmp_path, error_line):
 
 
 def test_the_public_protocol(tiny_camvid):
-    target = camvid_target(tiny_camvid, POOL)
+    target = named_target(tiny_camvid, POOL)
     assert target.real and target.name == target.table == "camvid" and target.twin is None
     assert target.reward_names == ("A_1", "A_2", "B_1", "B_2")
     assert target.test_names == ("B_8", "C_1")
@@ -48,27 +54,27 @@ def test_the_public_protocol(tiny_camvid):
 
 
 def test_a_sequence_held_out_leaves_the_reward(tiny_camvid):
-    target = camvid_target(replace(tiny_camvid, holdout="B"), POOL)
+    target = named_target(replace(tiny_camvid, holdout="B"), POOL)
     assert target.reward_names == ("A_1", "A_2")
     assert target.test_names == ("B_1", "B_2")
     assert "sequence B" in target.title and "both sides" not in target.title
 
 
 def test_a_city_held_out(cityscapes):
-    config = replace(cityscapes_config("smoke"), data=cityscapes)
-    target = cityscapes_target(config, POOL)
+    config = replace(defaults(MainConfig, "cityscapes", "smoke"), data=cityscapes)
+    target = named_target(config, POOL)
     assert target.real and target.name == "cityscapes"
     assert len(target.reward_names) == len(target.test_names) == 2
     with pytest.raises(UserError, match=r"both sides.*aachen"):
-        cityscapes_target(replace(config, holdout="aachen"), POOL)
+        named_target(replace(config, holdout="aachen"), POOL)
 
 
 def test_limits_choose_a_seeded_subset(tiny_camvid):
     config = replace(tiny_camvid, reward_images=2, test_images=1)
-    names = {camvid_target(replace(config, seed=s), POOL).reward_names for s in range(12)}
+    names = {named_target(replace(config, seed=s), POOL).reward_names for s in range(12)}
     assert len(names) > 1 and all(len(chosen) == 2 for chosen in names)
-    again = camvid_target(config, POOL)
-    assert again.reward_names == camvid_target(config, POOL).reward_names
+    again = named_target(config, POOL)
+    assert again.reward_names == named_target(config, POOL).reward_names
     assert again.at(16, 16).reward.names == again.reward_names
 
 
@@ -166,13 +172,14 @@ def test_nothing_but_void(fails, camvid):
 def test_cityscapes_without_labels(cityscapes, tmp_path, error_line):
     (cityscapes / "gtFine").rename(cityscapes / "gtCoarse")
     arguments = ["--preset", "smoke", "--data", str(cityscapes), "--out", str(tmp_path / "run")]
-    assert main("cityscapes", cityscapes_config, cityscapes_target, "", arguments) == 2
+    own, work = partial(defaults, MainConfig), partial(do, MAIN)
+    assert main("cityscapes", own, work, "", arguments, target="cityscapes") == 2
     assert "gtFine: no such folder" in error_line()
     assert not (tmp_path / "run").exists()
 
 
 def test_labels_are_those_on_disk(tiny_camvid, camvid):
-    target = camvid_target(tiny_camvid, POOL)
+    target = named_target(tiny_camvid, POOL)
     reward = target.at(12, 16).reward
     for name, labels in zip(reward.names, reward.labels, strict=True):
         values = np.asarray(Image.open(camvid / "trainannot" / f"{name}.png"))

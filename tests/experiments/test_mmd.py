@@ -1,0 +1,175 @@
+"""The reward without labels: that none are read, what it prefers, and that a run goes on with its net."""
+
+import json
+import shutil
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+
+from experiments.cli import main
+from experiments.config import MainConfig, check
+from experiments.main.job import MAIN
+from experiments.presets import defaults
+from experiments.reward import mmd as module
+from experiments.reward.evaluator import Evaluator, Job, Memory, about
+from experiments.reward.miou import Recipe, Truth, render
+from experiments.reward.mmd import FILE, FeatureNet, evaluate_mmd, feature_net
+from experiments.reward.store import Log
+from experiments.run.context import opened
+from experiments.run.learn import learn, work_of
+from experiments.study.skeleton import do
+from experiments.target.base import Split, Target
+from experiments.target.named import named_target
+from scene.attributes import NAMES
+from scene.proposal import random_proposal
+from scene.workers import WorkerPool
+from seg.data import RealSet
+from seg.mmd import mmd2
+from seg.train import TrainingError
+from shell.errors import UserError
+
+from .conftest import TINY, lines
+
+VOID = 255
+
+
+def unlabelled(height: int, width: int, count: int = 6) -> RealSet:
+    """Real images of noise, all of whose labels are void."""
+    names = tuple(f"{k}" for k in range(count))
+    images = np.random.default_rng(0).integers(0, 256, (count, height, width, 3)).astype(np.uint8)
+    return RealSet(names, names, images, np.full(images.shape[:3], VOID, np.uint8))
+
+
+TARGET = Target(
+    "camvid", True, "camvid", "", ("a",), ("b",),
+    lambda height, width: Split(unlabelled(height, width), unlabelled(height, width)),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def config(tmp_path_factory) -> MainConfig:
+    """One update of two datasets, two images each."""
+    config = defaults(MainConfig, "camvid", "smoke")
+    reward = replace(config.reward, streets=2, shots=1)
+    final = replace(reward, train=replace(reward.train, steps=13))
+    search = replace(config.search, method="random_search", updates_per_group=1)
+    out = tmp_path_factory.mktemp("mmd") / "run"
+    return replace(
+        config, reward_kind="mmd", reward=reward, final=final, search=search, groups=(NAMES,),
+        workers=0, out=out, asset_count=2,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def recipe(config) -> Recipe:
+    return Recipe(config.reward, "camvid", config.renderer, config.pool)
+
+
+@pytest.fixture(scope="module")
+def net(recipe, tmp_path_factory) -> FeatureNet:
+    return feature_net(recipe, tmp_path_factory.mktemp("net"), WorkerPool(0))
+
+
+def test_a_folder_without_labels_gives_the_reward_from_the_command_line(camvid, tmp_path, capsys):
+    photographs, out = tmp_path / "photographs", tmp_path / "run"
+    photographs.mkdir()
+    for k in range(3):
+        shutil.copy(camvid / "train" / f"{('A_1', 'A_2', 'B_1')[k]}.png", photographs / f"p{k}.png")
+    flags = [
+        *TINY, "--data", str(camvid), "--unlabelled", str(photographs), "--out", str(out),
+        "--seeds", "1", "--final.train.steps", "6", "--workers", "0",
+    ]  # fmt: skip
+    own, work = partial(defaults, MainConfig), partial(do, MAIN)
+    assert main("camvid", own, work, "", flags, target="camvid") == 2
+    assert "--unlabelled needs --reward-kind mmd" in capsys.readouterr().err
+    assert main("camvid", own, work, "", [*flags, "--reward-kind", "mmd"], target="camvid") == 0
+    assert "3 images without labels for the reward" in capsys.readouterr().out
+    summary = json.loads((out / "summary.json").read_text())
+    assert list(summary["rows"]) == ["random", "default", "learnt"]
+    assert summary["reward_images"] == 3
+    rows = {line["row"] for line in lines(out / "finals.jsonl")}
+    assert rows >= {"random", "learnt"} and "real" not in rows
+    assert "the reward images themselves" not in (out / "report.html").read_text()
+
+
+def test_where_labels_are_or_images_would_be_reported_on(tiny_twin, tiny_camvid, camvid, tmp_path):
+    twin = replace(tiny_twin, unlabelled=tmp_path, reward_kind="mmd")
+    with pytest.raises(UserError, match="--unlabelled needs --data"):
+        named_target(twin, WorkerPool(0))
+    both = replace(tiny_camvid, unlabelled=camvid / "test", reward_kind="mmd")
+    with pytest.raises(UserError, match="are among the reward images"):
+        named_target(both, WorkerPool(0))
+
+
+@pytest.mark.slow
+def test_search_and_candidates_need_no_label(config, camvid, capsys):
+    config = replace(config, data=camvid, unlabelled=camvid / "train")
+    check(config)
+    with opened(config) as run:
+        run.begin(work_of(config))
+        learnt = learn(run)
+    assert learnt.found.rewards.shape == (1, 2) and np.isfinite(learnt.found.rewards).all()
+    assert learnt.chosen in config.candidates and set(learnt.scores) == set(config.candidates)
+    assert (config.out / FILE).exists()
+    assert all(line["class_iou"] == [] for line in lines(config.out / "evaluations.jsonl"))
+    said = capsys.readouterr().out
+    assert "-MMD^2" in said and "mIoU" not in said
+
+
+def test_the_net_is_trained_once(recipe, net, monkeypatch):
+    monkeypatch.setattr(module, "train_features", None)
+    again = feature_net(recipe, net.path.parent, WorkerPool(0))
+    images = unlabelled(16, 16).images
+    one, other = again.reference(images), net.reference(images)
+    assert one.source == other.source and one.features.shape == (6, 120)
+    assert net.reference(images[::-1]).source != one.source
+
+
+def test_a_dataset_is_nearest_to_itself(recipe, net):
+    own = render(recipe, random_proposal(), 0).images
+    others = unlabelled(recipe.fidelity.height, recipe.fidelity.width).images
+    rewards = [
+        evaluate_mmd(recipe, random_proposal(), 0, net.reference(images)).reward
+        for images in (own, others)
+    ]
+    assert rewards[0] > rewards[1]
+    # Unbiased, a set against itself is below 0: what pairs leave out is k(x, x).
+    x = net.reference(own).features
+    assert rewards[0] == pytest.approx(-mmd2(x, x)) and rewards[0] > 0
+
+
+def test_kinds_of_rewards_are_kept_apart(recipe, net, tmp_path):
+    images = unlabelled(recipe.fidelity.height, recipe.fidelity.width)
+    truth, reference = Truth(images.images, images.labels), net.reference(images.images)
+    moved = reference._replace(net="elsewhere.npz")  # where the net lies does not matter
+    keys = [about(recipe, TARGET, "reward", t)["config"] for t in (truth, reference, moved)]
+    assert keys[0] != keys[1] == keys[2]
+    evaluator = Evaluator(recipe, TARGET, "reward", reference, WorkerPool(0))
+    memory = Memory(Log(tmp_path / "log.jsonl"), None, lambda: 0.0)
+    jobs = [Job(random_proposal(), 1, {})]
+    ((_, first),) = evaluator.map(jobs, memory)
+    ((_, again),) = evaluator.map(jobs, memory)
+    assert again.stored and not first.stored and again.reward == first.reward
+
+
+def test_what_cannot_work_is_refused(config, recipe, net, tmp_path, monkeypatch):
+    squared = replace(config, search=replace(config.search, squared_reward=True))
+    with pytest.raises(UserError, match="squared-reward needs --reward-kind miou"):
+        check(squared)
+    single = replace(config, reward=replace(config.reward, streets=1))
+    with pytest.raises(UserError, match="at least 2 images"):
+        check(single)
+    with pytest.raises(UserError, match="at least 2 reward images"):
+        net.reference(unlabelled(16, 16, 1).images)
+    (tmp_path / FILE).write_bytes(b"no zip")
+    with pytest.raises(UserError, match="remove it to train it anew"):
+        FeatureNet(tmp_path / FILE, 11).reference(unlabelled(16, 16).images)
+
+    def diverge(recipe):
+        raise TrainingError("the loss is nan")
+
+    monkeypatch.setattr(module, "train_features", diverge)
+    with pytest.raises(UserError, match="--reward-kind mmd: the loss is nan"):
+        feature_net(recipe, tmp_path / "new", WorkerPool(0))
