@@ -152,9 +152,15 @@ def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
     return "" if ci95 is None else f"{ci95[0]:{form}} to {ci95[1]:{form}}"
 
 
-def half(entry: Report) -> float:
-    """Half the interval of a mean, for the bars of a figure; none where there is one value."""
-    return entry["mean"] - entry["ci95"][0] if entry["ci95"] else 0.0
+def cells(entry: Report | None, form: str = ".1f") -> list[str]:
+    """Mean and interval of a row or a gain, as two cells of a table; empty where there are none."""
+    known = entry or {"mean": None, "ci95": None}
+    return [number(known["mean"], form), interval(known["ci95"])]
+
+
+def half(row: Report) -> float:
+    """Half the interval of a row, for error bars; 0 where there is none."""
+    return row["mean"] - row["ci95"][0] if row["ci95"] else 0.0
 
 
 def words(name: str) -> str:
@@ -182,3 +188,8 @@ def introduction(report: Report) -> str:
         f"test images, {report['seeds']} paired seeds, 95 % intervals by Student's t."
         + ("" if learnt is None else f" Learnt attributes are from {learnt}.")
     )
+
+
+def target_of(report: Report) -> str:
+    """The target, for the title of a figure."""
+    return report["target"] + ("" if report["real"] else " (not real data)")
