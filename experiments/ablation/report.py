@@ -10,14 +10,15 @@ from experiments.study.figure import plt, png
 from experiments.study.form import (
     Form,
     Report,
+    cells,
     failures,
     half,
-    interval,
     introduction,
     markdown,
     miou,
     number,
     statistics,
+    target_of,
     words,
 )
 from experiments.study.searches import Rewards, failed_evaluations, thirds
@@ -98,15 +99,13 @@ def _rewards(row: Report) -> Rewards:
 
 
 def _cells(row: Report) -> list[str]:
-    gain = (row["gain"] or {}) if row["variant"] != FULL else {}
+    gain = row["gain"] if row["variant"] != FULL else None
     rewards = _rewards(row)
     first, last = thirds(rewards)
     return [
         TITLES[row["variant"]],
-        number(row["mean"]),
-        interval(row["ci95"]),
-        number(gain.get("mean"), "+.1f"),
-        interval(gain.get("ci95")),
+        *cells(row),
+        *cells(gain, "+.1f"),
         number(row["paper"], "+.1f"),
         str(len(rewards)),
         number(first),
@@ -145,9 +144,8 @@ def picture(report: Report) -> bytes:
     right.axvline(0, color="0.7", lw=0.8)
     right.set(xlabel="mIoU points against the full method")
     right.legend(fontsize=8)
-    note = "" if report["real"] else " (not real data)"
     figure.suptitle(
-        f"{report['target']}{note}, {words(report['method'])}, "
+        f"{target_of(report)}, {words(report['method'])}, "
         f"{report['evaluations']} rewards for each variant"
     )
     return png(figure)

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from experiments.study.figure import plt, png
-from experiments.study.form import Report, half, words
+from experiments.study.form import Report, half, target_of, words
 
 COLUMNS = 3
 """Panels beside each other."""
@@ -48,8 +48,7 @@ def picture(report: Report) -> bytes:
     for axis in axes[:3]:
         if axis.get_legend_handles_labels()[1]:
             axis.legend(fontsize=8)
-    note = "" if report["real"] else " (not real data)"
-    figure.suptitle(f"{report['target']}{note}, {report['evaluations']} rewards for each method")
+    figure.suptitle(f"{target_of(report)}, {report['evaluations']} rewards for each method")
     return png(figure)
 
 

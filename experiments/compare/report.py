@@ -8,8 +8,8 @@ from experiments.compare.picture import picture
 from experiments.study.form import (
     Form,
     Report,
+    cells,
     failures,
-    interval,
     markdown,
     number,
     statistics,
@@ -77,15 +77,13 @@ def text(report: Report) -> str:
 
 def _cells(row: Report) -> list[str]:
     search, final = row["search"] or {}, row["final"] or {}
-    gain = (final.get("gain") or {}) if row["method"] != RANDOM else {}
+    gain = final.get("gain") if row["method"] != RANDOM else None
     rewards, method = search.get("reward_seconds", {}), search.get("method_seconds", {})
     return [
         str(row["attributes"]),
         words(row["method"]),
-        number(final.get("mean")),
-        interval(final.get("ci95")),
-        number(gain.get("mean"), "+.1f"),
-        interval(gain.get("ci95")),
+        *cells(row["final"]),
+        *cells(gain, "+.1f"),
         str(search.get("evaluations", 0)),
         number(search.get("first_third")),
         number(search.get("last_third")),
@@ -101,17 +99,16 @@ def _budgets(report: Report) -> list[str]:
     rows = [row for row in report["rows"] if row["method"] != RANDOM]
     if len(report["budgets"]) < 2 or not any(at["gain"] for row in rows for at in row["budgets"]):
         return []
-    cells = []
+    lines = []
     for row in rows:
-        gains = [at["gain"] or {} for at in row["budgets"]]
-        said = [f"{number(g.get('mean'), '+.1f')} ({interval(g.get('ci95'))})" for g in gains]
-        cells.append([str(row["attributes"]), words(row["method"]), *said])
+        gains = ["{} ({})".format(*cells(at["gain"], "+.1f")) for at in row["budgets"]]
+        lines.append([str(row["attributes"]), words(row["method"]), *gains])
     return [
         "",
         "Gain over random attributes on the test images, with the 95 % interval, from the reward's budget "
         "to the final one:",
         "",
-        *markdown(("attributes", "method", *report["budgets"]), cells),
+        *markdown(("attributes", "method", *report["budgets"]), lines),
     ]
 
 
