@@ -14,7 +14,6 @@ from experiments.cli import main
 from experiments.compare.job import STUDY, check, defaults, rows, searches
 from experiments.compare.report import FORM, RANDOM
 from experiments.presets import PRESETS, TARGETS
-from experiments.reward import evaluator
 from experiments.run.plans import plan, schedule
 from experiments.study.skeleton import do
 from experiments.study.stats import mean_ci95, paired_gain
@@ -29,11 +28,11 @@ command = partial(main, "compare", defaults, partial(do, STUDY), "")
 
 
 @pytest.fixture
-def compare(camvid, monkeypatch):
+def compare(camvid, scored_by):
     """Runs a comparison on tiny CamVid with rewards by formula; returns the exit code."""
 
     def start(out, *flags, evaluate=formula, methods=(RANDOM, "random_search")):
-        monkeypatch.setattr(evaluator, "evaluate_miou", evaluate)
+        scored_by(evaluate)
         fixed = ("--target", "camvid", "--preset", "smoke", "--data", str(camvid), "--workers", "0")
         chosen = () if methods is None else ("--methods", *methods)
         return command([*fixed, "--out", str(out), *chosen, *flags])
@@ -146,8 +145,9 @@ def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
 
 def test_killed_it_goes_on_and_ends_the_same(compare, tmp_path):
     whole, broken = tmp_path / "whole", tmp_path / "broken"
-    assert compare(whole) == 0
-    for count in (3, 8, 10):  # within a search, and within the nets of the first and last budgets
+    flags = ("--subsets", "building_position")
+    assert compare(whole, *flags) == 0
+    for count in (3, 3, 8):  # within a search, and within the nets of the first and last budgets
         left = [count]
 
         def dying(*task, left=left):
@@ -157,17 +157,17 @@ def test_killed_it_goes_on_and_ends_the_same(compare, tmp_path):
             return formula(*task)
 
         with pytest.raises(Killed):
-            compare(broken, evaluate=dying)
+            compare(broken, *flags, evaluate=dying)
     with open(broken / "finals.jsonl", "a") as file:
         file.write('{"key": "12')  # as a kill within a write leaves it
     logs = ("evaluations.jsonl", "finals.jsonl")
-    assert [len(lines(broken / name)) for name in logs] == [8, 13]
-    assert compare(broken) == 0
+    assert [len(lines(broken / name)) for name in logs] == [4, 10]
+    assert compare(broken, *flags) == 0
     assert report_of(broken) == report_of(whole)
     for name in logs:
         found, wanted = (sorted(r["key"] for r in lines(p / name)) for p in (broken, whole))
         assert found == wanted
-    assert compare(broken, evaluate=never) == 0  # what is finished is not redone
+    assert compare(broken, *flags, evaluate=never) == 0  # what is finished is not redone
 
 
 def test_all_attributes_without_finals_record_rewards_for_other_runs(compare, tmp_path):
