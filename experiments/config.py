@@ -184,12 +184,19 @@ class NetsConfig(Config):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchConfig(NetsConfig):
+class GroupsConfig(NetsConfig):
+    """What a job that searches can be told, too."""
+
+    search: SearchOptions
+    groups: tuple[Group, ...]
+    """Attributes optimised together, one word per group, in this order; each of the 23 in one group."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchConfig(GroupsConfig):
     """What a job that learns attributes can be told, too."""
 
     search: Search
-    groups: tuple[Group, ...]
-    """Attributes optimised together, one word per group, in this order; each of the 23 in one group."""
     candidates: tuple[Candidate, ...] = ("argmax", "spread", "broad")
     """Ways to relax the learnt answer: argmax (best bins), spread (as wide as the policy is unsure),
     broad (the same, at least half of each range); random (all attributes random) may stand beside them."""
@@ -228,6 +235,14 @@ class LearntConfig(SearchConfig, Rederived):
 
     learnt: Path | None = None
     """attributes.json of an earlier run; by default the search runs here."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchesConfig(GroupsConfig, Rederived):
+    """What a study of many searches can be told, too."""
+
+    evaluations: int
+    """Rewards that each search may ask for."""
 
 
 def check(config: Config) -> None:

@@ -54,7 +54,7 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
         raise UserError(f"--rederive {file}: {error.strerror}") from None
     except UserError as error:
         raise UserError(f"--rederive: {error}") from None
-    if not isinstance(scores, dict) or scores.get("study") != form.name:
+    if not isinstance(scores, dict) or scores.get("study", form.name) != form.name:
         raise UserError(f"--rederive {file} is no report of experiments.{form.name}")
     try:
         form.text(form.derive(scores))
