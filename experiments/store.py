@@ -20,7 +20,7 @@ import numpy as np
 
 from experiments.reward.store import kinds_of, merged, read, write_store
 from scene.attributes import NAMES
-from shell.command import Parser
+from shell.command import Parser, exit_code
 from shell.errors import UserError
 
 
@@ -66,16 +66,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("files", type=Path, nargs="+", help="stores, or run folders")
     parser.add_argument("--out", type=Path, help="the new store that merge writes")
     options = parser.parse_args(arguments)
-    if (options.out is not None) != (options.command == "merge"):
-        parser.error("merge needs --out FILE, and show takes none")
-    try:
+
+    def work() -> None:
+        if (options.out is not None) != (options.command == "merge"):
+            raise UserError("merge needs --out FILE, and show takes none")
         if options.command == "show":
             print("\n".join(table(path) for path in options.files))
         else:
             print(f"{options.out}: {merge(options.files, options.out)} evaluations")
-    except (UserError, OSError) as error:
-        parser.fail(error)
-    return 0
+
+    return exit_code(work)
 
 
 if __name__ == "__main__":

@@ -61,6 +61,7 @@ def exit_code(work: Callable[[], None], also: tuple[type[Exception], ...] = ()) 
     """
     try:
         work()
+        sys.stdout.flush()  # not at exit, where an error has another code
     except UserError as error:
         return _fail(str(error), USAGE)
     except BrokenPipeError:  # as of ``| head``; nor can what is still unwritten be written at exit

@@ -73,14 +73,15 @@ class JsonLines:
         """Add lines and see them to the disk; on a full disk, no part of them stays.
 
         Raises:
-            RuntimeError: another process has added lines that were not read.
+            RuntimeError: another process has added lines that were not read, or has taken some away.
             OSError: the file cannot be written.
         """
         text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in records).encode()
         if self.path is not None:
             with naming(self.path), open(self.path, "a+b", buffering=0) as file:
+                shrunk = file.seek(0, os.SEEK_END) < self._size
                 file.seek(self._size)
-                if b"\n" in file.read():
+                if shrunk or b"\n" in file.read():
                     raise RuntimeError(f"{self.path} was changed by another process; start again")
                 try:
                     file.truncate(self._size)  # a kill may have left a part of a line

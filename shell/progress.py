@@ -7,9 +7,9 @@ import time
 from typing import TextIO
 
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
+from rich.text import Text
 
 
 def duration(seconds: float) -> str:
@@ -38,6 +38,10 @@ class Progress:
         self._done = self._worked = 0.0
         self._started = time.perf_counter()
         self._stream = stream or sys.stdout
+        self._console = Console(file=self._stream)
+        # Rich draws nothing on terminals without a cursor, and would draw into files if told to force it.
+        terminal = self._console.is_terminal and not self._console.is_dumb_terminal
+        self._live = terminal and self._stream.isatty()
         self._bar: Bar | None = None
 
     @property
@@ -62,24 +66,25 @@ class Progress:
     def say(self, text: str) -> None:
         """Print a line that stays."""
         if self._bar is not None:
-            self._bar.console.print(text, markup=False, highlight=False, soft_wrap=True)
+            self._console.print(Text(text), soft_wrap=True)
         else:
             print(text, file=self._stream, flush=True)
 
     def update(self, text: str) -> None:
         """Tell where the job is."""
         share = min(self._done / self._total, 1) if self._total > 0 else 1.0
-        left = "" if self.left is None else f" | {duration(self.left)} left"
-        line = f"{self._label}{text}{left}"
-        if not self._stream.isatty():
+        left = [] if self.left is None else [f"{duration(self.left)} left"]
+        if not self._live:
+            line = self._label + " | ".join([text, *left])
             print(f"[{100 * share:3.0f} %] {line}", file=self._stream, flush=True)
             return
         if self._bar is None:
-            columns = (BarColumn(20), TextColumn("{task.percentage:3.0f} % {task.description}"))
-            self._bar = Bar(*columns, console=Console(file=self._stream))
+            line_of = TextColumn("{task.percentage:3.0f} % {task.description}", markup=False)
+            self._bar = Bar(BarColumn(20), line_of, console=self._console)
             self._bar.add_task("", total=1.0)
             self._bar.start()
-        self._bar.update(self._bar.task_ids[0], completed=share, description=escape(line))
+        line = self._label + " | ".join([*left, text])  # narrow terminals cut the end off
+        self._bar.update(self._bar.task_ids[0], completed=share, description=line)
 
     def close(self) -> None:
         """Leave the last line as it is; what is printed next begins on a line of its own."""

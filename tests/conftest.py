@@ -1,5 +1,6 @@
 """What every test shares: JAX on the CPU, checked shapes, one hypothesis profile, the real data."""
 
+import errno
 import os
 from pathlib import Path
 
@@ -36,3 +37,13 @@ def camvid_dir() -> Path:
     if not path.is_dir():
         pytest.fail(f"CAMVID_DIR={value} is not a folder; unset it to skip these tests")
     return path
+
+
+@pytest.fixture
+def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Bytes reach their file, but the disk takes none of them; ``monkeypatch.undo()`` makes room."""
+
+    def fsync(descriptor: int) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", fsync)

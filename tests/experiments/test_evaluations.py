@@ -1,0 +1,396 @@
+"""Evaluations: which are the same, what is remembered of them, and that none is made twice."""
+
+import json
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.config import MainConfig
+from experiments.presets import defaults
+from experiments.reward import evaluator as module
+from experiments.reward.evaluator import Job, about
+from experiments.reward.miou import Outcome, Truth, attempt
+from experiments.reward.mmd import Reference
+from experiments.reward.store import HEADER, LOGS, Log, Store, identity, read, record_of
+from experiments.run.context import Run
+from experiments.run.learn import plan_of
+from experiments.run.nets import score_nets
+from experiments.run.search import search
+from experiments.store import main
+from experiments.target.base import Split, Target
+from scene.attributes import NAMES
+from scene.proposal import Proposal, default_proposal, random_proposal
+from scene.workers import WorkerPool
+from seg.train import TrainingError
+from shell.errors import UserError
+from shell.progress import Progress
+
+from .conftest import formula, lines, never
+
+CONFIG = defaults(MainConfig, "camvid", "smoke")
+TRUTH = Truth(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
+SIDES = Split(*(SimpleNamespace(images=a, labels=b) for a, b in (TRUTH, TRUTH)))
+TARGET = Target("camvid", True, "camvid", "", ("a", "b"), ("c",), lambda height, width: SIDES)
+
+
+def record(key: str = "k", reward: float | None = 0.25, **others) -> dict:
+    failed = None if reward is not None else "the loss is nan"
+    outcome = Outcome(
+        math.nan if failed else reward, [] if failed else [0.5, None], 1.0, 2.0, failed
+    )
+    return record_of(key, random_proposal(), 1, outcome) | {"config": "c", "engine": 1} | others
+
+
+def diverge(*task) -> Outcome:
+    raise TrainingError("the loss is nan")
+
+
+def jobs(*seeds: int) -> list[Job]:
+    return [Job(random_proposal(), seed, {"row": f"r{seed}"}) for seed in seeds]
+
+
+@pytest.fixture
+def a_run(tmp_path):
+    """Opens runs on the target above, without their folders' guards."""
+
+    def opened(out="run", store=None, **changes) -> Run[MainConfig]:
+        config = replace(CONFIG, out=tmp_path / out, **changes)
+        config.out.mkdir(exist_ok=True)
+        logs = [Log(config.out / name) for name in LOGS]
+        return Run(config, TARGET, WorkerPool(0), *logs, store and Store(store), Progress(1))
+
+    return opened
+
+
+def evaluate(run: Run[MainConfig], *seeds: int) -> list[Outcome]:
+    """Outcomes of jobs, in their order."""
+    evaluator = run.evaluator(run.recipe(run.config.reward))
+    return run.score(evaluator, jobs(*seeds), log=run.finals, cost=1.0)
+
+
+# What is the same.
+
+
+@given(st.integers(0, 2**31 - 1), st.floats(0, 1, width=32))
+def test_a_name_tells_seed_attributes_and_images(seed, value):
+    units = np.full(23, value, np.float32)
+    key = identity("c", Proposal(units, units), seed)
+    assert key == identity("c", Proposal(units.tolist(), units.copy()), np.uint32(seed))
+    changed = units.copy()
+    changed[22] = np.nextafter(changed[22], np.float32(2))
+    real = TRUTH._replace(labels=TRUTH.labels + np.uint8(seed % 255 + 1))
+    others = [
+        identity("d", Proposal(units, units), seed),
+        identity("c", Proposal(units, units), seed + 1),
+        identity("c", Proposal(units, changed), seed),
+        identity("c", TRUTH, seed),
+        identity("c", real, seed),
+    ]
+    assert len(key) == 64 and len({key, *others}) == 1 + len(others)
+
+
+def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypatch):
+    (tmp_path / "own" / "car").mkdir(parents=True)
+
+    def name(target=TARGET, side="reward", truth=TRUTH, table="camvid", **changes):
+        run = a_run(**changes)
+        recipe = run.recipe(run.config.reward)._replace(table=table)
+        return about(recipe, target, side, truth)["config"]
+
+    reward = CONFIG.reward
+    own = {"assets": tmp_path / "own"}
+    others = [
+        name(reward=replace(reward, shots=3)),
+        name(reward=replace(reward, samples=2)),
+        name(reward=replace(reward, train=replace(reward.train, steps=13))),
+        name(reward=replace(reward, train=replace(reward.train, lr=0.5))),
+        name(renderer="opengl"),
+        name(asset_fraction=0.5),
+        name(asset_count=5),
+        name(**own),
+        name(table="cityscapes"),
+        name(target=TARGET._replace(name="twin")),
+        name(target=TARGET._replace(reward_names=("a", "x"))),
+        name(side="test"),
+        name(truth=TRUTH._replace(labels=TRUTH.labels + 1)),
+        name(truth=Reference(np.zeros((2, 3)), "net", "images")),
+    ]
+    (tmp_path / "own" / "car" / "a.obj").write_text("v 0 0 0")
+    others += [name(**own)]
+    (tmp_path / "own" / "car" / "a.obj").write_text("v 0 0 1")
+    others += [name(**own)]
+    assert len({name(), *others}) == 1 + len(others)
+    (tmp_path / "own").rename(tmp_path / "moved")
+    assert name(assets=tmp_path / "moved") == others[-1]
+    free = {"seed": 5, "workers": 7, "seeds": 9, "store": tmp_path / "s", "twin_seed": 3}
+    assert name(**free, final=reward) == name() == name(target=TARGET._replace(test_names=("x",)))
+    others += [name()]
+    monkeypatch.setattr(module, "ENGINE", module.ENGINE + 1)
+    assert name() not in others
+
+
+# What is remembered.
+
+
+def test_lines_come_back_behind_a_header(tmp_path):
+    path = tmp_path / "new" / "store.jsonl"
+    store, other = Store(path), Store(path)
+    assert len(store) == 0 and not path.exists()
+    assert store.add(record()) == record()
+    assert other.get("k") is None and other.add(record(reward=0.5)) == record()  # the first stands
+    store.add(record("failed", None))
+    assert lines(path) == [HEADER, record(), record("failed", None)]
+    other.refresh()
+    again = Store(path)
+    assert again.records == store.records == other.records
+    assert again.get("other") is None and again.where("failed") == f"{path}: line 3"
+
+
+@pytest.mark.parametrize("whole", range(2))
+def test_a_kill_while_writing_loses_at_most_the_last_line(whole, tmp_path):
+    path, texts = tmp_path / "store.jsonl", [json.dumps(r) + "\n" for r in (HEADER, record())]
+    path.write_text("".join(texts[:whole]) + '{"half": ')
+    Store(path).add(record())
+    assert path.read_text() == "".join(texts)
+
+
+def add_many(path: Path, name: str) -> None:
+    store = Store(path)
+    for k in range(20):
+        store.add(record(f"{name}{k}"))
+        store.add(record(f"both{k}"))
+
+
+def test_two_runs_may_write_at_once(tmp_path):
+    path = tmp_path / "store.jsonl"
+    with ThreadPoolExecutor(2) as writers:  # the lock belongs to the open file, not to the process
+        for done in [writers.submit(add_many, path, name) for name in "xy"]:
+            done.result()
+    assert len(lines(path)) == 61 and len(Store(path)) == 60
+
+
+def test_a_log_names_what_is_not_its_own(tmp_path):
+    log = Log(tmp_path / "finals.jsonl")
+    log.add(record(row="random"))
+    log.add(record(row="learnt"))
+    assert Log(log.path).records == log.records and len(log.records) == 2
+    assert Log(log.path).get("k")["row"] == "random" and log.get("other") is None
+    with log.path.open("a") as file:
+        file.write('{"key": "a"}\n')
+    with pytest.raises(UserError, match=f"{log.path}: line 3: config must be of type str"):
+        Log(log.path)
+
+
+# What is not made again.
+
+
+def test_known_evaluations_are_not_made_again(a_run, tmp_path, scored_by):
+    store = tmp_path / "store.jsonl"
+    scored_by(formula)
+    first = evaluate(a_run(store=store), 1, 2, 1)
+    assert [o.stored for o in first] == [False, False, True] and first[0].reward == first[2].reward
+    scored_by(never)
+    for run in (a_run(), a_run("other", store=store)):
+        again = evaluate(run, 2, 1)
+        assert [o.reward for o in again] == [first[1].reward, first[0].reward]
+        assert all(o.stored and o.seconds == 2.0 and len(o.class_iou) == 11 for o in again)
+    # Each run's log has its own notes, beside all that the store knows.
+    kept = Store(store).records
+    assert len(kept) == 2 and "row" not in kept[0]
+    ours, theirs = (lines(tmp_path / name / LOGS[1]) for name in ("run", "other"))
+    assert [line["row"] for line in ours] == ["r1", "r2"]
+    assert theirs == [
+        {**r, "elapsed": e["elapsed"]} for r, e in zip(ours[::-1], theirs, strict=True)
+    ]
+    assert kept[0] == {k: v for k, v in ours[0].items() if k not in ("row", "elapsed")}
+    assert kept[0]["centre"] == [0.5] * 23 and kept[0]["width"] == [1.0] * 23
+    assert (kept[0]["seed"], kept[0]["side"], kept[0]["size"]) == (1, "reward", "64x48")
+
+
+def test_what_the_store_holds_stands(a_run, tmp_path, scored_by):
+    def slow(*task) -> Outcome:
+        scored_by(lambda *task: formula(*task)._replace(reward=0.125))
+        evaluate(a_run("quicker", store=run.store.path), 1)
+        return formula(*task)
+
+    run = a_run(store=tmp_path / "store.jsonl")
+    scored_by(slow)
+    (outcome,) = evaluate(run, 1)
+    assert outcome.reward == 0.125 and not outcome.stored
+    assert [line["reward"] for line in lines(run.finals.path)] == [0.125]
+
+
+def test_a_failed_evaluation_is_kept_as_failed(a_run, tmp_path, scored_by):
+    for out in ("run", "other"):
+        scored_by(diverge if out == "run" else never)
+        (outcome,) = evaluate(a_run(out, store=tmp_path / "store.jsonl"), 3)
+        assert math.isnan(outcome.reward) and outcome.failed == "the loss is nan"
+    assert Store(tmp_path / "store.jsonl").records[0]["reward"] is None
+    with pytest.raises(AssertionError, match="known"):  # all other errors are passed on
+        attempt(never)
+
+
+def test_a_score_that_is_no_number_is_the_images_fault(a_run, tmp_path, scored_by):
+    scored_by(lambda *task: formula(*task)._replace(reward=math.nan))
+    run = a_run(store=tmp_path / "store.jsonl")
+    with pytest.raises(UserError, match=r"score is nan: .* at least one labelled class"):
+        evaluate(run, 3)
+    assert not run.finals.records and not run.store.records
+
+
+def test_a_second_search_takes_its_rewards_from_the_store(a_run, tmp_path, scored_by):
+    found = []
+    for out in ("one", "two"):
+        scored_by(formula if out == "one" else never)
+        options = replace(CONFIG.search, method="random_search")
+        run = a_run(out, store=tmp_path / "store.jsonl", search=options)
+        found.append(search(run, plan_of(run.config)))
+    np.testing.assert_array_equal(*(result.rewards for result in found))
+    logs = [lines(tmp_path / out / LOGS[0]) for out in ("one", "two")]
+    assert [{**r, "elapsed": 0} for r in logs[0]] == [{**r, "elapsed": 0} for r in logs[1]]
+    # The store tells what was proposed: a bin's interval for each attribute.
+    stored = Store(tmp_path / "store.jsonl").records
+    assert len(stored) == 12 and stored[0]["width"] == [0.2] * 23
+    bins = np.array(logs[0][0]["actions"])
+    np.testing.assert_allclose(stored[0]["centre"], (bins + 0.5) / 5, atol=1e-6)
+
+
+# Nets of a result.
+
+
+def nets(run: Run[MainConfig]) -> dict[str, list[Outcome]]:
+    sources = {"random": random_proposal(), "default": default_proposal(), "real": TRUTH}
+    recipe = run.recipe(run.config.final)
+    return score_nets(run, "final", sources, recipe, [5, 6, 7], once=["default"])
+
+
+def test_rows_are_paired_and_scored_once_on_the_test_images(a_run, scored_by, capsys):
+    scored_by(formula)
+    run = a_run()
+    found = nets(run)
+    rows = [(r["kind"], r["side"], r["row"], r["seed"]) for r in run.finals.records]
+    names = ["random", "default", "real", "random", "real", "random", "real"]
+    seeds = [5, 5, 5, 6, 6, 7, 7]
+    assert rows == [("final", "test", *row) for row in zip(names, seeds, strict=True)]
+    wanted = [formula(run.recipe(CONFIG.final), TRUTH, seed, TRUTH).reward for seed in (5, 6, 7)]
+    assert [outcome.reward for outcome in found["real"]] == wanted
+    told = capsys.readouterr().out.splitlines()
+    assert len(told) == 7 and f"final: real, seed 6 | mIoU {100 * wanted[1]:.1f}" in told[4]
+    scored_by(never)
+    again = nets(a_run())
+    assert {k: [o.reward for o in own] for k, own in again.items()} == {
+        k: [o.reward for o in own] for k, own in found.items()
+    }
+    assert [len(own) for own in again.values()] == [3, 1, 3] and capsys.readouterr().out == ""
+
+
+def test_more_than_a_tenth_failed_ends_it(a_run, scored_by, capsys):
+    def until(end: int):
+        def evaluate(recipe, source, seed, truth):
+            fails = isinstance(source, Truth) and seed < end
+            return (diverge if fails else formula)(recipe, source, seed, truth)
+
+        return evaluate
+
+    scored_by(until(6))  # one may
+    assert [o.failed for o in nets(a_run())["real"]] == ["the loss is nan", None, None]
+    assert "final: real, seed 5 | failed" in capsys.readouterr().out
+    scored_by(until(7))
+    with pytest.raises(UserError, match=r"2 of 7 evaluations failed.*the loss is nan"):
+        nets(a_run("other"))
+
+
+# The command line.
+
+
+@pytest.fixture
+def refused(error_line):
+    """The one line with which the command line refuses its arguments."""
+
+    def line(*arguments) -> str:
+        assert main([str(a) for a in arguments]) == 2
+        return error_line()
+
+    return line
+
+
+def written(path: Path, *records: dict, make=Store) -> Path:
+    path.parent.mkdir(exist_ok=True)
+    for r in records:
+        make(path).add(r)
+    return path
+
+
+def test_show_counts_by_configuration(tmp_path, capsys):
+    records = [record("a", 0.1), record("b", 0.3), record("c", None), record("d", 0.5, config="o")]
+    store = written(tmp_path / "s.jsonl", *records)
+    log = written(tmp_path / "run" / LOGS[1], *records[:1], make=Log)
+    assert main(["show", str(store), str(log.parent)]) == 0
+    first, one, other, run, own = capsys.readouterr().out.splitlines()
+    assert "4 evaluations of 23 attributes" in first
+    assert "3 evaluations, 1 failed" in one and "best 30.00, mean 20.00" in one
+    assert "1 evaluations, 0 failed" in other and "best 50.00" in other
+    assert f"{log.parent}: 1 evaluations" in run and "best 10.00" in own
+
+
+def test_merge_folds_duplicates(tmp_path, capsys, refused):
+    a = written(tmp_path / "a.jsonl", record("x"), record("y"))
+    run = tmp_path / "run"
+    written(run / LOGS[0], record("y", train_seconds=9.0), record("z", None), make=Log)
+    written(run / LOGS[1], record("z", None), record("w", centre=None, width=None), make=Log)
+    assert [where for _, where in read(run).values()] == [
+        f"{run / LOGS[0]}: line 1", f"{run / LOGS[0]}: line 2", f"{run / LOGS[1]}: line 2"
+    ]  # fmt: skip
+    out = tmp_path / "c.jsonl"
+    assert main(["merge", str(a), str(run), "--out", str(out)]) == 0
+    assert "4 evaluations" in capsys.readouterr().out
+    assert [r["key"] for r in Store(out).records] == ["x", "y", "z", "w"]
+    assert "exists already" in refused("merge", a, "--out", out)
+
+
+@pytest.mark.parametrize("make", [Store, Log])
+def test_merge_refuses_two_values_for_one_key_and_names_both(make, tmp_path, refused):
+    a = written(tmp_path / "a.jsonl", record("x", 0.25))
+    b = tmp_path / "run" / LOGS[1]
+    written(b, record("w"), record("x", 0.75), make=make)
+    error = refused("merge", a, b if make is Store else b.parent, "--out", tmp_path / "c.jsonl")
+    assert f"{a}: line 2 and {b}: line {3 if make is Store else 2}" in error
+    assert "0.250000 and 0.750000" in error and not (tmp_path / "c.jsonl").exists()
+
+
+@pytest.mark.parametrize(
+    ("found", "complaint"),
+    [
+        ([{**HEADER, "attributes": ["light", "fog"]}], "another space: 2 attributes"),
+        ([{**HEADER, "attributes": list(reversed(NAMES))}], "in another order"),
+        ([{**HEADER, "store": "sdr-jax evaluations, 1"}], "of an earlier version"),
+        ([record()], "is no store of evaluations"),
+        ([HEADER, [1]], "line 2 is no JSON object"),
+        ([HEADER, math.nan], "line 2 is not JSON"),
+        ([HEADER, {"key": 1}], "line 2: key must be of type str"),
+        ([HEADER, record(reward=None, failed=None)], "one of the two"),
+        ([HEADER, record(centre=[0.5])], "centre must hold 23"),
+        ([HEADER, record(), record(reward=0.5)], "line 3 hold the same evaluation with different"),
+    ],
+)
+def test_other_files_are_refused_in_one_line(found, complaint, tmp_path, refused):
+    path = tmp_path / "other.jsonl"
+    path.write_text("".join(json.dumps(line) + "\n" for line in found))
+    before = path.read_bytes()
+    error = refused("show", path)
+    assert str(path) in error and complaint in error and path.read_bytes() == before
+
+
+def test_files_that_are_not_there_are_refused(tmp_path, refused):
+    assert "no such store" in refused("show", tmp_path / "none.jsonl")
+    assert "no run folder" in refused("show", tmp_path)
+    assert "merge needs --out" in refused("merge", tmp_path)
+    with pytest.raises(UserError, match="is a folder; a store is a file"):
+        Store(tmp_path)

@@ -1,0 +1,100 @@
+"""A run as the command line opens it: what its folder says, and which folders are refused."""
+
+import json
+from dataclasses import asdict, replace
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from experiments.cli import main
+from experiments.config import MainConfig
+from experiments.main.job import MAIN
+from experiments.presets import defaults
+from experiments.run import context
+from experiments.run.context import Work, opened
+from experiments.run.nets import score_nets
+from experiments.study.skeleton import do
+from scene.proposal import random_proposal
+from scene.render import RendererError
+from shell.folder import plain
+
+from .conftest import formula, never
+
+
+@pytest.fixture
+def fails(error_line, camvid):
+    """The one line with which the CamVid job refuses a folder."""
+
+    def line(out: str | Path) -> str:
+        flags = ["--preset", "smoke", "--workers", "0", "--data", str(camvid), "--out", str(out)]
+        job = partial(defaults, MainConfig), partial(do, MAIN), ""
+        assert main("camvid", *job, flags, target="camvid") == 2
+        return error_line(begun=True)
+
+    return line
+
+
+def test_a_folder_says_everything_needed_to_repeat_the_run(tiny_camvid):
+    with opened(tiny_camvid):
+        stored = json.loads((tiny_camvid.out / "config.json").read_text())
+    assert set(stored.pop("versions")) >= {"jax", "numpy", "sdr-jax"}
+    assert stored == plain({"engine": context.ENGINE, **asdict(tiny_camvid)})
+
+
+def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_by, capsys):
+    def score(config: MainConfig) -> list[float]:
+        with opened(config) as run:
+            run.begin([Work.at("final nets", 2, config.final)])
+            recipe = run.recipe(config.final)
+            found = score_nets(run, "final", {"random": random_proposal()}, recipe, [1, 2])
+            return [outcome.reward for outcome in found["random"]]
+
+    scored_by(formula)
+    first = score(tiny_camvid)
+    assert "Continuing" not in capsys.readouterr().out
+    scored_by(never)
+    store = tiny_camvid.out.with_name("store.jsonl")
+    assert score(replace(tiny_camvid, workers=1, store=store)) == first
+    text = capsys.readouterr().out
+    assert "Continuing: 0 rewards and 2 other nets are done" in text and f"{store} holds 0" in text
+
+
+def test_out_is_a_file_or_cannot_be_written(fails, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    assert "is a file; it must be a folder" in fails(tmp_path / "file")
+    assert "cannot be written" in fails(tmp_path / "file" / "below")
+    assert (tmp_path / "file").read_text() == "mine"
+    # Root may write anywhere but in a file system that takes no files.
+    text = fails("/proc/run")
+    assert "--out /proc/run cannot be written" in text and "choose another" in text
+
+
+def test_out_fills_the_disk(fails, tmp_path, full_disk):
+    text = fails(tmp_path / "run")
+    assert "config.json: No space left on device" in text and "the same command goes on" in text
+    assert not (tmp_path / "run").exists()
+
+
+def test_out_holds_another_run_or_is_in_use(fails, tiny_camvid):
+    with opened(tiny_camvid):
+        assert "in use by another run" in fails(tiny_camvid.out)
+    with opened(replace(tiny_camvid, out=tiny_camvid.out / "other", seed=4)):
+        assert "seed = 4, not 0" in fails(tiny_camvid.out / "other")
+
+
+def test_a_run_of_another_engine_is_refused_by_name(fails, tiny_camvid, monkeypatch):
+    with monkeypatch.context() as patch:
+        patch.setattr(context, "ENGINE", 0)
+        with opened(tiny_camvid):
+            pass
+    assert f"engine = 0, not {context.ENGINE}" in fails(tiny_camvid.out)
+
+
+def test_a_missing_renderer_is_the_users_to_mend(fails, tmp_path, monkeypatch):
+    def missing(name: str):
+        raise RendererError("EGL is missing;\ninstall libegl1")
+
+    monkeypatch.setattr(context, "renderer", missing)
+    assert "EGL is missing; install libegl1" in fails(tmp_path / "run")
+    assert not (tmp_path / "run").exists()

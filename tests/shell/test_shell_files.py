@@ -1,0 +1,71 @@
+"""Whole files or none, and JSON that is read with suspicion."""
+
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shell.errors import UserError
+from shell.files import digest, folder_digest, read_json, versions, write, write_json
+
+
+@given(st.lists(st.text()), st.sampled_from([OSError(5, "I/O error"), KeyboardInterrupt()]))
+def test_what_stops_a_writer_leaves_the_old_file(tmp_path_factory, texts, error):
+    def pieces():
+        yield from ["new", *texts]
+        raise error
+
+    path = tmp_path_factory.mktemp("out") / "file"
+    content = "".join(texts).encode()
+    assert write(path, iter(texts)) == len(content) and path.read_bytes() == content
+    with pytest.raises(type(error)):
+        write(path, pieces())
+    assert path.read_bytes() == content and list(path.parent.iterdir()) == [path]
+
+
+def test_whole_files_or_none(tmp_path, full_disk, monkeypatch):
+    path = tmp_path / "summary.json"
+    path.write_text("old")
+    with pytest.raises(OSError) as caught:
+        write_json(path, {"new": 1})
+    assert caught.value.filename == str(path)
+    assert list(tmp_path.iterdir()) == [path] and path.read_text() == "old"
+    monkeypatch.undo()
+    write_json(path, {"new": 1})
+    assert path.read_text() == '{\n  "new": 1\n}\n' and read_json(path) == {"new": 1}
+    write(path, b"\x00\x01", part=tmp_path / "elsewhere")
+    with pytest.raises(ValueError):
+        write_json(path, {"miou": math.nan})
+    assert path.read_bytes() == b"\x00\x01" and list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("text", ["", "{", "NaN", "[-Infinity]", "[" * 10**5, "\xff"])
+def test_what_is_no_json_is_named(text, tmp_path):
+    path = tmp_path / "x.json"
+    path.write_bytes(text.encode("latin-1"))
+    with pytest.raises(UserError, match=f"{path} is no JSON file"):
+        read_json(path)
+
+
+def test_canonical_json_by_hand():
+    # printf '{"a":[1,null],"b":0.5}' | sha256sum
+    wanted = "e538351ae63f53e363c30268d420c1326bbb521f9654b990125d44fa23340bdc"
+    assert digest({"b": 0.5, "a": [1, None]}) == wanted
+
+
+def test_a_folder_is_told_by_the_names_and_bytes_of_its_files(tmp_path):
+    found = [folder_digest(tmp_path)]
+    for name, text in (("b/x", "1"), ("a", "2"), ("a", "3")):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+        found.append(folder_digest(tmp_path))
+    (tmp_path / "a").rename(tmp_path / "c")
+    assert len({*found, folder_digest(tmp_path)}) == 5
+    (tmp_path / "c").rename(tmp_path / "a")
+    assert folder_digest(tmp_path) == found[-1]
+
+
+def test_versions_of_packages_that_may_be_missing():
+    found = versions(["numpy", "no-such-package"])
+    assert found["numpy"][0].isdigit() and found["no-such-package"] == "not installed"

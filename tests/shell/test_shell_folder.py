@@ -1,0 +1,141 @@
+"""A job's folder: what it lets in, and what it leaves alone."""
+
+import errno
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from shell.errors import UserError
+from shell.folder import opened, plain, refuse_foreign
+
+ROWS = [{"name": "yaw", "low": 0.0}, {"name": "fog", "low": 0.5}]
+JOB = {
+    "seed": 0,
+    "data": Path("/data"),
+    "names": ("argmax", "spread"),
+    "search": {"bins": 5, "options": {"lr": 0.5}},
+    "rows": ROWS,
+}
+
+
+@pytest.fixture
+def out(tmp_path: Path) -> Path:
+    return tmp_path / "run"
+
+
+def refused(out: Path, config: dict = JOB) -> str:
+    """Why a folder is not opened; what is in it stays as it was."""
+    before = {path: path.is_file() and path.read_bytes() for path in out.rglob("*")}
+    with pytest.raises(UserError, match=str(out)) as caught, opened(out, config):
+        pass
+    assert {path: path.is_file() and path.read_bytes() for path in out.rglob("*")} == before
+    return str(caught.value)
+
+
+def test_a_new_folder_says_everything_needed_to_repeat_the_job(tmp_path):
+    out = tmp_path / "runs" / "new"
+    with opened(out, JOB, packages=["none"]) as continued:
+        assert not continued
+    stored = json.loads((out / "config.json").read_text())
+    assert stored == {**plain(JOB), "versions": {"none": "not installed"}}
+    assert stored["data"] == "/data" and stored["names"] == ["argmax", "spread"]
+
+
+def test_the_same_job_is_continued_with_other_free_values(out):
+    with opened(out, {**JOB, "workers": 1}, packages=["numpy"]):
+        pass
+    before = (out / "config.json").read_bytes()
+    with opened(out, {**JOB, "workers": 7}, free=("workers",)) as continued:
+        assert continued and (out / "config.json").read_bytes() == before
+    assert "workers = 1, not 7" in refused(out, {**JOB, "workers": 7})
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"seed": 3}, "seed = 0, not 3"),
+        ({"new": True}, "new = null, not true"),
+        ({"data": Path("/other")}, 'data = "/data", not "/other"'),
+        ({"names": ("spread",)}, 'names = ["argmax", "spread"], not ["spread"]'),
+        ({"search": {"bins": 7, "options": {"lr": 0.5}}}, "search.bins = 5, not 7"),
+        ({"search": {"bins": 5, "options": {}}}, "search.options.lr = 0.5, not null"),
+        ({"rows": ROWS[:1]}, "rows = [{"),
+        ({"rows": [ROWS[0], {"name": "fog", "low": 0.25}]}, "rows.fog.low = 0.5, not 0.25"),
+    ],
+)
+def test_another_job_is_refused_with_both_values(out, change, words):
+    with opened(out, JOB):
+        pass
+    said = refused(out, {**JOB, **change})
+    assert words in said and "use another --out" in said
+
+
+def test_a_folder_in_use_is_refused_and_free_again_afterwards(out):
+    with pytest.raises(KeyboardInterrupt), opened(out, JOB):
+        assert "in use by another run" in refused(out)
+        raise KeyboardInterrupt
+    with opened(out, JOB) as continued:
+        assert continued
+
+
+def test_a_second_process_is_kept_out_until_the_first_is_killed(out):
+    code = (
+        "import sys, time; from pathlib import Path; from shell.folder import opened\n"
+        "with opened(Path(sys.argv[1]), {'seed': 0}):\n    print('in', flush=True); time.sleep(600)"
+    )
+    command = [sys.executable, "-c", code, str(out)]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None and process.stdout.readline() == "in\n"
+            assert "in use by another run" in refused(out, {"seed": 0})
+        finally:
+            process.kill()
+    with opened(out, {"seed": 0}) as continued:
+        assert continued
+
+
+def test_a_folder_killed_at_its_birth_is_taken_and_one_of_other_things_is_not(out):
+    out.mkdir()
+    refuse_foreign(out, JOB)
+    for name in ("lock", "config.json.part", "mine"):
+        (out / name).write_text("")
+    assert "holds other files and no run" in refused(out)
+    with opened(out, JOB, ours=("mine",)) as continued:
+        assert not continued
+    assert {path.name for path in out.iterdir()} == {"config.json", "lock", "mine"}
+
+
+@pytest.mark.parametrize("text", ["{", "[]", "", "\xff"])
+def test_a_broken_config_is_named(out, text):
+    out.mkdir()
+    (out / "config.json").write_bytes(text.encode("latin-1"))
+    assert "config.json is no JSON object" in refused(out)
+
+
+def test_out_is_a_file_or_cannot_be_written(out, monkeypatch):
+    out.write_text("mine")
+    assert "is a file; it must be a folder" in refused(out)
+    assert "cannot be written (Not a directory)" in refused(out / "below")
+    assert out.read_text() == "mine"
+    # Root may write anywhere but in a file system that takes no files.
+    assert "cannot be written" in refused(Path("/proc/run"))
+
+    def read_only(*_, **__):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(Path, "mkdir", read_only)
+    assert "(Read-only file system); choose another" in refused(out.with_name("new"))
+
+
+@pytest.mark.parametrize("there", [False, True])
+def test_a_full_disk_leaves_no_new_folder_and_what_was_there(out, full_disk, there):
+    if there:
+        out.mkdir()
+    with pytest.raises(OSError) as caught, opened(out, JOB):
+        pass
+    assert caught.value.filename == str(out / "config.json")
+    assert out.exists() == there and not (out / "config.json").exists()

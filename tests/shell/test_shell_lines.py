@@ -1,0 +1,147 @@
+"""Lines of JSON: what comes back, what a kill or a full disk takes, and many writers."""
+
+import errno
+import json
+import multiprocessing
+import resource
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shell.errors import UserError
+from shell.lines import JsonLines
+
+LINE = {"key": "k", "reward": 0.25, "class_iou": [0.5, None]}
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A file with one line."""
+    JsonLines(tmp_path / "e.jsonl").append(LINE)
+    return tmp_path / "e.jsonl"
+
+
+def test_lines_come_back(path):
+    log = JsonLines(path)
+    assert log.lines == [LINE] and log.where(0) == f"{path}: line 1"
+    log.append({"n": 2}, {"n": 3})
+    assert log.lines == JsonLines(path).lines == [LINE, {"n": 2}, {"n": 3}]
+    assert [json.loads(line) for line in path.read_text().splitlines()] == log.lines
+    assert not JsonLines(path.with_name("new")).lines and not path.with_name("new").exists()
+    in_memory = JsonLines(None)
+    in_memory.append(LINE)
+    assert in_memory.refresh() == [] and in_memory.lines == [LINE]
+
+
+@given(st.lists(st.dictionaries(st.text(), st.text() | st.floats(0, 1)), max_size=4), st.data())
+def test_a_kill_while_writing_loses_at_most_the_last_line(tmp_path_factory, records, data):
+    path = tmp_path_factory.mktemp("log") / "e.jsonl"
+    JsonLines(path).append(*records)
+    whole = path.read_bytes()
+    cut = data.draw(st.integers(0, len(whole)))
+    path.write_bytes(whole[:cut])
+    again = JsonLines(path)
+    kept = whole[:cut].count(b"\n")
+    assert again.lines == records[:kept]
+    for record in records[kept:]:
+        again.append(record)
+    assert path.read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("{update: 1}", "line 2 is not JSON"),
+        ("", "line 2 is not JSON"),
+        ("\xff\xfe", "line 2 is not JSON"),
+        ("[" * 10**5, "line 2 is not JSON"),
+        ('{"reward": NaN}', "line 2 is not JSON"),
+        ("[1, 2]", "line 2 is no JSON object"),
+    ],
+)
+def test_a_corrupt_line_is_named_with_its_cure(path, line, complaint):
+    path.write_bytes(f"{json.dumps(LINE)}\n{line}\n{json.dumps(LINE)}\n".encode("latin-1"))
+    before = path.read_bytes()
+    with pytest.raises(UserError, match=f"{path}: {complaint}; begin anew"):
+        JsonLines(path, "begin anew")
+    assert path.read_bytes() == before
+
+
+def test_a_full_disk_is_named_and_takes_no_half_line(path, full_disk, monkeypatch):
+    before = path.read_bytes()
+    log = JsonLines(path)
+    with pytest.raises(ValueError):
+        log.append(LINE, {"reward": float("nan")})
+    with pytest.raises(OSError) as caught:
+        log.append(LINE)
+    assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(path))
+    assert path.read_bytes() == before and len(log.lines) == 1
+    monkeypatch.undo()
+    log.append(LINE)
+    assert path.read_bytes() == 2 * before
+
+
+def test_a_file_that_cannot_grow_takes_no_half_line(path):
+    before = path.read_bytes()
+    log = JsonLines(path)
+    old = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 10, old[1]))
+    try:
+        with pytest.raises(OSError) as caught:
+            log.append(LINE)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, old)
+    assert (caught.value.errno, caught.value.filename) == (errno.EFBIG, str(path))
+    assert path.read_bytes() == before
+
+
+@pytest.mark.parametrize("text", [f"{json.dumps(LINE)}\n" * 2, '{"a": 1}\n', ""])
+def test_a_file_that_was_changed_meanwhile_is_left_alone(path, text):
+    log = JsonLines(path)
+    path.write_text(text)
+    with pytest.raises(RuntimeError, match="changed by another process"):
+        log.append(LINE)
+    assert path.read_text() == text
+
+
+def test_what_another_process_adds_is_read_once(path):
+    one, other = JsonLines(path), JsonLines(path)
+    one.append({"n": 1}, {"n": 2})
+    assert other.refresh() == [{"n": 1}, {"n": 2}] and other.refresh() == []
+    with path.open("ab") as file:
+        file.write(b'{"n"')  # it is still writing
+    assert other.refresh() == []
+    with other.shared():
+        other.append({"n": 3})
+    assert JsonLines(path).lines == [LINE, {"n": 1}, {"n": 2}, {"n": 3}]
+
+
+def add_many(path: Path, name: str, ready: Any) -> None:
+    log = JsonLines(path)
+    ready.wait(60)
+    for k in range(20):
+        with log.shared():
+            time.sleep(0.002)  # for the other one to step in, were it not for the lock
+            log.append({"name": name, "k": k}, {"after": [name, k]})
+
+
+@pytest.mark.parametrize("kind", ["Thread", "Process"])
+def test_two_may_write_at_once(tmp_path, kind):
+    path = tmp_path / "new" / "shared.jsonl"
+    module = threading if kind == "Thread" else multiprocessing.get_context("spawn")
+    ready = module.Barrier(2)
+    writers = [getattr(module, kind)(target=add_many, args=(path, name, ready)) for name in "xy"]
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
+    lines = JsonLines(path).lines
+    for name in "xy":
+        assert [line["k"] for line in lines if line.get("name") == name] == list(range(20))
+    for line, after in zip(lines[::2], lines[1::2], strict=True):  # appended at once, so together
+        assert after == {"after": [line["name"], line["k"]]}

@@ -1,0 +1,133 @@
+"""Progress: time left, work that was only replayed, lines in files and on terminals."""
+
+import io
+import re
+from types import SimpleNamespace
+
+import pytest
+
+from shell import progress
+from shell.progress import Progress, duration
+
+
+@pytest.fixture
+def clock(monkeypatch):
+    """A clock to be set by hand."""
+    clock = SimpleNamespace(now=100.0)
+    monkeypatch.setattr(progress, "time", SimpleNamespace(perf_counter=lambda: clock.now))
+    return clock
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+    def visible(self) -> list[str]:
+        """The lines that stand there in the end: all but those that were cleared to be written over."""
+        lines = [line.rpartition("\x1b[2K")[2] for line in self.getvalue().split("\n")]
+        texts = [re.sub(r"\x1b\[[?\d;]*[A-Za-z]|\r", "", line) for line in lines]
+        return [text for text in texts if text]
+
+
+@pytest.fixture
+def terminal(monkeypatch):
+    for name in ("FORCE_COLOR", "TTY_COMPATIBLE", "NO_COLOR"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "80")
+    return Terminal()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.2, "0 s"), (75, "75 s"), (99.4, "99 s"), (120, "2 min"), (3600, "60 min"), (9000, "2.5 h")],
+)
+def test_durations_are_read_at_a_glance(seconds, text):
+    assert duration(seconds) == text
+
+
+def test_time_left_by_hand(clock):
+    told = Progress(total=10, stream=io.StringIO())
+    assert told.left is None
+    clock.now += 30
+    told.advance(2)
+    told.advance(1)
+    assert told.left == pytest.approx(70)  # 10 s per unit, 7 units left
+    told.advance(8)
+    assert told.left == 0  # more than was planned is no negative time
+
+
+def test_replayed_work_is_done_but_does_not_set_the_pace(clock):
+    told = Progress(total=10, elapsed=500, stream=io.StringIO())
+    told.advance(6, replayed=True)
+    assert told.left is None
+    clock.now += 8
+    told.advance(1)
+    assert told.left == pytest.approx(3 * 8)
+    assert told.elapsed == 508
+
+
+def story(told: Progress, clock) -> None:
+    told.say("Target: :car: [bold]x")
+    clock.now += 10
+    told.advance(1)
+    told.update("mIoU 5.0 :car: [/x] {y}")
+    told.say("halfway")
+    told.advance(3)
+    told.update("mIoU 6.0")
+    told.close()
+    told.say("end")
+
+
+PLAIN = [
+    "Target: :car: [bold]x",
+    "[ 25 %] twin | mIoU 5.0 :car: [/x] {y} | 30 s left",
+    "halfway",
+    "[100 %] twin | mIoU 6.0 | 0 s left",
+    "end",
+]
+
+
+def test_a_line_per_update_in_a_file(clock, monkeypatch):
+    for force in ("", "1"):
+        monkeypatch.setenv("FORCE_COLOR", force)
+        stream = io.StringIO()
+        story(Progress(total=4, label="twin | ", stream=stream), clock)
+        assert stream.getvalue().splitlines() == PLAIN
+
+
+@pytest.mark.parametrize("variable", ["TERM=dumb", "TTY_COMPATIBLE=0"])
+def test_a_terminal_without_a_cursor_gets_the_lines_of_a_file(
+    variable, clock, terminal, monkeypatch
+):
+    monkeypatch.setenv(*variable.split("="))
+    story(Progress(total=4, label="twin | ", stream=terminal), clock)
+    assert terminal.getvalue().splitlines() == PLAIN
+
+
+def test_a_terminal_has_one_line_that_is_written_over(clock, terminal):
+    story(Progress(total=4, label="twin | ", stream=terminal), clock)
+    first, halfway, bar, end = terminal.visible()
+    assert (first, halfway, end) == ("Target: :car: [bold]x", "halfway", "end")
+    assert bar.endswith("100 % twin | 0 s left | mIoU 6.0")
+
+
+def test_texts_are_shown_as_they_are_and_prints_stand_above_the_bar(clock, terminal, monkeypatch):
+    monkeypatch.setattr("sys.stdout", terminal)
+    told = Progress(total=4)
+    told.update("mIoU 5.0 :car: [/x] {y}")
+    print("a warning")
+    told.close()
+    warning, bar = terminal.visible()
+    assert warning == "a warning" and bar.endswith("  0 % mIoU 5.0 :car: [/x] {y}")
+
+
+def test_a_narrow_terminal_cuts_the_end_off_a_line(clock, terminal):
+    told = Progress(total=2, stream=terminal, label="twin | ")
+    told.advance(1)
+    clock.now += 60
+    told.update("x" * 99)
+    told.say("y" * 99)  # what stays is not cut
+    told.close()
+    said, bar = terminal.visible()
+    assert said == "y" * 99 and " 50 % twin | 60 s left | xxx" in bar and len(bar) <= 80
