@@ -88,9 +88,12 @@ def pbil(
         n = rewards.shape[0]
         known = jnp.isfinite(rewards)
         ranked = max(memory, n)
-        all_actions = jnp.concatenate([state.actions, actions])[-ranked:]
         all_rewards = jnp.concatenate([state.rewards, jnp.where(known, rewards, -jnp.inf)])
-        weights = _rank_weights(all_rewards[-ranked:], elite)
+        # Failed ones come first, as if empty, and push no other out of memory.
+        latest = jnp.argsort(jnp.isfinite(all_rewards), stable=True)[-ranked:]
+        all_rewards = all_rewards[latest]
+        all_actions = jnp.concatenate([state.actions, actions])[latest]
+        weights = _rank_weights(all_rewards, elite)
 
         rows = jnp.arange(space.attributes)
         # [ranked attributes bins]: where each evaluation's smoothed bins lie.

@@ -124,17 +124,6 @@ def test_what_is_no_number_counts_as_failed(reward: float | None) -> None:
     assert np.isfinite(search.method.probabilities(search.state)).all()
 
 
-def test_rest_of_an_update_is_learnt_from_by_a_method_that_nan_spoils() -> None:
-    """The failed data set has no say: the same update as without it."""
-    search = AskTell(SPACE, SDR, n=3)
-    state, (a, _, c) = search.state, search.ask()
-    actions = jnp.asarray([search._actions_of(a.id), search._actions_of(c.id)])
-    wanted, _ = SDR.update(state, actions, jnp.asarray([1.0, 3.0]))
-    for id, reward in ((0, 1.0), (1, None), (2, 3.0)):
-        search.tell(id, reward)
-    jax.tree.map(np.testing.assert_array_equal, search.state, wanted)
-
-
 def test_wrong_use_is_refused(tmp_path: Path) -> None:
     search = AskTell(SPACE, PBIL, n=2)
     search.tell(0, 1.0)

@@ -102,11 +102,6 @@ def test_the_state_from_before_an_error_goes_on() -> None:
     jax.tree.map(np.testing.assert_array_equal, final(-1), final(3))
 
 
-def test_streets_must_be_positive() -> None:
-    with pytest.raises(ValueError, match="streets is 0"):
-        host_reward(Evaluate(), streets=0)
-
-
 def test_common_random_numbers_are_shared_within_an_update_only() -> None:
     evaluate = Evaluate()
     reward_fn = host_reward(evaluate, streets=3, common=True)

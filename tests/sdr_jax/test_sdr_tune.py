@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from sdr_jax.tune.errors import TuneError
+from sdr_jax.tune.methods import DEFAULT_METHOD, METHODS, make, options_of
 
 from sdr_jax import Proposal
 from sdr_jax.ask_tell import Trial
 from sdr_jax.tune import simulator as simulators
 from sdr_jax.tune.__main__ import main
-from sdr_jax.tune.errors import TuneError
-from sdr_jax.tune.methods import DEFAULT_METHOD, METHODS, make, options_of
 from sdr_jax.tune.settings import read
 from sdr_jax.tune.simulator import PLACEHOLDER, Simulator, parse_score
 from sdr_jax.tune.units import Attribute, describe, physical
