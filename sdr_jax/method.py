@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key, PyTree, Real
 
-from sdr_jax.rewards import mean_known
+from sdr_jax.rewards import mean_known, only_finite
 from sdr_jax.space import Proposal
 
 State = Any
@@ -27,9 +27,10 @@ class Info(NamedTuple):
 
 def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
     """What there is to say of a method without baseline, gradient and order of groups."""
+    finite = only_finite(rewards)
     return Info(
-        reward_mean=mean_known(rewards),
-        reward_best=jnp.nanmax(rewards),
+        reward_mean=mean_known(finite),
+        reward_best=jnp.nanmax(finite),
         baseline=jnp.asarray(jnp.nan, jnp.float32),
         advantages=jnp.zeros_like(rewards),
         entropy=entropy,

@@ -20,7 +20,7 @@ from sdr_jax.coordinate_descent import (
     lay_out,
     take,
 )
-from sdr_jax.method import Info, Method, jitted, norm
+from sdr_jax.method import Info, Method, jitted, norm, plain_info
 from sdr_jax.policy import Policy, entropy, init_policies, log_prob, mask_logits, sample_bins
 from sdr_jax.reinforce import reinforce_loss
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, relax
@@ -146,12 +146,9 @@ def sdr(
             known = ~jnp.isnan(transformed)
             learner = choose(known.sum() >= baseline.least, learnt, learner)
             best = jnp.argmax(logits_of(learner.params, inputs, slots.bins), axis=1)
-            info = Info(
-                reward_mean=mean_known(rewards),
-                reward_best=jnp.nanmax(rewards),
+            info = plain_info(rewards, before)._replace(
                 baseline=mean_known(transformed - raw_advantages),
                 advantages=jnp.where(known, advantages, 0.0),
-                entropy=before,
                 grad_norm=norm(grads),
                 group=group,
             )

@@ -1,4 +1,4 @@
-"""What every rival of SDR keeps to, whatever its idea."""
+"""What every method keeps to, whatever its idea."""
 
 from functools import cache
 
@@ -10,7 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import Method, Proposal, run, run_on_host, space
+from sdr_jax import Method, Proposal, drive, run, run_on_host, space
+from sdr_jax.registry import make
 from sdr_jax.relaxation import bin_mask
 
 # Numbers of bins that differ, two included; groups of one and of several.
@@ -25,10 +26,11 @@ PURE = {
     "gaussian": sdr_jax.gaussian(SPACE),
     "linear": sdr_jax.linear(SPACE),
     "pbil": sdr_jax.pbil(SPACE),
+    "sdr": make("sdr", SPACE, updates_per_group=25, hidden=8, baseline="leave_one_out"),
 }
 HOST = {"cma_es": sdr_jax.cma_es(SPACE), "tpe": sdr_jax.tpe(SPACE)}
 ALL = PURE | HOST
-LEARNING = [name for name in ALL if name != "random_attributes"]
+LEARNING = [name for name in ALL if name not in ("random_attributes", "sdr")]
 
 
 def value(proposals: Proposal) -> jax.Array:
@@ -147,6 +149,32 @@ def test_answers_stay_inside_whatever_the_rewards(name: str, seed: int, scale: f
 
 
 @pytest.mark.parametrize("name", ALL)
+@settings(max_examples=4)
+@given(seed=st.integers(0, 2**32 - 1), failed=st.sets(st.integers(0, 4), max_size=3))
+def test_learning_with_failed_rewards_is_learning_from_the_others(name, seed, failed) -> None:
+    method = ALL[name]
+    rng = np.random.default_rng(seed)
+    state = method.init(jax.random.key(seed))
+    for t in range(2):
+        actions, _ = method.sample(jax.random.key(t), state, 5)
+        rewards = rng.normal(0, 1, 5).astype(np.float32)
+        if t == 0:
+            state, _ = method.update(state, actions, jnp.asarray(rewards))
+    known = np.asarray([k not in failed for k in range(5)])
+    holes = np.where(known, rewards, rng.choice([np.nan, np.inf])).astype(np.float32)
+    left, info = method.update(state, actions, jnp.asarray(holes))
+    right, alone = method.update(state, actions[known], jnp.asarray(rewards[known]))
+    answers = [
+        (method.solution(s), method.spread(s), method.probabilities(s)) for s in (left, right)
+    ]
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=2e-4), *answers)
+    assert info.reward_mean == pytest.approx(float(alone.reward_mean), abs=1e-5)
+    # What it proposes next is the same, too.
+    (a, _), (b, _) = (method.sample(jax.random.key(7), s, 2) for s in (left, right))
+    np.testing.assert_allclose(a, b, atol=2e-3)
+
+
+@pytest.mark.parametrize("name", [name for name in ALL if name != "sdr"])  # its groups move on
 def test_rewards_that_are_all_nan_decide_nothing(name: str) -> None:
     method = ALL[name]
     state = method.init(jax.random.key(0))
@@ -168,6 +196,6 @@ def test_random_attributes_stay_random() -> None:
 
 def test_the_host_loop_must_know_how_many_updates() -> None:
     with pytest.raises(ValueError, match="how many"):
-        run_on_host(jax.random.key(0), PURE["random_search"], easy)
+        drive(jax.random.key(0), PURE["random_search"], easy)
     with pytest.raises(ValueError, match="updates is 0"):
         run_on_host(jax.random.key(0), PURE["random_search"], easy, 0)
