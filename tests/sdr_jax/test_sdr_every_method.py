@@ -5,6 +5,7 @@ from functools import cache
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -101,10 +102,16 @@ def test_the_same_key_gives_the_same_bytes(name: str) -> None:
         assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
 
 
-@pytest.mark.parametrize("name", PURE)
+GROUP_BY_GROUP = [
+    sdr_jax.sdr(SPACE, hidden=8, normalise=True, baseline=sdr_jax.ema(includes_current=True)),
+    sdr_jax.sdr(SPACE, optax.chain(optax.clip_by_global_norm(1.0), optax.sgd(0.1, 0.9)), hidden=8),
+    sdr_jax.sdr(SPACE, optax.adamw(optax.linear_schedule(1e-2, 0.0, 3)), hidden=8),
+]
+
+
+@pytest.mark.parametrize("method", [*PURE.values(), *GROUP_BY_GROUP])
 @pytest.mark.parametrize("n", [2, 5])
-def test_update_keeps_structure_shapes_and_dtypes(name: str, n: int) -> None:
-    method = PURE[name]
+def test_update_keeps_structure_shapes_and_dtypes(method: Method, n: int) -> None:
     state = jax.eval_shape(method.init, jax.random.key(0))
     actions, proposals = jax.eval_shape(
         lambda key, state: method.sample(key, state, n), jax.random.key(0), state

@@ -1,7 +1,6 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optax
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -28,33 +27,6 @@ def after(updates: int, seed: int = 0, method: Method = METHOD, n: int = 2) -> S
 
 def test_total_updates() -> None:
     assert METHOD.updates == 9
-
-
-@pytest.mark.parametrize(
-    "method",
-    [
-        METHOD,
-        sdr(SPACE, hidden=8, baseline=leave_one_out(), normalise=True),
-        sdr(SPACE, hidden=8, baseline=ema(includes_current=True), transform=squared_percent),
-        sdr(SPACE, optax.chain(optax.clip_by_global_norm(1.0), optax.sgd(0.1, 0.9)), hidden=8),
-        sdr(SPACE, optax.adamw(optax.linear_schedule(1e-2, 0.0, 3)), hidden=8),
-    ],
-)
-def test_update_keeps_structure_shapes_and_dtypes(method: Method) -> None:
-    state = jax.eval_shape(method.init, jax.random.key(0))
-    actions, _ = jax.eval_shape(
-        lambda key, state: method.sample(key, state, 4), jax.random.key(0), state
-    )
-    rewards = jax.ShapeDtypeStruct((4,), jnp.float32)
-    next_state, _ = jax.eval_shape(method.update, state, actions, rewards)
-    assert jax.tree.structure(state) == jax.tree.structure(next_state)
-    assert jax.tree.all(
-        jax.tree.map(
-            lambda a, b: (a.shape, a.dtype, a.weak_type) == (b.shape, b.dtype, b.weak_type),
-            state,
-            next_state,
-        )
-    )
 
 
 def test_actions_are_sampled_learnt_or_undecided() -> None:
@@ -173,29 +145,6 @@ def test_spread_of_a_uniform_and_of_a_certain_policy() -> None:
     certain = METHOD.spread(with_logits(state, 1e4, 1))
     expected = relax(SPACE, jnp.ones(4, jnp.int32))
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-6), certain, expected)
-
-
-@given(seeds)
-def test_spread_has_the_policy_moments_and_stays_inside(seed: int) -> None:
-    state = after(9, seed % 5)
-    rng = np.random.default_rng(seed)
-    params = jax.tree.map(
-        lambda leaf: leaf + jnp.asarray(rng.normal(size=leaf.shape), jnp.float32),
-        state.learners.params,
-    )
-    state = state._replace(learners=state.learners._replace(params=params))
-    centre, width = METHOD.spread(state)
-    assert np.all(centre - width / 2 >= -1e-6)
-    assert np.all(centre + width / 2 <= 1 + 1e-6)
-    for index, bins in enumerate(SPACE.bins):
-        p = np.asarray(METHOD.probabilities(state), np.float64)[index, :bins]
-        values = (np.arange(bins) + 0.5) / bins
-        mean = (p * values).sum()
-        variance = (p * (values - mean) ** 2).sum() + 1 / bins**2 / 12
-        expected = min(1.0, np.sqrt(12 * variance))
-        assert float(width[index]) == pytest.approx(expected, abs=1e-5)
-        slid = np.clip(mean, expected / 2, 1 - expected / 2)
-        assert float(centre[index]) == pytest.approx(slid, abs=1e-5)
 
 
 def test_spread_before_the_start_is_random() -> None:
