@@ -4,7 +4,7 @@ from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, Key, PyTree, Real
+from jaxtyping import Array, Float, Int, Key, Real
 
 from sdr_jax.rewards import mean_known, only_finite
 from sdr_jax.space import Proposal
@@ -37,11 +37,6 @@ def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
         grad_norm=jnp.zeros((), jnp.float32),
         group=jnp.zeros((), jnp.int32),
     )
-
-
-def norm(grads: PyTree[Array]) -> Float[Array, ""]:
-    """The L2 norm of a whole pytree."""
-    return jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(grads)))
 
 
 @runtime_checkable
