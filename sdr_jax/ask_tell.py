@@ -42,7 +42,7 @@ class AskTell:
     time; the method learns when all of them are told, in the order of their ids. Methods and keys
     are pure, so the state needs no file of its own: the history is told again from the beginning,
     which gives the same state to the last bit, host adapters included. Keys are used as
-    `run_on_host` uses them: the same seed proposes the same data sets here as there.
+    `drive` uses them: the same seed proposes the same data sets here as there.
 
     Args:
         space: the attributes.

@@ -38,7 +38,7 @@ def pbil(
     with rank weights w_r ~ max(0, log(elite M + 1/2) - log r) over the M evaluations remembered, as
     in CMA-ES, and a Gaussian kernel over the bins' values, since neighbouring bins are alike. The
     kernel is reflected at 0 and 1, so a uniform distribution stays one. The answer is the most
-    probable bin of each attribute. Groups play no part. NaN rewards are passed by.
+    probable bin of each attribute. Groups play no part.
 
     Args:
         space: the attributes and their bins.
