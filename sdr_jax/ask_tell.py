@@ -14,6 +14,7 @@ from jaxtyping import Array, Real
 from sdr_jax.method import Method, State
 from sdr_jax.run import first_state
 from sdr_jax.space import Proposal, Space
+from shell.errors import UserError
 from shell.lines import CURE, JsonLines
 
 RECORD = ("id", "update", "actions", "seed", "reward")
@@ -41,7 +42,7 @@ class AskTell:
     time; the method learns when all of them are told, in the order of their ids. Methods and keys
     are pure, so the state needs no file of its own: the history is told again from the beginning,
     which gives the same state to the last bit, host adapters included. Keys are used as
-    `run_on_host` uses them: the same seed proposes the same data sets here as there.
+    `drive` uses them: the same seed proposes the same data sets here as there.
 
     Args:
         space: the attributes.
@@ -56,7 +57,8 @@ class AskTell:
         history: one record per trial told, in the order of telling.
 
     Raises:
-        ValueError: n below 1; or a history that another space, method, n or seed made.
+        ValueError: n below 1.
+        UserError: a history that another space, method, n or seed made.
     """
 
     def __init__(
@@ -169,7 +171,7 @@ class AskTell:
         waiting = {trial.id: trial for trial in self.ask()}
         id, reward = record.get("id"), record.get("reward")
         if not (reward is None or isinstance(reward, float)):
-            raise ValueError(f"{where}: reward must be a number or null, not {reward!r}")
+            raise UserError(f"{where}: reward must be a number or null, not {reward!r}")
         ours = id in waiting and {
             "id": id,
             "update": self.updates,
@@ -177,7 +179,7 @@ class AskTell:
             "seed": waiting[id].seed,
         }
         if not ours or any(record.get(name) != value for name, value in ours.items()):
-            raise ValueError(
+            raise UserError(
                 f"{where} was not told to this search: the space, the method, n and the seed must "
                 "be those that the history began with"
             )

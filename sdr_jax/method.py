@@ -1,12 +1,13 @@
 """The one interface of every search method: a tuple of pure functions."""
 
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, Key, PyTree, Real
+from jaxtyping import Array, Float, Int, Key, Real
 
-from sdr_jax.rewards import mean_known
+from sdr_jax.rewards import mean_known, only_finite
 from sdr_jax.space import Proposal
 
 State = Any
@@ -27,9 +28,10 @@ class Info(NamedTuple):
 
 def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
     """What there is to say of a method without baseline, gradient and order of groups."""
+    finite = only_finite(rewards)
     return Info(
-        reward_mean=mean_known(rewards),
-        reward_best=jnp.nanmax(rewards),
+        reward_mean=mean_known(finite),
+        reward_best=jnp.nanmax(finite),
         baseline=jnp.asarray(jnp.nan, jnp.float32),
         advantages=jnp.zeros_like(rewards),
         entropy=entropy,
@@ -38,75 +40,31 @@ def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
     )
 
 
-def norm(grads: PyTree[Array]) -> Float[Array, ""]:
-    """The L2 norm of a whole pytree."""
-    return jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(grads)))
-
-
-@runtime_checkable
-class InitFn(Protocol):
-    """Makes the first state."""
-
-    def __call__(self, rng_key: Key[Array, ""]) -> State:
-        """The key is consumed."""
-
-
-@runtime_checkable
-class SampleFn(Protocol):
-    """Proposes n data sets."""
-
-    def __call__(
-        self, rng_key: Key[Array, ""], state: State, n: int
-    ) -> tuple[Real[Array, "n attributes"], Proposal]:
-        """The key is consumed, n is static; actions are for `update`, proposals to be scored.
-
-        Actions are bins, i32, -1 where nothing is decided; or f32 and finite, of a method over
-        continuous values, in units of its own. Either way they are all that `update` needs.
-        """
-
-
-@runtime_checkable
-class UpdateFn(Protocol):
-    """Learns from the rewards of what `sample` proposed."""
-
-    def __call__(
-        self, state: State, actions: Real[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[State, Info]:
-        """Higher rewards are better; one that is not finite is of an evaluation that failed.
-
-        Failed ones are left out: learning from n rewards of which some failed is learning from the
-        others alone. Where none is left, nothing is learnt.
-        """
-
-
-@runtime_checkable
-class ProposalFn(Protocol):
-    """Answers with one proposal, f32[attributes] each."""
-
-    def __call__(self, state: State) -> Proposal:
-        """May be asked at any time."""
-
-
-@runtime_checkable
-class ProbabilitiesFn(Protocol):
-    """The distribution over bins that `sample` would use for each attribute."""
-
-    def __call__(self, state: State) -> Float[Array, "attributes bins"]:
-        """Zero for bins an attribute lacks."""
+InitFn = Callable[[Key[Array, ""]], State]
+SampleFn = Callable[[Key[Array, ""], State, int], tuple[Real[Array, "n attributes"], Proposal]]
+UpdateFn = Callable[[State, Real[Array, "n attributes"], Float[Array, "n"]], tuple[State, Info]]
+ProposalFn = Callable[[State], Proposal]
+ProbabilitiesFn = Callable[[State], Float[Array, "attributes bins"]]
 
 
 class Method(NamedTuple):
     """A search method: pure functions, which are jitted and work under jit, scan and vmap.
 
-    Those of a host adapter are pure as well, but neither jitted nor to be.
+    Those of a host adapter are pure as well, but neither jitted nor to be. Keys are consumed.
+
+    Actions are bins, i32, -1 where nothing is decided; or f32 and finite, of a method over continuous
+    values, in units of its own. Either way they are all that `update` needs.
+
+    Higher rewards are better; one that is not finite is of an evaluation that failed. Failed ones are
+    left out: learning from n rewards of which some failed is learning from the others alone.
     """
 
-    init: InitFn
-    sample: SampleFn
-    update: UpdateFn
-    solution: ProposalFn  # the answer
+    init: InitFn  # rng_key -> the first state
+    sample: SampleFn  # (rng_key, state, n) -> (actions, n proposals to be scored); n is static
+    update: UpdateFn  # (state, actions, rewards) -> (state, info)
+    solution: ProposalFn  # the answer, f32[attributes] each; may be asked at any time
     spread: ProposalFn  # the answer, left wide where the method is unsure
-    probabilities: ProbabilitiesFn
+    probabilities: ProbabilitiesFn  # of the bins `sample` would use; 0 for those an attribute lacks
     updates: int | None  # how many updates the method takes; None for any number
     traced: bool = True  # False for a host adapter, which is not to be jitted
 

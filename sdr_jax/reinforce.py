@@ -1,8 +1,16 @@
 """REINFORCE: the gradient of an expected score that can only be sampled."""
 
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import optax
+from jaxtyping import Array, Float, PyTree
+
+from sdr_jax.baseline import Baseline, BaselineState, normalised
+from sdr_jax.method import Info, plain_info
+from sdr_jax.rewards import identity, mean_known, only_finite
 
 
 def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) -> Float[Array, ""]:
@@ -26,3 +34,69 @@ def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) 
     known = ~jnp.isnan(advantages)
     weights = jax.lax.stop_gradient(jnp.where(known, advantages, 0.0))
     return -jnp.sum(log_probs * weights) / jnp.maximum(known.sum(), 1)
+
+
+class Rule(NamedTuple):
+    """How a policy learns (constants)."""
+
+    optimizer: optax.GradientTransformation
+    baseline: Baseline
+    transform: Callable[[Array], Array] = identity  # of the rewards, first
+    normalise: bool = False  # whether to divide advantages by their size
+
+
+class Learner(NamedTuple):
+    """A policy, and what its updates remember."""
+
+    params: Any  # of the policy, a pytree of arrays
+    opt_state: PyTree[Array]
+    baseline: BaselineState
+
+
+def init_learner(rule: Rule, params: PyTree[Array]) -> Learner:
+    """A policy before its first update."""
+    return Learner(params, rule.optimizer.init(params), rule.baseline.init())
+
+
+def learn(
+    rule: Rule,
+    learner: Learner,
+    policy: Callable[[Any], tuple[Array, Array]],
+    rewards: Float[Array, "n"],
+) -> tuple[Learner, Info]:
+    """One update: rewards less baseline, the gradient of the loss, a step of the optimiser.
+
+    Args:
+        rule: how.
+        learner: what learns.
+        policy: `params -> (log pi(a_k) f32[n] of what was sampled, entropy)`.
+        rewards: f32[n]; failed ones are left out.
+
+    Returns:
+        The learner, as it was if fewer rewards are known than the baseline needs: a step of the
+        optimiser's momentum alone would be none of the rewards'. And what the update did.
+    """
+    finite = only_finite(rule.transform(rewards))
+    differences, baseline_state = rule.baseline.advantage(learner.baseline, finite)
+    advantages = normalised(differences) if rule.normalise else differences
+
+    def loss(params: PyTree) -> tuple[Array, Array]:
+        log_probs, entropy = policy(params)
+        return reinforce_loss(log_probs, advantages), entropy
+
+    grads, entropy = jax.grad(loss, has_aux=True)(learner.params)
+    steps, opt_state = rule.optimizer.update(grads, learner.opt_state, learner.params)
+    params = optax.apply_updates(learner.params, steps)
+    known = ~jnp.isnan(finite)
+    enough = known.sum() >= rule.baseline.least
+    learnt = jax.tree.map(
+        lambda new, old: jnp.where(enough, new, old),
+        Learner(params, opt_state, baseline_state),
+        learner,
+    )
+    info = plain_info(rewards, entropy)._replace(
+        baseline=mean_known(finite - differences),
+        advantages=jnp.where(known, advantages, 0.0),
+        grad_norm=jnp.sqrt(sum(jnp.sum(leaf**2) for leaf in jax.tree.leaves(grads))),
+    )
+    return learnt, info

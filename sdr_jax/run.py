@@ -1,6 +1,6 @@
 """The whole optimisation: sample, reward, update, and again."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import jax
@@ -38,12 +38,8 @@ class Record(NamedTuple):
     info: Info  # of the update
 
 
-@runtime_checkable
-class StepFn(Protocol):
-    """One update, from one state to the next."""
-
-    def __call__(self, rng_key: Key[Array, ""], state: State) -> tuple[State, Record]:
-        """The key is consumed; the state given stays valid."""
+StepFn = Callable[[Key[Array, ""], State], tuple[State, Record]]
+"""One update, from one state to the next; the key is consumed, the state given stays valid."""
 
 
 def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:

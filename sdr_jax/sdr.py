@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import optax
 from jaxtyping import Array, Float, Int, Key, PyTree
 
-from sdr_jax.baseline import Baseline, BaselineState, ema, normalised
+from sdr_jax.baseline import Baseline, ema
 from sdr_jax.coordinate_descent import (
     Descent,
     active,
@@ -20,23 +20,15 @@ from sdr_jax.coordinate_descent import (
     lay_out,
     take,
 )
-from sdr_jax.method import Info, Method, jitted, norm
+from sdr_jax.method import Info, Method, jitted
 from sdr_jax.policy import Policy, entropy, init_policies, log_prob, mask_logits, sample_bins
-from sdr_jax.reinforce import reinforce_loss
+from sdr_jax.reinforce import Learner, Rule, init_learner, learn
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, relax
-from sdr_jax.rewards import identity, mean_known, only_finite
+from sdr_jax.rewards import identity
 from sdr_jax.space import Proposal, Space
 
 PAPER_OPTIMIZER = optax.adam(1e-2)
 PAPER_BASELINE = ema(decay=0.9)
-
-
-class Learner(NamedTuple):
-    """What one group learns."""
-
-    params: PyTree[Array]  # of its policy
-    opt_state: PyTree[Array]
-    baseline: BaselineState
 
 
 class SdrState(NamedTuple):
@@ -98,6 +90,7 @@ def sdr(
         raise ValueError(f"updates_per_group is {updates_per_group}, but must be at least 1")
     check_relaxation(space, width, unoptimised)
     groups = lay_out(space, updates_per_group)
+    rule = Rule(optimizer, baseline, transform, normalise)
     net = Policy(groups.slots.members.shape[1], space.max_bins, hidden)
 
     def logits_of(params: PyTree, inputs: Array, bins: Array) -> Array:
@@ -108,11 +101,8 @@ def sdr(
 
     def init(rng_key: Key[Array, ""]) -> SdrState:
         params, inputs = init_policies(rng_key, space, hidden)
-
-        def learner(params: PyTree) -> Learner:
-            return Learner(params, optimizer.init(params), baseline.init())
-
-        return SdrState(jax.vmap(learner)(params), inputs, begin(groups))
+        learners = jax.vmap(lambda own: init_learner(rule, own))(params)
+        return SdrState(learners, inputs, begin(groups))
 
     def sample(
         rng_key: Key[Array, ""], state: SdrState, n: int
@@ -127,37 +117,20 @@ def sdr(
     def update(
         state: SdrState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
     ) -> tuple[SdrState, Info]:
-        transformed = only_finite(transform(rewards))
-
-        def learn(learner: Learner, group: Array) -> tuple[Learner, Array, Info]:
+        def learn_group(learner: Learner, group: Array) -> tuple[Learner, Array, Info]:
             inputs, slots = take((state.inputs, groups.slots), group)
             group_actions = jnp.take(actions, slots.members, axis=1, mode="clip")
-            raw_advantages, baseline_state = baseline.advantage(learner.baseline, transformed)
-            advantages = normalised(raw_advantages) if normalise else raw_advantages
 
-            def loss(params: PyTree) -> tuple[Array, Array]:
+            def policy(params: PyTree) -> tuple[Array, Array]:
                 logits = logits_of(params, inputs, slots.bins)
                 log_probs = log_prob(logits, group_actions, slots.present)
-                return reinforce_loss(log_probs, advantages), entropy(logits, slots.present)
+                return log_probs, entropy(logits, slots.present)
 
-            grads, before = jax.grad(loss, has_aux=True)(learner.params)
-            steps, opt_state = optimizer.update(grads, learner.opt_state, learner.params)
-            learnt = Learner(optax.apply_updates(learner.params, steps), opt_state, baseline_state)
-            known = ~jnp.isnan(transformed)
-            learner = choose(known.sum() >= baseline.least, learnt, learner)
+            learner, info = learn(rule, learner, policy, rewards)
             best = jnp.argmax(logits_of(learner.params, inputs, slots.bins), axis=1)
-            info = Info(
-                reward_mean=mean_known(rewards),
-                reward_best=jnp.nanmax(rewards),
-                baseline=mean_known(transformed - raw_advantages),
-                advantages=jnp.where(known, advantages, 0.0),
-                entropy=before,
-                grad_norm=norm(grads),
-                group=group,
-            )
-            return learner, best.astype(jnp.int32), info
+            return learner, best.astype(jnp.int32), info._replace(group=group)
 
-        descent, learners, info = descend(groups, state.descent, state.learners, learn)
+        descent, learners, info = descend(groups, state.descent, state.learners, learn_group)
         return SdrState(learners, state.inputs, descent), info
 
     def probabilities(state: SdrState) -> Float[Array, "attributes bins"]:

@@ -70,7 +70,7 @@ def actor_critic(
     from the policies are stratified.
 
     The answer holds the bins of the critic's highest mean, not of the luckiest draw. `spread` has the
-    moments of the policy: what drowns in the noise stays wide. NaN rewards are passed by.
+    moments of the policy: what drowns in the noise stays wide.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.

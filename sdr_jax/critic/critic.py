@@ -127,8 +127,7 @@ def observe(
     """Counts evaluations in, and takes one step towards the scales of most evidence.
 
     The step is one of expectation maximisation, from where the last update left them. An effect's
-    scale is pulled towards the mean of its kind, so that none dies by chance. NaN rewards are passed
-    by.
+    scale is pulled towards the mean of its kind, so that none dies by chance.
     """
     x = features.evaluate(model.layout, actions)
     x = jnp.concatenate([x, (x @ model.bend)[:, None]], axis=1)

@@ -51,7 +51,7 @@ def empty(features: int) -> Statistics:
 def add(
     statistics: Statistics, x: Float[Array, "n features"], rewards: Float[Array, "n"]
 ) -> Statistics:
-    """Counts evaluations in; NaN rewards are passed by."""
+    """Counts evaluations in, failed ones left out."""
     known = jnp.isfinite(rewards)
     count = jnp.sum(known).astype(jnp.float32)
     mean = jnp.sum(jnp.where(known, rewards, 0.0)) / jnp.maximum(count, 1)

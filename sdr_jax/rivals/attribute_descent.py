@@ -43,7 +43,7 @@ def attribute_descent(
 
     An update's n data sets try the n bins with the fewest rewards yet, in order; a sweep goes on
     over as many updates as it needs. The next sweep needs the result of this one, so what is left
-    of n at its end goes to further repeats. A NaN reward is passed by: its bin is tried again, until
+    of n at its end goes to further repeats. The bin of a failed evaluation is tried again, until
     the sweep has taken three times its usual number of data sets. Then it ends with what it knows;
     if that is nothing, the attribute stays as it was.
 

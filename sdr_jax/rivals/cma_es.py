@@ -33,7 +33,7 @@ def cma_es(
 
     The margin keeps the probability of leaving a bin from vanishing, on which plain CMA-ES gets
     stuck. The answer is the bins that the mean lies in; groups play no part. A generation is filled
-    over as many updates as it takes, n of any size. NaN rewards are passed by.
+    over as many updates as it takes, n of any size.
 
     This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
     Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state

@@ -7,13 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jax.scipy.special import ndtr, ndtri
-from jaxtyping import Array, Float, Key, PyTree
+from jaxtyping import Array, Float, Key
 
-from sdr_jax.baseline import Baseline, BaselineState, leave_one_out, normalised
-from sdr_jax.method import Info, Method, jitted, norm, plain_info
-from sdr_jax.reinforce import reinforce_loss
+from sdr_jax.baseline import Baseline, leave_one_out
+from sdr_jax.method import Info, Method, jitted
+from sdr_jax.reinforce import Learner, Rule, init_learner, learn
 from sdr_jax.relaxation import bin_mask, bin_widths, check_relaxation, slide
-from sdr_jax.rewards import mean_known, only_finite
 from sdr_jax.space import Proposal, Space
 
 OPTIMIZER = optax.adam(0.1)
@@ -26,14 +25,6 @@ class GaussianParams(NamedTuple):
 
     mean: Float[Array, "attributes"]
     log_std: Float[Array, "attributes"]
-
-
-class GaussianState(NamedTuple):
-    """The policy, and what its updates remember."""
-
-    params: GaussianParams
-    opt_state: PyTree[Array]  # of the optimiser
-    baseline: BaselineState
 
 
 def gaussian(
@@ -74,15 +65,16 @@ def gaussian(
         raise ValueError(f"std is {std}, but must be above 0")
     check_relaxation(space, width, "random")
     widths = bin_widths(space, width)
+    rule = Rule(optimizer, baseline, normalise=normalise)
 
-    def init(rng_key: Key[Array, ""]) -> GaussianState:
+    def init(rng_key: Key[Array, ""]) -> Learner:
         del rng_key  # nothing is random before the first sample
         zeros = jnp.zeros(space.attributes, jnp.float32)
         params = GaussianParams(zeros, jnp.full_like(zeros, np.log(std)))
-        return GaussianState(params, optimizer.init(params), baseline.init())
+        return init_learner(rule, params)
 
     def sample(
-        rng_key: Key[Array, ""], state: GaussianState, n: int
+        rng_key: Key[Array, ""], state: Learner, n: int
     ) -> tuple[Float[Array, "n attributes"], Proposal]:
         mean, log_std = state.params
         noise = jax.random.normal(rng_key, (n, space.attributes))
@@ -90,43 +82,24 @@ def gaussian(
         return actions, slide(jax.nn.sigmoid(actions), jnp.broadcast_to(widths, actions.shape))
 
     def update(
-        state: GaussianState, actions: Float[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[GaussianState, Info]:
-        finite = only_finite(rewards)
-        known = ~jnp.isnan(finite)
-        raw_advantages, baseline_state = baseline.advantage(state.baseline, finite)
-        advantages = normalised(raw_advantages) if normalise else raw_advantages
+        state: Learner, actions: Float[Array, "n attributes"], rewards: Float[Array, "n"]
+    ) -> tuple[Learner, Info]:
+        def policy(params: GaussianParams) -> tuple[Array, Array]:
+            entropy = jnp.sum(params.log_std + 0.5 * np.log(2 * np.pi * np.e))
+            return _log_prob(params, actions), entropy
 
-        def loss(params: GaussianParams) -> Array:
-            return reinforce_loss(_log_prob(params, actions), advantages)
+        return learn(rule, state, policy, rewards)
 
-        grads = jax.grad(loss)(state.params)
-        steps, opt_state = optimizer.update(grads, state.opt_state, state.params)
-        params = optax.apply_updates(state.params, steps)
-        # A step without a reward would be one of the optimiser's momentum alone.
-        next_state = jax.tree.map(
-            lambda new, old: jnp.where(known.sum() >= baseline.least, new, old),
-            GaussianState(params, opt_state, baseline_state),
-            state,
-        )
-        entropy = jnp.sum(state.params.log_std + 0.5 * np.log(2 * np.pi * np.e))
-        info = plain_info(rewards, entropy)._replace(
-            baseline=mean_known(finite - raw_advantages),
-            advantages=jnp.where(known, advantages, 0.0),
-            grad_norm=norm(grads),
-        )
-        return next_state, info
-
-    def solution(state: GaussianState) -> Proposal:
+    def solution(state: Learner) -> Proposal:
         return slide(jax.nn.sigmoid(state.params.mean), widths)
 
-    def spread(state: GaussianState) -> Proposal:
+    def spread(state: Learner) -> Proposal:
         mean, log_std = state.params
         logits = mean[:, None] + jnp.exp(log_std)[:, None] * QUANTILES[None, :]
         values = jax.nn.sigmoid(logits)
         return slide(values.mean(axis=1), jnp.sqrt(12 * values.var(axis=1) + widths**2))
 
-    def probabilities(state: GaussianState) -> Float[Array, "attributes bins"]:
+    def probabilities(state: Learner) -> Float[Array, "attributes bins"]:
         mean, log_std = state.params
         upper = jax.scipy.special.logit(jnp.asarray(_upper_edges(space)))
         below = ndtr((upper - mean[:, None]) / jnp.exp(log_std)[:, None])

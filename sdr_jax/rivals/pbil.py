@@ -38,7 +38,7 @@ def pbil(
     with rank weights w_r ~ max(0, log(elite M + 1/2) - log r) over the M evaluations remembered, as
     in CMA-ES, and a Gaussian kernel over the bins' values, since neighbouring bins are alike. The
     kernel is reflected at 0 and 1, so a uniform distribution stays one. The answer is the most
-    probable bin of each attribute. Groups play no part. NaN rewards are passed by.
+    probable bin of each attribute. Groups play no part.
 
     Args:
         space: the attributes and their bins.
@@ -88,9 +88,12 @@ def pbil(
         n = rewards.shape[0]
         known = jnp.isfinite(rewards)
         ranked = max(memory, n)
-        all_actions = jnp.concatenate([state.actions, actions])[-ranked:]
         all_rewards = jnp.concatenate([state.rewards, jnp.where(known, rewards, -jnp.inf)])
-        weights = _rank_weights(all_rewards[-ranked:], elite)
+        # Failed ones come first, as if empty, and push no other out of memory.
+        latest = jnp.argsort(jnp.isfinite(all_rewards), stable=True)[-ranked:]
+        all_rewards = all_rewards[latest]
+        all_actions = jnp.concatenate([state.actions, actions])[latest]
+        weights = _rank_weights(all_rewards, elite)
 
         rows = jnp.arange(space.attributes)
         # [ranked attributes bins]: where each evaluation's smoothed bins lie.

@@ -22,7 +22,7 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
     """Uniform bins for all attributes at once; the answer is the best data set seen.
 
     Groups play no part. `solution` and `spread` are the same: one reward says nothing of how sure
-    the best bin is. Under noisy rewards the best is partly the luckiest. NaN rewards are passed by.
+    the best bin is. Under noisy rewards the best is partly the luckiest.
 
     Args:
         space: the attributes and their bins.

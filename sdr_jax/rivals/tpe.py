@@ -40,7 +40,7 @@ def tpe(
     Bins are ordered integers, so neighbours share evidence. The n data sets of an update are asked
     one after the other, those pending counted as poor (the library's constant liar), which spreads
     them. The answer is the best data set seen, as the library gives it: under noise partly the
-    luckiest. Groups play no part. NaN rewards are passed by.
+    luckiest. Groups play no part.
 
     This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
     Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state

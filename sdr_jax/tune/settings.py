@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,39 +20,21 @@ TYPES = {bool: "true or false", int: "a whole number", float: "a number", str: "
 
 @dataclass(frozen=True)
 class Settings:
-    """One run; every field but the attributes has a default.
-
-    Attributes:
-        attributes: what to search over.
-        groups: the partition into groups, by name, in the order in which they are optimised; None
-            for one group of all.
-        method: one of `METHODS`.
-        method_options: keywords of the method.
-        evaluations: how many data sets are scored in all, a multiple of `datasets_per_update`.
-        datasets_per_update: how many are scored between two updates, and so at most at once.
-        relaxation: width of the relaxed bins, in [0, 1]; None for the bins' own.
-        seed: of the whole run.
-        repeats: runs of the simulator per evaluation, each with a seed of its own; the score is
-            their mean.
-        minimize: whether lower scores are better.
-        timeout_seconds: how long one run may take.
-        retries: how often a failed run is tried again.
-        workers: how many simulators run at once.
-    """
+    """One run; every field but the attributes has a default."""
 
     attributes: tuple[Attribute, ...]
-    groups: tuple[tuple[str, ...], ...] | None = None
+    groups: tuple[tuple[str, ...], ...] | None = None  # by name, in their order; None: one of all
     method: str = "actor_critic"
     method_options: dict[str, Any] = field(default_factory=dict)
-    evaluations: int = 200
-    datasets_per_update: int = 8
-    relaxation: float | None = None
-    seed: int = 0
-    repeats: int = 1
-    minimize: bool = False
-    timeout_seconds: float = 600.0
-    retries: int = 1
-    workers: int = 1
+    evaluations: int = 200  # in all, a multiple of the next
+    datasets_per_update: int = 8  # scored between two updates, and so at most at once
+    relaxation: float | None = None  # width of the relaxed bins, in [0, 1]; None: the bins' own
+    seed: int = 0  # of the whole run
+    repeats: int = 1  # runs per evaluation, each with a seed of its own; the score is their mean
+    minimize: bool = False  # whether lower scores are better
+    timeout_seconds: float = 600.0  # of one run
+    retries: int = 1  # further attempts at a failed run
+    workers: int = 1  # simulators at once
 
     def space(self) -> Space:
         """The attributes as every method knows them; ValueError as `sdr_jax.space` says."""
@@ -114,10 +96,7 @@ def read(path: Path, flags: Mapping[str, Any]) -> Settings:
     names = [f.name for f in fields(Settings)]
     reader.known(table, names, "key")
     values: dict[str, Any] = {
-        "attributes": tuple(
-            _attribute(reader, entry, number)
-            for number, entry in enumerate(_tables(reader, table), 1)
-        ),
+        "attributes": _attributes(reader, table),
         "groups": _groups(reader, table.get("groups")),
     }
     for entry in fields(Settings):
@@ -143,13 +122,13 @@ def _load(path: Path) -> dict[str, Any]:
         raise UserError(f"{path} is no TOML: {error}") from None
 
 
-def _tables(reader: _Reader, table: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _attributes(reader: _Reader, table: Mapping[str, Any]) -> tuple[Attribute, ...]:
     entries = table.get("attributes", [])
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise reader.fail("attributes must be tables that begin with [[attributes]]")
     if not entries:
         raise reader.fail("there are no attributes; give each a table that begins [[attributes]]")
-    return entries
+    return tuple(_attribute(reader, entry, number) for number, entry in enumerate(entries, 1))
 
 
 def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute:
@@ -244,5 +223,4 @@ def _with_options(reader: _Reader, settings: Settings, options: Any) -> Settings
                 f"updates_per_group = {per_group} takes {count} groups x {per_group} updates x "
                 f"{settings.datasets_per_update} = {count * per_group * settings.datasets_per_update}"
             )
-    values = {f.name: getattr(settings, f.name) for f in fields(Settings)}
-    return Settings(**{**values, "method_options": checked})
+    return replace(settings, method_options=checked)

@@ -5,9 +5,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sdr_jax import actor_critic, bins, critic, space
-from sdr_jax.actor_critic import follow, stratified
-from sdr_jax.regression import Posterior
+from sdr_jax import space
+from sdr_jax.critic import critic
+from sdr_jax.critic.actor_critic import follow, stratified
+from sdr_jax.critic.regression import Posterior
+from sdr_jax.relaxation import bin_mask
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 ALONE = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
@@ -15,7 +17,7 @@ STRATIFIED = jax.jit(lambda key, p: stratified(key, SPACE, p, 7))
 
 
 def policy(seed: int) -> np.ndarray:
-    p = np.random.default_rng(seed).uniform(0.02, 1, (4, 5)) * bins.mask(SPACE)
+    p = np.random.default_rng(seed).uniform(0.02, 1, (4, 5)) * bin_mask(SPACE)
     return (p / p.sum(axis=1, keepdims=True)).astype(np.float32)
 
 
@@ -26,7 +28,7 @@ def test_strata_keep_to_the_policy(seed: int) -> None:
     actions = np.asarray(STRATIFIED(jax.random.key(seed), jnp.asarray(p)))
     counts = np.stack([(actions == k).sum(axis=0) for k in range(5)], axis=1)
     assert np.all(np.abs(counts - 7 * p) < 2)  # a stratum may be cut at either end of a bin
-    assert not np.any(counts[~bins.mask(SPACE)])
+    assert not np.any(counts[~bin_mask(SPACE)])
 
 
 def test_every_stratified_action_is_drawn_from_the_policy() -> None:
@@ -42,14 +44,16 @@ def test_every_stratified_action_is_drawn_from_the_policy() -> None:
 
 def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> None:
     """Two attributes that do not interact: the objective's gradient, by autodiff."""
-    model = critic.critic(ALONE)
+    model = critic.make_critic(ALONE)
     rng = np.random.default_rng(0)
     actions = rng.integers(0, ALONE.bins, (30, 2)).astype(np.int32)
     rewards = 0.3 * actions[:, 0] - 0.1 * (actions[:, 1] - 3) ** 2 + 0.3 * rng.normal(size=30)
 
     @jax.jit
     def fitted(actions: jax.Array, rewards: jax.Array) -> Posterior:
-        return critic.posterior(model, critic.observe(model, critic.init(model), actions, rewards))
+        return critic.posterior(
+            model, critic.observe(model, critic.init_critic(model), actions, rewards)
+        )
 
     belief = fitted(jnp.asarray(actions), jnp.asarray(rewards, jnp.float32))
     start = jnp.zeros(2, jnp.int32)
@@ -68,21 +72,6 @@ def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> N
         np.testing.assert_allclose(gradient, 0, atol=1e-5 * np.ptp(table))
     # The temperature divides.
     twice = np.asarray(followed(2.0))
-    mask = bins.mask(ALONE)
+    mask = bin_mask(ALONE)
     np.testing.assert_allclose(twice[mask], logits[mask] / 2, rtol=1e-4, atol=1e-5)
     assert np.all(np.isneginf(logits[~mask]))
-
-
-@pytest.mark.parametrize(
-    ("options", "culprit"),
-    [
-        (dict(temperature=0.0), "temperature is 0.0"),
-        (dict(temperature=float("nan")), "temperature is nan"),
-        (dict(degree=0), "degree is 0"),
-        (dict(pair_degree=10), "pair_degree is 10"),
-        (dict(width=2.0), "width is 2.0"),
-    ],
-)
-def test_bad_options_are_refused(options: dict, culprit: str) -> None:
-    with pytest.raises(ValueError, match=culprit):
-        actor_critic(SPACE, **options)

@@ -90,7 +90,7 @@ def test_any_order_and_any_cut_end_alike(tmp_path_factory, stop: int, seed: int,
         file.write(rest.replace(b"\n", b"").replace(b"\r", b""))
     went_on = drive(AskTell(SPACE, PBIL, n=N, seed=seed, path=path), order=-1)
     assert_same_state(went_on, drive(AskTell(SPACE, PBIL, n=N, seed=seed)))
-    assert len(path.read_text().splitlines()) == 5 * N
+    assert path.read_bytes().count(b"\n") == 5 * N
 
 
 def test_asking_again_gives_what_is_not_told_yet() -> None:
@@ -122,17 +122,6 @@ def test_what_is_no_number_counts_as_failed(reward: float | None) -> None:
     assert [line["reward"] for line in search.history] == [None, None]
     assert search.updates == 1
     assert np.isfinite(search.method.probabilities(search.state)).all()
-
-
-def test_rest_of_an_update_is_learnt_from_by_a_method_that_nan_spoils() -> None:
-    """The failed data set has no say: the same update as without it."""
-    search = AskTell(SPACE, SDR, n=3)
-    state, (a, _, c) = search.state, search.ask()
-    actions = jnp.asarray([search._actions_of(a.id), search._actions_of(c.id)])
-    wanted, _ = SDR.update(state, actions, jnp.asarray([1.0, 3.0]))
-    for id, reward in ((0, 1.0), (1, None), (2, 3.0)):
-        search.tell(id, reward)
-    jax.tree.map(np.testing.assert_array_equal, search.state, wanted)
 
 
 def test_wrong_use_is_refused(tmp_path: Path) -> None:

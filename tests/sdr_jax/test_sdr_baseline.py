@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sdr_jax import Baseline, ema, identity, leave_one_out, squared_percent
-from sdr_jax.baseline import normalise
+from sdr_jax.baseline import normalised
 
 rewards_lists = st.lists(
     st.lists(st.integers(-100, 100), min_size=3, max_size=3), min_size=1, max_size=6
@@ -68,23 +68,23 @@ def test_bad_options_are_refused() -> None:
 
 def test_normalise_by_hand() -> None:
     np.testing.assert_allclose(
-        normalise(jnp.asarray([3.0, -4.0])), np.asarray([3, -4]) / 12.5**0.5, rtol=1e-5
+        normalised(jnp.asarray([3.0, -4.0])), np.asarray([3, -4]) / 12.5**0.5, rtol=1e-5
     )
 
 
 @given(st.lists(st.integers(-1000, 1000), min_size=3, max_size=3), st.integers(1, 1000))
 def test_normalised_advantages_forget_the_scale_and_stay_finite(values: list, scale: int) -> None:
     raw = jnp.asarray(values, jnp.float32)
-    actual = normalise(raw)
-    np.testing.assert_allclose(normalise(scale * raw), actual, atol=1e-4)
+    actual = normalised(raw)
+    np.testing.assert_allclose(normalised(scale * raw), actual, atol=1e-4)
     assert np.all(np.isfinite(actual))
     assert float(jnp.mean(actual**2)) == pytest.approx(1.0 if any(values) else 0.0, abs=1e-4)
 
 
 def test_one_or_equal_advantages_do_not_explode() -> None:
-    np.testing.assert_allclose(normalise(jnp.asarray([0.02])), [1], atol=1e-3)
-    np.testing.assert_allclose(normalise(jnp.full(3, -0.02)), [-1, -1, -1], atol=1e-3)
-    np.testing.assert_allclose(normalise(jnp.zeros(3)), [0, 0, 0])
+    np.testing.assert_allclose(normalised(jnp.asarray([0.02])), [1], atol=1e-3)
+    np.testing.assert_allclose(normalised(jnp.full(3, -0.02)), [-1, -1, -1], atol=1e-3)
+    np.testing.assert_allclose(normalised(jnp.zeros(3)), [0, 0, 0])
 
 
 def test_transforms_by_hand() -> None:

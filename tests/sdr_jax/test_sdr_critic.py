@@ -7,11 +7,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sdr_jax import bins, critic, regression, space
-from sdr_jax.features import evaluate
+from sdr_jax import space
+from sdr_jax.critic import critic, regression
+from sdr_jax.critic.features import evaluate
+from sdr_jax.relaxation import bin_mask
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
-MODEL = critic.critic(SPACE, 3, 2)
+MODEL = critic.make_critic(SPACE, 3, 2)
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))))
 OBSERVE = jax.jit(lambda state, actions, rewards: critic.observe(MODEL, state, actions, rewards))
 POSTERIOR = jax.jit(lambda state: critic.posterior(MODEL, state))
@@ -47,7 +49,7 @@ def test_the_layout_by_hand() -> None:
 def test_the_posterior_is_that_of_the_textbook() -> None:
     """(X'X / noise + D^-1)^-1 X'y / noise, X centred, in double precision."""
     actions, rewards = some(0)
-    state = OBSERVE(critic.init(MODEL), jnp.asarray(actions), jnp.asarray(rewards))
+    state = OBSERVE(critic.init_critic(MODEL), jnp.asarray(actions), jnp.asarray(rewards))
     belief = POSTERIOR(state)
     x = columns(actions)
     x -= x.mean(axis=0)
@@ -64,11 +66,13 @@ def test_the_posterior_is_that_of_the_textbook() -> None:
 
 def test_rewards_in_parts_and_failed_ones_make_no_difference_to_what_is_known() -> None:
     actions, rewards = some(1)
-    once = OBSERVE(critic.init(MODEL), jnp.asarray(actions), jnp.asarray(rewards))
+    once = OBSERVE(critic.init_critic(MODEL), jnp.asarray(actions), jnp.asarray(rewards))
     holes = np.where(np.arange(16) % 3 == 0, np.nan, rewards).astype(np.float32)
     kept = np.isfinite(holes)
-    with_holes = OBSERVE(critic.init(MODEL), jnp.asarray(actions), jnp.asarray(holes))
-    alone = OBSERVE(critic.init(MODEL), jnp.asarray(actions[kept]), jnp.asarray(rewards[kept]))
+    with_holes = OBSERVE(critic.init_critic(MODEL), jnp.asarray(actions), jnp.asarray(holes))
+    alone = OBSERVE(
+        critic.init_critic(MODEL), jnp.asarray(actions[kept]), jnp.asarray(rewards[kept])
+    )
     jax.tree.map(
         lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-4), with_holes, alone
     )
@@ -77,7 +81,7 @@ def test_rewards_in_parts_and_failed_ones_make_no_difference_to_what_is_known() 
 
 
 def test_more_rewards_explain_more_until_the_noise_is_left() -> None:
-    state = critic.init(MODEL)
+    state = critic.init_critic(MODEL)
     for seed in range(12):
         actions, rewards = some(seed)
         state = OBSERVE(state, jnp.asarray(actions), jnp.asarray(rewards))
@@ -96,7 +100,7 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
         jnp.asarray(weights), jnp.eye(len(weights)), jnp.zeros(len(weights))
     )
     function = MEAN(belief)
-    policy = rng.uniform(size=(4, 5)) * bins.mask(SPACE)
+    policy = rng.uniform(size=(4, 5)) * bin_mask(SPACE)
     policy = (policy / policy.sum(axis=1, keepdims=True)).astype(np.float32)
     q = np.asarray(VALUES(function, jnp.asarray(policy)))
     there = np.append(MODEL.variance[:-1] > 0, True)
@@ -112,14 +116,14 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
 def test_what_all_attributes_bend_is_learnt_before_each_one_is() -> None:
     """Twelve attributes, twenty noisy rewards: hardly any is known alone, yet all keep off the ends."""
     wide = space([f"x{i}" for i in range(12)], bins=10, groups=[[f"x{i}"] for i in range(12)])
-    model = critic.critic(wide)
+    model = critic.make_critic(wide)
     rng = np.random.default_rng(0)
     actions = rng.integers(0, 10, (20, 12)).astype(np.int32)
     rewards = -(((actions + 0.5) / 10 - 0.5) ** 2).sum(axis=1) + 0.1 * rng.normal(size=20)
 
     @jax.jit
     def best_of(actions: jax.Array, rewards: jax.Array) -> jax.Array:
-        state = critic.observe(model, critic.init(model), actions, rewards)
+        state = critic.observe(model, critic.init_critic(model), actions, rewards)
         return critic.best_bins(model, critic.posterior(model, state))
 
     best = np.asarray(best_of(jnp.asarray(actions), jnp.asarray(rewards, jnp.float32)))
@@ -127,7 +131,7 @@ def test_what_all_attributes_bend_is_learnt_before_each_one_is() -> None:
 
 
 def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
-    state = critic.init(MODEL)
+    state = critic.init_critic(MODEL)
     for seed in range(3):
         actions, rewards = some(seed)
         state = OBSERVE(state, jnp.asarray(actions), jnp.asarray(rewards))
@@ -147,6 +151,6 @@ def test_interactions_are_as_fine_as_their_number_allows(
     attributes: int, size: int, expected: int
 ) -> None:
     names = [f"x{i}" for i in range(attributes)]
-    assert critic.critic(space(names, bins=size)).layout.pair_degree == expected
+    assert critic.make_critic(space(names, bins=size)).layout.pair_degree == expected
     apart = space(names, bins=size, groups=[[name] for name in names])
-    assert len(critic.critic(apart).layout.pairs) == 0
+    assert len(critic.make_critic(apart).layout.pairs) == 0

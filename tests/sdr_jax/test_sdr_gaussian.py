@@ -5,7 +5,7 @@ import optax
 import pytest
 
 from sdr_jax import ema, gaussian, space
-from sdr_jax.gaussian import GaussianParams
+from sdr_jax.rivals.gaussian import GaussianParams
 
 SPACE = space(["a", "b"], bins=[4, 2])
 METHOD = gaussian(SPACE, optax.sgd(1.0), normalise=False)
@@ -41,18 +41,6 @@ def test_probabilities_and_spread_are_those_of_samples() -> None:
     np.testing.assert_allclose(METHOD.solution(state).centre[0], jax.nn.sigmoid(1.0), rtol=1e-5)
 
 
-def test_failed_data_sets_move_nothing() -> None:
-    method = gaussian(SPACE)
-    state = method.init(jax.random.key(0))
-    actions, _ = method.sample(jax.random.key(1), state, 3)
-    state, _ = method.update(state, actions, jnp.asarray([1.0, 2.0, 0.0]))  # some momentum
-    same, _ = method.update(state, actions, jnp.full(3, jnp.nan))
-    jax.tree.map(np.testing.assert_array_equal, same, state)
-    _, info = method.update(state, actions, jnp.asarray([1.0, jnp.nan, 3.0]))
-    assert info.advantages[1] == 0
-    np.testing.assert_allclose(info.advantages[0], -info.advantages[2], rtol=1e-5)
-
-
 def test_one_data_set_per_update_needs_a_baseline_with_memory() -> None:
     state = METHOD.init(jax.random.key(0))
     actions, _ = METHOD.sample(jax.random.key(1), state, 1)
@@ -60,11 +48,3 @@ def test_one_data_set_per_update_needs_a_baseline_with_memory() -> None:
         METHOD.update(state, actions, jnp.ones(1))
     method = gaussian(SPACE, baseline=ema())
     method.update(method.init(jax.random.key(0)), actions, jnp.ones(1))
-
-
-@pytest.mark.parametrize(
-    ("options", "culprit"), [(dict(std=0.0), "std is 0.0"), (dict(width=2.0), "width is 2.0")]
-)
-def test_bad_options_are_refused(options: dict, culprit: str) -> None:
-    with pytest.raises(ValueError, match=culprit):
-        gaussian(SPACE, **options)

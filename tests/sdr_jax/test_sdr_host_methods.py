@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sdr_jax import cma_es, space, tpe
-from sdr_jax.bins import centres
+from sdr_jax.relaxation import bin_centres
 
 SPACE = space(list("abc"), bins=[2, 10, 5])
 
@@ -36,7 +36,7 @@ def test_states_stay_valid(make) -> None:
         jax.tree.map(np.testing.assert_array_equal, method.solution(left), method.solution(right))
         state = left
         for attribute, count in enumerate(SPACE.bins):
-            allowed = centres(SPACE)[attribute, :count]
+            allowed = bin_centres(SPACE)[attribute, :count]
             assert set(np.asarray(proposal.centre[:, attribute])) <= set(allowed)
 
 
@@ -64,23 +64,3 @@ def test_tpe_answers_with_the_best_it_has_seen() -> None:
     p = np.asarray(method.probabilities(state))
     np.testing.assert_allclose(p[0, :2], [0.25, 0.75])
     np.testing.assert_allclose(p[1], [0.05] * 9 + [0.55], rtol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("make", "options", "culprit"),
-    [
-        (cma_es, dict(sigma=0.0), "sigma is 0.0"),
-        (cma_es, dict(population=1), "population is 1"),
-        (cma_es, dict(width=2.0), "width is 2.0"),
-        (tpe, dict(startup=-1), "startup is -1"),
-        (tpe, dict(width=2.0), "width is 2.0"),
-    ],
-)
-def test_bad_options_are_refused(make, options: dict, culprit: str) -> None:
-    with pytest.raises(ValueError, match=culprit):
-        make(SPACE, **options)
-
-
-def test_cma_es_needs_two_attributes() -> None:
-    with pytest.raises(ValueError, match="this space has 1"):
-        cma_es(space(["a"]))

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sdr_jax import linear, space
-from sdr_jax.features import evaluate, features, maximise, tables
+from sdr_jax import space
+from sdr_jax.critic.features import evaluate, features, maximise, tables
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 LAYOUT = features(SPACE, 3, 2, 0.5)
@@ -55,18 +55,3 @@ def test_the_best_bins_and_the_tables_are_those_of_enumeration(seed: int) -> Non
         actual = table[attribute, :count]
         np.testing.assert_allclose(actual - actual[0], expected - expected[0], atol=1e-4)
         assert np.all(np.isneginf(table[attribute, count:]))
-
-
-@pytest.mark.parametrize(
-    ("options", "culprit"),
-    [
-        (dict(explore=-1.0), "explore is -1.0"),
-        (dict(degree=0), "degree is 0"),
-        (dict(pair_degree=5), "pair_degree is 5"),
-        (dict(interaction=float("inf")), "interaction is inf"),
-        (dict(width=2.0), "width is 2.0"),
-    ],
-)
-def test_bad_options_are_refused(options: dict, culprit: str) -> None:
-    with pytest.raises(ValueError, match=culprit):
-        linear(SPACE, **options)

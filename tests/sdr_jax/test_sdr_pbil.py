@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from sdr_jax import pbil, space
-from sdr_jax.bins import mask, uniform
-from sdr_jax.pbil import _kernel, _rank_weights
+from sdr_jax.relaxation import bin_mask, uniform
+from sdr_jax.rivals.pbil import _kernel, _rank_weights
 
 SPACE = space(["a", "b", "c"], bins=[2, 10, 5])
 
@@ -25,7 +25,7 @@ def test_the_kernel_is_a_distribution_that_keeps_uniform_ones(smoothing: float) 
     assert np.all(np.isfinite(kernel)) and np.all(kernel >= 0)
     kept = np.einsum("ab,abc->ac", np.asarray(uniform(SPACE)), kernel)
     np.testing.assert_allclose(kept, uniform(SPACE), atol=1e-5)
-    np.testing.assert_allclose(kernel.sum(axis=2), mask(SPACE), atol=1e-5)
+    np.testing.assert_allclose(kernel.sum(axis=2), bin_mask(SPACE), atol=1e-5)
 
 
 def test_neighbours_of_a_good_bin_gain_too() -> None:
@@ -49,19 +49,3 @@ def test_only_the_latest_evaluations_are_remembered() -> None:
         state, _ = method.update(state, actions, jnp.asarray([float(t)]))
     np.testing.assert_array_equal(state.rewards, [2, 3, 4])
     np.testing.assert_array_equal(state.actions[:, 0], [0, 1, 0])
-
-
-@pytest.mark.parametrize(
-    ("options", "culprit"),
-    [
-        (dict(rate=0.0), "rate is 0.0"),
-        (dict(elite=1.5), "elite is 1.5"),
-        (dict(memory=0), "memory is 0"),
-        (dict(smoothing=-1.0), "smoothing is -1.0"),
-        (dict(smoothing=float("nan")), "smoothing is nan"),
-        (dict(width=2.0), "width is 2.0"),
-    ],
-)
-def test_bad_options_are_refused(options: dict, culprit: str) -> None:
-    with pytest.raises(ValueError, match=culprit):
-        pbil(SPACE, **options)

@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sdr_jax import Policy, space
-from sdr_jax.groups import init_policies, layout, put, take
-from sdr_jax.policy import entropy, log_prob, mask_logits, sample
+from sdr_jax.coordinate_descent import take
+from sdr_jax.policy import entropy, init_policies, log_prob, mask_logits, sample_bins
 
 MASK = jnp.asarray([[True, True, False, False], [True] * 4, [True] * 4])
 PRESENT = jnp.asarray([True, True, False])
@@ -60,28 +60,19 @@ def test_padding_has_no_effect_and_gradients_are_finite(seed: int) -> None:
 
 @given(seeds)
 def test_masked_bins_are_never_sampled(seed: int) -> None:
-    actions = sample(jax.random.key(seed), random_logits(seed), 64)
+    actions = sample_bins(jax.random.key(seed), random_logits(seed), 64)
     assert actions.dtype == jnp.int32
     assert actions[:, 0].max() < 2
 
 
 def test_samples_follow_the_logits() -> None:
     logits = random_logits(3)
-    actions = sample(jax.random.key(0), logits, 20_000)
+    actions = sample_bins(jax.random.key(0), logits, 20_000)
     frequencies = [np.bincount(np.asarray(column), minlength=4) / 20_000 for column in actions.T]
     np.testing.assert_allclose(frequencies, jax.nn.softmax(logits), atol=0.015)
 
 
 SPACE = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
-
-
-def test_layout_by_hand() -> None:
-    slots, group, slot = layout(SPACE)
-    assert slots.members.tolist() == [[2, 3], [1, 0]]
-    assert slots.present.tolist() == [[True, False], [True, True]]
-    assert slots.bins.sum(axis=2).tolist() == [[2, 5], [5, 3]]
-    assert group.tolist() == [1, 1, 0]
-    assert slot.tolist() == [1, 0, 0]
 
 
 def test_a_padded_policy_is_its_own_size_policy() -> None:
@@ -96,10 +87,3 @@ def test_a_padded_policy_is_its_own_size_policy() -> None:
     assert not np.any(padded[1:])
     for leaf, own_leaf in zip(jax.tree.leaves(first), jax.tree.leaves(own), strict=True):
         assert np.abs(leaf).sum() == pytest.approx(np.abs(own_leaf).sum())
-
-
-def test_put_changes_one_group_only() -> None:
-    stacked = {"x": jnp.arange(6.0).reshape(3, 2), "y": jnp.arange(3)}
-    actual = put(stacked, jnp.asarray(1), {"x": jnp.full(2, 9.0), "y": jnp.asarray(7)})
-    assert actual["x"].tolist() == [[0, 1], [9, 9], [4, 5]]
-    assert actual["y"].tolist() == [0, 7, 2]

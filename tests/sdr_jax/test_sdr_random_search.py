@@ -2,7 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sdr_jax import random_search, relax, run, space
+from sdr_jax import random_search, relax, space
 
 SPACE = space(["a", "b"], bins=[3, 5])
 METHOD = random_search(SPACE)
@@ -29,23 +29,3 @@ def test_samples_are_uniform_over_the_bins_of_each_attribute() -> None:
     np.testing.assert_allclose(frequencies, METHOD.probabilities(state), atol=0.015)
     expected = relax(SPACE, actions)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-6), proposal, expected)
-
-
-def test_update_keeps_structure_shapes_and_dtypes() -> None:
-    state = METHOD.init(jax.random.key(0))
-    actions, _ = METHOD.sample(jax.random.key(1), state, 4)
-    next_state, _ = jax.eval_shape(METHOD.update, state, actions, jnp.zeros(4))
-    assert jax.tree.structure(state) == jax.tree.structure(next_state)
-    assert [(x.shape, x.dtype) for x in state] == [(x.shape, x.dtype) for x in next_state]
-
-
-def test_it_runs_under_one_jit() -> None:
-    target = jnp.asarray([[0.5, 0.9]])
-    state, record = jax.jit(
-        lambda key: run(
-            key, METHOD, lambda _, p: 1 - jnp.abs(p.centre - target).sum(axis=1), updates=40, n=2
-        )
-    )(jax.random.key(0))
-    np.testing.assert_allclose(METHOD.solution(state).centre, target[0], atol=1e-6)
-    assert record.rewards.shape == (40, 2)
-    assert state.reward == record.rewards.max()

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sdr_jax import leave_one_out, reinforce_loss, sdr, space
-from sdr_jax.groups import take
+from sdr_jax.coordinate_descent import take
 from sdr_jax.policy import Policy, log_prob, mask_logits
 
 BINS = (2, 3)
@@ -48,6 +48,16 @@ def test_by_hand() -> None:
     assert jax.grad(loss)(jnp.asarray(1.0)) == -0.5
 
 
+def test_a_failed_data_set_is_left_out_of_the_mean() -> None:
+    def grad(log_probs: list[float], advantages: list[float]) -> jax.Array:
+        return jax.grad(reinforce_loss)(jnp.asarray(log_probs), jnp.asarray(advantages))
+
+    with_it = grad([1.0, 5.0, 2.0], [3.0, jnp.nan, -1.0])
+    np.testing.assert_array_equal(with_it[jnp.asarray([0, 2])], grad([1.0, 2.0], [3.0, -1.0]))
+    assert with_it[1] == 0
+    assert not np.any(grad([1.0, 2.0], [jnp.nan, jnp.nan]))
+
+
 def test_no_gradient_flows_into_advantages() -> None:
     assert jax.grad(lambda a: reinforce_loss(jnp.ones(1), a))(jnp.ones(1)) == 0
 
@@ -70,7 +80,7 @@ PAIRS = jnp.asarray(list(itertools.product(range(6), repeat=2)))
 def exact_and_mean_update(seed: jax.Array, rewards: jax.Array) -> tuple[dict, dict]:
     """The policy's exact gradient, and the mean over all pairs of what one update adds to it."""
     state = METHOD.init(jax.random.key(seed))
-    params, inputs = take((state.params, state.inputs), jnp.asarray(0))
+    params, inputs = take((state.learners.params, state.inputs), jnp.asarray(0))
     net = Policy(2, 3, 8)
 
     def pair_probability(pair: jax.Array) -> jax.Array:
@@ -79,7 +89,7 @@ def exact_and_mean_update(seed: jax.Array, rewards: jax.Array) -> tuple[dict, di
 
     def step(pair: jax.Array) -> dict:
         after, _ = METHOD.update(state, ACTIONS[pair], rewards[pair])
-        return jax.tree.map(jnp.subtract, take(after.params, jnp.asarray(0)), params)
+        return jax.tree.map(jnp.subtract, take(after.learners.params, jnp.asarray(0)), params)
 
     exact = jax.grad(lambda params: expected_reward(net.apply(params, inputs), rewards))(params)
     probabilities, steps = jax.vmap(pair_probability)(PAIRS), jax.vmap(step)(PAIRS)

@@ -6,15 +6,17 @@ import pytest
 from sdr_jax import (
     Method,
     Proposal,
+    drive,
     ema,
     leave_one_out,
-    make_step,
     random_search,
+    refuse_failures,
     run,
     sdr,
     space,
     squared_percent,
 )
+from shell.errors import UserError
 
 TARGET = jnp.asarray([0.85, 0.15, 0.05, 0.85, 0.05])
 FIVE = space(list("abcde"), bins=[10, 10, 10, 10, 4], groups=[["a", "b"], ["c", "d", "e"]])
@@ -79,14 +81,23 @@ def test_run_is_the_loop_on_the_host() -> None:
     assert record.actions.shape == (6, 2, 5)
     assert record.rewards.shape == (6, 2)
     assert record.info.group.tolist() == [0, 0, 0, 1, 1, 1]
-    init_key, steps_key = jax.random.split(jax.random.key(7))
-    step, looped = make_step(method, bandit, n=2), method.init(init_key)
-    for t in range(6):
-        looped, one = step(jax.random.fold_in(steps_key, t), looped)
-        np.testing.assert_array_equal(one.actions, record.actions[t])
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), looped, state)
+    steps = list(drive(jax.random.key(7), method, bandit, n=2))
+    np.testing.assert_array_equal([one.actions for _, one in steps], record.actions)
+    driven, _ = steps[-1]
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), driven, state)
 
 
 def test_updates_must_be_known() -> None:
     with pytest.raises(ValueError, match="how many"):
         run(jax.random.key(0), random_search(FIVE), bandit)
+
+
+@pytest.mark.parametrize(
+    ("failed", "total", "fine"),
+    [(0, 1, True), (1, 1, True), (2, 8, False), (3, 30, True), (4, 30, False), (7, 70, True)],
+)
+def test_a_tenth_of_the_evaluations_may_fail(failed: int, total: int, fine: bool) -> None:
+    if fine:
+        return refuse_failures(failed, total, "why")
+    with pytest.raises(UserError, match=f"{failed} of {total} evaluations failed.*: why"):
+        refuse_failures(failed, total, "why")

@@ -94,20 +94,6 @@ def test_one_width_per_attribute() -> None:
     np.testing.assert_allclose(width[4], [0.2, 0.3, 0.4], atol=1e-7)
 
 
-@pytest.mark.parametrize(
-    ("options", "culprit"),
-    [
-        (dict(width=1.5), "1.5"),
-        (dict(width=-0.1), "-0.1"),
-        (dict(width=(0.1, 0.1)), "2 widths for 3"),
-        (dict(unoptimised="third"), "'third'"),
-    ],
-)
-def test_bad_relaxation_is_refused(options: dict, culprit: str) -> None:
-    with pytest.raises(ValueError, match=culprit):
-        relax(SPACE, jnp.zeros(3, int), **options)
-
-
 @given(seeds)
 def test_draws_stay_in_their_interval_and_below_one(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -1,16 +1,19 @@
-"""What every rival of SDR keeps to, whatever its idea."""
+"""What every method keeps to, whatever its idea."""
 
 from functools import cache
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import Method, Proposal, bins, run, run_on_host, space
+from sdr_jax import Method, Proposal, drive, run, run_on_host, space
+from sdr_jax.registry import make
+from sdr_jax.relaxation import bin_mask
 
 # Numbers of bins that differ, two included; groups of one and of several.
 SPACE = space(list("abcde"), bins=[3, 5, 2, 10, 7], groups=[["b", "a"], ["d"], ["c", "e"]])
@@ -24,10 +27,11 @@ PURE = {
     "gaussian": sdr_jax.gaussian(SPACE),
     "linear": sdr_jax.linear(SPACE),
     "pbil": sdr_jax.pbil(SPACE),
+    "sdr": make("sdr", SPACE, updates_per_group=25, hidden=8, baseline="leave_one_out"),
 }
 HOST = {"cma_es": sdr_jax.cma_es(SPACE), "tpe": sdr_jax.tpe(SPACE)}
 ALL = PURE | HOST
-LEARNING = [name for name in ALL if name != "random_attributes"]
+LEARNING = [name for name in ALL if name not in ("random_attributes", "sdr")]
 
 
 def value(proposals: Proposal) -> jax.Array:
@@ -98,10 +102,16 @@ def test_the_same_key_gives_the_same_bytes(name: str) -> None:
         assert np.asarray(a).tobytes() == np.asarray(b).tobytes()
 
 
-@pytest.mark.parametrize("name", PURE)
+GROUP_BY_GROUP = [
+    sdr_jax.sdr(SPACE, hidden=8, normalise=True, baseline=sdr_jax.ema(includes_current=True)),
+    sdr_jax.sdr(SPACE, optax.chain(optax.clip_by_global_norm(1.0), optax.sgd(0.1, 0.9)), hidden=8),
+    sdr_jax.sdr(SPACE, optax.adamw(optax.linear_schedule(1e-2, 0.0, 3)), hidden=8),
+]
+
+
+@pytest.mark.parametrize("method", [*PURE.values(), *GROUP_BY_GROUP])
 @pytest.mark.parametrize("n", [2, 5])
-def test_update_keeps_structure_shapes_and_dtypes(name: str, n: int) -> None:
-    method = PURE[name]
+def test_update_keeps_structure_shapes_and_dtypes(method: Method, n: int) -> None:
     state = jax.eval_shape(method.init, jax.random.key(0))
     actions, proposals = jax.eval_shape(
         lambda key, state: method.sample(key, state, n), jax.random.key(0), state
@@ -123,7 +133,7 @@ def check_answers(method: Method, state: object) -> None:
     probabilities = np.asarray(method.probabilities(state))
     assert probabilities.shape == (5, 10)
     assert np.all(probabilities >= 0)
-    assert not np.any(probabilities[~bins.mask(SPACE)])
+    assert not np.any(probabilities[~bin_mask(SPACE)])
     np.testing.assert_allclose(probabilities.sum(axis=1), 1, rtol=1e-4)
 
 
@@ -146,6 +156,32 @@ def test_answers_stay_inside_whatever_the_rewards(name: str, seed: int, scale: f
 
 
 @pytest.mark.parametrize("name", ALL)
+@settings(max_examples=4)
+@given(seed=st.integers(0, 2**32 - 1), failed=st.sets(st.integers(0, 4), max_size=3))
+def test_learning_with_failed_rewards_is_learning_from_the_others(name, seed, failed) -> None:
+    method = ALL[name]
+    rng = np.random.default_rng(seed)
+    state = method.init(jax.random.key(seed))
+    for t in range(2):
+        actions, _ = method.sample(jax.random.key(t), state, 5)
+        rewards = rng.normal(0, 1, 5).astype(np.float32)
+        if t == 0:
+            state, _ = method.update(state, actions, jnp.asarray(rewards))
+    known = np.asarray([k not in failed for k in range(5)])
+    holes = np.where(known, rewards, rng.choice([np.nan, np.inf])).astype(np.float32)
+    left, info = method.update(state, actions, jnp.asarray(holes))
+    right, alone = method.update(state, actions[known], jnp.asarray(rewards[known]))
+    answers = [
+        (method.solution(s), method.spread(s), method.probabilities(s)) for s in (left, right)
+    ]
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=2e-4), *answers)
+    assert info.reward_mean == pytest.approx(float(alone.reward_mean), abs=1e-5)
+    # What it proposes next is the same, too.
+    (a, _), (b, _) = (method.sample(jax.random.key(7), s, 2) for s in (left, right))
+    np.testing.assert_allclose(a, b, atol=2e-3)
+
+
+@pytest.mark.parametrize("name", [name for name in ALL if name != "sdr"])  # its groups move on
 def test_rewards_that_are_all_nan_decide_nothing(name: str) -> None:
     method = ALL[name]
     state = method.init(jax.random.key(0))
@@ -167,6 +203,6 @@ def test_random_attributes_stay_random() -> None:
 
 def test_the_host_loop_must_know_how_many_updates() -> None:
     with pytest.raises(ValueError, match="how many"):
-        run_on_host(jax.random.key(0), PURE["random_search"], easy)
+        drive(jax.random.key(0), PURE["random_search"], easy)
     with pytest.raises(ValueError, match="updates is 0"):
         run_on_host(jax.random.key(0), PURE["random_search"], easy, 0)
