@@ -28,7 +28,6 @@ from shell.errors import UserError
 
 MANIFEST = "assets.csv"
 REQUIRED = ("file", "author", "licence", "source")
-OPTIONAL = ("up", "forward", "scale")
 
 
 FOLDERS: dict[str, str] = {family: family for family in FAMILIES}
