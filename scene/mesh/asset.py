@@ -1,7 +1,7 @@
 """What an asset is, and what can be done to one.
 
 An asset lives in its own frame: x forward (the way the car drives), y left, z up, metres, standing on
-z = 0. Colours are linear RGB in [0, 1], one per face, as is the material (see ``materials.py``).
+z = 0. Colours are linear RGB in [0, 1], one per face, as is the material (see ``look/materials.py``).
 """
 
 from __future__ import annotations
