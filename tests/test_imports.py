@@ -40,11 +40,11 @@ def test_a_library_imports_only_what_is_its_own(package, absent):
     assert not loaded & absent
 
 
-def test_built_in_assets_do_not_wait_for_trimesh():
+def test_workers_wait_neither_for_trimesh_nor_for_rich():
     loaded = modules_after(
-        "import scene.dataset.export\n"
+        "import scene.render.__main__, scene.dataset.export\n"
         "from scene.assets.catalogue import FAMILIES, asset\n"
         "assets = [asset(family, 0) for family in FAMILIES]"
     )
     assert "scene" in loaded
-    assert not loaded & {"trimesh", "networkx"}
+    assert not loaded & {"trimesh", "networkx", "rich"}

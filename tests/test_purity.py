@@ -23,7 +23,6 @@ SHELL = (
     "scene/callback.py",
     "scene/check.py",
     "scene/assets/library.py",
-    "scene/command.py",
     "scene/dataset/",
     "scene/mesh/file.py",
     "scene/render/",

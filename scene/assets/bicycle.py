@@ -10,7 +10,8 @@ from scene.assets.family import ROAD, Family, Size
 from scene.assets.parts.palette import BLACK, HEADLAMP, STEEL, TAILLAMP, TYRE, pick
 from scene.assets.parts.vehicle import card, circle, mudguard, rod
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, block, merge, polygon, ring, tube
+from scene.mesh.asset import Asset, Color, Point, merge
+from scene.mesh.solids import block, polygon, ring, tube
 
 SADDLE: Point = (-0.28, 0.0, 0.95)
 """Top of the saddle, m."""
@@ -85,8 +86,6 @@ _SADDLES: tuple[Color, ...] = (BLACK, (0.12, 0.06, 0.03))
 
 def sample_bicycle(rng: np.random.Generator, kind: str) -> BicycleParams:
     """Draw a bicycle of one frame type: wheel size, paint, basket and rack."""
-    if kind not in _MODELS:
-        raise ValueError(f"unknown kind of bicycle {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     load = _LOADS[int(rng.integers(len(_LOADS)))] if model.rack else ""
     return model._replace(

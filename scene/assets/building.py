@@ -35,7 +35,8 @@ from scene.assets.parts.facade import (
 from scene.assets.parts.roof import OVERHANG, chimney, dormer, flat, pitched, plant_room, steeple
 from scene.assets.parts.styles import KINDS, BuildingParams, sample_building
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, box
+from scene.mesh.asset import Asset
+from scene.mesh.solids import box
 
 __all__ = ["FAMILY", "KINDS", "BuildingParams", "building", "eaves", "sample_building"]
 

@@ -33,7 +33,8 @@ from scene.assets.parts.vehicle import (
     wrap,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, block, merge, polygon, tube
+from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.solids import block, polygon, tube
 
 
 class BusParams(NamedTuple):
@@ -102,8 +103,6 @@ _FLOOR = 0.32
 
 def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
     """Draw a bus of one body type: size within 8 %, livery, adverts, boxes on the roof."""
-    if kind not in _MODELS:
-        raise ValueError(f"unknown kind of bus {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     first, second = rng.choice(len(_LIVERIES), 2, replace=False)
     color = pick(rng, (_LIVERIES[first],))

@@ -9,7 +9,8 @@ import numpy as np
 from scene.assets.family import Family, Size
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, directions, leaf_cards, slivers, tufts
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, box, merge, shade, solid, triangles, vary
+from scene.mesh.asset import Asset, Color, merge, shade, solid, vary
+from scene.mesh.solids import box, triangles
 
 KINDS: tuple[str, ...] = (
     "hedge", "round", "ivy", "tall", "bare", "beech hedge", "planter", "grass", "flowers",
@@ -107,7 +108,7 @@ def sample_bush(rng: np.random.Generator, kind: str) -> BushParams:
                 height=float(between(0.8, 1.4)), parts=110, leaves=420, leaf=0.12,
                 bloom=vary(rng, (0.11, 0.05, 0.04), 0.2),
             )  # fmt: skip
-    raise ValueError(f"unknown kind of bush {kind!r}; known: {', '.join(KINDS)}")
+    raise KeyError(kind)
 
 
 def _box(rng: np.random.Generator, params: BushParams) -> tuple[Asset, np.ndarray]:

@@ -109,7 +109,7 @@ def asset(family: str, ref: int | str) -> Asset:
         raise ValueError(f"asset index of {family} must be 0 or more, not {ref}")
     row = FAMILIES[family]
     seed = [zlib.crc32(family.encode()), ref, *([1] if ref in row.again else [])]
-    return row.build(row.sample(np.random.default_rng(seed), kind(family, ref)))
+    return row.draw(np.random.default_rng(seed), kind(family, ref))
 
 
 @lru_cache(maxsize=4096)

@@ -62,6 +62,13 @@ class Family:
     runs: bool = False  # one asset is a panel; up to three stand in a row
     again: tuple[int, ...] = ()  # whose first draw looked like an earlier one: the second is taken
 
+    def draw(self, rng: np.random.Generator, kind: str) -> Asset:
+        """An asset of one of the kinds; raises ValueError naming them."""
+        if kind not in self.kinds:
+            known = ", ".join(self.kinds)
+            raise ValueError(f"unknown kind of {self.name} {kind!r}; known: {known}")
+        return self.build(self.sample(rng, kind))
+
     def base(self, kind: str) -> str:
         """The family of what an asset of a kind comes on; empty for nothing."""
         return self.on if isinstance(self.on, str) else self.on[kind]

@@ -9,19 +9,8 @@ import numpy as np
 
 from scene.assets.family import FRONTAGE, Family, Size
 from scene.classes import TrainId
-from scene.mesh.asset import (
-    Asset,
-    Color,
-    Point,
-    box,
-    loft,
-    merge,
-    quad,
-    shade,
-    triangles,
-    tube,
-    vary,
-)
+from scene.mesh.asset import Asset, Color, Point, merge, shade, vary
+from scene.mesh.solids import box, loft, quad, triangles, tube
 
 BLACK: Color = (0.014, 0.015, 0.016)
 GREEN: Color = (0.010, 0.040, 0.024)
@@ -90,8 +79,6 @@ KINDS: tuple[str, ...] = tuple(_PATTERNS)
 
 def sample_fence(rng: np.random.Generator, kind: str) -> FenceParams:
     """Draw a panel of one of ``KINDS``."""
-    if kind not in _PATTERNS:
-        raise ValueError(f"unknown kind of fence {kind!r}; known: {', '.join(KINDS)}")
     p = _PATTERNS[kind]
     return p._replace(
         length=float(rng.uniform(3.2, 3.8)),

@@ -8,7 +8,8 @@ import numpy as np
 
 from scene.assets.family import Family, Size
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, box, loft, merge, tube, vary
+from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.solids import box, loft, tube
 
 GLOW: Color = (0.62, 0.60, 0.52)
 """Lamp glass by day."""
@@ -86,8 +87,6 @@ KINDS: tuple[str, ...] = tuple(_PATTERNS)
 
 def sample_lamp(rng: np.random.Generator, kind: str) -> LampParams:
     """Draw a lamp of one of ``KINDS``."""
-    if kind not in _PATTERNS:
-        raise ValueError(f"unknown kind of lamp {kind!r}; known: {', '.join(KINDS)}")
     p, spread = _PATTERNS[kind]
     return p._replace(
         height=float(p.height * rng.uniform(1 - spread, 1 + spread)),

@@ -28,7 +28,6 @@ from shell.errors import UserError
 
 MANIFEST = "assets.csv"
 REQUIRED = ("file", "author", "licence", "source")
-OPTIONAL = ("up", "forward", "scale")
 
 
 FOLDERS: dict[str, str] = {family: family for family in FAMILIES}
@@ -56,7 +55,7 @@ class Row(NamedTuple):
     author: str
     licence: str
     source: str
-    up: str = ""  # see ``mesh_file.read_mesh``; empty: the format's own
+    up: str = ""  # see ``mesh.file.read_mesh``; empty: the format's own
     forward: str = ""
     scale: float = 1.0  # metres per unit of the file
 

@@ -22,7 +22,8 @@ from scene.assets.parts.skin import moved, pair, slab
 from scene.assets.parts.vehicle import card, mudguard, rod
 from scene.assets.parts.wheel import Wheel, wheel
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, block, disc, ellipsoid, merge, polygon, tube
+from scene.mesh.asset import Asset, Color, Point, merge
+from scene.mesh.solids import block, disc, ellipsoid, polygon, tube
 
 SADDLE: Point = (-0.18, 0.0, 0.80)
 """Top of the seat where the rider sits, m."""
@@ -88,8 +89,6 @@ _PAINTS: tuple[Color, ...] = (
 
 def sample_motorcycle(rng: np.random.Generator, kind: str) -> MotorcycleParams:
     """Draw a motorcycle of one body type: size within 5 %, paint, wheels, exhausts, luggage."""
-    if kind not in _MODELS:
-        raise ValueError(f"unknown kind of motorcycle {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     return model._replace(
         wheel_radius=model.wheel_radius * rng.uniform(0.95, 1.05),

@@ -68,8 +68,6 @@ _HELMETS: tuple[Color, ...] = (
 
 def sample_rider(rng: np.random.Generator, kind: str) -> RiderParams:
     """Draw a rider of one of ``KINDS``: size, how far the back leans, clothes and helmet."""
-    if kind not in _KINDS:
-        raise ValueError(f"unknown kind of rider {kind!r}; known: {', '.join(KINDS)}")
     entry = _KINDS[kind]
     outfit, curves = sample_outfit(rng, entry.style, float(rng.choice([0.0, 0.1, 0.9])))
     outfit = outfit._replace(hat=str(rng.choice(entry.hat)), hat_color=pick(rng, _HELMETS))

@@ -13,7 +13,8 @@ import numpy as np
 
 from scene.assets.family import Family, Size
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, box, loft, merge, quad, tube, vary
+from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.solids import box, loft, quad, tube
 
 MAX_RADIUS = 0.06
 """No post is thicker (metres); plates hang just in front of x = -MAX_RADIUS."""
@@ -74,8 +75,6 @@ KINDS: tuple[str, ...] = tuple(_PATTERNS)
 
 def sample_signpost(rng: np.random.Generator, kind: str) -> SignpostParams:
     """Draw a post of one of ``KINDS``."""
-    if kind not in _PATTERNS:
-        raise ValueError(f"unknown kind of signpost {kind!r}; known: {', '.join(KINDS)}")
     p = _PATTERNS[kind]
     top = MAX_HEIGHT - (0.45 if p.extra in ("beacon", "solar") else 0.0)
     one = p.color == p.second_color

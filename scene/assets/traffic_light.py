@@ -9,7 +9,8 @@ import numpy as np
 from scene.assets.family import SIGN, Family, Size
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, box, disc, loft, merge, polygon, vary
+from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.solids import box, disc, loft, polygon
 
 RED: Color = (0.95, 0.05, 0.03)
 AMBER: Color = (0.98, 0.45, 0.03)
@@ -78,8 +79,6 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 def sample_traffic_light(rng: np.random.Generator, kind: str) -> TrafficLightParams:
     """Draw a light of one of ``KINDS``; beyond the first ones the lit lamp is drawn, too."""
-    if kind not in _KINDS:
-        raise ValueError(f"unknown kind of traffic light {kind!r}; known: {', '.join(KINDS)}")
     p = _KINDS[kind]
     radius = float(rng.uniform(0.10, 0.118))
     spread = float(rng.uniform(0.26, 0.32))

@@ -15,7 +15,8 @@ from scene.assets.parts.sign_boards import Inks
 from scene.assets.parts.sign_faces import FACES
 from scene.assets.signpost import MAX_RADIUS, MIN_HEIGHT
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, Point, box, loft, merge, polygon, vary
+from scene.mesh.asset import Asset, Color, Point, merge, vary
+from scene.mesh.solids import box, loft, polygon
 
 KINDS: tuple[str, ...] = tuple(FACES)
 """What the face says."""
@@ -39,8 +40,6 @@ class TrafficSignParams(NamedTuple):
 
 def sample_traffic_sign(rng: np.random.Generator, kind: str) -> TrafficSignParams:
     """Draw a sign of one of ``KINDS``."""
-    if kind not in FACES:
-        raise ValueError(f"unknown kind of traffic sign {kind!r}; known: {', '.join(KINDS)}")
     face = FACES[kind]
     layers = face.draw(Inks.sample(rng), rng)
     radius = float(rng.uniform(0.30, 0.44)) * face.size

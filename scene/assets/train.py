@@ -37,7 +37,8 @@ from scene.assets.parts.vehicle import (
     wrap,
 )
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, block, loft, merge, translate, tube
+from scene.mesh.asset import Asset, Color, merge, translate
+from scene.mesh.solids import block, loft, tube
 
 
 class TrainParams(NamedTuple):
@@ -91,8 +92,6 @@ _FREIGHT: tuple[Color, ...] = (
 
 def sample_train(rng: np.random.Generator, kind: str) -> TrainParams:
     """Draw a vehicle of one type: length within 6 %, height within 2 %, livery."""
-    if kind not in _MODELS:
-        raise ValueError(f"unknown kind of train {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     freight = model.body in ("hopper", "container", "tank")
     color = pick(rng, _FREIGHT if freight else _LIVERIES)

@@ -14,7 +14,8 @@ import numpy as np
 from scene.assets.family import Family, Size
 from scene.assets.parts.foliage import AUTUMNS, GREENS, IVY, leaf_cards, slivers, tubes, tufts
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, merge, translate, tube, vary
+from scene.mesh.asset import Asset, Color, merge, translate, vary
+from scene.mesh.solids import tube
 
 KINDS: tuple[str, ...] = (
     "bare lime", "plane", "half bare", "conifer", "bare broad", "poplar", "pollard", "willow",
@@ -177,7 +178,7 @@ def sample_tree(rng: np.random.Generator, kind: str) -> TreeParams:
                 limbs=8, angle=28.0, lift=0.04, forks=(7, 5, 4), radius=0.026 * tall,
                 bark_color=vary(rng, (0.085, 0.050, 0.042), 0.25),
             )  # fmt: skip
-    raise ValueError(f"unknown kind of tree {kind!r}; known: {', '.join(KINDS)}")
+    raise KeyError(kind)
 
 
 def _reach(outline: str, level: np.ndarray) -> np.ndarray:

@@ -27,7 +27,8 @@ from scene.assets.parts.palette import (
 from scene.assets.parts.skin import pair
 from scene.assets.parts.vehicle import Hull, arch, axle, hull, lamps, panel, walls, wrap
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, block, merge, tube
+from scene.mesh.asset import Asset, Color, merge
+from scene.mesh.solids import block, tube
 
 _CAB = (0.50, 0.86)
 _MODELS: dict[str, TruckParams] = {
@@ -109,8 +110,6 @@ _LOADS: dict[str, tuple[Color, ...]] = {
 
 def sample_truck(rng: np.random.Generator, kind: str) -> TruckParams:
     """Draw a lorry of one body type: proportions, colours of cab and load, lettering, fittings."""
-    if kind not in _MODELS:
-        raise ValueError(f"unknown kind of truck {kind!r}; known: {', '.join(KINDS)}")
     model = _MODELS[kind]
     body, cab = pick(rng, _LOADS[model.load]), pick(rng, _CABS)
     long = rng.uniform(0.9, 1.06)

@@ -8,7 +8,8 @@ from scene.assets.family import FRONTAGE, Family, Size
 from scene.assets.parts.palette import darker
 from scene.assets.parts.wall_faces import FACES, RELIEF, TOPS, WallParams
 from scene.classes import TrainId
-from scene.mesh.asset import Asset, Color, box, extrude, loft, merge, rotate, solid, translate, vary
+from scene.mesh.asset import Asset, Color, merge, rotate, solid, translate, vary
+from scene.mesh.solids import box, extrude, loft
 
 BRICK: Color = (0.17, 0.085, 0.06)
 YELLOW_BRICK: Color = (0.27, 0.22, 0.15)
@@ -55,8 +56,6 @@ KINDS: tuple[str, ...] = tuple(_PATTERNS)
 
 def sample_wall(rng: np.random.Generator, kind: str) -> WallParams:
     """Draw a wall of one of ``KINDS``."""
-    if kind not in _PATTERNS:
-        raise ValueError(f"unknown kind of wall {kind!r}; known: {', '.join(KINDS)}")
     p = _PATTERNS[kind]
     return p._replace(
         length=float(rng.uniform(3.3, 3.9)),

@@ -6,17 +6,13 @@ street. The same call again does what is missing; the files about all images and
 
 from __future__ import annotations
 
-import json
 import shutil
-import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-from filelock import FileLock, Timeout
 
 from scene.assets import library
 from scene.assets.catalogue import AssetPool, check_pool
@@ -24,38 +20,15 @@ from scene.classes import CLASS_NAMES
 from scene.dataset import description
 from scene.dataset.formats.layout import SPLITS, layout, stem
 from scene.dataset.formats.shot import shot_files
-from scene.dataset.read import DESCRIPTION, WORK, pictures
+from scene.dataset.plan import ExportError as ExportError
+from scene.dataset.plan import Plan, check_room, complete, finished, locked
+from scene.dataset.plan import settings as settings_of
+from scene.dataset.read import DESCRIPTION, pictures
 from scene.dataset.render import Dataset, check_request, street_of
-from scene.proposal import Proposal, describe, shortest
+from scene.proposal import Proposal
 from scene.render import RenderSettings, renderer
-from scene.version import ENGINE
 from scene.workers import WorkerPool, opened
-from shell.errors import UserError
 from shell.files import read_json, write, write_json
-from shell.folder import differences, plain
-
-BLOCK = 4096
-"""Bytes that disks give out at a time."""
-MARGIN = 1.2
-"""Room asked for, over what the first image needs."""
-
-
-class ExportError(UserError):
-    """A folder cannot take an export; the message names the folder and says what would do."""
-
-
-class Plan(NamedTuple):
-    """What every worker needs to know about an export."""
-
-    folder: Path
-    format: str
-    split: str
-    images: int
-    shots: int
-    seed: int
-    settings: RenderSettings
-    renderer: str
-    pool: AssetPool
 
 
 def export_dataset(
@@ -115,15 +88,15 @@ def export_dataset(
     plan = Plan(
         Path(folder), format, split, images, shots, seed, settings, renderer_name, pool
     )  # fmt: skip
-    wanted = _settings(plan, units, proposal)
-    if not _complete(plan.folder, wanted):
-        _check_room(plan, units)
-        (plan.folder / WORK).mkdir(parents=True, exist_ok=True)
-        with _locked(plan.folder):
-            if not _complete(plan.folder, wanted):
+    wanted = settings_of(plan, units, proposal)
+    if not complete(plan.folder, wanted):
+        check_room(plan, units)
+        (plan.work).mkdir(parents=True, exist_ok=True)
+        with locked(plan.folder):
+            if not complete(plan.folder, wanted):
                 _export(plan, units, wanted, workers, progress)
     found: dict[str, Any] = read_json(plan.folder / DESCRIPTION)
-    shutil.rmtree(plan.folder / WORK, ignore_errors=True)
+    shutil.rmtree(plan.work, ignore_errors=True)
     return found
 
 
@@ -145,7 +118,7 @@ def _export(
     progress: Callable[[int, int, int], None] | None,
 ) -> None:
     """The work itself, in a folder that nobody else writes to."""
-    work, scratch = plan.folder / WORK, plan.folder / WORK / "parts"
+    work, scratch = plan.work, plan.work / "parts"
     shutil.rmtree(scratch, ignore_errors=True)  # what a kill left half-written
     scratch.mkdir(parents=True)
     if not (work / "settings.json").exists():
@@ -155,14 +128,14 @@ def _export(
     for folder in {(plan.folder / path).parent for path in (*paths, *summaries)}:
         folder.mkdir(parents=True, exist_ok=True)
     (work / "streets").mkdir(exist_ok=True)
-    finished = set(_finished(plan, range(len(units))))
-    done, written = sum(_shots(plan, street) for street in finished), 0
+    done_before = set(finished(plan, range(len(units))))
+    done, written = sum(plan.shots_of(street) for street in done_before), 0
     if progress is not None:
         progress(done, plan.images, written)
-    tasks = [(plan, k, unit) for k, unit in enumerate(units) if k not in finished]
+    tasks = [(plan, k, unit) for k, unit in enumerate(units) if k not in done_before]
     with opened(workers) as processes:
         for position, size in processes.map(_export_street, tasks):
-            done, written = done + _shots(plan, tasks[position][1]), written + size
+            done, written = done + plan.shots_of(tasks[position][1]), written + size
             if progress is not None:
                 progress(done, plan.images, written)
     _summarize(plan, len(units))
@@ -170,13 +143,13 @@ def _export(
 
 def _export_street(plan: Plan, index: int, unit: np.ndarray) -> int:
     """Render one street and write its files, then its record; the bytes written."""
-    kind_of, scratch = layout(plan.format), plan.folder / WORK / "parts"
+    kind_of, scratch = layout(plan.format), plan.work / "parts"
     street = street_of(unit, plan.seed, index, plan.shots, plan.pool)
     frames = renderer(plan.renderer).render(street, plan.settings)
     placed = Counter(CLASS_NAMES[p.train_id] for p in street.placements)
     record: dict[str, Any] = {"placed": dict(sorted(placed.items())), "images": []}
     total = 0
-    for shot in range(_shots(plan, index)):
+    for shot in range(plan.shots_of(index)):
         name = stem(index, shot)
         files, known = shot_files(frames[shot], street.cameras[shot], plan.settings, kind_of)
         paths = kind_of.paths(plan.split, name)
@@ -187,7 +160,7 @@ def _export_street(plan: Plan, index: int, unit: np.ndarray) -> int:
         ]
         record["images"].append({"stem": name, "bytes": sizes, **known})
         total += sum(sizes)
-    write_json(_record_path(plan, index), record)
+    write_json(plan.record(index), record)
     return total
 
 
@@ -196,7 +169,7 @@ def _summarize(plan: Plan, streets: int) -> None:
     size = (plan.settings.width, plan.settings.height)
 
     def records() -> Iterator[dict[str, Any]]:
-        return (read_json(_record_path(plan, k)) for k in range(streets))
+        return (read_json(plan.record(k)) for k in range(streets))
 
     def images() -> Iterator[dict[str, Any]]:
         return (image for record in records() for image in record["images"])
@@ -205,139 +178,13 @@ def _summarize(plan: Plan, streets: int) -> None:
     for name, path in kind_of.summaries(plan.split).items():
         text = kind_of.summary_text(name, plan.split, images, size)
         write(plan.folder / path, text)
-    if _own_folder(plan.pool):
+    if plan.own:
         # Authors and licences go wherever the pictures of their assets go.
         listing = Path(plan.pool.own) / library.MANIFEST
         write(plan.folder / library.MANIFEST, listing.read_bytes())
     found = {
-        **read_json(plan.folder / WORK / "settings.json"),
+        **read_json(plan.work / "settings.json"),
         "encodings": description.ENCODINGS,
         **description.outcome(records(), size[0] * size[1]),
     }
     write_json(plan.folder / DESCRIPTION, found)
-
-
-def _settings(plan: Plan, units: np.ndarray, proposal: Proposal | None) -> dict[str, Any]:
-    """All that decides the files, as ``dataset.json`` has it."""
-    render = {**plan.settings._asdict(), "response": plan.settings.response._asdict()}
-    unit = {name: row["unit"] for name, row in describe(proposal).items()} if proposal else None
-    return {
-        "engine": ENGINE,
-        "format": plan.format,
-        "split": plan.split,
-        "images": plan.images,
-        "shots": plan.shots,
-        "seed": plan.seed,
-        "renderer": plan.renderer,
-        "render": plain(render),
-        "assets": {**plan.pool._asdict(), "own": Path(plan.pool.own).name},
-        "own_assets": _own_assets(plan.pool),
-        "attributes": unit,
-        "streets": [[shortest(value) for value in row] for row in units.tolist()],
-    }
-
-
-def _own_folder(pool: AssetPool) -> str:
-    """The folder of own assets, if any of them may appear."""
-    return "" if pool.use == "built-in" else pool.own
-
-
-def _own_assets(pool: AssetPool) -> list[dict[str, Any]]:
-    """What the manifest says of every own asset, and a checksum, since a file may be exchanged."""
-    folder = _own_folder(pool)
-    rows = library.manifest(folder) if folder else ()
-    return [
-        {**row._asdict(), "crc32": zlib.crc32((Path(folder) / row.file).read_bytes())}
-        for row in rows
-    ]
-
-
-def _complete(folder: Path, wanted: dict[str, Any]) -> bool:
-    """Whether the folder holds the whole export already.
-
-    Raises:
-        ExportError: it holds anything else than this export or a part of it.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise ExportError(f"{folder} is a file; an export needs a folder")
-    described, started = folder / DESCRIPTION, folder / WORK / "settings.json"
-    stored = described if described.exists() else started
-    if not stored.exists():
-        if folder.exists() and any(p.name != WORK for p in folder.iterdir()):
-            raise ExportError(f"{folder} holds other files and no export; choose another folder")
-        return False
-    theirs = read_json(stored)
-    if not isinstance(theirs, dict):
-        raise ExportError(f"{stored} does not describe an export; choose another folder")
-    engine = theirs.get("engine", "0")
-    if engine != ENGINE:
-        raise ExportError(
-            f"{folder} holds an export of engine version {engine}, and this is {ENGINE}; continue it "
-            "with the release that began it, or choose another folder"
-        )
-    for name, ours, other in differences(wanted, {key: theirs.get(key) for key in wanted}):
-        values = "" if isinstance(ours, list | dict) else f" = {other}, not {ours}"
-        raise ExportError(
-            f"{folder} holds an export with {'' if values else 'other '}{name}{values}; "
-            "use the same settings to continue it, or another folder"
-        )
-    return stored == described
-
-
-def _check_room(plan: Plan, units: np.ndarray) -> None:
-    """Measure one image, and refuse an export that the disk cannot take."""
-    street = street_of(units[0], plan.seed, 0, 1, plan.pool)
-    frame = renderer(plan.renderer).render(street, plan.settings)[0]
-    files, record = shot_files(frame, street.cameras[0], plan.settings, layout(plan.format))
-    sizes = [*(len(content) for content in files.values()), 2 * len(json.dumps(record, indent=2))]
-    image = sum(-(-size // BLOCK) * BLOCK for size in sizes)
-    finished = sum(1 for _ in (plan.folder / WORK / "streets").glob("*.json"))
-    need = MARGIN * image * max(plan.images - finished * plan.shots, 0)
-    existing = next(p for p in (plan.folder, *plan.folder.absolute().parents) if p.exists())
-    free = shutil.disk_usage(existing).free
-    if need > free:
-        raise ExportError(
-            f"{plan.folder}: about {need / 1e9:.1f} GB are needed and {free / 1e9:.1f} GB are free; "
-            "ask for fewer or smaller images, or choose another disk"
-        )
-
-
-def _finished(plan: Plan, streets: range) -> Iterator[int]:
-    """The streets whose record is there and whose files are as long as it says."""
-    kind_of = layout(plan.format)
-    for street in streets:
-        path = _record_path(plan, street)
-        if not path.exists():
-            continue
-        try:
-            for image in read_json(path)["images"]:
-                paths = kind_of.paths(plan.split, image["stem"]).values()
-                for name, size in zip(paths, image["bytes"], strict=True):
-                    if (plan.folder / name).stat().st_size != size:
-                        raise ValueError(name)
-        except (OSError, ValueError, LookupError, TypeError):
-            continue  # a disk lost power, or someone tidied up: it is rendered again
-        yield street
-
-
-def _record_path(plan: Plan, street: int) -> Path:
-    return plan.folder / WORK / "streets" / f"{street:06d}.json"
-
-
-def _shots(plan: Plan, street: int) -> int:
-    """Images of one street; the last may be cut short."""
-    return min(plan.shots, plan.images - street * plan.shots)
-
-
-@contextmanager
-def _locked(folder: Path) -> Iterator[None]:
-    """Keep a second process out; the system forgets the lock of one that was killed."""
-    lock = FileLock(folder / WORK / "lock", timeout=0)
-    try:
-        lock.acquire()
-    except Timeout:
-        raise ExportError(f"{folder} is in use by another export") from None
-    try:
-        yield
-    finally:
-        lock.release()

@@ -22,6 +22,7 @@ import numpy as np
 
 from scene.assets.catalogue import USES, AssetPool, absent, check_pool
 from scene.preview.closeup import all_classes, class_page
+from scene.preview.layout import Studio
 from scene.preview.streets import all_sweeps, contact_sheet, sweep
 from scene.proposal import default_proposal, draw, random_proposal
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
@@ -80,19 +81,19 @@ def page(options: argparse.Namespace) -> np.ndarray:
     width, height = options.size or SIZES[f"{mode} all" if everything else mode]
     settings = check_settings(RenderSettings(width, height, samples=2))
     columns = options.columns or (8 if everything else min(options.count, 6))
-    engine = options.renderer
+    studio = Studio(settings, options.renderer, pool)
     if mode == "sweep":
         if everything:
-            return all_sweeps(options.steps, options.seed, settings, engine, pool)
-        return sweep(options.sweep, options.steps, options.seed, settings, engine, pool)
+            return all_sweeps(options.steps, options.seed, studio)
+        return sweep(options.sweep, options.steps, options.seed, studio)
     if mode == "asset":
-        settings = settings._replace(samples=3)
+        studio = studio._replace(settings=settings._replace(samples=3))
         if everything:
-            return all_classes(columns, settings, engine, pool)
-        return class_page(options.asset, options.count, columns, settings, engine, pool)
+            return all_classes(columns, studio)
+        return class_page(options.asset, options.count, columns, studio)
     proposal = random_proposal() if options.attributes == "random" else default_proposal()
     rows = draw(proposal, options.seed, options.streets)
-    return contact_sheet(rows, options.seed, options.shots, settings, engine, pool)
+    return contact_sheet(rows, options.seed, options.shots, studio)
 
 
 def write(picture: np.ndarray, path: Path) -> None:

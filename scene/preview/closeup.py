@@ -13,8 +13,7 @@ from scene.assets.families import FAMILIES
 from scene.classes import CLASS_NAMES
 from scene.ground.ground import Ground, ground_height, plain, sample_ground
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS, sample_coat
-from scene.preview.layout import captioned, grid, stack
-from scene.render import RenderSettings, renderer
+from scene.preview.layout import Studio, captioned, grid, stack
 from scene.render.sensor import CameraResponse
 from scene.sky.sky import Sky, sample_sky
 from scene.sky.weather import SKIES
@@ -147,21 +146,14 @@ def surface_street(name: str, row: int) -> Street:
     return Street((), (VIEWPOINTS[name],), above, below, seed=0)
 
 
-def class_page(
-    name: str,
-    count: int,
-    columns: int,
-    settings: RenderSettings,
-    renderer_name: str,
-    pool: AssetPool,
-) -> np.ndarray:
+def class_page(name: str, count: int, columns: int, studio: Studio) -> np.ndarray:
     """The first ``count`` assets of a class (or family), surfaces or skies, with kind and index.
 
     Raises:
         ValueError: no class or family of this name, or none of it in the pool.
     """
-    settings = settings._replace(response=RESPONSE)
-    engine = renderer(renderer_name)
+    settings = studio.settings._replace(response=RESPONSE)
+    studio = studio._replace(settings=settings)
     surfaces = catalogue.surfaces().get(name)
     if surfaces:
         shown = [
@@ -173,22 +165,20 @@ def class_page(
         shown = [
             (f"{family} {_number(ref)}: {kind(family, ref)}",
              asset_street(family, ref, aspect, settings.fov))
-            for family, ref in _refs(name, count, pool)
+            for family, ref in _refs(name, count, studio.pool)
         ]  # fmt: skip
     if not shown:
         raise ValueError(f"the asset pool has no {name}")
-    pictures = [captioned(engine.render(s, settings)[0].image, text) for text, s in shown]
+    pictures = [captioned(studio.shoot(s), text) for text, s in shown]
     return grid(pictures, columns)
 
 
-def all_classes(
-    columns: int, settings: RenderSettings, renderer_name: str, pool: AssetPool
-) -> np.ndarray:
+def all_classes(columns: int, studio: Studio) -> np.ndarray:
     """A page with one row for each of the 19 classes that the pool has."""
     rows = []
     for name in CLASS_NAMES:
-        if name in catalogue.surfaces() or _refs(name, 1, pool):
-            rows.append(class_page(name, columns, columns, settings, renderer_name, pool))
+        if name in catalogue.surfaces() or _refs(name, 1, studio.pool):
+            rows.append(class_page(name, columns, columns, studio))
     return stack(rows)
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import zip_longest
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 
+from scene.assets.catalogue import AssetPool
 from scene.classes import colorize
-from scene.render import Frame
+from scene.render import Frame, RenderSettings, renderer
+from scene.street.street import Street
 
 FAR = 80.0
 """Metres at which the depth picture is black."""
@@ -17,6 +20,18 @@ CAPTION = 15
 """Height of a caption, pixels."""
 PAPER, INK = (255, 255, 255), (20, 20, 20)
 FONT, FONT_SCALE = cv2.FONT_HERSHEY_SIMPLEX, 0.36
+
+
+class Studio(NamedTuple):
+    """With what pictures are made."""
+
+    settings: RenderSettings
+    renderer: str = "embree"
+    pool: AssetPool = AssetPool()
+
+    def shoot(self, street: Street) -> np.ndarray:
+        """The image u8[h, w, 3] of a street's first camera."""
+        return renderer(self.renderer).render(street, self.settings)[0].image
 
 
 def tile(frame: Frame) -> np.ndarray:

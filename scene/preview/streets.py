@@ -4,35 +4,22 @@ from __future__ import annotations
 
 import numpy as np
 
-from scene.assets.catalogue import AssetPool
 from scene.attributes import ATTRIBUTES, NAMES, default_unit, street_params
 from scene.dataset.render import render_street
-from scene.preview.layout import captioned, grid, stack, tile
-from scene.render import RenderSettings, renderer
+from scene.preview.layout import Studio, captioned, grid, stack, tile
 from scene.street.street import sample_street
 
 
-def contact_sheet(
-    rows: np.ndarray,
-    seed: int,
-    shots: int,
-    settings: RenderSettings,
-    renderer_name: str,
-    pool: AssetPool,
-) -> np.ndarray:
+def contact_sheet(rows: np.ndarray, seed: int, shots: int, studio: Studio) -> np.ndarray:
     """One row of pictures, labels and depths for each street of unit attributes, u8[h, w, 3] RGB."""
     streets = [
-        render_street(unit, seed, k, shots, settings, renderer_name, pool)
+        render_street(unit, seed, k, shots, studio.settings, studio.renderer, studio.pool)
         for k, unit in enumerate(rows)
     ]
-    return np.concatenate(
-        [np.concatenate([tile(frame) for frame in frames], axis=1) for frames in streets]
-    )
+    return np.concatenate([np.concatenate([tile(f) for f in row], axis=1) for row in streets])
 
 
-def sweep(
-    name: str, steps: int, seed: int, settings: RenderSettings, renderer_name: str, pool: AssetPool
-) -> np.ndarray:
+def sweep(name: str, steps: int, seed: int, studio: Studio) -> np.ndarray:
     """One attribute from 0 to 1 in ``steps``, all else at its default and left to the same seed.
 
     Source: figure 2 of the paper.
@@ -43,20 +30,16 @@ def sweep(
     if name not in NAMES:
         raise ValueError(f"unknown attribute {name!r}; known: {', '.join(NAMES)}")
     row = ATTRIBUTES[NAMES.index(name)]
-    engine = renderer(renderer_name)
     pictures = []
     for k, share in enumerate(np.linspace(0, 1, steps)):
         unit = default_unit().copy()
         unit[NAMES.index(name)] = share
-        street = sample_street(street_params(unit), seed, 1, pool)
-        (frame,) = engine.render(street, settings)
+        street = sample_street(street_params(unit), seed, 1, studio.pool)
         value = f"{row.physical(share):.3g} {row.unit}"
-        pictures.append(captioned(frame.image, f"{name}: {value}" if k == 0 else value))
+        pictures.append(captioned(studio.shoot(street), f"{name}: {value}" if k == 0 else value))
     return grid(pictures, steps)
 
 
-def all_sweeps(
-    steps: int, seed: int, settings: RenderSettings, renderer_name: str, pool: AssetPool
-) -> np.ndarray:
+def all_sweeps(steps: int, seed: int, studio: Studio) -> np.ndarray:
     """A page with one row for each of the 23 attributes."""
-    return stack([sweep(name, steps, seed, settings, renderer_name, pool) for name in NAMES])
+    return stack([sweep(name, steps, seed, studio) for name in NAMES])

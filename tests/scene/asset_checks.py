@@ -1,13 +1,11 @@
 """What the tests of asset families share: how to build one, and what any sound asset keeps to."""
 
 from collections.abc import Iterable
-from importlib import import_module
-from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 from hypothesis import strategies as st
 
+from scene.assets.families import FAMILIES
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import Asset
 from tests.scene.rays import hits
@@ -15,28 +13,13 @@ from tests.scene.rays import hits
 seeds = st.integers(0, 2**32 - 1)
 
 
-class Limits(NamedTuple):
-    """What is plausible for a family."""
-
-    low: tuple[float, float, float]  # along x, y, z, metres
-    high: tuple[float, float, float]
-    triangles: int  # at most
-
-
-def module_of(family: str) -> ModuleType:
-    """The file of a family, as ``traffic_sign``."""
-    return import_module(f"scene.assets.{family}")
-
-
 def kinds(families: Iterable[str]) -> list[tuple[str, str]]:
     """Every (family, kind)."""
-    return [(family, kind) for family in families for kind in module_of(family).KINDS]
+    return [(family, kind) for family in families for kind in FAMILIES[family].kinds]
 
 
 def make(family: str, kind: str, seed: int) -> Asset:
-    module = module_of(family)
-    params = getattr(module, f"sample_{family}")(np.random.default_rng(seed), kind)
-    return getattr(module, family)(params)
+    return FAMILIES[family].draw(np.random.default_rng(seed), kind)
 
 
 def check_sound(asset: Asset, triangles: int, brightest: float = 1.0) -> None:
@@ -48,14 +31,6 @@ def check_sound(asset: Asset, triangles: int, brightest: float = 1.0) -> None:
     assert asset.material.max() < len(MATERIALS)
     assert 0 <= asset.color.min() and asset.color.max() <= brightest
     assert np.isfinite(asset.mesh.vertices).all()
-
-
-def check_space(
-    asset: Asset, low: tuple[float, float, float], high: tuple[float, float, float]
-) -> None:
-    """Fails if the asset sticks out of the box between two corners, metres."""
-    bounds = asset.mesh.bounds
-    assert (bounds[0] >= np.array(low) - 1e-9).all() and (bounds[1] <= high).all()
 
 
 def check_planes(asset: Asset) -> None:

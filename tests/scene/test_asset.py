@@ -7,8 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene.look.materials import material_id
-from scene.mesh.asset import box, ellipsoid, merge, quads, rotate
+from scene.mesh.asset import merge, rotate
 from scene.mesh.mesh import Mesh, cross, twice_areas
+from scene.mesh.solids import box, ellipsoid, quads
 
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 SQUARE = np.array([(0, 0, 0), (2, 0, 0), (2, 3, 0), (0, 3, 0)], float)

@@ -27,7 +27,7 @@ from scene.assets.families import FAMILIES
 from scene.assets.library import LibraryError
 from scene.assets.likeness import closest, looks
 from scene.classes import CLASS_NAMES
-from scene.mesh.asset import box, recolor
+from scene.mesh.solids import box
 from scene.render.geometry import asset_shape
 
 WANTED = {
@@ -95,7 +95,10 @@ def test_no_two_assets_of_a_family_are_alike(family):
 
 def test_likeness_by_hand():
     cube = box((1, 1, 1), (0, 0, 0), (0.25, 0.25, 0.25))
-    white, large = recolor(cube, (1, 1, 1)), box((2, 2, 2), (5, 0, 0), (0.25, 0.25, 0.25))
+    white, large = (
+        cube._replace(color=np.ones_like(cube.color)),
+        box((2, 2, 2), (5, 0, 0), (0.25, 0.25, 0.25)),
+    )
     [(near, *pair), (far, *_)] = closest([looks(a) for a in (cube, white, large)], 2)
     assert near == pytest.approx(3 * (1 - 0.5)) and pair == [0, 1]  # three channels
     assert far == pytest.approx(3 * np.log(2))  # three sides; where it stands does not count

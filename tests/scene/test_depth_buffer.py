@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene.mesh.asset import box, ellipsoid
+from scene.mesh.solids import box, ellipsoid
 from scene.render import RenderSettings
 from scene.render.embree.depth_buffer import nearest
 from scene.render.geometry import Shape, shape_of, stand

@@ -171,7 +171,7 @@ def test_an_export_of_other_settings_is_kept(changes, message, finished, tmp_pat
 def test_an_export_of_another_engine_is_kept(tmp_path, monkeypatch):
     run(tmp_path / "a")
     before = tree(tmp_path / "a")
-    monkeypatch.setattr(export, "ENGINE", ENGINE + 1)
+    monkeypatch.setattr("scene.dataset.plan.ENGINE", ENGINE + 1)
     with pytest.raises(
         ExportError, match=f"engine version {ENGINE}, and this is {ENGINE + 1}; cont"
     ):

@@ -1,12 +1,67 @@
-"""What every asset family keeps: four kinds that differ, and nothing left to chance but the seed."""
+"""What every asset family keeps to: sound arrays, real sizes, and nothing left to chance but the seed."""
+
+from typing import NamedTuple
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
 
+from scene.assets import signpost
 from scene.assets.families import FAMILIES
-from tests.scene.asset_checks import kinds, make, module_of
+from tests.scene.asset_checks import check_sound, kinds, make, seeds
 
-NAMES = [family.replace(" ", "_") for family in FAMILIES]
+Corner = tuple[float, float, float]
+
+
+class Limits(NamedTuple):
+    """What is plausible for a family, metres."""
+
+    low: Corner  # corners of the space that an asset keeps to
+    high: Corner
+    triangles: int  # at most
+    least: Corner = (0, 0, 0)  # size along x, y, z
+    middle: tuple[float, float] = (99, 99)  # how far it may be off the middle along x and y, twice
+
+
+LIMITS: dict[str, Limits] = {
+    "building": Limits((-7.7, -1.25, 0), (7.7, 12.6, 26), 2500),
+    "tree": Limits((-8, -8, 0), (8, 8, 15.2), 7500),
+    "bush": Limits((-2.6, -1.4, 0), (2.6, 1.4, 2.6), 2500),
+    "wall": Limits((-2, -0.15, 0), (2, 0.6, 3.2), 1900),
+    "fence": Limits((-2, -0.2, 0), (2, 0.2, 2.5), 1150),
+    "lamp": Limits((-0.5, -3, 0), (0.5, 3, 9.5), 900),
+    "signpost": Limits((-0.35, -2.3, 0), (0.4, 0.6, signpost.MAX_HEIGHT), 700),
+    "traffic light": Limits((-0.55, -0.7, 1.4), (0, 0.7, 4), 600),
+    "traffic sign": Limits((-0.15, -1.1, 1.2), (0, 1.1, 3.1), 320),
+    "car": Limits((-3, -1.35, 0), (3, 1.35, 2.7), 4200, (3.2, 1.7, 1.2), (0.2, 0.1)),
+    "bus": Limits((-9.7, -1.6, 0), (9.7, 1.6, 4.6), 4000, (6.5, 2.2, 2.5), (0.2, 0.1)),
+    "truck": Limits((-8.85, -1.6, 0), (8.85, 1.6, 4.4), 4000, (5.5, 2.2, 2.4), (0.2, 0.1)),
+    "train": Limits((-11.35, 0, 0), (11.35, 3.2, 5.4), 4000, (10, 2.2, 3.2), (0.2, 3.2)),
+    "bicycle": Limits((-1.1, -0.43, 0), (1.1, 0.43, 1.15), 2000, (1.5, 0.4, 0.9), (0.2, 0.1)),
+    "motorcycle": Limits((-1.4, -0.55, 0), (1.4, 0.55, 1.55), 2800, (1.6, 0.6, 1.1), (0.2, 0.1)),
+    "person": Limits((-2.1, -1, 0), (2.1, 1, 2.45), 3600, (0.15, 0.25, 0.93), (99, 0.35)),
+    "rider": Limits((-1.3, -0.8, 0), (1.3, 0.8, 2.3), 3000, (0.4, 0.4, 1.1), (99, 0.35)),
+}
+LIFTED = ("traffic light", "traffic sign", "rider")
+"""On a post or a machine of its own."""
+DARK = ("car", "bus", "truck", "train", "bicycle", "motorcycle", "person", "rider")
+"""Nothing of them is as bright as paint on a wall."""
+
+
+@pytest.mark.parametrize(("family", "kind"), kinds(LIMITS))
+@settings(max_examples=6)
+@given(seed=seeds)
+def test_a_sound_asset_of_its_size(family, kind, seed):
+    asset, limits = make(family, kind, seed), LIMITS[family]
+    check_sound(asset, limits.triangles, 0.85 if family in DARK else 1.0)
+    low, high = asset.mesh.bounds
+    assert (low >= np.array(limits.low) - 0.02).all() and (high <= limits.high).all(), (low, high)
+    assert (high - low >= limits.least).all(), high - low
+    assert (np.abs(low + high)[:2] < limits.middle).all()
+    if family not in LIFTED:
+        assert low[2] == pytest.approx(0, abs=0.02 if family in DARK else 1e-9)
+    if family in DARK:
+        assert (asset.mesh.area_faces < 1e-10).sum() <= 4
 
 
 def form(asset):
@@ -17,15 +72,18 @@ def paint(asset):
     return asset.color.tobytes() + asset.material.tobytes()
 
 
-@pytest.mark.parametrize("family", NAMES)
-def test_at_least_four_kinds_that_differ(family):
-    names = module_of(family).KINDS
-    assert len(set(names)) == len(names) >= 4
+@pytest.mark.parametrize("family", FAMILIES)
+def test_at_least_four_kinds_that_differ_and_no_other(family):
+    names, state = FAMILIES[family].kinds, np.random.get_state()[1].copy()  # noqa: NPY002
+    assert len(set(names)) == len(names) >= 4 and family in LIMITS
     drawn = [make(family, kind, 0) for kind in names]
     assert len({(form(asset), paint(asset)) for asset in drawn}) == len(names)
+    assert (np.random.get_state()[1] == state).all()  # noqa: NPY002
+    with pytest.raises(ValueError, match=f"unknown kind of {family} 'marble'; known: {names[0]}"):
+        make(family, "marble", 0)
 
 
-@pytest.mark.parametrize(("family", "kind"), kinds(NAMES))
+@pytest.mark.parametrize(("family", "kind"), kinds(FAMILIES))
 def test_same_seed_same_bytes_and_other_seeds_others(family, kind):
     drawn, again = ([make(family, kind, seed) for seed in range(4)] for _ in range(2))
     forms, paints = [form(asset) for asset in drawn], [paint(asset) for asset in drawn]
@@ -33,16 +91,3 @@ def test_same_seed_same_bytes_and_other_seeds_others(family, kind):
     assert paints == [paint(asset) for asset in again]
     assert len(set(paints)) == 4
     assert len(set(forms)) >= (3 if family == "signpost" else 4)  # posts come in few sizes
-
-
-@pytest.mark.parametrize("family", NAMES)
-def test_an_unknown_kind_is_refused_by_name(family):
-    with pytest.raises(ValueError, match=r"unknown kind of .*'marble'; known: "):
-        make(family, "marble", 0)
-
-
-@pytest.mark.parametrize("family", NAMES)
-def test_global_randomness_is_neither_read_nor_moved(family):
-    state = np.random.get_state()[1].copy()  # noqa: NPY002
-    make(family, module_of(family).KINDS[0], 0)
-    assert (np.random.get_state()[1] == state).all()  # noqa: NPY002

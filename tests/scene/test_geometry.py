@@ -11,7 +11,7 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import default_unit, street_params
 from scene.classes import TrainId
 from scene.look.materials import MATERIALS
-from scene.mesh.asset import box, ellipsoid
+from scene.mesh.solids import box, ellipsoid
 from scene.render.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
 from scene.street.placing import Placement
 from scene.street.street import sample_street

@@ -13,7 +13,7 @@ from scene.attributes import NAMES
 from scene.classes import CLASS_NAMES, TrainId, colorize
 from scene.preview.__main__ import main
 from scene.preview.closeup import SKIES, asset_street, fit, named_sky, surface_street
-from scene.preview.layout import CAPTION, captioned, grid, stack, tile
+from scene.preview.layout import CAPTION, Studio, captioned, grid, stack, tile
 from scene.preview.streets import sweep
 from scene.render import RenderSettings, renderer
 from scene.street.camera import camera_axes
@@ -128,7 +128,7 @@ def test_an_unknown_sky_is_refused():
 
 
 def test_a_sweep_of_light_goes_from_dark_to_bright():
-    page = sweep("illumination_intensity", 3, 0, SMALL, "embree", AssetPool(0, 4))
+    page = sweep("illumination_intensity", 3, 0, Studio(SMALL, pool=AssetPool(0, 4)))
     assert page.shape == (48 + CAPTION, 3 * 64, 3)
     first, second, third = (page[CAPTION:, 64 * k : 64 * (k + 1)].mean() for k in range(3))
     assert first < second < third

@@ -2,12 +2,34 @@
 
 from __future__ import annotations
 
+import ast
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import scene
+
+ROOMS = (
+    *("classes", "attributes", "version", "workers", "proposal", "look", "mesh", "sky", "ground"),
+    *("assets", "street", "render", "dataset", "preview", "check", "stats", "callback"),
+)
+"""Each imports from those before it only."""
+
+
+def test_imports_between_rooms_point_one_way():
+    root, seen = Path(scene.__path__[0]), set()
+    for path in sorted(root.rglob("*.py")):
+        room = path.relative_to(root).parts[0].removesuffix(".py")
+        if path.name == "__main__.py" or room == "__init__":
+            continue  # a command uses what it likes; public names are imported on first use
+        seen.add(room)
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("scene."):
+                other = node.module.split(".")[1]
+                assert ROOMS.index(other) <= ROOMS.index(room), f"{path}: {node.module}"
+    assert seen == set(ROOMS)
 
 
 def test_every_public_name_is_there():

@@ -1,39 +1,18 @@
-"""Road and rail vehicles and two-wheelers: sizes, ground, colours, parts."""
+"""Vehicles and two-wheelers: their parts, curved surfaces, wheels, and the shell of a car."""
 
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
+from hypothesis import strategies as st
 
-from scene.assets import bicycle
+from scene.assets import bicycle, car, motorcycle
+from scene.assets.families import FAMILIES
+from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, shell
+from scene.assets.parts.skin import mirrored, revolve, sheet, slab, twin_sheets, weld
+from scene.assets.parts.wheel import STYLES, Wheel, wheel
 from scene.look.materials import MATERIALS
-from tests.scene.asset_checks import Limits, check_sound, kinds, make, mirror, module_of, seeds
-
-FAMILIES: dict[str, Limits] = {
-    "car": Limits((3.2, 1.7, 1.2), (5.8, 2.6, 2.7), 4200),
-    "bus": Limits((6.5, 2.2, 2.5), (19.2, 3.1, 4.6), 4000),
-    "truck": Limits((5.5, 2.2, 2.4), (17.5, 3.1, 4.4), 4000),
-    "train": Limits((10, 2.2, 3.2), (22.5, 3.1, 5.4), 4000),
-    "bicycle": Limits((1.5, 0.4, 0.9), (2.0, 0.75, 1.15), 2000),
-    "motorcycle": Limits((1.6, 0.6, 1.1), (2.6, 1.0, 1.55), 2800),
-}
-
-
-@pytest.mark.parametrize(("family", "kind"), kinds(FAMILIES))
-@settings(max_examples=6)
-@given(seed=seeds)
-def test_plausible(family: str, kind: str, seed: int) -> None:
-    asset, limits = make(family, kind, seed), FAMILIES[family]
-    low, high = asset.mesh.bounds
-    assert (high - low >= limits.low).all() and (high - low <= limits.high).all(), high - low
-    assert abs(low[2]) < 0.02
-    if family == "train":
-        assert 0 <= low[1] < 0.1
-    else:
-        assert abs(low[1] + high[1]) < 0.1
-    assert abs(low[0] + high[0]) < 0.2
-    check_sound(asset, limits.triangles, 0.85)
-    assert (asset.mesh.area_faces < 1e-8).sum() <= 4
+from tests.scene.asset_checks import make, mirror, seeds
 
 
 @pytest.mark.parametrize("kind", bicycle.KINDS)
@@ -55,7 +34,7 @@ def test_a_bicycle_stands_on_two_separate_wheels(kind: str) -> None:
 @pytest.mark.parametrize("family", ["car", "bus", "truck"])
 def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family: str) -> None:
     names = [material.name for material in MATERIALS]
-    for kind in module_of(family).KINDS:
+    for kind in FAMILIES[family].kinds:
         asset = make(family, kind, 5)
         middle = asset.mesh.triangles_center
         for ahead in (True, False):
@@ -66,7 +45,7 @@ def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family: str) -> None:
 
 @pytest.mark.parametrize("family", ["bicycle", "motorcycle"])
 def test_machines_have_their_saddle_and_bar_where_they_say(family: str) -> None:
-    module = module_of(family)
+    module = {"bicycle": bicycle, "motorcycle": motorcycle}[family]
     for kind in module.KINDS:
         mesh = make(family, kind, 7).mesh
         for point in (module.SADDLE, module.BAR, mirror(module.BAR)):
@@ -79,3 +58,85 @@ def distance_to_surface(mesh: trimesh.Trimesh, point: tuple[float, float, float]
     weights = np.column_stack([1 - u, u * (1 - v), u * v])
     points = np.einsum("gk,fkx->fgx", weights, mesh.triangles).reshape(-1, 3)
     return float(np.linalg.norm(points - np.array(point), axis=1).min())
+
+
+RED = (0.5, 0.0, 0.0)
+
+
+def square(x):
+    """A square of one metre in the x-y plane whose corner is at ``x``."""
+    return np.array([[[x, 0, 0], [x, 1, 0]], [[x + 1, 0, 0], [x + 1, 1, 0]]], float)
+
+
+def body(kind, seed):
+    return car.sample_car(np.random.default_rng(seed), kind).body
+
+
+def test_two_squares_side_by_side_share_an_edge_once_welded():
+    apart = [sheet(square(0), RED), sheet(square(1), RED)]
+    one = weld(*apart)
+    assert len(one.mesh.vertices) == 6 and len(one.mesh.faces) == 4
+    assert one.mesh.area == pytest.approx(2.0)
+
+
+def test_welding_drops_faces_without_area():
+    flat = square(0)
+    flat[1] = flat[0]
+    assert len(weld(sheet(flat, RED)).mesh.faces) == 0
+
+
+def test_twin_sheets_are_a_sheet_and_its_mirror_image():
+    twins = twin_sheets(square(0) + [0, 2, 0], RED)
+    assert twins.mesh.bounds[:, 1] == pytest.approx([-3, 3])
+    assert twins.mesh.face_normals[:, 2] == pytest.approx([-1, -1, -1, -1])
+    again = mirrored(mirrored(twins))
+    assert np.array_equal(again.mesh.faces, twins.mesh.faces)
+
+
+def test_a_cylinder_of_revolution_is_as_large_as_its_polygon():
+    tube = revolve([(0.5, -1.0), (0.5, 1.0)], RED, "metal", sides=6)
+    assert len(tube.mesh.vertices) == 12
+    assert tube.mesh.area == pytest.approx(6 * 0.5 * 2.0)  # a hexagon's side is its radius
+
+
+def test_a_slab_stays_within_its_stations():
+    mesh = slab([(0, 0.1, 0, 1), (1, 0.1, 0, 1), (2, 0.1, 0, 1)], RED, "paint").mesh
+    assert mesh.bounds == pytest.approx(np.array([[0, -0.1, 0], [2, 0.1, 1]]))
+
+
+@pytest.mark.parametrize("style", STYLES)
+@given(radius=st.floats(0.2, 0.6))
+def test_wheels_stand_on_the_ground_behind_their_outer_face(style, radius):
+    low_corner, high = wheel(Wheel(radius, 0.2, style)).mesh.bounds
+    assert low_corner[2] == pytest.approx(0, abs=0.05 * radius)
+    assert high[2] - low_corner[2] == pytest.approx(2 * radius, rel=0.05)
+    assert high[1] <= 1e-9 and low_corner[1] >= -0.2
+
+
+@pytest.mark.parametrize("kind", car.KINDS)
+@given(seed=seeds)
+def test_arches_are_circles_over_the_axles_and_leave_the_sill_between_them(kind, seed):
+    b = body(kind, seed)
+    front, rear = axles(b)
+    over = low(b, share(b, np.array([front, rear])))
+    assert over == pytest.approx(2 * b.wheel_radius + ARCH_GAP)
+    middle = low(b, share(b, np.array([(front + rear) / 2])))
+    assert middle == pytest.approx(b.sill)
+    assert front - rear == pytest.approx(b.wheelbase)
+
+
+@given(seed=seeds, s=st.floats(0, 1))
+def test_share_is_the_inverse_of_at(seed, s):
+    b = body("saloon", seed)
+    assert float(share(b, at(b, s))) == pytest.approx(s)
+
+
+@pytest.mark.parametrize("kind", ["hatchback", "pickup", "old-timer"])
+def test_shells_are_as_long_and_high_as_they_say_and_alike_on_both_sides(kind):
+    b = body(kind, 4)
+    mesh = shell(b, Paint(RED, RED, RED, RED, RED)).mesh
+    extent = mesh.bounds[1] - mesh.bounds[0]
+    assert extent[0] == pytest.approx(b.length, abs=0.02)
+    assert mesh.bounds[1, 2] == pytest.approx(b.height, abs=0.02)
+    points = {tuple(p) for p in np.round(mesh.vertices, 6) + 0.0}
+    assert points == {tuple(p) for p in np.round(mesh.vertices * [1, -1, 1], 6) + 0.0}

@@ -8,7 +8,8 @@ from scene.assets.parts.lorry import WHITE, TruckParams, bed, floor, sign
 from scene.assets.parts.palette import AMBER, BLACK, STEEL, TAILLAMP, TRIM, darker
 from scene.assets.parts.skin import moved, pair, revolve
 from scene.assets.parts.vehicle import lettering, panel, walls
-from scene.mesh.asset import Asset, Color, block, loft, polygon, repaint, reshaped, tube
+from scene.mesh.asset import Asset, Color, repaint, reshaped
+from scene.mesh.solids import block, loft, polygon, tube
 
 _GRAVEL: Color = (0.16, 0.13, 0.10)
 

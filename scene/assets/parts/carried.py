@@ -6,7 +6,8 @@ import numpy as np
 
 from scene.assets.parts.human import Body, Pose, limb, shoulders, skin, spine
 from scene.assets.parts.palette import STEEL, darker
-from scene.mesh.asset import Asset, Color, Point, block, box, merge, ring, rotate, solid, translate
+from scene.mesh.asset import Asset, Color, Point, merge, rotate, solid, translate
+from scene.mesh.solids import block, box, ring
 
 CARRIED: tuple[str, ...] = (
     "backpack", "shopping", "handbag", "shoulder bag", "briefcase", "suitcase", "umbrella",

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.mesh.asset import Asset, Color, Point, block, merge, polygon, quads, solid
+from scene.mesh.asset import Asset, Color, Point, merge, solid
+from scene.mesh.solids import block, polygon, quads
 
 RECESS = 0.14
 """Depth of the frames behind the facade (metres)."""

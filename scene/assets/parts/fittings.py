@@ -19,7 +19,8 @@ from scene.assets.parts.palette import (
     TRIM,
 )
 from scene.assets.parts.skin import pair, sheet, twin_sheets
-from scene.mesh.asset import Asset, Color, Point, block, ellipsoid, merge, tube
+from scene.mesh.asset import Asset, Color, Point, merge
+from scene.mesh.solids import block, ellipsoid, tube
 
 Span = tuple[float, float]
 _LENS: Color = (0.30, 0.31, 0.32)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from scene.mesh.asset import Asset, Color, shade, solid, triangles
+from scene.mesh.asset import Asset, Color, shade, solid
+from scene.mesh.solids import triangles
 
 GREENS: tuple[Color, ...] = (
     (0.120, 0.145, 0.060), (0.165, 0.180, 0.080), (0.085, 0.110, 0.055), (0.190, 0.190, 0.095),

@@ -8,8 +8,9 @@ import numpy as np
 
 from scene.assets.parts.human import NECK, TORSO, Body, Outfit, Pose, limb, skin, spine
 from scene.assets.parts.palette import BLACK, GLASS, darker
-from scene.mesh.asset import Asset, Color, Point, ellipsoid, merge, repaint, solid, translate
+from scene.mesh.asset import Asset, Color, Point, merge, repaint, solid, translate
 from scene.mesh.mesh import frozen
+from scene.mesh.solids import ellipsoid
 
 HAIRDOS: tuple[str, ...] = ("bald", "short", "thick", "curly", "bob", "long", "ponytail", "bun")
 """How hair is worn."""

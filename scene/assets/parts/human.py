@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.mesh.asset import Asset, Color, Point, loft_faces, repaint, solid
+from scene.mesh.asset import Asset, Color, Point, repaint, solid
 from scene.mesh.mesh import circle, cross
+from scene.mesh.solids import loft_faces
 
 # Joint lengths as shares of the standing height.
 THIGH, SHIN, ANKLE = 0.245, 0.246, 0.04

@@ -8,7 +8,8 @@ import numpy as np
 
 from scene.assets.parts.palette import BLACK, STEEL, TRIM, darker
 from scene.assets.parts.vehicle import Walls, lettering, panel, walls
-from scene.mesh.asset import Asset, Color, block, loft
+from scene.mesh.asset import Asset, Color
+from scene.mesh.solids import block, loft
 
 
 class TruckParams(NamedTuple):

@@ -12,7 +12,8 @@ from itertools import pairwise
 import numpy as np
 
 from scene.assets.parts.facade import GLASS, PROUD, Part, bays, patch, relief, upright
-from scene.mesh.asset import Color, Point, block, disc, polygon, tube
+from scene.mesh.asset import Color, Point
+from scene.mesh.solids import block, disc, polygon, tube
 
 STRING, PIPE, BOARD, PILASTER, CORNICE = 0.115, 0.15, 0.19, 0.27, 0.32
 """How far each stands off the wall (metres)."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from scene.assets.parts.facade import GLASS, upright
-from scene.mesh.asset import Asset, Color, Point, block, box, merge, polygon, quad, translate, tube
+from scene.mesh.asset import Asset, Color, Point, merge, translate
+from scene.mesh.solids import block, box, polygon, quad, tube
 
 OVERHANG = 0.35
 """How far a pitched roof reaches beyond the walls (metres)."""

@@ -7,8 +7,9 @@ from functools import lru_cache
 import numpy as np
 
 from scene.look.materials import material_id
-from scene.mesh.asset import Asset, Color, loft, merge, reshaped, solid
+from scene.mesh.asset import Asset, Color, merge, reshaped, solid
 from scene.mesh.mesh import Mesh, frozen, twice_areas
+from scene.mesh.solids import loft
 
 _SAME = 1e4
 """Points that agree to 1 / _SAME of a metre are one vertex after welding."""

@@ -278,4 +278,4 @@ def sample_building(rng: np.random.Generator, kind: str) -> BuildingParams:
                 wall=(white, "plaster"), ground_wall=(white, "plaster"),
                 trim=("sills", "strings", "cornice", "quoins"), frame=(dark, white)[rng.integers(2)],
             )  # fmt: skip
-    raise ValueError(f"unknown kind of building {kind!r}; known: {', '.join(KINDS)}")
+    raise KeyError(kind)

@@ -12,8 +12,9 @@ import numpy as np
 from scene.assets.parts.palette import BLACK, GLASS, STEEL, TRIM, TYRE, darker
 from scene.assets.parts.skin import sheet
 from scene.assets.parts.wheel import Wheel, wheels
-from scene.mesh.asset import Asset, Color, Point, loft, merge, polygon, quads, tube
+from scene.mesh.asset import Asset, Color, Point, merge
 from scene.mesh.mesh import cross
+from scene.mesh.solids import loft, polygon, quads, tube
 
 Span = tuple[float, float]
 Corners = np.ndarray

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.mesh.asset import Asset, Color, box, loft, quad, solid, tube, vary
+from scene.mesh.asset import Asset, Color, solid, vary
+from scene.mesh.solids import box, loft, quad, tube
 
 IRON: Color = (0.016, 0.017, 0.019)
 RELIEF = 0.05
