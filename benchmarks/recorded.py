@@ -115,10 +115,10 @@ def read(path: Path = RECORD) -> tuple[np.ndarray, np.ndarray]:
 @cache
 def camvid() -> Surrogate:
     """The surrogate of the committed record."""
-    from experiments.config import camvid_config
-    from experiments.search import make_space
+    from experiments.config import MainConfig, make_space
+    from experiments.presets import defaults
 
-    return fit(make_space(camvid_config("quick")), *read())
+    return fit(make_space(defaults(MainConfig, "camvid", "quick")), *read())
 
 
 def fit(space: sdr_jax.Space, bins: np.ndarray, rewards: np.ndarray) -> Surrogate:

@@ -27,7 +27,7 @@ import sdr_jax
 from benchmarks.problems import PROBLEMS, Problem
 from benchmarks.ranking import behind, mean_ranks, needed, text
 from benchmarks.report import Row, parser, table, write
-from experiments.reward import worker_environment
+from experiments.reward.miou import worker_environment
 from sdr_jax.registry import METHODS, make
 
 DEFAULT = "actor_critic"

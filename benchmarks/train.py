@@ -24,8 +24,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.report import Row, parser, table, write
-from experiments.config import camvid_config
-from experiments.reward import render
+from experiments.config import MainConfig
+from experiments.presets import defaults
+from experiments.reward.miou import Recipe, render
+from scene.proposal import random_proposal
 from seg.nets import net, normalise
 from seg.nets.ops.normalise import MEAN, STD
 from seg.recipes import RECIPES
@@ -209,12 +211,12 @@ def reward_row(
     ``compile`` is what the first training and scoring of a process take longer than the second: a search
     pays it once per worker, and with JAX's cache on disk only the first search does.
     """
-    config = camvid_config("quick")
+    config = defaults(MainConfig, "camvid", "quick")
     stage = config.reward
     if images:
         stage = replace(stage, streets=images // stage.shots)
     settings = replace(stage.train, steps=steps or stage.train.steps)
-    units = np.random.default_rng(0).uniform(size=(stage.streets, 23)).astype(np.float32)
+    recipe = Recipe(stage, "camvid", config.renderer, config.pool)
 
     def seconds(work: Callable[[], Any]) -> tuple[float, Any]:
         started = time.perf_counter()
@@ -222,7 +224,7 @@ def reward_row(
         return time.perf_counter() - started, result
 
     def rendered() -> Any:
-        return render(stage, config.renderer, config.pool, units, 0)
+        return render(recipe, random_proposal(), 0)
 
     rendered()  # builds assets, which are kept, and loads the renderer
     render_s, dataset = seconds(rendered)
@@ -250,7 +252,7 @@ def reward_row(
 
 def random_real() -> tuple[np.ndarray, np.ndarray]:
     """Images and labels like CamVid's: what they show does not change the time."""
-    stage = camvid_config("quick").reward
+    stage = defaults(MainConfig, "camvid", "quick").reward
     rng = np.random.default_rng(0)
     shape = (REAL, stage.height, stage.width)
     return rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(0, CLASSES, shape, np.uint8)

@@ -13,9 +13,7 @@ import tyro
 from experiments.config import Preset, TargetName
 from experiments.run.context import AnyConfig
 from scene.workers import WorkerError
-from seg.data.errors import DataError
 from shell.command import exit_code
-from shell.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -70,9 +68,6 @@ def main(
             default=default,
             args=arguments,
         )
-        try:
-            work(config)
-        except DataError as error:
-            raise UserError(str(error)) from None
+        work(config)
 
     return exit_code(run, also=(WorkerError, Unmet))

@@ -19,6 +19,7 @@ from seg.classes import class_table
 from seg.train import TrainSettings, predict, score, train
 
 TABLE = "camvid"
+CLASSES = len(class_table(TABLE).classes)
 
 
 class Recipe(NamedTuple):
@@ -54,7 +55,7 @@ def call(function: Callable[..., Result], *arguments: Any) -> Result:
 
 def settings(recipe: Recipe, steps: int) -> TrainSettings:
     """How a net is trained."""
-    return TrainSettings(table=TABLE, steps=steps, batch=recipe.batch)
+    return TrainSettings(steps=steps, batch=recipe.batch)
 
 
 def world(recipe: Recipe, without: str | None = None) -> World:
@@ -75,8 +76,8 @@ def rendered_net(
     """Train on renders, score on real images."""
     images, labels = render_world(world(recipe, without), units, seed, recipe.shots, TABLE)
     training = settings(recipe, recipe.steps)
-    params = train(seed, images, labels, training)
-    return {"real": score(params, *truth, training).tolist()}, None
+    params = train(seed, images, labels, training, CLASSES)
+    return {"real": score(params, *truth, training, CLASSES).tolist()}, None
 
 
 def real_net(recipe: Recipe, seen: Truth, unseen: Truth, units: np.ndarray, seed: int) -> Result:
@@ -86,19 +87,19 @@ def real_net(recipe: Recipe, seen: Truth, unseen: Truth, units: np.ndarray, seed
     all of them, and what the net saw in them.
     """
     training = settings(recipe, recipe.real_steps)
-    params = train(seed, *seen, training)
+    params = train(seed, *seen, training, CLASSES)
     whole = world(recipe)
     families, strips = {}, []
     for family in DISTANCE:
         views = close_ups(family, seed, recipe.close_ups, whole.settings)
         images, masks = np.stack([v.image for v in views]), np.stack([v.mask for v in views])
-        predicted = predict(params, images, training)
-        families[family] = np.bincount(predicted[masks], minlength=training.classes).tolist()
+        predicted = predict(params, images, training, CLASSES)
+        families[family] = np.bincount(predicted[masks], minlength=CLASSES).tolist()
         strips.append(_strip(family, images, masks, predicted))
     streets = render_world(whole, units, seed, recipe.shots, TABLE)
     scores = {
-        "real": score(params, *unseen, training).tolist(),
-        "renders": score(params, *streets, training).tolist(),
+        "real": score(params, *unseen, training, CLASSES).tolist(),
+        "renders": score(params, *streets, training, CLASSES).tolist(),
         "close-ups": families,
     }
     return scores, np.concatenate(strips)

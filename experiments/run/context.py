@@ -89,7 +89,8 @@ class Run(Generic[AnyConfig]):
         self, recipe: Recipe, side: Side = "reward", kind: RewardKind = "miou"
     ) -> Evaluator:
         """Scores nets of a recipe on the images of a side."""
-        truth: Truth | Reference = self.truth(recipe.fidelity, side)
+        images = self.truth(recipe.fidelity, side)
+        truth: Truth | Reference = images
         if kind == "mmd":
             if not self._net:
                 self.progress.say(
@@ -97,7 +98,7 @@ class Run(Generic[AnyConfig]):
                 )
                 own = self.recipe(self.config.reward)
                 self._net.append(feature_net(own, self.config.out, self.workers))
-            truth = self._net[0].reference(truth.images)
+            truth = self._net[0].reference(images.images)
         return Evaluator(recipe, self.target, side, truth, self.workers)
 
     def memory(self, log: Log) -> Memory:
@@ -207,8 +208,8 @@ def opened(
         print(f"Target: {target.title}", flush=True)
         target.at(config.reward.height, config.reward.width)
         with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
-            logs = [Log(config.out / name) for name in LOGS]
-            run = Run(config, target, workers, *logs, store, Progress(1.0))
+            evaluations, finals = (Log(config.out / name) for name in LOGS)
+            run = Run(config, target, workers, evaluations, finals, store, Progress(1.0))
             try:
                 yield run
             finally:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.config import Candidate, SearchConfig, make_method, make_space
+from experiments.reward.miou import Source
 from experiments.run.context import Run, Work
 from experiments.run.ladder import Rung, climb, cost_of, ladder, mean_of, most_cost, most_nets
 from experiments.run.nets import score_nets
@@ -94,13 +95,14 @@ def candidate(name: Candidate, found: Found) -> Proposal:
 
 
 def _choose(
-    run: Run[Any], proposals: dict[Candidate, Proposal]
+    run: Run[Any], proposals: Mapping[Candidate, Proposal]
 ) -> tuple[Candidate, dict[str, list[float]]]:
     """The best candidate on the reward images, at the final size, and every one's rewards by seed."""
     config: SearchConfig = run.config
     seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
     recipe, kind = run.recipe(config.final), config.reward_kind
-    outcomes = score_nets(run, "candidate", proposals, recipe, seeds, side="reward", kind=kind)
+    sources: dict[str, Source] = {name: proposal for name, proposal in proposals.items()}
+    outcomes = score_nets(run, "candidate", sources, recipe, seeds, side="reward", kind=kind)
     scores = {name: [o.reward for o in own] for name, own in outcomes.items()}
     return max(config.candidates, key=lambda name: mean_of(scores[name])), scores
 
@@ -110,7 +112,7 @@ def _ladder(config: SearchConfig) -> tuple[Rung, ...]:
 
 
 def _climb(
-    run: Run[Any], proposals: dict[Candidate, Proposal]
+    run: Run[Any], proposals: Mapping[Candidate, Proposal]
 ) -> tuple[Candidate, dict[str, list[float]]]:
     """The best candidate, and the rewards of those that reach the top of the ladder."""
     config: SearchConfig = run.config
@@ -120,7 +122,7 @@ def _climb(
 
     def score(number: int, names: Sequence[str], seeds: Sequence[int]) -> dict[str, list[float]]:
         nonlocal left
-        chosen = {name: proposals[name] for name in kept if name in names}
+        chosen: dict[str, Source] = {name: proposals[name] for name in kept if name in names}
         recipe = run.recipe(rungs[number].fidelity)
         left -= len(names) * len(seeds) * cost_of(recipe.fidelity)
         kind = config.reward_kind

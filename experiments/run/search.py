@@ -154,13 +154,12 @@ def search(run: Run[Any], plan: Plan, kind: RewardKind = "miou") -> Found:
         )
         run.progress.update(_said(plan, kind, update, history))
     with watch:
-        answers = [
-            embed(plan.subset, jax.device_get(answer(state)))
-            for answer in (plan.search.solution, plan.search.spread)
-        ]
+        solution = embed(plan.subset, jax.device_get(plan.search.solution(state)))
+        spread = embed(plan.subset, jax.device_get(plan.search.spread(state)))
     by_update, baselines, groups, distributions = zip(*history, strict=True)
     return Found(
-        *answers,
+        solution,
+        spread,
         outcomes=rewards.outcomes,
         rewards=np.stack(by_update),
         baselines=np.array(baselines, np.float32),
