@@ -13,7 +13,9 @@ import tyro
 from experiments.config import Preset, TargetName
 from experiments.run.context import AnyConfig
 from scene.workers import WorkerError
+from seg.data.errors import DataError
 from shell.command import exit_code
+from shell.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,9 @@ def main(
             default=default,
             args=arguments,
         )
-        work(config)
+        try:
+            work(config)
+        except DataError as error:
+            raise UserError(str(error)) from None
 
     return exit_code(run, also=(WorkerError, Unmet))

@@ -1,9 +1,10 @@
-"""What a job can be told: frozen dataclasses of plain values, each field a flag. Their defaults: `presets`."""
+"""What a job can be told: frozen dataclasses of plain values, each field a flag; defaults: `presets`."""
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -183,12 +184,19 @@ class NetsConfig(Config):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SearchConfig(NetsConfig):
+class GroupsConfig(NetsConfig):
+    """What a job that searches can be told, too."""
+
+    search: SearchOptions
+    groups: tuple[Group, ...]
+    """Attributes optimised together, one word per group, in this order; each of the 23 in one group."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchConfig(GroupsConfig):
     """What a job that learns attributes can be told, too."""
 
     search: Search
-    groups: tuple[Group, ...]
-    """Attributes optimised together, one word per group, in this order; each of the 23 in one group."""
     candidates: tuple[Candidate, ...] = ("argmax", "spread", "broad")
     """Ways to relax the learnt answer: argmax (best bins), spread (as wide as the policy is unsure),
     broad (the same, at least half of each range); random (all attributes random) may stand beside them."""
@@ -229,6 +237,14 @@ class LearntConfig(SearchConfig, Rederived):
     """attributes.json of an earlier run; by default the search runs here."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class SearchesConfig(GroupsConfig, Rederived):
+    """What a study of many searches can be told, too."""
+
+    evaluations: int
+    """Rewards that each search may ask for."""
+
+
 def check(config: Config) -> None:
     """Refuse what no job can work with, by flag; files are looked at only where weights are named.
 
@@ -258,6 +274,16 @@ def check(config: Config) -> None:
 def _at_least(flag: str, value: float | None, least: int) -> None:
     if value is not None and value < least:
         raise UserError(f"{flag.replace('_', '-')} must be {least} or more, not {value}")
+
+
+def refuse_shares(flag: str, shares: Sequence[float]) -> None:
+    """Raise UserError unless each of one or more shares lies in (0, 1], none of them twice."""
+    if not shares:
+        raise UserError(f"{flag} needs at least one value")
+    refuse_repeats(flag, shares)
+    for share in shares:
+        if not 0 < share <= 1:
+            raise UserError(f"{flag} must lie in (0, 1], not {share:g}")
 
 
 class flagged:

@@ -7,15 +7,15 @@ from typing import Any
 from experiments.config import MainConfig
 from experiments.main import page, pictures, summary
 from experiments.main.summary import ROWS
-from experiments.reward.miou import Recipe, Source, render
+from experiments.reward.miou import Recipe, render
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.learn import learn, work_of
-from experiments.run.nets import paired_seeds, score_nets
+from experiments.run.nets import paired_seeds, score_nets, training_sets
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
-from scene.proposal import Proposal, default_proposal, draw, random_proposal
+from scene.proposal import Proposal, draw, random_proposal
 
 
 def plan(config: MainConfig) -> list[Work]:
@@ -35,13 +35,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     pictures.rewards(folder / "pictures", learnt.found, target.title, config.reward_kind)
     pictures.distributions(folder / "pictures", learnt.found, target.title)
     recipe = run.recipe(config.final)
-    sources: dict[str, Source] = {
-        "random": random_proposal(),
-        "default": default_proposal(config.default_width),
-        "learnt": learnt.proposal,
-    }
-    if target.labelled:
-        sources["real"] = run.truth(config.final, "reward")
+    sources = training_sets(run, learnt.proposal)
     rows = score_nets(run, "final", sources, recipe, paired_seeds(run))
     export(run, recipe, learnt.proposal)
     datasets = {

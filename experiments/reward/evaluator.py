@@ -39,9 +39,30 @@ class Memory(NamedTuple):
     store: Store | None  # shared with other runs
     elapsed: Callable[[], float]  # seconds that the run has taken so far, for the log
 
-    def keep(self, record: Record, job: Job) -> None:
-        """Write an evaluation into the run's log."""
-        self.log.add({**record, **job.notes, "elapsed": round(self.elapsed(), 2)})
+    def refresh(self) -> None:
+        """Read what other runs have added to the store."""
+        if self.store is not None:
+            self.store.refresh()
+
+    def get(self, key: str, notes: dict[str, Any]) -> Outcome | None:
+        """What is known of an evaluation; what is known from the store enters the log, with these notes."""
+        known = self.log.get(key)
+        if known is None and self.store is not None:
+            known = self.store.get(key)
+            if known is not None:
+                self._log(known, notes)
+        return None if known is None else outcome_of(known)
+
+    def add(self, record: Record, notes: dict[str, Any]) -> Outcome:
+        """Keep a new evaluation; what another run has added to the store meanwhile stands."""
+        if self.store is not None:
+            # What is kept decides, lest a continued run see another value.
+            record = self.store.add(record)
+        self._log(record, notes)
+        return outcome_of(record)._replace(stored=False)
+
+    def _log(self, record: Record, notes: dict[str, Any]) -> None:
+        self.log.add({**record, **notes, "elapsed": round(self.elapsed(), 2)})
 
 
 class Evaluator:
@@ -78,19 +99,14 @@ class Evaluator:
             UserError: the truth holds no class.
         """
         keys = [self.key(job.source, job.seed) for job in jobs]
-        if memory.store is not None:
-            memory.store.refresh()
+        memory.refresh()
         missing: dict[str, list[int]] = {}  # several jobs of one call may be the same
         for index, key in enumerate(keys):
-            known = memory.log.get(key)
-            if known is None and memory.store is not None:
-                known = memory.store.get(key)
-                if known is not None:
-                    memory.keep(known, jobs[index])
+            known = memory.get(key, jobs[index].notes)
             if known is None:
                 missing.setdefault(key, []).append(index)
             else:
-                yield index, outcome_of(known)
+                yield index, known
         work = [indices[0] for indices in missing.values()]
         tasks = [
             (self._evaluate, self._recipe, jobs[index].source, int(jobs[index].seed), self._truth)
@@ -105,12 +121,9 @@ class Evaluator:
                 )
             job = jobs[index]
             record = record_of(keys[index], job.source, job.seed, outcome) | self.about
-            if memory.store is not None:
-                # What is kept decides, lest a continued run see another value.
-                record = memory.store.add(record)
-            memory.keep(record, job)
+            kept = memory.add(record, job.notes)
             for twin in missing[keys[index]]:
-                yield twin, outcome_of(record)._replace(stored=twin != index)
+                yield twin, kept._replace(stored=twin != index)
 
 
 def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) -> dict[str, Any]:

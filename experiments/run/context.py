@@ -100,6 +100,10 @@ class Run(Generic[AnyConfig]):
             truth = self._net[0].reference(truth.images)
         return Evaluator(recipe, self.target, side, truth, self.workers)
 
+    def memory(self, log: Log) -> Memory:
+        """What is known already, and where new evaluations are kept: ``evaluations`` or ``finals``."""
+        return Memory(log, self.store, lambda: self.progress.elapsed)
+
     def score(
         self,
         evaluator: Evaluator,
@@ -119,8 +123,7 @@ class Run(Generic[AnyConfig]):
             say: what progress says about a new outcome; the job's index is the first argument.
         """
         found: dict[int, Outcome] = {}
-        memory = Memory(log, self.store, lambda: self.progress.elapsed)
-        for index, outcome in evaluator.map(jobs, memory):
+        for index, outcome in evaluator.map(jobs, self.memory(log)):
             found[index] = outcome
             self.progress.advance(cost, replayed=outcome.stored)
             if say is not None and not outcome.stored:

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
-from experiments.config import RewardKind
+from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Job, Side
 from experiments.reward.miou import Outcome, Recipe, Source, Truth
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost
+from scene.proposal import Proposal, default_proposal, random_proposal
+from seg.recipes import RECIPES
+from seg.settings import NetName, TrainSettings
 
 Scores = dict[str, list[Outcome]]
 """By name of the training set, outcomes in the order of the seeds; those of nets that failed among them."""
@@ -71,3 +75,36 @@ def _cost(recipe: Recipe, source: Source) -> float:
 def paired_seeds(run: Run[Any]) -> list[int]:
     """The seeds of a result's rows."""
     return [run.config.seed + k for k in range(run.config.seeds)]
+
+
+def training_sets(run: Run[Any], learnt: Proposal, **others: Source) -> dict[str, Source]:
+    """What is compared: random, default and learnt attributes, other sets, and labelled reward images."""
+    config: SearchConfig = run.config
+    sets: dict[str, Source] = {
+        "random": random_proposal(),
+        "default": default_proposal(config.default_width),
+        "learnt": learnt,
+        **others,
+    }
+    return sets | ({"real": run.truth(config.final, "reward")} if run.target.labelled else {})
+
+
+def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:
+    """A fidelity with another net, trained as long.
+
+    The compact net's recipe does not suit VGG nets, nor theirs the compact one: those of ``seg.recipes``
+    stand in where the fidelity's own is made for the other kind.
+
+    Args:
+        fidelity: sizes, and how its own net is trained.
+        name: of the net.
+        weights: file of ImageNet weights that VGG nets start from, in place of the fidelity's.
+    """
+    train = fidelity.train
+    if name != train.net and "compact" in (name, train.net):
+        recipe = RECIPES["scratch" if weights is None else "paper"]
+        train = replace(TrainSettings() if name == "compact" else recipe, steps=train.steps)
+    train = replace(train, net=name)
+    if weights is not None and name != "compact":
+        train = replace(train, weights=weights)
+    return replace(fidelity, train=train)

@@ -54,7 +54,7 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
         raise UserError(f"--rederive {file}: {error.strerror}") from None
     except UserError as error:
         raise UserError(f"--rederive: {error}") from None
-    if not isinstance(scores, dict) or scores.get("study") != form.name:
+    if not isinstance(scores, dict) or scores.get("study", form.name) != form.name:
         raise UserError(f"--rederive {file} is no report of experiments.{form.name}")
     try:
         form.text(form.derive(scores))
@@ -152,6 +152,17 @@ def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
     return "" if ci95 is None else f"{ci95[0]:{form}} to {ci95[1]:{form}}"
 
 
+def cells(entry: Report | None, form: str = ".1f") -> list[str]:
+    """Mean and interval of a row or a gain, as two cells of a table; a sign is the mean's alone."""
+    known = entry or {"mean": None, "ci95": None}
+    return [number(known["mean"], form), interval(known["ci95"], form.lstrip("+"))]
+
+
+def half(row: Report) -> float:
+    """Half the interval of a row, for error bars; 0 where there is none."""
+    return row["mean"] - row["ci95"][0] if row["ci95"] else 0.0
+
+
 def words(name: str) -> str:
     """The name of an attribute, method or variant, for people."""
     return name.replace("_", " ")
@@ -177,3 +188,8 @@ def introduction(report: Report) -> str:
         f"test images, {report['seeds']} paired seeds, 95 % intervals by Student's t."
         + ("" if learnt is None else f" Learnt attributes are from {learnt}.")
     )
+
+
+def target_of(report: Report) -> str:
+    """The target, for the title of a figure."""
+    return report["target"] + ("" if report["real"] else " (not real data)")

@@ -58,7 +58,7 @@ def twin_world(twin_seed: int) -> TwinWorld:
         gamma=float(rng.uniform(0.94, 1.12)),
         blur=float(rng.uniform(0.3, 0.7)),
         noise=0.012,
-        spread=0.0,  # one camera took all its pictures
+        variation=0.0,  # one camera took all its pictures
     )
     return TwinWorld(
         np.clip(centre, 0.08, 0.92).astype(np.float32),

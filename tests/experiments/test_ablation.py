@@ -2,38 +2,48 @@
 
 import json
 from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
-from experiments.stats import paired_gain
-from experiments.targets import TARGETS
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from experiments import compare_search, study_nets
-from experiments.ablation_config import (
+from experiments.ablation.job import (
+    STUDY,
     VARIANTS,
-    ablation_config,
     check,
-    comparison,
-    plan,
-    searched,
+    defaults,
+    searches,
     shuffled,
+    subset_of,
+    without,
 )
-from experiments.ablation_job import main, run
-from experiments.ablation_report import FORM
-from experiments.config import CAMVID_GROUPS, DENSITIES, ENVIRONMENT, POSITIONS, PRESETS
-from experiments.store import Store
+from experiments.ablation.report import FORM
+from experiments.cli import main
+from experiments.presets import (
+    CAMVID_GROUPS,
+    DENSITIES,
+    ENVIRONMENT,
+    POSITIONS,
+    PRESETS,
+    TARGETS,
+)
+from experiments.study.skeleton import do
+from experiments.study.stats import paired_gain
 from scene.attributes import NAMES
 
-from .conftest import Killed, formula, lines, never
+from .conftest import Killed, formula, lines
 
 FILES = ("ablation.json", "ablation.md", "ablation.png")
+RECORDED = Path(__file__).parents[2] / "docs" / "results" / "ablation.json"
+command = partial(main, "ablation", defaults, partial(do, STUDY), "")
 
 
 @pytest.fixture
-def ablate(camvid, tmp_path, monkeypatch):
+def ablate(camvid, tmp_path, scored_by):
     """A configuration on tiny CamVid, and the calls of a formula in the place of nets."""
     calls: list[tuple] = []
 
@@ -44,11 +54,8 @@ def ablate(camvid, tmp_path, monkeypatch):
         return formula(*task)
 
     counted.limit = -1
-    for module in (compare_search, study_nets):
-        monkeypatch.setattr(module, "evaluate", counted)
-    config = replace(
-        ablation_config("camvid", "smoke"), data=camvid, workers=0, out=tmp_path / "run"
-    )
+    scored_by(counted)
+    config = replace(defaults("camvid", "smoke"), data=camvid, workers=0, out=tmp_path / "run")
     search = replace(config.search, method="random_search")
     return replace(config, search=search, variants=VARIANTS), calls, counted
 
@@ -57,16 +64,13 @@ def ablate(camvid, tmp_path, monkeypatch):
 @pytest.mark.parametrize("target", TARGETS)
 @pytest.mark.parametrize("method", ["sdr", "actor_critic"])
 def test_every_variant_has_the_whole_budget(target, preset, method):
-    config = ablation_config(target, preset)
+    config = defaults(target, preset)
     config = replace(config, search=replace(config.search, method=method))
-    if preset == "smoke":
-        # Two for each of the six groups.
+    if preset == "smoke":  # two for each of the six groups
         config = replace(config, evaluations=12, variants=VARIANTS)
     check(config)
-    for variant in searched(config):
-        made = plan(config, variant)
-        assert made.datasets * made.updates == config.evaluations
-        assert made.method == method
+    for made in searches(config).values():
+        assert made.evaluations == config.evaluations and made.method == method
 
 
 @given(st.integers(0, 2**31 - 1))
@@ -74,41 +78,37 @@ def test_shuffled_groups_are_a_partition_of_the_same_sizes(seed):
     found = shuffled(CAMVID_GROUPS, NAMES, seed)
     assert [len(group) for group in found] == [len(group) for group in CAMVID_GROUPS]
     assert sorted(name for group in found for name in group) == sorted(NAMES)
-    assert found == shuffled(CAMVID_GROUPS, NAMES, seed)
-
-
-def test_other_seeds_shuffle_otherwise():
-    found = {shuffled(CAMVID_GROUPS, NAMES, seed) for seed in range(5)}
-    assert len(found) == 5 and CAMVID_GROUPS not in found
+    assert found == shuffled(CAMVID_GROUPS, NAMES, seed) != shuffled(CAMVID_GROUPS, NAMES, seed + 1)
+    assert found != CAMVID_GROUPS
 
 
 def test_variants_leave_out_what_they_say():
-    config = ablation_config("camvid", "quick")
-    full = comparison(config, "full")
-    assert full.subsets == (NAMES,) and full.groups == CAMVID_GROUPS
-    assert full.search.relaxation == 0.3
-    relaxed = comparison(config, "no_relaxation")
-    assert relaxed.search.relaxation == 0 and relaxed.groups == CAMVID_GROUPS
-    assert comparison(config, "no_groups").groups == (NAMES,)
-    mixed = comparison(config, "shuffled_groups")
-    assert mixed.groups == shuffled(CAMVID_GROUPS, NAMES, 0) != CAMVID_GROUPS
-    for variant, left_out in (
-        ("no_environment", ENVIRONMENT), ("no_positions", POSITIONS), ("no_densities", DENSITIES),
-    ):  # fmt: skip
-        made = comparison(config, variant)
-        assert set(made.subsets[0]) == set(NAMES) - set(left_out)
-        assert plan(config, variant).subset == made.subsets[0]
-        assert made.groups == CAMVID_GROUPS and made.search.relaxation == 0.3
+    config = defaults("camvid", "quick")
+    assert config.groups == CAMVID_GROUPS and config.search.relaxation == 0.3
+    changed = {
+        "no_relaxation": replace(config, search=replace(config.search, relaxation=0.0)),
+        "no_groups": replace(config, groups=(NAMES,)),
+        "shuffled_groups": replace(config, groups=shuffled(CAMVID_GROUPS, NAMES, 0)),
+    }
+    left_out = {
+        "no_environment": ENVIRONMENT, "no_positions": POSITIONS, "no_densities": DENSITIES,
+    }  # fmt: skip
+    for variant in VARIANTS:
+        assert without(config, variant) == changed.get(variant, config)
+        assert set(subset_of(variant)) == set(NAMES) - set(left_out.get(variant, ()))
+    made = searches(config)
+    assert made["no_positions"].subset == subset_of("no_positions")
+    assert made["no_relaxation"].options.relaxation == 0
 
 
-def test_an_ablation_leaves_its_figures(ablate, capsys):
+def test_an_ablation_leaves_its_figures(ablate, tmp_path, capsys):
     config, calls, _ = ablate
-    report = run(config)
+    report = do(STUDY, config)
     printed = capsys.readouterr().out
-    assert "Plan, in CPU seconds" in printed and "Variant: no relaxation" in printed
+    assert "Plan, in CPU seconds" in printed and "no_relaxation: update 2/2 | mIoU" in printed
     rows = {row["variant"]: row for row in report["rows"]}
     assert tuple(rows) == VARIANTS and rows["random"]["search"] is None
-    for name in searched(config):
+    for name in searches(config):
         found = rows[name]["search"]
         assert len(found["rewards"]) == 4 and found["core_seconds"] == 8
         widths = {attribute: wide for attribute, (_, wide) in found["solution"].items()}
@@ -118,7 +118,8 @@ def test_an_ablation_leaves_its_figures(ablate, capsys):
             assert {a for a, w in widths.items() if w == 1} == set(POSITIONS)
             assert found["attributes"] == 16
     # Without a group's structure random search draws the same: no net is trained twice.
-    assert len(Store(config.out / "store.jsonl")) == len(calls) < 7 * 4 + 8 * 2
+    logged = [lines(config.out / name) for name in ("evaluations.jsonl", "finals.jsonl")]
+    assert sum(map(len, logged)) == len(calls) < 7 * 4 + 8 * 2
     full, ours = ([net["miou"] for net in rows[n]["nets"]] for n in ("full", "no_positions"))
     gain, interval = paired_gain(ours, full)
     assert rows["no_positions"]["gain"] == {"mean": gain, "ci95": interval}
@@ -126,53 +127,50 @@ def test_an_ablation_leaves_its_figures(ablate, capsys):
     text = (config.out / "ablation.md").read_text()
     assert "| no groups: all 23 in one |" in text and "NOT of this run" in text
     assert min(Image.open(config.out / "ablation.png").size) > 200
+    again = tmp_path / "again"
+    assert command(["--rederive", str(config.out / "ablation.json"), "--out", str(again)]) == 0
+    for name in FILES:
+        assert (again / name).read_bytes() == (config.out / name).read_bytes()
 
 
-def test_killed_it_goes_on_and_ends_the_same(ablate, tmp_path, monkeypatch):
+def test_killed_it_goes_on_and_ends_the_same(ablate, tmp_path):
     config, calls, counted = ablate
-    some = replace(config, variants=("full", "no_relaxation", "no_positions"))
-    run(some)
+    some = replace(config, variants=("full", "no_positions"))
+    do(STUDY, some)
     made, broken = len(calls), replace(some, out=tmp_path / "broken")
+    calls.clear()
     for limit in (3, made - 1):  # within a search, and within the final nets
-        calls.clear()
-        counted.limit = limit - len(lines(broken.out / "store.jsonl")[1:])
+        counted.limit = limit
         with pytest.raises(Killed):
-            run(broken)
+            do(STUDY, broken)
     counted.limit = -1
-    run(broken)
-    for module in (compare_search, study_nets):
-        monkeypatch.setattr(module, "evaluate", never)
-    run(broken)  # what is finished is not redone
+    do(STUDY, broken)
+    assert len(calls) == made  # what is done is not redone
     for name in FILES:
         assert (broken.out / name).read_bytes() == (some.out / name).read_bytes()
 
 
-def test_figures_come_from_the_report_alone(ablate, tmp_path):
-    config, _, _ = ablate
-    run(replace(config, variants=("full", "no_groups"), seeds=1))
-    again = tmp_path / "again"
-    assert main("", ["--rederive", str(config.out / "ablation.json"), "--out", str(again)]) == 0
-    for name in FILES:
-        assert (again / name).read_bytes() == (config.out / name).read_bytes()
-    report = json.loads((again / "ablation.json").read_text())
-    report["rows"][1]["nets"] = [None]
+def test_a_recorded_report_is_derived_anew(tmp_path):
+    assert command(["--rederive", str(RECORDED), "--out", str(tmp_path / "run")]) == 0
+    report = json.loads(RECORDED.read_text())
+    assert FORM.derive(report) == report
+    report["rows"][1]["nets"] = [None] * 3
     report["rows"][1]["search"]["rewards"][0] = None
     found = FORM.derive(report)
-    assert found["rows"][1]["mean"] is None and "2 nets failed" in FORM.text(found)
-    assert FORM.picture(found).startswith(b"\x89PNG")
+    assert found["rows"][1]["mean"] is None and "3 nets failed" in FORM.text(found)
+    assert "1 evaluations failed and are left out of their update" in FORM.text(found)
+    assert FORM.figures["ablation.png"](found).startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(
     ("flags", "complaint"),
     [
-        (("--variants", "full", "no_fog"), "--variants 'no_fog' is unknown; known: full"),
-        (("--variants", "full", "full"), "names one of them twice"),
+        (("--variants", "full", "full"), "--variants full full names one of them twice"),
         (("--variants", "no_groups"), "--variants must hold full"),
         (("--evaluations", "3"), "multiple of --search.datasets-per-update 2, not 3"),
-        (("--method", "sdr"), "--evaluations 4 are too few for sdr on all"),
+        (("--method", "sdr"), "--evaluations 4 are too few for sdr on 23 attributes"),
         (("--method", "random_attributes"), "random_attributes searches for nothing"),
-        (("--learnt", "x.json"), "x.json"),
-        (("--reward-kind", "mmd"), "the ablation knows miou only"),
+        (("--groups", "car_position"), "--groups: in no group"),
         (("--data", "/nowhere"), "/nowhere"),
         (("--rederive", "/nowhere.json"), "/nowhere.json"),
     ],
@@ -180,21 +178,31 @@ def test_figures_come_from_the_report_alone(ablate, tmp_path):
 def test_bad_input_is_one_line_and_exit_code_2(flags, complaint, camvid, tmp_path, error_line):
     out = tmp_path / "run"
     fixed = ("--target", "camvid", "--data", str(camvid), "--preset", "smoke", "--workers", "0")
-    assert main("", [*fixed, "--out", str(out), *flags]) == 2
+    assert command([*fixed, "--out", str(out), *flags]) == 2
     assert complaint in error_line()
     assert not out.exists()
 
 
-def test_learnt_attributes_have_no_use(camvid, tmp_path, learnt_file, error_line):
-    flags = ("--preset", "smoke", "--out", str(tmp_path / "run"), "--learnt", str(learnt_file))
-    assert main("", flags) == 2
-    assert "--learnt has no use here" in error_line()
+@pytest.mark.parametrize(
+    "flags",
+    [
+        ("--variants", "full", "no_fog"),
+        ("--learnt", "x.json"),
+        ("--reward-kind", "mmd"),
+        ("--candidates", "argmax"),
+        ("--search.updates-per-group", "3"),
+    ],
+)
+def test_what_has_no_effect_is_no_flag(flags, tmp_path, capsys):
+    with pytest.raises(SystemExit) as ended:
+        command(["--preset", "smoke", "--out", str(tmp_path / "run"), *flags])
+    assert ended.value.code == 2 and not (tmp_path / "run").exists()
 
 
 @pytest.mark.slow
 def test_smoke_on_the_twin_with_nets(tmp_path, capsys):
     out = tmp_path / "run"
-    assert main("", ["--preset", "smoke", "--workers", "1", "--out", str(out)]) == 0
+    assert command(["--preset", "smoke", "--workers", "1", "--out", str(out)]) == 0
     assert "NOT real" in capsys.readouterr().out
     report = json.loads((out / "ablation.json").read_text())
     assert all(0 < np.mean([net["miou"] for net in row["nets"]]) < 100 for row in report["rows"])

@@ -1,4 +1,4 @@
-"""Pre-training: nested subsets, one net's way, tests by hand, kills, and what is refused."""
+"""Pre-training: nested subsets, one net's way, what is remembered, and what is refused."""
 
 import json
 import math
@@ -6,45 +6,28 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from experiments.finals import draw_units, random_proposal
-from experiments.outcome import Outcome
-from experiments.stats import welch
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
-from scene.catalogue import AssetPool
-from scipy import stats
 
-from experiments import pretrain_job, pretrain_nets
-from experiments.config import camvid_config
-from experiments.pretrain_job import fine_stage, main, pretrain_config
-from experiments.pretrain_nets import Start, chosen_images, subsets, transfer
-from experiments.pretrain_report import FORM
-from experiments.reward import Truth
-from scene.dataset import Dataset
+from experiments.pretrain import nets
+from experiments.pretrain.job import defaults, fine_fidelity
+from experiments.pretrain.nets import Start, chosen_images, subsets, transfer
+from experiments.pretrain.report import FORM
+from experiments.reward import miou
+from experiments.reward.miou import Outcome, Recipe, Truth
+from scene.assets.catalogue import AssetPool
+from scene.proposal import random_proposal
 from seg.train import TrainingError
 
-from .conftest import Killed, lines, never
-
-FILES = ("pretrain.json", "pretrain.md", "pretrain.png")
-
-
-def tuned_by_formula(start, fine, renderer, pool, seed, real, chosen, truth):
-    """Worth more with more images, and with pre-training; a little noise by seed and row."""
-    worth = 0.1 + 0.05 * (start.units is not None) + 0.01 * start.on_subset + 0.001 * (seed % 7)
-    return [Outcome(worth + 0.01 * len(k), [worth] * 11, 0.5, 1.5) for k in chosen]
+from .conftest import lines, never, transferred
 
 
 @pytest.fixture
-def pretrain(camvid, learnt_file, monkeypatch):
-    """Measures on tiny CamVid with a formula in the place of nets; returns the exit code."""
-
-    def start(out, *flags, transfer=tuned_by_formula):
-        monkeypatch.setattr(pretrain_job, "transfer", transfer)
-        fixed = ("--target", "camvid", "--preset", "smoke", "--data", str(camvid), "--workers", "0")
-        return main("", [*fixed, "--learnt", str(learnt_file), "--out", str(out), *flags])
-
-    return start
+def pretrain(command, learnt_file):
+    """Measures with given attributes; returns the exit code."""
+    return lambda out, *flags, **more: command(
+        "pretrain", out, "--learnt", str(learnt_file), *flags, **more
+    )
 
 
 def report_of(out) -> dict:
@@ -69,26 +52,12 @@ def test_subsets_by_hand():
     assert not np.array_equal(subsets(100, [0.1], 0)[0], subsets(100, [0.1], 1)[0])
 
 
-def test_welch_by_hand():
-    # Means 2 and 7, variances 1 and 20 / 3: t = -5 / sqrt(1 / 3 + 5 / 3).
-    found = welch([1, 2, 3], [4, 6, 8, 10])
-    assert found.difference == pytest.approx(-5) and found.t == pytest.approx(-5 / math.sqrt(2))
-    degrees = 2**2 / ((1 / 3) ** 2 / 2 + (5 / 3) ** 2 / 3)
-    assert found.degrees == pytest.approx(degrees)
-    assert found.p_value == pytest.approx(2 * stats.t.sf(5 / math.sqrt(2), degrees))
-    assert 0.01 < found.p_value < 0.05 and found.stars == "*"
-    assert welch([3, 1, 2], [8, 4, 10, 6]).p_value == pytest.approx(found.p_value)
-    assert welch([1, 2, 3], [101, 102, 103]).stars == "**"
-    assert welch([1, 2, 3], [2, 3, 4]).stars == ""
-    assert welch([1], [2, 3]) is None and welch([1, 1], [2, 2]) is None
-
-
 def test_fine_tuning_is_a_third_unless_told():
-    config = pretrain_config("camvid", "quick")
-    fine = fine_stage(config).train
+    config = defaults("camvid", "quick")
+    fine = fine_fidelity(config).train
     assert (fine.steps, fine.lr) == (333, pytest.approx(0.01 / 3))
     assert replace(fine, steps=1000, lr=0.01) == config.final.train
-    told = fine_stage(replace(config, finetune_steps=7, finetune_lr=0.5)).train
+    told = fine_fidelity(replace(config, finetune_steps=7, finetune_lr=0.5)).train
     assert (told.steps, told.lr, told.warmup) == (7, 0.5, 3)
     assert config.seeds >= 4 and config.fractions == (0.05, 0.1, 0.25, 1.0)
 
@@ -96,37 +65,29 @@ def test_fine_tuning_is_a_third_unless_told():
 @pytest.fixture
 def way(monkeypatch):
     """Follows one net with stubs for rendering, training and scoring; lists what was trained."""
-    stage = camvid_config("smoke").final
-    images = np.zeros((6, 48, 64, 3), np.uint8)
-    real = Truth(
-        np.arange(4, dtype=np.uint8)[:, None, None, None] + np.zeros((4, 48, 64, 3), np.uint8),
-        np.zeros((4, 48, 64), np.uint8),
-    )
+    fidelity = defaults("camvid", "smoke").final
+    images = np.zeros((4, 48, 64, 3), np.uint8)
+    images += np.arange(4, dtype=np.uint8)[:, None, None, None]
+    real = Truth(images, np.zeros((4, 48, 64), np.uint8))
+    rendered = Truth(np.zeros((6, 48, 64, 3), np.uint8), np.zeros((6, 48, 64), np.uint8))
     done: list[tuple] = []
 
-    def train(seed, images, labels, settings, params=None):
+    def train(seed, images, labels, settings, classes, params=None):
         done.append((settings.steps, images[:, 0, 0, 0].tolist(), params))
         if way.diverges == settings.steps:
             raise TrainingError("the loss is nan")
         return f"net {len(done)}"
 
-    def score(params, images, labels, settings):
-        return np.array([[len(done), 100], [100, 100]])
-
-    def render(*task):
-        return Dataset(images, np.zeros(images.shape[:3], np.uint8))
-
-    for name, stub in (("train", train), ("score", score), ("render", render)):
-        monkeypatch.setattr(pretrain_nets, name, stub)
+    monkeypatch.setattr(nets, "train", train)
+    monkeypatch.setattr(nets, "training_set", lambda recipe, proposal, seed: rendered)
+    monkeypatch.setattr(miou, "score", lambda *_: np.array([[len(done), 100], [100, 100]]))
 
     def way(row):
-        units = None
-        if row in ("random", "learnt"):
-            units = draw_units(random_proposal(), 0, stage.streets)
-        fine = replace(stage.train, steps=3)
-        start = Start(stage, units, on_subset=row == "longer")
-        chosen = [np.array([2]), np.array([0, 2])]
-        return transfer(start, fine, "embree", AssetPool(), 5, real, chosen, real), done
+        recipe = Recipe(fidelity, "camvid", "embree", AssetPool())
+        fine = recipe._replace(fidelity=replace(fidelity, train=replace(fidelity.train, steps=3)))
+        proposal = random_proposal() if row in ("random", "learnt") else None
+        start = Start(recipe, proposal, on_subset=row == "longer")
+        return transfer(start, fine, 5, real, [np.array([2]), np.array([0, 2])], real), done
 
     way.diverges = -1
     return way
@@ -134,21 +95,24 @@ def way(monkeypatch):
 
 def test_a_net_is_pre_trained_once_and_fine_tuned_on_every_subset(way):
     outcomes, done = way("learnt")
-    rendered = [0] * 6
-    assert done == [(20, rendered, None), (3, [2], "net 1"), (3, [0, 2], "net 1")]
+    assert done == [(20, [0] * 6, None), (3, [2], "net 1"), (3, [0, 2], "net 1")]
     assert [o.failed for o in outcomes] == [None, None]
     assert outcomes[0].reward < outcomes[1].reward  # by the stub
     assert outcomes[1].render_seconds == 0 <= outcomes[0].render_seconds
 
 
-def test_nets_from_scratch_are_only_fine_tuned(way):
-    assert way("scratch")[1] == [(3, [2], None), (3, [0, 2], None)]
-
-
-def test_longer_nets_train_on_the_subset_first(way):
-    assert way("longer")[1] == [
-        (20, [2], None), (3, [2], "net 1"), (20, [0, 2], None), (3, [0, 2], "net 3"),
-    ]  # fmt: skip
+@pytest.mark.parametrize(
+    ("row", "trained"),
+    [
+        ("scratch", [(3, [2], None), (3, [0, 2], None)]),
+        (
+            "longer",
+            [(20, [2], None), (3, [2], "net 1"), (20, [0, 2], None), (3, [0, 2], "net 3")],
+        ),
+    ],
+)
+def test_other_nets_see_real_images_only(way, row, trained):
+    assert way(row)[1] == trained
 
 
 def test_training_that_diverges_is_an_outcome(way):
@@ -159,11 +123,9 @@ def test_training_that_diverges_is_an_outcome(way):
     assert [o.failed for o in way("scratch")[0]] == ["the loss is nan"] * 2
 
 
-def test_a_measurement_leaves_its_figures(pretrain, tmp_path, capsys):
+def test_a_measurement_leaves_its_figures(pretrain, tmp_path):
     out = tmp_path / "run"
     assert pretrain(out, "--rows", "scratch", "random", "learnt", "longer", "--seeds", "4") == 0
-    printed = capsys.readouterr().out
-    assert printed.splitlines()[1] == "Plan, in CPU seconds:" and " left" in printed
     report = report_of(out)
     assert [(row["row"], row["fraction"], row["images"]) for row in report["rows"]] == [
         (row, *share)
@@ -180,101 +142,57 @@ def test_a_measurement_leaves_its_figures(pretrain, tmp_path, capsys):
     assert tests["learnt", "random", 1.0]["stars"] == ""
     text = (out / "pretrain.md").read_text()
     assert "get the steps of the fine-tuning only" in text and r"\*\*" in text
-    assert min(Image.open(out / "pretrain.png").size) > 200
     assert len(lines(out / "finals.jsonl")) == 4 * 2 * 4
 
 
-def test_killed_it_goes_on_and_ends_the_same(pretrain, tmp_path):
-    whole, broken = tmp_path / "whole", tmp_path / "broken"
-    assert pretrain(whole) == 0
-    left = [True, False, False, False]
-
-    def dying(*task):
-        if left.pop():
-            raise Killed
-        return tuned_by_formula(*task)
-
-    with pytest.raises(Killed):
-        pretrain(broken, transfer=dying)
-    log = broken / "finals.jsonl"
-    assert len(lines(log)) == 3 * 2
-    # As a kill within the writing of the last net's second score leaves it.
-    log.write_bytes(log.read_bytes()[:-40])
+def test_what_a_store_or_half_a_run_knows_is_not_trained_again(pretrain, tmp_path):
+    out, shared = tmp_path / "run", ("--store", str(tmp_path / "shared.jsonl"))
     asked = []
 
     def counting(*task):
         asked.append(len(task[-2]))
-        return tuned_by_formula(*task)
+        return transferred(*task)
 
-    assert pretrain(broken, transfer=counting) == 0
-    assert asked == [1, 2, 2, 2]
-    assert [(broken / f).read_bytes() for f in FILES] == [(whole / f).read_bytes() for f in FILES]
-    assert pretrain(broken, transfer=never) == 0
-
-
-def test_a_measurement_is_derived_anew(pretrain, tmp_path, capsys):
-    out, again = tmp_path / "run", tmp_path / "again"
-    assert pretrain(out) == 0
-    assert main("", ["--rederive", str(out / "pretrain.json"), "--out", str(again)]) == 0
-    assert [(again / f).read_bytes() for f in FILES] == [(out / f).read_bytes() for f in FILES]
+    assert pretrain(out, *shared, "--rows", "scratch", "random", transfer=counting) == 0
+    assert asked == [2] * 4
+    # Another share, and other fine-tuning, are other nets; rows that are there already are known.
+    again = tmp_path / "again"
+    assert pretrain(again, *shared, "--fractions", "0.5", "1.0", transfer=counting) == 0
+    assert asked[4:] == [1, 1, 2] * 2
+    tuned = ("--finetune-steps", "5", "--rows", "random")
+    assert pretrain(tmp_path / "other", *shared, *tuned, transfer=counting) == 0
+    assert asked[10:] == [2, 2]
+    # As a kill within the writing of the last net's second score leaves it.
+    log = out / "finals.jsonl"
+    log.write_bytes(log.read_bytes()[:-40])
+    flags = ("--rows", "scratch", "random", "--store", "None")
+    assert pretrain(out, *flags, transfer=counting) == 0 and asked[12:] == [1]
+    keys = [line["key"] for name in (out, again) for line in lines(name / "finals.jsonl")]
+    assert len(keys) == 8 + 12 and len(set(keys)) == 16
 
 
 def test_nets_that_failed_are_told_and_left_out(pretrain, tmp_path):
     def sometimes(*task):
-        outcomes = tuned_by_formula(*task)
-        failed = Outcome(math.nan, [], 0.0, 1.0, "the loss is nan")
-        return [failed if task[4] == 0 else outcome for outcome in outcomes]
+        outcomes = transferred(*task)
+        if task[2] == 0 and task[0].proposal is None:
+            outcomes[0] = Outcome(math.nan, [], 0.0, 1.0, "the loss is nan")
+        return outcomes
 
     out = tmp_path / "run"
     assert pretrain(out, transfer=sometimes) == 0
     report = report_of(out)
-    assert all(row["nets"][0] is None and row["ci95"] is None for row in report["rows"])
-    assert all("p_value" not in test for test in report["tests"])
-    assert "6 nets failed" in (out / "pretrain.md").read_text()
+    assert report["rows"][0]["nets"][0] is None and report["rows"][0]["ci95"] is None
+    (test,) = (
+        t for t in report["tests"] if t["fraction"] == 0.25 and t["row"] == "learnt"
+        and t["against"] == "scratch"
+    )  # fmt: skip
+    assert "p_value" not in test and "1 nets failed" in (out / "pretrain.md").read_text()
     assert FORM.derive(report) == report
+    assert pretrain(out, transfer=never) == 0  # a failure is remembered, too
 
 
-def test_scratch_alone_needs_no_attributes(pretrain, tmp_path, capsys):
+def test_scratch_alone_needs_no_attributes(pretrain, tmp_path):
     out = tmp_path / "run"
     assert pretrain(out, "--rows", "scratch", "--learnt", "None") == 0
     assert report_of(out)["tests"] == [] and lines(out / "evaluations.jsonl") == []
     assert "Learnt" not in (out / "pretrain.md").read_text()
-
-
-@pytest.mark.parametrize(
-    ("flags", "complaint"),
-    [
-        (
-            ("--fractions", "0.1"),
-            "--fractions 0.1 selects none of the 4 reward images; 0.25 or more",
-        ),
-        (("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
-        (("--fractions", "1.5"), "--fractions must lie in (0, 1], not 1.5"),
-        (("--fractions", "nan"), "--fractions must lie in (0, 1], not nan"),
-        (("--fractions", "1", "1"), "names one of them twice"),
-        (
-            ("--rows", "scratch", "imagenet"),
-            "--rows must be some of scratch, random, learnt, longer",
-        ),
-        (("--rows", "scratch", "scratch"), "names one of them twice"),
-        (("--finetune-steps", "0"), "--finetune-steps must be 1 or more"),
-        (("--finetune-lr", "-1"), "--finetune-lr must be positive"),
-        (("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),
-        (("--data", "/nowhere"), "/nowhere"),
-        (("--preset", "small"), "--preset 'small' is unknown"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_2(flags, complaint, pretrain, tmp_path, error_line):
-    assert pretrain(tmp_path / "run", *flags, transfer=never) == 2
-    assert complaint in error_line()
-    assert not (tmp_path / "run").exists()
-
-
-@pytest.mark.slow
-def test_smoke_on_the_twin_with_nets(tmp_path, capsys):
-    out = tmp_path / "run"
-    assert main("", ["--preset", "smoke", "--workers", "1", "--out", str(out)]) == 0
-    assert "NOT real data" in capsys.readouterr().out
-    report = report_of(out)
-    assert report["real"] is False and len(report["rows"]) == 3 * 2
-    assert all(0 < row["mean"] < 100 for row in report["rows"])

@@ -1,12 +1,14 @@
-"""Means, t intervals and paired gains."""
+"""Means, t intervals, paired gains and Welch's test."""
 
 import math
 
 import numpy as np
 import pytest
-from experiments.stats import mean_ci95, paired_gain
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import stats
+
+from experiments.study.stats import mean_ci95, paired_gain, welch
 
 values = st.lists(st.floats(-100, 100), min_size=2, max_size=12)
 
@@ -53,3 +55,17 @@ def test_gain_changes_sign_with_the_order(ours, data):
     back, (lower, higher) = paired_gain(theirs, ours)
     assert (back, lower, higher) == pytest.approx((-mean, -high, -low), abs=1e-9)
     assert mean == pytest.approx(np.mean(ours) - np.mean(theirs), abs=1e-9)
+
+
+def test_welch_by_hand():
+    # Means 2 and 7, variances 1 and 20 / 3: t = -5 / sqrt(1 / 3 + 5 / 3).
+    found = welch([1, 2, 3], [4, 6, 8, 10])
+    assert found.difference == pytest.approx(-5) and found.t == pytest.approx(-5 / math.sqrt(2))
+    degrees = 2**2 / ((1 / 3) ** 2 / 2 + (5 / 3) ** 2 / 3)
+    assert found.degrees == pytest.approx(degrees)
+    assert found.p_value == pytest.approx(2 * stats.t.sf(5 / math.sqrt(2), degrees))
+    assert 0.01 < found.p_value < 0.05 and found.stars == "*"
+    assert welch([3, 1, 2], [8, 4, 10, 6]).p_value == pytest.approx(found.p_value)
+    assert welch([1, 2, 3], [101, 102, 103]).stars == "**"
+    assert welch([1, 2, 3], [2, 3, 4]).stars == ""
+    assert welch([1], [2, 3]) is None and welch([1, 1], [2, 2]) is None

@@ -5,87 +5,173 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from experiments.errors import UserError
-from experiments.finals import Finals, default_proposal, random_proposal
-from experiments.outcome import Outcome
-from experiments.study_config import StudyConfig, check_study, defaults_on, read_learnt
-from experiments.study_nets import score_nets
-from experiments.study_report import Form, class_means, nets, rewrite, statistics, write
+from PIL import Image
 
-import sdr_jax
-from experiments import finals, search, study_nets, study_report, summary
-from experiments.reward import Truth
-from experiments.study import Work, learnt_attributes, opened, plan_text, search_work
-from scene.attributes import NAMES
+from experiments.config import LearntConfig
+from experiments.presets import defaults
+from experiments.reward.miou import Outcome, Truth
+from experiments.reward.store import Log
+from experiments.run.context import Work, opened, plan_text
+from experiments.run.nets import paired_seeds, score_nets, training_sets
+from experiments.study import form
+from experiments.study.form import Form, rewrite, statistics
+from experiments.study.skeleton import (
+    Study,
+    check,
+    do,
+    learnt_attributes,
+    learnt_work,
+    read_learnt,
+)
+from scene.proposal import random_proposal
 from seg.train import TrainingError
+from shell.errors import UserError
 
-from .conftest import formula, formula_real, lines
+from .conftest import Killed, formula, lines, never
+
+STUDIES = ("table", "pretrain", "assets")
+FORM = Form(
+    "some",
+    lambda report: {**report, "mean": float(np.mean(report["scores"]))},
+    lambda report: f"{report['mean']}",
+    {"some.png": lambda report: b"picture"},
+)
+SOME = Study(
+    FORM,
+    lambda config: [],
+    lambda run, made: {**form.about(run, run.config.final), "scores": [1, 2]},
+)
 
 
 @pytest.fixture
-def config(camvid, tmp_path) -> StudyConfig:
-    return replace(
-        defaults_on(StudyConfig, "camvid", "smoke"), data=camvid, workers=0, out=tmp_path / "run"
-    )
+def config(camvid, tmp_path) -> LearntConfig:
+    base = defaults(LearntConfig, "camvid", "smoke")
+    search = replace(base.search, method="random_search")
+    return replace(base, search=search, data=camvid, workers=0, out=tmp_path / "run")
 
 
 @pytest.fixture
-def worth(monkeypatch):
-    """Puts formulas in the place of nets; returns the list of calls."""
+def worth(scored_by):
+    """Puts a formula in the place of nets; returns the list of calls."""
     calls: list[tuple] = []
 
-    def counted(function):
-        def call(*task):
-            calls.append(task)
-            return function(*task)
+    def counted(*task):
+        calls.append(task)
+        return formula(*task)
 
-        return call
-
-    for module in (search, finals, study_nets):
-        monkeypatch.setattr(module, "evaluate", counted(formula))
-    for module in (finals, study_nets):
-        monkeypatch.setattr(module, "evaluate_real", counted(formula_real))
+    scored_by(counted)
     return calls
 
 
-def test_learnt_attributes_are_those_of_the_main_job_and_made_once(config, worth, tmp_path):
-    shared = replace(config, store=tmp_path / "shared.jsonl")
-    with opened(shared) as study:
-        plan = search_work(shared)
-        progress = study.begin(plan)
-        learnt = learnt_attributes(study, progress)
+@pytest.mark.parametrize("name", STUDIES)
+def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
+    name, command, tmp_path, learnt_file, monkeypatch, capsys
+):
+    flags = () if name == "assets" else ("--learnt", str(learnt_file))
+    whole, broken, again = tmp_path / "whole", tmp_path / "broken", tmp_path / "again"
+    assert command(name, whole, *flags) == 0
+    printed = capsys.readouterr().out
+    assert printed.splitlines()[1] == "Plan, in CPU seconds:" and " left" in printed
+    add = Log.add
+
+    def dying(log, record):
+        if len(log.records) == 3:
+            raise Killed
+        add(log, record)
+
+    monkeypatch.setattr(Log, "add", dying)
+    with pytest.raises(Killed):
+        command(name, broken, *flags)
+    assert len(lines(broken / "finals.jsonl")) == 3
+    monkeypatch.setattr(Log, "add", add)
+    assert command(name, broken, *flags) == 0
+    # What is finished is not redone; nor does a report need any net.
+    assert command(name, broken, *flags, evaluate=never, transfer=never) == 0
+    file = ("--rederive", str(whole / f"{name}.json"))
+    assert command(name, again, *file, evaluate=never, transfer=never) == 0
+    for file in (f"{name}.json", f"{name}.md", f"{name}.png"):
+        one, *others = ((out / file).read_bytes() for out in (whole, broken, again))
+        assert others == [one, one]
+    assert min(Image.open(whole / f"{name}.png").size) > 200
+
+
+@pytest.mark.parametrize(
+    ("name", "flags", "complaint"),
+    [
+        ("table", ("--nets", "compact", "compact"), "names one of them twice"),
+        ("table", ("--gta5", "/nowhere"), "/nowhere/images: no such folder; expected GTA5"),
+        ("table", ("--synthia", "/nowhere"), "/nowhere/RGB: no such folder"),
+        ("table", ("--kitti", "/nowhere"), "/nowhere/training/image_2: no such folder"),
+        ("table", ("--weights", "/nowhere.npz"), "--weights are for VGG nets"),
+        ("table", ("--weights", "/no.npz", "--nets", "fcn8s"), "/no.npz: No such file"),
+        ("table", ("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),
+        ("table", ("--data", "/nowhere"), "/nowhere"),
+        ("pretrain", ("--fractions", "0.1"), "0.1 selects none of the 4 reward images; 0.25 or"),
+        ("pretrain", ("--fractions", "nan"), "--fractions must lie in (0, 1], not nan"),
+        ("pretrain", ("--rows", "scratch", "scratch"), "names one of them twice"),
+        ("pretrain", ("--finetune-steps", "0"), "--finetune-steps must be 1 or more"),
+        ("pretrain", ("--finetune-lr", "-1"), "--finetune-lr must be positive"),
+        ("assets", ("--images", "3"), "--images must be multiples of --final.shots 2"),
+        ("assets", ("--images", "0"), "--images must be multiples of --final.shots 2"),
+        ("assets", ("--images", "4", "4"), "--images 4 4 names one of them twice"),
+        ("assets", ("--fractions", "0.5", "0.5"), "--fractions 0.5 0.5 names one of them twice"),
+        ("assets", ("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
+        ("assets", ("--fractions", "1.5"), "--fractions must lie in (0, 1], not 1.5"),
+        ("assets", ("--learnt", "FILE"), "--learnt is of no use with --attributes default"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    name, flags, complaint, command, tmp_path, error_line, learnt_file
+):
+    flags = [str(learnt_file) if flag == "FILE" else flag for flag in flags]
+    assert command(name, tmp_path / "run", *flags, evaluate=never, transfer=never) == 2
+    assert complaint in error_line()
+    assert not (tmp_path / "run").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "flags"),
+    [
+        ("table", ("--nets", "resnet")),
+        ("table", ("--unlabelled", ".")),  # rows need labels
+        ("pretrain", ("--rows", "imagenet")),
+        ("pretrain", ("--default-width", "0.5")),
+        ("assets", ("--asset-fraction", "0.5")),
+    ],
+)
+def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, tmp_path, capsys):
+    with pytest.raises(SystemExit) as end:
+        command(name, tmp_path / "run", *flags)
+    assert end.value.code == 2 and flags[0] in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", STUDIES)
+def test_smoke_on_the_twin_with_nets(name, start_job, tmp_path):
+    out = tmp_path / "run"
+    flags = ("--preset", "smoke", "--workers", "1")
+    code, stdout, stderr = start_job(out, *flags, experiment=name).finish()
+    assert (code, stderr) == (0, "") and "NOT real data" in stdout
+    report = json.loads((out / f"{name}.json").read_text())
+    assert report["real"] is False
+    assert all(0 < row["mean"] < 100 for row in report["rows"])
+    assert (out / "attributes.json").exists() == (name != "assets")
+
+
+def test_learnt_attributes_are_made_once(config, worth, tmp_path):
+    shared = replace(config, store=tmp_path / "shared.jsonl", candidates=("argmax", "broad"))
+    with opened(shared) as run:
+        plan = learnt_work(shared)
+        run.begin(plan)
+        learnt = learnt_attributes(run)
         assert len(worth) == sum(work.nets for work in plan) == 12 + 2
-        # The main job's rows are the same nets: they, too, are made once.
-        sources = {
-            "random": random_proposal(),
-            "default": default_proposal(shared.default_width),
-            "learnt": learnt,
-        }
-        ours = score_nets(study, "table", sources, shared.final, progress)
-        split = study.target.at(shared.final.height, shared.final.width)
-        made = len(worth)
-        rows = Finals(
-            shared, study.target, split, study.folder, study.workers, progress, 1.0, study.store
-        ).rows(learnt)
-        assert len(worth) == made + shared.seeds  # those on real images
-        for row in sources:
-            assert [line["miou"] for line in rows[row]] == [o.reward for o in ours[row]]
     worth.clear()
     again = replace(shared, out=tmp_path / "again")
-    with opened(again) as study:
-        found = learnt_attributes(study, study.progress(1))
+    with opened(again) as run:
+        found = learnt_attributes(run)
     assert worth == []
-    np.testing.assert_array_equal(np.stack(found), np.stack(learnt))
-    written = read_learnt(again.out / "attributes.json")
-    np.testing.assert_array_equal(np.stack(written), np.stack(learnt))
-
-
-def test_a_file_of_attributes_saves_the_search(config, worth, learnt_file):
-    given = replace(config, learnt=learnt_file)
-    assert search_work(given) == []
-    with opened(given) as study:
-        found = learnt_attributes(study, study.progress(1))
-    assert worth == [] and found.centre.shape == (len(NAMES),)
+    for other in (found, read_learnt(again.out / "attributes.json")):
+        np.testing.assert_array_equal(np.stack(other), np.stack(learnt))
 
 
 @pytest.mark.parametrize(
@@ -93,10 +179,7 @@ def test_a_file_of_attributes_saves_the_search(config, worth, learnt_file):
     [
         (None, "No such file"),
         ("{", "is no JSON file"),
-        ("[1]", "expected a JSON object"),
         ('{"fog": 0.5}', "unknown attribute 'fog'"),
-        ('{"car_position": 0.5}', "is missing; all 23 must be given"),
-        (json.dumps(dict.fromkeys(NAMES, 2)), "unit values must lie in [0, 1]"),
     ],
 )
 def test_other_files_are_no_attributes(config, tmp_path, content, words):
@@ -104,60 +187,60 @@ def test_other_files_are_no_attributes(config, tmp_path, content, words):
     if content is not None:
         path.write_text(content)
     with pytest.raises(UserError) as error:
-        check_study(replace(config, learnt=path))
+        check(SOME, replace(config, learnt=path))
     assert words in str(error.value) and f"--learnt {path}" in str(error.value)
 
 
 def test_nets_are_paired_and_made_once(config, worth):
-    real = Truth(np.zeros((3, 48, 64, 3), np.uint8), np.zeros((3, 48, 64), np.uint8))
-    sources = {"real": real, "random": random_proposal()}
-    with opened(config) as study:
-        found = score_nets(study, "some", sources, config.final, study.progress(1))
-        assert len(worth) == 4 and list(found) == ["real", "random"]
-        # Rendered: units, seed and truth end the task; real: seed and truth.
-        assert [task[-2] for task in worth] == [0, 1, 0, 1]
-        again = score_nets(study, "some", sources, config.final, study.progress(1))
-        assert len(worth) == 4
+    with opened(config) as run:
+        recipe, seeds = run.recipe(config.final), paired_seeds(run)
+        sources = training_sets(run, random_proposal())
+        assert list(sources) == ["random", "default", "learnt", "real"]
+        found = score_nets(run, "some", sources, recipe, seeds)
+        # Random and learnt attributes are the same here.
+        assert len(worth) == 6 and [task[2] for task in worth] == [0, 0, 0, 1, 1, 1]
+        again = score_nets(run, "others", sources, recipe, seeds)
+        assert len(worth) == 6 and list(found) == list(again) == list(sources)
         for name in sources:
             pairs = zip(found[name], again[name], strict=True)
             assert all(a.reward == b.reward and a.class_iou == b.class_iou for a, b in pairs)
-        assert all(outcome.stored for name in sources for outcome in again[name])
+            assert all(outcome.stored for outcome in again[name])
         # Other assets are other nets.
-        half = study._replace(config=replace(config, asset_fraction=0.5))
-        score_nets(half, "some", {"random": random_proposal()}, config.final, study.progress(1))
-        assert len(worth) == 6
-    with opened(config) as study:
-        score_nets(study, "some", sources, config.final, study.progress(1))
-    assert len(worth) == 6 and len(lines(config.out / "finals.jsonl")) == 2
+        half = run.recipe(config.final, fraction=0.5)
+        score_nets(run, "some", {"random": random_proposal()}, half, seeds)
+        assert len(worth) == 8
+    with opened(config) as run:
+        score_nets(run, "some", sources, recipe, seeds)
+    assert len(worth) == 8 and len(lines(config.out / "finals.jsonl")) == 8
 
 
-def test_failed_nets_are_told_and_not_remembered(config, monkeypatch):
+def test_too_many_failed_nets_end_the_job(config, scored_by):
     def failing(*task):
         raise TrainingError("the loss is nan")
 
-    monkeypatch.setattr(study_nets, "evaluate_real", failing)
+    scored_by(failing)
     real = Truth(np.zeros((3, 48, 64, 3), np.uint8), np.zeros((3, 48, 64), np.uint8))
-    with opened(config) as study:
-        found = score_nets(study, "some", {"real": real}, config.final, study.progress(1))
-    assert [outcome.failed for outcome in found["real"]] == ["the loss is nan"] * 2
-    assert nets(found["real"]) == [None, None]
-    assert lines(config.out / "finals.jsonl") == []
+    with opened(config) as run, pytest.raises(UserError, match=r"2 of 2 .* failed"):
+        score_nets(run, "some", {"real": real}, run.recipe(config.final), paired_seeds(run))
+    assert [line["failed"] for line in lines(config.out / "finals.jsonl")] == [
+        "the loss is nan"
+    ] * 2
 
 
 def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
-    def refuse(target):
+    def refuse(config, target):
         raise UserError(f"not on {target.name}")
 
-    with pytest.raises(UserError, match="not on camvid"), opened(config, refuse):
-        raise AssertionError
+    with pytest.raises(UserError, match="not on camvid"):
+        do(replace(SOME, prepare=refuse), config)
     assert not config.out.exists()
     with opened(config), pytest.raises(UserError, match="in use"), opened(config):
         raise AssertionError
 
 
 def test_the_plan_tells_nets_seconds_and_time():
-    stage = defaults_on(StudyConfig, "camvid", "quick").final
-    text = plan_text([Work.at("nets, 3 sets x 5 seeds", 15, stage), Work("b", 10, stage, 6.0)], 2)
+    final = defaults(LearntConfig, "camvid", "quick").final
+    text = plan_text([Work.at("nets, 3 sets x 5 seeds", 15, final), Work("b", 10, final, 6.0)], 2)
     assert "15 x   50.3  nets, 3 sets x 5 seeds (compact, 128x96, 400 images, 1000 steps)" in text
     # (15 x 50.3 + 10 x 6) / 2 = 407 s
     assert "About 7 min on 2 worker(s), without compiling" in text
@@ -168,25 +251,34 @@ def test_statistics_leave_failed_nets_out():
     assert found["mean"] == 12 and found["gain"]["mean"] == 2  # of 1 and 3
     assert statistics([None, 3.0], [1.0, None])["gain"] is None
     assert statistics([None], None) == {"mean": None, "ci95": None, "gain": None}
-    outcomes = [Outcome(0.2, [0.2, None], 1, 1), Outcome(0.4, [0.4, None], 1, 1)]
-    assert class_means(nets(outcomes), ["a", "b"]) == {"a": pytest.approx(30), "b": None}
+    outcomes = [Outcome(v, [v, None], 1, 1) for v in (0.2, 0.4)]
+    failed = Outcome(np.nan, [], 1, 1, "the loss is nan")
+    scored = form.nets([*outcomes, failed])
+    assert form.class_means(scored, ["a", "b"]) == {"a": pytest.approx(30), "b": None}
+    assert form.miou(scored) == pytest.approx([20, 40, None]) and scored[2] is None
+    assert form.failures([{"nets": scored}])[1].startswith("1 nets failed")
+    assert form.failures([{"nets": scored[:2]}]) == []
 
 
-FORM = Form(
-    "some",
-    lambda report: {**report, "mean": float(np.mean(report["scores"]))},
-    lambda report: f"{report['mean']}",
-    lambda report: b"picture",
-)
+def test_figures_in_tables_by_hand():
+    row = {"mean": 12.34, "ci95": [11.0, 13.68]}
+    assert form.cells(row) == ["12.3", "11.0 to 13.7"] and form.half(row) == pytest.approx(1.34)
+    assert form.cells(row, "+.2f") == ["+12.34", "11.00 to 13.68"]
+    assert form.cells(None) == ["", ""] and form.half({"mean": 1.0, "ci95": None}) == 0
+    assert form.markdown(["a", "b"], [["1", "2"]]) == ["| a | b |", "| --- | --- |", "| 1 | 2 |"]
 
 
-def test_a_report_is_derived_anew_from_its_scores(tmp_path):
-    report = write(FORM, {"scores": [1, 2]}, tmp_path)
-    assert report["mean"] == 1.5 and (tmp_path / "some.md").read_text() == "1.5\n"
-    file = tmp_path / "some.json"
+def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
+    report = do(SOME, config)
+    assert (report["study"], report["target"], report["scored_at"]) == ("some", "camvid", "64x48")
+    assert (report["reward_images"], report["test_images"], len(report["classes"])) == (4, 2, 11)
+    assert report["mean"] == 1.5 and (config.out / "some.md").read_text() == "1.5\n"
+    file = config.out / "some.json"
     file.write_text(file.read_text().replace("1.5", "99"))  # only scores count
-    assert rewrite(FORM, file, tmp_path / "b" / "c") == report
-    assert (tmp_path / "b" / "c" / "some.png").read_bytes() == b"picture"
+    out = tmp_path / "b" / "c"
+    assert do(SOME, replace(config, rederive=file, out=out, data=None)) == report
+    assert (out / "some.png").read_bytes() == b"picture"
+    assert capsys.readouterr().out.endswith("1.5\n")
 
 
 @pytest.mark.parametrize(
@@ -204,20 +296,3 @@ def test_other_files_are_no_reports(tmp_path, content, words):
     with pytest.raises(UserError, match=words):
         rewrite(FORM, tmp_path / "some.json", tmp_path / "out")
     assert not (tmp_path / "out").exists()
-
-
-def test_attributes_are_read_as_they_are_written(tmp_path):
-    """To the last bit, or nets trained on them would not be those in the store."""
-    rng = np.random.default_rng(0)
-    centre, width = rng.uniform(0.3, 0.7, (2, len(NAMES))).astype(np.float32)
-    proposal = sdr_jax.Proposal(centre, width / 2)
-    path = tmp_path / "attributes.json"
-    path.write_text(json.dumps(summary.attributes(proposal)))
-    np.testing.assert_array_equal(np.stack(read_learnt(path)), np.stack(proposal))
-
-
-def test_the_report_says_what_was_done(config):
-    with opened(config) as study:
-        about = study_report.about(study, config.final)
-    assert (about["target"], about["reward_images"], about["test_images"]) == ("camvid", 4, 2)
-    assert about["scored_at"] == "64x48" and len(about["classes"]) == 11

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
-from experiments.figure import plt, png
-from experiments.study_report import (
+from experiments.study.figure import plt, png
+from experiments.study.form import (
     Form,
+    Report,
+    cells,
     class_means,
-    interval,
+    failures,
+    half,
     introduction,
     markdown,
+    mean,
     miou,
     number,
     statistics,
+    target_of,
 )
 from seg.classes import CITYSCAPES_19, SYNTHIA_13, SYNTHIA_16
 
@@ -31,6 +35,9 @@ TRAINED_ON = {
     "kitti": "KITTI",
     "real": "the reward images (upper bound)",
 }
+HEAD = (
+    "net", "trained on", "images", "mIoU", "95 % interval", "gain over random", "95 % interval",
+)  # fmt: skip
 SUBSETS = {"16": SYNTHIA_16, "13": SYNTHIA_13}
 """Classes over which nets trained on SYNTHIA are compared, where labels are those of Cityscapes."""
 
@@ -56,130 +63,77 @@ PAPER: dict[str, dict[str, tuple[int, float, float]]] = {
 """Training set -> images, mIoU of FCN8s, of DeepLabv2. Source: table 2."""
 
 
-def subset_miou(
-    scored: Sequence[dict[str, Any] | None], classes: Sequence[int]
-) -> list[float | None]:
+def subset_miou(scored: Sequence[Report | None], classes: Sequence[int]) -> list[float | None]:
     """Every net's mean IoU over some classes, in percent; `seg.metrics.mean_iou` of these classes.
 
     None where the net failed, or where none of the classes occurs in the truth.
     """
-    found: list[float | None] = []
-    for net in scored:
-        known = [net["class_iou"][k] for k in classes] if net is not None else []
-        known = [v for v in known if v is not None]
-        found.append(float(np.mean(known)) if known else None)
-    return found
+    return [None if net is None else mean([net["class_iou"][k] for k in classes]) for net in scored]
 
 
-def derive(report: dict[str, Any]) -> dict[str, Any]:
+def derive(report: Report) -> Report:
     """The report with means, intervals and gains of its nets' scores."""
-    classes = report["classes"]
+    classes, known = report["classes"], PAPER.get(report["target"])
     baselines = {r["net"]: r["nets"] for r in report["rows"] if r["trained_on"] == BASELINE}
+    subsets = SUBSETS if classes == list(CITYSCAPES_19.classes) else {}
     rows = []
     for row in report["rows"]:
         scored, baseline = row["nets"], baselines[row["net"]]
-        subsets = {}
-        if classes == list(CITYSCAPES_19.classes):
-            subsets = {
-                name: statistics(subset_miou(scored, ids), subset_miou(baseline, ids))
-                for name, ids in SUBSETS.items()
-            }
-        rows.append(
-            {
-                **row,
-                **statistics(miou(scored), miou(baseline)),
-                "over_classes": subsets,
-                "class_iou": class_means(scored, classes),
-            }
-        )
-    known = report["target"] in PAPER
-    paper = [
-        {"trained_on": name, "images": images, "fcn8s": fcn8s, "deeplabv2": deeplabv2}
-        for name, (images, fcn8s, deeplabv2) in PAPER.get(report["target"], {}).items()
+        over = {
+            name: statistics(subset_miou(scored, ids), subset_miou(baseline, ids))
+            for name, ids in subsets.items()
+        }
+        found = {"over_classes": over, "class_iou": class_means(scored, classes)}
+        rows.append({**row, **statistics(miou(scored), miou(baseline)), **found})
+    paper = known and [
+        {"trained_on": name, **dict(zip(("images", "fcn8s", "deeplabv2"), values, strict=True))}
+        for name, values in known.items()
     ]
+    absent = [name for name in classes if all(row["class_iou"][name] is None for row in rows)]
     return {
         **report,
         "rows": rows,
-        "classes_absent_from_truth": _absent(report),
+        "classes_absent_from_truth": absent,
         "paper": {"note": PAPER_NOTE, "rows": paper} if known else None,
     }
 
 
-def _absent(report: dict[str, Any]) -> list[str]:
-    """Classes that never occur in the truth, and so are left out of every mean."""
-    scored = [net for row in report["rows"] for net in row["nets"] if net is not None]
-    if not scored:
-        return []
-    values = scored[0]["class_iou"]
-    return [name for name, v in zip(report["classes"], values, strict=True) if v is None]
+def _present(report: Report) -> list[str]:
+    return [c for c in report["classes"] if c not in report["classes_absent_from_truth"]]
 
 
-def text(report: dict[str, Any]) -> str:
+def text(report: Report) -> str:
     """The tables, in Markdown."""
-    absent = report["classes_absent_from_truth"]
-    classes = [name for name in report["classes"] if name not in absent]
+    absent, classes = report["classes_absent_from_truth"], _present(report)
     subsets = list(report["rows"][0]["over_classes"])
-    head = [
-        "net",
-        "trained on",
-        "images",
-        "mIoU",
-        "95 % interval",
-        "gain over random",
-        "95 % interval",
-    ]
-    head += [f"mIoU over {name}" for name in subsets]
-    rows = []
+    head = (*HEAD, *(f"mIoU over {name}" for name in subsets))
+    rows, by_class = [], []
     for row in report["rows"]:
-        gain = (row["gain"] or {}) if row["trained_on"] != BASELINE else {}
-        rows.append(
-            [
-                row["net"],
-                TRAINED_ON[row["trained_on"]],
-                str(row["images"]),
-                number(row["mean"]),
-                interval(row["ci95"]),
-                number(gain.get("mean"), "+.1f"),
-                interval(gain.get("ci95")),
-                *(number(row["over_classes"][name]["mean"]) for name in subsets),
-            ]
-        )
+        name = [row["net"], TRAINED_ON[row["trained_on"]]]
+        gain = cells(row["gain"] if row["trained_on"] != BASELINE else None, "+.1f")
+        over = [number(row["over_classes"][name]["mean"]) for name in subsets]
+        rows.append([*name, str(row["images"]), *cells(row), *gain, *over])
+        by_class.append([*name, *(number(row["class_iou"][c]) for c in classes)])
     lines = [introduction(report), "", *markdown(head, rows), "", "IoU of each class, %:", ""]
-    lines += markdown(
-        ["net", "trained on", *classes],
-        [
-            [r["net"], TRAINED_ON[r["trained_on"]], *(number(r["class_iou"][c]) for c in classes)]
-            for r in report["rows"]
-        ],
-    )
+    lines += markdown(["net", "trained on", *classes], by_class)
     if absent:
         lines += ["", f"Never in the truth, and so in no mean: {', '.join(absent)}."]
-    failed = sum(net is None for row in report["rows"] for net in row["nets"])
-    if failed:
-        lines += ["", f"{failed} nets failed in training and are left out."]
+    lines += failures(report["rows"])
     if report["paper"]:
+        own = [
+            [TRAINED_ON[r["trained_on"]], *(str(r[c]) for c in ("images", "fcn8s", "deeplabv2"))]
+            for r in report["paper"]["rows"]
+        ]
         lines += ["", report["paper"]["note"], ""]
-        lines += markdown(
-            ["trained on", "images", "FCN8s", "DeepLabv2"],
-            [
-                [
-                    TRAINED_ON[r["trained_on"]],
-                    str(r["images"]),
-                    str(r["fcn8s"]),
-                    str(r["deeplabv2"]),
-                ]
-                for r in report["paper"]["rows"]
-            ],
-        )
+        lines += markdown(["trained on", "images", "FCN8s", "DeepLabv2"], own)
     return "\n".join(lines)
 
 
-def picture(report: dict[str, Any]) -> bytes:
+def picture(report: Report) -> bytes:
     """MIoU of every training set and net, and the IoU of each class, as PNG."""
     names = list(dict.fromkeys(row["net"] for row in report["rows"]))
     sets = list(dict.fromkeys(row["trained_on"] for row in report["rows"]))
-    absent = report["classes_absent_from_truth"]
-    classes = [name for name in report["classes"] if name not in absent]
+    classes = _present(report)
     figure, axes = plt.subplots(
         1, 1 + len(names), figsize=(6 + 6 * len(names), 1.5 + 0.3 * max(len(classes), 8)),
         layout="constrained", squeeze=False,
@@ -192,10 +146,10 @@ def picture(report: dict[str, Any]) -> bytes:
             sets.index(row["trained_on"]) + (k - (len(names) - 1) / 2) * thick for row in rows
         ]
         means = [row["mean"] or 0.0 for row in rows]
-        half = [row["mean"] - row["ci95"][0] if row["ci95"] else 0.0 for row in rows]
-        axis.barh(places, means, thick, xerr=half, capsize=3, color=f"C{k}", label=net)
+        bars = [half(row) for row in rows]
+        axis.barh(places, means, thick, xerr=bars, capsize=3, color=f"C{k}", label=net)
         own = axes[0, 1 + k]
-        values = np.array([[_value(row["class_iou"][c]) for row in rows] for c in classes])
+        values = np.array([[row["class_iou"][c] for row in rows] for c in classes], float)
         image = own.imshow(values, aspect="auto", vmin=0, vmax=100, cmap="viridis")
         for (y, x), value in np.ndenumerate(values):
             color = "white" if value < 60 else "black"
@@ -209,14 +163,9 @@ def picture(report: dict[str, Any]) -> bytes:
     axis.set(xlabel="mIoU on the test images, %, 95 % intervals", title="training sets")
     if len(names) > 1:
         axis.legend(fontsize=8)
-    note = "" if report["real"] else " (not real data)"
-    figure.suptitle(f"{report['target']}{note}, {report['seeds']} nets each")
+    figure.suptitle(f"{target_of(report)}, {report['seeds']} nets each")
     return png(figure)
 
 
-def _value(iou: float | None) -> float:
-    return np.nan if iou is None else iou
-
-
-FORM = Form("table", derive, text, picture)
+FORM = Form("table", derive, text, {"table.png": picture})
 """The report of ``python -m experiments.table``."""

@@ -3,6 +3,7 @@
     python -m experiments.compare --target camvid --data DIR --holdout 0006R0     # the paper's figure
     python -m experiments.compare --target twin --preset smoke                    # seconds
     python -m experiments.compare --methods sdr cma_es --subsets all --no-finals  # only record rewards
+    python -m experiments.compare --rederive runs/a/compare.json --out runs/b     # no net at all
 
 With 3, 5 and 7 positions optimised and all else random, every method finds attributes; nets trained on
 them are scored on the test images. Kill it at any moment; the same command goes on where it was.
@@ -14,6 +15,10 @@ import sys
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.compare_main import main
+    from functools import partial
 
-    sys.exit(main(__doc__ or ""))
+    from experiments.cli import main
+    from experiments.compare.job import STUDY, defaults
+    from experiments.study.skeleton import do
+
+    sys.exit(main("compare", defaults, partial(do, STUDY), __doc__))

@@ -17,6 +17,10 @@ import sys
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.ablation_job import main
+    from functools import partial
 
-    sys.exit(main(__doc__ or ""))
+    from experiments.ablation.job import STUDY, defaults
+    from experiments.cli import main
+    from experiments.study.skeleton import do
+
+    sys.exit(main("ablation", defaults, partial(do, STUDY), __doc__))

@@ -8,17 +8,13 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
-from experiments.config import Stage
-from experiments.outcome import Outcome, attempt
-from experiments.reward import Evaluation, Truth, render
-from scene.assets.catalogue import AssetPool
-from seg.classes import class_table
-from seg.train import Params, TrainingError, TrainSettings, score, train
+from experiments.reward.miou import Outcome, Recipe, Truth, attempt, scored, training_set
+from scene.proposal import Proposal
+from seg.train import Params, TrainingError, train
 
 SUBSET_STREAM = 3
 """Second word of the seed that chooses images, apart from the streams of the nets."""
@@ -27,8 +23,8 @@ SUBSET_STREAM = 3
 class Start(NamedTuple):
     """What a net does before it is fine-tuned."""
 
-    stage: Stage  # sizes, net and training, as on a rendered dataset
-    units: np.ndarray | None  # f32[streets, 23] of that dataset; None begins at the fine-tuning
+    recipe: Recipe  # sizes, net and training, as on a rendered dataset
+    proposal: Proposal | None  # of that dataset; None begins at the fine-tuning
     on_subset: bool = False  # instead train as many steps on the real images it is to be tuned on
 
 
@@ -49,11 +45,14 @@ def chosen_images(images: int, fraction: float) -> int:
     return math.floor(images * fraction + 0.5)
 
 
+def part_of(real: Truth, indices: np.ndarray) -> Truth:
+    """Some of the images."""
+    return Truth(real.images[indices], real.labels[indices])
+
+
 def transfer(
     start: Start,
-    fine: TrainSettings,
-    renderer: str,
-    pool: AssetPool,
+    fine: Recipe,
     seed: int,
     real: Truth,
     chosen: Sequence[np.ndarray],
@@ -64,8 +63,6 @@ def transfer(
     Args:
         start: what comes before the fine-tuning.
         fine: how the net is fine-tuned.
-        renderer: name of the renderer.
-        pool: the assets that may appear.
         seed: of the streets and of all training.
         real: images to fine-tune on; their subsets are given by index.
         chosen: i64[images of the subset] each.
@@ -76,20 +73,18 @@ def transfer(
     """
     began = time.perf_counter()
     rendered, params = 0.0, None
-    if start.units is not None:
+    if start.proposal is not None:
         try:
-            dataset = render(start.stage, renderer, pool, start.units, seed)
-            labels = class_table(fine.table).from_train_id[dataset.labels]
+            own = training_set(start.recipe, start.proposal, seed)
             rendered = time.perf_counter() - began
-            params = train(seed, dataset.images, labels, _settings(start, fine))
+            params = _trained(start.recipe, own, seed)
         except TrainingError as error:
             spent = time.perf_counter() - began
             return [Outcome(math.nan, [], 0.0, spent, str(error)) for _ in chosen]
     spent = time.perf_counter() - began - rendered
     outcomes = []
     for indices in chosen:
-        images = Truth(real.images[indices], real.labels[indices])
-        found = attempt(_tune, start, fine, params, seed, images, truth)
+        found = attempt(_tune, start, fine, params, seed, part_of(real, indices), truth)
         outcomes.append(
             found._replace(render_seconds=rendered, train_seconds=found.train_seconds + spent)
         )
@@ -97,16 +92,16 @@ def transfer(
     return outcomes
 
 
-def _settings(start: Start, fine: TrainSettings) -> TrainSettings:
-    """Of the training before, in the classes of the target."""
-    return replace(start.stage.train, table=fine.table)
+def _trained(recipe: Recipe, own: Truth, seed: int, params: Params | None = None) -> Params:
+    classes = len(recipe.classes.classes)
+    return train(seed, *own, recipe.fidelity.train, classes, params=params)
 
 
 def _tune(
-    start: Start, fine: TrainSettings, params: Params | None, seed: int, real: Truth, truth: Truth
-) -> Evaluation:
+    start: Start, fine: Recipe, params: Params | None, seed: int, own: Truth, truth: Truth
+) -> Outcome:
     began = time.perf_counter()
     if start.on_subset:
-        params = train(seed, *real, _settings(start, fine))
-    tuned = train(seed, *real, fine, params=params)
-    return Evaluation(score(tuned, *truth, fine), 0.0, time.perf_counter() - began)
+        params = _trained(start.recipe, own, seed)
+    tuned = _trained(fine, own, seed, params)
+    return scored(fine, tuned, truth, 0.0, time.perf_counter() - began)

@@ -2,15 +2,42 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Literal
 
 import numpy as np
 
-from experiments.ablation_config import FULL
-from experiments.figure import plt, png
-from experiments.study_report import Form, interval, markdown, miou, number, statistics
+from experiments.study.figure import plt, png
+from experiments.study.form import (
+    Form,
+    Report,
+    cells,
+    failures,
+    half,
+    introduction,
+    markdown,
+    miou,
+    number,
+    statistics,
+    target_of,
+    words,
+)
+from experiments.study.searches import Rewards, failed_evaluations, thirds
 
-TITLES = {
+Variant = Literal[
+    "full",
+    "no_relaxation",
+    "no_groups",
+    "shuffled_groups",
+    "no_environment",
+    "no_positions",
+    "no_densities",
+    "random",
+]
+FULL: Variant = "full"
+"""The whole method, from which losses are measured."""
+RANDOM: Variant = "random"
+"""All attributes random: what no search at all is worth."""
+TITLES: dict[Variant, str] = {
     FULL: "the full method",
     "no_relaxation": "no relaxation",
     "no_groups": "no groups: all 23 in one",
@@ -18,9 +45,9 @@ TITLES = {
     "no_environment": "environment not optimised",
     "no_positions": "positions not optimised",
     "no_densities": "densities not optimised",
-    "random": "random attributes: no search",
+    RANDOM: "random attributes: no search",
 }
-PAPER = {
+PAPER: dict[Variant, float] = {
     "no_relaxation": -3.5,
     "no_groups": -7.9,
     "shuffled_groups": -2.9,  # 19.0 -> 16.1
@@ -35,7 +62,7 @@ HEAD = (
 )  # fmt: skip
 
 
-def derive(report: dict[str, Any]) -> dict[str, Any]:
+def derive(report: Report) -> Report:
     """The report with means, intervals and losses of its nets' scores."""
     (full,) = [row["nets"] for row in report["rows"] if row["variant"] == FULL]
     rows = [
@@ -49,12 +76,10 @@ def derive(report: dict[str, Any]) -> dict[str, Any]:
     return {**report, "rows": rows}
 
 
-def text(report: dict[str, Any]) -> str:
+def text(report: Report) -> str:
     """The table, in Markdown."""
     lines = [
-        f"Target: {report['note']}. mIoU in percent at {report['scored_at']} on {report['test_images']} "
-        f"test images, {report['seeds']} paired seeds of the final nets, 95 % intervals by Student's t. "
-        f"Each variant is one search by {report['method'].replace('_', ' ')} with "
+        f"{introduction(report)} Each variant is one search by {words(report['method'])} with "
         f"{report['evaluations']} rewards at {report['rewards_at']}: intervals do not hold what another "
         "search of the same variant would have found.",
         "",
@@ -63,43 +88,33 @@ def text(report: dict[str, Any]) -> str:
         "The paper's own differences are NOT of this run: another engine, nets with ImageNet weights, "
         "300 policy updates. Rewards are of the search's datasets: without relaxation or with fewer "
         "attributes they are other datasets, so only the nets' mIoU compares variants.",
+        *failures(report["rows"]),
+        *failed_evaluations(_rewards(row) for row in report["rows"]),
     ]
-    failed = sum(net is None for row in report["rows"] for net in row["nets"])
-    failed += sum(_rewards(row).count(None) for row in report["rows"])
-    if failed:
-        lines += ["", f"{failed} nets failed in training and are left out."]
     return "\n".join(lines)
 
 
-def _rewards(row: dict[str, Any]) -> list[float | None]:
+def _rewards(row: Report) -> Rewards:
     return [] if row["search"] is None else row["search"]["rewards"]
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
-    gain = (row["gain"] or {}) if row["variant"] != FULL else {}
+def _cells(row: Report) -> list[str]:
+    gain = row["gain"] if row["variant"] != FULL else None
     rewards = _rewards(row)
-    third = max(len(rewards) // 3, 1)
-    known = [r for r in rewards if r is not None]
+    first, last = thirds(rewards)
     return [
         TITLES[row["variant"]],
-        number(row["mean"]),
-        interval(row["ci95"]),
-        number(gain.get("mean"), "+.1f"),
-        interval(gain.get("ci95")),
+        *cells(row),
+        *cells(gain, "+.1f"),
         number(row["paper"], "+.1f"),
         str(len(rewards)),
-        number(_mean(rewards[:third])),
-        number(_mean(rewards[-third:])),
-        number(max(known, default=None)),
+        number(first),
+        number(last),
+        number(max((r for r in rewards if r is not None), default=None)),
     ]
 
 
-def _mean(values: list[float | None]) -> float | None:
-    known = [v for v in values if v is not None]
-    return float(np.mean(known)) if known else None
-
-
-def picture(report: dict[str, Any]) -> bytes:
+def picture(report: Report) -> bytes:
     """MIoU of every variant, and its loss beside the paper's, as PNG."""
     rows = report["rows"]
     figure, (left, right) = plt.subplots(
@@ -109,7 +124,7 @@ def picture(report: dict[str, Any]) -> bytes:
     known = [(k, row) for k, row in enumerate(rows) if row["mean"] is not None]
     left.barh(
         [k for k, _ in known], [row["mean"] for _, row in known],
-        xerr=[_half(row["mean"], row["ci95"]) for _, row in known], capsize=3,
+        xerr=[half(row) for _, row in known], capsize=3,
         color=["C0" if row["variant"] == FULL else "0.7" for _, row in known],
     )  # fmt: skip
     left.set_yticks(places, [TITLES[row["variant"]] for row in rows])
@@ -118,7 +133,7 @@ def picture(report: dict[str, Any]) -> bytes:
     lost = [(k, row["gain"]) for k, row in known if row["gain"] and row["variant"] != FULL]
     right.errorbar(
         [gain["mean"] for _, gain in lost], [k for k, _ in lost],
-        xerr=[_half(gain["mean"], gain["ci95"]) for _, gain in lost],
+        xerr=[half(gain) for _, gain in lost],
         fmt="o", capsize=3, label="here, paired seeds",
     )  # fmt: skip
     paper = [(k, row["paper"]) for k, row in enumerate(rows) if row["paper"] is not None]
@@ -129,17 +144,12 @@ def picture(report: dict[str, Any]) -> bytes:
     right.axvline(0, color="0.7", lw=0.8)
     right.set(xlabel="mIoU points against the full method")
     right.legend(fontsize=8)
-    note = "" if report["real"] else " (not real data)"
     figure.suptitle(
-        f"{report['target']}{note}, {report['method'].replace('_', ' ')}, "
+        f"{target_of(report)}, {words(report['method'])}, "
         f"{report['evaluations']} rewards for each variant"
     )
     return png(figure)
 
 
-def _half(mean: float, ci95: list[float] | None) -> float:
-    return mean - ci95[0] if ci95 else 0.0
-
-
-FORM = Form("ablation", derive, text, picture)
+FORM = Form("ablation", derive, text, {"ablation.png": picture})
 """The report of ``python -m experiments.ablation``."""

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from experiments.figure import plt, png
-from experiments.study_report import Form, interval, markdown, miou, number, statistics
+from experiments.study.figure import curve, plt, png
+from experiments.study.form import (
+    Form,
+    Report,
+    cells,
+    failures,
+    markdown,
+    miou,
+    statistics,
+    target_of,
+)
 
 ATTRIBUTES = {
     "random": "random attributes",
@@ -18,21 +25,20 @@ HEAD = (
 )  # fmt: skip
 
 
-def derive(report: dict[str, Any]) -> dict[str, Any]:
+def derive(report: Report) -> Report:
     """The report with means and intervals, and what more assets gain at each number of images."""
     most = max(row["fraction"] for row in report["rows"])
     best = {r["images"]: miou(r["nets"]) for r in report["rows"] if r["fraction"] == most}
     rows = []
     for row in report["rows"]:
         own = statistics(miou(row["nets"]))
-        gain = None
-        if row["fraction"] != most:
-            gain = statistics(best[row["images"]], miou(row["nets"]))["gain"]
-        rows.append({**row, "mean": own["mean"], "ci95": own["ci95"], "more_assets": gain})
+        gain = statistics(best[row["images"]], miou(row["nets"]))["gain"]
+        more = gain if row["fraction"] != most else None
+        rows.append({**row, "mean": own["mean"], "ci95": own["ci95"], "more_assets": more})
     return {**report, "rows": rows}
 
 
-def text(report: dict[str, Any]) -> str:
+def text(report: Report) -> str:
     """The table, in Markdown."""
     learnt = report["learnt_from"] if report["attributes"] == "learnt" else ""
     where = f", from {learnt}" if learnt else ""
@@ -46,54 +52,35 @@ def text(report: dict[str, Any]) -> str:
         "",
         "The paper's own figure, NOT of this run, has full assets above half assets at every number of "
         "images, about 19 % throughout.",
+        *failures(report["rows"]),
     ]
-    failed = sum(net is None for row in report["rows"] for net in row["nets"])
-    if failed:
-        lines += ["", f"{failed} nets failed in training and are left out."]
     return "\n".join(lines)
 
 
-def _cells(row: dict[str, Any]) -> list[str]:
-    gain = row["more_assets"] or {}
-    return [
-        str(row["images"]),
-        str(row["streets"]),
-        f"{100 * row['fraction']:g} %",
-        number(row["mean"]),
-        interval(row["ci95"]),
-        number(gain.get("mean"), "+.1f"),
-        interval(gain.get("ci95")),
-    ]
+def _cells(row: Report) -> list[str]:
+    place = [str(row["images"]), str(row["streets"]), f"{100 * row['fraction']:g} %"]
+    return [*place, *cells(row), *cells(row["more_assets"], "+.1f")]
 
 
-def picture(report: dict[str, Any]) -> bytes:
+def picture(report: Report) -> bytes:
     """MIoU against the number of images for each share of the assets, as PNG."""
     figure, axis = plt.subplots(figsize=(7, 4.5), layout="constrained")
     fractions = sorted({row["fraction"] for row in report["rows"]}, reverse=True)
     for k, fraction in enumerate(fractions):
-        rows = sorted(
-            (r for r in report["rows"] if r["fraction"] == fraction and r["mean"] is not None),
-            key=lambda row: row["images"],
-        )
+        rows = [row for row in report["rows"] if row["fraction"] == fraction]
         # Beside each other, lest the intervals lie on each other.
         places = [row["images"] * (1 + 0.02 * (k - (len(fractions) - 1) / 2)) for row in rows]
-        half = [row["mean"] - row["ci95"][0] if row["ci95"] else 0.0 for row in rows]
-        axis.errorbar(
-            places, [row["mean"] for row in rows], yerr=half, fmt="o-", ms=4, capsize=3,
-            label=f"{100 * fraction:g} % of the assets",
-        )  # fmt: skip
+        curve(axis, places, rows, f"{100 * fraction:g} % of the assets")
     counts = sorted({row["images"] for row in report["rows"]})
     axis.set_xscale("log")
     axis.set_xticks(counts, [str(count) for count in counts])
     axis.minorticks_off()
     axis.set(xlabel="images of the training set", ylabel="mIoU on the test images, %")
     axis.legend(fontsize=8)
-    note = "" if report["real"] else " (not real data)"
-    figure.suptitle(
-        f"{report['target']}{note}, {ATTRIBUTES[report['attributes']]}, 95 % intervals", fontsize=10
-    )
+    title = f"{target_of(report)}, {ATTRIBUTES[report['attributes']]}, 95 % intervals"
+    figure.suptitle(title, fontsize=10)
     return png(figure)
 
 
-FORM = Form("assets", derive, text, picture)
+FORM = Form("assets", derive, text, {"assets.png": picture})
 """The report of ``python -m experiments.assets``."""

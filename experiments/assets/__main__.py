@@ -12,9 +12,12 @@ scored on the test images, paired. Kill it at any moment; the same command goes 
 from __future__ import annotations
 
 import sys
+from functools import partial
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.assets_job import main
+    from experiments.assets.job import STUDY, defaults
+    from experiments.cli import main
+    from experiments.study.skeleton import do
 
-    sys.exit(main(__doc__ or ""))
+    sys.exit(main("assets", defaults, partial(do, STUDY), __doc__))

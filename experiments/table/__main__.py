@@ -14,9 +14,12 @@ Kill it at any moment; the same command goes on where it was.
 from __future__ import annotations
 
 import sys
+from functools import partial
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.table_job import main
+    from experiments.cli import main
+    from experiments.study.skeleton import do
+    from experiments.table.job import STUDY, defaults
 
-    sys.exit(main(__doc__ or ""))
+    sys.exit(main("table", defaults, partial(do, STUDY), __doc__))

@@ -15,9 +15,12 @@ where it was.
 from __future__ import annotations
 
 import sys
+from functools import partial
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.pretrain_job import main
+    from experiments.cli import main
+    from experiments.pretrain.job import STUDY, defaults
+    from experiments.study.skeleton import do
 
-    sys.exit(main(__doc__ or ""))
+    sys.exit(main("pretrain", defaults, partial(do, STUDY), __doc__))

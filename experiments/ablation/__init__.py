@@ -1,0 +1,1 @@
+"""What the search loses without one of its parts."""

@@ -1,0 +1,1 @@
+"""The paper's study of assets and images: what half the assets, or fewer images, cost."""

@@ -1,0 +1,128 @@
+"""Which nets are pre-trained on what, and on how much of the real images they are fine-tuned."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+from experiments import presets
+from experiments.config import Fidelity, LearntConfig, Preset, TargetName, Unused, refuse_shares
+from experiments.pretrain.nets import Start, chosen_images
+from experiments.pretrain.report import FORM
+from experiments.pretrain.tuning import Net, tuned
+from experiments.run.context import Run, Work
+from experiments.run.ladder import training_cost
+from experiments.run.nets import paired_seeds
+from experiments.study.form import Report, about, nets
+from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
+from experiments.target.base import Target
+from scene.proposal import random_proposal
+from shell.errors import UserError, refuse_repeats
+
+Row = Literal["scratch", "random", "learnt", "longer"]
+RENDERED = ("random", "learnt")
+"""Rows that are pre-trained on rendered images."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class PretrainConfig(LearntConfig):
+    """One measurement of pre-training. Every field is a flag."""
+
+    default_width: Annotated[float, *Unused] = 0.0
+    rows: tuple[Row, ...] = ("scratch", "random", "learnt")
+    """What nets begin with: scratch (nothing, or ImageNet weights), random, learnt (pre-trained on SceneX
+    with these attributes), longer (from scratch, too, but with as many steps on the real subset first; as
+    dear as pre-training for every fraction anew)."""
+    fractions: tuple[float, ...] = (0.05, 0.1, 0.25, 1.0)
+    """Shares of the reward images that nets are fine-tuned on, nested, the same for all rows of a seed."""
+    finetune_steps: int | None = None
+    """Updates of the fine-tuning; by default a third of --final.train.steps."""
+    finetune_lr: float | None = None
+    """Highest learning rate of the fine-tuning; by default a third of --final.train.lr."""
+
+
+def defaults(target: TargetName, preset: Preset) -> PretrainConfig:
+    """The defaults of ``python -m experiments.pretrain``."""
+    own = {"fractions": (0.25, 1.0)} if preset == "smoke" else {}
+    return presets.defaults(PretrainConfig, target, preset, **own)
+
+
+def fine_fidelity(config: PretrainConfig) -> Fidelity:
+    """The final fidelity, with the training that all nets are fine-tuned with."""
+    train = config.final.train
+    steps = max(train.steps // 3, 1) if config.finetune_steps is None else config.finetune_steps
+    lr = train.lr / 3 if config.finetune_lr is None else config.finetune_lr
+    fine = replace(train, steps=steps, lr=lr, warmup=min(train.warmup, steps // 2))
+    return replace(config.final, train=fine)
+
+
+def check(config: PretrainConfig) -> None:
+    """Raise UserError for a field out of range, by flag."""
+    if not config.rows:
+        raise UserError("--rows needs at least one value")
+    refuse_repeats("--rows", config.rows)
+    refuse_shares("--fractions", config.fractions)
+    if config.finetune_steps is not None and config.finetune_steps < 1:
+        raise UserError(f"--finetune-steps must be 1 or more, not {config.finetune_steps}")
+    if config.finetune_lr is not None and not 0 < config.finetune_lr < math.inf:
+        raise UserError(f"--finetune-lr must be positive, not {config.finetune_lr}")
+
+
+def refuse_empty(config: PretrainConfig, target: Target) -> None:
+    """Raise UserError for a fraction that selects no image."""
+    images = len(target.reward_names)
+    for fraction in config.fractions:
+        if chosen_images(images, fraction) == 0:
+            raise UserError(
+                f"--fractions {fraction:g} selects none of the {images} reward images; "
+                f"{1 / images:.2g} or more selects one"
+            )
+
+
+def plan(config: PretrainConfig) -> list[Work]:
+    """The nets of every row, after those of the search."""
+    fine, fractions, seeds = fine_fidelity(config), len(config.fractions), config.seeds
+    work = learnt_work(config) if "learnt" in config.rows else []
+    rendered = sum(row in RENDERED for row in config.rows)
+    if rendered:
+        what = f"pre-training, {rendered} rows x {seeds} seeds"
+        work.append(Work.at(what, rendered * seeds, config.final))
+    if "longer" in config.rows:
+        what = f"longer, {fractions} fractions x {seeds} seeds"
+        work.append(Work(what, fractions * seeds, config.final, training_cost(config.final)))
+    what = f"fine-tuning, {len(config.rows)} rows x {fractions} fractions x {seeds} seeds"
+    count = len(config.rows) * fractions * seeds
+    return [*work, Work(what, count, fine, training_cost(fine))]
+
+
+def scores(run: Run[PretrainConfig], _: None) -> Report:
+    """Train every net, or what is left of them."""
+    config, images = run.config, len(run.target.reward_names)
+    proposals = {"random": random_proposal()}
+    learnt = "learnt" in config.rows
+    if learnt:
+        proposals["learnt"] = learnt_attributes(run)
+    before, fine = run.recipe(config.final), run.recipe(fine_fidelity(config))
+    starts = {str(row): Start(before, proposals.get(row), row == "longer") for row in config.rows}
+    found = tuned(run, starts, fine, config.fractions)
+    train = fine.fidelity.train
+    rows = []
+    for row in config.rows:
+        for fraction in config.fractions:
+            place = {"row": row, "fraction": fraction, "images": chosen_images(images, fraction)}
+            outcomes = [found[Net(row, fraction, seed)] for seed in paired_seeds(run)]
+            rows.append({**place, "nets": nets(outcomes)})
+    return {
+        **about(run, config.final),
+        "learnt_from": learnt_from(config) if learnt else None,
+        "net": train.net,
+        "weights": train.weights,
+        "pretraining": {"images": config.final.images, "steps": config.final.train.steps},
+        "finetuning": {"steps": train.steps, "lr": train.lr},
+        "rows": rows,
+    }
+
+
+STUDY = Study(FORM, plan, scores, check, refuse_empty)
+"""What ``python -m experiments.pretrain`` does."""

@@ -1,0 +1,101 @@
+"""All fine-tuned nets of a measurement: those that are known, and those that are left for the workers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple
+
+from experiments.pretrain.nets import Start, part_of, subsets, transfer
+from experiments.reward.evaluator import about
+from experiments.reward.miou import Outcome, Recipe, Truth
+from experiments.reward.store import identity, record_of
+from experiments.run.context import Run, refuse_failed, verdict
+from experiments.run.ladder import cost_of, training_cost
+from experiments.run.nets import paired_seeds
+from shell.files import digest
+from shell.lines import Record
+
+
+class Net(NamedTuple):
+    """One fine-tuned net."""
+
+    row: str
+    fraction: float
+    seed: int
+
+    @property
+    def notes(self) -> Record:
+        """What the run's log says of it."""
+        return {"kind": "pretrain", **self._asdict()}
+
+
+def tuned(
+    run: Run[Any], starts: Mapping[str, Start], fine: Recipe, fractions: Sequence[float]
+) -> dict[Net, Outcome]:
+    """Fine-tune ``--seeds`` nets of every row at every fraction; a worker takes one (row, seed) at a time.
+
+    Args:
+        run: the job.
+        starts: of the rows, by name.
+        fine: how all nets are fine-tuned.
+        fractions: shares of the reward images.
+
+    Raises:
+        UserError: more than a tenth of the nets failed.
+    """
+    real, truth = run.truth(fine.fidelity, "reward"), run.truth(fine.fidelity, "test")
+    shared = {row: _about(run, start, fine, truth) for row, start in starts.items()}
+    cost = {row: _cost(start, fine, len(fractions)) for row, start in starts.items()}
+    chosen = {
+        seed: dict(zip(fractions, subsets(len(real.images), fractions, seed), strict=True))
+        for seed in paired_seeds(run)
+    }
+    keys, memory = {}, run.memory(run.finals)
+    found: dict[Net, Outcome] = {}
+    missing: dict[tuple[str, int], list[Net]] = {}
+    memory.refresh()
+    for seed, row, fraction in product(chosen, starts, fractions):
+        net = Net(row, fraction, seed)
+        own = part_of(real, chosen[seed][fraction])
+        keys[net] = identity(shared[row]["config"], own, seed)
+        known = memory.get(keys[net], net.notes)
+        if known is None:
+            missing.setdefault((row, seed), []).append(net)
+        else:
+            found[net] = known
+            run.progress.advance(cost[row], replayed=True)
+    work = list(missing.values())
+    tasks = [
+        (starts[row], fine, seed, real, [chosen[seed][net.fraction] for net in nets], truth)
+        for (row, seed), nets in missing.items()
+    ]
+    for index, outcomes in run.workers.map(transfer, tasks):
+        row, _, seed = work[index][0]
+        for net, outcome in zip(work[index], outcomes, strict=True):
+            record = record_of(keys[net], real, seed, outcome) | shared[row]
+            found[net] = memory.add(record, net.notes)
+            run.progress.advance(cost[row])
+        said = ", ".join(verdict(outcome) for outcome in outcomes)
+        run.progress.update(f"{row}, seed {seed} | {said}")
+    refuse_failed(list(found.values()), len(found))
+    return found
+
+
+def _about(run: Run[Any], start: Start, fine: Recipe, truth: Truth) -> Record:
+    """What all nets of a row share: ``config`` is a hash of all but their images and their seed."""
+    found = about(fine, run.target, "test", truth)
+    if start.proposal is None and not start.on_subset:
+        return found  # as any net that is trained on the same images
+    before = about(start.recipe, run.target, "test", truth)["config"]
+    if start.proposal is not None:
+        before = identity(before, start.proposal, 0)
+    return {**found, "config": digest([before, found["config"]])[:16]}
+
+
+def _cost(start: Start, fine: Recipe, fractions: int) -> float:
+    """Of one net, with its share of what comes before the fine-tuning."""
+    own = training_cost(fine.fidelity)
+    if start.on_subset:
+        return own + training_cost(start.recipe.fidelity)
+    return own + (0.0 if start.proposal is None else cost_of(start.recipe.fidelity) / fractions)

@@ -1,0 +1,55 @@
+"""Plans of many searches in one job, all with the same number of evaluations."""
+
+from __future__ import annotations
+
+import sdr_jax
+from experiments.config import SearchesConfig, make_method, make_space
+from experiments.run.search import Plan
+from sdr_jax.registry import MethodName
+from shell.errors import UserError
+
+
+def plan(config: SearchesConfig, name: str, method: MethodName, subset: tuple[str, ...]) -> Plan:
+    """A search with updates that take the evaluations and no more.
+
+    Args:
+        config: its options, groups and evaluations are the search's.
+        name: what the run's log calls it; unique in the run.
+        method: what searches.
+        subset: the attributes that it decides; groups keep their order and lose the others.
+
+    Raises:
+        UserError: too few evaluations, or an option that the method does not take.
+    """
+    make_space(config)  # for its checks of the groups
+    options, evaluations = config.search, config.evaluations
+    datasets = options.datasets_per_update
+    if evaluations < datasets or evaluations % datasets:
+        raise UserError(
+            f"--evaluations must be a multiple of --search.datasets-per-update {datasets}, "
+            f"not {evaluations}"
+        )
+    groups = [[name for name in group if name in subset] for group in config.groups]
+    space = sdr_jax.space(subset, options.bins, [group for group in groups if group])
+    fitting, each = schedule(evaluations, len(space.groups), datasets)
+    made = make_method(options, method, space, max(each, 1))
+    if made.updates is not None:  # otherwise it takes as many as there are
+        if each == 0:
+            raise UserError(
+                f"--evaluations {evaluations} are too few for {method} on {len(subset)} attributes: "
+                f"{len(space.groups)} groups of at least {fitting} datasets"
+            )
+        datasets = fitting
+    return Plan(name, method, made, subset, datasets, evaluations // datasets, options)
+
+
+def schedule(evaluations: int, groups: int, datasets: int) -> tuple[int, int]:
+    """Datasets per update, and updates for each group, of a method that goes group by group.
+
+    The most datasets, up to those wanted, with which all groups get the same share of the evaluations
+    and nothing is left. Where no number does that, what is left tries the answer.
+    """
+    for n in range(datasets, min(datasets, 2) - 1, -1):
+        if evaluations % (groups * n) == 0:
+            return n, evaluations // (groups * n)
+    return datasets, evaluations // datasets // groups

@@ -1,0 +1,134 @@
+"""The table's training sets, and the nets trained on them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments import presets
+from experiments.config import Fidelity, LearntConfig, Preset, TargetName, flagged
+from experiments.reward.miou import Truth
+from experiments.run.context import Run, Work
+from experiments.run.ladder import training_cost
+from experiments.run.nets import paired_seeds, score_nets, training_sets, with_net
+from experiments.study.form import Report, about, nets
+from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
+from experiments.table.report import FORM
+from experiments.target.base import Target
+from seg.classes import IGNORE_LABEL, class_table
+from seg.data.folders import read_folders
+from seg.settings import NetName, check_settings
+from seg.weights import check as check_weights
+from shell.errors import UserError, refuse_repeats
+
+RENDERED = 3
+"""Rows whose training sets are rendered: random, default and learnt attributes."""
+OTHERS = ("gta5", "synthia", "kitti")
+"""Rows whose training sets others have made; flags and layouts are called the same."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableConfig(LearntConfig):
+    """One table. Every field is a flag."""
+
+    nets: tuple[NetName, ...] = ("compact",)
+    """The nets that are trained."""
+    weights: Path | None = None
+    """ImageNet weights that the VGG nets start from (see ``seg.weights``); by default from scratch."""
+    gta5: Path | None = None
+    """Folder of GTA5, to train on (see ``seg.data.folders``)."""
+    synthia: Path | None = None
+    """Folder of SYNTHIA RAND-CITYSCAPES."""
+    kitti: Path | None = None
+    """Folder of KITTI semantics."""
+    all_images: bool = False
+    """Train on all images of these; by default on as many as a rendered dataset has, a seeded choice."""
+
+
+def defaults(target: TargetName, preset: Preset) -> TableConfig:
+    """The defaults of ``python -m experiments.table``."""
+    own = {"nets": ("fcn8s", "deeplabv2")} if preset == "paper" else {}
+    return presets.defaults(TableConfig, target, preset, **own)
+
+
+def check(config: TableConfig) -> None:
+    """Raise UserError for a field out of range, by flag."""
+    if not config.nets:
+        raise UserError("--nets needs at least one net")
+    refuse_repeats("--nets", config.nets)
+    if config.weights is not None and set(config.nets) == {"compact"}:
+        raise UserError("--weights are for VGG nets; --nets names none")
+    for name in config.nets:
+        train = fidelity_of(config, name).train
+        with flagged("--nets"):
+            check_settings(train)
+        check_weights(train, 1)
+
+
+def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
+    """The final fidelity with another net."""
+    return with_net(config.final, name, None if config.weights is None else str(config.weights))
+
+
+def others(config: TableConfig, target: Target) -> dict[str, Truth]:
+    """Training sets that others have made, by name; labels are ids of the target's table.
+
+    Raises:
+        UserError, DataError: the data are not as they should be.
+    """
+    limit = None if config.all_images else config.final.images
+    size = (config.final.height, config.final.width)
+    found = {}
+    for layout in OTHERS:
+        root = getattr(config, layout)
+        if root is not None:
+            data = read_folders(root, layout, size, limit, config.seed)
+            labels = class_table(target.table).from_train_id[data.labels]
+            if np.all(labels == IGNORE_LABEL):
+                raise UserError(f"--{layout} {root}: all labels are void")
+            found[layout] = Truth(data.images, labels)
+    return found
+
+
+def plan(config: TableConfig) -> list[Work]:
+    """The nets of the table, after those of the search."""
+    work, seeds = learnt_work(config), config.seeds
+    given = 1 + sum(getattr(config, layout) is not None for layout in OTHERS)
+    for name in config.nets:
+        fidelity = fidelity_of(config, name)
+        rendered = f"nets, {RENDERED} rendered sets x {seeds} seeds"
+        real = f"nets, {given} sets of images x {seeds} seeds"
+        work += [
+            Work.at(rendered, RENDERED * seeds, fidelity),
+            Work(real, given * seeds, fidelity, training_cost(fidelity)),
+        ]
+    return work
+
+
+def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
+    """Train the nets of the whole table, or what is left of them."""
+    config = run.config
+    sources = training_sets(run, learnt_attributes(run), **given)
+    rows: list[dict[str, Any]] = []
+    for name in config.nets:
+        fidelity = fidelity_of(config, name)
+        recipe, seeds = run.recipe(fidelity), paired_seeds(run)
+        outcomes = score_nets(run, f"table, {name}", sources, recipe, seeds)
+        rows += [
+            {
+                "net": name,
+                "trained_on": row,
+                "images": len(source.images) if isinstance(source, Truth) else fidelity.images,
+                "steps": fidelity.train.steps,
+                "nets": nets(outcomes[row]),
+            }
+            for row, source in sources.items()
+        ]
+    return {**about(run, config.final), "learnt_from": learnt_from(config), "rows": rows}
+
+
+STUDY = Study(FORM, plan, scores, check, others)
+"""What ``python -m experiments.table`` does."""
