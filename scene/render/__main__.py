@@ -51,6 +51,7 @@ def parser() -> Parser:
     add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
     add("--asset-use", choices=USES, default="both", help="which assets may appear")
     add("--asset-fraction", type=float, default=1.0, help="share of the assets that is used")
+    add("--asset-count", type=int, help="built-in assets of each family; by default all")
     return options
 
 
@@ -111,7 +112,10 @@ def main(arguments: list[str] | None = None) -> int:
             split=options.split,
             renderer_name=options.renderer,
             pool=AssetPool(
-                fraction=options.asset_fraction, own=options.assets, use=options.asset_use
+                size=options.asset_count,
+                fraction=options.asset_fraction,
+                own=options.assets,
+                use=options.asset_use,
             ),
             proposal=chosen,
             workers=options.workers,

@@ -20,7 +20,7 @@ from experiments.target.twin import (
     twin_split,
     twin_world,
 )
-from scene.assets.catalogue import COUNTS
+from scene.assets.families import FAMILIES
 from scene.attributes import default_unit
 from scene.dataset.render import Dataset
 from scene.render.sensor import CameraResponse
@@ -88,7 +88,7 @@ def test_its_assets_are_not_the_searchs(renders, target, preset):
     split("train")
     [(_, _, options)] = renders
     ours, theirs = defaults(MainConfig, target, preset).pool, options["pool"]
-    assert ours.first + (ours.size or max(COUNTS.values())) <= FIRST_ASSET == theirs.first
+    assert ours.first + (ours.size or max(family.count for family in FAMILIES.values())) <= FIRST_ASSET == theirs.first
     assert not theirs.own
 
 
