@@ -14,9 +14,8 @@ from experiments.cli import main
 from experiments.compare.job import STUDY, check, defaults, rows, searches
 from experiments.compare.report import FORM, RANDOM
 from experiments.presets import PRESETS, TARGETS
-from experiments.run.plans import plan, schedule
+from experiments.run.plans import schedule
 from experiments.study.skeleton import do
-from experiments.study.stats import mean_ci95, paired_gain
 from scene.attributes import NAMES
 from seg.train import TrainingError
 
@@ -34,8 +33,7 @@ def compare(camvid, scored_by):
     def start(out, *flags, evaluate=formula, methods=(RANDOM, "random_search")):
         scored_by(evaluate)
         fixed = ("--target", "camvid", "--preset", "smoke", "--data", str(camvid), "--workers", "0")
-        chosen = () if methods is None else ("--methods", *methods)
-        return command([*fixed, "--out", str(out), *chosen, *flags])
+        return command([*fixed, "--out", str(out), "--methods", *methods, *flags])
 
     return start
 
@@ -58,13 +56,9 @@ def test_presets_give_sdr_the_whole_budget(target, preset):
         assert made.evaluations == config.evaluations
         assert made.search.updates == (made.updates if made.method == "sdr" else None)
     assert config.seeds >= 2
-
-
-def test_defaults_are_the_papers():
-    config = defaults("camvid", "quick")
-    assert config.subsets[0] == ("building_position", "fence_position", "tree_position")
-    assert [len(subset) for subset in config.subsets] == [3, 5, 7]
-    assert (config.evaluations, config.search.datasets_per_update, config.seeds) == (48, 8, 3)
+    if preset != "smoke":  # the paper's
+        assert config.subsets[0] == ("building_position", "fence_position", "tree_position")
+        assert [len(subset) for subset in config.subsets] == [3, 5, 7]
 
 
 def test_schedules_by_hand():
@@ -82,21 +76,17 @@ def test_schedules_never_go_over_the_budget(evaluations, groups, datasets):
     assert min(datasets, 2) <= n <= datasets and n * each * groups <= evaluations
 
 
-def test_a_plan_has_the_groups_of_its_subset():
-    subset = ("car_position", "tree_position", "building_position")  # in three groups
-    made = plan(defaults("camvid", "quick"), "some", "sdr", subset)
-    assert (made.name, made.subset, made.datasets, made.updates) == ("some", subset, 8, 6)
-    assert made.search.updates == 6
-
-
-def test_names_of_rows_are_unique():
-    config = replace(defaults("twin", "quick"), methods=(RANDOM, "sdr"))
+def test_names_are_unique_and_groups_those_of_the_subset():
+    config = replace(defaults("camvid", "quick"), methods=(RANDOM, "sdr"))
     assert [row.name for row in rows(config)][-1] == "sdr, 7 attributes"
-    config = replace(config, subsets=(("all",), ("car_position",), ("tree_position",)))
+    three = ("car_position", "tree_position", "building_position")  # in as many groups
+    config = replace(config, subsets=(("all",), ("car_position",), ("tree_position",), three))
     assert [row.name for row in rows(config)][1::2] == [
-        "sdr, 23 attributes", "sdr, car_position", "sdr, tree_position",
+        "sdr, 23 attributes", "sdr, car_position", "sdr, tree_position", "sdr, 3 attributes",
     ]  # fmt: skip
-    assert searches(config)[0].subset == NAMES and rows(config)[0].title == "all"
+    whole, *_, made = searches(config)
+    assert whole.subset == NAMES and rows(config)[0].title == "all"
+    assert (made.subset, made.datasets, made.updates, made.search.updates) == (three, 8, 6, 6)
 
 
 def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
@@ -104,9 +94,6 @@ def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
     assert compare(out) == 0
     printed = capsys.readouterr().out
     assert "64x48, 4 images, 12 steps: random_search, 3 attributes, seed 1" in printed
-    assert {p.name for p in out.iterdir()} == {
-        *FILES, "config.json", "lock", "evaluations.jsonl", "finals.jsonl",
-    }  # fmt: skip
     report = report_of(out)
     assert [(r["attributes"], r["method"]) for r in report["rows"]] == [
         (2, RANDOM), (2, "random_search"), (3, RANDOM), (3, "random_search"),
@@ -114,10 +101,6 @@ def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
     random, ours = report["rows"][:2]
     # Random attributes are the same streets and nets whatever is optimised elsewhere.
     assert random["search"] is None and random["final"] == report["rows"][2]["final"]
-    mean, ci95 = mean_ci95(ours["final"]["miou"])
-    assert (ours["final"]["mean"], ours["final"]["ci95"]) == (mean, ci95)
-    gain, interval = paired_gain(ours["final"]["miou"], random["final"]["miou"])
-    assert ours["final"]["gain"] == {"mean": gain, "ci95": interval}
     search = ours["search"]
     assert search["evaluations"] == len(search["rewards"]) == 4 and search["failed"] == 0
     assert search["first_third"] == search["rewards"][0]
@@ -127,8 +110,8 @@ def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
     assert [row["budgets"][-1] for row in report["rows"]] == [r["final"] for r in report["rows"]]
     rewards = lines(out / "evaluations.jsonl")
     assert {line["search"] for line in rewards} == {
-        "random_search, 2 attributes", "random_search, 3 attributes",
-    }  # fmt: skip
+        f"random_search, {n} attributes" for n in (2, 3)
+    }
     for line in rewards:  # attributes outside the subset are random
         wide = {name for name, width in zip(NAMES, line["width"], strict=True) if width == 1}
         assert len(wide) == 23 - int(line["search"].split()[1])
@@ -230,15 +213,8 @@ def test_recorded_reports_are_derived_anew(tmp_path):
         (("--subsets", "all", ",".join(NAMES)), "names one of them twice"),
         (("--subsets",), "--subsets needs at least one"),
         (("--groups", "car_position"), "--groups: in no group"),
-        (("--evaluations", "3"), "multiple of --search.datasets-per-update 2, not 3"),
         (("--evaluations", "0"), "multiple of --search.datasets-per-update 2, not 0"),
-        (
-            ("--subsets", "all", "--methods", "sdr"),
-            "--evaluations 4 are too few for sdr on 23 attributes: 6 groups of at least 2",
-        ),
-        (("--seeds", "0"), "--seeds must be 1 or more"),
-        (("--data", "/nowhere"), "/nowhere"),
-        (("--rederive", "/nowhere.json"), "--rederive /nowhere.json: No such file"),
+        (("--subsets", "all", "--methods", "sdr"), "too few for sdr on 23 attributes: 6 groups"),
     ],
 )
 def test_bad_input_is_one_line_and_exit_code_2(flags, complaint, compare, tmp_path, error_line):
@@ -249,24 +225,11 @@ def test_bad_input_is_one_line_and_exit_code_2(flags, complaint, compare, tmp_pa
 
 @pytest.mark.parametrize(
     "flags",
-    [
-        ("--methods", "descent"),
-        ("--search.method", "sdr"),
-        ("--search.updates-per-group", "3"),
-        ("--candidates", "argmax"),
-    ],
+    ["--methods descent", "--search.method sdr", "--search.updates-per-group 3", "--ladder"],
 )
-def test_what_has_no_effect_is_no_flag(flags, compare, tmp_path, capsys):
-    with pytest.raises(SystemExit) as ended:
-        compare(tmp_path / "run", *flags, methods=None)
-    assert ended.value.code == 2 and not (tmp_path / "run").exists()
-
-
-def test_other_flags_do_not_continue_a_comparison(compare, tmp_path, capsys):
-    out = tmp_path / "run"
-    assert compare(out, "--subsets", "car_position", "--no-finals") == 0
-    assert compare(out, "--subsets", "tree_position", "--no-finals") == 2
-    assert "holds a run with subsets" in capsys.readouterr().err
+def test_what_has_no_effect_is_no_flag(flags, tmp_path):
+    with pytest.raises(SystemExit, match="2"):
+        command(["--preset", "smoke", "--out", str(tmp_path / "run"), *flags.split()])
 
 
 @pytest.mark.slow
