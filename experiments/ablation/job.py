@@ -16,7 +16,7 @@ from experiments.reward.miou import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.nets import paired_seeds, score_nets
-from experiments.run.search import Found, Plan, search
+from experiments.run.search import Found, SearchPlan, search
 from experiments.study.form import Report, about, nets
 from experiments.study.searches import core_seconds, rewards
 from experiments.study.skeleton import Study
@@ -102,7 +102,7 @@ def shuffled(
     return tuple(tuple(next(dealt) for _ in group) for group in groups)
 
 
-def searches(config: AblationConfig) -> dict[Variant, Plan]:
+def searches(config: AblationConfig) -> dict[Variant, SearchPlan]:
     """The search of every variant that has one.
 
     Raises:

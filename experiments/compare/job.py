@@ -14,7 +14,7 @@ from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.ladder import fidelities
 from experiments.run.nets import paired_seeds, score_nets
-from experiments.run.search import Found, Plan, search
+from experiments.run.search import Found, SearchPlan, search
 from experiments.study.form import Report, about, miou, nets
 from experiments.study.searches import core_seconds, rewards
 from experiments.study.skeleton import Study
@@ -102,7 +102,7 @@ def rows(config: CompareConfig) -> list[Row]:
     return found
 
 
-def searches(config: CompareConfig) -> list[Plan]:
+def searches(config: CompareConfig) -> list[SearchPlan]:
     """Every search that has to be run.
 
     Raises:

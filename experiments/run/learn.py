@@ -16,7 +16,7 @@ from experiments.reward.miou import Source
 from experiments.run.context import Run, Work
 from experiments.run.ladder import Rung, climb, cost_of, ladder, mean_of, most_cost, most_nets
 from experiments.run.nets import score_nets
-from experiments.run.search import Found, Plan, search
+from experiments.run.search import Found, SearchPlan, search
 from scene.attributes import NAMES
 from scene.proposal import Proposal, describe, random_proposal, slide
 from shell.files import write_json
@@ -36,7 +36,7 @@ class Learnt(NamedTuple):
     scores: dict[str, list[float]]  # rewards of every candidate at the final size, by seed
 
 
-def plan_of(config: SearchConfig) -> Plan:
+def plan_of(config: SearchConfig) -> SearchPlan:
     """The search of a configuration.
 
     Raises:
@@ -45,7 +45,7 @@ def plan_of(config: SearchConfig) -> Plan:
     options = config.search
     method = make_method(options, options.method, make_space(config), options.updates_per_group)
     updates = options.updates_per_group * len(config.groups)
-    return Plan(
+    return SearchPlan(
         "search", options.method, method, NAMES, options.datasets_per_update, updates, options
     )
 

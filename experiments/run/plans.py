@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import sdr_jax
 from experiments.config import SearchesConfig, make_method, make_space
-from experiments.run.search import Plan
+from experiments.run.search import SearchPlan
 from sdr_jax.registry import MethodName
 from shell.errors import UserError
 
 
-def plan(config: SearchesConfig, name: str, method: MethodName, subset: tuple[str, ...]) -> Plan:
+def plan(
+    config: SearchesConfig, name: str, method: MethodName, subset: tuple[str, ...]
+) -> SearchPlan:
     """A search with updates that take the evaluations and no more.
 
     Args:
@@ -40,7 +42,7 @@ def plan(config: SearchesConfig, name: str, method: MethodName, subset: tuple[st
                 f"{len(space.groups)} groups of at least {fitting} datasets"
             )
         datasets = fitting
-    return Plan(name, method, made, subset, datasets, evaluations // datasets, options)
+    return SearchPlan(name, method, made, subset, datasets, evaluations // datasets, options)
 
 
 def schedule(evaluations: int, groups: int, datasets: int) -> tuple[int, int]:

@@ -21,7 +21,7 @@ from sdr_jax.registry import MethodName
 from shell.errors import UserError
 
 
-class Plan(NamedTuple):
+class SearchPlan(NamedTuple):
     """One search."""
 
     name: str  # what the run's log calls it
@@ -80,7 +80,7 @@ class _Stopwatch:
 class _Rewards:
     """Scores the datasets of one update after the other; runs behind the callback, without JAX."""
 
-    def __init__(self, run: Run[Any], plan: Plan, kind: RewardKind) -> None:
+    def __init__(self, run: Run[Any], plan: SearchPlan, kind: RewardKind) -> None:
         self._run, self._plan = run, plan
         self._evaluator = run.evaluator(run.recipe(run.config.reward), "reward", kind)
         self._logged = {
@@ -124,7 +124,7 @@ class _Rewards:
             )
 
 
-def search(run: Run[Any], plan: Plan, kind: RewardKind = "miou") -> Found:
+def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     """Run a whole search, or what is left of it.
 
     The loop replays what the run folder already knows: the same keys give the same actions, and a
@@ -170,7 +170,7 @@ def search(run: Run[Any], plan: Plan, kind: RewardKind = "miou") -> Found:
     )
 
 
-def _said(plan: Plan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:
+def _said(plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:
     """What progress says about an update."""
     latest, baseline, group, _ = history[-1]
     where = f"{plan.name}: update {update + 1}/{plan.updates}"

@@ -163,7 +163,7 @@ def predict(model: Fit, x: np.ndarray) -> np.ndarray:
     return model.mean_reward + (x - model.center) @ model.weights
 
 
-def draw(model: Fit, count: int, seed: int) -> np.ndarray:
+def draw_weights(model: Fit, count: int, seed: int) -> np.ndarray:
     """Weights f64[count, features] drawn from the posterior.
 
     A draw from the prior is moved by what the records say it has wrong (Matheron's rule).

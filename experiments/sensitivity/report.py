@@ -39,7 +39,7 @@ def summarize(records: Records) -> Report:
     x = model.features(layout, records.centre, records.width)
     proposals = _proposals(records)
     fitted = model.fit(layout, x, records.rewards)
-    weights = model.draw(fitted, DRAWS, SEED)
+    weights = model.draw_weights(fitted, DRAWS, SEED)
     found = model.shares(layout, fitted.weights, weights)
     totals = [model.totals(layout, part) for part in (found.effects, found.drawn)]
     grid = np.linspace(0, 1, POINTS)

@@ -134,7 +134,7 @@ def test_draws_are_those_of_the_posterior():
     layout = model.lay_out(3)
     x = model.features(layout, records.centre[:, :3], records.width[:, :3])
     fitted = model.fit(layout, x, records.rewards)
-    drawn = model.draw(fitted, 20_000, 0)
+    drawn = model.draw_weights(fitted, 20_000, 0)
     precision = fitted.x.T @ fitted.x / fitted.noise**2 + np.diag(1 / fitted.variance)
     scale = np.sqrt(np.diag(np.linalg.inv(precision)))
     assert np.abs((drawn.mean(axis=0) - fitted.weights) / scale).max() < 0.05
