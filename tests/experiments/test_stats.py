@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from experiments.study.stats import mean_ci95, paired_gain, welch
+from experiments.study.stats import Estimate, bootstrap, mean_ci95, paired_gain, welch
 
 values = st.lists(st.floats(-100, 100), min_size=2, max_size=12)
 
@@ -69,3 +69,10 @@ def test_welch_by_hand():
     assert welch([1, 2, 3], [101, 102, 103]).stars == "**"
     assert welch([1, 2, 3], [2, 3, 4]).stars == ""
     assert welch([1], [2, 3]) is None and welch([1, 1], [2, 2]) is None
+
+
+def test_the_bootstrap_by_hand():
+    # Sets that hold 3 and 5: the statistic knows the counts, and so never varies.
+    found = bootstrap((3, 5), lambda a, b: float(10 * len(a) + len(b) + (b.max() > 4)), 0)
+    assert found == Estimate(35, [35, 35])
+    assert bootstrap((3,), lambda a: math.nan, 0) == Estimate(None, None)
