@@ -61,6 +61,13 @@ class Memory(NamedTuple):
         self._log(record, notes)
         return outcome_of(record)._replace(stored=False)
 
+    def again(self, key: str, notes: dict[str, Any]) -> Outcome:
+        """What has just been kept, for another job that is the same; the log has a line for each."""
+        record = self.log.get(key)
+        assert record is not None
+        self._log(record, notes)
+        return outcome_of(record)
+
     def _log(self, record: Record, notes: dict[str, Any]) -> None:
         self.log.add({**record, **notes, "elapsed": round(self.elapsed(), 2)})
 
@@ -121,9 +128,9 @@ class Evaluator:
                 )
             job = jobs[index]
             record = record_of(keys[index], job.source, job.seed, outcome) | self.about
-            kept = memory.add(record, job.notes)
-            for twin in missing[keys[index]]:
-                yield twin, kept._replace(stored=twin != index)
+            yield index, memory.add(record, job.notes)
+            for twin in missing[keys[index]][1:]:
+                yield twin, memory.again(keys[index], jobs[twin].notes)
 
 
 def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) -> dict[str, Any]:

@@ -205,9 +205,9 @@ def test_known_evaluations_are_not_made_again(a_run, tmp_path, scored_by):
     kept = Store(store).records
     assert len(kept) == 2 and "row" not in kept[0]
     ours, theirs = (lines(tmp_path / name / LOGS[1]) for name in ("run", "other"))
-    assert [line["row"] for line in ours] == ["r1", "r2"]
+    assert [line["row"] for line in ours] == ["r1", "r2", "r1"]  # a line for every job
     assert theirs == [
-        {**r, "elapsed": e["elapsed"]} for r, e in zip(ours[::-1], theirs, strict=True)
+        {**r, "elapsed": e["elapsed"]} for r, e in zip(ours[1::-1], theirs, strict=True)
     ]
     assert kept[0] == {k: v for k, v in ours[0].items() if k not in ("row", "elapsed")}
     assert kept[0]["centre"] == [0.5] * 23 and kept[0]["width"] == [1.0] * 23
@@ -275,7 +275,7 @@ def test_rows_are_paired_and_scored_once_on_the_test_images(a_run, scored_by, ca
     scored_by(formula)
     run = a_run()
     found = nets(run)
-    rows = [(r["kind"], r["side"], r["row"], r["seed"]) for r in run.finals.records]
+    rows = [(r["nets"], r["side"], r["row"], r["seed"]) for r in run.finals.records]
     names = ["random", "default", "real", "random", "real", "random", "real"]
     seeds = [5, 5, 5, 6, 6, 7, 7]
     assert rows == [("final", "test", *row) for row in zip(names, seeds, strict=True)]
