@@ -205,9 +205,9 @@ def test_known_evaluations_are_not_made_again(a_run, tmp_path, scored_by):
     kept = Store(store).records
     assert len(kept) == 2 and "row" not in kept[0]
     ours, theirs = (lines(tmp_path / name / LOGS[1]) for name in ("run", "other"))
-    assert [line["row"] for line in ours] == ["r1", "r2", "r1"]  # a line for every job
+    assert [line["row"] for line in ours] == ["r1", "r1", "r2"]  # a line for every job
     assert theirs == [
-        {**r, "elapsed": e["elapsed"]} for r, e in zip(ours[1::-1], theirs, strict=True)
+        {**r, "elapsed": e["elapsed"]} for r, e in zip(ours[:0:-1], theirs, strict=True)
     ]
     assert kept[0] == {k: v for k, v in ours[0].items() if k not in ("row", "elapsed")}
     assert kept[0]["centre"] == [0.5] * 23 and kept[0]["width"] == [1.0] * 23
