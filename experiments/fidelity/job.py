@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from experiments import presets
 from experiments.cli import Unmet
 from experiments.config import Bins, Config, Fidelity, Preset, Rederived, RewardKind, TargetName
@@ -139,9 +141,7 @@ def _score(
             name: [None if o.failed else unit * o.reward for o in outcomes]
             for name, outcomes in found.items()
         },
-        "seconds": {
-            name: [round(o.seconds, 3) for o in outcomes] for name, outcomes in found.items()
-        },
+        "core_seconds": float(np.median([o.seconds for own in found.values() for o in own])),
     }
 
 

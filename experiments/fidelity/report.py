@@ -27,7 +27,7 @@ def derive(report: Report) -> Report:
     bins. Rewards are mIoU in percent, or -MMD^2 as it is.
     """
     rungs = [_derived(report, rung) for rung in report["rungs"]]
-    found, required = rungs[0]["signal_to_noise"]["value"], report["required_signal"]
+    found, required = rungs[0]["signal_to_noise"]["value"], report.get("required_signal")
     fit = None if required is None else found is not None and found >= required
     return {**report, "rungs": rungs, "fit": fit}
 
@@ -44,7 +44,6 @@ def _derived(report: Report, rung: Report) -> Report:
     pairs = pairing(table)
     return {
         **rung,
-        "core_seconds": float(np.median(np.concatenate(list(rung["seconds"].values())))),
         "failed": int(sum(np.isnan(own).sum() for own in every.values())),
         "rank_correlation": rank._asdict(),
         "noise": None if pairs is None else float(np.sqrt(pairs.independent / 2)),
