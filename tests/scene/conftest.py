@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from scene.assets.catalogue import AssetPool
 from scene.assets.families import FAMILIES
+from scene.assets.library import manifest, scan
 from scene.attributes import default_unit, street_params
 from scene.render import Renderer, RendererError, renderer
 from scene.render.embree.api import MeshBVH, SceneBVH, query_arguments
@@ -113,6 +114,8 @@ def shelf(tmp_path):
         lines = [header, *([row.get(key, "") for key in header] for row in rows)]
         text = "".join(",".join(line) + "\n" for line in lines)
         (folder / "assets.csv").write_text(text, encoding="utf-8")
+        manifest.cache_clear()
+        scan.cache_clear()
         return str(folder)
 
     return put
