@@ -1,8 +1,101 @@
-"""A folder of own assets to fill; and shared checks whose failures say what was found."""
+"""What the tests of the engine share: streets and assets to try, rays, own assets, refusals."""
 
+import numpy as np
 import pytest
+import trimesh
+from hypothesis import strategies as st
 
-pytest.register_assert_rewrite("tests.scene.asset_checks")
+from scene.assets.catalogue import AssetPool
+from scene.assets.families import FAMILIES
+from scene.assets.library import manifest, scan
+from scene.attributes import default_unit, street_params
+from scene.render import Renderer, RendererError, renderer
+from scene.render.embree.api import MeshBVH, SceneBVH, query_arguments
+from scene.render.embree.renderer import _by_tiles, _probe
+from scene.street.street import Street, sample_street
+
+SEEDS = st.integers(0, 2**32 - 1)
+UNITS = SEEDS.map(lambda seed: np.random.default_rng(seed).random(23))
+POOL = AssetPool(0, 4)
+DEFAULT = street_params(default_unit())
+
+
+def street(params=DEFAULT, seed=0, shots=1, pool=POOL) -> Street:
+    return sample_street(params, seed, shots, pool)
+
+
+def kinds(families) -> list[tuple[str, str]]:
+    """Every (family, kind)."""
+    return [(family, kind) for family in families for kind in FAMILIES[family].kinds]
+
+
+def make(family: str, kind: str, seed: int):
+    return FAMILIES[family].draw(np.random.default_rng(seed), kind)
+
+
+def mirror(point: tuple[float, float, float]) -> tuple[float, float, float]:
+    """The point on the other side."""
+    return point[0], -point[1], point[2]
+
+
+def chosen(name: str) -> Renderer:
+    """The renderer of a name, or a skip where it cannot start."""
+    try:
+        return renderer(name)
+    except RendererError as error:
+        pytest.skip(str(error))
+
+
+def free(bvh, starts, directions, wanted, columns, reach=np.inf) -> np.ndarray:
+    """Which rays meet nothing: f32[n], 1 if so, 0 if not, -1 where not wanted.
+
+    All on the thread that asks. The wheel's own classes start a device of Embree for each mesh, with threads;
+    once they are gone, one of the threads may go on spinning, and slow down all that the process does after.
+    """
+    order = _by_tiles(np.asarray(wanted, np.uint8), columns, len(wanted) // columns, 4, 2)
+    found = np.full(len(wanted), -1, np.float32)
+    starts, directions = np.asarray(starts, np.float32), np.asarray(directions, np.float32)
+    arguments = query_arguments(coherent=False)
+    _probe(bvh.scene, arguments, starts, directions, order, np.float32(reach), found)
+    return found
+
+
+def hits(mesh: trimesh.Trimesh, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """Which rays meet the mesh: bool[n] of f[n, 3] each, or of one direction for all."""
+    mesh_bvh = MeshBVH(mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
+    bvh = SceneBVH([mesh_bvh], [1], np.eye(3, 4, dtype=np.float32)[None])
+    return free(bvh, starts, directions, np.ones(len(starts)), len(starts)) == 0
+
+
+def cast(origin, directions, corners) -> tuple[np.ndarray, np.ndarray]:
+    """Distances f64[rays, triangles], infinite where a ray misses, and which pass close to an edge.
+
+    Source: Moeller, Trumbore 1997.
+    """
+    a, b, c = (corners[:, k].astype(float) for k in range(3))
+    across, from_a = np.cross(directions[:, None], c - a), origin - a
+    volume, up = (across * (b - a)).sum(-1), np.cross(from_a, b - a)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = (across * from_a).sum(-1) / volume
+        v = directions @ up.T / volume
+        t = (up * (c - a)).sum(-1) / volume
+        hit = (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0)
+        edge = np.minimum(np.minimum(abs(u), abs(v)), abs(1 - u - v)) < 1e-3
+    return np.where(hit, t, np.inf), edge & (t > 0)
+
+
+@pytest.fixture
+def refusal(capsys):
+    """``refusal(main, *arguments)``: the one line with which a command ends, its exit code 2."""
+
+    def ask(main, *arguments) -> str:
+        with pytest.raises(SystemExit) as caught:
+            main([str(argument) for argument in arguments])
+        error = capsys.readouterr().err
+        assert caught.value.code == 2 and error.count("\n") == 1, error
+        return error
+
+    return ask
 
 
 @pytest.fixture
@@ -11,20 +104,18 @@ def shelf(tmp_path):
     folder = tmp_path / "own"
     rows: list[dict[str, str]] = []
 
-    def put(name, content, listed=True, **columns):
+    def put(name, content, **columns) -> str:
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        if isinstance(content, bytes):
-            path.write_bytes(content)
-        else:
-            content.export(path)
-        if listed:
-            row = {"file": name, "author": "A. Maker", "licence": "CC0-1.0", "source": "own work"}
-            rows.append({**row, **columns})
+        path.write_bytes(content) if isinstance(content, bytes) else content.export(path)
+        row = {"file": name, "author": "A. Maker", "licence": "CC0-1.0", "source": "own work"}
+        rows.append({**row, **columns})
         header = list(dict.fromkeys(key for row in rows for key in row))
         lines = [header, *([row.get(key, "") for key in header] for row in rows)]
         text = "".join(",".join(line) + "\n" for line in lines)
         (folder / "assets.csv").write_text(text, encoding="utf-8")
+        manifest.cache_clear()
+        scan.cache_clear()
         return str(folder)
 
     return put

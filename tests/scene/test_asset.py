@@ -17,15 +17,12 @@ number = st.floats(-3, 3)
 vector = st.tuples(number, number, number)
 
 
-def test_a_mesh_asks_trimesh_for_what_it_does_not_hold():
+def test_a_mesh_asks_trimesh_for_what_it_does_not_hold_and_its_copy_has_arrays_of_its_own():
     mesh = box((2, 3, 4), (0, 0, 0), RED).mesh
     assert mesh.bounds.tolist() == [[-1, -1.5, 0], [1, 1.5, 4]]
     assert mesh.area == pytest.approx(2 * (6 + 8 + 12))
     with pytest.raises(AttributeError, match="colour"):
         _ = mesh.colour
-
-
-def test_a_copy_of_a_mesh_has_arrays_of_its_own():
     mesh = Mesh(SQUARE.copy(), np.array([[0, 1, 2]]))
     mesh.copy().vertices[:] = 7
     assert (mesh.vertices == SQUARE).all()
@@ -33,8 +30,7 @@ def test_a_copy_of_a_mesh_has_arrays_of_its_own():
 
 def test_quads_are_what_merging_them_one_by_one_gives():
     both = quads(np.stack([SQUARE, SQUARE + 1]), [RED, BLUE], ["glass", "metal"])
-    one, other = quads([SQUARE], [RED], ["glass"]), quads([SQUARE + 1], [BLUE], ["metal"])
-    joined = merge(one, other)
+    joined = merge(quads([SQUARE], [RED], ["glass"]), quads([SQUARE + 1], [BLUE], ["metal"]))
     assert both.mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
     assert both.material.tolist() == [material_id(m) for m in ("glass", "glass", "metal", "metal")]
     assert both.color.tolist() == joined.color.tolist() == [[*RED]] * 2 + [[*BLUE]] * 2
@@ -45,10 +41,8 @@ def test_quads_are_what_merging_them_one_by_one_gives():
 
 @given(vector, vector)
 def test_cross_products_are_those_of_numpy(a, b):
-    one, other = np.array(a), np.array(b)
-    assert cross(one, other).tolist() == np.cross(one, other).tolist()
-    rows = np.array([a, b])
-    assert cross(rows, other).tolist() == np.cross(rows, other).tolist()
+    for one in (np.array(a), np.array([a, b])):
+        assert cross(one, np.array(b)).tolist() == np.cross(one, np.array(b)).tolist()
 
 
 @pytest.mark.parametrize("subdivisions", [0, 1, 2])

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -23,10 +24,9 @@ from scene.render import RenderSettings
 @pytest.fixture(scope="module", params=FORMATS)
 def whole(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param) / "dataset"
-    export_dataset(
-        draw(random_proposal(), 1, 2), 5, folder, shots=2, settings=RenderSettings(160, 96),
-        pool=AssetPool(0, 3), format=request.param,
-    )  # fmt: skip
+    options = {"settings": RenderSettings(160, 96), "pool": AssetPool(0, 3)}
+    units = draw(random_proposal(), 1, 2)
+    export_dataset(units, 5, folder, shots=2, format=request.param, **options)
     return folder
 
 
@@ -39,20 +39,14 @@ def first(dataset, pattern):
     return sorted(dataset.rglob(pattern))[0]
 
 
-def edit(dataset, pattern, change):
-    """Change one picture of a dataset, and return its path."""
-    path = first(dataset, pattern)
-    plane = np.array(read_png(path))
-    path.write_bytes(png(np.ascontiguousarray(change(plane))))
-    return path
-
-
-def edit_json(dataset, pattern, change):
-    path = first(dataset, pattern)
-    value = json.loads(path.read_text())
-    change(value)
-    path.write_text(json.dumps(value))
-    return path
+def edit(path, change):
+    """Replace a picture by what is made of it, or change what a JSON file holds."""
+    if path.suffix == ".png":
+        path.write_bytes(png(np.ascontiguousarray(change(np.array(read_png(path))))))
+    else:
+        value = json.loads(path.read_text())
+        change(value)
+        path.write_text(json.dumps(value))
 
 
 def test_nothing_is_found_in_what_was_exported(whole, capsys):
@@ -66,27 +60,20 @@ def test_findings_are_printed_one_a_line_with_exit_code_one(dataset, capsys):
     depth.unlink()
     normals.write_bytes(normals.read_bytes()[:-20])
     assert main([str(dataset)]) == 1
-    assert sorted(capsys.readouterr().out.splitlines()) == [
-        f"{depth} is missing",
-        f"{normals} is cut short",
-    ]
+    lines = sorted(capsys.readouterr().out.splitlines())
+    assert lines == [f"{depth} is missing", f"{normals} is cut short"]
 
 
 @pytest.mark.parametrize("files", [{}, {"a.png": b""}, {"dataset.json": b"{}"}])
-def test_what_is_no_dataset_is_refused(files, tmp_path, capsys):
+def test_what_is_no_dataset_is_refused_and_an_unfinished_one_says_how_to_go_on(
+    files, tmp_path, refusal
+):
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
-    with pytest.raises(SystemExit) as caught:
-        main([str(tmp_path)])
-    assert caught.value.code == 2
-    error = capsys.readouterr().err
-    assert str(tmp_path) in error and error.count("\n") == 1
-
-
-def test_an_unfinished_export_says_how_to_go_on(tmp_path):
-    (tmp_path / ".export").mkdir()
+    assert str(tmp_path) in refusal(main, tmp_path)
+    (tmp_path / "b" / ".export").mkdir(parents=True)
     with pytest.raises(ValueError, match="unfinished export: the command that began it continues"):
-        list(findings(tmp_path))
+        list(findings(tmp_path / "b"))
 
 
 def test_garbled_descriptions_are_refused(dataset):
@@ -130,124 +117,73 @@ def flip_sky(plane):
     return plane
 
 
-def deepen(plane):
-    return plane.astype(np.uint16)
+def paint(value):
+    def change(plane):
+        plane[40:44, 40:44] = value & 255, value >> 8, 0
+        return plane
+
+    return change
 
 
-DAMAGES = {
-    "a stray file": (
-        lambda d: shutil.copy(p := first(d, "normals/**/*.png"), p.with_name("more.png")),
-        "more.png belongs to no image",
-    ),
-    "a picture of another size": (lambda d: edit(d, "depth/**/*.png", grow), "is 161x96, not 160x96"),
-    "another type": (lambda d: edit(d, "normals/**/*.png", deepen), "is uint16 with 3 axes, not uint8"),
-    "another sky": (lambda d: edit(d, "depth/**/*.png", flip_sky), "depth: 16 pixels disagree on"),
-    "long normals": (
-        lambda d: edit(d, "normals/**/*.png", lambda n: np.where(n.any(2, keepdims=True), 255, n)),
-        "are not of length 1",
-    ),
-    "shifted depth": (
-        lambda d: [edit(d, p.relative_to(d).as_posix(), shift) for p in d.glob("depth/**/*.png")],
-        "label and depth edges disagree",
-    ),
-    "shifted ids": (lambda d: edit(d, "*panoptic*/*.png", shift), "(class, area, box), listed as"),
-    "an id of no class": (
-        lambda d: edit(d, "*panoptic*/*.png", lambda p: paint(p, 14)),
-        "segment 14 belongs to no class",
-    ),
-    "a thing without a number": (
-        lambda d: edit(d, "*panoptic*/*.png", lambda p: paint(p, 26)),
-        "segment 26 is no id for the class car",
-    ),
-    "a wall with a number": (
-        lambda d: edit(d, "*panoptic*/*.png", lambda p: paint(p, 12003)),
-        "segment 12003 is no id for the class wall",
-    ),
-    "a missing list": (lambda d: first(d, "annotations/instances*").unlink(), "json is missing"),
-    "a list without images": (
-        lambda d: edit_json(d, "annotations/instances*", lambda v: v.pop("images")),
-        "is not as the format wants it",
-    ),
-    "a list of other images": (
-        lambda d: edit_json(d, "annotations/instances*", lambda v: v["images"].pop()),
-        "instances and dataset.json differ on scenex_000001_000001",
-    ),
-    "a forgotten segment": (
-        lambda d: edit_json(d, "*panoptic*.json", lambda v: segment(v).pop()),
-        "is in the picture but not in the list",
-    ),
-    "an invented segment": (
-        lambda d: edit_json(
-            d, "*panoptic*.json", lambda v: segment(v).append({"id": 5, "category_id": 7})
-        ),
-        "segment 5 is in the list but not in the picture",
-    ),
-    "a wrong area": (
-        lambda d: edit_json(d, "*panoptic*.json", lambda v: segment(v)[0].update(area=1)),
-        "listed as",
-    ),
-    "a wrong box": (
-        lambda d: edit_json(
-            d, "annotations/instances*", lambda v: v["annotations"][0].update(bbox=[0, 0, 1, 1])
-        ),
-        "annotation 1: class, area or box",
-    ),
-    "a wrong mask": (
-        lambda d: edit_json(d, "annotations/instances*", whole_image),
-        "annotation 1: its mask is not that of one object",
-    ),
-    "a garbled mask": (
-        lambda d: edit_json(
-            d, "annotations/instances*",
-            lambda v: v["annotations"][0]["segmentation"].update(counts="00"),
-        ),
-        "annotation 1 cannot be read",
-    ),
-    "a forgotten annotation": (
-        lambda d: edit_json(d, "annotations/instances*", lambda v: v["annotations"].pop()),
-        "has no annotation",
-    ),
-    "a wrong frequency": (
-        lambda d: edit_json(d, "dataset.json", lambda v: v["class_frequency"].update(road=0.99)),
-        "class_frequency of road is 0.99",
-    ),
-    "a wrong count": (
-        lambda d: edit_json(d, "dataset.json", lambda v: v["images_with_class"].update(sky=0)),
-        "images_with_class of sky is 0",
-    ),
-    "a camera without a height": (
-        lambda d: edit_json(d, "camera/**/*.json", lambda v: v["extrinsic"].pop("z")),
-        "extrinsic.z must be a number, not None",
-    ),
-}  # fmt: skip
-
-
-def paint(plane, value):
-    plane[40:44, 40:44] = value & 255, value >> 8, 0
-    return plane
-
-
-def segment(value):
+def segments(value):
     return value["annotations"][0]["segments_info"]
 
 
-def whole_image(value):
-    value["annotations"][0]["segmentation"]["counts"] = encode([0, 160 * 96])
+def mask(value, counts):
+    value["annotations"][0]["segmentation"]["counts"] = counts
 
 
-@pytest.mark.parametrize("damage", DAMAGES)
-def test_every_damage_is_found(dataset, damage, monkeypatch):
-    monkeypatch.setattr(check, "ENOUGH_JUMPS", 200)  # four small images
-    change, message = DAMAGES[damage]
-    change(dataset)
+DEPTH, NORMALS, SEGMENTS = "depth/**/*.png", "normals/**/*.png", "*panoptic*/*.png"
+LIST, PANOPTIC = "annotations/instances*", "*panoptic*.json"
+DAMAGES = [  # first of which files, what becomes of it, what is said
+    (NORMALS, lambda p: shutil.copy(p, p.with_name("more.png")), "more.png belongs to no image"),
+    (DEPTH, grow, "is 161x96, not 160x96"),
+    (NORMALS, lambda n: n.astype(np.uint16), "is uint16 with 3 axes, not uint8"),
+    (DEPTH, flip_sky, "depth: 16 pixels disagree on"),
+    (NORMALS, lambda n: np.where(n.any(2, keepdims=True), 255, n), "are not of length 1"),
+    (SEGMENTS, shift, "(class, area, box), listed as"),
+    (SEGMENTS, paint(14), "segment 14 belongs to no class"),
+    (SEGMENTS, paint(26), "segment 26 is no id for the class car"),
+    (SEGMENTS, paint(12003), "segment 12003 is no id for the class wall"),
+    (LIST, Path.unlink, "json is missing"),
+    (LIST, lambda v: v.pop("images"), "is not as the format wants it"),
+    (LIST, lambda v: v["images"].pop(), "instances and dataset.json differ on scenex_000001_000001"),
+    (PANOPTIC, lambda v: segments(v).pop(), "is in the picture but not in the list"),
+    (PANOPTIC, lambda v: segments(v).append({"id": 5, "category_id": 7}),
+     "segment 5 is in the list but not in the picture"),
+    (PANOPTIC, lambda v: segments(v)[0].update(area=1), "listed as"),
+    (LIST, lambda v: v["annotations"][0].update(bbox=[0, 0, 1, 1]), "annotation 1: class, area or box"),
+    (LIST, lambda v: mask(v, encode([0, 160 * 96])), "annotation 1: its mask is not that of one object"),
+    (LIST, lambda v: mask(v, "00"), "annotation 1 cannot be read"),
+    (LIST, lambda v: v["annotations"].pop(), "has no annotation"),
+    ("dataset.json", lambda v: v["class_frequency"].update(road=0.99), "class_frequency of road is 0.99"),
+    ("dataset.json", lambda v: v["images_with_class"].update(sky=0), "images_with_class of sky is 0"),
+    ("camera/**/*.json", lambda v: v["extrinsic"].pop("z"), "extrinsic.z must be a number, not None"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("pattern", "change", "message"), DAMAGES)
+def test_every_damage_is_found(dataset, pattern, change, message):
+    path = first(dataset, pattern)
+    if message.endswith(("belongs to no image", "is missing")):
+        change(path)
+    else:
+        edit(path, change)
     found = list(findings(dataset))
     assert any(message in line for line in found), found
+
+
+def test_shifted_depth_is_found(dataset, monkeypatch):
+    monkeypatch.setattr(check, "ENOUGH_JUMPS", 200)  # four small images
+    for path in dataset.glob(DEPTH):
+        edit(path, shift)
+    assert any("label and depth edges disagree" in line for line in findings(dataset))
 
 
 @pytest.mark.parametrize("whole", ["cityscapes"], indirect=True)
 @pytest.mark.parametrize("kind", ["labelIds", "labelTrainIds", "instanceIds", "color"])
 def test_label_pictures_that_disagree_are_found(dataset, kind):
-    edit(dataset, f"*_{kind}.png", shift)
+    edit(first(dataset, f"*_{kind}.png"), shift)
     [line] = findings(dataset)
     assert "values differ from the panoptic segments" in line
 
@@ -256,10 +192,9 @@ def test_a_class_that_should_appear_and_does_not_is_found(dataset):
     described = json.loads((dataset / "dataset.json").read_text())
     unseen = min(described["images_with_class"], key=described["images_with_class"].get)
     assert described["images_with_class"][unseen] == 0  # the seed is chosen so
-    edit_json(dataset, "dataset.json", lambda value: value["placed"].update({unseen: 500}))
-    assert list(findings(dataset)) == [
-        f"{unseen}: 500 stand in the streets, and none is in any image"
-    ]
+    edit(dataset / "dataset.json", lambda value: value["placed"].update({unseen: 500}))
+    [line] = findings(dataset)
+    assert line == f"{unseen}: 500 stand in the streets, and none is in any image"
 
 
 def test_real_exports_have_edges_to_spare(whole):

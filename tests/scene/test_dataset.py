@@ -5,11 +5,12 @@ import pytest
 
 from scene.assets.catalogue import AssetPool
 from scene.assets.families import FAMILIES
-from scene.attributes import default_unit, street_params
+from scene.attributes import default_unit
 from scene.dataset.render import render_dataset, render_street, street_of
 from scene.render import RenderSettings
 from scene.street.street import sample_street
 from scene.workers import WorkerPool
+from tests.scene.conftest import DEFAULT
 
 POOL = AssetPool(0, 3)
 TINY = RenderSettings(width=48, height=32)
@@ -29,19 +30,21 @@ def here():
     return render()
 
 
-@pytest.mark.parametrize("workers", [1, 2])
-def test_bytes_do_not_depend_on_the_number_of_workers(here, workers):
-    there = render(workers)
-    assert there.images.tobytes() == here.images.tobytes()
-    assert there.labels.tobytes() == here.labels.tobytes()
+def test_bytes_do_not_depend_on_the_workers_and_an_open_pool_is_left_open(here):
+    with WorkerPool(1) as pool:
+        many = [render(pool), render(pool)]
+        assert pool._executor is not None
+    assert pool._executor is None
+    for there in (*many, render(2)):
+        assert there.images.tobytes() == here.images.tobytes()
+        assert there.labels.tobytes() == here.labels.tobytes()
 
 
 def test_images_come_in_the_order_of_streets_and_shots(here):
     assert here.images.shape == (6, 32, 48, 3)
     assert here.labels.shape == (6, 32, 48)
     for i, unit in enumerate(units()):
-        frames = render_street(unit, 7, i, 2, TINY, "embree", POOL)
-        for shot, frame in enumerate(frames):
+        for shot, frame in enumerate(render_street(unit, 7, i, 2, TINY, "embree", POOL)):
             assert np.array_equal(here.images[2 * i + shot], frame.image)
             assert np.array_equal(here.labels[2 * i + shot], frame.label)
 
@@ -53,24 +56,13 @@ def test_a_street_depends_on_its_attributes_seed_and_index_only(here):
     assert not np.array_equal(alike.images[:2], alike.images[2:])
 
 
-def test_streets_of_neighbouring_seeds_are_not_the_same():
+def test_streets_of_neighbouring_seeds_are_not_the_same_and_the_pool_of_assets_is_theirs():
     seeds = {street_of(default_unit(), s, i, 1, POOL).seed for s in range(5) for i in range(5)}
     assert len(seeds) == 25
-
-
-def test_the_pool_of_assets_is_that_of_the_street():
     street = street_of(default_unit(), 1, 0, 1, AssetPool(5, 2))
     assert {p.asset for p in street.placements} == {5, 6}
-    default = sample_street(street_params(default_unit()), street.seed, 1)
+    default = sample_street(DEFAULT, street.seed, 1)
     assert all(p.asset < FAMILIES[p.family].count for p in default.placements)
-
-
-def test_an_open_pool_is_used_and_left_open(here):
-    with WorkerPool(1) as pool:
-        first, second = render(pool), render(pool)
-        assert pool._executor is not None
-    assert first.images.tobytes() == second.images.tobytes() == here.images.tobytes()
-    assert pool._executor is None
 
 
 def test_progress_counts_streets():

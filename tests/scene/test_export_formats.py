@@ -12,22 +12,14 @@ from pycocotools import mask as coco_mask
 
 from scene.dataset.description import outcome
 from scene.dataset.edges import overlap
-from scene.dataset.formats import coco, png, rle
+from scene.dataset.formats import coco, planes, png, rle
 from scene.dataset.formats.coco import SUPERCATEGORIES, categories
 from scene.dataset.formats.layout import FORMATS, layout
-from scene.dataset.formats.planes import (
-    depth_plane,
-    disparity_plane,
-    ids_of,
-    normals_of,
-    normals_plane,
-    panoptic_plane,
-)
 from scene.dataset.formats.segments import label_ids, panoptic_ids, segments
 from scene.dataset.formats.shot import image_record
 from scene.render import RenderSettings
+from tests.scene.conftest import SEEDS
 
-seeds = st.integers(0, 2**32 - 1)
 ROAD, SKY, PERSON, CAR = 0, 10, 11, 13
 
 
@@ -48,15 +40,15 @@ def test_segments_by_hand():
     ids = panoptic_ids(label.astype(np.uint8), instance.astype(np.uint16))
     assert ids.tolist() == [[23, 23, 26001, 26000], [7, 24000, 26001, 26000], [7, 0, 26001, 0]]
     assert [tuple(s) for s in segments(ids)] == [
-        (7, 7, 2, (0, 1, 1, 2)),
-        (23, 23, 2, (0, 0, 2, 1)),
-        (24000, 24, 1, (1, 1, 1, 1)),
-        (26000, 26, 2, (3, 0, 1, 2)),
-        (26001, 26, 3, (2, 0, 1, 3)),
-    ]
+        (7, 7, 2, (0, 1, 1, 2)), (23, 23, 2, (0, 0, 2, 1)), (24000, 24, 1, (1, 1, 1, 1)),
+        (26000, 26, 2, (3, 0, 1, 2)), (26001, 26, 3, (2, 0, 1, 3)),
+    ]  # fmt: skip
+    with pytest.raises(ValueError, match="over 1000 objects of train id 13"):
+        label = np.full((40, 40), CAR, np.uint8)
+        panoptic_ids(label, np.arange(4, 1604, dtype=np.uint16).reshape(40, 40))
 
 
-@given(seeds)
+@given(SEEDS)
 def test_every_object_has_one_id_and_every_id_one_object(seed):
     label, instance = picture(seed)
     ids = panoptic_ids(label, instance)
@@ -68,13 +60,7 @@ def test_every_object_has_one_id_and_every_id_one_object(seed):
     assert sum(s.area for s in segments(ids)) == ids.size
 
 
-def test_more_objects_than_ids_are_refused():
-    label = np.full((40, 40), CAR, np.uint8)
-    with pytest.raises(ValueError, match="over 1000 objects of train id 13"):
-        panoptic_ids(label, np.arange(4, 1604, dtype=np.uint16).reshape(40, 40))
-
-
-@given(seeds)
+@given(SEEDS)
 def test_masks_are_those_of_the_coco_api(seed):
     ids = panoptic_ids(*picture(seed))
     runs = rle.Runs(ids)
@@ -94,34 +80,35 @@ def test_counts_of_any_size_survive(counts):
 
 def test_bad_masks_are_refused():
     assert rle.Runs(np.ones((2, 3), np.int32)).counts(7) == [6]
-    with pytest.raises(ValueError, match="ends within a number"):
-        rle.decode("P")
-    with pytest.raises(ValueError, match="does not belong"):
-        rle.decode("0 ")
+    for text, message in (("P", "ends within a number"), ("0 ", "does not belong")):
+        with pytest.raises(ValueError, match=message):
+            rle.decode(text)
     with pytest.raises(ValueError, match="runs of 5 pixels for an image of 3x2"):
         rle.mask([2, 3], 2, 3)
 
 
 def test_encodings_by_hand():
     depth = np.array([[0, 0.001, 1, 12.344, 655.35, 5000]], np.float32)
-    assert depth_plane(depth).tolist() == [[0, 1, 100, 1234, 65535, 65535]]
+    assert planes.depth_plane(depth).tolist() == [[0, 1, 100, 1234, 65535, 65535]]
     settings = RenderSettings(2048, 1024, fov=90)  # focal length 1024
-    [[sky, near, far]] = disparity_plane(np.array([[0, 0.1, 21.4]], np.float32), settings).tolist()
+    [[sky, near, far]] = planes.disparity_plane(
+        np.array([[0, 0.1, 21.4]], np.float32), settings
+    ).tolist()
     assert (sky, near) == (0, 65535)
     assert (far - 1) / 256 == pytest.approx(0.209313 * 1024 / 21.4, abs=1 / 256)
     normal = np.array([[[0, 0, 0], [1, 0, 0], [0, -1, 0]]], np.float32)
-    assert normals_plane(normal).tolist() == [[[0, 0, 0], [255, 128, 128], [128, 0, 128]]]
-    assert panoptic_plane(np.array([[26001]])).tolist() == [[[145, 101, 0]]]
+    assert planes.normals_plane(normal).tolist() == [[[0, 0, 0], [255, 128, 128], [128, 0, 128]]]
+    assert planes.panoptic_plane(np.array([[26001]])).tolist() == [[[145, 101, 0]]]
 
 
-@given(seeds)
+@given(SEEDS)
 def test_encodings_come_back(seed):
     rng = np.random.default_rng(seed)
     normal = rng.normal(size=(5, 4, 3))
     normal /= np.linalg.norm(normal, axis=2, keepdims=True)
-    np.testing.assert_allclose(normals_of(normals_plane(normal)), normal, atol=0.0040)
+    np.testing.assert_allclose(planes.normals_of(planes.normals_plane(normal)), normal, atol=0.0040)
     ids = rng.integers(0, 2**24, (5, 4), dtype=np.int32)
-    np.testing.assert_array_equal(ids_of(panoptic_plane(ids)), ids)
+    np.testing.assert_array_equal(planes.ids_of(planes.panoptic_plane(ids)), ids)
 
 
 @pytest.mark.parametrize("shape", [(5, 7), (5, 7, 3)])
@@ -132,7 +119,7 @@ def test_pictures_come_back_from_their_files(shape, dtype, tmp_path):
     np.testing.assert_array_equal(png.read_png(tmp_path / "a.png"), plane)
 
 
-@given(seeds, st.floats(0, 1, exclude_max=True))
+@given(SEEDS, st.floats(0, 1, exclude_max=True))
 def test_every_cut_of_a_picture_is_found(seed, where):
     data = png.encode(np.random.default_rng(seed).integers(0, 256, (9, 9), dtype=np.uint8))
     assert png.fault_of(data) is None
@@ -179,9 +166,7 @@ def test_outlines_of_labels_meet_those_of_depth_unless_they_are_shifted():
         ids[10:50, x : x + 5], depth[10:50, x : x + 5] = 26000 + k, 300
     assert overlap(ids, depth).lift > 10
     assert overlap(np.roll(ids, 2, axis=1), depth).lift < 1
-    assert (
-        overlap(ids, np.where(ids > 0, 0, depth)).aligned == 0
-    )  # the sky's outline does not count
+    assert overlap(ids, np.where(ids > 0, 0, depth)).aligned == 0  # the sky's does not count
 
 
 def test_categories_are_those_of_cityscapes():
@@ -191,19 +176,16 @@ def test_categories_are_those_of_cityscapes():
     for entry in categories():
         label = name2label[entry["name"]]
         assert entry == {
-            "id": label.id,
-            "name": label.name,
-            "supercategory": label.category,
-            "isthing": int(label.hasInstances),
-            "color": list(label.color),
-        }
+            "id": label.id, "name": label.name, "supercategory": label.category,
+            "isthing": int(label.hasInstances), "color": list(label.color),
+        }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", FORMATS)
 def test_no_two_files_of_a_format_share_a_path(name):
-    paths = [path for stem in ("a", "b") for path in layout(name).paths("train", stem).values()] + [
-        *layout(name).summaries("train").values()
-    ]
+    found = layout(name)
+    paths = [path for stem in ("a", "b") for path in found.paths("train", stem).values()]
+    paths += found.summaries("train").values()
     assert len(set(paths)) == len(paths)
     with pytest.raises(ValueError, match="unknown format 'voc'; known: cityscapes, coco"):
         layout("voc")

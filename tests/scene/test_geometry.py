@@ -4,39 +4,34 @@ import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from scene.assets import catalogue
-from scene.assets.catalogue import AssetPool
-from scene.attributes import default_unit, street_params
 from scene.classes import TrainId
 from scene.look.materials import MATERIALS
 from scene.mesh.solids import box, ellipsoid
 from scene.render.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
 from scene.street.placing import Placement
-from scene.street.street import sample_street
+from tests.scene.conftest import SEEDS, street
 
-POOL = AssetPool(0, 4)
-DEFAULT = street_params(default_unit())
-
-
-def street(seed):
-    return sample_street(DEFAULT, seed, 1, POOL)
+BALL = ellipsoid((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), subdivisions=2)
 
 
 @settings(max_examples=8)
-@given(st.integers(0, 2**32 - 1))
-def test_arrays_fit_together(seed):
-    drawn = street(seed)
-    g = build(drawn)
+@given(SEEDS)
+def test_arrays_fit_together_the_same_each_time(seed):
+    drawn = street(seed=seed)
+    g, again = build(drawn), build(drawn)
+    assert g.pose.tobytes() == again.pose.tobytes()
+    assert g.train_id.tobytes() == again.train_id.tobytes()
+    for a, b in zip(g.shapes, again.shapes, strict=True):
+        assert [x.tobytes() for x in a[:4]] == [x.tobytes() for x in b[:4]]
     n = 4 + len(drawn.placements)
     assert len(g.shapes) + 1 == len(g.surfaces) == len(g.pose) == len(g.train_id) == n
     assert g.triangles == sum(len(shape.faces) for shape in g.shapes)
     for shape, address in zip(g.shapes, g.surfaces[1:].tolist(), strict=True):
         assert shape.surface.ctypes.data == address
         assert shape.surface.shape == (len(shape.faces), 16)
-        inside = np.linalg.norm(shape.vertices - shape.ball[:3], axis=1) <= shape.ball[3]
-        assert inside.all()
+        assert (np.linalg.norm(shape.vertices - shape.ball[:3], axis=1) <= shape.ball[3]).all()
         assert 0 <= shape.faces.min() <= shape.faces.max() < len(shape.vertices)
         assert shape.material.max() < len(MATERIALS)
         assert ((shape.color >= 0) & (shape.color <= 1)).all()
@@ -44,7 +39,7 @@ def test_arrays_fit_together(seed):
 
 
 def test_normals_are_unit_and_perpendicular_to_their_faces():
-    for shape in build(street(1)).shapes:
+    for shape in build(street(seed=1)).shapes:
         a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
         flat = np.linalg.norm(np.cross(b - a, c - a), axis=1) < 1e-7
         assert np.abs(np.linalg.norm(shape.normal[~flat], axis=1) - 1).max() < 1e-3
@@ -55,7 +50,7 @@ def test_normals_are_unit_and_perpendicular_to_their_faces():
 
 
 def test_a_fine_ball_is_smoothed_and_a_box_keeps_its_edges():
-    ball = shape_of(ellipsoid((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), subdivisions=2))
+    ball = shape_of(BALL)
     outwards = ball.vertices[ball.faces]
     outwards /= np.linalg.norm(outwards, axis=2, keepdims=True)
     assert ((ball.corners * outwards).sum(axis=2) > 0.995).all()
@@ -64,20 +59,20 @@ def test_a_fine_ball_is_smoothed_and_a_box_keeps_its_edges():
 
 
 def test_a_surface_wound_both_ways_is_smoothed_all_the_same():
-    ball = ellipsoid((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), subdivisions=2)
-    faces = np.array(ball.mesh.faces)
+    faces = np.array(BALL.mesh.faces)
     faces[::2] = faces[::2, ::-1]
-    mesh = trimesh.Trimesh(ball.mesh.vertices, faces, process=False)
-    mixed, straight = shape_of(ball._replace(mesh=mesh)), shape_of(ball)
-    along = (mixed.corners * mixed.normal[:, None]).sum(axis=2)
+    mesh = trimesh.Trimesh(BALL.mesh.vertices, faces, process=False)
+    along, expected = (
+        (shape.corners * shape.normal[:, None]).sum(axis=2)
+        for shape in (shape_of(BALL._replace(mesh=mesh)), shape_of(BALL))
+    )
     assert (along > 0.9).all()
-    expected = (straight.corners * straight.normal[:, None]).sum(axis=2)
     expected[::2] = expected[::2, ::-1]
     np.testing.assert_allclose(along, expected, atol=1e-5)
 
 
 def test_instances_know_their_classes():
-    drawn = street(2)
+    drawn = street(seed=2)
     train_id = build(drawn).train_id
     assert train_id[SKY_INSTANCE] == TrainId.SKY
     assert train_id[1:4].tolist() == [TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN]
@@ -87,17 +82,15 @@ def test_instances_know_their_classes():
 
 def test_an_asset_is_turned_and_moved_by_its_pose():
     pose = np.array([[0.0, -1, 0, 10], [1, 0, 0, 3], [0, 0, 1, 0.12], [0, 0, 0, 1]])
-    drawn = street(0)._replace(placements=(Placement("car", 1, TrainId.CAR, 4, pose),))
-    g = build(drawn)
-    own = catalogue.asset("car", 1)
+    g = build(street()._replace(placements=(Placement("car", 1, TrainId.CAR, 4, pose),)))
     merged = world(g)
     placed = merged.vertices.reshape(-1, 3, 3)[merged.instance == 4]
-    x, y, z = np.moveaxis(own.mesh.vertices[own.mesh.faces], -1, 0)
+    x, y, z = np.moveaxis(catalogue.asset("car", 1).mesh.triangles, -1, 0)
     np.testing.assert_allclose(placed, np.stack([10 - y, 3 + x, 0.12 + z], axis=-1), atol=1e-5)
 
 
 def test_merging_names_the_face_that_each_triangle_comes_from():
-    g = build(street(4))
+    g = build(street(seed=4))
     merged = world(g)
     assert len(merged.face) == g.triangles
     for i in np.random.default_rng(0).integers(0, g.triangles, 50):
@@ -120,11 +113,3 @@ def test_a_far_tree_covers_as_much_with_a_fraction_of_its_triangles():
         low, high = near.vertices.min(axis=0), near.vertices.max(axis=0)
         outside = np.maximum(low - far.vertices, far.vertices - high).max(axis=1)
         assert np.quantile(outside, 0.99) < 0.5
-
-
-def test_building_twice_gives_the_same_bytes():
-    first, second = build(street(3)), build(street(3))
-    assert first.pose.tobytes() == second.pose.tobytes()
-    assert first.train_id.tobytes() == second.train_id.tobytes()
-    for a, b in zip(first.shapes, second.shapes, strict=True):
-        assert [x.tobytes() for x in a[:4]] == [x.tobytes() for x in b[:4]]

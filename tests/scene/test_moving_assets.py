@@ -10,58 +10,41 @@ from scene.assets.parts.carried import CARRIED, carried
 from scene.assets.parts.head import HAIRDOS, HATS, head
 from scene.assets.parts.human import FOREARM, HAND, UPPER_ARM, Body, bend
 from scene.assets.parts.wardrobe import STYLES, sample_outfit
-from tests.scene.asset_checks import make, mirror, seeds
+from tests.scene.conftest import SEEDS, mirror
 
 
 @pytest.mark.parametrize("kind", rider.KINDS)
-@given(seed=seeds)
-def test_riders_reach_saddle_bar_and_feet_of_their_machine(kind: str, seed: int) -> None:
+@given(seed=SEEDS)
+def test_riders_reach_saddle_bar_and_feet_of_their_machine(kind, seed):
     machine = {"bicycle": bicycle, "motorcycle": motorcycle}[rider.MOUNT[kind]]
-    vertices = make("rider", kind, seed).mesh.vertices
-
-    def nearest(point: tuple[float, float, float]) -> float:
-        return float(np.linalg.norm(vertices - np.array(point), axis=1).min())
-
-    assert nearest(machine.SADDLE) < 0.16
-    feet = machine.pedals() if machine is bicycle else (machine.FOOT, mirror(machine.FOOT))
-    for point in (machine.BAR, mirror(machine.BAR), *feet):
-        assert nearest(point) < 0.12
-
-
-@pytest.mark.parametrize("kind", rider.KINDS)
-@given(seed=seeds)
-def test_riders_arms_are_not_stretched(kind: str, seed: int) -> None:
     params = rider.sample_rider(np.random.default_rng(seed), kind)
+    assert params.mount == rider.MOUNT[kind]
     vertices = rider.rider(params).mesh.vertices
-    machine = {"bicycle": bicycle, "motorcycle": motorcycle}[params.mount]
-    hand = np.array(machine.BAR)
-    shoulders = vertices[vertices[:, 2] > hand[2] + 0.1]
-    reach = np.linalg.norm(shoulders - hand, axis=1).min()
+    feet = machine.pedals() if machine is bicycle else (machine.FOOT, mirror(machine.FOOT))
+    for point in (machine.SADDLE, machine.BAR, mirror(machine.BAR), *feet):
+        nearest = np.linalg.norm(vertices - np.array(point), axis=1).min()
+        assert nearest < (0.16 if point == machine.SADDLE else 0.12)
+    shoulders = vertices[vertices[:, 2] > machine.BAR[2] + 0.1]  # arms are not stretched
+    reach = np.linalg.norm(shoulders - np.array(machine.BAR), axis=1).min()
     assert reach < (UPPER_ARM + FOREARM + HAND) * params.body.height
 
 
-def walker(phase: float) -> person.PersonParams:
+def walker(phase):
     """Someone who strides out, at one phase of the step."""
     params = person.sample_person(np.random.default_rng(8), "walking in a jacket")
     return params._replace(gait="walk", phase=phase, vigour=1.0)
 
 
-def feet(phase: float) -> tuple[float, float]:
-    """How far ahead the left and the right foot are, m."""
+@pytest.mark.parametrize(("phase", "sign"), [(0.0, 1), (0.5, -1)])
+def test_people_walk_on_two_legs_that_take_turns(phase, sign):
     vertices = person.person(walker(phase)).mesh.vertices
     low = vertices[vertices[:, 2] < 0.16]
-    return float(low[low[:, 1] > 0, 0].mean()), float(low[low[:, 1] < 0, 0].mean())
-
-
-def test_people_walk_on_two_legs_that_take_turns() -> None:
-    left, right = feet(0.0)
-    assert left - right > 0.4
-    left, right = feet(0.5)
-    assert right - left > 0.4
+    left, right = (low[low[:, 1] * side > 0, 0].mean() for side in (1, -1))
+    assert sign * (left - right) > 0.4  # metres ahead
 
 
 @pytest.mark.parametrize("phase", np.linspace(0, 0.9, 10))
-def test_arms_swing_against_the_legs_and_one_shoe_is_on_the_ground(phase: float) -> None:
+def test_arms_swing_against_the_legs_and_one_shoe_is_on_the_ground(phase):
     mesh = person.person(walker(phase)).mesh
     assert mesh.bounds[0, 2] == pytest.approx(0, abs=1e-9)
     pose = person._pose(walker(phase))
@@ -72,7 +55,7 @@ def test_arms_swing_against_the_legs_and_one_shoe_is_on_the_ground(phase: float)
 
 
 @pytest.mark.parametrize("style", STYLES)
-def test_every_style_dresses_a_body_of_one_height(style: str) -> None:
+def test_every_style_dresses_a_body_of_one_height(style):
     outfit, curves = sample_outfit(np.random.default_rng(1), style, 0.3)
     params = walker(0.2)._replace(outfit=outfit._replace(hat=""), things=())
     params = params._replace(body=Body(1.75, curves=curves))
@@ -81,7 +64,7 @@ def test_every_style_dresses_a_body_of_one_height(style: str) -> None:
 
 @pytest.mark.parametrize("hat", HATS)
 @pytest.mark.parametrize("hairdo", HAIRDOS)
-def test_hats_cover_the_crown_and_leave_the_body_alone(hat: str, hairdo: str) -> None:
+def test_hats_cover_the_crown_and_leave_the_body_alone(hat, hairdo):
     params = walker(0.1)
     bare = params.outfit._replace(hat="", hairdo="bald")
     red = (0.5, 0.01, 0.01)
@@ -93,41 +76,37 @@ def test_hats_cover_the_crown_and_leave_the_body_alone(hat: str, hairdo: str) ->
 
 
 @pytest.mark.parametrize("thing", CARRIED)
-def test_things_are_carried_above_the_ground_and_near_a_hand(thing: str) -> None:
+def test_things_are_carried_above_the_ground_and_near_a_hand(thing):
     params = person.sample_person(np.random.default_rng(3), "shopping bags")
     params = params._replace(things=(thing,), body=Body(1.75), gait="stand")
-    bare = person.person(params._replace(things=()))
-    with_thing = person.person(params)
-    added = with_thing.mesh.vertices[len(bare.mesh.vertices) :]
-    assert len(added) >= 8
-    assert added[:, 2].min() > -0.02
-    gap = np.linalg.norm(added[:, None] - bare.mesh.vertices[None, ::7], axis=2).min()
-    assert gap < 0.25
+    bare = person.person(params._replace(things=())).mesh.vertices
+    added = person.person(params).mesh.vertices[len(bare) :]
+    assert len(added) >= 8 and added[:, 2].min() > -0.02
+    assert np.linalg.norm(added[:, None] - bare[None, ::7], axis=2).min() < 0.25
 
 
-def test_unknown_names_are_refused() -> None:
+def test_unknown_names_are_refused():
     with pytest.raises(ValueError, match="unknown style"):
         sample_outfit(np.random.default_rng(0), "marble", 0.0)
     with pytest.raises(ValueError, match="unknown thing"):
         carried("marble", Body(1.7), person._pose(walker(0.0)), (0, 0, 0), (0, 0, 0))
 
 
-def test_bend_is_a_right_angle_for_three_four_five() -> None:
-    joint = bend(np.zeros(3), np.array([5.0, 0, 0]), 3.0, 4.0, (0, 0, 1))
-    np.testing.assert_allclose(joint, [1.8, 0, 2.4])
-    straight = bend(np.zeros(3), np.array([8.0, 0, 0]), 3.0, 1.0, (0, 0, 1))
-    np.testing.assert_allclose(straight, [6.0, 0, 0])
+def test_bend_is_a_right_angle_for_three_four_five():
+    for end, lower, joint in (
+        (5.0, 4.0, [1.8, 0, 2.4]),
+        (8.0, 1.0, [6, 0, 0]),
+    ):  # the other: straight
+        found = bend(np.zeros(3), np.array([end, 0, 0]), 3.0, lower, (0, 0, 1))
+        np.testing.assert_allclose(found, joint)
 
 
-@given(
-    seed=seeds,
-    upper=st.floats(0.2, 0.5),
-    lower=st.floats(0.2, 0.5),
-    towards=st.tuples(st.floats(0.1, 1), st.floats(-1, 1), st.floats(0.1, 1)),
-)
-def test_bend_keeps_bone_lengths(
-    seed: int, upper: float, lower: float, towards: tuple[float, float, float]
-) -> None:
+BONE = st.floats(0.2, 0.5)
+TOWARDS = st.tuples(st.floats(0.1, 1), st.floats(-1, 1), st.floats(0.1, 1))
+
+
+@given(SEEDS, BONE, BONE, TOWARDS)
+def test_bend_keeps_bone_lengths(seed, upper, lower, towards):
     direction = np.random.default_rng(seed).normal(size=3)
     distance = 0.5 * (abs(upper - lower) + upper + lower)
     end = distance * direction / np.linalg.norm(direction)

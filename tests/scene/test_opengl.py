@@ -15,7 +15,8 @@ from scene.classes import TrainId
 from scene.dataset.render import render_dataset
 from scene.render import RendererError, RenderSettings, renderer
 from scene.render.sensor import CameraResponse
-from scene.street.street import sample_street
+from tests.scene import conftest
+from tests.scene.conftest import DEFAULT, chosen
 
 ROOT = Path(__file__).resolve().parents[2]
 POOL = AssetPool(0, 6)
@@ -24,26 +25,38 @@ SMALL = RenderSettings(width=96, height=64)
 
 @pytest.fixture(scope="module")
 def opengl():
-    try:
-        return renderer("opengl")
-    except RendererError as error:
-        pytest.skip(str(error))
+    return chosen("opengl")
 
 
-def street(seed, shots=1, *, random=False):
-    rng = np.random.default_rng([3, seed])
-    unit = rng.random(23) if random else default_unit()
-    return sample_street(street_params(unit), seed, shots, POOL)
+def street(seed, shots=1, params=DEFAULT):
+    return conftest.street(params, seed, shots, POOL)
+
+
+def both(opengl, drawn, settings):
+    """The first frame of each renderer, their images as numbers that can be subtracted."""
+    frames = [by.render(drawn, settings)[0] for by in (renderer("embree"), opengl)]
+    return [frame._replace(image=frame.image.astype(float)) for frame in frames]
+
+
+def python(code, **environment):
+    """What other processes print that run this."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+    line = [sys.executable, "-c", code]
+    done = subprocess.run(
+        line, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
 
 
 @pytest.mark.parametrize("random", [False, True], ids=["default", "random"])
 @pytest.mark.parametrize("seed", range(4))
 def test_labels_instances_and_depth_agree_with_embree(opengl, seed, random):
-    drawn = street(seed, 2, random=random)
+    unit = np.random.default_rng([3, seed]).random(23) if random else default_unit()
+    drawn = street(seed, 2, street_params(unit))
     settings = RenderSettings(width=640, height=320, shadows=False, occlusion=False, textures=False)
-    for a, b in zip(
-        renderer("embree").render(drawn, settings), opengl.render(drawn, settings), strict=True
-    ):
+    frames = (by.render(drawn, settings) for by in (renderer("embree"), opengl))
+    for a, b in zip(*frames, strict=True):
         assert (a.label != b.label).mean() < 0.001  # 0.005 is promised
         # Facades of neighbours may lie in one plane: there, either is right.
         assert (a.instance != b.instance).mean() < 0.005
@@ -56,63 +69,46 @@ def test_labels_instances_and_depth_agree_with_embree(opengl, seed, random):
 def test_pictures_look_alike(opengl, seed):
     drawn = street(seed)
     settings = RenderSettings(width=320, height=160, response=CameraResponse(noise=0.0))
-    a, b = (r.render(drawn, settings)[0].image.astype(float) for r in (renderer("embree"), opengl))
-    assert b.mean() == pytest.approx(a.mean(), abs=5)
+    a, b = both(opengl, drawn, settings)
+    assert b.image.mean() == pytest.approx(a.image.mean(), abs=5)
     # Shadow maps and occlusion on screen are approximations; nothing else differs.
-    assert np.abs(a - b).mean() < 8
-    plain = settings._replace(shadows=False, occlusion=False)
-    a, b = (r.render(drawn, plain)[0].image.astype(float) for r in (renderer("embree"), opengl))
-    assert np.abs(a - b).mean() < 0.15
+    assert np.abs(a.image - b.image).mean() < 8
+    a, b = both(opengl, drawn, settings._replace(shadows=False, occlusion=False))
+    assert np.abs(a.image - b.image).mean() < 0.15
+    for samples in (2, 3):
+        a, b = both(opengl, drawn, SMALL._replace(samples=samples, occlusion=False))
+        assert (a.label != b.label).mean() < 0.005
+        assert np.abs(a.image - b.image).mean() < 3
 
 
 def test_shadows_agree_with_embree(opengl):
     sunny = street(1)
     sunny = sunny._replace(sky=sunny.sky._replace(cover=0.0, sun=np.float32([1.5, 1.4, 1.3])))
-    settings = RenderSettings(
-        width=320, height=160, occlusion=False, response=CameraResponse(noise=0.0)
+    settings = RenderSettings(320, 160, occlusion=False, response=CameraResponse(noise=0.0))
+    with_it = both(opengl, sunny, settings)
+    without = both(opengl, sunny, settings._replace(shadows=False))
+    one, other = (
+        (b.image - a.image).sum(axis=2) < 30 for a, b in zip(with_it, without, strict=True)
     )
-    lit = {}
-    for r in (renderer("embree"), opengl):
-        with_it = r.render(sunny, settings)[0].image.astype(int)
-        without = r.render(sunny, settings._replace(shadows=False))[0].image.astype(int)
-        lit[r.name] = (without - with_it).sum(axis=2) < 30
-    assert 0.2 < lit["embree"].mean() < 0.9
-    assert (lit["embree"] != lit["opengl"]).mean() < 0.03
+    assert 0.2 < one.mean() < 0.9
+    assert (one != other).mean() < 0.03
 
 
-def test_samples_are_averaged_and_labels_picked_as_in_embree(opengl):
-    drawn = street(2)
-    for samples in (2, 3):
-        settings = SMALL._replace(samples=samples, occlusion=False)
-        a, b = renderer("embree").render(drawn, settings)[0], opengl.render(drawn, settings)[0]
-        assert (a.label != b.label).mean() < 0.005
-        assert np.abs(a.image.astype(float) - b.image).mean() < 3
-
-
-def test_any_thread_may_call_and_gets_the_same_bytes(opengl):
+def test_neither_threads_nor_pictures_of_other_sizes_change_the_bytes(opengl):
     drawn = street(0)
     here = opengl.render(drawn, SMALL)[0]
     with ThreadPoolExecutor(3) as threads:
-        for frame in threads.map(lambda _: opengl.render(drawn, SMALL)[0], range(6)):
-            assert all(a.tobytes() == b.tobytes() for a, b in zip(here, frame, strict=True))
-
-
-def test_pictures_of_several_sizes_do_not_disturb_each_other(opengl):
-    drawn = street(0)
-    first = opengl.render(drawn, SMALL)[0]
+        frames = list(threads.map(lambda _: opengl.render(drawn, SMALL)[0], range(6)))
     for width in (64, 80, 112, 128, 200):
         opengl.render(drawn, SMALL._replace(width=width))
-    assert opengl.render(drawn, SMALL)[0].image.tobytes() == first.image.tobytes()
+    for frame in (*frames, opengl.render(drawn, SMALL)[0]):
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(here, frame, strict=True))
 
 
 def test_workers_draw_the_same_bytes(opengl):
     units = np.stack([default_unit(), np.full(23, 0.5, np.float32)])
-    here, there = (
-        render_dataset(
-            units, 1, shots=1, settings=SMALL, renderer_name="opengl", pool=POOL, workers=workers
-        )
-        for workers in (0, 1)
-    )
+    options = {"shots": 1, "settings": SMALL, "renderer_name": "opengl", "pool": POOL}
+    here, there = (render_dataset(units, 1, workers=workers, **options) for workers in (0, 1))
     assert here.images.tobytes() == there.images.tobytes()
     assert here.labels.tobytes() == there.labels.tobytes()
 
@@ -125,12 +121,12 @@ def test_after_a_failure_resources_are_free_and_the_next_picture_is_right(opengl
     deleted = []
     delete = raster.Rasterizer.delete
     monkeypatch.setattr(raster.Rasterizer, "delete", lambda r: (deleted.append(r), delete(r)))
+
+    def fail(*_, **__):
+        raise raster.OpenGLError("out of\nmemory")
+
     with monkeypatch.context() as broken:
-        broken.setattr(
-            raster._FaceRenderer,
-            "_forward_pass",
-            lambda *_, **__: (_ for _ in ()).throw(raster.OpenGLError("out of\nmemory")),
-        )
+        broken.setattr(raster._FaceRenderer, "_forward_pass", fail)
         with pytest.raises(RendererError, match=r"^OpenGL failed \(out of memory\); .*embree$"):
             opengl.render(drawn, SMALL)
     assert len(deleted) == 1
@@ -157,16 +153,7 @@ def test_where_opengl_is_missing_one_line_says_what_to_install(setting, value):
         "except RendererError as error:\n    print(error)\n"
         "print(renderer('embree').name)\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT), setting: value},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.returncode == 0, done.stderr
-    message, name = done.stdout.splitlines()
+    message, name = python(code, **{setting: value})
     assert message.startswith("the opengl renderer cannot start (")
     assert "apt-get install libegl1 libgl1-mesa-dri" in message
     assert "--renderer embree" in message
@@ -175,12 +162,4 @@ def test_where_opengl_is_missing_one_line_says_what_to_install(setting, value):
 
 def test_importing_the_renderers_does_not_load_opengl():
     code = "import sys, scene.render, scene.render.opengl.renderer; print('OpenGL' in sys.modules)"
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-        capture_output=True,
-        text=True,
-        timeout=120,
-    )
-    assert done.stdout.strip() == "False", done.stderr
+    assert python(code) == ["False"]

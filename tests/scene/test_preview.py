@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from scene.assets.catalogue import AssetPool, asset, bounds, surfaces
+from scene.assets.catalogue import asset, bounds, surfaces
 from scene.assets.families import FAMILIES
 from scene.attributes import NAMES
 from scene.classes import CLASS_NAMES, TrainId, colorize
@@ -17,6 +17,7 @@ from scene.preview.layout import CAPTION, Studio, captioned, grid, stack, tile
 from scene.preview.streets import sweep
 from scene.render import RenderSettings, renderer
 from scene.street.camera import camera_axes
+from tests.scene.conftest import POOL
 
 SMALL = RenderSettings(64, 48, samples=1)
 
@@ -29,16 +30,6 @@ def read(path):
     return cv2.imread(str(path))[..., ::-1]
 
 
-def refusal(capsys, *arguments):
-    """What is printed when the command line refuses."""
-    with pytest.raises(SystemExit) as caught:
-        main([str(a) for a in arguments])
-    assert caught.value.code == 2
-    error = capsys.readouterr().err
-    assert error.count("\n") == 1
-    return error
-
-
 # -- layout ----------------------------------------------------------------------------------------
 
 
@@ -49,9 +40,7 @@ def test_grids_and_stacks_have_the_sizes_of_their_parts():
     assert (page[:4, 6:] == blue).all() and (page[4:, :6] == red).all()
     assert (page[4:, 6:] == 255).all()
     assert stack([red, page]).shape == (12, 12, 3)
-
-
-def test_a_caption_stands_above_and_leaves_the_picture_alone():
+    # A caption stands above and leaves the picture alone.
     picture = np.zeros((20, 60, 3), np.uint8)
     above = captioned(picture, "car 3")
     assert above.shape == (20 + CAPTION, 60, 3)
@@ -80,9 +69,8 @@ def test_a_fitted_camera_has_the_whole_box_in_view_and_no_more_than_needed(azimu
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), -1).reshape(-1, 3)
     right, up, ahead = camera_axes(camera) @ (corners - camera.position).T
     assert (ahead > 0).all()
-    half = math.tan(math.radians(25))
-    across, upright = np.abs(right / ahead / half).max(), np.abs(up / ahead / half * 1.5).max()
-    assert 0.85 < max(across, upright) < 0.9
+    share = np.abs([right, 1.5 * up]) / ahead / math.tan(math.radians(25))
+    assert 0.85 < share.max() < 0.9
     middle = camera_axes(camera) @ ((low + high) / 2 - camera.position)
     assert middle[:2] == pytest.approx([0, 0], abs=1e-9)
 
@@ -93,8 +81,7 @@ def test_each_asset_is_seen_and_in_view(family):
     seen = frame.label == FAMILIES[family].train_id
     assert seen.mean() > 0.004
     rows, columns = np.nonzero(frame.instance == 4)
-    extent = max(np.ptp(rows) / 48, np.ptp(columns) / 64)
-    assert extent > 0.45
+    assert max(np.ptp(rows) / 48, np.ptp(columns) / 64) > 0.45
     assert 0 < columns.min() and columns.max() < 63 and 0 < rows.min()
 
 
@@ -114,12 +101,8 @@ def test_the_eight_roads_differ():
     assert len({tuple(mean.round(1)) for mean in means}) == 8
 
 
-@pytest.mark.parametrize("row", SKIES, ids=lambda row: row.name)
-def test_every_sky_can_be_shown_by_name(row):
-    assert named_sky(row.name).weather == row.name
-
-
-def test_an_unknown_sky_is_refused():
+def test_every_sky_can_be_shown_by_name_and_an_unknown_one_is_refused():
+    assert [named_sky(row.name).weather for row in SKIES] == [row.name for row in SKIES]
     with pytest.raises(ValueError, match="unknown weather 'green'"):
         named_sky("green")
 
@@ -128,7 +111,7 @@ def test_an_unknown_sky_is_refused():
 
 
 def test_a_sweep_of_light_goes_from_dark_to_bright():
-    page = sweep("illumination_intensity", 3, 0, Studio(SMALL, pool=AssetPool(0, 4)))
+    page = sweep("illumination_intensity", 3, 0, Studio(SMALL, pool=POOL))
     assert page.shape == (48 + CAPTION, 3 * 64, 3)
     first, second, third = (page[CAPTION:, 64 * k : 64 * (k + 1)].mean() for k in range(3))
     assert first < second < third
@@ -137,39 +120,21 @@ def test_a_sweep_of_light_goes_from_dark_to_bright():
 # -- the command line ------------------------------------------------------------------------------
 
 
-def test_a_contact_sheet_is_written(tmp_path):
-    out = tmp_path / "sheet.png"
-    assert main(["--out", str(out), "--streets", "2", "--shots", "2", "--size", "48x32"]) == 0
-    assert read(out).shape == (2 * 3 * 32, 2 * 48, 3)
+ROW = 32 + CAPTION
 
 
-def test_a_sweep_is_written_as_jpeg(tmp_path):
-    out = tmp_path / "sweep.jpg"
-    line = ["--out", str(out), "--sweep", "car_interval", "--steps", "2", "--size", "48x32"]
-    assert main(line) == 0
-    assert out.read_bytes()[:2] == b"\xff\xd8"
-    assert read(out).shape == (32 + CAPTION, 2 * 48, 3)
-
-
-def test_assets_of_a_class_are_written(tmp_path):
-    out = tmp_path / "page.png"
-    line = ["--out", str(out), "--asset", "vegetation", "--count", "4", "--columns", "2"]
-    assert main([*line, "--size", "48x32"]) == 0
-    assert read(out).shape == (2 * (32 + CAPTION), 2 * 48, 3)
-
-
-@pytest.mark.slow
-def test_a_page_of_all_classes_is_written(tmp_path):
-    out = tmp_path / "page.png"
-    assert main(["--out", str(out), "--asset", "all", "--columns", "3", "--size", "48x32"]) == 0
-    assert read(out).shape == (len(CLASS_NAMES) * (32 + CAPTION), 3 * 48, 3)
-
-
-@pytest.mark.slow
-def test_a_page_of_all_sweeps_is_written(tmp_path):
-    out = tmp_path / "page.png"
-    assert main(["--out", str(out), "--sweep", "all", "--steps", "2", "--size", "48x32"]) == 0
-    assert read(out).shape == (len(NAMES) * (32 + CAPTION), 2 * 48, 3)
+@pytest.mark.parametrize(("line", "file", "height", "columns"), [
+    ("--streets 2 --shots 2", "sheet.png", 2 * 3 * 32, 2),
+    ("--sweep car_interval --steps 2", "sweep.jpg", ROW, 2),
+    ("--asset vegetation --count 4 --columns 2", "page.png", 2 * ROW, 2),
+    pytest.param("--asset all --columns 3", "page.png", len(CLASS_NAMES) * ROW, 3, marks=pytest.mark.slow),
+    pytest.param("--sweep all --steps 2", "page.png", len(NAMES) * ROW, 2, marks=pytest.mark.slow),
+])  # fmt: skip
+def test_pages_are_written(line, file, height, columns, tmp_path):
+    out = tmp_path / file
+    assert main(["--out", str(out), *line.split(), "--size", "48x32"]) == 0
+    assert read(out).shape == (height, columns * 48, 3)
+    assert out.read_bytes().startswith({".jpg": b"\xff\xd8", ".png": b"\x89PNG"}[out.suffix])
 
 
 @pytest.fixture
@@ -182,7 +147,7 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, cap
     out = tmp_path / "page.png"
     line = ["--out", str(out), "--asset", "bus", "--assets", folder, "--asset-use", "own"]
     assert main([*line, "--size", "48x32"]) == 0
-    assert read(out).shape[0] == 32 + CAPTION
+    assert read(out).shape[0] == ROW
     assert "left out: building, train" in capsys.readouterr().out
 
 
@@ -194,37 +159,30 @@ def test_own_assets_stand_in_streets(folder):
     assert len(asset("bus", path).mesh.faces) == 12
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--sweep", "hats"], "unknown attribute 'hats'; known: illumination_intensity"),
-        (["--asset", "boat"], "no assets of class 'boat'; known: building"),
-        (["--size", "48"], "must look like 640x320, not '48'"),
-        (["--size", "0x32"], "0x32 is too small"),
-        (["--size", "100000x100000"], "over 50,000,000 pixels"),
-        (["--streets", "0"], "--streets must lie in 1..400, not 0"),
-        (["--shots", "-1"], "--shots must lie in 1..400, not -1"),
-        (["--steps", "1"], "--steps must lie in 2..400, not 1"),
-        (["--count", "9999"], "--count must lie in 1..400, not 9999"),
-        (["--seed", "-1"], "--seed must be 0 or more, not -1"),
-        (["--asset-fraction", "0"], r"asset fraction must lie in (0, 1], not 0"),
-        (["--asset-use", "own"], "needs a folder of own assets"),
-        (["--assets", "/no/such"], "/no/such is not there"),
-        (["--renderer", "blender"], "invalid choice: 'blender'"),
-        (["--sweep", "all", "--asset", "all"], "not allowed with"),
-    ],
-)
-def test_bad_input_is_refused_in_one_line(arguments, message, tmp_path, capsys):
-    assert message in refusal(capsys, "--out", tmp_path / "x.png", *arguments)
-    assert not (tmp_path / "x.png").exists()
+BAD = {
+    "--sweep hats": "unknown attribute 'hats'; known: illumination_intensity",
+    "--asset boat": "no assets of class 'boat'; known: building",
+    "--size 48": "must look like 640x320, not '48'",
+    "--size 0x32": "0x32 is too small",
+    "--size 100000x100000": "over 50,000,000 pixels",
+    "--streets 0": "--streets must lie in 1..400, not 0",
+    "--shots -1": "--shots must lie in 1..400, not -1",
+    "--steps 1": "--steps must lie in 2..400, not 1",
+    "--count 9999": "--count must lie in 1..400, not 9999",
+    "--seed -1": "--seed must be 0 or more, not -1",
+    "--asset-fraction 0": "asset fraction must lie in (0, 1], not 0",
+    "--asset-use own": "needs a folder of own assets",
+    "--asset car --assets own --asset-use own": "the asset pool has no car",
+    "--assets /no/such": "/no/such is not there",
+    "--renderer blender": "invalid choice: 'blender'",
+    "--sweep all --asset all": "not allowed with",
+    "--out x.gif": "must end in .png",
+    "--out none/x.png": "there is no folder",
+}
 
 
-def test_outputs_that_cannot_be_are_refused(tmp_path, capsys):
-    assert "must end in .png" in refusal(capsys, "--out", tmp_path / "x.gif")
-    assert "there is no folder" in refusal(capsys, "--out", tmp_path / "none/x.png")
-
-
-def test_a_class_without_own_assets_is_refused_by_name(folder, tmp_path, capsys):
-    line = ["--asset", "car", "--assets", folder, "--asset-use", "own"]
-    error = refusal(capsys, "--out", tmp_path / "x.png", *line)
-    assert "the asset pool has no car" in error
+@pytest.mark.parametrize("flags", BAD)
+def test_bad_input_is_refused_in_one_line(flags, folder, tmp_path, refusal, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert BAD[flags] in refusal(main, "--out", "x.png", *flags.split())
+    assert [path.name for path in tmp_path.iterdir()] == ["own"]

@@ -19,8 +19,10 @@ from scene.proposal import (
     shortest,
     slide,
 )
+from tests.scene.conftest import SEEDS
 
 VALUES = dict.fromkeys(NAMES, 0.25)
+LIST = st.lists(st.floats(0, 1, width=32), min_size=23, max_size=23)
 
 
 def test_intervals_at_the_border_slide_inside_by_hand():
@@ -29,9 +31,7 @@ def test_intervals_at_the_border_slide_inside_by_hand():
     np.testing.assert_allclose(width, [0.2, 1.0, 0.1], rtol=1e-6)
 
 
-@given(
-    st.lists(st.floats(0, 1), min_size=23, max_size=23), st.floats(0, 1), st.integers(0, 2**32 - 1)
-)
+@given(LIST, st.floats(0, 1), SEEDS)
 def test_draws_stay_on_their_interval_and_below_one(centre, width, seed):
     proposal = slide(np.array(centre), width)
     units = draw(proposal, seed, 5)
@@ -40,14 +40,11 @@ def test_draws_stay_on_their_interval_and_below_one(centre, width, seed):
     assert (units >= 0).all() and (units < 1).all()
 
 
-def test_a_street_does_not_depend_on_how_many_there_are():
+def test_a_street_does_not_depend_on_how_many_there_are_and_all_fill_their_interval():
     many = draw(random_proposal(), 3, 9)
     np.testing.assert_array_equal(draw(random_proposal(), 3, 4), many[:4])
     assert len(np.unique(many)) == many.size
     assert not np.array_equal(draw(random_proposal(), 4, 9), many)
-
-
-def test_draws_fill_their_interval():
     units = draw(random_proposal(), 0, 2000)
     np.testing.assert_allclose(units.mean(axis=0), 0.5, atol=0.03)
     np.testing.assert_allclose(units.std(axis=0), 12**-0.5, atol=0.02)
@@ -66,18 +63,12 @@ def test_a_file_gives_values_or_intervals():
     np.testing.assert_allclose(proposal.width[:4], [0, 0.2, 0.4, 0], rtol=1e-6)
 
 
-UNIT = st.floats(0, 1, width=32)
-LIST = st.lists(UNIT, min_size=23, max_size=23)
-
-
-@given(LIST, LIST, st.integers(0, 2**32 - 1))
+@given(LIST, LIST, SEEDS)
 def test_what_is_described_is_read_back_to_the_same_streets(centre, width, seed):
     proposal = slide(np.array(centre), np.array(width))
-    text = json.dumps(describe(proposal))
-    again = parse_proposal(json.loads(text))
-    assert [part.tobytes() for part in again] == [part.tobytes() for part in proposal]
     rough = Proposal(np.float32(centre), np.float32(width))  # sticks out of [0, 1]
-    other = parse_proposal(json.loads(json.dumps(describe(rough))))
+    again, other = (parse_proposal(json.loads(json.dumps(describe(p)))) for p in (proposal, rough))
+    assert [part.tobytes() for part in again] == [part.tobytes() for part in proposal]
     assert draw(other, seed, 2).tobytes() == draw(rough, seed, 2).tobytes()
 
 
@@ -93,27 +84,22 @@ def test_a_description_says_where_the_interval_lies_in_metres():
     assert row["physical"] == {"centre": 1.5, "low": 1.18, "high": 1.82, "unit": "m"}
 
 
-def without(name):
-    return {key: value for key, value in VALUES.items() if key != name}
+BAD = [
+    (1.5, r"attribute car_position is 1.5; .* \[0, 1\]"),
+    *((value, f"attribute car_position is {value!r}") for value in (-0.1, np.nan, "0.5", True, None)),
+    ({"width": 0.5}, "car_position: expected a number, or centre"),
+    ({"centre": 0.5, "width": 2}, "car_position is 2"),
+    ({"unit": 3}, "car_position: expected a number"),
+]  # fmt: skip
 
 
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
+def test_what_is_wrong_in_a_file_is_named():
+    rest = {name: 0.25 for name in NAMES if name != "car_position"}
+    for value, message in (
         ([0.5] * 23, "expected a JSON object"),
         ({**VALUES, "car_postion": 0.5}, "unknown attribute 'car_postion'; known: illum"),
-        (without("car_position"), "attribute car_position is missing; all 23"),
-        ({**VALUES, "car_position": 1.5}, r"attribute car_position is 1.5; .* \[0, 1\]"),
-        ({**VALUES, "car_position": -0.1}, "attribute car_position is -0.1"),
-        ({**VALUES, "car_position": float("nan")}, "attribute car_position is nan"),
-        ({**VALUES, "car_position": "0.5"}, "attribute car_position is '0.5'"),
-        ({**VALUES, "car_position": True}, "attribute car_position is True"),
-        ({**VALUES, "car_position": None}, "attribute car_position is None"),
-        ({**VALUES, "car_position": {"width": 0.5}}, "car_position: expected a number, or centre"),
-        ({**VALUES, "car_position": {"centre": 0.5, "width": 2}}, "car_position is 2"),
-        ({**VALUES, "car_position": {"unit": 3}}, "car_position: expected a number"),
-    ],
-)
-def test_what_is_wrong_in_a_file_is_named(value, message):
-    with pytest.raises(ValueError, match=message):
-        parse_proposal(value)
+        (rest, "attribute car_position is missing; all 23"),
+        *(({**VALUES, "car_position": value}, message) for value, message in BAD),
+    ):
+        with pytest.raises(ValueError, match=message):
+            parse_proposal(value)

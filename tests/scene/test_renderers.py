@@ -5,22 +5,21 @@ import math
 import numpy as np
 import pytest
 
-from scene.assets.catalogue import AssetPool
 from scene.assets.families import FAMILIES
-from scene.attributes import BY_NAME, default_unit, street_params
+from scene.attributes import BY_NAME
 from scene.classes import CLASS_NAMES, TrainId
 from scene.ground.ground import plain, sample_ground
 from scene.mesh.solids import box
-from scene.render import RENDERERS, RendererError, RenderSettings, check_settings, renderer
+from scene.render import RENDERERS, RenderSettings, check_settings, renderer
 from scene.render.geometry import SKY_INSTANCE, build
 from scene.render.protocol import label_sample, pixel_rays
 from scene.render.sensor import CameraResponse
 from scene.sky.sky import sample_sky
 from scene.street.camera import Camera, camera_axes
 from scene.street.placing import Placement
-from scene.street.street import Street, sample_street
+from scene.street.street import Street
+from tests.scene.conftest import DEFAULT, chosen, street
 
-POOL = AssetPool(0, 4)
 SMALL = RenderSettings(width=96, height=64)
 QUIET = SMALL._replace(response=CameraResponse(noise=0.0, meter=0.0, halo=0.0, variation=0.0))
 LEVEL = Camera((0.0, 0.0, 1.5), yaw=0.0, pitch=0.0)
@@ -29,26 +28,16 @@ LEVEL = Camera((0.0, 0.0, 1.5), yaw=0.0, pitch=0.0)
 @pytest.fixture(params=RENDERERS)
 def draw(request):
     """``draw(street, settings)``: the first frame, by each renderer in turn."""
-    try:
-        chosen = renderer(request.param)
-    except RendererError as error:
-        pytest.skip(str(error))
-    return lambda street, settings=QUIET: chosen.render(street, settings)[0]
-
-
-def default_street(seed=0, shots=1, **changes):
-    params = street_params(default_unit())._replace(**changes)
-    return sample_street(params, seed, shots, POOL)
+    by = chosen(request.param)
+    return lambda drawn, settings=QUIET: by.render(drawn, settings)[0]
 
 
 def bare_street(*placements, camera=LEVEL, cover=0.0, intensity=1.0, elevation=0.7, azimuth=1.2):
     """Road and sky only, with what is put there by hand; unpainted asphalt."""
-    rng = np.random.default_rng(0)
     light = {"intensity": intensity, "elevation": elevation, "azimuth": azimuth}
     drawn = (sample_sky(np.random.default_rng(seed), **light) for seed in range(200))
-    sky = next(sky for sky in drawn if sky.weather == "clear")
-    ground = plain(sample_ground(rng))._replace(half_width=5.0, footway=3.0)
-    sky = sky._replace(cover=cover, haze=1e5)
+    sky = next(sky for sky in drawn if sky.weather == "clear")._replace(cover=cover, haze=1e5)
+    ground = plain(sample_ground(np.random.default_rng(0)))._replace(half_width=5.0, footway=3.0)
     return Street(tuple(placements), (camera,), sky, ground, seed=0)
 
 
@@ -70,53 +59,37 @@ def project(point, camera, settings):
 
 
 def test_axes_are_right_handed_and_yaw_turns_right():
-    right, up, forward = camera_axes(LEVEL)
-    assert forward == pytest.approx([1, 0, 0])
-    assert right == pytest.approx([0, -1, 0])
-    assert up == pytest.approx([0, 0, 1])
+    assert camera_axes(LEVEL) == pytest.approx(np.array([[0, -1, 0], [0, 0, 1], [1, 0, 0]]))
     turned = camera_axes(LEVEL._replace(yaw=math.radians(30), pitch=math.radians(10)))
     assert turned @ turned.T == pytest.approx(np.eye(3))
-    assert turned[2, 1] < 0  # to the right
-    assert turned[2, 2] < 0  # down
+    assert (turned[2, 1:] < 0).all()  # to the right and down
     assert turned[0, 2] == 0  # no roll
 
 
-def test_rays_span_the_field_of_view_symmetrically():
+def test_rays_span_the_field_of_view_symmetrically_and_labels_are_of_its_middle():
     x, y = pixel_rays(RenderSettings(width=8, height=16, fov=90), 1)
     assert x == pytest.approx(np.arange(-3.5, 4) / 4)
     assert y == pytest.approx(np.arange(7.5, -8, -1) / 4)
+    for samples in range(1, 9):
+        offset = abs((np.arange(samples) + 0.5) / samples - 0.5)
+        assert offset[label_sample(samples)] == pytest.approx(offset.min())
 
 
-@pytest.mark.parametrize("samples", range(1, 9))
-def test_the_label_is_taken_nearest_to_the_middle_of_a_pixel(samples):
-    positions = (np.arange(samples) + 0.5) / samples
-    offset = abs(positions - 0.5)
-    assert offset[label_sample(samples)] == pytest.approx(offset.min())
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"width": 4}, "4x320 is too small"),
-        ({"height": 0}, "640x0 is too small"),
-        ({"width": 100_000, "height": 100_000}, "over 50,000,000 pixels"),
-        ({"samples": 0}, "samples must lie in 1..8, not 0"),
-        ({"samples": 9}, "samples must lie in 1..8, not 9"),
-        ({"fov": 0.0}, "fov must lie in 5..150 degrees, not 0"),
-        ({"fov": math.nan}, "fov must lie in 5..150 degrees, not nan"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"width": 4}, "4x320 is too small"),
+    ({"height": 0}, "640x0 is too small"),
+    ({"width": 100_000, "height": 100_000}, "over 50,000,000 pixels"),
+    *(({"samples": samples}, f"samples must lie in 1..8, not {samples}") for samples in (0, 9)),
+    *(({"fov": fov}, f"fov must lie in 5..150 degrees, not {fov}") for fov in (0.0, math.nan)),
+])  # fmt: skip
 def test_settings_out_of_range_are_refused_by_name(change, message):
     with pytest.raises(ValueError, match=message):
         check_settings(RenderSettings(**change))
 
 
-def test_renderers_check_their_settings(draw):
+def test_renderers_check_their_settings_and_an_unknown_one_is_refused(draw):
     with pytest.raises(ValueError, match="samples"):
         draw(bare_street(), SMALL._replace(samples=0))
-
-
-def test_an_unknown_renderer_is_refused_with_the_known_names():
     with pytest.raises(ValueError, match="unknown renderer 'vulkan'; known: embree, opengl"):
         renderer("vulkan")
 
@@ -124,7 +97,7 @@ def test_an_unknown_renderer_is_refused_with_the_known_names():
 # -- labels, instances, depth --------------------------------------------------------------------
 
 
-def test_depth_of_the_road_under_a_level_camera_is_height_over_slope(draw):
+def test_depth_of_the_road_is_height_over_slope_and_above_an_empty_street_is_sky(draw):
     frame = draw(bare_street())
     _, y = pixel_rays(QUIET, 1)
     slope = np.broadcast_to(-y[:, None], frame.depth.shape)
@@ -132,24 +105,17 @@ def test_depth_of_the_road_under_a_level_camera_is_height_over_slope(draw):
     assert road.mean() > 0.2
     # Near the horizon floats run out; there a per mille of error is allowed.
     np.testing.assert_allclose(frame.depth[road], (1.5 / slope)[road], rtol=1e-3)
-
-
-def test_the_upper_half_of_an_empty_street_is_sky_and_the_lower_is_ground(draw):
-    frame = draw(bare_street())
     assert (frame.label[:31] == TrainId.SKY).all()
     assert (frame.label[33:] != TrainId.SKY).all()
     assert set(np.unique(frame.label[33:])) == {TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN}
 
 
 def test_the_kerb_is_where_projection_says(draw):
-    frame = draw(bare_street(), QUIET._replace(width=160, height=120))
-    row = 76
-    depth = frame.depth[row, 80]
-    column, _ = project((depth, 5.0, 0.0), LEVEL, QUIET._replace(width=160, height=120))
-    labels = frame.label[row]
-    road = np.flatnonzero(labels == TrainId.ROAD)
-    assert road.min() == pytest.approx(column, abs=1)
-    assert road.max() + 1 == pytest.approx(160 - column, abs=1)
+    settings, row = QUIET._replace(width=160, height=120), 76
+    frame = draw(bare_street(), settings)
+    column, _ = project((frame.depth[row, 80], 5.0, 0.0), LEVEL, settings)
+    road = np.flatnonzero(frame.label[row] == TrainId.ROAD)
+    assert [road.min(), road.max() + 1] == pytest.approx([column, 160 - column], abs=1)
 
 
 @pytest.mark.parametrize("samples", [1, 2, 3])
@@ -162,27 +128,23 @@ def test_a_box_is_labelled_where_projection_says(draw, samples, monkeypatch):
     frame = draw(bare_street(at("bus", 11.5, 0, 0.5, index=10**6), camera=camera), settings)
     front = [(11.0, y, z) for y in (-1, 1) for z in (0.5, 1.5)]
     columns, rows = np.array([project(p, camera, settings) for p in front]).T
-    seen = np.argwhere(frame.label == TrainId.BUS)
-    assert (frame.instance[frame.label == TrainId.BUS] == 4).all()
+    bus = frame.label == TrainId.BUS
+    seen = np.argwhere(bus)
+    assert (frame.instance[bus] == 4).all()
     assert seen.min(axis=0) == pytest.approx([rows.min(), columns.min()], abs=1.5)
-    assert (seen.max(axis=0) + 1)[0] == pytest.approx(rows.max(), abs=1.5)
+    assert seen[:, 0].max() + 1 == pytest.approx(rows.max(), abs=1.5)
     centre = round(rows.mean()), round(columns.mean())
-    assert frame.label[centre] == TrainId.BUS
-    forward = camera_axes(camera)[2]
-    expected = np.dot(np.array([11.0, 0, 1.0]) - camera.position, forward)
-    assert frame.depth[centre] == pytest.approx(expected, rel=0.01)
+    expected = camera_axes(camera)[2] @ (np.array([11.0, 0, 1.0]) - camera.position)
+    assert bus[centre] and frame.depth[centre] == pytest.approx(expected, rel=0.01)
 
 
-def test_normals_are_those_of_the_ground_in_the_camera_s_frame(draw):
+def test_normals_are_in_the_camera_s_frame_unit_face_it_and_are_zero_in_the_sky(draw):
     pitch = 0.3
     frame = draw(bare_street(camera=LEVEL._replace(pitch=pitch, yaw=0.4)))
     road = frame.instance == 1
     expected = np.broadcast_to([0, math.cos(pitch), math.sin(pitch)], (road.sum(), 3))
     np.testing.assert_allclose(frame.normal[road], expected, atol=1e-3)
-
-
-def test_normals_are_unit_face_the_camera_and_are_zero_in_the_sky(draw):
-    frame = draw(default_street(3))
+    frame = draw(street(seed=3))
     sky = frame.instance == SKY_INSTANCE
     assert (frame.normal[sky] == 0).all()
     np.testing.assert_allclose(np.linalg.norm(frame.normal[~sky], axis=1), 1, atol=1e-3)
@@ -193,48 +155,37 @@ def test_normals_are_unit_face_the_camera_and_are_zero_in_the_sky(draw):
 
 @pytest.mark.parametrize("name", RENDERERS)
 def test_a_lap_is_called_after_every_stage(name):
-    try:
-        chosen = renderer(name)
-    except RendererError as error:
-        pytest.skip(str(error))
     stages: list[str] = []
-    chosen.render(default_street(0, shots=2), QUIET, stages.append)
+    chosen(name).render(street(shots=2), QUIET, stages.append)
     assert stages == ["build", "bvh", "rays", "shade", "rays", "shade"]
 
 
 def test_faces_are_seen_from_both_sides(draw):
-    street = bare_street(at("traffic sign", 6, 0, 0))
-    behind = street._replace(cameras=(LEVEL._replace(position=(12.0, 0.0, 1.5), yaw=math.pi),))
-    for side in (street, behind):
-        assert (draw(side).label == TrainId.TRAFFIC_SIGN).sum() > 20
+    for camera in (LEVEL, LEVEL._replace(position=(12.0, 0.0, 1.5), yaw=math.pi)):
+        frame = draw(bare_street(at("traffic sign", 6, 0, 0), camera=camera))
+        assert (frame.label == TrainId.TRAFFIC_SIGN).sum() > 20
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_parts_of_a_frame_agree(draw, seed):
-    street = default_street(seed)
-    frame = draw(street, SMALL)
+    drawn = street(seed=seed)
+    frame = draw(drawn, SMALL)
     assert frame.image.shape == (64, 96, 3)
-    dtypes = [np.uint8, np.uint8, np.uint16, np.float32, np.float32]
-    assert [a.dtype for a in frame] == dtypes
-    assert np.array_equal(frame.label, build(street).train_id[frame.instance])
+    assert [a.dtype for a in frame] == [np.uint8, np.uint8, np.uint16, np.float32, np.float32]
+    assert np.array_equal(frame.label, build(drawn).train_id[frame.instance])
     sky = frame.instance == SKY_INSTANCE
     assert np.array_equal(frame.depth == 0, sky)
     assert np.array_equal(frame.label == TrainId.SKY, sky)
-    assert (frame.depth[~sky] > 0.04).all()
-    assert frame.depth.max() < 1000
+    assert (frame.depth[~sky] > 0.04).all() and frame.depth.max() < 1000
 
 
-def test_labels_do_not_depend_on_light_or_quality(draw):
-    street = default_street(1)
-    dark = street._replace(sky=default_street(2).sky)
+def test_labels_do_not_depend_on_light_or_quality_nor_much_on_odd_samples(draw):
+    drawn = street(seed=1)
+    dark = drawn._replace(sky=street(seed=2).sky)
     plain = SMALL._replace(shadows=False, occlusion=False, textures=False)
-    a, b, c = draw(street), draw(dark), draw(street, plain)
-    assert a.label.tobytes() == b.label.tobytes() == c.label.tobytes()
-
-
-def test_odd_samples_keep_the_labels_of_one_sample(draw):
-    street = default_street(1)
-    one, three = draw(street), draw(street, QUIET._replace(samples=3))
+    one, b, c = draw(drawn), draw(dark), draw(drawn, plain)
+    assert one.label.tobytes() == b.label.tobytes() == c.label.tobytes()
+    three = draw(drawn, QUIET._replace(samples=3))
     assert (one.label != three.label).mean() < 0.003  # twigs, at most
     assert np.abs(one.image.astype(int) - three.image).mean() > 0.5  # yet edges are smoother
 
@@ -243,7 +194,7 @@ def test_odd_samples_keep_the_labels_of_one_sample(draw):
 
 
 def test_the_same_street_gives_the_same_bytes_and_another_seed_does_not(draw):
-    a, b, other = (draw(default_street(s), SMALL) for s in (5, 5, 6))
+    a, b, other = (draw(street(seed=seed), SMALL) for seed in (5, 5, 6))
     assert all(x.tobytes() == y.tobytes() for x, y in zip(a, b, strict=True))
     assert (a.image != other.image).mean() > 0.5
     assert (a.label != other.label).any()
@@ -251,25 +202,23 @@ def test_the_same_street_gives_the_same_bytes_and_another_seed_does_not(draw):
 
 def test_a_shadow_falls_away_from_the_sun_and_darkens(draw):
     # The sun stands left, ahead: the shadow of a bus on the left falls on the road.
-    street = bare_street(at("bus", 14, 4.5), elevation=0.6, azimuth=math.pi / 2)
-    with_it = draw(street)
-    without = draw(street, QUIET._replace(shadows=False))
+    drawn = bare_street(at("bus", 14, 4.5), elevation=0.6, azimuth=math.pi / 2)
+    with_it, without = draw(drawn), draw(drawn, QUIET._replace(shadows=False))
     change = with_it.image.astype(int).mean(axis=2) - without.image.mean(axis=2)
     road = with_it.label == TrainId.ROAD
     darker = road & (change < -10)
     assert darker.sum() > 200
     assert change[road].max() < 5  # and nothing gets lighter
-    columns = np.nonzero(darker)[1]
     x = with_it.depth[darker]
-    y = -(columns + 0.5 - 48) / 48 * math.tan(math.radians(25)) * x
+    y = -(np.nonzero(darker)[1] + 0.5 - 48) / 48 * math.tan(math.radians(25)) * x
     # A bus is 2.8 m or so high; at this elevation its shadow reaches height / tan(0.6).
     assert -4 < y.min() < 2.5
     assert 8 < np.median(x) < 22
 
 
 def test_occlusion_darkens_what_is_close_to_other_things(draw):
-    street = default_street(2)
-    with_it, without = draw(street), draw(street, QUIET._replace(occlusion=False))
+    drawn = street(seed=2)
+    with_it, without = draw(drawn), draw(drawn, QUIET._replace(occlusion=False))
     seen = with_it.label != TrainId.SKY
     change = with_it.image[seen].astype(int) - without.image[seen]
     assert change.mean() < -2
@@ -277,24 +226,22 @@ def test_occlusion_darkens_what_is_close_to_other_things(draw):
 
 
 def test_textures_roughen_the_asphalt(draw):
-    street = bare_street(camera=LEVEL._replace(pitch=0.3))
-    rough, flat = draw(street), draw(street, QUIET._replace(textures=False))
+    drawn = bare_street(camera=LEVEL._replace(pitch=0.3))
+    rough, flat = draw(drawn), draw(drawn, QUIET._replace(textures=False))
     grain = [np.diff(f.image[-20:, 40:56].astype(float), axis=1).std() for f in (rough, flat)]
     assert grain[0] > 1.5 * grain[1]
 
 
 def test_the_picture_brightens_with_the_sun(draw):
-    dim, normal, bright = (
-        draw(bare_street(intensity=i)).image.astype(float) for i in (0.3, 0.9, 1.7)
-    )
-    assert (dim <= normal).all()
-    assert (normal <= bright).all()
+    images = [draw(bare_street(intensity=i)).image.astype(float) for i in (0.3, 0.9, 1.7)]
+    dim, normal, bright = images
+    assert (dim <= normal).all() and (normal <= bright).all()
     assert dim[:20].mean() < normal[:20].mean() - 20
     assert dim[40:].mean() < normal[40:].mean() - 10 < bright[40:].mean() - 20
 
 
 def test_haze_takes_distant_things_into_the_horizon(draw):
-    clear = bare_street(camera=LEVEL)
+    clear = bare_street()
     hazy = clear._replace(sky=clear.sky._replace(haze=120.0))
     a, b = draw(clear).image.astype(float), draw(hazy).image.astype(float)
     near, far = np.s_[58:, 40:56], np.s_[33:35, 40:56]
@@ -302,23 +249,21 @@ def test_haze_takes_distant_things_into_the_horizon(draw):
 
 
 def test_sensor_noise_is_drawn_anew_for_every_shot(draw):
-    street = bare_street()
-    clean, noisy = draw(street), draw(street, SMALL)
+    drawn = bare_street()
+    clean, noisy = draw(drawn), draw(drawn, SMALL)
     assert 0.5 < (noisy.image.astype(int) - clean.image).std() < 8
-    twice = street._replace(cameras=(LEVEL, LEVEL))
-    name = "embree"
-    a, b = renderer(name).render(twice, SMALL)
+    a, b = renderer("embree").render(drawn._replace(cameras=(LEVEL, LEVEL)), SMALL)
     assert a.label.tobytes() == b.label.tobytes()
     assert a.image.tobytes() != b.image.tobytes()
 
 
 def test_every_class_occurs_over_some_streets(draw):
-    near = {"person_interval": 4.0, "bicycle_interval": 5.0, "pole_interval": 8.0}
-    wide = {"building_position": 14.0, "fence_position": 10.0, "fence_interval": 6.0}
-    assert all(BY_NAME[name].low <= v <= BY_NAME[name].high for name, v in {**near, **wide}.items())
+    changes = {"person_interval": 4.0, "bicycle_interval": 5.0, "pole_interval": 8.0, "car_interval": 8.0,
+               "building_position": 14.0, "fence_position": 10.0, "fence_interval": 6.0}  # fmt: skip
+    assert all(BY_NAME[name].low <= v <= BY_NAME[name].high for name, v in changes.items())
     seen: set[int] = set()
     for seed in range(40):
-        seen |= set(np.unique(draw(default_street(seed, car_interval=8.0, **near, **wide)).label))
+        seen |= set(np.unique(draw(street(DEFAULT._replace(**changes), seed)).label))
         if len(seen) == len(CLASS_NAMES):
             return
     missing = [name for i, name in enumerate(CLASS_NAMES) if i not in seen]

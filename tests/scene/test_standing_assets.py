@@ -1,22 +1,29 @@
-"""Buildings, trees and bushes: what one must see, or see through."""
+"""What stands along a street does what it is there for: one sees it, through it, or by it."""
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 
-from scene.assets import building, tree
-from scene.assets.families import FAMILIES
+from scene.assets import building, signpost, traffic_light, traffic_sign, tree
 from scene.look.materials import material_id
-from tests.scene.asset_checks import check_planes, fill, make, seeds
-from tests.scene.rays import hits
+from tests.scene.conftest import SEEDS, cast, hits, kinds, make
 
 BARE = ["bare lime", "half bare", "bare broad", "pollard", "birch", "bare poplar", "ivied",
         "young bare", "bare vase"]  # fmt: skip
 """Kinds of trees that carry few leaves or none."""
 
 
+def fill(asset, share):
+    """Share of rays along y that hit the asset, within its width and above a share of its height."""
+    (left, front, _), (right, _, top) = asset.mesh.bounds
+    heights = np.linspace(max(share * top, 0.02), top - 0.02, 61)
+    x, z = (grid.ravel() for grid in np.meshgrid(np.linspace(left, right, 101), heights))
+    origins = np.column_stack([x, np.full(x.size, front - 1), z])
+    return hits(asset.mesh, origins, np.array([[0.0, 1.0, 0.0]])).mean()
+
+
 @pytest.mark.parametrize("kind", [k for k in building.KINDS if k != "car park"])
-@given(seed=seeds)
+@given(seed=SEEDS)
 def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
     asset = make("building", kind, seed)
     mesh = asset.mesh
@@ -28,56 +35,114 @@ def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
     width, depth, height = mesh.extents
     assert 0.05 < windows / (width * height) < (1 if kind == "curtain wall" else 0.7)
     assert 8 <= width <= 15.4 and 8 <= depth <= 14 and 5 <= height <= 26
-    centre = mesh.bounds.mean(axis=0)
     rays = np.array([[1.0, 0, 0], [-1, 0, 0], [0, -1, 0], [0, 1, 0]])
-    targets = np.array([0.0, centre[1], 2.0])
+    targets = np.array([0.0, mesh.bounds.mean(axis=0)[1], 2.0])
     assert hits(mesh, targets - 30 * rays, rays).all()
 
 
-@pytest.mark.parametrize("kind", building.KINDS)
-@given(seed=seeds)
-def test_faces_towards_the_road_never_fight_for_one_plane(kind, seed):
-    check_planes(make("building", kind, seed))
+@pytest.mark.parametrize(("family", "kind"), kinds(["building", "wall"]))
+@given(seed=SEEDS)
+def test_faces_towards_the_road_never_fight_for_one_plane(family, kind, seed):
+    # None lies within 3 cm before or behind another that faces the same way.
+    mesh = make(family, kind, seed).mesh
+    facing = mesh.triangles[np.abs(mesh.face_normals[:, 1]) > 0.999]
+    corners, depth = facing[:, :, [0, 2]], facing[:, 0, 1]
+    edge = np.roll(corners, -1, axis=1) - corners
+    out = corners.mean(axis=1)[:, None, None] - corners  # [points, triangles, corners, 2]
+    side = edge[..., 0] * out[..., 1] - edge[..., 1] * out[..., 0]
+    inside = (side > 1e-9).all(axis=-1) | (side < -1e-9).all(axis=-1)
+    near = np.abs(depth[:, None] - depth) < 0.03
+    assert (inside & near).sum() == len(facing)  # each lies in itself alone
 
 
-@pytest.mark.parametrize("kind", BARE)
-@given(seed=seeds)
-def test_sky_shows_through_a_bare_tree(kind, seed):
-    asset = make("tree", kind, seed)
-    top = asset.mesh.bounds[1, 2]
-    assert 0.02 < fill(asset, 0.4 * top, top) < 0.6
+@pytest.mark.parametrize(("family", "kind"), [*kinds(["fence"]), *(("tree", k) for k in BARE)])
+@given(seed=SEEDS)
+def test_one_sees_through_fences_and_bare_trees(family, kind, seed):
+    asset = make(family, kind, seed)
+    if family == "fence":
+        assert 0.03 < fill(asset, 0.0) < (0.97 if kind == "boards" else 0.8)
+    else:
+        assert 0.02 < fill(asset, 0.4) < 0.6
 
 
-def test_two_trees_in_five_are_bare_or_half_bare():
+def test_two_trees_in_five_are_bare_or_half_bare_and_leafy_crowns_are_ragged_but_closed():
     names = tree.KINDS
     assert set(BARE) <= set(names)
     assert sum(names[index % len(names)] in BARE for index in range(24)) >= 0.4 * 24
+    assert 0.3 < fill(make("tree", "plane", 0), 0.4) < 0.9
 
 
-@given(seed=seeds)
-def test_wood_of_a_tree_tapers_from_the_foot_to_the_twigs(seed):
+@given(seed=SEEDS)
+def test_wood_tapers_to_the_twigs_and_a_young_tree_stands_between_stakes(seed):
     mesh = make("tree", "bare lime", seed).mesh
     foot = mesh.triangles[..., 2].min(axis=1)
     assert mesh.area_faces[foot > 5].mean() < 0.2 * mesh.area_faces[foot < 0.1].mean()
-
-
-@given(seed=seeds)
-def test_a_young_tree_stands_between_stakes(seed):
     for kind in ("young", "young bare"):
         asset = make("tree", kind, seed)
         wood = asset.mesh.triangles[asset.material == material_id("wood")]
         assert wood[..., 2].max() > 1 and wood[..., 1].min() < -0.2 < 0.2 < wood[..., 1].max()
 
 
-def test_leafy_crowns_are_ragged_but_closed():
-    asset = make("tree", "plane", 0)
-    top = asset.mesh.bounds[1, 2]
-    assert 0.3 < fill(asset, 0.4 * top, top) < 0.9
+@pytest.mark.parametrize(("family", "kind"), kinds(["tree", "bush"]))
+def test_leaves_vary_in_shade(family, kind):
+    asset = make(family, kind, 1)
+    leaves = asset.material == material_id("foliage")
+    assert not leaves.any() or asset.color[leaves].std(axis=0).max() > 0.005
 
 
-@pytest.mark.parametrize("family", ["tree", "bush"])
-def test_leaves_vary_in_shade(family):
-    for kind in FAMILIES[family].kinds:
-        asset = make(family, kind, 1)
-        leaves = asset.material == material_id("foliage")
-        assert not leaves.any() or asset.color[leaves].std(axis=0).max() > 0.005
+@settings(max_examples=4)
+@given(seed=SEEDS)
+def test_every_sign_and_light_hangs_on_every_post(seed):
+    for kind in signpost.KINDS:
+        points = make("signpost", kind, seed).mesh.vertices
+        assert points[:, 2].max() >= signpost.MIN_HEIGHT
+        level = (points[:, 2] > traffic_sign.LOWEST) & (points[:, 2] < signpost.MIN_HEIGHT)
+        # Nothing of a post stands before the plates.
+        assert points[level, 0].min(initial=0.0) >= -1.15 * signpost.MAX_RADIUS - 1e-9
+    for family, kind in kinds(["traffic light", "traffic sign"]):
+        low, high = make(family, kind, seed).mesh.bounds
+        assert low[2] < signpost.MIN_HEIGHT - 0.05
+        assert -0.07 < high[0] <= -signpost.MAX_RADIUS + 0.01
+        assert low[1] < 0 < high[1]
+
+
+@pytest.mark.parametrize("kind", traffic_sign.KINDS)
+@settings(max_examples=4)
+@given(seed=SEEDS)
+def test_sign_shows_its_face_to_the_camera_and_grey_to_the_back(kind, seed):
+    params = traffic_sign.sample_traffic_sign(np.random.default_rng(seed), kind)
+    asset = traffic_sign.traffic_sign(params)
+    layers = [layer.color for layer in params.layers[1:]]
+    for x, wanted in ((5.0, [params.back]), (-5.0, layers)):
+        start, ray = np.array([x, 0.001, params.centre + 0.01]), np.array([[-x / 5, 0, 0]])
+        distance = cast(start, ray, asset.mesh.triangles)[0][0]
+        assert np.isfinite(distance.min())
+        color = asset.color[distance.argmin()]
+        assert any(np.allclose(color, np.float32(one)) for one in wanted)
+
+
+@given(seed=SEEDS)
+def test_one_lamp_shines_in_each_head(seed):
+    for kind in traffic_light.KINDS:
+        params = traffic_light.sample_traffic_light(np.random.default_rng(seed), kind)
+        asset = traffic_light.traffic_light(params)
+        lenses = asset.color[asset.material == material_id("lamp")].max(axis=1).reshape(-1, 16)
+        assert (lenses.min(axis=1) > 0.9).sum() == len(params.heads)
+        assert len(lenses) == sum(len(head.lamps) for head in params.heads)
+
+
+def test_lights_show_red_amber_and_green():
+    drawn = [traffic_light.sample_traffic_light(np.random.default_rng(seed), kind)
+             for seed in range(6) for kind in traffic_light.KINDS]  # fmt: skip
+    shown = {head.lamps[head.lit] for params in drawn for head in params.heads}
+    assert shown >= {traffic_light.RED, traffic_light.AMBER, traffic_light.GREEN}
+
+
+@settings(max_examples=10)
+@given(seed=SEEDS)
+def test_street_lamp_arm_reaches_over_the_road(seed):
+    for kind in ("arm", "swan neck", "double"):
+        vertices = make("lamp", kind, seed).mesh.vertices
+        high = vertices[vertices[:, 2] > 4]
+        assert high[:, 1].min() < -1
+        assert (high[:, 1].max() > 1) == (kind == "double")

@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -12,27 +11,25 @@ from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, 
 from scene.assets.parts.skin import mirrored, revolve, sheet, slab, twin_sheets, weld
 from scene.assets.parts.wheel import STYLES, Wheel, wheel
 from scene.look.materials import MATERIALS
-from tests.scene.asset_checks import make, mirror, seeds
+from tests.scene.conftest import SEEDS, make, mirror
 
 
 @pytest.mark.parametrize("kind", bicycle.KINDS)
-def test_a_bicycle_stands_on_two_separate_wheels(kind: str) -> None:
+def test_a_bicycle_stands_on_two_separate_wheels(kind):
     asset = make("bicycle", kind, 3)
     ground = asset.mesh.vertices[asset.mesh.vertices[:, 2] < 0.02]
     front, rear = ground[ground[:, 0] > 0], ground[ground[:, 0] < 0]
-    assert len(front) and len(rear)
     assert front[:, 0].min() - rear[:, 0].max() > 0.8
     assert np.abs(ground[:, 1]).max() < 0.05
-
     rubber = asset.mesh.vertices[asset.mesh.faces[asset.material == 4]]
     for half in (rubber[rubber[:, 0, 0] > 0], rubber[rubber[:, 0, 0] < 0]):
-        hub = (half.reshape(-1, 3).min(0) + half.reshape(-1, 3).max(0)) / 2
-        distance = np.linalg.norm(half.reshape(-1, 3) - hub, axis=1)
+        points = half.reshape(-1, 3)
+        distance = np.linalg.norm(points - (points.min(0) + points.max(0)) / 2, axis=1)
         assert distance.min() > 0.17  # a ring, open in the middle
 
 
 @pytest.mark.parametrize("family", ["car", "bus", "truck"])
-def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family: str) -> None:
+def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family):
     names = [material.name for material in MATERIALS]
     for kind in FAMILIES[family].kinds:
         asset = make(family, kind, 5)
@@ -44,20 +41,15 @@ def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family: str) -> None:
 
 
 @pytest.mark.parametrize("family", ["bicycle", "motorcycle"])
-def test_machines_have_their_saddle_and_bar_where_they_say(family: str) -> None:
+def test_machines_have_their_saddle_and_bar_where_they_say(family):
     module = {"bicycle": bicycle, "motorcycle": motorcycle}[family]
+    u, v = (grid.ravel() for grid in np.meshgrid(*[np.linspace(0, 1, 21)] * 2))
+    weights = np.column_stack([1 - u, u * (1 - v), u * v])  # a grid of points on every triangle
     for kind in module.KINDS:
-        mesh = make(family, kind, 7).mesh
+        triangles = make(family, kind, 7).mesh.triangles
+        on_surface = np.einsum("gk,fkx->fgx", weights, triangles).reshape(-1, 3)
         for point in (module.SADDLE, module.BAR, mirror(module.BAR)):
-            assert distance_to_surface(mesh, point) < 0.06, (kind, point)
-
-
-def distance_to_surface(mesh: trimesh.Trimesh, point: tuple[float, float, float]) -> float:
-    """Distance to the nearest of a grid of points on every triangle."""
-    u, v = (grid.ravel() for grid in np.meshgrid(np.linspace(0, 1, 21), np.linspace(0, 1, 21)))
-    weights = np.column_stack([1 - u, u * (1 - v), u * v])
-    points = np.einsum("gk,fkx->fgx", weights, mesh.triangles).reshape(-1, 3)
-    return float(np.linalg.norm(points - np.array(point), axis=1).min())
+            assert np.linalg.norm(on_surface - point, axis=1).min() < 0.06, (kind, point)
 
 
 RED = (0.5, 0.0, 0.0)
@@ -72,14 +64,10 @@ def body(kind, seed):
     return car.sample_car(np.random.default_rng(seed), kind).body
 
 
-def test_two_squares_side_by_side_share_an_edge_once_welded():
-    apart = [sheet(square(0), RED), sheet(square(1), RED)]
-    one = weld(*apart)
+def test_welded_squares_share_an_edge_and_faces_without_area_are_dropped():
+    one = weld(sheet(square(0), RED), sheet(square(1), RED))
     assert len(one.mesh.vertices) == 6 and len(one.mesh.faces) == 4
     assert one.mesh.area == pytest.approx(2.0)
-
-
-def test_welding_drops_faces_without_area():
     flat = square(0)
     flat[1] = flat[0]
     assert len(weld(sheet(flat, RED)).mesh.faces) == 0
@@ -93,13 +81,10 @@ def test_twin_sheets_are_a_sheet_and_its_mirror_image():
     assert np.array_equal(again.mesh.faces, twins.mesh.faces)
 
 
-def test_a_cylinder_of_revolution_is_as_large_as_its_polygon():
+def test_a_cylinder_of_revolution_is_as_large_as_its_polygon_and_a_slab_as_its_stations():
     tube = revolve([(0.5, -1.0), (0.5, 1.0)], RED, "metal", sides=6)
     assert len(tube.mesh.vertices) == 12
     assert tube.mesh.area == pytest.approx(6 * 0.5 * 2.0)  # a hexagon's side is its radius
-
-
-def test_a_slab_stays_within_its_stations():
     mesh = slab([(0, 0.1, 0, 1), (1, 0.1, 0, 1), (2, 0.1, 0, 1)], RED, "paint").mesh
     assert mesh.bounds == pytest.approx(np.array([[0, -0.1, 0], [2, 0.1, 1]]))
 
@@ -114,29 +99,21 @@ def test_wheels_stand_on_the_ground_behind_their_outer_face(style, radius):
 
 
 @pytest.mark.parametrize("kind", car.KINDS)
-@given(seed=seeds)
-def test_arches_are_circles_over_the_axles_and_leave_the_sill_between_them(kind, seed):
+@given(seed=SEEDS)
+def test_arches_are_circles_over_the_axles_and_shares_of_the_length_are_told_both_ways(kind, seed):
     b = body(kind, seed)
     front, rear = axles(b)
-    over = low(b, share(b, np.array([front, rear])))
-    assert over == pytest.approx(2 * b.wheel_radius + ARCH_GAP)
-    middle = low(b, share(b, np.array([(front + rear) / 2])))
-    assert middle == pytest.approx(b.sill)
+    over, middle = 2 * b.wheel_radius + ARCH_GAP, (front + rear) / 2
+    assert low(b, share(b, np.array([front, rear, middle]))) == pytest.approx([over, over, b.sill])
     assert front - rear == pytest.approx(b.wheelbase)
-
-
-@given(seed=seeds, s=st.floats(0, 1))
-def test_share_is_the_inverse_of_at(seed, s):
-    b = body("saloon", seed)
-    assert float(share(b, at(b, s))) == pytest.approx(s)
+    assert share(b, at(b, np.linspace(0, 1, 50))) == pytest.approx(np.linspace(0, 1, 50))
 
 
 @pytest.mark.parametrize("kind", ["hatchback", "pickup", "old-timer"])
 def test_shells_are_as_long_and_high_as_they_say_and_alike_on_both_sides(kind):
     b = body(kind, 4)
     mesh = shell(b, Paint(RED, RED, RED, RED, RED)).mesh
-    extent = mesh.bounds[1] - mesh.bounds[0]
-    assert extent[0] == pytest.approx(b.length, abs=0.02)
+    assert np.ptp(mesh.vertices[:, 0]) == pytest.approx(b.length, abs=0.02)
     assert mesh.bounds[1, 2] == pytest.approx(b.height, abs=0.02)
     points = {tuple(p) for p in np.round(mesh.vertices, 6) + 0.0}
     assert points == {tuple(p) for p in np.round(mesh.vertices * [1, -1, 1], 6) + 0.0}
