@@ -112,14 +112,11 @@ def test_the_command_line_writes_rows(tmp_path, capsys) -> None:
     assert "| pbil" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("call", "culprit"),
-    [
-        (("simulated_annealing", 50), "unknown method 'simulated_annealing'"),
-        (("gaussian", 1), "evaluations is 1"),
-        (("pbil", 0), "evaluations is 0"),
-    ],
-)
+@pytest.mark.parametrize(("call", "culprit"), [
+    (("simulated_annealing", 50), "unknown method 'simulated_annealing'"),
+    (("gaussian", 1), "evaluations is 1"),
+    (("pbil", 0), "evaluations is 0"),
+])  # fmt: skip
 def test_bad_calls_are_refused(call: tuple, culprit: str) -> None:
     with pytest.raises(ValueError, match=culprit):
         evaluate(call[0], PROBLEMS["smooth"](0), call[1], 0)

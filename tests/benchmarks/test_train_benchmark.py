@@ -56,14 +56,11 @@ def test_a_reward_is_split(wanted, images):
     assert min(parts) > 0 and row["reward_s"] == pytest.approx(sum(parts))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--sizes", "big"], "must look like 640x320, not 'big'"),
-        (["--repeats", "0"], "'0': expected 1 or more"),
-        (["--nets", "unet"], "invalid choice: 'unet'"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["--sizes", "big"], "must look like 640x320, not 'big'"),
+    (["--repeats", "0"], "'0': expected 1 or more"),
+    (["--nets", "unet"], "invalid choice: 'unet'"),
+])  # fmt: skip
 def test_arguments_that_make_no_sense(arguments, message, capsys):
     with pytest.raises(SystemExit) as error:
         benchmark.main(arguments)

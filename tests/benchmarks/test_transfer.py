@@ -187,17 +187,14 @@ def test_the_same_command_trains_again_only_if_the_engine_changed(
     assert len((tmp_path / "out" / "nets.jsonl").read_bytes().splitlines()) == 4
 
 
-@pytest.mark.parametrize(
-    ("change", "complaint"),
-    [
-        (["--data", "nowhere"], "nowhere: no such folder"),
-        (["--seeds", "0"], "from 1 on, not '0'"),
-        (["--steps", "many"], "from 1 on, not 'many'"),
-        (["--only", "looks"], "invalid choice"),
-        (["--json", "nowhere/t.json"], "no place for a file"),
-        (["--out", "{data}/train.txt"], "train.txt"),
-    ],
-)
+@pytest.mark.parametrize(("change", "complaint"), [
+    (["--data", "nowhere"], "nowhere: no such folder"),
+    (["--seeds", "0"], "from 1 on, not '0'"),
+    (["--steps", "many"], "from 1 on, not 'many'"),
+    (["--only", "looks"], "invalid choice"),
+    (["--json", "nowhere/t.json"], "no place for a file"),
+    (["--out", "{data}/train.txt"], "train.txt"),
+])  # fmt: skip
 def test_bad_input_is_one_error_and_exit_code_2(camvid, capsys, change, complaint):
     (camvid / "train.txt").write_text("train/0001TP_1.png trainannot/0001TP_1.png\n")
     (camvid / "val.txt").write_text("val/0016E5_0.png valannot/0016E5_0.png\n")

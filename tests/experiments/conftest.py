@@ -52,10 +52,7 @@ def write_pair(image: Path, label: Path, seed: int, highest: int) -> None:
 def camvid(tmp_path: Path) -> Path:
     """Train (two sequences, two images each) and test (two images)."""
     root = tmp_path / "camvid"
-    for split, names in {
-        "train": ["A_1", "A_2", "B_1", "B_2"],
-        "test": ["B_8", "C_1"],
-    }.items():
+    for split, names in {"train": ["A_1", "A_2", "B_1", "B_2"], "test": ["B_8", "C_1"]}.items():
         for k, name in enumerate(names):
             write_pair(root / split / f"{name}.png", root / f"{split}annot" / f"{name}.png", k, 10)
     return root

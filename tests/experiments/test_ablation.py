@@ -138,15 +138,12 @@ def test_a_recorded_report_is_derived_anew(tmp_path):
     assert FORM.figures["ablation.png"](found).startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("flags", "complaint"),
-    [
-        (("--variants", "full", "full"), "--variants full full names one of them twice"),
-        (("--variants", "no_groups"), "--variants must hold full"),
-        (("--method", "sdr"), "--evaluations 4 are too few for sdr on 23 attributes"),
-        (("--method", "random_attributes"), "random_attributes searches for nothing"),
-    ],
-)
+@pytest.mark.parametrize(("flags", "complaint"), [
+    (("--variants", "full", "full"), "--variants full full names one of them twice"),
+    (("--variants", "no_groups"), "--variants must hold full"),
+    (("--method", "sdr"), "--evaluations 4 are too few for sdr on 23 attributes"),
+    (("--method", "random_attributes"), "random_attributes searches for nothing"),
+])  # fmt: skip
 def test_bad_input_is_one_line_and_exit_code_2(flags, complaint, tmp_path, error_line):
     assert command(["--preset", "smoke", "--out", str(tmp_path / "run"), *flags]) == 2
     assert complaint in error_line() and not (tmp_path / "run").exists()

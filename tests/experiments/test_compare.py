@@ -204,19 +204,16 @@ def test_recorded_reports_are_derived_anew(tmp_path):
     assert FORM.figures["compare.png"](found).startswith(b"\x89PNG")
 
 
-@pytest.mark.parametrize(
-    ("flags", "complaint"),
-    [
-        (("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
-        (("--subsets", "car_position,fog"), "attribute 'fog' is unknown"),
-        (("--subsets", "car_position,car_position"), "--subsets car_position car_position names"),
-        (("--subsets", "all", ",".join(NAMES)), "names one of them twice"),
-        (("--subsets",), "--subsets needs at least one"),
-        (("--groups", "car_position"), "--groups: in no group"),
-        (("--evaluations", "0"), "multiple of --search.datasets-per-update 2, not 0"),
-        (("--subsets", "all", "--methods", "sdr"), "too few for sdr on 23 attributes: 6 groups"),
-    ],
-)
+@pytest.mark.parametrize(("flags", "complaint"), [
+    (("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
+    (("--subsets", "car_position,fog"), "attribute 'fog' is unknown"),
+    (("--subsets", "car_position,car_position"), "--subsets car_position car_position names"),
+    (("--subsets", "all", ",".join(NAMES)), "names one of them twice"),
+    (("--subsets",), "--subsets needs at least one"),
+    (("--groups", "car_position"), "--groups: in no group"),
+    (("--evaluations", "0"), "multiple of --search.datasets-per-update 2, not 0"),
+    (("--subsets", "all", "--methods", "sdr"), "too few for sdr on 23 attributes: 6 groups"),
+])  # fmt: skip
 def test_bad_input_is_one_line_and_exit_code_2(flags, complaint, compare, tmp_path, error_line):
     assert compare(tmp_path / "run", *flags, evaluate=never) == 2
     assert complaint in error_line()

@@ -365,21 +365,18 @@ def test_merge_refuses_two_values_for_one_key_and_names_both(make, tmp_path, ref
     assert "0.250000 and 0.750000" in error and not (tmp_path / "c.jsonl").exists()
 
 
-@pytest.mark.parametrize(
-    ("found", "complaint"),
-    [
-        ([{**HEADER, "attributes": ["light", "fog"]}], "another space: 2 attributes"),
-        ([{**HEADER, "attributes": list(reversed(NAMES))}], "in another order"),
-        ([{**HEADER, "store": "sdr-jax evaluations, 1"}], "of an earlier version"),
-        ([record()], "is no store of evaluations"),
-        ([HEADER, [1]], "line 2 is no JSON object"),
-        ([HEADER, math.nan], "line 2 is not JSON"),
-        ([HEADER, {"key": 1}], "line 2: key must be of type str"),
-        ([HEADER, record(reward=None, failed=None)], "one of the two"),
-        ([HEADER, record(centre=[0.5])], "centre must hold 23"),
-        ([HEADER, record(), record(reward=0.5)], "line 3 hold the same evaluation with different"),
-    ],
-)
+@pytest.mark.parametrize(("found", "complaint"), [
+    ([{**HEADER, "attributes": ["light", "fog"]}], "another space: 2 attributes"),
+    ([{**HEADER, "attributes": list(reversed(NAMES))}], "in another order"),
+    ([{**HEADER, "store": "sdr-jax evaluations, 1"}], "of an earlier version"),
+    ([record()], "is no store of evaluations"),
+    ([HEADER, [1]], "line 2 is no JSON object"),
+    ([HEADER, math.nan], "line 2 is not JSON"),
+    ([HEADER, {"key": 1}], "line 2: key must be of type str"),
+    ([HEADER, record(reward=None, failed=None)], "one of the two"),
+    ([HEADER, record(centre=[0.5])], "centre must hold 23"),
+    ([HEADER, record(), record(reward=0.5)], "line 3 hold the same evaluation with different"),
+])  # fmt: skip
 def test_other_files_are_refused_in_one_line(found, complaint, tmp_path, refused):
     path = tmp_path / "other.jsonl"
     path.write_text("".join(json.dumps(line) + "\n" for line in found))

@@ -175,22 +175,19 @@ def test_a_reward_with_too_little_signal_stops_a_script(measured, required, fit,
     assert ("--require-signal 1e+09: the signal of rung 1 is" in said.err) == (fit is False)
 
 
-@pytest.mark.parametrize(
-    ("flags", "words"),
-    [
-        (["--proposals", "1"], "--proposals must be 2 or more"),
-        (["--repeated", "9"], "--repeated must be 2 to 5"),
-        (["--repeats", "1"], "--repeats must be 2"),
-        (["--rungs", "0"], "--rungs must be 1 or more"),
-        (["--require-signal", "0"], "--require-signal must be above 0"),
-        (["--require-signal", "nan"], "--require-signal must be above 0"),
-        (["--search.relaxation", "2"], "--search.relaxation must lie in [0, 1]"),
-        (["--default-width", "2"], "--default-width must lie in [0, 1]"),
-        (["--target", "cityscapes"], "Cityscapes needs its folder"),
-        (["--data", "x"], "--target twin takes no --data"),
-        (["--rederive", "none.json"], "--rederive none.json: No such file"),
-    ],
-)
+@pytest.mark.parametrize(("flags", "words"), [
+    (["--proposals", "1"], "--proposals must be 2 or more"),
+    (["--repeated", "9"], "--repeated must be 2 to 5"),
+    (["--repeats", "1"], "--repeats must be 2"),
+    (["--rungs", "0"], "--rungs must be 1 or more"),
+    (["--require-signal", "0"], "--require-signal must be above 0"),
+    (["--require-signal", "nan"], "--require-signal must be above 0"),
+    (["--search.relaxation", "2"], "--search.relaxation must lie in [0, 1]"),
+    (["--default-width", "2"], "--default-width must lie in [0, 1]"),
+    (["--target", "cityscapes"], "Cityscapes needs its folder"),
+    (["--data", "x"], "--target twin takes no --data"),
+    (["--rederive", "none.json"], "--rederive none.json: No such file"),
+])  # fmt: skip
 def test_what_cannot_work_is_one_line_and_exit_code_2(flags, words, tmp_path, error_line):
     out = tmp_path / "run"
     flags = ["--preset", "smoke", "--workers", "0", "--out", str(out), *flags]

@@ -126,52 +126,49 @@ def test_help_names_every_flag_and_what_it_means(capsys):
     assert "NAME,NAME,..." in text
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--reward.train.lr", "0"], ["--reward.train.lr", "positive"]),
-        (["--reward.train.lr", "nan"], ["--reward.train.lr", "positive"]),
-        (["--final.train.steps", "0"], ["--final.train.steps", "1 or more"]),
-        (["--final.train.predict-batch", "0"], ["--final.train.predict-batch", "1 or more"]),
-        (["--reward.train.warmup", "-1"], ["--reward.train.warmup", "0 or more"]),
-        (["--reward.width", "60"], ["--reward.width", "multiples of 8", "60x32"]),
-        (["--final.height", "0"], ["--final", "64x0"]),
-        (["--final.samples", "9"], ["--final", "samples", "1..8"]),
-        (["--reward.streets", "0"], ["--reward.streets", "1 or more"]),
-        (["--reward.shots", "0"], ["--reward.shots", "1 or more"]),
-        (["--search.bins", "1"], ["--search.bins", "2 or more"]),
-        (["--search.updates-per-group", "0"], ["--search.updates-per-group", "1 or more"]),
-        (["--search.datasets-per-update", "1"], ["leave_one_out", "2 or more"]),
-        (["--search.learning-rate", "-1"], ["--search.learning-rate", "positive"]),
-        (["--search.relaxation", "2"], ["--search.relaxation", "[0, 1]"]),
-        (
-            ["--search.relaxation", "2", "--search.method", "random_search"],
-            ["--search.relaxation", "[0, 1]"],
-        ),
-        (["--candidates"], ["--candidates", "at least one"]),
-        (["--candidates", "spread", "spread"], ["--candidates", "twice"]),
-        (["--groups", ",".join(NAMES[1:])], ["--groups", NAMES[0], "in no group"]),
-        (["--groups", "hats"], ["--groups", "unknown", "'hats'"]),
-        (["--groups", ",".join(NAMES), NAMES[2]], ["--groups", NAMES[2]]),
-        (["--seeds", "0"], ["--seeds", "1 or more"]),
-        (["--candidate-seeds", "0"], ["--candidate-seeds", "1 or more"]),
-        (["--reward-images", "0"], ["--reward-images", "1 or more"]),
-        (["--test-images", "-3"], ["--test-images", "1 or more"]),
-        (["--asset-count", "0"], ["--asset-count", "1 or more"]),
-        (["--asset-count", str(FIRST_ASSET)], ["--asset-count", "less than"]),
-        (["--asset-fraction", "0"], ["--asset-fraction", "(0, 1]"]),
-        (["--asset-use", "own"], ["--asset-use 'own'", "folder"]),
-        (["--assets", "/no/such"], ["--assets", "/no/such", "not there"]),
-        (["--workers", "-1"], ["--workers", "0 or more"]),
-        (["--seed", "-1"], ["--seed", "0 or more"]),
-        (["--seed", str(2**31)], ["--seed", "less than"]),
-        (["--twin-seed", "-1"], ["--twin-seed", "0 or more"]),
-        (["--default-width", "1.5"], ["--default-width", "[0, 1]"]),
-        (["--holdout", "ulm"], ["--holdout", "--data", "twin"]),
-        (["--test-split", "val"], ["--test-split", "--data", "twin"]),
-        (["--data", "/no/such"], ["/no/such", "no such folder", "leftImg8bit"]),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["--reward.train.lr", "0"], ["--reward.train.lr", "positive"]),
+    (["--reward.train.lr", "nan"], ["--reward.train.lr", "positive"]),
+    (["--final.train.steps", "0"], ["--final.train.steps", "1 or more"]),
+    (["--final.train.predict-batch", "0"], ["--final.train.predict-batch", "1 or more"]),
+    (["--reward.train.warmup", "-1"], ["--reward.train.warmup", "0 or more"]),
+    (["--reward.width", "60"], ["--reward.width", "multiples of 8", "60x32"]),
+    (["--final.height", "0"], ["--final", "64x0"]),
+    (["--final.samples", "9"], ["--final", "samples", "1..8"]),
+    (["--reward.streets", "0"], ["--reward.streets", "1 or more"]),
+    (["--reward.shots", "0"], ["--reward.shots", "1 or more"]),
+    (["--search.bins", "1"], ["--search.bins", "2 or more"]),
+    (["--search.updates-per-group", "0"], ["--search.updates-per-group", "1 or more"]),
+    (["--search.datasets-per-update", "1"], ["leave_one_out", "2 or more"]),
+    (["--search.learning-rate", "-1"], ["--search.learning-rate", "positive"]),
+    (["--search.relaxation", "2"], ["--search.relaxation", "[0, 1]"]),
+    (
+        ["--search.relaxation", "2", "--search.method", "random_search"],
+        ["--search.relaxation", "[0, 1]"],
+    ),
+    (["--candidates"], ["--candidates", "at least one"]),
+    (["--candidates", "spread", "spread"], ["--candidates", "twice"]),
+    (["--groups", ",".join(NAMES[1:])], ["--groups", NAMES[0], "in no group"]),
+    (["--groups", "hats"], ["--groups", "unknown", "'hats'"]),
+    (["--groups", ",".join(NAMES), NAMES[2]], ["--groups", NAMES[2]]),
+    (["--seeds", "0"], ["--seeds", "1 or more"]),
+    (["--candidate-seeds", "0"], ["--candidate-seeds", "1 or more"]),
+    (["--reward-images", "0"], ["--reward-images", "1 or more"]),
+    (["--test-images", "-3"], ["--test-images", "1 or more"]),
+    (["--asset-count", "0"], ["--asset-count", "1 or more"]),
+    (["--asset-count", str(FIRST_ASSET)], ["--asset-count", "less than"]),
+    (["--asset-fraction", "0"], ["--asset-fraction", "(0, 1]"]),
+    (["--asset-use", "own"], ["--asset-use 'own'", "folder"]),
+    (["--assets", "/no/such"], ["--assets", "/no/such", "not there"]),
+    (["--workers", "-1"], ["--workers", "0 or more"]),
+    (["--seed", "-1"], ["--seed", "0 or more"]),
+    (["--seed", str(2**31)], ["--seed", "less than"]),
+    (["--twin-seed", "-1"], ["--twin-seed", "0 or more"]),
+    (["--default-width", "1.5"], ["--default-width", "[0, 1]"]),
+    (["--holdout", "ulm"], ["--holdout", "--data", "twin"]),
+    (["--test-split", "val"], ["--test-split", "--data", "twin"]),
+    (["--data", "/no/such"], ["/no/such", "no such folder", "leftImg8bit"]),
+])  # fmt: skip
 def test_a_wrong_option_is_one_line_and_exit_code_2(arguments, words, error_line, tmp_path):
     out = tmp_path / "new" / "run"
     target = "cityscapes" if "--data" in arguments else "twin"
@@ -182,21 +179,18 @@ def test_a_wrong_option_is_one_line_and_exit_code_2(arguments, words, error_line
     assert not out.parent.exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--preset", "huge"], ["--preset", "smoke", "quick", "paper"]),
-        (["--preset=huge"], ["--preset", "smoke", "quick", "paper"]),
-        (["--seeds", "two"], ["--seeds", "INT"]),
-        (["--search.method", "magic"], ["--search.method", "actor_critic", "tpe"]),
-        (["--renderer", "vulkan"], ["--renderer", "embree", "opengl"]),
-        (["--final.train.net", "resnet"], ["--final.train.net", "compact", "deeplabv2"]),
-        (["--reward.train.optimizer", "lion"], ["--reward.train.optimizer", "adam", "sgd"]),
-        (["--candidates", "best"], ["--candidates", "argmax", "broad"]),
-        (["--colour", "red"], ["--colour"]),
-        (["--target", "camvid"], ["--target"]),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["--preset", "huge"], ["--preset", "smoke", "quick", "paper"]),
+    (["--preset=huge"], ["--preset", "smoke", "quick", "paper"]),
+    (["--seeds", "two"], ["--seeds", "INT"]),
+    (["--search.method", "magic"], ["--search.method", "actor_critic", "tpe"]),
+    (["--renderer", "vulkan"], ["--renderer", "embree", "opengl"]),
+    (["--final.train.net", "resnet"], ["--final.train.net", "compact", "deeplabv2"]),
+    (["--reward.train.optimizer", "lion"], ["--reward.train.optimizer", "adam", "sgd"]),
+    (["--candidates", "best"], ["--candidates", "argmax", "broad"]),
+    (["--colour", "red"], ["--colour"]),
+    (["--target", "camvid"], ["--target"]),
+])  # fmt: skip
 def test_what_the_parser_refuses_has_exit_code_2(arguments, words, capsys):
     with pytest.raises(SystemExit) as end:
         run("--workers", "0", *arguments)

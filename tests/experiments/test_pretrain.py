@@ -101,16 +101,10 @@ def test_a_net_is_pre_trained_once_and_fine_tuned_on_every_subset(way):
     assert outcomes[1].render_seconds == 0 <= outcomes[0].render_seconds
 
 
-@pytest.mark.parametrize(
-    ("row", "trained"),
-    [
-        ("scratch", [(3, [2], None), (3, [0, 2], None)]),
-        (
-            "longer",
-            [(20, [2], None), (3, [2], "net 1"), (20, [0, 2], None), (3, [0, 2], "net 3")],
-        ),
-    ],
-)
+@pytest.mark.parametrize(("row", "trained"), [
+    ("scratch", [(3, [2], None), (3, [0, 2], None)]),
+    ("longer", [(20, [2], None), (3, [2], "net 1"), (20, [0, 2], None), (3, [0, 2], "net 3")]),
+])  # fmt: skip
 def test_other_nets_see_real_images_only(way, row, trained):
     assert way(row)[1] == trained
 

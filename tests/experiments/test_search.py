@@ -191,15 +191,12 @@ def interrupted(*task):
     raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize(
-    ("evaluate", "flags", "code", "words"),
-    [
-        (nothing_to_score, (), 2, ["the score is nan", "at least one labelled class"]),
-        (diverge, (), 2, ["2 of 12 evaluations failed", "the loss is nan after 50 of 200 steps"]),
-        (interrupted, (), 130, ["stopped; the same command goes on where it was"]),
-        (die, ("--workers", "1"), 1, ["a worker process died twice", "--workers"]),
-    ],
-)
+@pytest.mark.parametrize(("evaluate", "flags", "code", "words"), [
+    (nothing_to_score, (), 2, ["the score is nan", "at least one labelled class"]),
+    (diverge, (), 2, ["2 of 12 evaluations failed", "the loss is nan after 50 of 200 steps"]),
+    (interrupted, (), 130, ["stopped; the same command goes on where it was"]),
+    (die, ("--workers", "1"), 1, ["a worker process died twice", "--workers"]),
+])  # fmt: skip
 def test_what_ends_a_search_is_one_line(end, evaluate, flags, code, words):
     found, text = end(evaluate, *flags)
     assert found == code and all(word in text for word in words)

@@ -274,24 +274,21 @@ def test_presets_are_sound(target, preset):
     check(STUDY, defaults(target, preset))
 
 
-@pytest.mark.parametrize(
-    ("flags", "words"),
-    [
-        (["--records", "none.jsonl"], "none.jsonl: no such store"),
-        (["--records", "."], "no run folder"),
-        (["--records", "short.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
-        (["--records", "few.jsonl"], "holds rewards of 2 proposals; 8 are the least"),
-        (["--records", "same.jsonl"], "all 10 rewards are equal"),
-        (["--records", "text.jsonl"], "text.jsonl: line 1 is not JSON"),
-        (["--records", "store.jsonl", "other.jsonl"], "hold the same evaluation with different values"),
-        (["--records", "store.jsonl", "--target", "twin"], "no rewards of target twin, but"),
-        (["--records", "store.jsonl", "--records-config", "x"], "--records-config 'x'"),
-        (["--records-config", "x"], "--records-config needs --records"),
-        (["--evaluations", "7"], "--evaluations must be 8 or more"),
-        (["--search.bins", "1"], "--search.bins must be 2 or more"),
-        (["--data", "/nowhere"], "/nowhere"),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("flags", "words"), [
+    (["--records", "none.jsonl"], "none.jsonl: no such store"),
+    (["--records", "."], "no run folder"),
+    (["--records", "short.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
+    (["--records", "few.jsonl"], "holds rewards of 2 proposals; 8 are the least"),
+    (["--records", "same.jsonl"], "all 10 rewards are equal"),
+    (["--records", "text.jsonl"], "text.jsonl: line 1 is not JSON"),
+    (["--records", "store.jsonl", "other.jsonl"], "hold the same evaluation with different values"),
+    (["--records", "store.jsonl", "--target", "twin"], "no rewards of target twin, but"),
+    (["--records", "store.jsonl", "--records-config", "x"], "--records-config 'x'"),
+    (["--records-config", "x"], "--records-config needs --records"),
+    (["--evaluations", "7"], "--evaluations must be 8 or more"),
+    (["--search.bins", "1"], "--search.bins must be 2 or more"),
+    (["--data", "/nowhere"], "/nowhere"),
+])  # fmt: skip
 def test_what_cannot_work_is_one_line_and_exit_code_2(
     flags, words, tmp_path, monkeypatch, error_line
 ):

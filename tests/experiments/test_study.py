@@ -15,14 +15,7 @@ from experiments.run.context import Work, opened, plan_text
 from experiments.run.nets import paired_seeds, score_nets, training_sets
 from experiments.study import form
 from experiments.study.form import Form, rewrite, statistics
-from experiments.study.skeleton import (
-    Study,
-    check,
-    do,
-    learnt_attributes,
-    learnt_work,
-    read_learnt,
-)
+from experiments.study.skeleton import Study, check, do, learnt_attributes, learnt_work, read_learnt
 from scene.proposal import random_proposal
 from seg.train import TrainingError
 from shell.errors import UserError
@@ -95,31 +88,28 @@ def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
     assert min(Image.open(whole / f"{name}.png").size) > 200
 
 
-@pytest.mark.parametrize(
-    ("name", "flags", "complaint"),
-    [
-        ("table", ("--nets", "compact", "compact"), "names one of them twice"),
-        ("table", ("--gta5", "/nowhere"), "/nowhere/images: no such folder; expected GTA5"),
-        ("table", ("--synthia", "/nowhere"), "/nowhere/RGB: no such folder"),
-        ("table", ("--kitti", "/nowhere"), "/nowhere/training/image_2: no such folder"),
-        ("table", ("--weights", "/nowhere.npz"), "--weights are for VGG nets"),
-        ("table", ("--weights", "/no.npz", "--nets", "fcn8s"), "/no.npz: No such file"),
-        ("table", ("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),
-        ("table", ("--data", "/nowhere"), "/nowhere"),
-        ("pretrain", ("--fractions", "0.1"), "0.1 selects none of the 4 reward images; 0.25 or"),
-        ("pretrain", ("--fractions", "nan"), "--fractions must lie in (0, 1], not nan"),
-        ("pretrain", ("--rows", "scratch", "scratch"), "names one of them twice"),
-        ("pretrain", ("--finetune-steps", "0"), "--finetune-steps must be 1 or more"),
-        ("pretrain", ("--finetune-lr", "-1"), "--finetune-lr must be positive"),
-        ("assets", ("--images", "3"), "--images must be multiples of --final.shots 2"),
-        ("assets", ("--images", "0"), "--images must be multiples of --final.shots 2"),
-        ("assets", ("--images", "4", "4"), "--images 4 4 names one of them twice"),
-        ("assets", ("--fractions", "0.5", "0.5"), "--fractions 0.5 0.5 names one of them twice"),
-        ("assets", ("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
-        ("assets", ("--fractions", "1.5"), "--fractions must lie in (0, 1], not 1.5"),
-        ("assets", ("--learnt", "FILE"), "--learnt is of no use with --attributes default"),
-    ],
-)
+@pytest.mark.parametrize(("name", "flags", "complaint"), [
+    ("table", ("--nets", "compact", "compact"), "names one of them twice"),
+    ("table", ("--gta5", "/nowhere"), "/nowhere/images: no such folder; expected GTA5"),
+    ("table", ("--synthia", "/nowhere"), "/nowhere/RGB: no such folder"),
+    ("table", ("--kitti", "/nowhere"), "/nowhere/training/image_2: no such folder"),
+    ("table", ("--weights", "/nowhere.npz"), "--weights are for VGG nets"),
+    ("table", ("--weights", "/no.npz", "--nets", "fcn8s"), "/no.npz: No such file"),
+    ("table", ("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),
+    ("table", ("--data", "/nowhere"), "/nowhere"),
+    ("pretrain", ("--fractions", "0.1"), "0.1 selects none of the 4 reward images; 0.25 or"),
+    ("pretrain", ("--fractions", "nan"), "--fractions must lie in (0, 1], not nan"),
+    ("pretrain", ("--rows", "scratch", "scratch"), "names one of them twice"),
+    ("pretrain", ("--finetune-steps", "0"), "--finetune-steps must be 1 or more"),
+    ("pretrain", ("--finetune-lr", "-1"), "--finetune-lr must be positive"),
+    ("assets", ("--images", "3"), "--images must be multiples of --final.shots 2"),
+    ("assets", ("--images", "0"), "--images must be multiples of --final.shots 2"),
+    ("assets", ("--images", "4", "4"), "--images 4 4 names one of them twice"),
+    ("assets", ("--fractions", "0.5", "0.5"), "--fractions 0.5 0.5 names one of them twice"),
+    ("assets", ("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
+    ("assets", ("--fractions", "1.5"), "--fractions must lie in (0, 1], not 1.5"),
+    ("assets", ("--learnt", "FILE"), "--learnt is of no use with --attributes default"),
+])  # fmt: skip
 def test_bad_input_is_one_line_and_exit_code_2(
     name, flags, complaint, command, tmp_path, error_line, learnt_file
 ):
@@ -129,16 +119,13 @@ def test_bad_input_is_one_line_and_exit_code_2(
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "flags"),
-    [
-        ("table", ("--nets", "resnet")),
-        ("table", ("--unlabelled", ".")),  # rows need labels
-        ("pretrain", ("--rows", "imagenet")),
-        ("pretrain", ("--default-width", "0.5")),
-        ("assets", ("--asset-fraction", "0.5")),
-    ],
-)
+@pytest.mark.parametrize(("name", "flags"), [
+    ("table", ("--nets", "resnet")),
+    ("table", ("--unlabelled", ".")),  # rows need labels
+    ("pretrain", ("--rows", "imagenet")),
+    ("pretrain", ("--default-width", "0.5")),
+    ("assets", ("--asset-fraction", "0.5")),
+])  # fmt: skip
 def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, tmp_path, capsys):
     with pytest.raises(SystemExit) as end:
         command(name, tmp_path / "run", *flags)
@@ -176,11 +163,7 @@ def test_learnt_attributes_are_made_once(config, worth, tmp_path):
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [
-        (None, "No such file"),
-        ("{", "is no JSON file"),
-        ('{"fog": 0.5}', "unknown attribute 'fog'"),
-    ],
+    [(None, "No such file"), ("{", "is no JSON file"), ('{"fog": 0.5}', "unknown attribute 'fog'")],
 )
 def test_other_files_are_no_attributes(config, tmp_path, content, words):
     path = tmp_path / "attributes.json"
@@ -281,15 +264,12 @@ def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
     assert capsys.readouterr().out.endswith("1.5\n")
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (None, "No such file"),
-        ("{", "is no JSON file"),
-        ('{"study": "other"}', "is no report of experiments.some"),
-        ('{"study": "some"}', "does not hold what experiments.some writes"),
-    ],
-)
+@pytest.mark.parametrize(("content", "words"), [
+    (None, "No such file"),
+    ("{", "is no JSON file"),
+    ('{"study": "other"}', "is no report of experiments.some"),
+    ('{"study": "some"}', "does not hold what experiments.some writes"),
+])  # fmt: skip
 def test_other_files_are_no_reports(tmp_path, content, words):
     if content is not None:
         (tmp_path / "some.json").write_text(content)

@@ -88,7 +88,11 @@ def test_its_assets_are_not_the_searchs(renders, target, preset):
     split("train")
     [(_, _, options)] = renders
     ours, theirs = defaults(MainConfig, target, preset).pool, options["pool"]
-    assert ours.first + (ours.size or max(family.count for family in FAMILIES.values())) <= FIRST_ASSET == theirs.first
+    assert (
+        ours.first + (ours.size or max(family.count for family in FAMILIES.values()))
+        <= FIRST_ASSET
+        == theirs.first
+    )
     assert not theirs.own
 
 

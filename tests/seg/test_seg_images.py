@@ -106,14 +106,11 @@ def test_labels_in_colours(tmp_path, mode):
         read_label(path, CAMVID_11)
 
 
-@pytest.mark.parametrize(
-    ("value", "dtype", "table", "message"),
-    [
-        (12, np.uint8, CAMVID_11, r"label value 12 lies outside the camvid table.*0\.\.11"),
-        (34, np.uint8, CITYSCAPES_19, r"label value 34 lies .* cityscapes table.*0\.\.33"),
-        (300, np.uint16, CAMVID_11, "label value 300 lies"),
-    ],
-)
+@pytest.mark.parametrize(("value", "dtype", "table", "message"), [
+    (12, np.uint8, CAMVID_11, r"label value 12 lies outside the camvid table.*0\.\.11"),
+    (34, np.uint8, CITYSCAPES_19, r"label value 34 lies .* cityscapes table.*0\.\.33"),
+    (300, np.uint16, CAMVID_11, "label value 300 lies"),
+])  # fmt: skip
 def test_values_outside_the_table(tmp_path, value, dtype, table, message):
     path = tmp_path / "label.png"
     cv2.imwrite(str(path), np.array([[0, value], [1, 2]], dtype))

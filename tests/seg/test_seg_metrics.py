@@ -80,14 +80,11 @@ def test_iou_is_a_share_and_the_truth_scores_one(seed):
     assert mean_iou(confusion_matrix(labels, truth, CLASSES)) == 1
 
 
-@pytest.mark.parametrize(
-    ("labels", "guesses", "message"),
-    [
-        ([0, 4], [0, 0], r"labels must be in 0\.\.3 .*found 0\.\.4"),
-        ([0, 1], [0, 255], r"predictions must be in 0\.\.3"),
-        ([0, -1], [0, 0], r"labels must be in 0\.\.3"),
-    ],
-)
+@pytest.mark.parametrize(("labels", "guesses", "message"), [
+    ([0, 4], [0, 0], r"labels must be in 0\.\.3 .*found 0\.\.4"),
+    ([0, 1], [0, 255], r"predictions must be in 0\.\.3"),
+    ([0, -1], [0, 0], r"labels must be in 0\.\.3"),
+])  # fmt: skip
 def test_ids_outside_the_classes(labels, guesses, message):
     with pytest.raises(ValueError, match=message):
         confusion_matrix(np.array(labels), np.array(guesses), CLASSES)

@@ -113,17 +113,14 @@ def test_bilinear_is_that_of_jax(seed):
     np.testing.assert_allclose(bilinear(x, 4), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("ours", "side", "rate"),
-    [
-        *((product_conv, 3, rate) for rate in (1, 2, 4, 6, 9)),  # 9 leaves the centre only
-        *((product_conv, side, 1) for side in (1, 5, 7)),
-        *((patch_conv, side, 1) for side in (1, 3, 7)),
-        (patch_conv, 3, 2),
-        *((conv, 3, rate) for rate in (1, 2, 4)),
-        *((conv, side, 1) for side in (1, 5, 7)),
-    ],
-)
+@pytest.mark.parametrize(("ours", "side", "rate"), [
+    *((product_conv, 3, rate) for rate in (1, 2, 4, 6, 9)),  # 9 leaves the centre only
+    *((product_conv, side, 1) for side in (1, 5, 7)),
+    *((patch_conv, side, 1) for side in (1, 3, 7)),
+    (patch_conv, 3, 2),
+    *((conv, 3, rate) for rate in (1, 2, 4)),
+    *((conv, side, 1) for side in (1, 5, 7)),
+])  # fmt: skip
 def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
     rng = np.random.default_rng(rate)
     x = jnp.asarray(rng.normal(size=(2, 5, 7, 4)), jnp.float32)

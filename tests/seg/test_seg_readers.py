@@ -134,15 +134,12 @@ def test_a_value_outside_the_table(root, case):
         case.read(root)
 
 
-@pytest.mark.parametrize(
-    ("table", "values"),
-    [
-        ("gta5", {7: "road", 11: "building", 23: "sky", 33: "bicycle", 34: None, 0: None}),
-        ("kitti", {7: "road", 26: "car", 24: "person", 17: "pole", 4: None, 16: None, 30: None}),
-        ("synthia", {1: "sky", 3: "road", 21: "wall", 10: "person", 11: "bicycle", 20: "train",
-                     15: "traffic light", 0: None, 13: None, 22: None}),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("table", "values"), [
+    ("gta5", {7: "road", 11: "building", 23: "sky", 33: "bicycle", 34: None, 0: None}),
+    ("kitti", {7: "road", 26: "car", 24: "person", 17: "pole", 4: None, 16: None, 30: None}),
+    ("synthia", {1: "sky", 3: "road", 21: "wall", 10: "person", 11: "bicycle", 20: "train",
+                 15: "traffic light", 0: None, 13: None, 22: None}),
+])  # fmt: skip
 def test_values_in_files_mean_what_the_data_sets_say(table, values):
     table = CASES[table].table
     for value, name in values.items():

@@ -56,15 +56,12 @@ def test_the_papers_recipe():
     assert paper.lr_multipliers == "deeplab" and not paper.norm
 
 
-@pytest.mark.parametrize(
-    ("recipe", "name"),
-    [
-        ("paper", "deeplabv2"),
-        ("scratch", "fcn8s"),
-        pytest.param("paper", "fcn8s", marks=pytest.mark.slow),
-        pytest.param("scratch", "deeplabv2", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("recipe", "name"), [
+    ("paper", "deeplabv2"),
+    ("scratch", "fcn8s"),
+    pytest.param("paper", "fcn8s", marks=pytest.mark.slow),
+    pytest.param("scratch", "deeplabv2", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_recipes_train_both_nets(recipe, name):
     settings = replace(RECIPES[recipe], net=name, steps=2, warmup=0, batch=2)
     check_settings(settings)

@@ -107,17 +107,13 @@ class Shell:
 
 
 @pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        ({"features.0.weight": Shell()}, r"it calls (posix|nt)\.system; expected a state dict"),
-        (torch.nn.Conv2d(3, 4, 3), r"it calls torch\.nn\.modules\.conv\.Conv2d"),
-        ({"state_dict": {"a": torch.ones(2)}}, "'state_dict' is a dict; .* save that one alone"),
-        ([torch.ones(2)], "holds a list; expected a state dict"),
-        ({"epoch": 3}, "'epoch' is a int"),
-    ],
-    ids=["shell", "module", "nested", "list", "number"],
-)
+@pytest.mark.parametrize(("value", "message"), [
+    ({"features.0.weight": Shell()}, r"it calls (posix|nt)\.system; expected a state dict"),
+    (torch.nn.Conv2d(3, 4, 3), r"it calls torch\.nn\.modules\.conv\.Conv2d"),
+    ({"state_dict": {"a": torch.ones(2)}}, "'state_dict' is a dict; .* save that one alone"),
+    ([torch.ones(2)], "holds a list; expected a state dict"),
+    ({"epoch": 3}, "'epoch' is a int"),
+], ids=["shell", "module", "nested", "list", "number"])  # fmt: skip
 def test_what_is_no_state_dict_is_refused_unread(tmp_path, value, message, zipped):
     from seg.weights import WeightsError
 

@@ -120,17 +120,14 @@ def test_what_is_compiled_is_kept():
     assert functions(SETTINGS, 11) is not functions(replace(SETTINGS, mirror=False), 11)
 
 
-@pytest.mark.parametrize(
-    ("images", "labels", "message"),
-    [
-        (np.zeros((0, 8, 8, 3), np.uint8), np.zeros((0, 8, 8), np.uint8), "zero images"),
-        (np.zeros((2, 8, 8, 1), np.uint8), None, r"images must be u8\[n, h, w, 3\]"),
-        (np.zeros((2, 8, 8, 3), np.float32), None, "got float32"),
-        (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 9), np.uint8), "one per pixel"),
-        (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((3, 8, 8), np.uint8), "one per pixel"),
-        (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.int32), "got int32"),
-    ],
-)
+@pytest.mark.parametrize(("images", "labels", "message"), [
+    (np.zeros((0, 8, 8, 3), np.uint8), np.zeros((0, 8, 8), np.uint8), "zero images"),
+    (np.zeros((2, 8, 8, 1), np.uint8), None, r"images must be u8\[n, h, w, 3\]"),
+    (np.zeros((2, 8, 8, 3), np.float32), None, "got float32"),
+    (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 9), np.uint8), "one per pixel"),
+    (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((3, 8, 8), np.uint8), "one per pixel"),
+    (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.int32), "got int32"),
+])  # fmt: skip
 def test_arrays_that_do_not_fit(images, labels, message):
     with pytest.raises(ValueError, match=message):
         _check(images, labels)
@@ -144,23 +141,14 @@ def test_labels_outside_the_table():
         train(0, images, np.where(labels == 3, 11, labels).astype(np.uint8), SETTINGS, 11)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"steps": 0}, "steps and batch must be at least 1"),
-        ({"batch": 0}, "steps and batch must be at least 1"),
-        (
-            {"accumulate": 0},
-            "accumulate must be at least 1 and divide the batch of 2 evenly; got 0",
-        ),
-        ({"batch": 4, "accumulate": 3}, "divide the batch of 4 evenly; got 3"),
-        ({"weights": "vgg16.npz"}, "which the net compact does not have"),
-        (
-            {"net": "fcn8s", "weights": "vgg16.npz", "norm": True},
-            "norm is for training from scratch",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"steps": 0}, "steps and batch must be at least 1"),
+    ({"batch": 0}, "steps and batch must be at least 1"),
+    ({"accumulate": 0}, "accumulate must be at least 1 and divide the batch of 2 evenly; got 0"),
+    ({"batch": 4, "accumulate": 3}, "divide the batch of 4 evenly; got 3"),
+    ({"weights": "vgg16.npz"}, "which the net compact does not have"),
+    ({"net": "fcn8s", "weights": "vgg16.npz", "norm": True}, "norm is for training from scratch"),
+])  # fmt: skip
 def test_settings_that_make_no_sense(change, message):
     with pytest.raises(ValueError, match=message):
         train(0, *toy(), replace(SETTINGS, **change), 11)

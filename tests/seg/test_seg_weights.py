@@ -228,30 +228,27 @@ def normed(arrays):
 RESNET = {"conv1.weight": np.zeros((4, 3, 7, 7), np.float32), "fc.bias": np.zeros(3, np.float32)}
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda a: without(a, "features.5.bias"), r"features\.5\.bias is missing; expected all"),
-        (
-            lambda a: without(a, "classifier.0.weight", "classifier.0.bias"),
-            r"classifier\.0\.weight is missing, and 1 more",
-        ),
-        (
-            lambda a: {**a, "features.2.weight": np.zeros((2, 3, 3, 3), np.float32)},
-            r"features\.2\.weight: float32\[2, 3, 3, 3\]; expected float\[2, 2, 3, 3\]",
-        ),
-        (
-            lambda a: {**a, "features.2.bias": np.full(2, np.nan, np.float32)},
-            r"features\.2\.bias: holds values that are not finite",
-        ),
-        (normed, r"features\.1\.running_mean: VGG16 has no batch normalisation.*vgg16_bn"),
-        (
-            lambda a: {**a, "features.30.weight": np.zeros((2, 2, 3, 3), np.float32)},
-            r"features\.30\.weight: VGG16 has no such layer",
-        ),
-        (lambda a: RESNET, r"no layer of VGG16 in it \(it holds conv1\.weight, fc\.bias"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    (lambda a: without(a, "features.5.bias"), r"features\.5\.bias is missing; expected all"),
+    (
+        lambda a: without(a, "classifier.0.weight", "classifier.0.bias"),
+        r"classifier\.0\.weight is missing, and 1 more",
+    ),
+    (
+        lambda a: {**a, "features.2.weight": np.zeros((2, 3, 3, 3), np.float32)},
+        r"features\.2\.weight: float32\[2, 3, 3, 3\]; expected float\[2, 2, 3, 3\]",
+    ),
+    (
+        lambda a: {**a, "features.2.bias": np.full(2, np.nan, np.float32)},
+        r"features\.2\.bias: holds values that are not finite",
+    ),
+    (normed, r"features\.1\.running_mean: VGG16 has no batch normalisation.*vgg16_bn"),
+    (
+        lambda a: {**a, "features.30.weight": np.zeros((2, 2, 3, 3), np.float32)},
+        r"features\.30\.weight: VGG16 has no such layer",
+    ),
+    (lambda a: RESNET, r"no layer of VGG16 in it \(it holds conv1\.weight, fc\.bias"),
+])  # fmt: skip
 def test_weights_that_are_not_of_vgg16(tmp_path, capsys, change, message):
     save_npz(tmp_path / "w.npz", change(theirs(ours())))
     out = tmp_path / "vgg16.npz"
@@ -290,19 +287,15 @@ def test_damaged_files_are_errors_or_right(tmp_path, file):
             pass
 
 
-@pytest.mark.parametrize(
-    "program",
-    [
-        pickle.dumps(print),
-        pickle.dumps(partial(print, "ran")),
-        b"cos\nsystem\n(S'exit 1'\ntR.",
-        b"\x80\x02cbuiltins\neval\nX\x04\x00\x00\x001/10\x85R.",
-        b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n}X\x0c\x00\x00\x00__defaults__)sb.",
-        b"\x80\x02ccollections\nOrderedDict\n)\x81.",
-        b"\x80\x02}X\x01\x00\x00\x00aK\x01s.",
-    ],
-    ids=["function", "partial", "system", "eval", "defaults", "newobj", "number"],
-)
+@pytest.mark.parametrize("program", [
+    pickle.dumps(print),
+    pickle.dumps(partial(print, "ran")),
+    b"cos\nsystem\n(S'exit 1'\ntR.",
+    b"\x80\x02cbuiltins\neval\nX\x04\x00\x00\x001/10\x85R.",
+    b"\x80\x02ctorch._utils\n_rebuild_tensor_v2\n}X\x0c\x00\x00\x00__defaults__)sb.",
+    b"\x80\x02ccollections\nOrderedDict\n)\x81.",
+    b"\x80\x02}X\x01\x00\x00\x00aK\x01s.",
+], ids=["function", "partial", "system", "eval", "defaults", "newobj", "number"])  # fmt: skip
 def test_pickles_are_never_run(tmp_path, program):
     path = tmp_path / "evil.pth"
     path.write_bytes(program)
@@ -347,13 +340,10 @@ def blank(module):
     return jax.tree.map(lambda leaf: np.zeros(leaf.shape, leaf.dtype), outline)
 
 
-@pytest.mark.parametrize(
-    ("net_name", "module", "taken"),
-    [
-        ("fcn8s", FCN8s(3, width=WIDTH, hidden=HIDDEN), 30),
-        ("deeplabv2", DeepLabV2(3, width=WIDTH, hidden=HIDDEN), 26),
-    ],
-)
+@pytest.mark.parametrize(("net_name", "module", "taken"), [
+    ("fcn8s", FCN8s(3, width=WIDTH, hidden=HIDDEN), 30),
+    ("deeplabv2", DeepLabV2(3, width=WIDTH, hidden=HIDDEN), 26),
+])  # fmt: skip
 def test_nets_take_their_layers(converted, net_name, module, taken):
     params = blank(module)
     loaded = load(converted, net_name, params)
