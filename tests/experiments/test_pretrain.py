@@ -1,6 +1,5 @@
 """Pre-training: nested subsets, one net's way, what is remembered, and what is refused."""
 
-import json
 import math
 from dataclasses import replace
 
@@ -17,9 +16,9 @@ from experiments.reward import miou
 from experiments.reward.miou import Outcome, Recipe, Truth
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
-from seg.train import TrainingError
+from shell.files import read_json
 
-from .conftest import lines, never, transferred
+from .conftest import Counted, diverge, lines, never, transferred
 
 
 @pytest.fixture
@@ -31,7 +30,7 @@ def pretrain(command, learnt_file):
 
 
 def report_of(out) -> dict:
-    return json.loads((out / "pretrain.json").read_text())
+    return read_json(out / "pretrain.json")
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 400))
@@ -75,7 +74,7 @@ def way(monkeypatch):
     def train(seed, images, labels, settings, classes, params=None):
         done.append((settings.steps, images[:, 0, 0, 0].tolist(), params))
         if way.diverges == settings.steps:
-            raise TrainingError("the loss is nan")
+            diverge()
         return f"net {len(done)}"
 
     monkeypatch.setattr(nets, "train", train)
@@ -112,9 +111,11 @@ def test_other_nets_see_real_images_only(way, row, trained):
 def test_training_that_diverges_is_an_outcome(way):
     way.diverges = 20
     outcomes, done = way("random")
-    assert [o.failed for o in outcomes] == ["the loss is nan"] * 2 and len(done) == 1
+    assert [o.failed for o in outcomes] == ["the loss is nan after 50 of 200 steps"] * 2 and len(
+        done
+    ) == 1
     way.diverges = 3
-    assert [o.failed for o in way("scratch")[0]] == ["the loss is nan"] * 2
+    assert [o.failed for o in way("scratch")[0]] == ["the loss is nan after 50 of 200 steps"] * 2
 
 
 def test_a_measurement_leaves_its_figures(pretrain, tmp_path):
@@ -141,26 +142,27 @@ def test_a_measurement_leaves_its_figures(pretrain, tmp_path):
 
 def test_what_a_store_or_half_a_run_knows_is_not_trained_again(pretrain, tmp_path):
     out, shared = tmp_path / "run", ("--store", str(tmp_path / "shared.jsonl"))
-    asked = []
+    tuned = Counted(transferred)
 
-    def counting(*task):
-        asked.append(len(task[-2]))
-        return transferred(*task)
+    def asked():
+        found = [len(task[-2]) for task in tuned.calls]
+        tuned.calls.clear()
+        return found
 
-    assert pretrain(out, *shared, "--rows", "scratch", "random", transfer=counting) == 0
-    assert asked == [2] * 4
+    assert pretrain(out, *shared, "--rows", "scratch", "random", transfer=tuned) == 0
+    assert asked() == [2] * 4
     # Another share, and other fine-tuning, are other nets; rows that are there already are known.
     again = tmp_path / "again"
-    assert pretrain(again, *shared, "--fractions", "0.5", "1.0", transfer=counting) == 0
-    assert asked[4:] == [1, 1, 2] * 2
+    assert pretrain(again, *shared, "--fractions", "0.5", "1.0", transfer=tuned) == 0
+    assert asked() == [1, 1, 2] * 2
     tuned = ("--finetune-steps", "5", "--rows", "random")
-    assert pretrain(tmp_path / "other", *shared, *tuned, transfer=counting) == 0
-    assert asked[10:] == [2, 2]
+    assert pretrain(tmp_path / "other", *shared, *tuned, transfer=tuned) == 0
+    assert asked() == [2, 2]
     # As a kill within the writing of the last net's second score leaves it.
     log = out / "finals.jsonl"
     log.write_bytes(log.read_bytes()[:-40])
     flags = ("--rows", "scratch", "random", "--store", "None")
-    assert pretrain(out, *flags, transfer=counting) == 0 and asked[12:] == [1]
+    assert pretrain(out, *flags, transfer=tuned) == 0 and asked() == [1]
     keys = [line["key"] for name in (out, again) for line in lines(name / "finals.jsonl")]
     assert len(keys) == 8 + 12 and len(set(keys)) == 16
 
