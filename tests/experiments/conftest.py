@@ -117,9 +117,7 @@ def diverge(*task: Any) -> Any:
 class Counted:
     """A formula that keeps the tasks it is given; some diverge, and all end before the one at ``limit``."""
 
-    def __init__(
-        self, evaluate: Callable[..., Any] = formula, limit: int = -1, failing: Any = ()
-    ) -> None:
+    def __init__(self, evaluate: Any = formula, limit: int = -1, failing: Any = ()) -> None:
         self.evaluate, self.limit, self.failing = evaluate, limit, failing
         self.calls: list[Any] = []
 
@@ -158,9 +156,7 @@ def transferred(start: Start, fine: Recipe, seed: int, real: Any, chosen: Any, t
 def command(camvid: Path, scored_by: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     """Runs a study's command on tiny CamVid with formulas in the place of nets; returns the exit code."""
 
-    def run(
-        name: str, out: Path, *flags: str, evaluate: Any = formula, transfer: Any = transferred
-    ) -> int:
+    def run(name: str, out: Path, *flags: str, evaluate=formula, transfer=transferred) -> int:
         scored_by(evaluate)
         monkeypatch.setattr(tuning, "transfer", transfer)
         fixed = ("--target", "camvid", "--preset", "smoke", "--data", str(camvid), "--workers", "0")
@@ -259,6 +255,11 @@ def lines(path: Path) -> list[dict[str, Any]]:
     if not path.exists():
         return []
     return [json.loads(line) for line in path.read_bytes().split(b"\n")[:-1]]
+
+
+def untimed(log: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The lines of a log without their times."""
+    return [{k: v for k, v in line.items() if k != "elapsed"} for line in log]
 
 
 @pytest.fixture(scope="session")

@@ -5,7 +5,6 @@ from dataclasses import replace
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
 
 from experiments.compare.job import check, defaults, rows, searches
 from experiments.compare.report import FORM, RANDOM
@@ -14,9 +13,7 @@ from experiments.run.plans import schedule
 from scene.attributes import NAMES
 from shell.files import read_json
 
-from .conftest import ROOT, Counted, Killed, formula, lines, never, study
-
-FILES = ("compare.json", "compare.md", "compare.png")
+from .conftest import ROOT, Counted, Killed, formula, lines, never
 
 
 @pytest.fixture
@@ -100,9 +97,8 @@ def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
     assert len(report["budgets"]) == 3 and report["budgets"][-1] == "64x48, 6 images, 20 steps"
     assert [row["budgets"][-1] for row in report["rows"]] == [r["final"] for r in report["rows"]]
     rewards = lines(out / "evaluations.jsonl")
-    assert {line["search"] for line in rewards} == {
-        f"random_search, {n} attributes" for n in (2, 3)
-    }
+    names = {f"random_search, {n} attributes" for n in (2, 3)}
+    assert {line["search"] for line in rewards} == names
     for line in rewards:  # attributes outside the subset are random
         wide = {name for name, width in zip(NAMES, line["width"], strict=True) if width == 1}
         assert len(wide) == 23 - int(line["search"].split()[1])
@@ -110,11 +106,6 @@ def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
     assert len(lines(out / "finals.jsonl")) == 3 * (2 + 4)
     table = (out / "compare.md").read_text().splitlines()
     assert len([line for line in table if line.startswith("| ")]) == (2 + 4) + (2 + 2)
-    assert min(Image.open(out / "compare.png").size) > 200
-    again = tmp_path / "again"
-    assert study("compare", "--rederive", str(out / "compare.json"), "--out", str(again)) == 0
-    for name in FILES:
-        assert (again / name).read_bytes() == (out / name).read_bytes()
 
 
 def test_killed_it_goes_on_and_ends_the_same(compare, tmp_path):
@@ -130,9 +121,6 @@ def test_killed_it_goes_on_and_ends_the_same(compare, tmp_path):
     assert [len(lines(broken / name)) for name in logs] == [4, 10]
     assert compare(broken, *flags) == 0
     assert report_of(broken) == report_of(whole)
-    for name in logs:
-        found, wanted = (sorted(r["key"] for r in lines(p / name)) for p in (broken, whole))
-        assert found == wanted
     assert compare(broken, *flags, evaluate=never) == 0  # what is finished is not redone
 
 
@@ -147,7 +135,9 @@ def test_all_attributes_without_finals_record_rewards_for_other_runs(compare, tm
     assert all(r["side"] == "reward" and r["width"] == [0.2] * 23 for r in records)
     assert len({tuple(r["centre"]) for r in records}) > 1
     assert compare(two, *flags, evaluate=never) == 0 and len(lines(store)) == 1 + 4
-    assert report_of(two)["rows"][1] == row and "random attributes" in (two / FILES[1]).read_text()
+    assert (
+        report_of(two)["rows"][1] == row and "random attributes" in (two / "compare.md").read_text()
+    )
 
 
 def test_a_failed_evaluation_is_told_and_left_out(compare, tmp_path):

@@ -32,9 +32,8 @@ def test_spearman_by_hand():
     assert stats.spearman(np.array([1.0, 2, 3]), np.array([10.0, 40, 50])) == pytest.approx(1)
     assert stats.spearman(np.array([1.0, 2, 3]), np.array([3.0, 1, 2])) == pytest.approx(-0.5)
     # Equal values share their rank: (1.5, 1.5, 3) against (1, 2, 3).
-    assert stats.spearman(np.array([5.0, 5, 6]), np.array([1.0, 2, 3])) == pytest.approx(
-        math.sqrt(0.75)
-    )
+    shared = stats.spearman(np.array([5.0, 5, 6]), np.array([1.0, 2, 3]))
+    assert shared == pytest.approx(math.sqrt(0.75))
     assert math.isnan(stats.spearman(np.ones(3), np.arange(3.0)))
 
 
@@ -133,9 +132,7 @@ def test_every_proposal_is_scored_on_every_rung(scored, scored_by, camvid, tmp_p
 
 
 @pytest.mark.parametrize(("required", "fit"), [("1", True), ("1e9", False), (None, None)])
-def test_a_reward_with_too_little_signal_stops_a_script(
-    scored, command, required, fit, tmp_path, capsys
-):
+def test_too_little_signal_stops_a_script(scored, command, required, fit, tmp_path, capsys):
     flags = ["--proposals", "5", "--repeated", "3", "--rungs", "1"]
     flags += [] if required is None else ["--require-signal", required]
     code = command("fidelity", tmp_path / "run", *flags, evaluate=scored)

@@ -19,11 +19,8 @@ from shell.files import read_json
 
 from .conftest import lines, never, study
 
-HUMP, SLOPE, LEFT, RIGHT = (
-    NAMES.index(name)
-    for name in ("car_position", "tree_interval", "camera_position_x", "camera_rotation_y")
-)
-NOTHING = NAMES.index("fence_position")
+MATTER = ("car_position", "tree_interval", "camera_position_x", "camera_rotation_y")
+HUMP, SLOPE, LEFT, RIGHT, NOTHING = map(NAMES.index, (*MATTER, "fence_position"))
 CAMVID = ("--target", "camvid")
 
 
@@ -47,8 +44,7 @@ def found() -> dict:
 def test_what_was_put_in_comes_first(found):
     rows = {row["name"]: row for row in found["attributes"]}
     ranked = list(rows)
-    assert ranked[0] == NAMES[HUMP]
-    assert set(ranked[1:4]) == {NAMES[SLOPE], NAMES[LEFT], NAMES[RIGHT]}
+    assert ranked[0] == NAMES[HUMP] and set(ranked[:4]) == set(MATTER)
     assert set(found["pairs"][0]["names"]) == {NAMES[LEFT], NAMES[RIGHT]}
     assert found["pairs"][0]["share"]["value"] > 5 * found["pairs"][1]["share"]["value"]
     for k, share in ((HUMP, 50), (SLOPE, 25)):
@@ -252,9 +248,7 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
     (["--search.bins", "1"], "--search.bins must be 2 or more"),
     (["--data", "/nowhere"], "/nowhere"),
 ])  # fmt: skip
-def test_what_cannot_work_is_one_line_and_exit_code_2(
-    flags, words, tmp_path, monkeypatch, error_line
-):
+def test_what_cannot_work_is_refused(flags, words, tmp_path, monkeypatch, error_line):
     monkeypatch.chdir(tmp_path)
     same = [line_of_bins([k] + [1] * 22, 5) for k in range(10)]
     write_lines(tmp_path / "short.jsonl", [same[0], {"bins": [1], "reward": 5}])

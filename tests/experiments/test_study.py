@@ -100,6 +100,7 @@ def test_a_recorded_report_is_derived_anew(name, tmp_path):
     assert study(name, "--rederive", str(recorded), "--out", str(tmp_path / "run")) == 0
     found, report = read_json(tmp_path / "run" / f"{name}.json"), read_json(recorded)
     assert {**report, "study": name} == found
+    assert min(Image.open(tmp_path / "run" / f"{name}.png").size) > 200
 
 
 @pytest.mark.parametrize(("name", "flags", "complaint"), [

@@ -1,6 +1,7 @@
 """The table: which sets nets are trained on, classes of other tables, and what is refused."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -32,9 +33,8 @@ def gta5(tmp_path):
 @pytest.fixture
 def table(command, learnt_file):
     """Makes a table of given attributes; returns the exit code."""
-    return lambda out, *flags, **more: command(
-        "table", out, "--learnt", str(learnt_file), *flags, **more
-    )
+    own = ("--learnt", str(learnt_file))
+    return lambda out, *flags, **more: command("table", out, *own, *flags, **more)
 
 
 def report_of(out) -> dict:
@@ -46,11 +46,8 @@ def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
     assert table(out, "--nets", "compact", "fcn8s") == 0
     report = report_of(out)
     assert report["learnt_from"] == str(learnt_file)
-    assert [(row["net"], row["trained_on"]) for row in report["rows"]] == [
-        (net, row)
-        for net in ("compact", "fcn8s")
-        for row in ("random", "default", "learnt", "real")
-    ]
+    made = [(row["net"], row["trained_on"]) for row in report["rows"]]
+    assert made == [*product(("compact", "fcn8s"), ("random", "default", "learnt", "real"))]
     assert [row["images"] for row in report["rows"][:4]] == [6, 6, 6, 4]
     random, _, learnt, real = report["rows"][:4]
     ours = [net["miou"] for net in learnt["nets"]]
@@ -71,9 +68,7 @@ def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
     assert lines(out / "evaluations.jsonl") == []  # the attributes are given
 
 
-def test_data_sets_of_others_are_cut_to_size_and_told_in_the_target_s_classes(
-    table, gta5, tmp_path
-):
+def test_data_sets_of_others_are_cut_and_told_in_the_target_s_classes(table, gta5, tmp_path):
     seen = Counted()
     assert table(tmp_path / "run", "--gta5", str(gta5), evaluate=seen) == 0
     report = report_of(tmp_path / "run")
@@ -93,11 +88,9 @@ def test_miou_over_other_classes_is_that_of_the_metric(seed):
     confusion[rng.random(19) < 0.2] = 0
     confusion[0, 0] = 1  # the road is in all three sets
     present = confusion.sum(axis=1) > 0
-    scored = {
-        "class_iou": [100 * v if p else None for v, p in zip(iou(confusion), present, strict=True)]
-    }
+    shares = [100 * v if p else None for v, p in zip(iou(confusion), present, strict=True)]
     for classes in (SYNTHIA_16, SYNTHIA_13):
-        (found,) = subset_miou([scored], classes)
+        (found,) = subset_miou([{"class_iou": shares}], classes)
         assert found == pytest.approx(100 * mean_iou(confusion, classes))
     assert subset_miou([None], SYNTHIA_13) == [None]
 
