@@ -14,6 +14,7 @@ from experiments.config import MainConfig
 from experiments.main.summary import ROWS
 from experiments.presets import defaults
 from experiments.reward.miou import Recipe, Truth, evaluate_miou, worker_environment
+from experiments.reward.store import LOGS
 from scene.attributes import NAMES
 from scene.proposal import random_proposal
 from scene.render.__main__ import main as scene_render
@@ -79,8 +80,7 @@ def test_the_run_folder_is_complete(unbroken):
         assert min(Image.open(path).size) > 200
     dataset = read_cityscapes(out / "dataset", "train")
     assert dataset.images.shape == (6, 32, 64, 3)
-    assert len(lines(out / "evaluations.jsonl")) == 12
-    assert len(lines(out / "finals.jsonl")) == 1 + 4 * 2
+    assert [len(lines(out / log)) for log in LOGS] == [12, 1 + 4 * 2]
     summary = read_json(out / "summary.json")
     assert (summary["reward_images"], summary["test_images"]) == (8, 8)
     assert summary["evaluations"] == 12 and set(summary["rows"]) == set(ROWS)
@@ -161,19 +161,16 @@ def test_rewards_do_not_depend_on_the_number_of_workers():
     config = defaults(MainConfig, "twin", "smoke")
     fidelity = replace(config.reward, train=replace(config.reward.train, steps=4))
     recipe = Recipe(fidelity, "cityscapes", "embree", config.pool)
-    rng = np.random.default_rng(0)
-    truth = Truth(
-        rng.integers(0, 256, (3, 32, 64, 3), dtype=np.uint8),
-        rng.integers(0, 19, (3, 32, 64), dtype=np.uint8),
-    )
+    rng, size = np.random.default_rng(0), (3, 32, 64)
+    images = rng.integers(0, 256, (*size, 3), dtype=np.uint8)
+    truth = Truth(images, rng.integers(0, 19, size, dtype=np.uint8))
     tasks = [(recipe, random_proposal(), seed, truth) for seed in (1, 2**32 - 1)]
     found = []
     for workers in (0, 1, 2):
         with WorkerPool(workers, worker_environment()) as pool:
             answers = dict(pool.map(evaluate_miou, tasks))
         found.append([(answers[k].reward, answers[k].class_iou) for k in range(2)])
-    assert found[0] == found[1] == found[2]
-    assert found[0][0] != found[0][1]
+    assert found[0] == found[1] == found[2] and found[0][0] != found[0][1]
 
 
 def test_smoke_run_on_real_camvid(camvid_dir, start_job, tmp_path):

@@ -70,8 +70,8 @@ def net(recipe, tmp_path_factory) -> FeatureNet:
 def test_a_folder_without_labels_gives_the_reward_from_the_command_line(camvid, tmp_path, capsys):
     photographs, out = tmp_path / "photographs", tmp_path / "run"
     photographs.mkdir()
-    for k in range(3):
-        shutil.copy(camvid / "train" / f"{('A_1', 'A_2', 'B_1')[k]}.png", photographs / f"p{k}.png")
+    for name in ("A_1", "A_2", "B_1"):
+        shutil.copy(camvid / "train" / f"{name}.png", photographs / f"p{name}.png")
     flags = [
         *TINY, "--data", str(camvid), "--unlabelled", str(photographs), "--out", str(out),
         "--workers", "0", "--seeds", "1", "--final.train.steps", "6",

@@ -49,8 +49,7 @@ def test_output_that_nobody_reads_is_no_error(length):
 
 @pytest.mark.parametrize(("error", "text"), [
     (FULL, "x.json: No space left on device"),
-    (OSError("odd"), "odd"),
-    (UserError("a\nb"), "a b"),
+    (OSError("odd"), "odd"), (UserError("a\nb"), "a b"),
 ])  # fmt: skip
 def test_a_parser_says_what_is_wrong_in_one_line(error, text, capsys):
     parser = Parser("scene.x", "One.\n\n    two  three\n")

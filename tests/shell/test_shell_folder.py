@@ -14,12 +14,9 @@ from shell.folder import opened, plain, refuse_foreign
 
 ROWS = [{"name": "yaw", "low": 0.0}, {"name": "fog", "low": 0.5}]
 JOB = {
-    "seed": 0,
-    "data": Path("/data"),
-    "names": ("argmax", "spread"),
+    "seed": 0, "data": Path("/data"), "names": ("argmax", "spread"), "rows": ROWS,
     "search": {"bins": 5, "options": {"lr": 0.5}},
-    "rows": ROWS,
-}
+}  # fmt: skip
 
 
 @pytest.fixture
