@@ -27,18 +27,15 @@ def test_it_finds_the_function_the_noise_and_what_does_not_matter() -> None:
     assert surrogate.lengths[1] > 2 * surrogate.lengths[0]
     for centre in (0.2, 0.5, 0.8):
         proposal = sdr_jax.Proposal(jnp.asarray([centre, 0.5]), jnp.full(2, recorded.WIDTH))
-        assert surrogate.true_value(proposal) == pytest.approx(
-            20 + 3 * np.sin(4 * centre), abs=0.25
-        )
+        wanted = 20 + 3 * np.sin(4 * centre)
+        assert surrogate.true_value(proposal) == pytest.approx(wanted, abs=0.25)
 
 
 def test_a_wide_interval_is_worth_the_mean_over_it() -> None:
     surrogate = recorded.fit(SPACE, *made())
     everything = sdr_jax.Proposal(jnp.full(2, 0.5), jnp.ones(2))
-    centres = np.linspace(0.15, 0.85, 400)
-    assert surrogate.true_value(everything) == pytest.approx(
-        20 + 3 * np.sin(4 * centres).mean(), abs=0.3
-    )
+    wanted = 20 + 3 * np.sin(4 * np.linspace(0.15, 0.85, 400)).mean()
+    assert surrogate.true_value(everything) == pytest.approx(wanted, abs=0.3)
     many = jax.tree.map(lambda part: jnp.broadcast_to(part, (500, 2)), everything)
     rewards = surrogate.reward(jax.random.key(0), many)
     assert float(rewards.std()) == pytest.approx(surrogate.noise, rel=0.15)
@@ -50,12 +47,8 @@ def test_only_the_quick_recipes_rewards_are_collected(tmp_path) -> None:
         "key": "k", **recorded.QUICK, "reward": 0.25,
         "centre": np.asarray(relaxed.centre).tolist(), "width": [0.3, 0.3],
     }  # fmt: skip
-    others = [
-        {**good, "steps": 1000},
-        {**good, "reward": None},
-        {**good, "width": [1.0, 0.3]},
-        {**good, "side": "test"},
-    ]
+    other = ({"steps": 1000}, {"reward": None}, {"width": [1.0, 0.3]}, {"side": "test"})
+    others = [{**good, **change} for change in other]
     store, out = tmp_path / "store.jsonl", tmp_path / "data" / "record.jsonl"
     lines = [{"store": "sdr-jax evaluations, 1"}, *others, good]
     store.write_text("".join(json.dumps(line) + "\n" for line in lines))

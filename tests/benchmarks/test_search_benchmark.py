@@ -21,10 +21,8 @@ def test_values_are_means_over_the_intervals(name: str) -> None:
     problem = PROBLEMS[name](3)
     assert tuple(map(len, problem.space.groups)) == GROUPS
     rng = np.random.default_rng(0)
-    proposal = sdr_jax.slide(
-        jnp.asarray(rng.uniform(size=23), jnp.float32),
-        jnp.asarray(rng.uniform(0.05, 1, 23), jnp.float32),
-    )
+    drawn = rng.uniform(size=23), rng.uniform(0.05, 1, 23)
+    proposal = sdr_jax.slide(*(jnp.asarray(part, jnp.float32) for part in drawn))
     units = sdr_jax.draw(jax.random.key(0), proposal, 4000)
     points = sdr_jax.Proposal(units, jnp.zeros_like(units))
     sampled = np.asarray(problem.reward(jax.random.key(1), points))
@@ -69,25 +67,20 @@ def test_a_problem_of_ones_own_needs_no_jax(name: str) -> None:
         assert not isinstance(proposals.centre, jax.core.Tracer)
         return np.asarray([value(sdr_jax.Proposal(*p)) for p in zip(*proposals, strict=True)])
 
-    problem = SimpleNamespace(
-        space=sdr_jax.space(["a", "b"], bins=[2, 4]), reward=reward, true_value=value
-    )
+    space = sdr_jax.space(["a", "b"], bins=[2, 4])
+    problem = SimpleNamespace(space=space, reward=reward, true_value=value)
     found = evaluate(name, problem, 8, 0)
-    assert found in (0.0, 5.0)
-    assert evaluate(name, problem, 8, 0) == found
+    assert found in (0.0, 5.0) and evaluate(name, problem, 8, 0) == found
 
 
 def test_a_table_is_projected_to_the_bins_of_the_centres() -> None:
     table = np.arange(8.0).reshape(2, 4)
     problem = Tabular(sdr_jax.space(["a", "b"], bins=[2, 4]), table)
-    for a in range(2):
-        for b in range(4):
-            proposal = sdr_jax.relax(problem.space, np.asarray([a, b]))
-            assert problem.true_value(proposal) == table[a, b]
-    rewards = problem.reward(
-        jax.random.key(0), sdr_jax.relax(problem.space, np.asarray([[0, 3], [1, 0]]))
-    )
-    assert rewards.tolist() == [3.0, 4.0]
+    for place in np.ndindex(2, 4):
+        proposal = sdr_jax.relax(problem.space, np.asarray(place))
+        assert problem.true_value(proposal) == table[place]
+    both = sdr_jax.relax(problem.space, np.asarray([[0, 3], [1, 0]]))
+    assert problem.reward(jax.random.key(0), both).tolist() == [3.0, 4.0]
     assert evaluate("actor_critic", problem, 20, 0) == 7.0
 
 
@@ -112,14 +105,11 @@ def test_the_command_line_writes_rows(tmp_path, capsys) -> None:
     assert "| pbil" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("call", "culprit"),
-    [
-        (("simulated_annealing", 50), "unknown method 'simulated_annealing'"),
-        (("gaussian", 1), "evaluations is 1"),
-        (("pbil", 0), "evaluations is 0"),
-    ],
-)
+@pytest.mark.parametrize(("call", "culprit"), [
+    (("simulated_annealing", 50), "unknown method 'simulated_annealing'"),
+    (("gaussian", 1), "evaluations is 1"),
+    (("pbil", 0), "evaluations is 0"),
+])  # fmt: skip
 def test_bad_calls_are_refused(call: tuple, culprit: str) -> None:
     with pytest.raises(ValueError, match=culprit):
         evaluate(call[0], PROBLEMS["smooth"](0), call[1], 0)

@@ -46,24 +46,19 @@ def test_pytorch_does_the_same_work():
 @pytest.mark.parametrize(("wanted", "images"), [(None, 96), (12, 12)])
 def test_a_reward_is_split(wanted, images):
     rng = np.random.default_rng(0)
-    real = (
-        rng.integers(0, 256, (4, 48, 64, 3), np.uint8),
-        rng.integers(0, 11, (4, 48, 64), np.uint8),
-    )
+    shape = (4, 48, 64)
+    real = rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(0, 11, shape, np.uint8)
     row = benchmark.reward_row(real, steps=3, images=wanted)
     assert (row["size"], row["images"], row["scored"], row["steps"]) == ("64x48", images, 4, 3)
     parts = [row[f"{part}_s"] for part in ("render", "train", "score")]
     assert min(parts) > 0 and row["reward_s"] == pytest.approx(sum(parts))
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (["--sizes", "big"], "must look like 640x320, not 'big'"),
-        (["--repeats", "0"], "'0': expected 1 or more"),
-        (["--nets", "unet"], "invalid choice: 'unet'"),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "message"), [
+    (["--sizes", "big"], "must look like 640x320, not 'big'"),
+    (["--repeats", "0"], "'0': expected 1 or more"),
+    (["--nets", "unet"], "invalid choice: 'unet'"),
+])  # fmt: skip
 def test_arguments_that_make_no_sense(arguments, message, capsys):
     with pytest.raises(SystemExit) as error:
         benchmark.main(arguments)

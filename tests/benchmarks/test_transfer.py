@@ -2,6 +2,7 @@
 
 import json
 import math
+import sys
 
 import numpy as np
 import pytest
@@ -38,18 +39,12 @@ def write_image(root, split, name):
 def camvid(tmp_path):
     """Both splits; of the drive that steers nothing there are only broken files."""
     root = tmp_path / "camvid"
-    for split, names in {
-        "train": ["0001TP_1", "0001TP_2", "0016E5_1", "0006R0_1"],
-        "val": ["0016E5_0"],
-    }.items():
-        for name in names:
-            write_image(root, split, name)
+    for name in ("0001TP_1", "0001TP_2", "0016E5_1", "0006R0_1"):
+        write_image(root, "train", name)
+    write_image(root, "val", "0016E5_0")
     for folder in ("train", "trainannot"):
         (root / folder / "0006R0_1.png").write_bytes(b"not an image")
     return root
-
-
-# -- real images ---------------------------------------------------------------------------------
 
 
 def test_the_drive_that_results_are_reported_on_is_never_read(camvid):
@@ -70,13 +65,9 @@ def test_a_folder_without_one_of_the_drives_is_refused(camvid):
 def test_every_image_is_held_out_once_and_in_one_piece(lengths):
     sequences = [str(k) for k, length in enumerate(lengths) for _ in range(length)]
     chosen = np.stack([held_out(sequences, block) for block in range(BLOCKS)])
-    assert (chosen.sum(axis=0) == 1).all()
-    assert chosen.any(axis=1).all()
+    assert (chosen.sum(axis=0) == 1).all() and chosen.any(axis=1).all()
     ends = np.abs(np.diff(chosen.astype(int), axis=1, prepend=0, append=0)).sum(axis=1)
     assert (ends <= 2 * len(lengths)).all()
-
-
-# -- what is rendered ----------------------------------------------------------------------------
 
 
 RESHAPING = ("oversampling", "markings", "background", "of the assets")
@@ -100,17 +91,15 @@ def test_a_close_up_looks_at_its_asset(family):
     street, instance = close_up(family, 1, 0)
     chosen = street.placements[instance - FIRST_INSTANCE]
     assert chosen.family == family
-    assert [p.instance for p in street.placements] == list(
-        range(FIRST_INSTANCE, FIRST_INSTANCE + len(street.placements))
-    )
+    count = len(street.placements)
+    assert [p.instance - FIRST_INSTANCE for p in street.placements] == [*range(count)]
     camera = street.cameras[0]
     x, y = chosen.pose[:2, 3] - camera.position[:2]
     assert x == pytest.approx(DISTANCE[family])
     assert math.atan2(-y, x) == pytest.approx(camera.yaw)
     picture = close_ups(family, 1, 1, RenderSettings(64, 48))[0]
     rows, columns = np.nonzero(picture.mask)
-    assert len(rows) > 10
-    assert 20 < np.median(columns) < 44
+    assert len(rows) > 10 and 20 < np.median(columns) < 44
 
 
 @given(st.lists(st.floats(-9, 9), min_size=6, max_size=6), st.floats(0, 1), st.floats(0.1, 3))
@@ -122,16 +111,12 @@ def test_a_box_on_the_line_is_crossed_and_a_box_above_it_is_not(ends, share, hal
     assert _crossed(boxes, start, end).tolist() == [True, False]
 
 
-# -- tables --------------------------------------------------------------------------------------
-
-
 def test_worth_is_paired_by_seed():
     good, bad = np.diag([4, 4, 4]), np.array([[4, 0, 0], [0, 2, 2], [0, 2, 2]])
     rows = tables.ingredient_rows([good, bad], {"haze": [bad, bad]}, CLASSES)
     # Road and car fall from 1 to 2/6: mIoU from 1 to 5/9.
     assert rows[0]["without"] == "haze"
-    assert rows[0]["worth"] == pytest.approx(100 * (4 / 9) / 2)
-    assert rows[0]["error"] == pytest.approx(100 * (4 / 9) / 2)
+    assert rows[0]["worth"] == rows[0]["error"] == pytest.approx(100 * (4 / 9) / 2)
     assert rows[0]["gains"].startswith(("road +33.3", "car +33.3"))
     assert tables.ingredient_rows([good], {"haze": [bad]}, CLASSES)[0]["error"] is None
 
@@ -144,8 +129,8 @@ def test_tones_are_medians_beside_the_road_s_and_few_pixels_do_not_count():
     images[0], images[1] = 30, 90
     images[:, :5] *= 2
     images[1, 9, 9] = 255  # an outlier
-    rows = tables.tone_rows({"renders": (images, labels)}, ("sky", "road", "car"))
-    assert [row["class"] for row in rows] == ["sky", "road", "car"]
+    rows = tables.tone_rows({"renders": (images, labels)}, CLASSES)
+    assert [row["class"] for row in rows] == [*CLASSES]
     assert [row["renders"] for row in rows[:2]] == pytest.approx([60, 120])
     assert rows[0]["renders / road"] == pytest.approx(0.5)
     assert math.isnan(rows[2]["renders"])
@@ -154,58 +139,44 @@ def test_tones_are_medians_beside_the_road_s_and_few_pixels_do_not_count():
 def test_recognition_by_hand():
     real, renders = np.diag([2, 2, 2]), np.array([[4, 0, 0], [1, 3, 0], [0, 9, 1]])
     rows = {r["class"]: r for r in tables.recognition_rows([real], [renders], CLASSES)}
-    assert rows["car"]["real recall"] == 100
-    assert rows["car"]["render recall"] == 10
-    assert rows["car"]["render IoU"] == pytest.approx(10)
-    assert rows["car"]["taken for"] == "road 90"
+    columns = ("real recall", "render recall", "render IoU", "taken for")
+    car = [rows["car"][name] for name in columns]
+    assert car == [100, 10, pytest.approx(10), "road 90"]
     assert rows["mean"]["render recall"] == pytest.approx((100 + 75 + 10) / 3)
 
 
-# -- the command line ----------------------------------------------------------------------------
-
-
-def test_the_same_command_trains_again_only_if_the_engine_changed(
-    camvid, tmp_path, capsys, monkeypatch
-):
-    monkeypatch.setattr("benchmarks.transfer.nets.engine", lambda: "one")
+def test_only_another_engine_trains_again(camvid, tmp_path, capsys, monkeypatch):
     command = [
         "--data", str(camvid), "--out", str(tmp_path / "out"), "--json", str(tmp_path / "t.json"),
         "--only", "transfer", "--seeds", "1", "--streets", "1", "--steps", "2", "--workers", "0",
         "--width", "32", "--height", "24",
     ]  # fmt: skip
-    assert main(command) == 0
-    printed = capsys.readouterr().out
-    log = (tmp_path / "out" / "nets.jsonl").read_bytes()
-    assert len(log.splitlines()) == 2
+    log, said = tmp_path / "out" / "nets.jsonl", []
+    # The same engine twice, and another: two nets each, printed alike.
+    for engine, nets in (("one", 2), ("one", 2), ("another", 4)):
+        monkeypatch.setattr("benchmarks.transfer.nets.engine", lambda engine=engine: engine)
+        assert main(command) == 0
+        said.append(capsys.readouterr().out.splitlines()[-3:])
+        assert len(log.read_bytes().splitlines()) == nets
+    assert said[0] == said[1]
     rows = json.loads((tmp_path / "t.json").read_text())["transfer"]
     assert [row["attributes"] for row in rows] == ["random", "default"]
-    assert main(command) == 0
-    assert (tmp_path / "out" / "nets.jsonl").read_bytes() == log
-    assert capsys.readouterr().out.splitlines()[-3:] == printed.splitlines()[-3:]
-    monkeypatch.setattr("benchmarks.transfer.nets.engine", lambda: "another")
-    assert main(command) == 0
-    assert len((tmp_path / "out" / "nets.jsonl").read_bytes().splitlines()) == 4
 
 
-@pytest.mark.parametrize(
-    ("change", "complaint"),
-    [
-        (["--data", "nowhere"], "nowhere: no such folder"),
-        (["--seeds", "0"], "from 1 on, not '0'"),
-        (["--steps", "many"], "from 1 on, not 'many'"),
-        (["--only", "looks"], "invalid choice"),
-        (["--json", "nowhere/t.json"], "no place for a file"),
-        (["--out", "{data}/train.txt"], "train.txt"),
-    ],
-)
+@pytest.mark.parametrize(("change", "complaint"), [
+    (["--data", "nowhere"], "nowhere: no such folder"),
+    (["--seeds", "0"], "from 1 on, not '0'"),
+    (["--steps", "many"], "from 1 on, not 'many'"),
+    (["--only", "looks"], "invalid choice"),
+    (["--json", "nowhere/t.json"], "no place for a file"),
+    (["--out", "{data}/train.txt"], "train.txt"),
+])  # fmt: skip
 def test_bad_input_is_one_error_and_exit_code_2(camvid, capsys, change, complaint):
     (camvid / "train.txt").write_text("train/0001TP_1.png trainannot/0001TP_1.png\n")
     (camvid / "val.txt").write_text("val/0016E5_0.png valannot/0016E5_0.png\n")
     command = ["--data", str(camvid), "--workers", "0"]
     command += [word.format(data=camvid) for word in change]
-    try:
-        code = main(command)
-    except SystemExit as error:
-        code = error.code
-    assert code == 2
+    with pytest.raises(SystemExit) as end:
+        sys.exit(main(command))
+    assert end.value.code == 2
     assert complaint in capsys.readouterr().err.splitlines()[-1]

@@ -18,6 +18,7 @@ from PIL import Image
 
 from experiments.cli import main
 from experiments.config import MainConfig
+from experiments.main.job import MAIN
 from experiments.presets import defaults
 from experiments.pretrain import tuning
 from experiments.pretrain.nets import Start
@@ -26,6 +27,7 @@ from experiments.reward.miou import Outcome, Recipe, Source, Truth
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from scene.proposal import describe, slide
+from seg.train import TrainingError
 
 ROOT = Path(__file__).resolve().parents[2]
 H, W = 12, 16
@@ -52,10 +54,7 @@ def write_pair(image: Path, label: Path, seed: int, highest: int) -> None:
 def camvid(tmp_path: Path) -> Path:
     """Train (two sequences, two images each) and test (two images)."""
     root = tmp_path / "camvid"
-    for split, names in {
-        "train": ["A_1", "A_2", "B_1", "B_2"],
-        "test": ["B_8", "C_1"],
-    }.items():
+    for split, names in {"train": ["A_1", "A_2", "B_1", "B_2"], "test": ["B_8", "C_1"]}.items():
         for k, name in enumerate(names):
             write_pair(root / split / f"{name}.png", root / f"{split}annot" / f"{name}.png", k, 10)
     return root
@@ -110,6 +109,33 @@ def formula(recipe: Recipe, source: Source, seed: int, truth: Any) -> Outcome:
     return Outcome(iou, [iou] * len(recipe.classes.classes), 0.5, 1.5)
 
 
+def diverge(*task: Any) -> Any:
+    """Stands for training that fails."""
+    raise TrainingError("the loss is nan after 50 of 200 steps")
+
+
+class Counted:
+    """A formula that keeps the tasks it is given; some diverge, and all end before the one at ``limit``."""
+
+    def __init__(self, evaluate: Any = formula, limit: int = -1, failing: Any = ()) -> None:
+        self.evaluate, self.limit, self.failing = evaluate, limit, failing
+        self.calls: list[Any] = []
+
+    def __call__(self, *task: Any) -> Any:
+        if len(self.calls) == self.limit:
+            raise Killed
+        self.calls.append(task)
+        return (diverge if len(self.calls) in self.failing else self.evaluate)(*task)
+
+
+@pytest.fixture
+def counted(scored_by: Any) -> Counted:
+    """The formula above in the place of nets, with its calls."""
+    scores = Counted()
+    scored_by(scores)
+    return scores
+
+
 @pytest.fixture
 def scored_by(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[..., Outcome]], None]:
     """Puts a function in the place of rendering, training and scoring; for jobs without workers."""
@@ -130,17 +156,28 @@ def transferred(start: Start, fine: Recipe, seed: int, real: Any, chosen: Any, t
 def command(camvid: Path, scored_by: Any, monkeypatch: pytest.MonkeyPatch) -> Callable[..., int]:
     """Runs a study's command on tiny CamVid with formulas in the place of nets; returns the exit code."""
 
-    def run(
-        name: str, out: Path, *flags: str, evaluate: Any = formula, transfer: Any = transferred
-    ) -> int:
+    def run(name: str, out: Path, *flags: str, evaluate=formula, transfer=transferred) -> int:
         scored_by(evaluate)
         monkeypatch.setattr(tuning, "transfer", transfer)
-        job = import_module(f"experiments.{name}.job")
         fixed = ("--target", "camvid", "--preset", "smoke", "--data", str(camvid), "--workers", "0")
-        arguments = [*fixed, "--out", str(out), *flags]
-        return main(name, job.defaults, partial(do, job.STUDY), "", arguments)
+        return study(name, *fixed, "--out", str(out), *flags)
 
     return run
+
+
+def study(name: str, *flags: str) -> int:
+    """A study's command; returns the exit code."""
+    job = import_module(f"experiments.{name}.job")
+    work = {"fidelity": "measure", "sensitivity": "analyse"}.get(name)
+    done = getattr(job, work) if work else partial(do, job.STUDY)
+    return main(name, job.defaults, done, "", flags)
+
+
+def main_job(target: str, *flags: str) -> int:
+    """The main job's command; returns the exit code."""
+    flags = ("--preset", "smoke", "--workers", "0", *flags)
+    own, work = partial(defaults, MainConfig), partial(do, MAIN)
+    return main(target, own, work, "", flags, target=target)
 
 
 @pytest.fixture
@@ -218,6 +255,11 @@ def lines(path: Path) -> list[dict[str, Any]]:
     if not path.exists():
         return []
     return [json.loads(line) for line in path.read_bytes().split(b"\n")[:-1]]
+
+
+def untimed(log: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The lines of a log without their times."""
+    return [{k: v for k, v in line.items() if k != "elapsed"} for line in log]
 
 
 @pytest.fixture(scope="session")

@@ -1,18 +1,16 @@
 """Assets and images: which pools and streets each net sees, pairs, and what is refused."""
 
-import json
-
 import numpy as np
 import pytest
 
-from experiments.assets.job import IMAGES, STUDY, defaults, fidelity_of
+from experiments.assets.job import IMAGES, defaults, fidelity_of
 from experiments.assets.report import FORM
 from experiments.presets import PRESETS, TARGETS
-from experiments.study.skeleton import check
 from experiments.study.stats import paired_gain
 from scene.proposal import default_proposal, random_proposal
+from shell.files import read_json
 
-from .conftest import formula
+from .conftest import Counted, formula
 
 
 @pytest.fixture
@@ -20,15 +18,14 @@ def assets(command, tmp_path):
     """Studies on tiny CamVid, half the assets costing a little; returns report and calls."""
 
     def start(*flags):
-        calls: list[tuple] = []
+        def less(recipe, source, seed, truth):
+            costs = 0 if recipe.pool.fraction == 1 else 1 + seed % 2
+            return formula(recipe, source, 10 * seed + 20 - costs, truth)
 
-        def counted(recipe, source, seed, truth):
-            calls.append((recipe, source, seed))
-            less = 0 if recipe.pool.fraction == 1 else 1 + seed % 2
-            return formula(recipe, source, 10 * seed + 20 - less, truth)
-
-        assert command("assets", tmp_path / "run", *flags, evaluate=counted) == 0
-        return json.loads((tmp_path / "run" / "assets.json").read_text()), calls
+        scores = Counted(less)
+        assert command("assets", tmp_path / "run", *flags, evaluate=scores) == 0
+        calls = [task[:3] for task in scores.calls]
+        return read_json(tmp_path / "run" / "assets.json"), calls
 
     return start
 
@@ -37,7 +34,6 @@ def assets(command, tmp_path):
 @pytest.mark.parametrize("target", TARGETS)
 def test_presets_are_sound(target, preset):
     config = defaults(target, preset)
-    check(STUDY, config)
     assert config.fractions == (1.0, 0.5) and config.seeds >= 2
     if preset != "smoke":
         assert config.images == IMAGES

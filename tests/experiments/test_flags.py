@@ -11,53 +11,36 @@ import tyro
 
 from experiments.cli import main
 from experiments.config import MainConfig, check, make_space
-from experiments.main.job import MAIN
 from experiments.presets import CAMVID_GROUPS, CITYSCAPES_GROUPS, PRESETS, TARGETS, defaults
 from experiments.run.learn import plan_of
-from experiments.study.skeleton import do
 from experiments.target.twin import FIRST_ASSET
 from scene.attributes import NAMES
 from shell.command import UNREAD
 
-from .conftest import ROOT
-
-
-def run(*arguments: str, target: str = "twin") -> int:
-    own, work = partial(defaults, MainConfig), partial(do, MAIN)
-    return main("cityscapes", own, work, "", ["--workers", "0", *arguments], target=target)
+from .conftest import ROOT, main_job
 
 
 def parse(*arguments: str) -> MainConfig:
     return tyro.cli(MainConfig, default=defaults(MainConfig, "twin", "smoke"), args=arguments)
 
 
-@pytest.mark.parametrize("groups", [CITYSCAPES_GROUPS, CAMVID_GROUPS])
-def test_groups_are_six_and_a_partition_of_the_23(groups):
-    members = [name for group in groups for name in group]
-    assert len(groups) == 6
-    assert len(members) == 23 and set(members) == set(NAMES)
-
-
-def test_groups_are_the_papers():
+def test_groups_are_the_papers_and_a_partition_of_the_23():
     # Cityscapes: 7 positions; 8 densities in four pairs; 8 of the environment.
     assert [len(group) for group in CITYSCAPES_GROUPS] == [7, 2, 2, 2, 2, 8]
     assert all(name.endswith("_position") for name in CITYSCAPES_GROUPS[0])
     assert CITYSCAPES_GROUPS[1:5] == (
-        ("building_probability", "building_interval"),
-        ("fence_interval", "tree_interval"),
-        ("bicycle_interval", "person_interval"),
-        ("pole_interval", "car_interval"),
-    )
+        ("building_probability", "building_interval"), ("fence_interval", "tree_interval"),
+        ("bicycle_interval", "person_interval"), ("pole_interval", "car_interval"),
+    )  # fmt: skip
     # CamVid: positions in four, 2 + 2 + 2 + 1; 8 densities; 8 of the environment.
     assert [len(group) for group in CAMVID_GROUPS] == [2, 2, 2, 1, 8, 8]
     assert CAMVID_GROUPS[:4] == (
-        ("building_position", "fence_position"),
-        ("tree_position", "pole_position"),
-        ("bicycle_position", "person_position"),
-        ("car_position",),
-    )
+        ("building_position", "fence_position"), ("tree_position", "pole_position"),
+        ("bicycle_position", "person_position"), ("car_position",),
+    )  # fmt: skip
     for groups in (CITYSCAPES_GROUPS, CAMVID_GROUPS):
         assert all(name.startswith(("illumination", "camera")) for name in groups[-1])
+        assert sorted(name for group in groups for name in group) == sorted(NAMES)
 
 
 @pytest.mark.parametrize("target", TARGETS)
@@ -116,7 +99,7 @@ def test_any_partition_can_be_given_as_groups():
 
 def test_help_names_every_flag_and_what_it_means(capsys):
     with pytest.raises(SystemExit) as end:
-        run("--help")
+        main_job("cityscapes", "--help")
     assert end.value.code == 0
     text = capsys.readouterr().out
     for field in fields(MainConfig):
@@ -126,80 +109,74 @@ def test_help_names_every_flag_and_what_it_means(capsys):
     assert "NAME,NAME,..." in text
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--reward.train.lr", "0"], ["--reward.train.lr", "positive"]),
-        (["--reward.train.lr", "nan"], ["--reward.train.lr", "positive"]),
-        (["--final.train.steps", "0"], ["--final.train.steps", "1 or more"]),
-        (["--final.train.predict-batch", "0"], ["--final.train.predict-batch", "1 or more"]),
-        (["--reward.train.warmup", "-1"], ["--reward.train.warmup", "0 or more"]),
-        (["--reward.width", "60"], ["--reward.width", "multiples of 8", "60x32"]),
-        (["--final.height", "0"], ["--final", "64x0"]),
-        (["--final.samples", "9"], ["--final", "samples", "1..8"]),
-        (["--reward.streets", "0"], ["--reward.streets", "1 or more"]),
-        (["--reward.shots", "0"], ["--reward.shots", "1 or more"]),
-        (["--search.bins", "1"], ["--search.bins", "2 or more"]),
-        (["--search.updates-per-group", "0"], ["--search.updates-per-group", "1 or more"]),
-        (["--search.datasets-per-update", "1"], ["leave_one_out", "2 or more"]),
-        (["--search.learning-rate", "-1"], ["--search.learning-rate", "positive"]),
-        (["--search.relaxation", "2"], ["--search.relaxation", "[0, 1]"]),
-        (
-            ["--search.relaxation", "2", "--search.method", "random_search"],
-            ["--search.relaxation", "[0, 1]"],
-        ),
-        (["--candidates"], ["--candidates", "at least one"]),
-        (["--candidates", "spread", "spread"], ["--candidates", "twice"]),
-        (["--groups", ",".join(NAMES[1:])], ["--groups", NAMES[0], "in no group"]),
-        (["--groups", "hats"], ["--groups", "unknown", "'hats'"]),
-        (["--groups", ",".join(NAMES), NAMES[2]], ["--groups", NAMES[2]]),
-        (["--seeds", "0"], ["--seeds", "1 or more"]),
-        (["--candidate-seeds", "0"], ["--candidate-seeds", "1 or more"]),
-        (["--reward-images", "0"], ["--reward-images", "1 or more"]),
-        (["--test-images", "-3"], ["--test-images", "1 or more"]),
-        (["--asset-count", "0"], ["--asset-count", "1 or more"]),
-        (["--asset-count", str(FIRST_ASSET)], ["--asset-count", "less than"]),
-        (["--asset-fraction", "0"], ["--asset-fraction", "(0, 1]"]),
-        (["--asset-use", "own"], ["--asset-use 'own'", "folder"]),
-        (["--assets", "/no/such"], ["--assets", "/no/such", "not there"]),
-        (["--workers", "-1"], ["--workers", "0 or more"]),
-        (["--seed", "-1"], ["--seed", "0 or more"]),
-        (["--seed", str(2**31)], ["--seed", "less than"]),
-        (["--twin-seed", "-1"], ["--twin-seed", "0 or more"]),
-        (["--default-width", "1.5"], ["--default-width", "[0, 1]"]),
-        (["--holdout", "ulm"], ["--holdout", "--data", "twin"]),
-        (["--test-split", "val"], ["--test-split", "--data", "twin"]),
-        (["--data", "/no/such"], ["/no/such", "no such folder", "leftImg8bit"]),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["--reward.train.lr", "0"], ["--reward.train.lr", "positive"]),
+    (["--reward.train.lr", "nan"], ["--reward.train.lr", "positive"]),
+    (["--final.train.steps", "0"], ["--final.train.steps", "1 or more"]),
+    (["--final.train.predict-batch", "0"], ["--final.train.predict-batch", "1 or more"]),
+    (["--reward.train.warmup", "-1"], ["--reward.train.warmup", "0 or more"]),
+    (["--reward.width", "60"], ["--reward.width", "multiples of 8", "60x32"]),
+    (["--final.height", "0"], ["--final", "64x0"]),
+    (["--final.samples", "9"], ["--final", "samples", "1..8"]),
+    (["--reward.streets", "0"], ["--reward.streets", "1 or more"]),
+    (["--reward.shots", "0"], ["--reward.shots", "1 or more"]),
+    (["--search.bins", "1"], ["--search.bins", "2 or more"]),
+    (["--search.updates-per-group", "0"], ["--search.updates-per-group", "1 or more"]),
+    (["--search.datasets-per-update", "1"], ["leave_one_out", "2 or more"]),
+    (["--search.learning-rate", "-1"], ["--search.learning-rate", "positive"]),
+    (["--search.relaxation", "2"], ["--search.relaxation", "[0, 1]"]),
+    (
+        ["--search.relaxation", "2", "--search.method", "random_search"],
+        ["--search.relaxation", "[0, 1]"],
+    ),
+    (["--candidates"], ["--candidates", "at least one"]),
+    (["--candidates", "spread", "spread"], ["--candidates", "twice"]),
+    (["--groups", ",".join(NAMES[1:])], ["--groups", NAMES[0], "in no group"]),
+    (["--groups", "hats"], ["--groups", "unknown", "'hats'"]),
+    (["--groups", ",".join(NAMES), NAMES[2]], ["--groups", NAMES[2]]),
+    (["--seeds", "0"], ["--seeds", "1 or more"]),
+    (["--candidate-seeds", "0"], ["--candidate-seeds", "1 or more"]),
+    (["--reward-images", "0"], ["--reward-images", "1 or more"]),
+    (["--test-images", "-3"], ["--test-images", "1 or more"]),
+    (["--asset-count", "0"], ["--asset-count", "1 or more"]),
+    (["--asset-count", str(FIRST_ASSET)], ["--asset-count", "less than"]),
+    (["--asset-fraction", "0"], ["--asset-fraction", "(0, 1]"]),
+    (["--asset-use", "own"], ["--asset-use 'own'", "folder"]),
+    (["--assets", "/no/such"], ["--assets", "/no/such", "not there"]),
+    (["--workers", "-1"], ["--workers", "0 or more"]),
+    (["--seed", "-1"], ["--seed", "0 or more"]),
+    (["--seed", str(2**31)], ["--seed", "less than"]),
+    (["--twin-seed", "-1"], ["--twin-seed", "0 or more"]),
+    (["--default-width", "1.5"], ["--default-width", "[0, 1]"]),
+    (["--holdout", "ulm"], ["--holdout", "--data", "twin"]),
+    (["--test-split", "val"], ["--test-split", "--data", "twin"]),
+    (["--data", "/no/such"], ["/no/such", "no such folder", "leftImg8bit"]),
+])  # fmt: skip
 def test_a_wrong_option_is_one_line_and_exit_code_2(arguments, words, error_line, tmp_path):
     out = tmp_path / "new" / "run"
     target = "cityscapes" if "--data" in arguments else "twin"
-    assert run("--out", str(out), "--preset", "smoke", *arguments, target=target) == 2
+    assert main_job(target, "--out", str(out), *arguments) == 2
     line = error_line()
     for word in words:
         assert word in line
     assert not out.parent.exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (["--preset", "huge"], ["--preset", "smoke", "quick", "paper"]),
-        (["--preset=huge"], ["--preset", "smoke", "quick", "paper"]),
-        (["--seeds", "two"], ["--seeds", "INT"]),
-        (["--search.method", "magic"], ["--search.method", "actor_critic", "tpe"]),
-        (["--renderer", "vulkan"], ["--renderer", "embree", "opengl"]),
-        (["--final.train.net", "resnet"], ["--final.train.net", "compact", "deeplabv2"]),
-        (["--reward.train.optimizer", "lion"], ["--reward.train.optimizer", "adam", "sgd"]),
-        (["--candidates", "best"], ["--candidates", "argmax", "broad"]),
-        (["--colour", "red"], ["--colour"]),
-        (["--target", "camvid"], ["--target"]),
-    ],
-)
+@pytest.mark.parametrize(("arguments", "words"), [
+    (["--preset", "huge"], ["--preset", "smoke", "quick", "paper"]),
+    (["--preset=huge"], ["--preset", "smoke", "quick", "paper"]),
+    (["--seeds", "two"], ["--seeds", "INT"]),
+    (["--search.method", "magic"], ["--search.method", "actor_critic", "tpe"]),
+    (["--renderer", "vulkan"], ["--renderer", "embree", "opengl"]),
+    (["--final.train.net", "resnet"], ["--final.train.net", "compact", "deeplabv2"]),
+    (["--reward.train.optimizer", "lion"], ["--reward.train.optimizer", "adam", "sgd"]),
+    (["--candidates", "best"], ["--candidates", "argmax", "broad"]),
+    (["--colour", "red"], ["--colour"]),
+    (["--target", "camvid"], ["--target"]),
+])  # fmt: skip
 def test_what_the_parser_refuses_has_exit_code_2(arguments, words, capsys):
     with pytest.raises(SystemExit) as end:
-        run("--workers", "0", *arguments)
+        main_job("twin", *arguments)
     assert end.value.code == 2
     error = capsys.readouterr().err
     assert all(word in error for word in words)
@@ -220,10 +197,10 @@ def test_output_that_nobody_reads_is_no_error():
 def test_camvid_takes_its_folder_from_the_variable(monkeypatch, error_line, tmp_path):
     monkeypatch.chdir(tmp_path)
     monkeypatch.delenv("CAMVID_DIR", raising=False)
-    assert run("--preset", "smoke", target="camvid") == 2
+    assert main_job("camvid") == 2
     assert "--data DIR" in error_line()
     monkeypatch.setenv("CAMVID_DIR", "/no/such")
-    assert run("--preset", "smoke", target="camvid") == 2
+    assert main_job("camvid") == 2
     assert error_line().startswith("error: /no/such: no such folder")
     assert list(tmp_path.iterdir()) == []
 

@@ -10,30 +10,16 @@ from hypothesis import strategies as st
 from experiments.config import MainConfig, check
 from experiments.presets import PRESETS, TARGETS, defaults
 from experiments.reward.miou import Outcome
+from experiments.run import ladder
 from experiments.run.context import opened
-from experiments.run.ladder import (
-    FINALISTS,
-    Rung,
-    best_of,
-    climb,
-    cost_of,
-    fidelities,
-    hopeless,
-    kept,
-    ladder,
-    middle,
-    most_cost,
-    most_nets,
-)
 from experiments.run.learn import BROAD, CANDIDATE_SEED, candidate, distinct, learn, work_of
 from experiments.run.search import Found
-from scene.proposal import Proposal, random_proposal, slide
-from seg.train import TrainingError
+from scene.proposal import random_proposal, slide
 
-from .conftest import Killed, lines
+from .conftest import Counted, Killed, lines
 
 LOW = defaults(MainConfig, "camvid", "smoke").reward
-RUNGS = tuple(Rung(LOW, tuple(range(100 * k, 100 * k + n))) for k, n in enumerate((8, 4, 2)))
+RUNGS = tuple(ladder.Rung(LOW, tuple(range(100 * k, 100 * k + n))) for k, n in enumerate((8, 4, 2)))
 
 
 @pytest.fixture
@@ -52,16 +38,14 @@ def test_candidates_by_hand(found):
     broad = candidate("broad", found)
     np.testing.assert_allclose(broad.centre, np.full(23, BROAD / 2), rtol=1e-6)
     np.testing.assert_allclose(broad.width, np.full(23, BROAD), rtol=1e-6)
-
-
-def test_twins_hold_one_place(found):
+    # Twins hold one place.
     proposals = {"argmax": found.solution, "spread": found.solution, "random": random_proposal()}
     assert distinct(proposals) == ["argmax", "random"]
 
 
 def test_the_middle_by_hand():
     config = defaults(MainConfig, "camvid", "quick")
-    between = middle(config.reward, config.final)
+    between = ladder.middle(config.reward, config.final)
     # sqrt(64 128) = 90.5 and sqrt(48 96) = 67.9, in multiples of 8; sqrt(12 50), sqrt(200 1000).
     assert between.size == "88x64"
     assert (between.streets, between.shots, between.train.steps) == (24, 8, 447)
@@ -72,18 +56,19 @@ def test_the_middle_by_hand():
 @pytest.mark.parametrize("target", TARGETS)
 def test_rungs_lead_from_the_reward_to_the_final_fidelity(target, preset):
     config = defaults(MainConfig, target, preset)
-    rungs = ladder(config.reward, config.final, 3, config.seed)
+    rungs = ladder.ladder(config.reward, config.final, 3, config.seed)
     assert (rungs[0].fidelity, rungs[-1].fidelity) == (config.reward, config.final)
-    costs = [cost_of(rung.fidelity) for rung in rungs]
+    costs = [ladder.cost_of(rung.fidelity) for rung in rungs]
     assert costs == sorted(costs)
     assert [len(rung.seeds) for rung in rungs] == [12, 6, 3]
-    assert len(fidelities(config.final, config.final)) == 1
+    assert len(ladder.fidelities(config.final, config.final)) == 1
 
 
 @given(st.integers(0, 2**31 - 1), st.integers(1, 1000))
 def test_rungs_candidates_and_rows_share_no_seed(seed, nets):
     config = defaults(MainConfig, "camvid", "smoke")
-    seeds = [s for rung in ladder(config.reward, config.final, nets, seed) for s in rung.seeds]
+    rungs = ladder.ladder(config.reward, config.final, nets, seed)
+    seeds = [s for rung in rungs for s in rung.seeds]
     first = CANDIDATE_SEED + seed
     others = [*range(seed, seed + 1000), *range(first, first + nets)]
     assert len({*seeds, *others}) == len(seeds) + len(others)
@@ -92,27 +77,27 @@ def test_rungs_candidates_and_rows_share_no_seed(seed, nets):
 
 def test_hopeless_by_hand():
     # d = -1, -2, -3: mean -2, s = 1, t(0.95, 2) = 2.92, so the upper end is -2 + 2.92 / sqrt(3) < 0.
-    assert hopeless([0, 0, 0], [1, 2, 3])
-    assert hopeless([0, np.nan, 0, 0], [1, 9, 2, 3])  # a pair with a failed net tells nothing
-    assert not hopeless([0, 0, 0], [1, 2, 3], confidence=0.99)  # t = 6.96
-    assert not hopeless([0], [100])  # nor does one pair
-    assert not hopeless([1, 2], [1, 2])
-    assert best_of({"a": [np.nan], "b": [0.1, np.nan]}, "ab") == "b"
+    assert ladder.hopeless([0, 0, 0], [1, 2, 3])
+    assert ladder.hopeless([0, np.nan, 0, 0], [1, 9, 2, 3])  # failed nets tell nothing
+    assert not ladder.hopeless([0, 0, 0], [1, 2, 3], confidence=0.99)  # t = 6.96
+    assert not ladder.hopeless([0], [100])  # nor does one pair
+    assert not ladder.hopeless([1, 2], [1, 2])
+    assert ladder.best_of({"a": [np.nan], "b": [0.1, np.nan]}, "ab") == "b"
 
 
 @given(st.lists(st.floats(0, 1), min_size=2, max_size=6), st.floats(-1, 1))
 def test_noise_that_pairs_share_does_not_matter(values, shift):
     ours, best = np.array(values), np.array(values[::-1])
-    assert not (hopeless(ours, best) and hopeless(best, ours))
+    assert not (ladder.hopeless(ours, best) and ladder.hopeless(best, ours))
     both = ours + shift, best + shift
     if abs(np.mean(ours - best)) > 1e-6:  # rounding decides nothing
-        assert hopeless(*both) == hopeless(ours, best)
+        assert ladder.hopeless(*both) == ladder.hopeless(ours, best)
 
 
 def test_kept_by_hand():
-    assert [kept(n) for n in (1, 2, 3, 4, 5, 8)] == [1, 2, FINALISTS, 2, 3, 4]
-    assert most_nets(8, RUNGS) == [64, 16, 4]
-    assert most_cost(8, RUNGS) == pytest.approx(84 * cost_of(LOW))
+    assert [ladder.kept(n) for n in (1, 2, 3, 4, 5, 8)] == [1, 2, ladder.FINALISTS, 2, 3, 4]
+    assert ladder.most_nets(8, RUNGS) == [64, 16, 4]
+    assert ladder.most_cost(8, RUNGS) == pytest.approx(84 * ladder.cost_of(LOW))
 
 
 class Scores:
@@ -123,14 +108,12 @@ class Scores:
 
     def __call__(self, number, names, seeds):
         self.asked.append((number, tuple(names), tuple(seeds)))
-        shared = {s: np.random.default_rng(s).normal() for s in seeds}
-        return {
-            n: [
-                self.worth[n] + shared[s] + self.own * np.random.default_rng([s, k]).normal()
-                for s in seeds
-            ]
-            for k, n in enumerate(names)
-        }
+
+        def score(k, name, seed):
+            noise = np.random.default_rng(seed).normal()
+            return self.worth[name] + noise + self.own * np.random.default_rng([seed, k]).normal()
+
+        return {name: [score(k, name, s) for s in seeds] for k, name in enumerate(names)}
 
     def nets(self):
         return sum(len(names) * len(seeds) for _, names, seeds in self.asked)
@@ -138,7 +121,7 @@ class Scores:
 
 def test_the_hopeless_leave_at_once():
     scores = Scores(dict(a=0.1, b=0.2, c=0.9, d=0.3))
-    best, finals = climb("abcd", RUNGS, scores)
+    best, finals = ladder.climb("abcd", RUNGS, scores)
     # Paired, the noise of seeds cancels: half of the first rung settles it.
     assert best == "c" and scores.asked[0] == (0, tuple("abcd"), (0, 1, 2, 3))
     assert scores.asked[1] == (2, ("c",), (200,)) and set(finals) == {"c"}
@@ -148,7 +131,7 @@ def test_the_hopeless_leave_at_once():
 def test_the_worse_half_leaves_at_each_rung():
     worth = {name: 0.01 * k for k, name in enumerate("abcdefgh")}
     scores = Scores(worth, own_noise=3.0)
-    best, finals = climb(tuple(worth), RUNGS, scores)
+    best, finals = ladder.climb(tuple(worth), RUNGS, scores)
     entered = {number: set(names) for number, names, _ in reversed(scores.asked)}
     assert len(entered[0]) == 8 and len(entered[1]) <= 4 and len(entered[2]) <= 2
     assert entered[2] <= entered[1] <= entered[0] and best in entered[2] == set(finals)
@@ -159,38 +142,27 @@ def test_the_worse_half_leaves_at_each_rung():
 @given(st.permutations([0.0, 0.1, 0.2, 0.3, 0.4]))
 def test_without_noise_the_best_wins(order):
     worth = dict(zip("abcde", order, strict=True))
-    best, _ = climb(tuple(worth), RUNGS, Scores(worth))
-    assert best == best_of({name: [value] for name, value in worth.items()}, tuple(worth))
+    best, _ = ladder.climb(tuple(worth), RUNGS, Scores(worth))
+    assert best == ladder.best_of({name: [value] for name, value in worth.items()}, tuple(worth))
 
 
 @given(st.integers(1, 9), st.floats(0, 2))
 def test_it_never_trains_more_nets_than_planned(count, noise):
     names = "abcdefghi"[:count]
     scores = Scores({name: 0.1 * k for k, name in enumerate(names)}, noise)
-    climb(names, RUNGS, scores)
-    assert scores.nets() <= sum(most_nets(count, RUNGS))
+    ladder.climb(names, RUNGS, scores)
+    assert scores.nets() <= sum(ladder.most_nets(count, RUNGS))
 
 
-class Wide:
-    """Worth more the wider a proposal is; counts, and may die or fail."""
-
-    def __init__(self) -> None:
-        self.calls: list[tuple] = []
-        self.limit, self.failing = -1, ()
-
-    def __call__(self, recipe, source: Proposal, seed, truth) -> Outcome:
-        if len(self.calls) == self.limit:
-            raise Killed
-        self.calls.append((recipe.fidelity, seed, truth.images.shape))
-        if len(self.calls) in self.failing:
-            raise TrainingError("the loss is nan")
-        return Outcome(source.width.mean() / 2 + seed % 97 / 1000, [], 0.1, 0.2)
+def wide(recipe, source, seed, truth) -> Outcome:
+    """Worth more the wider a proposal is."""
+    return Outcome(source.width.mean() / 2 + seed % 97 / 1000, [], 0.1, 0.2)
 
 
 @pytest.fixture
 def job(tiny_camvid, scored_by):
     """Learns with a reward by a formula; the search is one of six updates."""
-    scores = Wide()
+    scores = Counted(wide)
     scored_by(scores)
 
     def work(**changes):
@@ -232,9 +204,10 @@ def test_candidates_climb_on_the_reward_images_of_each_size(job):
     work, scores = job
     learnt, progress, config = work(**LADDER)
     assert learnt.chosen == "random" and learnt.chosen in learnt.scores
-    for fidelity, _, shape in scores.calls:
-        assert shape == (4, fidelity.height, fidelity.width, 3)
-    assert scores.calls[0][0] == config.reward and scores.calls[-1][0] == config.final
+    for recipe, *_, truth in scores.calls:
+        assert truth.images.shape == (4, recipe.fidelity.height, recipe.fidelity.width, 3)
+    first, *_, last = (recipe.fidelity for recipe, *_ in scores.calls)
+    assert (first, last) == (config.reward, config.final)
     kinds = [line["nets"] for line in lines(config.out / "finals.jsonl")]
     assert len(kinds) == len(scores.calls) - 12 and set(kinds) <= {"rung-1", "rung-2", "rung-3"}
     assert progress.left is not None and progress.left < 1e-6

@@ -1,10 +1,10 @@
 """The whole job from the command line: what it leaves, and that kills do not change the answer."""
 
-import json
 import os
 import signal
 import time
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,11 +14,13 @@ from experiments.config import MainConfig
 from experiments.main.summary import ROWS
 from experiments.presets import defaults
 from experiments.reward.miou import Recipe, Truth, evaluate_miou, worker_environment
+from experiments.reward.store import LOGS
 from scene.attributes import NAMES
 from scene.proposal import random_proposal
 from scene.render.__main__ import main as scene_render
 from scene.workers import WorkerPool
 from seg.data import read_cityscapes
+from shell.files import read_json
 
 from .conftest import TINY, Job, lines
 
@@ -78,33 +80,21 @@ def test_the_run_folder_is_complete(unbroken):
         assert min(Image.open(path).size) > 200
     dataset = read_cityscapes(out / "dataset", "train")
     assert dataset.images.shape == (6, 32, 64, 3)
-    assert len(lines(out / "evaluations.jsonl")) == 12
-    assert len(lines(out / "finals.jsonl")) == 1 + 4 * 2
-
-
-def test_the_summary_has_what_scripts_rely_on(unbroken):
-    out, _ = unbroken
-    summary = json.loads((out / "summary.json").read_text())
-    assert (summary["target"], summary["real"], summary["preset"]) == ("twin", False, "smoke")
+    assert [len(lines(out / log)) for log in LOGS] == [12, 1 + 4 * 2]
+    summary = read_json(out / "summary.json")
     assert (summary["reward_images"], summary["test_images"]) == (8, 8)
-    assert summary["evaluations"] == 12
-    assert set(summary["seconds"]) == {"render", "train", "total"}
-    assert set(summary["rows"]) == set(ROWS)
-    for row in ROWS:
-        entry = summary["rows"][row]
+    assert summary["evaluations"] == 12 and set(summary["rows"]) == set(ROWS)
+    for entry in summary["rows"].values():
         assert len(entry["miou"]) == 2 and len(entry["per_class"]) == 19
         assert entry["ci95"][0] <= entry["mean"] <= entry["ci95"][1]
         assert all(0 <= miou <= 100 for miou in entry["miou"])
     differences = np.subtract(summary["learnt"]["miou"], summary["random"]["miou"])
     assert summary["gain"]["mean"] == pytest.approx(differences.mean())
     assert set(summary["recovery"]["by_attribute"]) == set(NAMES)
-    attributes = json.loads((out / "attributes.json").read_text())
-    assert list(attributes) == list(NAMES)
+    assert list(read_json(out / "attributes.json")) == list(NAMES)
 
 
-def test_stopped_and_killed_it_ends_with_the_answer_of_an_unbroken_run(
-    unbroken, start_job, tmp_path
-):
+def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_path):
     out = tmp_path / "broken"
 
     job = start_job(out, *TINY)
@@ -138,37 +128,32 @@ def test_stopped_and_killed_it_ends_with_the_answer_of_an_unbroken_run(
 
     whole, _ = unbroken
     assert (out / "attributes.json").read_bytes() == (whole / "attributes.json").read_bytes()
-    found, wanted = (json.loads((p / "summary.json").read_text()) for p in (out, whole))
+    found, wanted = (read_json(p / "summary.json") for p in (out, whole))
     assert {k: found[k] for k in SCORES} == {k: wanted[k] for k in SCORES}
     assert found.keys() == wanted.keys()
-    np.testing.assert_array_equal(
-        np.load(out / "pictures" / "probabilities.npy"),
-        np.load(whole / "pictures" / "probabilities.npy"),
-    )
-    theirs = read_cityscapes(whole / "dataset", "train")
-    ours = read_cityscapes(out / "dataset", "train")
-    np.testing.assert_array_equal(ours.images, theirs.images)
-    np.testing.assert_array_equal(ours.labels, theirs.labels)
+    assert files_of(out / "dataset") == files_of(whole / "dataset")
+    file = Path("pictures") / "probabilities.npy"
+    np.testing.assert_array_equal(np.load(out / file), np.load(whole / file))
+
+
+def files_of(root: Path) -> dict[Path, bytes]:
+    """All files of a folder."""
+    return {p.relative_to(root): p.read_bytes() for p in root.rglob("*") if p.is_file()}
 
 
 def test_the_engine_alone_makes_the_runs_dataset_again(unbroken, tmp_path):
     """One draw: a run's attributes.json and seed are all that its dataset needs."""
     out, _ = unbroken
-    config = json.loads((out / "config.json").read_text())
+    config = read_json(out / "config.json")
     final = config["final"]
-    code = scene_render(
-        [
-            "--attributes", str(out / "attributes.json"), "--seed", str(config["seed"]),
-            "--images", str(final["streets"] * final["shots"]), "--shots", str(final["shots"]),
-            "--size", f"{final['width']}x{final['height']}", "--samples", str(final["samples"]),
-            "--asset-count", str(config["asset_count"]), "--workers", "0", "--out", str(tmp_path / "again"),
-        ]
-    )  # fmt: skip
+    code = scene_render([
+        "--attributes", str(out / "attributes.json"), "--seed", str(config["seed"]),
+        "--images", str(final["streets"] * final["shots"]), "--shots", str(final["shots"]),
+        "--size", f"{final['width']}x{final['height']}", "--samples", str(final["samples"]),
+        "--asset-count", str(config["asset_count"]), "--workers", "0", "--out", str(tmp_path / "again"),
+    ])  # fmt: skip
     assert code == 0
-    ours, theirs = (
-        {p.relative_to(root): p.read_bytes() for p in root.rglob("*") if p.is_file()}
-        for root in (out / "dataset", tmp_path / "again")
-    )
+    ours, theirs = files_of(out / "dataset"), files_of(tmp_path / "again")
     assert ours == theirs and len(ours) > 20
 
 
@@ -176,19 +161,16 @@ def test_rewards_do_not_depend_on_the_number_of_workers():
     config = defaults(MainConfig, "twin", "smoke")
     fidelity = replace(config.reward, train=replace(config.reward.train, steps=4))
     recipe = Recipe(fidelity, "cityscapes", "embree", config.pool)
-    rng = np.random.default_rng(0)
-    truth = Truth(
-        rng.integers(0, 256, (3, 32, 64, 3), dtype=np.uint8),
-        rng.integers(0, 19, (3, 32, 64), dtype=np.uint8),
-    )
+    rng, size = np.random.default_rng(0), (3, 32, 64)
+    images = rng.integers(0, 256, (*size, 3), dtype=np.uint8)
+    truth = Truth(images, rng.integers(0, 19, size, dtype=np.uint8))
     tasks = [(recipe, random_proposal(), seed, truth) for seed in (1, 2**32 - 1)]
     found = []
     for workers in (0, 1, 2):
         with WorkerPool(workers, worker_environment()) as pool:
             answers = dict(pool.map(evaluate_miou, tasks))
         found.append([(answers[k].reward, answers[k].class_iou) for k in range(2)])
-    assert found[0] == found[1] == found[2]
-    assert found[0][0] != found[0][1]
+    assert found[0] == found[1] == found[2] and found[0][0] != found[0][1]
 
 
 def test_smoke_run_on_real_camvid(camvid_dir, start_job, tmp_path):
@@ -197,7 +179,7 @@ def test_smoke_run_on_real_camvid(camvid_dir, start_job, tmp_path):
     assert (code, stderr) == (0, "")
     first = stdout.splitlines()[0]
     assert first.startswith("Target: camvid") and "reported on sequence 0006R0" in first
-    summary = json.loads((tmp_path / "run" / "summary.json").read_text())
+    summary = read_json(tmp_path / "run" / "summary.json")
     assert (summary["target"], summary["real"]) == ("camvid", True)
     assert (summary["reward_images"], summary["test_images"]) == (8, 8)
     assert "recovery" not in summary

@@ -1,16 +1,12 @@
 """The reward without labels: that none are read, what it prefers, and that a run goes on with its net."""
 
-import json
 import shutil
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 import pytest
 
-from experiments.cli import main
 from experiments.config import MainConfig, check
-from experiments.main.job import MAIN
 from experiments.presets import defaults
 from experiments.reward import mmd as module
 from experiments.reward.evaluator import Evaluator, Job, Memory, about
@@ -19,7 +15,6 @@ from experiments.reward.mmd import FILE, FeatureNet, evaluate_mmd, feature_net
 from experiments.reward.store import Log
 from experiments.run.context import opened
 from experiments.run.learn import learn, work_of
-from experiments.study.skeleton import do
 from experiments.target.base import Split, Target
 from experiments.target.named import named_target
 from scene.attributes import NAMES
@@ -27,10 +22,10 @@ from scene.proposal import random_proposal
 from scene.workers import WorkerPool
 from seg.data import RealSet
 from seg.mmd import mmd2
-from seg.train import TrainingError
 from shell.errors import UserError
+from shell.files import read_json
 
-from .conftest import TINY, lines
+from .conftest import TINY, diverge, lines, main_job
 
 VOID = 255
 
@@ -75,18 +70,17 @@ def net(recipe, tmp_path_factory) -> FeatureNet:
 def test_a_folder_without_labels_gives_the_reward_from_the_command_line(camvid, tmp_path, capsys):
     photographs, out = tmp_path / "photographs", tmp_path / "run"
     photographs.mkdir()
-    for k in range(3):
-        shutil.copy(camvid / "train" / f"{('A_1', 'A_2', 'B_1')[k]}.png", photographs / f"p{k}.png")
+    for name in ("A_1", "A_2", "B_1"):
+        shutil.copy(camvid / "train" / f"{name}.png", photographs / f"p{name}.png")
     flags = [
         *TINY, "--data", str(camvid), "--unlabelled", str(photographs), "--out", str(out),
-        "--seeds", "1", "--final.train.steps", "6", "--workers", "0",
+        "--workers", "0", "--seeds", "1", "--final.train.steps", "6",
     ]  # fmt: skip
-    own, work = partial(defaults, MainConfig), partial(do, MAIN)
-    assert main("camvid", own, work, "", flags, target="camvid") == 2
+    assert main_job("camvid", *flags) == 2
     assert "--unlabelled needs --reward-kind mmd" in capsys.readouterr().err
-    assert main("camvid", own, work, "", [*flags, "--reward-kind", "mmd"], target="camvid") == 0
+    assert main_job("camvid", *flags, "--reward-kind", "mmd") == 0
     assert "3 images without labels for the reward" in capsys.readouterr().out
-    summary = json.loads((out / "summary.json").read_text())
+    summary = read_json(out / "summary.json")
     assert list(summary["rows"]) == ["random", "default", "learnt"]
     assert summary["reward_images"] == 3
     rows = {line["row"] for line in lines(out / "finals.jsonl")}
@@ -130,10 +124,8 @@ def test_the_net_is_trained_once(recipe, net, monkeypatch):
 def test_a_dataset_is_nearest_to_itself(recipe, net):
     own = render(recipe, random_proposal(), 0).images
     others = unlabelled(recipe.fidelity.height, recipe.fidelity.width).images
-    rewards = [
-        evaluate_mmd(recipe, random_proposal(), 0, net.reference(images)).reward
-        for images in (own, others)
-    ]
+    sides = [net.reference(images) for images in (own, others)]
+    rewards = [evaluate_mmd(recipe, random_proposal(), 0, side).reward for side in sides]
     assert rewards[0] > rewards[1]
     # Unbiased, a set against itself is below 0: what pairs leave out is k(x, x).
     x = net.reference(own).features
@@ -166,9 +158,6 @@ def test_what_cannot_work_is_refused(config, recipe, net, tmp_path, monkeypatch)
     (tmp_path / FILE).write_bytes(b"no zip")
     with pytest.raises(UserError, match="remove it to train it anew"):
         FeatureNet(tmp_path / FILE, 11).reference(unlabelled(16, 16).images)
-
-    def diverge(recipe):
-        raise TrainingError("the loss is nan")
 
     monkeypatch.setattr(module, "train_features", diverge)
     with pytest.raises(UserError, match="--reward-kind mmd: the loss is nan"):

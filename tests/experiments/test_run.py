@@ -2,24 +2,19 @@
 
 import json
 from dataclasses import asdict, replace
-from functools import partial
 from pathlib import Path
 
 import pytest
 
-from experiments.cli import main
 from experiments.config import MainConfig
-from experiments.main.job import MAIN
-from experiments.presets import defaults
 from experiments.run import context
 from experiments.run.context import Work, opened
 from experiments.run.nets import score_nets
-from experiments.study.skeleton import do
 from scene.proposal import random_proposal
 from scene.render import RendererError
 from shell.folder import plain
 
-from .conftest import formula, never
+from .conftest import formula, main_job, never
 
 
 @pytest.fixture
@@ -27,9 +22,7 @@ def fails(error_line, camvid):
     """The one line with which the CamVid job refuses a folder."""
 
     def line(out: str | Path) -> str:
-        flags = ["--preset", "smoke", "--workers", "0", "--data", str(camvid), "--out", str(out)]
-        job = partial(defaults, MainConfig), partial(do, MAIN), ""
-        assert main("camvid", *job, flags, target="camvid") == 2
+        assert main_job("camvid", "--data", str(camvid), "--out", str(out)) == 2
         return error_line(begun=True)
 
     return line
@@ -60,23 +53,16 @@ def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_
     assert "Continuing: 0 rewards and 2 other nets are done" in text and f"{store} holds 0" in text
 
 
-def test_out_is_a_file_or_cannot_be_written(fails, tmp_path):
-    (tmp_path / "file").write_text("mine")
-    assert "is a file; it must be a folder" in fails(tmp_path / "file")
-    assert "cannot be written" in fails(tmp_path / "file" / "below")
-    assert (tmp_path / "file").read_text() == "mine"
-    # Root may write anywhere but in a file system that takes no files.
-    text = fails("/proc/run")
-    assert "--out /proc/run cannot be written" in text and "choose another" in text
-
-
 def test_out_fills_the_disk(fails, tmp_path, full_disk):
     text = fails(tmp_path / "run")
     assert "config.json: No space left on device" in text and "the same command goes on" in text
     assert not (tmp_path / "run").exists()
 
 
-def test_out_holds_another_run_or_is_in_use(fails, tiny_camvid):
+def test_out_is_a_file_or_no_place_or_holds_another_run_or_is_in_use(fails, tiny_camvid, camvid):
+    assert "is a file; it must be a folder" in fails(camvid / "train" / "A_1.png")
+    # Root may write anywhere but in a file system that takes no files.
+    assert "--out /proc/run cannot be written" in fails("/proc/run")
     with opened(tiny_camvid):
         assert "in use by another run" in fails(tiny_camvid.out)
     with opened(replace(tiny_camvid, out=tiny_camvid.out / "other", seed=4)):

@@ -1,48 +1,33 @@
 """The search loop with a reward that is a formula: replay, failures, and what ends it."""
 
 import json
+import os
 import signal
 from dataclasses import replace
-from functools import partial
 
 import jax
 import numpy as np
 import pytest
 
 import sdr_jax
-from experiments.cli import main
-from experiments.config import MainConfig, make_space
-from experiments.main.job import MAIN
-from experiments.presets import defaults
+from experiments.config import make_space
 from experiments.reward.miou import Outcome
 from experiments.run.context import opened
 from experiments.run.learn import plan_of
 from experiments.run.search import embed, search
-from experiments.study.skeleton import do
 from scene.attributes import NAMES
-from seg.train import TrainingError
 from shell import lines as shell_lines
 from shell.errors import UserError
 
-from .conftest import Killed, formula, lines, never
-
-
-def diverge(*task) -> None:
-    raise TrainingError("the loss is nan after 50 of 200 steps")
+from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, untimed
 
 
 def die(*task) -> None:
-    import os
-
     os.kill(os.getpid(), signal.SIGKILL)
 
 
 def nothing_to_score(*task) -> Outcome:
     return Outcome(float("nan"), [], 0.0, 0.0)
-
-
-def without_times(path):
-    return [{k: v for k, v in r.items() if k != "elapsed"} for r in lines(path)]
 
 
 @pytest.fixture
@@ -58,9 +43,8 @@ def run(scored_by):
 @pytest.fixture
 def config(tiny_camvid):
     """Twelve updates of two datasets by SDR."""
-    return replace(
-        tiny_camvid, search=replace(tiny_camvid.search, method="sdr", updates_per_group=2)
-    )
+    search = replace(tiny_camvid.search, method="sdr", updates_per_group=2)
+    return replace(tiny_camvid, search=search)
 
 
 def test_every_reward_is_logged_with_its_actions(config, run):
@@ -73,9 +57,8 @@ def test_every_reward_is_logged_with_its_actions(config, run):
     np.testing.assert_array_equal(found.groups, np.repeat(np.arange(6), 2))
     assert found.probabilities.shape == (12, 23, 5)
     np.testing.assert_allclose(found.probabilities.sum(-1), 1, atol=1e-5)
-    assert found.wall_seconds > 0 and [o.reward for o in found.outcomes] == [
-        r["reward"] for r in logged
-    ]
+    assert [outcome.reward for outcome in found.outcomes] == [r["reward"] for r in logged]
+    assert found.wall_seconds > 0
     # An attribute has an action from its group's turn on, and keeps it once learnt.
     space = make_space(config)
     for record in logged:
@@ -90,21 +73,13 @@ def test_kill_and_continue_gives_the_same_answer(config, run, tmp_path):
     whole = run(config)
     broken = replace(config, out=tmp_path / "killed")
     for count in (7, 15):  # before an update's second reward, and before an update's first
-        left = [count]
-
-        def dying(*task, left=left):
-            if left[0] == 0:
-                raise Killed
-            left[0] -= 1
-            return formula(*task)
-
         with pytest.raises(Killed):
-            run(broken, dying)
+            run(broken, Counted(limit=count))
     assert len(lines(broken.out / "evaluations.jsonl")) == 7 + 15
     again = run(broken)
     for name in ("solution", "spread", "rewards", "baselines", "groups", "probabilities"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name), err_msg=name)
-    logs = [without_times(c.out / "evaluations.jsonl") for c in (config, broken)]
+    logs = [untimed(lines(c.out / "evaluations.jsonl")) for c in (config, broken)]
     assert logs[0] == logs[1]
 
 
@@ -152,15 +127,7 @@ def test_a_log_of_another_run_is_refused(config, run):
 def test_a_failed_evaluation_is_recorded_and_left_out(tiny_camvid, run, method):
     options = replace(tiny_camvid.search, method=method, updates_per_group=2)
     config = replace(tiny_camvid, search=options)
-    calls = []
-
-    def fails_twice(*task):
-        calls.append(task)
-        if len(calls) in (3, 8):
-            diverge()
-        return formula(*task)
-
-    found = run(config, fails_twice)
+    found = run(config, Counted(failing=(3, 8)))
     failed = [r for r in lines(config.out / "evaluations.jsonl") if r["reward"] is None]
     assert [r["failed"] for r in failed] == ["the loss is nan after 50 of 200 steps"] * 2
     assert np.isnan(found.rewards).sum() == 2
@@ -176,10 +143,7 @@ def end(camvid, tmp_path, scored_by, capsys):
 
     def ended(evaluate, *flags) -> tuple[int, str]:
         scored_by(evaluate)
-        arguments = ["--preset", "smoke", "--data", str(camvid), "--out", str(tmp_path / "run")]
-        own, work = partial(defaults, MainConfig), partial(do, MAIN)
-        flags = flags or ("--workers", "0")
-        code = main("camvid", own, work, "", [*arguments, *flags], target="camvid")
+        code = main_job("camvid", "--data", str(camvid), "--out", str(tmp_path / "run"), *flags)
         captured = capsys.readouterr()
         assert "Traceback" not in captured.err and len(captured.err.strip().splitlines()) == 1
         return code, captured.err.strip()
@@ -191,15 +155,12 @@ def interrupted(*task):
     raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize(
-    ("evaluate", "flags", "code", "words"),
-    [
-        (nothing_to_score, (), 2, ["the score is nan", "at least one labelled class"]),
-        (diverge, (), 2, ["2 of 12 evaluations failed", "the loss is nan after 50 of 200 steps"]),
-        (interrupted, (), 130, ["stopped; the same command goes on where it was"]),
-        (die, ("--workers", "1"), 1, ["a worker process died twice", "--workers"]),
-    ],
-)
+@pytest.mark.parametrize(("evaluate", "flags", "code", "words"), [
+    (nothing_to_score, (), 2, ["the score is nan", "at least one labelled class"]),
+    (diverge, (), 2, ["2 of 12 evaluations failed", "the loss is nan after 50 of 200 steps"]),
+    (interrupted, (), 130, ["stopped; the same command goes on where it was"]),
+    (die, ("--workers", "1"), 1, ["a worker process died twice", "--workers"]),
+])  # fmt: skip
 def test_what_ends_a_search_is_one_line(end, evaluate, flags, code, words):
     found, text = end(evaluate, *flags)
     assert found == code and all(word in text for word in words)

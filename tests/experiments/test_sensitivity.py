@@ -1,34 +1,27 @@
-"""Sensitivity: what was put into rewards is found, files in both formats, what is missing is recorded."""
+"""Sensitivity: what was put into rewards is found, both formats of files, what is missing is recorded."""
 
 import json
 from dataclasses import replace
-from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from PIL import Image
 
-from experiments.cli import main
-from experiments.presets import PRESETS, TARGETS
 from experiments.reward.store import HEADER, Store
 from experiments.sensitivity import job, model
 from experiments.sensitivity.job import STUDY, analyse, defaults
 from experiments.sensitivity.model import DEGREE, PAIR_ORDERS
 from experiments.sensitivity.records import BINS, Records, read
 from experiments.sensitivity.report import summarize, text
-from experiments.study.skeleton import check
 from scene.attributes import NAMES
+from shell.files import read_json
 
-from .conftest import Killed, formula, lines, never
+from .conftest import lines, never, study
 
-HUMP, SLOPE, LEFT, RIGHT = (
-    NAMES.index(name)
-    for name in ("car_position", "tree_interval", "camera_position_x", "camera_rotation_y")
-)
-NOTHING = NAMES.index("fence_position")
-FILES = ("sensitivity.json", "sensitivity.md", "sensitivity.png")
+MATTER = ("car_position", "tree_interval", "camera_position_x", "camera_rotation_y")
+HUMP, SLOPE, LEFT, RIGHT, NOTHING = map(NAMES.index, (*MATTER, "fence_position"))
+CAMVID = ("--target", "camvid")
 
 
 def synthetic(n: int, noise: float = 0.5, seed: int = 0) -> Records:
@@ -51,8 +44,7 @@ def found() -> dict:
 def test_what_was_put_in_comes_first(found):
     rows = {row["name"]: row for row in found["attributes"]}
     ranked = list(rows)
-    assert ranked[0] == NAMES[HUMP]
-    assert set(ranked[1:4]) == {NAMES[SLOPE], NAMES[LEFT], NAMES[RIGHT]}
+    assert ranked[0] == NAMES[HUMP] and set(ranked[:4]) == set(MATTER)
     assert set(found["pairs"][0]["names"]) == {NAMES[LEFT], NAMES[RIGHT]}
     assert found["pairs"][0]["share"]["value"] > 5 * found["pairs"][1]["share"]["value"]
     for k, share in ((HUMP, 50), (SLOPE, 25)):
@@ -201,100 +193,62 @@ def test_lines_of_bins_mean_relaxed_bins_in_any_order(recorded, tmp_path):
 
 def test_records_need_no_data_and_give_the_same_again(recorded, tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("CAMVID_DIR", raising=False)
-
-    def files(out, *flags):
-        assert main("sensitivity", defaults, analyse, "", [*flags, "--out", str(out)]) == 0
+    out, found = tmp_path / "run", []
+    for _ in range(2):
+        assert study("sensitivity", "--records", str(recorded), *CAMVID, "--out", str(out)) == 0
         assert "tree interval" in capsys.readouterr().out
-        return [(out / name).read_bytes() for name in FILES]
-
-    flags = ["--target", "camvid", "--records", str(recorded)]
-    first = files(tmp_path / "run", *flags)
-    assert min(Image.open(tmp_path / "run" / FILES[2]).size) > 200
-    report = json.loads(first[0])
+        found.append([(out / f"sensitivity.{kind}").read_bytes() for kind in ("json", "md", "png")])
+    assert found[0] == found[1]
+    report = read_json(out / "sensitivity.json")
     assert report["attributes"][0]["name"] == NAMES[SLOPE] and report["study"] == "sensitivity"
     assert len(report["attributes"]) == 23 and len(report["pairs"]) == 253
-    assert files(tmp_path / "run", *flags) == first
-    recorded.unlink()
-    assert files(tmp_path / "again", "--rederive", str(tmp_path / "run" / FILES[0])) == first
 
 
 @pytest.fixture
-def measured(camvid, tmp_path, monkeypatch, scored_by):
-    """An analysis of tiny CamVid with rewards by formula, and the list of their calls."""
-    calls: list[tuple] = []
-
-    def counted(*task):
-        if len(calls) == counted.limit:
-            raise Killed
-        calls.append(task)
-        return formula(*task)
-
-    counted.limit = -1
-    scored_by(counted)
-    undrawn = replace(STUDY, form=STUDY.form._replace(figures={}))
-    monkeypatch.setattr(job, "STUDY", undrawn)
+def config(camvid, tmp_path, monkeypatch):
+    """An analysis of tiny CamVid, without its figure."""
+    monkeypatch.setattr(job, "STUDY", replace(STUDY, form=STUDY.form._replace(figures={})))
     own = {"data": camvid, "workers": 0, "out": tmp_path / "run"}
-    return replace(defaults("camvid", "smoke"), **own), calls, counted
+    return replace(defaults("camvid", "smoke"), **own)
 
 
-def test_what_is_missing_is_recorded_once_and_may_be_killed(measured, tmp_path, scored_by):
-    config, calls, counted = measured
+def test_what_is_missing_is_recorded_once(config, counted, tmp_path, scored_by):
     whole = analyse(config)
-    assert len(calls) == 12 and whole["records"]["rewards"] == 12
-    assert len({seed for _, _, seed, _ in calls}) == 12
-    assert all(recipe.fidelity == config.reward for recipe, *_ in calls)
-    calls.clear()
-    counted.limit = 5
-    broken = replace(config, out=tmp_path / "broken")
-    with pytest.raises(Killed):
-        analyse(broken)
-    counted.limit = -1
-    assert analyse(broken) == whole
-    assert len(calls) == 12 == len(lines(broken.out / "finals.jsonl"))
+    assert len(counted.calls) == 12 and whole["records"]["rewards"] == 12
+    assert len({seed for _, _, seed, _ in counted.calls}) == 12
+    assert all(recipe.fidelity == config.reward for recipe, *_ in counted.calls)
     scored_by(never)
-    assert analyse(config) == whole
     recorded = replace(config, records=(config.out,), out=tmp_path / "recorded")
     assert analyse(recorded)["attributes"] == whole["attributes"]
 
 
-def test_rewards_that_others_have_made_count(measured, tmp_path):
-    config, calls, _ = measured
+def test_rewards_that_others_have_made_count(config, counted, tmp_path):
     shared = replace(config, store=tmp_path / "shared.jsonl")
     analyse(replace(shared, evaluations=8, seed=5))
-    calls.clear()
+    counted.calls.clear()
     more = replace(shared, out=tmp_path / "more")
     report = analyse(more)
-    assert len(calls) == 4 and report["records"]["rewards"] == 12
+    assert len(counted.calls) == 4 and report["records"]["rewards"] == 12
     assert len(Store(tmp_path / "shared.jsonl")) == 12
-    assert analyse(more) == report and len(calls) == 4
+    assert analyse(more) == report and len(counted.calls) == 4
 
 
-@pytest.mark.parametrize(("target", "preset"), [*product(TARGETS, PRESETS)])
-def test_presets_are_sound(target, preset):
-    check(STUDY, defaults(target, preset))
-
-
-@pytest.mark.parametrize(
-    ("flags", "words"),
-    [
-        (["--records", "none.jsonl"], "none.jsonl: no such store"),
-        (["--records", "."], "no run folder"),
-        (["--records", "short.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
-        (["--records", "few.jsonl"], "holds rewards of 2 proposals; 8 are the least"),
-        (["--records", "same.jsonl"], "all 10 rewards are equal"),
-        (["--records", "text.jsonl"], "text.jsonl: line 1 is not JSON"),
-        (["--records", "store.jsonl", "other.jsonl"], "hold the same evaluation with different values"),
-        (["--records", "store.jsonl", "--target", "twin"], "no rewards of target twin, but"),
-        (["--records", "store.jsonl", "--records-config", "x"], "--records-config 'x'"),
-        (["--records-config", "x"], "--records-config needs --records"),
-        (["--evaluations", "7"], "--evaluations must be 8 or more"),
-        (["--search.bins", "1"], "--search.bins must be 2 or more"),
-        (["--data", "/nowhere"], "/nowhere"),
-    ],
-)  # fmt: skip
-def test_what_cannot_work_is_one_line_and_exit_code_2(
-    flags, words, tmp_path, monkeypatch, error_line
-):
+@pytest.mark.parametrize(("flags", "words"), [
+    (["--records", "none.jsonl"], "none.jsonl: no such store"),
+    (["--records", "."], "no run folder"),
+    (["--records", "short.jsonl"], "line 2 must hold a reward and 23 bins from 0 to 9"),
+    (["--records", "few.jsonl"], "holds rewards of 2 proposals; 8 are the least"),
+    (["--records", "same.jsonl"], "all 10 rewards are equal"),
+    (["--records", "text.jsonl"], "text.jsonl: line 1 is not JSON"),
+    (["--records", "store.jsonl", "other.jsonl"], "hold the same evaluation with different values"),
+    (["--records", "store.jsonl", "--target", "twin"], "no rewards of target twin, but"),
+    (["--records", "store.jsonl", "--records-config", "x"], "--records-config 'x'"),
+    (["--records-config", "x"], "--records-config needs --records"),
+    (["--evaluations", "7"], "--evaluations must be 8 or more"),
+    (["--search.bins", "1"], "--search.bins must be 2 or more"),
+    (["--data", "/nowhere"], "/nowhere"),
+])  # fmt: skip
+def test_what_cannot_work_is_refused(flags, words, tmp_path, monkeypatch, error_line):
     monkeypatch.chdir(tmp_path)
     same = [line_of_bins([k] + [1] * 22, 5) for k in range(10)]
     write_lines(tmp_path / "short.jsonl", [same[0], {"bins": [1], "reward": 5}])
@@ -303,16 +257,5 @@ def test_what_cannot_work_is_one_line_and_exit_code_2(
     (tmp_path / "text.jsonl").write_text("some text\n")
     write_lines(tmp_path / "store.jsonl", [HEADER, *(evaluation(k) for k in range(9))])
     write_lines(tmp_path / "other.jsonl", [HEADER, evaluation(3, reward=0.9)])
-    target = [] if "--target" in flags else ["--target", "camvid"]
-    flags = ["--workers", "0", "--out", "run", *target, *flags]
-    assert main("sensitivity", defaults, analyse, "", flags) == 2
+    assert study("sensitivity", *CAMVID, "--workers", "0", "--out", "run", *flags) == 2
     assert words in error_line() and not (tmp_path / "run").exists()
-
-
-@pytest.mark.slow
-def test_smoke_on_the_twin_with_nets(tmp_path, capsys):
-    out = tmp_path / "run"
-    flags = ["--preset", "smoke", "--workers", "1", "--out", str(out)]
-    assert main("sensitivity", defaults, analyse, "", flags) == 0
-    assert "NOT real" in capsys.readouterr().out
-    assert json.loads((out / "sensitivity.json").read_text())["records"]["rewards"] == 12

@@ -1,35 +1,31 @@
 """What studies share: attributes from a file or by search, nets scored once, reports derived anew."""
 
-import json
 from dataclasses import replace
+from importlib import import_module
+from itertools import product
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from experiments.config import LearntConfig
-from experiments.presets import defaults
-from experiments.reward.miou import Outcome, Truth
-from experiments.reward.store import Log
+from experiments.presets import PRESETS, TARGETS, defaults
+from experiments.reward.miou import Outcome
+from experiments.reward.store import LOGS, Log
 from experiments.run.context import Work, opened, plan_text
 from experiments.run.nets import paired_seeds, score_nets, training_sets
 from experiments.study import form
 from experiments.study.form import Form, rewrite, statistics
-from experiments.study.skeleton import (
-    Study,
-    check,
-    do,
-    learnt_attributes,
-    learnt_work,
-    read_learnt,
-)
+from experiments.study.skeleton import Study, check, do, learnt_attributes, learnt_work, read_learnt
+from scene.attributes import NAMES
 from scene.proposal import random_proposal
-from seg.train import TrainingError
 from shell.errors import UserError
+from shell.files import read_json
 
-from .conftest import Killed, formula, lines, never
+from .conftest import ROOT, Counted, Killed, lines, never, study, transferred
 
-STUDIES = ("table", "pretrain", "assets")
+TRAINED = ("table", "pretrain", "assets", "ablation", "compare")  # their rows are of nets
+STUDIES = (*TRAINED, "fidelity", "sensitivity")
 FORM = Form(
     "some",
     lambda report: {**report, "mean": float(np.mean(report["scores"]))},
@@ -50,76 +46,108 @@ def config(camvid, tmp_path) -> LearntConfig:
     return replace(base, search=search, data=camvid, workers=0, out=tmp_path / "run")
 
 
-@pytest.fixture
-def worth(scored_by):
-    """Puts a formula in the place of nets; returns the list of calls."""
-    calls: list[tuple] = []
-
-    def counted(*task):
-        calls.append(task)
-        return formula(*task)
-
-    scored_by(counted)
-    return calls
+@pytest.mark.parametrize(("name", "target", "preset"), [*product(STUDIES, TARGETS, PRESETS)])
+def test_presets_are_sound(name, target, preset):
+    job = import_module(f"experiments.{name}.job")
+    check(job.STUDY, job.defaults(target, preset))
 
 
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize(("name", "counts", "flags"), [
+    ("table", (3,), "--learnt FILE"),
+    ("pretrain", (3,), "--learnt FILE"),  # between the scores of one net
+    ("assets", (3,), ""),
+    ("ablation", (3, 3), "--variants full no_positions"),  # within a search, and within the nets
+    ("fidelity", (7,), ""),
+    ("sensitivity", (5,), ""),
+])  # fmt: skip
 def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
-    name, command, tmp_path, learnt_file, monkeypatch, capsys
+    name, counts, flags, command, tmp_path, learnt_file, monkeypatch, capsys
 ):
-    flags = () if name == "assets" else ("--learnt", str(learnt_file))
+    scored, tuned = Counted(), Counted(transferred)
+    tuned.calls = scored.calls
+
+    def work(out, *flags):
+        return command(name, out, *flags, evaluate=scored, transfer=tuned)
+
+    flags = flags.replace("FILE", str(learnt_file)).split()
     whole, broken, again = tmp_path / "whole", tmp_path / "broken", tmp_path / "again"
-    assert command(name, whole, *flags) == 0
+    assert work(whole, *flags) == 0
     printed = capsys.readouterr().out
     assert printed.splitlines()[1] == "Plan, in CPU seconds:" and " left" in printed
-    add = Log.add
-
-    def dying(log, record):
-        if len(log.records) == 3:
-            raise Killed
-        add(log, record)
-
-    monkeypatch.setattr(Log, "add", dying)
-    with pytest.raises(Killed):
-        command(name, broken, *flags)
-    assert len(lines(broken / "finals.jsonl")) == 3
-    monkeypatch.setattr(Log, "add", add)
-    assert command(name, broken, *flags) == 0
-    # What is finished is not redone; nor does a report need any net.
+    made = len(scored.calls)
+    for count in counts:
+        dying = Counted(Log.add, limit=count)
+        with monkeypatch.context() as patch, pytest.raises(Killed):
+            patch.setattr(Log, "add", lambda *record, dying=dying: dying(*record))
+            work(broken, *flags)
+    logs = [broken / file for file in LOGS]
+    assert sum(len(lines(log)) for log in logs) == sum(counts)
+    assert work(broken, *flags) == 0
+    # What is finished is not redone, but for what was never written; nor does a report need any net.
+    assert len(scored.calls) == 2 * made + len(counts)
     assert command(name, broken, *flags, evaluate=never, transfer=never) == 0
-    file = ("--rederive", str(whole / f"{name}.json"))
-    assert command(name, again, *file, evaluate=never, transfer=never) == 0
+    assert study(name, "--rederive", str(whole / f"{name}.json"), "--out", str(again)) == 0
     for file in (f"{name}.json", f"{name}.md", f"{name}.png"):
         one, *others = ((out / file).read_bytes() for out in (whole, broken, again))
         assert others == [one, one]
     assert min(Image.open(whole / f"{name}.png").size) > 200
 
 
-@pytest.mark.parametrize(
-    ("name", "flags", "complaint"),
-    [
-        ("table", ("--nets", "compact", "compact"), "names one of them twice"),
-        ("table", ("--gta5", "/nowhere"), "/nowhere/images: no such folder; expected GTA5"),
-        ("table", ("--synthia", "/nowhere"), "/nowhere/RGB: no such folder"),
-        ("table", ("--kitti", "/nowhere"), "/nowhere/training/image_2: no such folder"),
-        ("table", ("--weights", "/nowhere.npz"), "--weights are for VGG nets"),
-        ("table", ("--weights", "/no.npz", "--nets", "fcn8s"), "/no.npz: No such file"),
-        ("table", ("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),
-        ("table", ("--data", "/nowhere"), "/nowhere"),
-        ("pretrain", ("--fractions", "0.1"), "0.1 selects none of the 4 reward images; 0.25 or"),
-        ("pretrain", ("--fractions", "nan"), "--fractions must lie in (0, 1], not nan"),
-        ("pretrain", ("--rows", "scratch", "scratch"), "names one of them twice"),
-        ("pretrain", ("--finetune-steps", "0"), "--finetune-steps must be 1 or more"),
-        ("pretrain", ("--finetune-lr", "-1"), "--finetune-lr must be positive"),
-        ("assets", ("--images", "3"), "--images must be multiples of --final.shots 2"),
-        ("assets", ("--images", "0"), "--images must be multiples of --final.shots 2"),
-        ("assets", ("--images", "4", "4"), "--images 4 4 names one of them twice"),
-        ("assets", ("--fractions", "0.5", "0.5"), "--fractions 0.5 0.5 names one of them twice"),
-        ("assets", ("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
-        ("assets", ("--fractions", "1.5"), "--fractions must lie in (0, 1], not 1.5"),
-        ("assets", ("--learnt", "FILE"), "--learnt is of no use with --attributes default"),
-    ],
-)
+@pytest.mark.parametrize("name", TRAINED)
+def test_a_recorded_report_is_derived_anew(name, tmp_path):
+    """Some are from before reports named their study."""
+    recorded = ROOT / "docs" / "results" / f"{name}.json"
+    assert study(name, "--rederive", str(recorded), "--out", str(tmp_path / "run")) == 0
+    found, report = read_json(tmp_path / "run" / f"{name}.json"), read_json(recorded)
+    assert {**report, "study": name} == found
+    assert min(Image.open(tmp_path / "run" / f"{name}.png").size) > 200
+
+
+@pytest.mark.parametrize(("name", "flags", "complaint"), [
+    ("table", ("--nets", "compact", "compact"), "names one of them twice"),
+    ("table", ("--gta5", "/nowhere"), "/nowhere/images: no such folder; expected GTA5"),
+    ("table", ("--synthia", "/nowhere"), "/nowhere/RGB: no such folder"),
+    ("table", ("--kitti", "/nowhere"), "/nowhere/training/image_2: no such folder"),
+    ("table", ("--weights", "/nowhere.npz"), "--weights are for VGG nets"),
+    ("table", ("--weights", "/no.npz", "--nets", "fcn8s"), "/no.npz: No such file"),
+    ("table", ("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),
+    ("table", ("--data", "/nowhere"), "/nowhere"),
+    ("pretrain", ("--fractions", "0.1"), "0.1 selects none of the 4 reward images; 0.25 or"),
+    ("pretrain", ("--fractions", "nan"), "--fractions must lie in (0, 1], not nan"),
+    ("pretrain", ("--rows", "scratch", "scratch"), "names one of them twice"),
+    ("pretrain", ("--finetune-steps", "0"), "--finetune-steps must be 1 or more"),
+    ("pretrain", ("--finetune-lr", "-1"), "--finetune-lr must be positive"),
+    ("assets", ("--images", "3"), "--images must be multiples of --final.shots 2"),
+    ("assets", ("--images", "0"), "--images must be multiples of --final.shots 2"),
+    ("assets", ("--images", "4", "4"), "--images 4 4 names one of them twice"),
+    ("assets", ("--fractions", "0.5", "0.5"), "--fractions 0.5 0.5 names one of them twice"),
+    ("assets", ("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
+    ("assets", ("--fractions", "1.5"), "--fractions must lie in (0, 1], not 1.5"),
+    ("assets", ("--learnt", "FILE"), "--learnt is of no use with --attributes default"),
+    ("ablation", ("--variants", "full", "full"), "--variants full full names one of them twice"),
+    ("ablation", ("--variants", "no_groups"), "--variants must hold full"),
+    ("ablation", ("--method", "sdr"), "--evaluations 4 are too few for sdr on 23 attributes"),
+    ("ablation", ("--method", "random_attributes"), "random_attributes searches for nothing"),
+    ("compare", ("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
+    ("compare", ("--subsets", "car_position,fog"), "attribute 'fog' is unknown"),
+    ("compare", ("--subsets", "car_position,car_position"), "--subsets car_position car_position names"),
+    ("compare", ("--subsets", "all", ",".join(NAMES)), "names one of them twice"),
+    ("compare", ("--subsets",), "--subsets needs at least one"),
+    ("compare", ("--groups", "car_position"), "--groups: in no group"),
+    ("compare", ("--evaluations", "0"), "multiple of --search.datasets-per-update 2, not 0"),
+    ("compare", ("--subsets", "all", "--methods", "sdr"), "too few for sdr on 23 attributes: 6 groups"),
+    ("fidelity", ("--proposals", "1"), "--proposals must be 2 or more"),
+    ("fidelity", ("--repeated", "9"), "--repeated must be 2 to 5"),
+    ("fidelity", ("--repeats", "1"), "--repeats must be 2"),
+    ("fidelity", ("--rungs", "0"), "--rungs must be 1 or more"),
+    ("fidelity", ("--require-signal", "0"), "--require-signal must be above 0"),
+    ("fidelity", ("--require-signal", "nan"), "--require-signal must be above 0"),
+    ("fidelity", ("--search.relaxation", "2"), "--search.relaxation must lie in [0, 1]"),
+    ("fidelity", ("--default-width", "2"), "--default-width must lie in [0, 1]"),
+    ("fidelity", ("--target", "cityscapes", "--data", "None"), "Cityscapes needs its folder"),
+    ("fidelity", ("--target", "twin"), "--target twin takes no --data"),
+    ("fidelity", ("--rederive", "none.json"), "--rederive none.json: No such file"),
+])  # fmt: skip
 def test_bad_input_is_one_line_and_exit_code_2(
     name, flags, complaint, command, tmp_path, error_line, learnt_file
 ):
@@ -129,16 +157,21 @@ def test_bad_input_is_one_line_and_exit_code_2(
     assert not (tmp_path / "run").exists()
 
 
-@pytest.mark.parametrize(
-    ("name", "flags"),
-    [
-        ("table", ("--nets", "resnet")),
-        ("table", ("--unlabelled", ".")),  # rows need labels
-        ("pretrain", ("--rows", "imagenet")),
-        ("pretrain", ("--default-width", "0.5")),
-        ("assets", ("--asset-fraction", "0.5")),
-    ],
-)
+@pytest.mark.parametrize(("name", "flags"), [
+    ("table", ("--nets", "resnet")),
+    ("table", ("--unlabelled", ".")),  # rows need labels
+    ("pretrain", ("--rows", "imagenet")),
+    ("pretrain", ("--default-width", "0.5")),
+    ("assets", ("--asset-fraction", "0.5")),
+    *(("ablation", flags) for flags in (
+        ("--variants", "no_fog"), ("--learnt", "x.json"), ("--reward-kind", "mmd"),
+        ("--candidates", "argmax"),
+    )),
+    *(("compare", flags) for flags in (
+        ("--methods", "descent"), ("--search.method", "sdr"), ("--search.updates-per-group", "3"),
+        ("--ladder",),
+    )),
+])  # fmt: skip
 def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, tmp_path, capsys):
     with pytest.raises(SystemExit) as end:
         command(name, tmp_path / "run", *flags)
@@ -146,41 +179,38 @@ def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", (*TRAINED, "sensitivity"))
 def test_smoke_on_the_twin_with_nets(name, start_job, tmp_path):
     out = tmp_path / "run"
     flags = ("--preset", "smoke", "--workers", "1")
     code, stdout, stderr = start_job(out, *flags, experiment=name).finish()
     assert (code, stderr) == (0, "") and "NOT real data" in stdout
-    report = json.loads((out / f"{name}.json").read_text())
-    assert report["real"] is False
-    assert all(0 < row["mean"] < 100 for row in report["rows"])
-    assert (out / "attributes.json").exists() == (name != "assets")
+    report = read_json(out / f"{name}.json")
+    assert report["real"] is False and (name in TRAINED or report["records"]["rewards"] == 12)
+    nets = [row.get("final") or row for row in report.get("rows", ())]
+    assert len(nets) >= 4 * (name in TRAINED) and all(0 < row["mean"] < 100 for row in nets)
+    assert (out / "attributes.json").exists() == (name in ("table", "pretrain"))
 
 
-def test_learnt_attributes_are_made_once(config, worth, tmp_path):
+def test_learnt_attributes_are_made_once(config, counted, tmp_path):
     shared = replace(config, store=tmp_path / "shared.jsonl", candidates=("argmax", "broad"))
     with opened(shared) as run:
         plan = learnt_work(shared)
         run.begin(plan)
         learnt = learnt_attributes(run)
-        assert len(worth) == sum(work.nets for work in plan) == 12 + 2
-    worth.clear()
+        assert len(counted.calls) == sum(work.nets for work in plan) == 12 + 2
+    counted.calls.clear()
     again = replace(shared, out=tmp_path / "again")
     with opened(again) as run:
         found = learnt_attributes(run)
-    assert worth == []
+    assert counted.calls == []
     for other in (found, read_learnt(again.out / "attributes.json")):
         np.testing.assert_array_equal(np.stack(other), np.stack(learnt))
 
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [
-        (None, "No such file"),
-        ("{", "is no JSON file"),
-        ('{"fog": 0.5}', "unknown attribute 'fog'"),
-    ],
+    [(None, "No such file"), ("{", "is no JSON file"), ('{"fog": 0.5}', "unknown attribute 'fog'")],
 )
 def test_other_files_are_no_attributes(config, tmp_path, content, words):
     path = tmp_path / "attributes.json"
@@ -191,16 +221,16 @@ def test_other_files_are_no_attributes(config, tmp_path, content, words):
     assert words in str(error.value) and f"--learnt {path}" in str(error.value)
 
 
-def test_nets_are_paired_and_made_once(config, worth):
+def test_nets_are_paired_and_made_once(config, counted):
     with opened(config) as run:
         recipe, seeds = run.recipe(config.final), paired_seeds(run)
         sources = training_sets(run, random_proposal())
         assert list(sources) == ["random", "default", "learnt", "real"]
         found = score_nets(run, "some", sources, recipe, seeds)
         # Random and learnt attributes are the same here.
-        assert len(worth) == 6 and [task[2] for task in worth] == [0, 0, 0, 1, 1, 1]
+        assert len(counted.calls) == 6 and [task[2] for task in counted.calls] == [0, 0, 0, 1, 1, 1]
         again = score_nets(run, "others", sources, recipe, seeds)
-        assert len(worth) == 6 and list(found) == list(again) == list(sources)
+        assert len(counted.calls) == 6 and list(found) == list(again) == list(sources)
         for name in sources:
             pairs = zip(found[name], again[name], strict=True)
             assert all(a.reward == b.reward and a.class_iou == b.class_iou for a, b in pairs)
@@ -208,23 +238,10 @@ def test_nets_are_paired_and_made_once(config, worth):
         # Other assets are other nets.
         half = run.recipe(config.final, fraction=0.5)
         score_nets(run, "some", {"random": random_proposal()}, half, seeds)
-        assert len(worth) == 8
+        assert len(counted.calls) == 8
     with opened(config) as run:
         score_nets(run, "some", sources, recipe, seeds)
-    assert len(worth) == 8 and len(lines(config.out / "finals.jsonl")) == 8
-
-
-def test_too_many_failed_nets_end_the_job(config, scored_by):
-    def failing(*task):
-        raise TrainingError("the loss is nan")
-
-    scored_by(failing)
-    real = Truth(np.zeros((3, 48, 64, 3), np.uint8), np.zeros((3, 48, 64), np.uint8))
-    with opened(config) as run, pytest.raises(UserError, match=r"2 of 2 .* failed"):
-        score_nets(run, "some", {"real": real}, run.recipe(config.final), paired_seeds(run))
-    assert [line["failed"] for line in lines(config.out / "finals.jsonl")] == [
-        "the loss is nan"
-    ] * 2
+    assert len(counted.calls) == 8 and len(lines(config.out / "finals.jsonl")) == 8
 
 
 def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
@@ -234,8 +251,6 @@ def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
     with pytest.raises(UserError, match="not on camvid"):
         do(replace(SOME, prepare=refuse), config)
     assert not config.out.exists()
-    with opened(config), pytest.raises(UserError, match="in use"), opened(config):
-        raise AssertionError
 
 
 def test_the_plan_tells_nets_seconds_and_time():
@@ -281,15 +296,12 @@ def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
     assert capsys.readouterr().out.endswith("1.5\n")
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [
-        (None, "No such file"),
-        ("{", "is no JSON file"),
-        ('{"study": "other"}', "is no report of experiments.some"),
-        ('{"study": "some"}', "does not hold what experiments.some writes"),
-    ],
-)
+@pytest.mark.parametrize(("content", "words"), [
+    (None, "No such file"),
+    ("{", "is no JSON file"),
+    ('{"study": "other"}', "is no report of experiments.some"),
+    ('{"study": "some"}', "does not hold what experiments.some writes"),
+])  # fmt: skip
 def test_other_files_are_no_reports(tmp_path, content, words):
     if content is not None:
         (tmp_path / "some.json").write_text(content)

@@ -1,6 +1,5 @@
 """The answer in figures: keys that scripts rely on, percent, physical values."""
 
-import json
 from types import SimpleNamespace
 from xml.etree import ElementTree
 
@@ -18,7 +17,7 @@ from experiments.target.base import Target
 from experiments.target.twin import twin_world
 from scene.proposal import slide
 from seg.classes import class_table
-from shell.files import write_json
+from shell.files import read_json, write_json
 
 CLASSES = len(class_table("cityscapes").classes)
 ROW_MIOU = {"random": [0.1, 0.2], "default": [0.2, 0.3], "learnt": [0.3, 0.5], "real": [0.6, 0.6]}
@@ -40,25 +39,19 @@ def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
     line = {"failed": None, "render_seconds": 2.0, "train_seconds": 3.0}
     logs = [[line] * 3, [line] * 4 + [{**line, "failed": "the loss is nan"}] * failed]
     config = defaults(MainConfig, "twin", "smoke", seeds=seeds)
-    run = SimpleNamespace(
-        config=config,
-        target=target,
-        evaluations=SimpleNamespace(records=logs[0]),
-        finals=SimpleNamespace(records=logs[1]),
-        progress=SimpleNamespace(elapsed=99.25),
-    )
-    learnt = Learnt(
-        slide(np.full(23, 0.5), 0.1), None, "spread", {"argmax": [0.2], "spread": [0.25]}
-    )
+    evaluations, finals = (SimpleNamespace(records=log) for log in logs)
+    own = {"evaluations": evaluations, "finals": finals, "progress": SimpleNamespace(elapsed=99.25)}
+    run = SimpleNamespace(config=config, target=target, **own)
+    tried = {"argmax": [0.2], "spread": [0.25]}
+    learnt = Learnt(slide(np.full(23, 0.5), 0.1), None, "spread", tried)
     return derive(module.scores(run, rows, learnt))
 
 
 def test_keys_are_those_that_scripts_rely_on(tmp_path):
     summary = made()
     write_json(tmp_path / "summary.json", summary)
-    summary = json.loads((tmp_path / "summary.json").read_text())
-    assert summary["target"] == "twin" and summary["real"] is False
-    assert summary["preset"] == "smoke"
+    summary = read_json(tmp_path / "summary.json")
+    assert (summary["target"], summary["real"], summary["preset"]) == ("twin", False, "smoke")
     assert (summary["reward_images"], summary["test_images"]) == (3, 1)
     assert summary["evaluations"] == 3
     assert summary["seconds"] == {"render": 14.0, "train": 21.0, "total": 99.2}
@@ -85,29 +78,18 @@ def test_figures_by_hand():
     assert summary["classes_absent_from_truth"] == ["bicycle"]
     assert summary["candidates"]["spread"] == [25] and summary["chosen_candidate"] == "spread"
     assert summary["recovery"]["learnt_error"] == summary["recovery"]["centre_error"]
+    one = made(seeds=1)
+    assert one["random"]["ci95"] is None and one["gain"]["ci95"] is None
+    assert "one seed" in text(one)
 
 
-def test_one_seed_has_no_interval():
-    summary = made(seeds=1)
-    assert summary["random"]["ci95"] is None and summary["gain"]["ci95"] is None
-    assert "one seed" in text(summary)
-
-
-def test_real_data_has_no_recovery_and_says_real():
+def test_the_table_says_whether_data_are_real():
     summary = made(real=True)
     assert summary["real"] is True and "recovery" not in summary
     assert "(real images)" in text(summary).splitlines()[0]
-
-
-def test_the_table_of_the_twin_says_that_it_is_not_real():
     table = text(made())
     assert "the twin, NOT real data" in table.splitlines()[0]
-    for row, mean in (
-        ("random", "15.0"),
-        ("default", "25.0"),
-        ("learnt", "40.0"),
-        ("real", "60.0"),
-    ):
+    for row, mean in zip(ROW_MIOU, ("15.0", "25.0", "40.0", "60.0"), strict=True):
         assert any(line.split()[:2] == [row, mean] for line in table.splitlines())
     assert "+25.0" in table and "bicycle" in table.splitlines()[-1]
 
@@ -125,17 +107,12 @@ def test_the_report_shows_the_figures_and_says_that_the_twin_is_not_real():
     page = html(made())
     assert "not a result on real data" in page
     assert "not a result" not in html(made(real=True))
-    parser = ElementTree.fromstring(
-        page.split("<body>")[1].join(["<body>", ""]).split("</html>")[0]
-    )
+    parser = ElementTree.fromstring("<body>" + page.split("<body>")[1].split("</html>")[0])
     cells = [[c.text for c in row] for row in parser.iter("tr")]
     assert ["learnt attributes", "40.0", "-87.1 to 167.1"] in cells
     assert ["gain, learnt minus random", "+25.0", "-38.5 to 88.5"] in cells
     assert ["car position", "7.5", "6.85", "8.15", "m"] in [row[:5] for row in cells]
     absent = class_table("cityscapes").classes[-1]
     assert [absent] + ["not in the truth"] * 4 in cells
-
-
-def test_the_report_escapes_what_it_is_told():
-    page = html(made() | {"note": "<script>"})
+    page = html(made() | {"note": "<script>"})  # what it is told is escaped
     assert "<script>" not in page and "&lt;script&gt;" in page

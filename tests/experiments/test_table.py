@@ -1,7 +1,7 @@
 """The table: which sets nets are trained on, classes of other tables, and what is refused."""
 
-import json
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -16,8 +16,9 @@ from experiments.table.report import FORM, PAPER, subset_miou
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.metrics import iou, mean_iou
 from seg.recipes import RECIPES
+from shell.files import read_json
 
-from .conftest import formula, lines, never, write_pair
+from .conftest import Counted, lines, never, write_pair
 
 
 @pytest.fixture
@@ -32,13 +33,12 @@ def gta5(tmp_path):
 @pytest.fixture
 def table(command, learnt_file):
     """Makes a table of given attributes; returns the exit code."""
-    return lambda out, *flags, **more: command(
-        "table", out, "--learnt", str(learnt_file), *flags, **more
-    )
+    own = ("--learnt", str(learnt_file))
+    return lambda out, *flags, **more: command("table", out, *own, *flags, **more)
 
 
 def report_of(out) -> dict:
-    return json.loads((out / "table.json").read_text())
+    return read_json(out / "table.json")
 
 
 def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
@@ -46,11 +46,8 @@ def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
     assert table(out, "--nets", "compact", "fcn8s") == 0
     report = report_of(out)
     assert report["learnt_from"] == str(learnt_file)
-    assert [(row["net"], row["trained_on"]) for row in report["rows"]] == [
-        (net, row)
-        for net in ("compact", "fcn8s")
-        for row in ("random", "default", "learnt", "real")
-    ]
+    made = [(row["net"], row["trained_on"]) for row in report["rows"]]
+    assert made == [*product(("compact", "fcn8s"), ("random", "default", "learnt", "real"))]
     assert [row["images"] for row in report["rows"][:4]] == [6, 6, 6, 4]
     random, _, learnt, real = report["rows"][:4]
     ours = [net["miou"] for net in learnt["nets"]]
@@ -71,21 +68,15 @@ def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
     assert lines(out / "evaluations.jsonl") == []  # the attributes are given
 
 
-def test_data_sets_of_others_are_cut_to_size_and_told_in_the_target_s_classes(
-    table, gta5, tmp_path
-):
-    seen = []
-
-    def seeing(recipe, source, seed, truth):
-        seen.append(source)
-        return formula(recipe, source, seed, truth)
-
-    assert table(tmp_path / "run", "--gta5", str(gta5), evaluate=seeing) == 0
+def test_data_sets_of_others_are_cut_and_told_in_the_target_s_classes(table, gta5, tmp_path):
+    seen = Counted()
+    assert table(tmp_path / "run", "--gta5", str(gta5), evaluate=seen) == 0
     report = report_of(tmp_path / "run")
     assert [row["trained_on"] for row in report["rows"]][3:] == ["gta5", "real"]
     assert report["rows"][3]["images"] == 6  # as many as a rendered set has
-    assert seen[3].images.shape == (6, 48, 64, 3)
-    assert set(np.unique(seen[3].labels).tolist()) <= {*range(11), IGNORE_LABEL}
+    gta = seen.calls[3][1]
+    assert gta.images.shape == (6, 48, 64, 3)
+    assert set(np.unique(gta.labels).tolist()) <= {*range(11), IGNORE_LABEL}
     assert table(tmp_path / "all", "--gta5", str(gta5), "--all-images") == 0
     assert report_of(tmp_path / "all")["rows"][3]["images"] == 7
 
@@ -97,11 +88,9 @@ def test_miou_over_other_classes_is_that_of_the_metric(seed):
     confusion[rng.random(19) < 0.2] = 0
     confusion[0, 0] = 1  # the road is in all three sets
     present = confusion.sum(axis=1) > 0
-    scored = {
-        "class_iou": [100 * v if p else None for v, p in zip(iou(confusion), present, strict=True)]
-    }
+    shares = [100 * v if p else None for v, p in zip(iou(confusion), present, strict=True)]
     for classes in (SYNTHIA_16, SYNTHIA_13):
-        (found,) = subset_miou([scored], classes)
+        (found,) = subset_miou([{"class_iou": shares}], classes)
         assert found == pytest.approx(100 * mean_iou(confusion, classes))
     assert subset_miou([None], SYNTHIA_13) == [None]
 
@@ -109,7 +98,7 @@ def test_miou_over_other_classes_is_that_of_the_metric(seed):
 def test_cityscapes_labels_are_scored_over_three_sets_of_classes():
     nets = [{"miou": 50.0, "class_iou": [100.0 * (k < 9) for k in range(19)]}]
     rows = [{"net": "compact", "trained_on": "random", "images": 1, "nets": nets}]
-    report = {"target": "cityscapes", "classes": list(CITYSCAPES_19.classes), "rows": rows}
+    report = {"target": "cityscapes", "classes": [*CITYSCAPES_19.classes], "rows": rows}
     (row,) = FORM.derive(report)["rows"]
     # Of the first nine classes, wall, fence and pole are not among the 13.
     assert row["over_classes"]["16"]["mean"] == pytest.approx(100 * 9 / 16)

@@ -1,7 +1,7 @@
 """Real data as targets: the split, the overlap, and everything that can be wrong on disk."""
 
 from dataclasses import replace
-from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,16 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from experiments.cli import main
 from experiments.config import MainConfig
-from experiments.main.job import MAIN
 from experiments.presets import defaults
-from experiments.study.skeleton import do
 from experiments.target.base import refuse_overlap
 from experiments.target.named import named_target
 from scene.workers import WorkerPool
 from seg.classes import CAMVID_11
 from shell.errors import UserError
+
+from .conftest import main_job
 
 POOL = WorkerPool(0)
 
@@ -29,13 +28,9 @@ def fails(camvid, tmp_path, error_line):
 
     def run(*words: str, flags: tuple[str, ...] = ()) -> None:
         out = tmp_path / "new" / "run"
-        arguments = ["--preset", "smoke", "--workers", "0", "--data", str(camvid)]
-        arguments += ["--out", str(out), *flags]
-        own, work = partial(defaults, MainConfig), partial(do, MAIN)
-        assert main("camvid", own, work, "", arguments, target="camvid") == 2
-        line = error_line()
-        for word in words:
-            assert word in line
+        assert main_job("camvid", "--data", str(camvid), "--out", str(out), *flags) == 2
+        line = error_line(begun=not flags)  # pixels are read after the target is told
+        assert all(word in line for word in words), line
         assert not out.parent.exists()
 
     return run
@@ -78,10 +73,6 @@ def test_limits_choose_a_seeded_subset(tiny_camvid):
     assert again.at(16, 16).reward.names == again.reward_names
 
 
-def test_missing_folder(fails, tmp_path):
-    fails("/nowhere", "no such folder", "CamVid", flags=("--data", str(tmp_path / "nowhere")))
-
-
 def test_missing_split(fails, camvid):
     for name in ("test", "testannot"):
         (camvid / name).rename(camvid.parent / name)
@@ -89,21 +80,20 @@ def test_missing_split(fails, camvid):
     fails("no split 'val'", "Splits there: train", flags=("--test-split", "val"))
 
 
-def test_unknown_sequence(fails):
-    fails("--holdout 'Z'", "sequences A, B", flags=("--holdout", "Z"))
-
-
-def test_holdout_and_split_at_once(fails):
-    fails("--holdout", "--test-split", flags=("--holdout", "A", "--test-split", "test"))
+@pytest.mark.parametrize(("flags", "words"), [
+    (("--data", "/nowhere"), ("/nowhere", "no such folder", "CamVid")),
+    (("--holdout", "Z"), ("--holdout 'Z'", "sequences A, B")),
+    (("--holdout", "A", "--test-split", "test"), ("--holdout", "--test-split")),
+    (("--test-split", "train"), ("4 images", "A_1", "--test-split", "--holdout")),
+])  # fmt: skip
+def test_what_is_not_there_or_at_odds(fails, flags, words):
+    fails(*words, flags=flags)
 
 
 def test_overlap_of_reward_and_test_images(fails, camvid):
-    fails("4 images", "A_1", "--test-split", "--holdout", flags=("--test-split", "train"))
     for kind in ("", "annot"):  # one image copied from one side to the other
-        (camvid / f"train{kind}" / "A_2.png").rename(camvid / f"test{kind}" / "A_2.png")
-        (camvid / f"train{kind}" / "A_2.png").write_bytes(
-            (camvid / f"test{kind}" / "A_2.png").read_bytes()
-        )
+        image = (camvid / f"train{kind}" / "A_2.png").read_bytes()
+        (camvid / f"test{kind}" / "A_2.png").write_bytes(image)
     fails("1 images", "A_2")
 
 
@@ -119,61 +109,39 @@ def test_overlap_is_refused_exactly_where_there_is_one(reward, test):
         refuse_overlap(reward, test)
 
 
-@pytest.mark.parametrize("split", ["train", "test"])
-def test_image_without_label(fails, camvid, split):
-    label = sorted((camvid / f"{split}annot").iterdir())[0]
-    label.unlink()
-    fails(f"{split}/{label.name}", "image without label", str(label))
+def short(bytes_left: int):
+    """Cuts a file short."""
+    return lambda path: path.write_bytes(path.read_bytes()[:bytes_left])
 
 
-@pytest.mark.parametrize("split", ["train", "test"])
-def test_truncated_image(fails, camvid, split):
-    path = sorted((camvid / split).iterdir())[0]
-    path.write_bytes(path.read_bytes()[:200])
-    fails(str(path), "broken or truncated")
+def flat(value: int, size=(12, 16)):
+    """Puts one label everywhere."""
+    return lambda path: Image.fromarray(np.full(size, value, np.uint8)).save(path)
 
 
-def test_truncated_label(fails, camvid):
-    path = camvid / "trainannot" / "B_1.png"
-    path.write_bytes(path.read_bytes()[:40])
-    fails(str(path), "broken or truncated")
-
-
-def test_empty_image(fails, camvid):
-    (camvid / "test" / "C_1.png").write_bytes(b"")
-    fails("C_1.png", "empty")
-
-
-def test_sizes_that_differ(fails, camvid):
-    path = camvid / "trainannot" / "A_2.png"
-    Image.fromarray(np.zeros((8, 8), np.uint8)).save(path)
-    fails(str(path), "8x8", "16x12")
-
-
-def test_label_outside_the_table(fails, camvid):
-    path = camvid / "testannot" / "C_1.png"
-    Image.fromarray(np.full((12, 16), 77, np.uint8)).save(path)
-    fails(str(path), "label value 77", "camvid", "0..11")
-
-
-def test_zero_images(fails, camvid):
-    for kind in ("train", "trainannot"):
-        for path in (camvid / kind).iterdir():
-            path.unlink()
-    fails("zero images", "train")
-
-
-def test_nothing_but_void(fails, camvid):
-    for path in (camvid / "testannot").iterdir():
-        Image.fromarray(np.full((12, 16), 11, np.uint8)).save(path)
-    fails(str(camvid), "all labels of the test images are void")
+@pytest.mark.parametrize(("change", "files", "words"), [
+    (Path.unlink, "trainannot/A_1.png", ("train/A_1.png", "image without label", "FILE")),
+    (Path.unlink, "testannot/B_8.png", ("test/B_8.png", "image without label", "FILE")),
+    (short(200), "train/A_1.png", ("FILE", "broken or truncated")),
+    (short(200), "test/B_8.png", ("FILE", "broken or truncated")),
+    (short(40), "trainannot/B_1.png", ("FILE", "broken or truncated")),
+    (short(0), "test/C_1.png", ("C_1.png", "empty")),
+    (flat(0, (8, 8)), "trainannot/A_2.png", ("FILE", "8x8", "16x12")),
+    (flat(77), "testannot/C_1.png", ("FILE", "label value 77", "camvid", "0..11")),
+    (flat(11), "testannot/*.png", ("camvid", "all labels of the test images are void")),
+    (Path.unlink, "train*/*.png", ("zero images", "train")),
+])  # fmt: skip
+def test_what_is_wrong_on_disk(fails, camvid, change, files, words):
+    found = sorted(camvid.glob(files))
+    for path in found:
+        change(path)
+    fails(*(word.replace("FILE", str(found[0])) for word in words))
 
 
 def test_cityscapes_without_labels(cityscapes, tmp_path, error_line):
     (cityscapes / "gtFine").rename(cityscapes / "gtCoarse")
-    arguments = ["--preset", "smoke", "--data", str(cityscapes), "--out", str(tmp_path / "run")]
-    own, work = partial(defaults, MainConfig), partial(do, MAIN)
-    assert main("cityscapes", own, work, "", arguments, target="cityscapes") == 2
+    flags = ("--data", str(cityscapes), "--out", str(tmp_path / "run"))
+    assert main_job("cityscapes", *flags) == 2
     assert "gtFine: no such folder" in error_line()
     assert not (tmp_path / "run").exists()
 

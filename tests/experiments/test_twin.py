@@ -11,15 +11,7 @@ from experiments.config import MainConfig
 from experiments.presets import PRESETS, TARGETS, defaults
 from experiments.target import twin as module
 from experiments.target.named import named_target
-from experiments.target.twin import (
-    FIRST_ASSET,
-    HIDDEN_WIDTH,
-    IMAGES,
-    PRIOR_STD,
-    SHOTS,
-    twin_split,
-    twin_world,
-)
+from experiments.target.twin import HIDDEN_WIDTH, IMAGES, SHOTS, twin_split, twin_world
 from scene.assets.families import FAMILIES
 from scene.attributes import default_unit
 from scene.dataset.render import Dataset
@@ -29,21 +21,18 @@ from scene.workers import WorkerPool
 seeds = st.integers(0, 2**31)
 
 
-@given(seeds)
-def test_hidden_values_are_reproducible_and_inside_the_ranges(seed):
+@given(seeds, seeds)
+def test_hidden_values_are_reproducible_inside_the_ranges_and_other_by_seed(seed, other):
     world, again = twin_world(seed), twin_world(seed)
     np.testing.assert_array_equal(world.centre, again.centre)
     assert (world.response, world.seed) == (again.response, again.seed)
     assert world.centre.shape == world.width.shape == (23,)
     half = HIDDEN_WIDTH / 2
     assert (world.centre >= half).all() and (world.centre <= 1 - half).all()
-
-
-@given(seeds, seeds)
-def test_another_seed_hides_other_values(one, other):
-    if one != other:
-        assert (twin_world(one).centre != twin_world(other).centre).any()
-        assert twin_world(one).response != twin_world(other).response
+    assert world.response != CameraResponse()
+    if seed != other:
+        assert (world.centre != twin_world(other).centre).any()
+        assert world.response != twin_world(other).response
 
 
 def test_the_prior_is_the_stated_one():
@@ -51,11 +40,7 @@ def test_the_prior_is_the_stated_one():
     inside = (default_unit() > 0.45) & (default_unit() < 0.55)  # far from where it is clipped
     offsets = (centres - default_unit())[:, inside]
     assert abs(offsets.mean()) < 0.015
-    assert offsets.std() == pytest.approx(PRIOR_STD, rel=0.1)
-
-
-def test_the_camera_is_another_one():
-    assert all(twin_world(seed).response != CameraResponse() for seed in range(5))
+    assert offsets.std() == pytest.approx(module.PRIOR_STD, rel=0.1)
 
 
 class Renders(list):
@@ -75,11 +60,8 @@ def renders(monkeypatch):
 
 
 def split(name, images=None, seed=0):
-    world = twin_world(seed)
-    pool = WorkerPool(0)
-    return twin_split(
-        world, name, (8, 16), images=images, renderer="embree", workers=pool, assets=2
-    )
+    own = {"images": images, "renderer": "embree", "workers": WorkerPool(0), "assets": 2}
+    return twin_split(twin_world(seed), name, (8, 16), **own)
 
 
 @pytest.mark.parametrize("target", TARGETS)
@@ -88,11 +70,8 @@ def test_its_assets_are_not_the_searchs(renders, target, preset):
     split("train")
     [(_, _, options)] = renders
     ours, theirs = defaults(MainConfig, target, preset).pool, options["pool"]
-    assert (
-        ours.first + (ours.size or max(family.count for family in FAMILIES.values()))
-        <= FIRST_ASSET
-        == theirs.first
-    )
+    most = ours.size or max(family.count for family in FAMILIES.values())
+    assert ours.first + most <= module.FIRST_ASSET == theirs.first
     assert not theirs.own
 
 
@@ -101,28 +80,20 @@ def test_its_splits_are_disjoint(renders):
     assert not set(train.names) & set(test.names)
     assert not set(train.sequences) & set(test.sequences)
     (train_units, train_seed, _), (test_units, test_seed, _) = renders
-    assert train_seed != test_seed
-    assert not np.isin(train_units, test_units).any()
+    assert train_seed != test_seed and not np.isin(train_units, test_units).any()
+    # Every street lies in the hidden interval.
+    assert (np.abs(train_units - twin_world(0).centre) <= HIDDEN_WIDTH / 2 + 1e-6).all()
+    assert train_units.shape == (IMAGES // SHOTS, 23)
 
 
 @given(st.integers(1, 200))
 def test_as_many_images_as_asked_for_at_most_all(images):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(module, "render_dataset", Renders())
-        real = split("test", images)
+        real, whole = split("test", images), split("test")
+    assert real.names == whole.names[:images]
     assert len(real.names) == len(set(real.names)) == len(real.images) == min(images, IMAGES)
     assert len(set(real.sequences)) == -(-len(real.names) // SHOTS)
-
-
-def test_fewer_images_are_the_first_of_all(renders):
-    assert split("train", 4).names == split("train").names[:4]
-
-
-def test_every_street_lies_in_the_hidden_interval(renders):
-    split("train")
-    units, world = renders[0][0], twin_world(0)
-    assert (np.abs(units - world.centre) <= HIDDEN_WIDTH / 2 + 1e-6).all()
-    assert units.shape == (IMAGES // SHOTS, 23)
 
 
 def test_it_never_passes_for_real_data(renders):
@@ -131,7 +102,6 @@ def test_it_never_passes_for_real_data(renders):
     assert target.real is False and target.name == "twin"
     assert "twin 3" in target.title and "NOT real data" in target.title
     assert len(target.reward_names) == len(target.test_names) == 8
-    assert target.twin is not None
     np.testing.assert_array_equal(target.twin.centre, twin_world(3).centre)
 
 

@@ -70,9 +70,8 @@ def test_images_stay_in_range_and_labels_untouched_by_colour(seed):
 def test_blur_by_hand():
     spot = np.zeros((1, 3, 3, 1), np.float32)
     spot[0, 1, 1] = 16
-    np.testing.assert_allclose(
-        blurred(jnp.asarray(spot), jnp.ones(1))[0, :, :, 0], [[1, 2, 1], [2, 4, 2], [1, 2, 1]]
-    )
+    spread = blurred(jnp.asarray(spot), jnp.ones(1))[0, :, :, 0]
+    np.testing.assert_allclose(spread, [[1, 2, 1], [2, 4, 2], [1, 2, 1]])
     np.testing.assert_allclose(blurred(jnp.asarray(spot), jnp.zeros(1)), spot)
 
 

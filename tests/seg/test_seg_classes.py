@@ -33,18 +33,12 @@ TO_CAMVID = {
 }  # fmt: skip
 
 
-def test_cityscapes_to_camvid():
+def test_labels_by_hand():
     for city, camvid in TO_CAMVID.items():
         mapped = CAMVID_11.from_train_id[CITYSCAPES_19.classes.index(city)]
         assert mapped == (IGNORE_LABEL if camvid is None else CAMVID_11.classes.index(camvid))
-
-
-def test_cityscapes_train_ids_are_its_own():
     np.testing.assert_array_equal(CITYSCAPES_19.from_train_id[:19], np.arange(19))
-
-
-def test_camvid_void_is_eleven():
-    assert CAMVID_11.legal[11] and not CAMVID_11.legal[12]
+    assert CAMVID_11.legal[11] and not CAMVID_11.legal[12]  # void is eleven
     assert CAMVID_11.from_file[11] == IGNORE_LABEL
 
 

@@ -1,5 +1,6 @@
 """Nets: shapes and parameter counts at full size (without running), behaviour at a small one."""
 
+from functools import partial
 from itertools import pairwise
 
 import jax
@@ -16,6 +17,8 @@ from seg.nets.ops.conv import Conv, conv, kernel_gradient, xla_conv
 from seg.nets.ops.max_pool import max_pool
 from seg.nets.ops.product_conv import patch_conv, product_conv
 from seg.nets.ops.resize import bilinear, repeat_pixels, space_to_depth
+
+from .conftest import filled
 
 
 def outline(module, *shape):
@@ -60,9 +63,8 @@ def test_parameters_are_as_many_as_published(classes):
 def test_vgg16_strides():
     plain, _ = outline(VGG16(), 1, 320, 640, 3)
     channels = (64, 128, 256, 512, 512)
-    assert [p.shape[1:] for p in plain] == [
-        (320 >> k, 640 >> k, c) for k, c in enumerate(channels, 1)
-    ]
+    expected = [(320 >> k, 640 >> k, c) for k, c in enumerate(channels, 1)]
+    assert [p.shape[1:] for p in plain] == expected
     atrous, _ = outline(VGG16(atrous=True), 1, 320, 640, 3)
     assert [p.shape[1] for p in atrous] == [160, 80, 40, 40, 40]
 
@@ -85,12 +87,7 @@ def test_factory_errors():
 def test_narrow_vgg_nets_run_and_drop_out(kind):
     module = kind(3, width=4, hidden=8)
     images = jax.random.normal(jax.random.key(0), (1, 32, 32, 3))
-
-    rng = np.random.default_rng(0)
-    variables = jax.tree.map(
-        lambda leaf: rng.normal(0, 0.2, leaf.shape).astype(np.float32),
-        jax.eval_shape(module.init, jax.random.key(0), images),
-    )
+    variables = {"params": filled(module, images)}
     noisy = jax.jit(lambda key: module.apply(variables, images, train=True, rngs={"dropout": key}))
     first, again, other = (noisy(jax.random.key(seed)) for seed in (1, 1, 2))
     assert jnp.isfinite(first).all()
@@ -113,17 +110,14 @@ def test_bilinear_is_that_of_jax(seed):
     np.testing.assert_allclose(bilinear(x, 4), expected, atol=1e-6)
 
 
-@pytest.mark.parametrize(
-    ("ours", "side", "rate"),
-    [
-        *((product_conv, 3, rate) for rate in (1, 2, 4, 6, 9)),  # 9 leaves the centre only
-        *((product_conv, side, 1) for side in (1, 5, 7)),
-        *((patch_conv, side, 1) for side in (1, 3, 7)),
-        (patch_conv, 3, 2),
-        *((conv, 3, rate) for rate in (1, 2, 4)),
-        *((conv, side, 1) for side in (1, 5, 7)),
-    ],
-)
+@pytest.mark.parametrize(("ours", "side", "rate"), [
+    *((product_conv, 3, rate) for rate in (1, 2, 4, 6, 9)),  # 9 leaves the centre only
+    *((product_conv, side, 1) for side in (1, 5, 7)),
+    *((patch_conv, side, 1) for side in (1, 3, 7)),
+    (patch_conv, 3, 2),
+    *((conv, 3, rate) for rate in (1, 2, 4)),
+    *((conv, side, 1) for side in (1, 5, 7)),
+])  # fmt: skip
 def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
     rng = np.random.default_rng(rate)
     x = jnp.asarray(rng.normal(size=(2, 5, 7, 4)), jnp.float32)
@@ -137,8 +131,7 @@ def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
     value, *gradients = all_of(ours)
     expected, *others = all_of(xla_conv)
     np.testing.assert_allclose(value, expected, atol=1e-5 * max(1, side**2 / 9))
-    for found, other in zip(gradients, others, strict=True):
-        np.testing.assert_allclose(found, other, atol=1e-4)
+    jax.tree.map(partial(np.testing.assert_allclose, atol=1e-4), gradients, others)
 
 
 @pytest.mark.parametrize("dtype", [None, jnp.bfloat16])
@@ -147,9 +140,8 @@ def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
 )
 def test_our_convolutions_have_the_parameters_of_flax_s(ours, side, dtype):
     key, x = jax.random.key(3), jax.random.normal(jax.random.key(4), (2, 5, 7, 4))
-    theirs = nn.Conv(
-        6, (side, side), kernel_init=nn.initializers.he_normal(), dtype=dtype, name="conv"
-    )
+    drawn = {"kernel_init": nn.initializers.he_normal(), "dtype": dtype, "name": "conv"}
+    theirs = nn.Conv(6, (side, side), **drawn)
     expected, variables = theirs.init_with_output(key, x)
     found, same = Conv(6, ours, side, dtype=dtype, name="conv").init_with_output(key, x)
     jax.tree.map(np.testing.assert_array_equal, same, variables)

@@ -10,15 +10,12 @@ from hypothesis import strategies as st
 from seg.optim import deeplab_multiplier, descend, optimizer, poly_schedule
 
 
-def test_poly_decay_by_hand():
+def test_poly_decay_and_warm_up_by_hand():
     rates = poly_schedule(5e-4, 1000)
     assert rates.dtype == np.float32 and rates.shape == (1000,)
     assert rates[0] == pytest.approx(5e-4)
     assert rates[500] == pytest.approx(5e-4 * 0.5**0.9)
     assert rates[-1] == pytest.approx(5e-4 * 0.001**0.9)
-
-
-def test_warm_up_by_hand():
     rates = poly_schedule(1.0, 10, power=1.0, warmup=3)
     np.testing.assert_allclose(rates[:4], [0.25, 0.5 * 0.9, 0.75 * 0.8, 0.7], rtol=1e-6)
 

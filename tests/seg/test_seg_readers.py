@@ -134,15 +134,12 @@ def test_a_value_outside_the_table(root, case):
         case.read(root)
 
 
-@pytest.mark.parametrize(
-    ("table", "values"),
-    [
-        ("gta5", {7: "road", 11: "building", 23: "sky", 33: "bicycle", 34: None, 0: None}),
-        ("kitti", {7: "road", 26: "car", 24: "person", 17: "pole", 4: None, 16: None, 30: None}),
-        ("synthia", {1: "sky", 3: "road", 21: "wall", 10: "person", 11: "bicycle", 20: "train",
-                     15: "traffic light", 0: None, 13: None, 22: None}),
-    ],
-)  # fmt: skip
+@pytest.mark.parametrize(("table", "values"), [
+    ("gta5", {7: "road", 11: "building", 23: "sky", 33: "bicycle", 34: None, 0: None}),
+    ("kitti", {7: "road", 26: "car", 24: "person", 17: "pole", 4: None, 16: None, 30: None}),
+    ("synthia", {1: "sky", 3: "road", 21: "wall", 10: "person", 11: "bicycle", 20: "train",
+                 15: "traffic light", 0: None, 13: None, 22: None}),
+])  # fmt: skip
 def test_values_in_files_mean_what_the_data_sets_say(table, values):
     table = CASES[table].table
     for value, name in values.items():
@@ -150,16 +147,13 @@ def test_values_in_files_mean_what_the_data_sets_say(table, values):
         assert table.legal[value] and table.from_file[value] == expected
 
 
-def test_missing_split_lists_those_that_exist(tmp_path):
+def test_missing_splits_and_layouts_list_those_that_exist(tmp_path):
     for part in ("leftImg8bit/train", "leftImg8bit/val", "gtFine/train"):
         (tmp_path / part).mkdir(parents=True)
     with pytest.raises(DataError, match="leftImg8bit: no split 'test'; splits there: train, val"):
         list_cityscapes(tmp_path, "test")
     with pytest.raises(DataError, match="gtFine: no split 'val'; splits there: train"):
         list_cityscapes(tmp_path, "val")
-
-
-def test_an_unknown_layout_is_refused_by_name(tmp_path):
     with pytest.raises(ValueError, match="unknown layout 'gta6'; known: gta5, synthia, kitti"):
         list_folders(tmp_path, "gta6")
 

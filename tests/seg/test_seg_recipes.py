@@ -21,6 +21,8 @@ from seg.step import Data, accumulated, functions, plan
 from seg.train import train
 from seg.weights import check
 
+from .conftest import filled, narrow_vgg16
+
 WIDTH, HIDDEN = 8, 16
 SMALL = {
     "compact": Compact,
@@ -56,15 +58,12 @@ def test_the_papers_recipe():
     assert paper.lr_multipliers == "deeplab" and not paper.norm
 
 
-@pytest.mark.parametrize(
-    ("recipe", "name"),
-    [
-        ("paper", "deeplabv2"),
-        ("scratch", "fcn8s"),
-        pytest.param("paper", "fcn8s", marks=pytest.mark.slow),
-        pytest.param("scratch", "deeplabv2", marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.parametrize(("recipe", "name"), [
+    ("paper", "deeplabv2"),
+    ("scratch", "fcn8s"),
+    pytest.param("paper", "fcn8s", marks=pytest.mark.slow),
+    pytest.param("scratch", "deeplabv2", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_recipes_train_both_nets(recipe, name):
     settings = replace(RECIPES[recipe], net=name, steps=2, warmup=0, batch=2)
     check_settings(settings)
@@ -84,12 +83,10 @@ def test_defaults_are_the_compact_nets():
 def test_accumulated_steps_are_those_of_the_whole_batch(parts):
     whole = TrainSettings(optimizer="sgd", lr=0.1, steps=3, batch=4, warmup=0)
     losses = []
-    fitted = [
-        train(0, *data(), settings, 11, progress=lambda _, loss: losses.append(loss))
-        for settings in (whole, replace(whole, accumulate=parts))
-    ]
-    for a, b in zip(*map(jax.tree.leaves, fitted), strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-5)
+    settings = whole, replace(whole, accumulate=parts)
+    told = {"progress": lambda _, loss: losses.append(loss)}
+    fitted = [train(0, *data(), own, 11, **told) for own in settings]
+    jax.tree.map(partial(np.testing.assert_allclose, atol=1e-5), *fitted)
     assert losses[0] == pytest.approx(losses[1], rel=1e-5)
 
 
@@ -113,13 +110,7 @@ def test_accumulated_gradient_by_hand():
 def test_bfloat16_computes_about_the_same(name):
     images = jnp.asarray(np.random.default_rng(0).normal(size=(1, 32, 32, 3)), jnp.float32)
     exact, brief = net(name, 5), net(name, 5, "bfloat16")
-    rng = np.random.default_rng(1)
-
-    def draw(leaf):  # drawing with JAX would compile for a minute
-        fan_in = int(np.prod(leaf.shape[:-1])) or 1
-        return rng.normal(0, np.sqrt(2 / fan_in), leaf.shape).astype(np.float32)
-
-    params = jax.tree.map(draw, jax.eval_shape(exact.init, jax.random.key(0), images)["params"])
+    params = filled(exact, images, 1)
     outline = jax.eval_shape(brief.init, jax.random.key(0), images)["params"]
     assert {leaf.dtype for leaf in jax.tree.leaves(outline)} == {jnp.dtype("float32")}
     a, b = (jax.jit(m.apply)({"params": params}, images) for m in (exact, brief))
@@ -153,13 +144,10 @@ def test_images_of_any_size_are_segmented_whole(name):
 
 
 def write_weights(path, monkeypatch):
-    widths = [3] + [c * WIDTH // 64 for c in names._CHANNELS[1:]]
-    monkeypatch.setattr(names, "_CHANNELS", tuple(widths))
-    monkeypatch.setattr(names, "_HIDDEN", HIDDEN)
+    narrow_vgg16(monkeypatch, WIDTH, HIDDEN)
     rng = np.random.default_rng(0)
-    arrays = {
-        n: rng.normal(0, 0.01, shape).astype(np.float32) for n, shape in names.shapes().items()
-    }
+    sizes = names.shapes().items()
+    arrays = {n: rng.normal(0, 0.01, shape).astype(np.float32) for n, shape in sizes}
     np.savez(path, **arrays, normalisation="torchvision")
     return arrays
 
@@ -167,10 +155,8 @@ def write_weights(path, monkeypatch):
 @pytest.mark.parametrize("name", [pytest.param("deeplabv2", marks=pytest.mark.slow), "fcn8s"])
 def test_training_starts_from_weights(name, tmp_path, monkeypatch):
     arrays = write_weights(tmp_path / "vgg16.npz", monkeypatch)
-    settings = replace(
-        RECIPES["paper"], net=name, steps=1, lr=1e-6, batch=2,
-        weights=str(tmp_path / "vgg16.npz"),
-    )  # fmt: skip
+    own = {"net": name, "weights": str(tmp_path / "vgg16.npz")}
+    settings = replace(RECIPES["paper"], steps=1, lr=1e-6, batch=2, **own)
     params = train(0, *data(2), settings, 11)
     other = train(0, *data(2), replace(settings, weights=None), 11)
     for layer in names.CONVS:

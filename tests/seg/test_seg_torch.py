@@ -1,18 +1,21 @@
 """Our nets give what the same nets in PyTorch give, and read what PyTorch saves."""
 
+import os
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-torch = pytest.importorskip(
-    "torch", reason="PyTorch is not installed: pip install torch (the extra `torch`)"
-)
+torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install torch")
 
 from benchmarks import torch_nets  # noqa: E402
 from seg.losses import cross_entropy  # noqa: E402
 from seg.nets import VGG16, Compact, DeepLabV2, FCN8s  # noqa: E402
+from seg.weights import WeightsError  # noqa: E402
 from seg.weights.read import read  # noqa: E402
+
+from .conftest import filled  # noqa: E402
 
 CLASSES = 5
 NETS = [
@@ -20,19 +23,6 @@ NETS = [
     (DeepLabV2(CLASSES, width=8, hidden=32), torch_nets.DeepLabV2(CLASSES, width=8, hidden=32)),
     (Compact(CLASSES), torch_nets.Compact(CLASSES)),
 ]
-
-
-def filled(module, images, seed=0):
-    """Parameters of ordinary sizes: no layer starts at 0, no activation grows."""
-    rng = np.random.default_rng(seed)
-
-    def draw(leaf):
-        fan_in = max(int(np.prod(leaf.shape[:-1])), 1)
-        scale = np.sqrt(2 / fan_in) if len(leaf.shape) == 4 else 0.1
-        return rng.normal(0, scale, leaf.shape).astype(np.float32)
-
-    outline = jax.eval_shape(module.init, jax.random.key(0), images)
-    return jax.tree.map(draw, outline["params"])
 
 
 def pictures(h, w, count=2):
@@ -101,26 +91,18 @@ class Shell:
     """Would run a command when it is unpickled."""
 
     def __reduce__(self):
-        import os
-
         return os.system, ("exit 1",)
 
 
 @pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
-@pytest.mark.parametrize(
-    ("value", "message"),
-    [
-        ({"features.0.weight": Shell()}, r"it calls (posix|nt)\.system; expected a state dict"),
-        (torch.nn.Conv2d(3, 4, 3), r"it calls torch\.nn\.modules\.conv\.Conv2d"),
-        ({"state_dict": {"a": torch.ones(2)}}, "'state_dict' is a dict; .* save that one alone"),
-        ([torch.ones(2)], "holds a list; expected a state dict"),
-        ({"epoch": 3}, "'epoch' is a int"),
-    ],
-    ids=["shell", "module", "nested", "list", "number"],
-)
+@pytest.mark.parametrize(("value", "message"), [
+    ({"features.0.weight": Shell()}, r"it calls (posix|nt)\.system; expected a state dict"),
+    (torch.nn.Conv2d(3, 4, 3), r"it calls torch\.nn\.modules\.conv\.Conv2d"),
+    ({"state_dict": {"a": torch.ones(2)}}, "'state_dict' is a dict; .* save that one alone"),
+    ([torch.ones(2)], "holds a list; expected a state dict"),
+    ({"epoch": 3}, "'epoch' is a int"),
+], ids=["shell", "module", "nested", "list", "number"])  # fmt: skip
 def test_what_is_no_state_dict_is_refused_unread(tmp_path, value, message, zipped):
-    from seg.weights import WeightsError
-
     path = tmp_path / "weights.pth"
     torch.save(value, path, _use_new_zipfile_serialization=zipped)
     with pytest.raises(WeightsError, match=f"weights.pth: .*{message}"):

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import jax
@@ -49,8 +50,7 @@ def test_two_images_are_learnt_by_heart(fitted):
 def test_same_seed_same_net_other_seed_another(fitted):
     again = train(0, *toy(), SETTINGS, 11)
     other = train(1, *toy(), SETTINGS, 11)
-    for a, b in zip(jax.tree.leaves(fitted), jax.tree.leaves(again), strict=True):
-        np.testing.assert_array_equal(a, b)
+    jax.tree.map(np.testing.assert_array_equal, fitted, again)
     pairs = zip(jax.tree.leaves(fitted), jax.tree.leaves(other), strict=True)
     assert any(not np.array_equal(a, b) for a, b in pairs)
 
@@ -73,17 +73,14 @@ def test_progress_is_told(fitted):
 def test_training_can_go_on_from_given_parameters(fitted):
     before = jax.tree.map(np.array, fitted)
     further = train(3, *toy(), replace(SETTINGS, steps=1, lr=1e-4), 11, params=fitted)
-    for a, b, c in zip(*map(jax.tree.leaves, (fitted, before, further)), strict=True):
-        np.testing.assert_array_equal(a, b)
-        np.testing.assert_allclose(a, c, atol=2e-4)
+    jax.tree.map(np.testing.assert_array_equal, fitted, before)
+    jax.tree.map(partial(np.testing.assert_allclose, atol=2e-4), fitted, further)
 
 
 def test_scanned_steps_are_the_same_steps():
     settings = replace(SETTINGS, steps=3, lr=1e-3)
-    stepped = train(0, *toy(), settings, 11, stepwise=True)
-    scanned = train(0, *toy(), settings, 11, stepwise=False)
-    for a, b in zip(jax.tree.leaves(stepped), jax.tree.leaves(scanned), strict=True):
-        np.testing.assert_allclose(a, b, atol=1e-4)
+    fitted = (train(0, *toy(), settings, 11, stepwise=stepwise) for stepwise in (True, False))
+    jax.tree.map(partial(np.testing.assert_allclose, atol=1e-4), *fitted)
 
 
 def test_all_void_labels_change_nothing_but_do_no_harm():
@@ -120,17 +117,14 @@ def test_what_is_compiled_is_kept():
     assert functions(SETTINGS, 11) is not functions(replace(SETTINGS, mirror=False), 11)
 
 
-@pytest.mark.parametrize(
-    ("images", "labels", "message"),
-    [
-        (np.zeros((0, 8, 8, 3), np.uint8), np.zeros((0, 8, 8), np.uint8), "zero images"),
-        (np.zeros((2, 8, 8, 1), np.uint8), None, r"images must be u8\[n, h, w, 3\]"),
-        (np.zeros((2, 8, 8, 3), np.float32), None, "got float32"),
-        (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 9), np.uint8), "one per pixel"),
-        (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((3, 8, 8), np.uint8), "one per pixel"),
-        (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.int32), "got int32"),
-    ],
-)
+@pytest.mark.parametrize(("images", "labels", "message"), [
+    (np.zeros((0, 8, 8, 3), np.uint8), np.zeros((0, 8, 8), np.uint8), "zero images"),
+    (np.zeros((2, 8, 8, 1), np.uint8), None, r"images must be u8\[n, h, w, 3\]"),
+    (np.zeros((2, 8, 8, 3), np.float32), None, "got float32"),
+    (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 9), np.uint8), "one per pixel"),
+    (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((3, 8, 8), np.uint8), "one per pixel"),
+    (np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.int32), "got int32"),
+])  # fmt: skip
 def test_arrays_that_do_not_fit(images, labels, message):
     with pytest.raises(ValueError, match=message):
         _check(images, labels)
@@ -138,38 +132,25 @@ def test_arrays_that_do_not_fit(images, labels, message):
 
 def test_labels_outside_the_table():
     images, labels = toy()
-    with pytest.raises(
-        ValueError, match=r"label 11 is none of 11 classes; expected 0\.\.10, or 255 for void"
-    ):
-        train(0, images, np.where(labels == 3, 11, labels).astype(np.uint8), SETTINGS, 11)
+    labels[labels == 3] = 11
+    with pytest.raises(ValueError, match=r"label 11 is none of 11 .* 0\.\.10, or 255 for void"):
+        train(0, images, labels, SETTINGS, 11)
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"steps": 0}, "steps and batch must be at least 1"),
-        ({"batch": 0}, "steps and batch must be at least 1"),
-        (
-            {"accumulate": 0},
-            "accumulate must be at least 1 and divide the batch of 2 evenly; got 0",
-        ),
-        ({"batch": 4, "accumulate": 3}, "divide the batch of 4 evenly; got 3"),
-        ({"weights": "vgg16.npz"}, "which the net compact does not have"),
-        (
-            {"net": "fcn8s", "weights": "vgg16.npz", "norm": True},
-            "norm is for training from scratch",
-        ),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"steps": 0}, "steps and batch must be at least 1"),
+    ({"batch": 0}, "steps and batch must be at least 1"),
+    ({"accumulate": 0}, "accumulate must be at least 1 and divide the batch of 2 evenly; got 0"),
+    ({"batch": 4, "accumulate": 3}, "divide the batch of 4 evenly; got 3"),
+    ({"weights": "vgg16.npz"}, "which the net compact does not have"),
+    ({"net": "fcn8s", "weights": "vgg16.npz", "norm": True}, "norm is for training from scratch"),
+])  # fmt: skip
 def test_settings_that_make_no_sense(change, message):
     with pytest.raises(ValueError, match=message):
         train(0, *toy(), replace(SETTINGS, **change), 11)
-
-
-@pytest.mark.parametrize("seed", [-1, 2**32])
-def test_seeds_have_32_bits(seed):
-    with pytest.raises(ValueError, match="rng_seed must be in"):
-        train(seed, *toy(), SETTINGS, 11)
+    for seed in (-1, 2**32):
+        with pytest.raises(ValueError, match="rng_seed must be in"):
+            train(seed, *toy(), SETTINGS, 11)
 
 
 def test_public_names_exist():

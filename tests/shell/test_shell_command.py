@@ -15,17 +15,14 @@ FULL = OSError(errno.ENOSPC, "No space left on device", "x.json")
 CURE = "once that is put right, the same command goes on"
 
 
-@pytest.mark.parametrize(
-    ("error", "code", "text"),
-    [
-        (None, 0, ""),
-        (UserError("--out:\n  no"), 2, "error: --out: no\n"),
-        (FULL, 2, f"error: x.json: No space left on device; {CURE}\n"),
-        (OSError("odd"), 2, f"error: odd; {CURE}\n"),
-        (EOFError("workers died"), 1, "error: workers died\n"),
-        (KeyboardInterrupt(), 130, "\nstopped; the same command goes on where it was\n"),
-    ],
-)
+@pytest.mark.parametrize(("error", "code", "text"), [
+    (None, 0, ""),
+    (UserError("--out:\n  no"), 2, "error: --out: no\n"),
+    (FULL, 2, f"error: x.json: No space left on device; {CURE}\n"),
+    (OSError("odd"), 2, f"error: odd; {CURE}\n"),
+    (EOFError("workers died"), 1, "error: workers died\n"),
+    (KeyboardInterrupt(), 130, "\nstopped; the same command goes on where it was\n"),
+])  # fmt: skip
 def test_what_went_wrong_is_one_line_and_a_code(error, code, text, capsys):
     def work() -> None:
         if error is not None:
@@ -50,14 +47,10 @@ def test_output_that_nobody_reads_is_no_error(length):
     assert (done.returncode, done.stderr) == (UNREAD, b"") and UNREAD == 141
 
 
-@pytest.mark.parametrize(
-    ("error", "text"),
-    [
-        (FULL, "x.json: No space left on device"),
-        (OSError("odd"), "odd"),
-        (UserError("a\nb"), "a b"),
-    ],
-)
+@pytest.mark.parametrize(("error", "text"), [
+    (FULL, "x.json: No space left on device"),
+    (OSError("odd"), "odd"), (UserError("a\nb"), "a b"),
+])  # fmt: skip
 def test_a_parser_says_what_is_wrong_in_one_line(error, text, capsys):
     parser = Parser("scene.x", "One.\n\n    two  three\n")
     parser.add_argument("--count", type=int)

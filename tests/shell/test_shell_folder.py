@@ -14,12 +14,9 @@ from shell.folder import opened, plain, refuse_foreign
 
 ROWS = [{"name": "yaw", "low": 0.0}, {"name": "fog", "low": 0.5}]
 JOB = {
-    "seed": 0,
-    "data": Path("/data"),
-    "names": ("argmax", "spread"),
+    "seed": 0, "data": Path("/data"), "names": ("argmax", "spread"), "rows": ROWS,
     "search": {"bins": 5, "options": {"lr": 0.5}},
-    "rows": ROWS,
-}
+}  # fmt: skip
 
 
 @pytest.fixture
@@ -54,19 +51,16 @@ def test_the_same_job_is_continued_with_other_free_values(out):
     assert "workers = 1, not 7" in refused(out, {**JOB, "workers": 7})
 
 
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"seed": 3}, "seed = 0, not 3"),
-        ({"new": True}, "new = null, not true"),
-        ({"data": Path("/other")}, 'data = "/data", not "/other"'),
-        ({"names": ("spread",)}, 'names = ["argmax", "spread"], not ["spread"]'),
-        ({"search": {"bins": 7, "options": {"lr": 0.5}}}, "search.bins = 5, not 7"),
-        ({"search": {"bins": 5, "options": {}}}, "search.options.lr = 0.5, not null"),
-        ({"rows": ROWS[:1]}, "rows = [{"),
-        ({"rows": [ROWS[0], {"name": "fog", "low": 0.25}]}, "rows.fog.low = 0.5, not 0.25"),
-    ],
-)
+@pytest.mark.parametrize(("change", "words"), [
+    ({"seed": 3}, "seed = 0, not 3"),
+    ({"new": True}, "new = null, not true"),
+    ({"data": Path("/other")}, 'data = "/data", not "/other"'),
+    ({"names": ("spread",)}, 'names = ["argmax", "spread"], not ["spread"]'),
+    ({"search": {"bins": 7, "options": {"lr": 0.5}}}, "search.bins = 5, not 7"),
+    ({"search": {"bins": 5, "options": {}}}, "search.options.lr = 0.5, not null"),
+    ({"rows": ROWS[:1]}, "rows = [{"),
+    ({"rows": [ROWS[0], {"name": "fog", "low": 0.25}]}, "rows.fog.low = 0.5, not 0.25"),
+])  # fmt: skip
 def test_another_job_is_refused_with_both_values(out, change, words):
     with opened(out, JOB):
         pass

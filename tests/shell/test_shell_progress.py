@@ -67,7 +67,8 @@ def test_replayed_work_is_done_but_does_not_set_the_pace(clock):
     assert told.elapsed == 508
 
 
-def story(told: Progress, clock) -> None:
+def story(stream, clock):
+    told = Progress(total=4, label="twin | ", stream=stream)
     told.say("Target: :car: [bold]x")
     clock.now += 10
     told.advance(1)
@@ -77,6 +78,7 @@ def story(told: Progress, clock) -> None:
     told.update("mIoU 6.0")
     told.close()
     told.say("end")
+    return stream
 
 
 PLAIN = [
@@ -88,26 +90,18 @@ PLAIN = [
 ]
 
 
-def test_a_line_per_update_in_a_file(clock, monkeypatch):
+@pytest.mark.parametrize("variable", ["TERM=dumb", "TTY_COMPATIBLE=0"])
+def test_a_line_per_update_in_a_file_and_without_a_cursor(variable, clock, terminal, monkeypatch):
     for force in ("", "1"):
         monkeypatch.setenv("FORCE_COLOR", force)
-        stream = io.StringIO()
-        story(Progress(total=4, label="twin | ", stream=stream), clock)
-        assert stream.getvalue().splitlines() == PLAIN
-
-
-@pytest.mark.parametrize("variable", ["TERM=dumb", "TTY_COMPATIBLE=0"])
-def test_a_terminal_without_a_cursor_gets_the_lines_of_a_file(
-    variable, clock, terminal, monkeypatch
-):
+        assert story(io.StringIO(), clock).getvalue().splitlines() == PLAIN
+    monkeypatch.delenv("FORCE_COLOR")
     monkeypatch.setenv(*variable.split("="))
-    story(Progress(total=4, label="twin | ", stream=terminal), clock)
-    assert terminal.getvalue().splitlines() == PLAIN
+    assert story(terminal, clock).getvalue().splitlines() == PLAIN
 
 
 def test_a_terminal_has_one_line_that_is_written_over(clock, terminal):
-    story(Progress(total=4, label="twin | ", stream=terminal), clock)
-    first, halfway, bar, end = terminal.visible()
+    first, halfway, bar, end = story(terminal, clock).visible()
     assert (first, halfway, end) == ("Target: :car: [bold]x", "halfway", "end")
     assert bar.endswith("100 % twin | 0 s left | mIoU 6.0")
 
