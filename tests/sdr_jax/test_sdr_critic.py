@@ -1,5 +1,6 @@
 """The critic, its features, and the methods that follow a model of the reward."""
 
+from functools import partial
 from itertools import product
 
 import jax
@@ -23,12 +24,11 @@ METHODS = {"actor_critic": actor_critic(SPACE), "linear": linear(SPACE)}
 
 BEST_OF = jax.jit(lambda key, weights: maximise(key, SPACE, LAYOUT, weights))
 TABLES = jax.jit(lambda weights, actions: tables(SPACE, LAYOUT, weights, actions))
-OBSERVE = jax.jit(lambda state, actions, rewards: critic.observe(MODEL, state, actions, rewards))
-POSTERIOR = jax.jit(lambda state: critic.posterior(MODEL, state))
-BEST = jax.jit(lambda belief: critic.best_bins(MODEL, belief))
+OBSERVE, POSTERIOR, BEST, MEAN, VALUES = (
+    jax.jit(partial(of, MODEL))
+    for of in (critic.observe, critic.posterior, critic.best_bins, critic.mean_model, critic.values)
+)
 DRAW_BEST = jax.jit(lambda key, belief: critic.draw_best(key, MODEL, belief, 200))
-MEAN = jax.jit(lambda belief: critic.mean_model(MODEL, belief))
-VALUES = jax.jit(lambda function, policy: critic.values(MODEL, function, policy))
 STRATIFIED = jax.jit(lambda key, p: stratified(key, SPACE, p, 7))
 seeds = st.integers(0, 2**32 - 1)
 
@@ -72,9 +72,6 @@ def columns(actions: np.ndarray) -> np.ndarray:
     return np.concatenate([x, x[:, [1, 4, 7, 10]] @ np.asarray([[1], [1], [0], [1]])], axis=1)
 
 
-# ---- features
-
-
 def test_features_by_hand() -> None:
     assert LAYOUT.pairs.tolist() == [[3, 0]]
     x = evaluated(LAYOUT, [[0, 2, 1, 3]])[0]
@@ -86,9 +83,7 @@ def test_features_by_hand() -> None:
     np.testing.assert_allclose(x[9:], [*d, *np.outer(d[:2], a).ravel()], atol=1e-6)
     np.testing.assert_allclose(LAYOUT.variance[:3], [1, 1 / 4, 0])
     np.testing.assert_allclose(LAYOUT.variance[12:], np.outer([1, 1 / 4], [1, 1 / 4]).ravel() / 2)
-
-
-def test_features_have_mean_zero_and_are_orthogonal_over_the_bins() -> None:
+    # Over the bins they have mean zero and are orthogonal.
     x = evaluated(LAYOUT, EVERY)
     np.testing.assert_allclose(x.mean(axis=0), 0, atol=1e-6)
     np.testing.assert_allclose(x.T @ x / len(x), np.diag(LAYOUT.variance > 0), atol=1e-5)
@@ -111,9 +106,6 @@ def test_the_best_bins_and_the_tables_are_those_of_enumeration(seed: int) -> Non
         actual = table[attribute, :count]
         np.testing.assert_allclose(actual - actual[0], expected - expected[0], atol=1e-4)
         assert np.all(np.isneginf(table[attribute, count:]))
-
-
-# ---- the critic
 
 
 def test_the_layout_by_hand() -> None:
@@ -211,9 +203,6 @@ def test_interactions_are_as_fine_as_their_number_allows(attributes, size, expec
     assert len(critic.make_critic(apart).layout.pairs) == 0
 
 
-# ---- the actor
-
-
 @settings(max_examples=20)
 @given(seed=seeds)
 def test_strata_keep_to_the_policy(seed: int) -> None:
@@ -261,9 +250,6 @@ def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> N
     twice, mask = np.asarray(followed(2.0)), bin_mask(alone)
     np.testing.assert_allclose(twice[mask], logits[mask] / 2, rtol=1e-4, atol=1e-5)
     assert np.all(np.isneginf(logits[~mask]))
-
-
-# ---- the methods
 
 
 @pytest.fixture(params=METHODS)
