@@ -1,3 +1,6 @@
+"""The critic, its features, and the methods that follow a model of the reward."""
+
+from functools import partial
 from itertools import product
 
 import jax
@@ -7,20 +10,27 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sdr_jax import space
+from sdr_jax import Method, Proposal, actor_critic, linear, run_on_host, space
 from sdr_jax.critic import critic, regression
-from sdr_jax.critic.features import evaluate
+from sdr_jax.critic.actor_critic import follow, stratified
+from sdr_jax.critic.features import Features, evaluate, features, maximise, tables
 from sdr_jax.relaxation import bin_mask
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
+EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
+LAYOUT = features(SPACE, 3, 2, 0.5)
 MODEL = critic.make_critic(SPACE, 3, 2)
-EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))))
-OBSERVE = jax.jit(lambda state, actions, rewards: critic.observe(MODEL, state, actions, rewards))
-POSTERIOR = jax.jit(lambda state: critic.posterior(MODEL, state))
-BEST = jax.jit(lambda belief: critic.best_bins(MODEL, belief))
+METHODS = {"actor_critic": actor_critic(SPACE), "linear": linear(SPACE)}
+
+BEST_OF = jax.jit(lambda key, weights: maximise(key, SPACE, LAYOUT, weights))
+TABLES = jax.jit(lambda weights, actions: tables(SPACE, LAYOUT, weights, actions))
+OBSERVE, POSTERIOR, BEST, MEAN, VALUES = (
+    jax.jit(partial(of, MODEL))
+    for of in (critic.observe, critic.posterior, critic.best_bins, critic.mean_model, critic.values)
+)
 DRAW_BEST = jax.jit(lambda key, belief: critic.draw_best(key, MODEL, belief, 200))
-MEAN = jax.jit(lambda belief: critic.mean_model(MODEL, belief))
-VALUES = jax.jit(lambda function, policy: critic.values(MODEL, function, policy))
+STRATIFIED = jax.jit(lambda key, p: stratified(key, SPACE, p, 7))
+seeds = st.integers(0, 2**32 - 1)
 
 
 def some(seed: int, n: int = 16) -> tuple[np.ndarray, np.ndarray]:
@@ -32,14 +42,74 @@ def some(seed: int, n: int = 16) -> tuple[np.ndarray, np.ndarray]:
     return actions, (40 + rewards).astype(np.float32)
 
 
+def observed(updates: int) -> critic.CriticState:
+    state = critic.init_critic(MODEL)
+    for seed in range(updates):
+        state = OBSERVE(state, *some(seed))
+    return state
+
+
+def fit(model: critic.Critic, actions: np.ndarray, rewards: np.ndarray) -> regression.Posterior:
+    @jax.jit
+    def fitted(actions: jax.Array, rewards: jax.Array) -> regression.Posterior:
+        state = critic.observe(model, critic.init_critic(model), actions, rewards)
+        return critic.posterior(model, state)
+
+    return fitted(actions.astype(np.int32), rewards.astype(np.float32))
+
+
+def random_policy(seed: int) -> np.ndarray:
+    p = np.random.default_rng(seed).uniform(0.02, 1, (4, 5)) * bin_mask(SPACE)
+    return (p / p.sum(axis=1, keepdims=True)).astype(np.float32)
+
+
+def evaluated(layout: Features, actions: np.ndarray) -> np.ndarray:
+    return np.asarray(evaluate(layout, jnp.asarray(actions)), np.float64)
+
+
 def columns(actions: np.ndarray) -> np.ndarray:
-    x = np.asarray(evaluate(MODEL.layout, jnp.asarray(actions)), np.float64)
+    x = evaluated(MODEL.layout, actions)
     return np.concatenate([x, x[:, [1, 4, 7, 10]] @ np.asarray([[1], [1], [0], [1]])], axis=1)
+
+
+def test_features_by_hand() -> None:
+    assert LAYOUT.pairs.tolist() == [[3, 0]]
+    x = evaluated(LAYOUT, [[0, 2, 1, 3]])[0]
+    assert x.shape == LAYOUT.variance.shape == (4 * 3 + 4,)
+    a = np.sqrt(2) * np.cos(np.pi / 6 * np.asarray([1, 2]))
+    d = np.sqrt(2) * np.cos(np.pi * 7 / 8 * np.asarray([1, 2, 3]))
+    np.testing.assert_allclose(x[:3], [*a, 0], atol=1e-6)  # three bins have two cosines
+    np.testing.assert_allclose(x[6:9], [-1, 0, 0], atol=1e-6)  # two bins have one
+    np.testing.assert_allclose(x[9:], [*d, *np.outer(d[:2], a).ravel()], atol=1e-6)
+    np.testing.assert_allclose(LAYOUT.variance[:3], [1, 1 / 4, 0])
+    np.testing.assert_allclose(LAYOUT.variance[12:], np.outer([1, 1 / 4], [1, 1 / 4]).ravel() / 2)
+    # Over the bins they have mean zero and are orthogonal.
+    x = evaluated(LAYOUT, EVERY)
+    np.testing.assert_allclose(x.mean(axis=0), 0, atol=1e-6)
+    np.testing.assert_allclose(x.T @ x / len(x), np.diag(LAYOUT.variance > 0), atol=1e-5)
+
+
+@settings(max_examples=10)
+@given(seed=seeds)
+def test_the_best_bins_and_the_tables_are_those_of_enumeration(seed: int) -> None:
+    normal = np.random.default_rng(seed).normal(size=len(LAYOUT.variance))
+    weights = (normal * np.sqrt(LAYOUT.variance)).astype(np.float32)
+    values = evaluated(LAYOUT, EVERY) @ weights
+    best = BEST_OF(jax.random.key(seed), weights)
+    found = evaluated(LAYOUT, best[None, :])[0] @ weights
+    assert found == pytest.approx(values.max(), abs=1e-4)
+    table = np.asarray(TABLES(weights, best))
+    for attribute, count in enumerate(SPACE.bins):
+        changed = np.tile(best, (count, 1))
+        changed[:, attribute] = np.arange(count)
+        expected = evaluated(LAYOUT, changed) @ weights
+        actual = table[attribute, :count]
+        np.testing.assert_allclose(actual - actual[0], expected - expected[0], atol=1e-4)
+        assert np.all(np.isneginf(table[attribute, count:]))
 
 
 def test_the_layout_by_hand() -> None:
     assert MODEL.layout.pairs.tolist() == [[3, 0]]
-    assert len(MODEL.effect) == 4 * 3 + 4 + 1
     assert MODEL.effect.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 4, 5]
     np.testing.assert_allclose(np.bincount(MODEL.effect, weights=MODEL.variance)[:5], 1, rtol=1e-6)
     # Two bins have no second cosine to share.
@@ -48,8 +118,7 @@ def test_the_layout_by_hand() -> None:
 
 def test_the_posterior_is_that_of_the_textbook() -> None:
     """(X'X / noise + D^-1)^-1 X'y / noise, X centred, in double precision."""
-    actions, rewards = some(0)
-    state = OBSERVE(critic.init_critic(MODEL), jnp.asarray(actions), jnp.asarray(rewards))
+    (actions, rewards), state = some(0), observed(1)
     belief = POSTERIOR(state)
     x = columns(actions)
     x -= x.mean(axis=0)
@@ -64,45 +133,35 @@ def test_the_posterior_is_that_of_the_textbook() -> None:
     np.testing.assert_allclose(np.cov(draws.T), expected, atol=0.05 * np.diag(expected).max())
 
 
-def test_rewards_in_parts_and_failed_ones_make_no_difference_to_what_is_known() -> None:
-    actions, rewards = some(1)
-    once = OBSERVE(critic.init_critic(MODEL), jnp.asarray(actions), jnp.asarray(rewards))
-    holes = np.where(np.arange(16) % 3 == 0, np.nan, rewards).astype(np.float32)
-    kept = np.isfinite(holes)
-    with_holes = OBSERVE(critic.init_critic(MODEL), jnp.asarray(actions), jnp.asarray(holes))
-    alone = OBSERVE(
-        critic.init_critic(MODEL), jnp.asarray(actions[kept]), jnp.asarray(rewards[kept])
-    )
+def test_failed_rewards_make_no_difference_to_what_is_known() -> None:
+    (actions, rewards), start = some(1), critic.init_critic(MODEL)
+    once = OBSERVE(start, actions, rewards)
+    kept = np.arange(16) % 3 != 0
+    with_holes = OBSERVE(start, actions, np.where(kept, rewards, np.nan).astype(np.float32))
+    alone = OBSERVE(start, actions[kept], rewards[kept])
     jax.tree.map(
         lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-3, atol=1e-4), with_holes, alone
     )
-    nothing = OBSERVE(once, jnp.asarray(actions), jnp.full(16, jnp.nan))
+    nothing = OBSERVE(once, actions, jnp.full(16, jnp.nan))
     jax.tree.map(np.testing.assert_array_equal, nothing.statistics, once.statistics)
 
 
 def test_more_rewards_explain_more_until_the_noise_is_left() -> None:
-    state = critic.init_critic(MODEL)
-    for seed in range(12):
-        actions, rewards = some(seed)
-        state = OBSERVE(state, jnp.asarray(actions), jnp.asarray(rewards))
+    state = observed(12)
     assert float(jnp.sqrt(state.noise)) == pytest.approx(0.05, rel=0.4)
-    scales = np.asarray(state.scales)
-    assert scales[4] > 3 * scales[2]  # the pair matters, c does not
-    assert scales[1] > 1.5 * scales[2]  # so does b, less
+    _, b, c, _, pair, _ = np.asarray(state.scales)
+    assert pair > 3 * c  # the pair matters, c does not
+    assert b > 1.5 * c  # so does b, less
 
 
 @settings(max_examples=10)
-@given(seed=st.integers(0, 2**32 - 1))
+@given(seed=seeds)
 def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    weights = rng.normal(size=len(MODEL.effect)).astype(np.float32)
-    belief = regression.Posterior(
-        jnp.asarray(weights), jnp.eye(len(weights)), jnp.zeros(len(weights))
-    )
-    function = MEAN(belief)
-    policy = rng.uniform(size=(4, 5)) * bin_mask(SPACE)
-    policy = (policy / policy.sum(axis=1, keepdims=True)).astype(np.float32)
-    q = np.asarray(VALUES(function, jnp.asarray(policy)))
+    size = len(MODEL.effect)
+    weights = np.random.default_rng(seed).normal(size=size).astype(np.float32)
+    belief = regression.Posterior(jnp.asarray(weights), jnp.eye(size), jnp.zeros(size))
+    policy = random_policy(seed)
+    q = np.asarray(VALUES(MEAN(belief), policy))
     there = np.append(MODEL.variance[:-1] > 0, True)
     every = columns(EVERY)[:, there] @ weights[there]
     chances = policy[np.arange(4)[None, :], EVERY]
@@ -115,27 +174,17 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
 
 def test_what_all_attributes_bend_is_learnt_before_each_one_is() -> None:
     """Twelve attributes, twenty noisy rewards: hardly any is known alone, yet all keep off the ends."""
-    wide = space([f"x{i}" for i in range(12)], bins=10, groups=[[f"x{i}"] for i in range(12)])
-    model = critic.make_critic(wide)
+    names = [f"x{i}" for i in range(12)]
+    model = critic.make_critic(space(names, groups=[[name] for name in names]))
     rng = np.random.default_rng(0)
-    actions = rng.integers(0, 10, (20, 12)).astype(np.int32)
+    actions = rng.integers(0, 10, (20, 12))
     rewards = -(((actions + 0.5) / 10 - 0.5) ** 2).sum(axis=1) + 0.1 * rng.normal(size=20)
-
-    @jax.jit
-    def best_of(actions: jax.Array, rewards: jax.Array) -> jax.Array:
-        state = critic.observe(model, critic.init_critic(model), actions, rewards)
-        return critic.best_bins(model, critic.posterior(model, state))
-
-    best = np.asarray(best_of(jnp.asarray(actions), jnp.asarray(rewards, jnp.float32)))
+    best = np.asarray(critic.best_bins(model, fit(model, actions, rewards)))
     assert np.mean((best == 0) | (best == 9)) < 0.2
 
 
 def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
-    state = critic.init_critic(MODEL)
-    for seed in range(3):
-        actions, rewards = some(seed)
-        state = OBSERVE(state, jnp.asarray(actions), jnp.asarray(rewards))
-    belief = POSTERIOR(state)
+    belief = POSTERIOR(observed(3))
     drawn = np.asarray(DRAW_BEST(jax.random.key(0), belief))
     agree = (drawn[:, 0] >= 1) == (drawn[:, 3] >= 2)
     assert np.mean(agree) > 0.9  # a and d go together, at either end
@@ -147,10 +196,90 @@ def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
 @pytest.mark.parametrize(
     ("attributes", "size", "expected"), [(23, 3, 1), (8, 10, 3), (4, 4, 3), (8, 2, 1), (3, 10, 9)]
 )
-def test_interactions_are_as_fine_as_their_number_allows(
-    attributes: int, size: int, expected: int
-) -> None:
+def test_interactions_are_as_fine_as_their_number_allows(attributes, size, expected) -> None:
     names = [f"x{i}" for i in range(attributes)]
     assert critic.make_critic(space(names, bins=size)).layout.pair_degree == expected
     apart = space(names, bins=size, groups=[[name] for name in names])
     assert len(critic.make_critic(apart).layout.pairs) == 0
+
+
+@settings(max_examples=20)
+@given(seed=seeds)
+def test_strata_keep_to_the_policy(seed: int) -> None:
+    p = random_policy(seed)
+    actions = np.asarray(STRATIFIED(jax.random.key(seed), p))
+    counts = np.stack([(actions == k).sum(axis=0) for k in range(5)], axis=1)
+    assert np.all(np.abs(counts - 7 * p) < 2)  # a stratum may be cut at either end of a bin
+    assert not np.any(counts[~bin_mask(SPACE)])
+
+
+def test_every_stratified_action_is_drawn_from_the_policy() -> None:
+    p = random_policy(3)
+    keys = jax.random.split(jax.random.key(0), 4000)
+    first = np.asarray(jax.vmap(lambda key: STRATIFIED(key, p))(keys))[:, 0]
+    shares = np.stack([(first == k).mean(axis=0) for k in range(5)], axis=1)
+    np.testing.assert_allclose(shares, p, atol=0.03)
+    # Attributes are independent: joint shares are products.
+    joint = np.mean((first[:, 0] == 1) & (first[:, 3] == 2))
+    assert joint == pytest.approx(p[0, 1] * p[3, 2], abs=0.03)
+
+
+def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> None:
+    """Two attributes that do not interact: the objective's gradient, by autodiff."""
+    alone = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
+    model = critic.make_critic(alone)
+    rng = np.random.default_rng(0)
+    actions = rng.integers(0, alone.bins, (30, 2))
+    rewards = 0.3 * actions[:, 0] - 0.1 * (actions[:, 1] - 3) ** 2 + 0.3 * rng.normal(size=30)
+    belief = fit(model, actions, rewards)
+    start = jnp.zeros(2, jnp.int32)
+    followed = jax.jit(lambda tau: follow(model, belief, start, tau), static_argnums=0)
+    logits = np.asarray(followed(1.0))
+    q = np.asarray(critic.mean_model(model, belief).alone)
+    for attribute, count in enumerate(alone.bins):
+        own, table = logits[attribute, :count], q[attribute, :count]
+        tau = np.ptp(table) / np.ptp(own)
+
+        def objective(free: jax.Array, table: np.ndarray = table, tau: float = tau) -> jax.Array:
+            p = jax.nn.softmax(free)
+            return p @ table - tau * p @ jnp.log(p)
+
+        gradient = jax.grad(objective)(jnp.asarray(own))
+        np.testing.assert_allclose(gradient, 0, atol=1e-5 * np.ptp(table))
+    # The temperature divides.
+    twice, mask = np.asarray(followed(2.0)), bin_mask(alone)
+    np.testing.assert_allclose(twice[mask], logits[mask] / 2, rtol=1e-4, atol=1e-5)
+    assert np.all(np.isneginf(logits[~mask]))
+
+
+@pytest.fixture(params=METHODS)
+def method(request: pytest.FixtureRequest) -> Method:
+    return METHODS[request.param]
+
+
+def test_an_effect_is_found_and_what_has_none_stays_wide(method: Method) -> None:
+    """Only b matters, and noise hides the rest."""
+
+    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+        noise = 0.2 * jax.random.normal(rng_key, proposals.centre.shape[:1])
+        return 70 - 4 * jnp.abs(proposals.centre[:, 1] - 0.7) + noise
+
+    state, record = run_on_host(jax.random.key(0), method, reward, 20, 4)
+    np.testing.assert_allclose(method.solution(state).centre[1], 0.7, atol=1e-6)
+    a, b, c, d = np.asarray(method.spread(state).width)
+    assert b == pytest.approx(0.2, abs=0.15) and np.mean([a, c, d]) > 0.6
+    if method is METHODS["actor_critic"]:  # the other has no policy
+        entropy = np.asarray(record.info.entropy)
+        assert entropy[0] == pytest.approx(np.log([3, 5, 2, 4]).sum(), rel=1e-5)
+        assert entropy[-1] < entropy[0] - 1
+
+
+def test_interactions_within_a_group_are_learnt(method: Method) -> None:
+    """Where d and a agree in sign it is good; neither matters alone."""
+
+    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+        return (proposals.centre[:, 0] - 0.5) * (proposals.centre[:, 3] - 0.5)
+
+    state, _ = run_on_host(jax.random.key(1), method, reward, 15, 4)
+    centre = method.solution(state).centre
+    assert float(reward(jax.random.key(0), Proposal(centre[None], centre[None]))[0]) > 0.12

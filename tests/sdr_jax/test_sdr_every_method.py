@@ -1,6 +1,7 @@
-"""What every method keeps to, whatever its idea."""
+"""What every method keeps to, whatever its idea, and the table that holds them."""
 
 from functools import cache
+from typing import get_args
 
 import jax
 import jax.numpy as jnp
@@ -11,26 +12,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import Method, Proposal, drive, run, run_on_host, space
+from sdr_jax import METHODS, Method, MethodName, Proposal, relax, run, run_on_host, space
+from sdr_jax.registry import make, options_of
 from sdr_jax.relaxation import bin_mask
 
 # Numbers of bins that differ, two included; groups of one and of several.
 SPACE = space(list("abcde"), bins=[3, 5, 2, 10, 7], groups=[["b", "a"], ["d"], ["c", "e"]])
 TARGET = jnp.asarray([0.9, 0.1, 0.25, 0.65, 0.3])
 
-PURE = {
-    "random_attributes": sdr_jax.random_attributes(SPACE),
-    "random_search": sdr_jax.random_search(SPACE),
-    "actor_critic": sdr_jax.actor_critic(SPACE),
-    "attribute_descent": sdr_jax.attribute_descent(SPACE),
-    "gaussian": sdr_jax.gaussian(SPACE),
-    "linear": sdr_jax.linear(SPACE),
-    "pbil": sdr_jax.pbil(SPACE),
-    # Not Adam, which makes whole steps of the rounding of gradients near zero.
-    "sdr": sdr_jax.sdr(SPACE, optax.sgd(0.3), hidden=8, baseline=sdr_jax.leave_one_out()),
-}
-HOST = {"cma_es": sdr_jax.cma_es(SPACE), "tpe": sdr_jax.tpe(SPACE)}
-ALL = PURE | HOST
+# Not Adam for SDR, which makes whole steps of the rounding of gradients near zero.
+SDR = sdr_jax.sdr(SPACE, optax.sgd(0.3), hidden=8, baseline=sdr_jax.leave_one_out())
+ALL = {name: SDR if name == "sdr" else make(name, SPACE) for name in METHODS}
+PURE = {name: method for name, method in ALL.items() if method.traced}
+HOST = {name: method for name, method in ALL.items() if not method.traced}
 LEARNING = [name for name in ALL if name not in ("random_attributes", "sdr")]
 
 
@@ -40,54 +34,42 @@ def value(proposals: Proposal) -> jax.Array:
     return -((proposals.centre - target) ** 2 + proposals.width**2 / 12).mean(axis=-1)
 
 
-def easy(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
-    return value(proposals)
+@cache
+def reward(share: float):
+    """Of which a share is NaN, perhaps the first ones."""
 
+    def reward_fn(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+        failed = jax.random.uniform(rng_key, proposals.centre.shape[:1]) < share
+        return jnp.where(failed, jnp.nan, value(proposals))
 
-def hard_to_score(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
-    """Every third reward is NaN, the first ones included."""
-    failed = jax.random.uniform(rng_key, (proposals.centre.shape[0],)) < 1 / 3
-    return jnp.where(failed, jnp.nan, value(proposals))
+    return reward_fn
 
 
 @cache
-def runner(name: str, reward: str, updates: int, n: int):
-    fn = {"easy": easy, "hard_to_score": hard_to_score}[reward]
+def runner(name: str, share: float, updates: int, n: int):
     if name in HOST:
-        return lambda key: run_on_host(key, HOST[name], fn, updates, n)
-    return jax.jit(lambda key: run(key, PURE[name], fn, updates, n))
+        return lambda key: run_on_host(key, HOST[name], reward(share), updates, n)
+    return jax.jit(lambda key: run(key, PURE[name], reward(share), updates, n))
 
 
-BEST = float(
-    value(
-        Proposal(
-            jnp.asarray(
-                [(np.floor(t * k) + 0.5) / k for t, k in zip(TARGET, SPACE.bins, strict=True)],
-                jnp.float32,
-            ),
-            jnp.asarray([1 / k for k in SPACE.bins], jnp.float32),
-        )
-    )
-)
+BEST = float(value(relax(SPACE, jnp.floor(TARGET * jnp.asarray(SPACE.bins)).astype(int))))
 RANDOM = float(value(Proposal(jnp.full(5, 0.5), jnp.ones(5))))
 
 
-@pytest.mark.parametrize("reward", ["easy", "hard_to_score"])
+@pytest.mark.parametrize(("failing", "least"), [(0, 0.9), (1 / 3, 0.6)])
 @pytest.mark.parametrize("name", LEARNING)
-def test_it_finds_the_optimum_of_an_easy_problem(name: str, reward: str) -> None:
+def test_it_finds_the_optimum_of_an_easy_problem(name: str, failing: float, least: float) -> None:
     for seed in range(2):
         updates = 30 if name in HOST else 75
-        state, _ = runner(name, reward, updates, 4)(jax.random.key(seed))
+        state, _ = runner(name, failing, updates, 4)(jax.random.key(seed))
         found = float(value(ALL[name].solution(state)))
-        assert (found - RANDOM) / (BEST - RANDOM) > {"easy": 0.9, "hard_to_score": 0.6}[reward]
+        assert (found - RANDOM) / (BEST - RANDOM) > least
 
 
 @pytest.mark.parametrize("name", PURE)
 def test_the_host_loop_keeps_the_record_of_run(name: str) -> None:
-    _, record = runner(name, "easy", 75, 4)(jax.random.key(3))  # compiled above
-    _, other = run_on_host(jax.random.key(3), PURE[name], easy, 5, 4)
-    if jnp.issubdtype(record.actions.dtype, jnp.integer):
-        np.testing.assert_array_equal(other.actions, record.actions[:5])
+    _, record = runner(name, 0, 75, 4)(jax.random.key(3))  # compiled above
+    _, other = run_on_host(jax.random.key(3), PURE[name], reward(0), 5, 4)
     jax.tree.map(
         lambda a, b: np.testing.assert_allclose(a, b[:5], rtol=1e-3, atol=1e-4), other, record
     )
@@ -95,7 +77,7 @@ def test_the_host_loop_keeps_the_record_of_run(name: str) -> None:
 
 @pytest.mark.parametrize("name", ALL)
 def test_the_same_key_gives_the_same_bytes(name: str) -> None:
-    first, second = (run_on_host(jax.random.key(5), ALL[name], easy, 4, 3) for _ in range(2))
+    first, second = (run_on_host(jax.random.key(5), ALL[name], reward(0), 4, 3) for _ in range(2))
     if name in HOST:  # states are no arrays
         first, second = ((HOST[name].solution(state), record) for state, record in (first, second))
     for a, b in zip(jax.tree.leaves(first), jax.tree.leaves(second), strict=True):
@@ -124,12 +106,15 @@ def test_update_keeps_structure_shapes_and_dtypes(method: Method, n: int) -> Non
         assert (a.shape, a.dtype, a.weak_type) == (b.shape, b.dtype, b.weak_type)
 
 
+def check_inside(proposal: Proposal, shape: tuple[int, ...]) -> None:
+    centre, width = map(np.asarray, proposal)
+    assert centre.shape == width.shape == shape
+    assert np.all(centre - width / 2 >= -1e-6) and np.all(centre + width / 2 <= 1 + 1e-6)
+
+
 def check_answers(method: Method, state: object) -> None:
-    for centre, width in (method.solution(state), method.spread(state)):
-        assert centre.shape == width.shape == (5,)
-        assert np.all(np.isfinite(centre)) and np.all(np.isfinite(width))
-        assert np.all(centre - width / 2 >= -1e-6)
-        assert np.all(centre + width / 2 <= 1 + 1e-6)
+    check_inside(method.solution(state), (5,))
+    check_inside(method.spread(state), (5,))
     probabilities = np.asarray(method.probabilities(state))
     assert probabilities.shape == (5, 10)
     assert np.all(probabilities >= 0)
@@ -147,8 +132,7 @@ def test_answers_stay_inside_whatever_the_rewards(name: str, seed: int, scale: f
     check_answers(method, state)  # before the first update
     for t in range(4):
         actions, proposals = method.sample(jax.random.fold_in(jax.random.key(seed), t), state, 4)
-        assert np.all(proposals.centre - proposals.width / 2 >= -1e-6)
-        assert np.all(proposals.centre + proposals.width / 2 <= 1 + 1e-6)
+        check_inside(proposals, (4, 5))
         rewards = rng.normal(70, scale, 4)
         rewards[rng.uniform(size=4) < 0.3] = np.nan
         state, _ = method.update(state, actions, jnp.asarray(rewards, jnp.float32))
@@ -171,10 +155,8 @@ def test_learning_with_failed_rewards_is_learning_from_the_others(name, seed, fa
     holes = np.where(known, rewards, rng.choice([np.nan, np.inf])).astype(np.float32)
     left, info = method.update(state, actions, jnp.asarray(holes))
     right, alone = method.update(state, actions[known], jnp.asarray(rewards[known]))
-    answers = [
-        (method.solution(s), method.spread(s), method.probabilities(s)) for s in (left, right)
-    ]
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=2e-4), *answers)
+    for answer in (method.solution, method.spread, method.probabilities):
+        np.testing.assert_allclose(answer(left), answer(right), atol=2e-4)
     assert info.reward_mean == pytest.approx(float(alone.reward_mean), abs=1e-5)
     # What it proposes next is the same, too.
     (a, _), (b, _) = (method.sample(jax.random.key(7), s, 2) for s in (left, right))
@@ -194,15 +176,62 @@ def test_rewards_that_are_all_nan_decide_nothing(name: str) -> None:
 
 
 def test_random_attributes_stay_random() -> None:
-    state, record = runner("random_attributes", "easy", 3, 2)(jax.random.key(0))
+    state, record = runner("random_attributes", 0, 3, 2)(jax.random.key(0))
     assert set(np.asarray(record.actions).ravel()) == {-1}
-    centre, width = PURE["random_attributes"].solution(state)
-    np.testing.assert_array_equal(centre, 0.5)
-    np.testing.assert_array_equal(width, 1)
+    np.testing.assert_array_equal(PURE["random_attributes"].solution(state), [[0.5] * 5, [1] * 5])
 
 
-def test_the_host_loop_must_know_how_many_updates() -> None:
-    with pytest.raises(ValueError, match="how many"):
-        drive(jax.random.key(0), PURE["random_search"], easy)
-    with pytest.raises(ValueError, match="updates is 0"):
-        run_on_host(jax.random.key(0), PURE["random_search"], easy, 0)
+NAN, INF = float("nan"), float("inf")
+
+
+def test_the_table_has_every_method_by_its_name_and_its_options_are_plain_values() -> None:
+    assert tuple(METHODS) == get_args(MethodName)
+    assert all(callable(getattr(sdr_jax, name)) for name in METHODS)
+    assert "optimizer" not in options_of("sdr") and options_of("pbil")["memory"] == 60
+    kinds = {type(v) for name in METHODS for v in options_of(name).values()}
+    assert kinds <= {int, float, str, bool, type(None)}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_method_is_made_with_its_own_options(name: str) -> None:
+    method = make(name, SPACE, 0.2, **{k: v for k, v in options_of(name).items() if v is not None})
+    _, proposals = method.sample(jax.random.key(1), method.init(jax.random.key(0)), 3)
+    decided = np.asarray(proposals.width) < 1
+    np.testing.assert_allclose(np.asarray(proposals.width)[decided], 0.2, rtol=1e-6)
+    assert decided.any() == (name != "random_attributes")
+    assert method.traced == (name not in ("cma_es", "tpe"))
+
+
+BAD = {
+    "actor_critic": dict(temperature=[0.0, NAN], degree=[0], pair_degree=[10]),
+    "sdr": dict(updates_per_group=[0], unoptimised=["zero"], baseline=["none"]),
+    "attribute_descent": dict(repeats=[0], unoptimised=["zero"]),
+    "gaussian": dict(std=[0.0]),
+    "pbil": dict(rate=[0.0], elite=[1.5], memory=[0], smoothing=[-1.0, NAN]),
+    "linear": dict(explore=[-1.0], degree=[0], pair_degree=[5], interaction=[INF]),
+    "cma_es": dict(sigma=[0.0], population=[1]),
+    "tpe": dict(startup=[-1]),
+    "random_search": {},
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_options_are_refused(name: str) -> None:
+    for option, values in {**BAD[name], "width": [2.0]}.items():
+        for value in values:
+            with pytest.raises(ValueError, match=f"{option} is {value!r}"):
+                make(name, SPACE, **{option: value})
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "culprit"),
+    [
+        ("magic", {}, "unknown method 'magic'; known are actor_critic, sdr"),
+        ("pbil", dict(speed=1), "pbil has no option 'speed'; known: rate"),
+        ("random_search", dict(speed=1), "known: none"),
+        ("sdr", dict(baseline="none"), "must be one of ema, ema_current"),
+    ],
+)
+def test_unknown_names_are_refused(name: str, options: dict, culprit: str) -> None:
+    with pytest.raises(ValueError, match=culprit):
+        make(name, SPACE, **options)

@@ -1,21 +1,14 @@
+"""The loop, in JAX and on the host, and what leaves JAX in it."""
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from sdr_jax import (
-    Method,
-    Proposal,
-    drive,
-    ema,
-    leave_one_out,
-    random_search,
-    refuse_failures,
-    run,
-    sdr,
-    space,
-    squared_percent,
-)
+from sdr_jax import Method, Proposal, ema, leave_one_out, random_search, relax, sdr, space
+from sdr_jax.callback import DataSets, host_reward
+from sdr_jax.rewards import squared_percent
+from sdr_jax.run import drive, first_state, make_step, refuse_failures, run, run_on_host
 from shell.errors import UserError
 
 TARGET = jnp.asarray([0.85, 0.15, 0.05, 0.85, 0.05])
@@ -41,20 +34,15 @@ def test_the_whole_method_learns_under_one_jit() -> None:
 
 
 def test_the_authors_options_learn_too() -> None:
-    method = sdr(
-        FIVE,
-        baseline=ema(includes_current=True),
-        transform=squared_percent,
-        unoptimised="half",
-    )
+    authors = ema(includes_current=True)
+    method = sdr(FIVE, baseline=authors, transform=squared_percent, unoptimised="half")
     found = bandit(jax.random.key(0), Proposal(*[jnp.asarray(centre(method, 0, n=4))[None]] * 2))
     random = 1 - jnp.abs(jnp.linspace(0.05, 0.95, 10)[:, None] - TARGET[None, :]).mean()
     assert found[0] > random + 0.2
 
 
-TABLE = jnp.asarray(
-    [[0, 0, 0, 0], [0.75, 0, 0, 0], [0.5, 0.5, 0, 0], [0.25, 0.25, 0.25, 0]]
-)  # the nearer the building the better, but never in front of the tree
+# The nearer the building the better, but never in front of the tree.
+TABLE = jnp.asarray([[0] * 4, [0.75, 0, 0, 0], [0.5, 0.5, 0, 0], [0.25, 0.25, 0.25, 0]])
 
 
 @pytest.mark.parametrize(
@@ -75,29 +63,122 @@ def test_correlated_attributes_need_a_common_group(groups: list, expected: float
     assert TABLE[found[0], found[1]] == expected
 
 
-def test_run_is_the_loop_on_the_host() -> None:
-    method = sdr(FIVE, updates_per_group=3, hidden=8)
-    state, record = jax.jit(lambda key: run(key, method, bandit, n=2))(jax.random.key(7))
-    assert record.actions.shape == (6, 2, 5)
-    assert record.rewards.shape == (6, 2)
-    assert record.info.group.tolist() == [0, 0, 0, 1, 1, 1]
-    steps = list(drive(jax.random.key(7), method, bandit, n=2))
-    np.testing.assert_array_equal([one.actions for _, one in steps], record.actions)
-    driven, _ = steps[-1]
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), driven, state)
-
-
 def test_updates_must_be_known() -> None:
-    with pytest.raises(ValueError, match="how many"):
-        run(jax.random.key(0), random_search(FIVE), bandit)
+    for driven in (run, drive):
+        with pytest.raises(ValueError, match="how many"):
+            driven(jax.random.key(0), random_search(FIVE), bandit)
+    with pytest.raises(ValueError, match="updates is 0"):
+        run_on_host(jax.random.key(0), random_search(FIVE), bandit, 0)
+
+
+@pytest.mark.parametrize(("most", "total"), [(1, 1), (1, 8), (3, 30), (7, 70)])
+def test_a_tenth_of_the_evaluations_may_fail(most: int, total: int) -> None:
+    refuse_failures(most, total, "why")
+    with pytest.raises(UserError, match=f"{most + 1} of {total} evaluations failed.*: why"):
+        refuse_failures(most + 1, total, "why")
+
+
+PAIR = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
+METHOD = sdr(PAIR, updates_per_group=4, hidden=8)
+
+
+class Evaluate:
+    """Remembers what it was asked; ends in an error at one call."""
+
+    def __init__(self, fail_at: int = -1, error: BaseException | None = None) -> None:
+        self.asked: list[DataSets] = []
+        self.fail_at, self.error = fail_at, error
+
+    def __call__(self, data_sets: DataSets) -> np.ndarray:
+        self.asked.append(data_sets)
+        if len(self.asked) - 1 == self.fail_at:
+            raise self.error
+        return np.full(len(data_sets.seeds), len(self.asked), np.float32)
+
+
+@pytest.mark.parametrize("common", [False, True])
+def test_the_host_is_asked_once_per_update_in_order(common: bool) -> None:
+    evaluate = Evaluate()
+    reward_fn = host_reward(evaluate, common=common)
+    _, record = jax.jit(lambda key: run(key, METHOD, reward_fn, n=2))(jax.random.key(0))
+    reward_fn.reraise()  # nothing to raise
+    np.testing.assert_array_equal(record.rewards, np.repeat(np.arange(1.0, 9), 2).reshape(8, 2))
+    assert len(evaluate.asked) == 8
+    assert record.info.group.tolist() == [0] * 4 + [1] * 4
+    for data_sets, actions in zip(evaluate.asked, record.actions, strict=True):
+        assert all(type(x) is np.ndarray for x in jax.tree.leaves(data_sets))
+        np.testing.assert_array_equal(data_sets.actions, actions)
+        assert data_sets.actions.dtype == np.int32
+        np.testing.assert_allclose(data_sets.proposals, relax(PAIR, actions), atol=1e-6)
+        assert (data_sets.seeds.shape, data_sets.seeds.dtype) == ((2,), np.uint32)
+        assert len(set(data_sets.seeds)) == 2 - common
+    assert len(np.unique([data_sets.seeds for data_sets in evaluate.asked])) == 16 - 8 * common
+
+
+def test_driven_it_gives_the_same_and_the_seeds_come_straight_from_the_key() -> None:
+    scanned, driven = Evaluate(), Evaluate()
+    key = jax.random.key(0)
+    state, _ = jax.jit(lambda key: run(key, METHOD, host_reward(scanned), n=2))(key)
+    *_, (last, _) = drive(key, METHOD, host_reward(driven), n=2)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), last, state)
+    for a, b in zip(scanned.asked, driven.asked, strict=True):
+        np.testing.assert_array_equal(a.actions, b.actions)
+        np.testing.assert_array_equal(a.seeds, b.seeds)
+    reward_key = jax.random.split(jax.random.fold_in(jax.random.split(key)[1], 0))[1]
+    bits = jax.random.bits(reward_key, (2,), jnp.uint32)
+    np.testing.assert_array_equal(driven.asked[0].seeds, bits)
+
+
+def test_nan_is_a_failed_evaluation_and_the_loop_goes_on() -> None:
+    reward_fn = host_reward(lambda data_sets: np.float32([np.nan, 1]))
+    records = [record for _, record in drive(jax.random.key(0), METHOD, reward_fn, n=2)]
+    assert len(records) == 8
+    assert all(float(record.info.reward_mean) == 1 for record in records)
+
+
+def test_no_update_leaves_the_first_state() -> None:
+    key = jax.random.key(3)
+    assert list(drive(key, METHOD, host_reward(Evaluate()), 0)) == []
+    state, _ = run(key, METHOD, host_reward(Evaluate()), 0)
+    jax.tree.map(np.testing.assert_array_equal, first_state(key, METHOD), state)
+
+
+@pytest.mark.parametrize("error", [OSError("disk full"), KeyboardInterrupt(), SystemExit(3)])
+def test_an_error_comes_back_as_nan_and_is_kept(error: BaseException) -> None:
+    evaluate = Evaluate(1, error)
+    reward_fn = host_reward(evaluate)
+    step = make_step(METHOD, reward_fn, n=2)
+    state = METHOD.init(jax.random.key(0))
+    rewards = [np.asarray(step(jax.random.key(t), state)[1].rewards) for t in range(4)]
+    np.testing.assert_array_equal(np.isnan(rewards).all(axis=1), [False, True, True, True])
+    assert len(evaluate.asked) == 2  # what comes after the error is not evaluated
+    with pytest.raises(type(error)) as caught:
+        reward_fn.reraise()
+    assert caught.value is error
+    reward_fn.reraise()  # it is forgotten, and evaluation goes on
+    assert np.all(np.isfinite(step(jax.random.key(0), state)[1].rewards))
+
+
+def test_drive_raises_the_error_before_its_update_counts() -> None:
+    steps = drive(jax.random.key(0), METHOD, host_reward(Evaluate(3, OSError("worker died"))), n=2)
+    assert len([next(steps) for _ in range(3)]) == 3
+    with pytest.raises(OSError, match="worker died"):
+        next(steps)
 
 
 @pytest.mark.parametrize(
-    ("failed", "total", "fine"),
-    [(0, 1, True), (1, 1, True), (2, 8, False), (3, 30, True), (4, 30, False), (7, 70, True)],
+    ("returned", "message"),
+    [
+        (np.zeros(2), r"float64\[2\], not float32\[2\]"),
+        (np.zeros(3, np.float32), r"float32\[3\], not float32\[2\]"),
+        (np.zeros((2, 1), np.float32), r"float32\[2, 1\]"),
+        ([0.0, 0.0], "list, not a NumPy array"),
+        (None, "NoneType"),
+    ],
 )
-def test_a_tenth_of_the_evaluations_may_fail(failed: int, total: int, fine: bool) -> None:
-    if fine:
-        return refuse_failures(failed, total, "why")
-    with pytest.raises(UserError, match=f"{failed} of {total} evaluations failed.*: why"):
-        refuse_failures(failed, total, "why")
+def test_a_wrong_answer_is_an_error(returned: object, message: str) -> None:
+    reward_fn = host_reward(lambda data_sets: returned)
+    rewards = reward_fn(jax.random.key(0), relax(PAIR, jnp.zeros((2, 2), jnp.int32)))
+    assert np.all(np.isnan(rewards))
+    with pytest.raises(TypeError, match=message):
+        reward_fn.reraise()

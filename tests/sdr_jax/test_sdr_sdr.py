@@ -1,3 +1,5 @@
+"""SDR, and group coordinate descent by itself."""
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -6,49 +8,109 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sdr_jax import Method, ema, leave_one_out, relax, sdr, space, squared_percent
+from sdr_jax.coordinate_descent import Descent, active, begin, begun, concat, descend, lay_out
+from sdr_jax.relaxation import moments
 from sdr_jax.sdr import SdrState
 
+THREE = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
+LAYOUT = lay_out(THREE, updates_each=2)
+CONCAT = jax.jit(lambda descent, sampled: concat(LAYOUT, descent, sampled))
+BEST = jnp.asarray([1, 4])  # of both slots
+
+
+def learn(learner: dict, group: jax.Array) -> tuple[dict, jax.Array, jax.Array]:
+    return {"x": learner["x"] + 1, "y": learner["y"] * 2}, BEST, group
+
+
+@jax.jit
+def step(descent: Descent, learners: dict) -> tuple[Descent, dict, jax.Array]:
+    return descend(LAYOUT, descent, learners, learn)
+
+
+def course(updates: int) -> tuple[Descent, dict]:
+    descent, learners = begin(LAYOUT), {"x": jnp.zeros((2, 3)), "y": jnp.ones(2)}
+    for _ in range(updates):
+        descent, learners, _ = step(descent, learners)
+    return descent, learners
+
+
+def test_layout_by_hand() -> None:
+    slots, group, slot, _ = LAYOUT
+    assert slots.members.tolist() == [[2, 3], [1, 0]]
+    assert slots.present.tolist() == [[True, False], [True, True]]
+    assert slots.bins.sum(axis=2).tolist() == [[2, 5], [5, 3]]
+    assert (group.tolist(), slot.tolist()) == ([1, 1, 0], [1, 0, 0])
+    assert LAYOUT.updates == 4
+
+
+@pytest.mark.parametrize(
+    ("updates", "turn", "fixed", "ever", "concatenated"),
+    [
+        (0, 0, [-1, -1, -1], [], [[-1, -1, 0], [-1, -1, 1]]),
+        (1, 0, [-1, -1, -1], [2], [[-1, -1, 0], [-1, -1, 1]]),
+        (2, 1, [-1, -1, 1], [2], [[2, 0, 1], [0, 1, 1]]),
+        (3, 1, [-1, -1, 1], [0, 1, 2], [[2, 0, 1], [0, 1, 1]]),
+        (4, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),
+        (6, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),  # after the end
+    ],
+)
+def test_the_course_and_the_concat_of_the_equation_by_hand(
+    updates: int, turn: int, fixed: list, ever: list, concatenated: list
+) -> None:
+    descent, learners = course(updates)
+    assert active(LAYOUT, descent) == turn
+    assert descent.fixed.tolist() == fixed
+    assert np.flatnonzero(begun(LAYOUT, descent)).tolist() == ever
+    assert CONCAT(descent, jnp.asarray([[0, 2], [1, 0]])).tolist() == concatenated
+    done = min(updates, 4)
+    assert descent.updates == done
+    assert learners["y"].tolist() == [2.0 ** min(done, 2), 2.0 ** max(done - 2, 0)]
+
+
+@given(st.integers(0, 5), st.integers(0, 2**32 - 1))
+def test_only_the_active_group_is_touched(updates: int, seed: int) -> None:
+    descent, _ = course(updates)
+    rng = np.random.default_rng(seed)
+    learners = {"x": jnp.asarray(rng.normal(size=(2, 3))), "y": jnp.asarray(rng.normal(size=2))}
+    moved, touched, info = step(descent, learners)
+    for name in learners:
+        still = np.arange(2) != int(info) if updates < 4 else np.ones(2, bool)
+        old, new = np.asarray(learners[name]), np.asarray(touched[name])
+        assert old[still].tobytes() == new[still].tobytes()
+        assert np.all(old[~still] != new[~still])
+    assert moved.updates == min(updates + 1, 4)
+
+
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
-GROUPS = [[1], [3, 0], [2]]
 METHOD = sdr(SPACE, updates_per_group=3, hidden=8)
 seeds = st.integers(0, 2**32 - 1)
 
 
-def after(updates: int, seed: int = 0, method: Method = METHOD, n: int = 2) -> SdrState:
+def after(updates: int, method: Method = METHOD) -> SdrState:
     """The state after updates with random rewards."""
-    state = method.init(jax.random.key(seed))
-    rng = np.random.default_rng(seed)
+    state = method.init(jax.random.key(0))
     for t in range(updates):
-        actions, _ = method.sample(jax.random.key(t), state, n)
-        rewards = jnp.asarray(rng.uniform(size=n), jnp.float32)
-        state, _ = method.update(state, actions, rewards)
+        actions, _ = method.sample(jax.random.key(t), state, 2)
+        state, _ = method.update(state, actions, jax.random.uniform(jax.random.key(t), (2,)))
     return state
 
 
-def test_total_updates() -> None:
-    assert METHOD.updates == 9
-
-
-def test_actions_are_sampled_learnt_or_undecided() -> None:
+def test_actions_are_sampled_learnt_or_undecided_and_the_answer_is_arg_max_once_begun() -> None:
     state = after(4)  # group 0 is finished, group 1 active
     actions, proposal = METHOD.sample(jax.random.key(5), state, 64)
     assert actions.dtype == jnp.int32
-    assert actions.shape == proposal.centre.shape == proposal.width.shape == (64, 4)
-    learnt = np.argmax(np.asarray(METHOD.probabilities(state)), axis=1)
-    assert set(np.asarray(actions[:, 1])) == {learnt[1]} == {int(state.descent.fixed[1])}
-    assert set(np.asarray(actions[:, 0])) == set(range(3))
-    assert set(np.asarray(actions[:, 3])) == set(range(4))
-    assert set(np.asarray(actions[:, 2])) == {-1}
-    assert np.all(proposal.centre[:, 2] == 0.5)
-    assert np.all(proposal.width[:, 2] == 1)
-    np.testing.assert_allclose(proposal.width[0, np.asarray([0, 1, 3])], [1 / 3, 1 / 5, 1 / 4])
-
-
-def test_authors_code_puts_undecided_at_half() -> None:
-    method = sdr(SPACE, hidden=8, unoptimised="half", width=0.02)
-    _, proposal = method.sample(jax.random.key(5), method.init(jax.random.key(0)), 2)
-    np.testing.assert_array_equal(proposal.centre[:, 2], 0.5)
-    np.testing.assert_allclose(proposal.width, 0.02)
+    best = np.argmax(np.asarray(METHOD.probabilities(state)), axis=1)
+    a, b, c, d = (set(np.asarray(column)) for column in actions.T)
+    assert b == {best[1]} == {int(state.descent.fixed[1])}
+    assert (a, c, d) == (set(range(3)), {-1}, set(range(4)))
+    jax.tree.map(np.testing.assert_array_equal, proposal, relax(SPACE, actions))
+    best[2] = -1  # group 2 has not begun
+    jax.tree.map(np.testing.assert_array_equal, METHOD.solution(state), relax(SPACE, best))
+    wide = moments(SPACE, METHOD.probabilities(state))
+    np.testing.assert_allclose(METHOD.spread(state), np.where(best < 0, [[0.5], [1]], wide))
+    start = METHOD.init(jax.random.key(0))
+    for answer in (METHOD.solution(start), METHOD.spread(start)):
+        np.testing.assert_array_equal(answer, [[0.5] * 4, [1] * 4])
 
 
 @given(seeds)
@@ -60,116 +122,31 @@ def test_groups_advance_and_inactive_ones_stay_bitwise_equal(seed: int) -> None:
         rewards = jnp.asarray(rng.uniform(size=2), jnp.float32)
         before, (state, info) = state, METHOD.update(state, actions, rewards)
         group = t // 3
-        assert info.group == group
-        assert state.descent.updates == t + 1
-        finished = [index for members in GROUPS[: (t + 1) // 3] for index in members]
+        assert (info.group, state.descent.updates) == (group, t + 1)
+        finished = [index for members in SPACE.groups[: (t + 1) // 3] for index in members]
         assert np.flatnonzero(state.descent.fixed >= 0).tolist() == sorted(finished)
-        for old, new in zip(
-            jax.tree.leaves(before.learners),
-            jax.tree.leaves(state.learners),
-            strict=True,
-        ):
-            others = np.arange(3) != group
-            np.testing.assert_array_equal(np.asarray(old)[others], np.asarray(new)[others])
+        others = jnp.asarray([other for other in range(3) if other != group])
+        still = (jax.tree.map(lambda x: x[others], s.learners) for s in (before, state))  # noqa: B023
+        jax.tree.map(np.testing.assert_array_equal, *still)
         if info.grad_norm > 0:
-            output = [
-                s.learners.params["params"]["DenseGeneral_0"]["bias"][group]
-                for s in (before, state)
-            ]
-            assert np.any(output[0] != output[1])
-        assert state.learners.baseline.seen.tolist() == [3] * group + [t % 3 + 1] + [0] * (
-            2 - group
-        )
+            old, new = (s.learners.params["params"]["DenseGeneral_0"] for s in (before, state))
+            assert np.any(old["bias"][group] != new["bias"][group])
+        seen = [3] * group + [t % 3 + 1] + [0] * (2 - group)
+        assert state.learners.baseline.seen.tolist() == seen
 
 
-def test_padding_parameters_stay_zero() -> None:
-    for layer in after(9).learners.params["params"].values():
-        kernel = np.asarray(layer["kernel"])
-        if kernel.ndim == 3:  # inputs: groups of 1, 2 and 1 attributes
-            assert not np.any(kernel[0, 1:])
-            assert not np.any(kernel[2, 1:])
-        else:  # outputs: a group of one attribute with 2 bins
-            assert not np.any(kernel[2, :, 1])
-            assert not np.any(kernel[2, :, 0, 2:])
-
-
-def test_after_the_last_group_nothing_changes() -> None:
+def test_after_the_last_group_nothing_changes_and_padding_is_still_zero() -> None:
+    assert METHOD.updates == 9
     state = after(9)
     actions, proposal = METHOD.sample(jax.random.key(0), state, 3)
     np.testing.assert_array_equal(actions, np.tile(state.descent.fixed, (3, 1)))
-    answer = METHOD.solution(state)
-    np.testing.assert_array_equal(proposal.centre, np.tile(answer.centre, (3, 1)))
+    np.testing.assert_array_equal(proposal.centre, np.tile(METHOD.solution(state).centre, (3, 1)))
     later, _ = METHOD.update(state, actions, jnp.asarray([1.0, 2.0, 3.0]))
     jax.tree.map(np.testing.assert_array_equal, state, later)
-
-
-def test_solution_is_arg_max_once_begun() -> None:
-    state = after(4)
-    best = np.argmax(np.asarray(METHOD.probabilities(state)), axis=1)
-    best[2] = -1  # group 2 has not begun
-    expected = relax(SPACE, jnp.asarray(best))
-    jax.tree.map(np.testing.assert_array_equal, METHOD.solution(state), expected)
-    nothing = METHOD.solution(METHOD.init(jax.random.key(0)))
-    np.testing.assert_array_equal(nothing.width, 1)
-
-
-def test_the_first_group_counts_as_begun_after_its_first_update() -> None:
-    decided = [np.asarray(METHOD.solution(after(t)).width < 1).tolist() for t in (0, 1, 3, 4)]
-    only_b = [False, True, False, False]
-    assert decided == [[False] * 4, only_b, only_b, [True, True, False, True]]
-
-
-def test_probabilities_are_distributions_over_the_bins_there_are() -> None:
-    probabilities = METHOD.probabilities(after(4))
-    assert probabilities.shape == (4, 5)
-    np.testing.assert_allclose(probabilities.sum(axis=1), 1, rtol=1e-5)
-    for row, bins in zip(np.asarray(probabilities), SPACE.bins, strict=True):
-        assert np.all(row[:bins] > 0)
-        assert not np.any(row[bins:])
-
-
-def with_logits(state: SdrState, bias: float, action: int) -> SdrState:
-    """All policies with the logit `bias` for one bin, 0 for the others."""
-    params = jax.tree.map(jnp.zeros_like, state.learners.params)
-    params["params"]["DenseGeneral_0"]["bias"] = (
-        params["params"]["DenseGeneral_0"]["bias"].at[:, :, action].set(bias)
-    )
-    return state._replace(learners=state.learners._replace(params=params))
-
-
-def test_spread_of_a_uniform_and_of_a_certain_policy() -> None:
-    state = after(9)
-    centre, width = METHOD.spread(with_logits(state, 0.0, 0))
-    np.testing.assert_allclose(centre, 0.5, atol=1e-6)
-    np.testing.assert_allclose(width, 1, atol=1e-6)
-    certain = METHOD.spread(with_logits(state, 1e4, 1))
-    expected = relax(SPACE, jnp.ones(4, jnp.int32))
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-6), certain, expected)
-
-
-def test_spread_before_the_start_is_random() -> None:
-    centre, width = METHOD.spread(METHOD.init(jax.random.key(0)))
-    np.testing.assert_array_equal(centre, 0.5)
-    np.testing.assert_array_equal(width, 1)
-
-
-@pytest.mark.parametrize("n", [1, 2])
-def test_a_constant_added_to_all_rewards_leaves_the_policies_unchanged(n: int) -> None:
-    # Sums of eighths are exact, so both runs see the same advantages to the bit.
-    baseline = ema(decay=0.5) if n == 1 else leave_one_out()
-    method = sdr(SPACE, updates_per_group=3, hidden=8, baseline=baseline)
-
-    def final(constant: float) -> SdrState:
-        state = method.init(jax.random.key(0))
-        for t in range(9):
-            actions, _ = method.sample(jax.random.key(t), state, n)
-            rewards = jnp.sum(actions, axis=1).astype(jnp.float32) / 8 + constant
-            state, _ = method.update(state, actions, rewards)
-        return state
-
-    jax.tree.map(
-        np.testing.assert_array_equal, final(0.0).learners.params, final(2.0).learners.params
-    )
+    params = state.learners.params["params"]
+    assert not np.any(params["Dense_0"]["kernel"][::2, 1:])  # groups of 1, 2 and 1 attributes
+    outputs = params["DenseGeneral_0"]["kernel"][2]  # of a group of one attribute with 2 bins
+    assert not np.any(outputs[:, 1]) and not np.any(outputs[:, 0, 2:])
 
 
 @pytest.mark.parametrize("failed", [False, True])
@@ -198,6 +175,5 @@ def test_too_few_known_rewards_teach_nothing_but_groups_move_on(known: int, base
     rewards = jnp.where(jnp.arange(3) < known, 1.0, jnp.nan)
     state, info = method.update(before, actions, rewards)
     jax.tree.map(np.testing.assert_array_equal, state.learners, before.learners)
-    assert state.descent.updates == 2
-    assert np.flatnonzero(state.descent.fixed >= 0).tolist() == [1]
+    assert (state.descent.updates, np.flatnonzero(state.descent.fixed >= 0)) == (2, [1])
     assert np.isnan(info.reward_mean) == (known == 0)

@@ -1,3 +1,5 @@
+"""Spaces, the relaxation of their bins, and draws from proposals."""
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -6,9 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sdr_jax import Proposal, Space, draw, relax, slide, space
+from sdr_jax.relaxation import bin_centres, bin_mask, entropy, moments, uniform
 
 NAMES = ["car", "tree", "fence"]
 SPACE = space(NAMES, bins=[10, 4, 7], groups=[["fence"], ["car", "tree"]])
+SMALL = space(["a", "b", "c"], bins=[2, 5, 3])
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -39,72 +43,92 @@ def test_a_bad_space_is_refused_by_name(arguments: dict, culprit: str) -> None:
         space(**arguments)
 
 
-def test_indices_out_of_range_are_refused() -> None:
+def test_an_index_out_of_range_is_refused() -> None:
     with pytest.raises(ValueError, match="attribute 2"):
         Space(("car", "tree"), (10, 10), ((0, 1, 2),))
 
 
-def test_relax_by_hand() -> None:
-    centre, width = relax(SPACE, jnp.asarray([3, 3, -1]))
-    np.testing.assert_allclose(centre, [0.35, 0.875, 0.5], atol=1e-7)
-    np.testing.assert_allclose(width, [0.1, 0.25, 1.0], atol=1e-7)
+@pytest.mark.parametrize("array", [jnp.asarray, np.asarray])  # both are welcome
+@pytest.mark.parametrize(
+    ("options", "widths"),
+    [
+        ({}, [1 / 10, 1 / 4, 1]),
+        (dict(unoptimised="half"), [1 / 10, 1 / 4, 1 / 7]),
+        (dict(width=0.1), [0.1, 0.1, 1]),
+        (dict(width=(0.2, 0.25, 0.4), unoptimised="half"), [0.2, 0.25, 0.4]),
+    ],
+)
+def test_relax_by_hand(array, options: dict, widths: list[float]) -> None:
+    centre, width = relax(SPACE, array([[3, 3, -1]] * 5), **options)
+    np.testing.assert_allclose(centre, [[0.35, 0.875, 0.5]] * 5, atol=1e-7)
+    np.testing.assert_allclose(width, [widths] * 5, atol=1e-7)
 
 
-def test_undecided_may_be_half() -> None:
-    centre, width = relax(SPACE, jnp.asarray([3, 3, -1]), unoptimised="half")
-    assert centre[2] == 0.5
-    np.testing.assert_allclose(width[2], 1 / 7, atol=1e-7)
+@pytest.mark.parametrize(
+    ("options", "culprit"),
+    [
+        (dict(width=1.5), "1.5"),
+        (dict(width=-0.1), "-0.1"),
+        (dict(width=(0.1, 0.1)), "2 widths for 3"),
+    ],
+)
+def test_a_bad_width_is_refused(options: dict, culprit: str) -> None:
+    with pytest.raises(ValueError, match=culprit):
+        relax(SPACE, jnp.zeros(3, int), **options)
 
 
 def test_bins_tile_the_unit_interval() -> None:
-    wide = space(["a"], bins=7)
-    centre, width = relax(wide, jnp.arange(7)[:, None])
-    low, high = centre - width / 2, centre + width / 2
-    assert low[0, 0] == pytest.approx(0, abs=1e-6)
-    assert high[-1, 0] == pytest.approx(1, abs=1e-6)
-    np.testing.assert_allclose(low[1:], high[:-1], atol=1e-6)
+    centre, width = relax(space(["a"], bins=7), jnp.arange(7)[:, None])
+    low, high = (np.ravel(centre + side * width / 2) for side in (-1, 1))
+    np.testing.assert_allclose([0, *high], [*low, 1], atol=1e-6)
 
 
 @given(st.integers(0, 9), st.integers(0, 100))
-def test_wider_bins_slide_inside_and_keep_their_width(action: int, percent: int) -> None:
-    given_width = percent / 100
-    actions = jnp.asarray([action, action % 4, action % 7])
-    centre, width = relax(SPACE, actions, given_width)
-    np.testing.assert_allclose(width, given_width, atol=1e-6)
-    assert np.all(centre - width / 2 >= -1e-6)
-    assert np.all(centre + width / 2 <= 1 + 1e-6)
-    # ... and move no further than needed.
-    moved = np.abs(centre - (np.asarray(actions) + 0.5) / np.asarray(SPACE.bins))
-    inside = (centre - width / 2 > 1e-6) & (centre + width / 2 < 1 - 1e-6)
-    assert np.all(np.where(inside, moved, 0) < 1e-6)
+def test_wider_bins_slide_inside_no_further_than_needed(action: int, percent: int) -> None:
+    actions, wanted = np.asarray([action, action % 4, action % 7]), percent / 100
+    centre, width = relax(SPACE, actions, wanted)
+    np.testing.assert_allclose(width, wanted, atol=1e-6)
+    inside = np.clip((actions + 0.5) / SPACE.bins, wanted / 2, 1 - wanted / 2)
+    np.testing.assert_allclose(centre, inside, atol=1e-6)
 
 
-def test_numpy_arrays_are_welcome() -> None:
-    proposal = slide(np.asarray([0.0, 0.5, 1.0], np.float32), np.full(3, 0.5, np.float32))
-    np.testing.assert_allclose(proposal.centre, [0.25, 0.5, 0.75])
-    stored = Proposal(*map(np.asarray, proposal))
-    np.testing.assert_array_equal(
-        draw(jax.random.key(0), stored, 2), draw(jax.random.key(0), proposal, 2)
-    )
-    np.testing.assert_allclose(relax(SPACE, np.asarray([0, 0, -1])).width, [0.1, 0.25, 1])
+def test_bins_and_their_entropy_by_hand() -> None:
+    assert bin_mask(SMALL).tolist() == [[1, 1, 0, 0, 0], [1] * 5, [1, 1, 1, 0, 0]]
+    np.testing.assert_allclose(bin_centres(SMALL)[0, :2], [0.25, 0.75])
+    np.testing.assert_allclose(bin_centres(SMALL)[1], [0.1, 0.3, 0.5, 0.7, 0.9])
+    np.testing.assert_allclose(uniform(SMALL)[2], [1 / 3] * 3 + [0, 0])
+    assert float(entropy(uniform(SMALL))) == pytest.approx(np.log(2 * 5 * 3), rel=1e-6)
+    assert float(entropy(jnp.eye(5)[:3])) == 0
 
 
-def test_one_width_per_attribute() -> None:
-    _, width = relax(SPACE, jnp.zeros((5, 3), int), (0.2, 0.3, 0.4))
-    np.testing.assert_allclose(width[4], [0.2, 0.3, 0.4], atol=1e-7)
+def test_moments_of_uniform_and_certain_distributions() -> None:
+    everything = moments(SMALL, uniform(SMALL))
+    np.testing.assert_allclose(everything, [[0.5] * 3, [1] * 3], atol=1e-6)
+    certain = moments(SMALL, jax.nn.one_hot(jnp.asarray([1, 4, 0]), 5), 0.1)
+    np.testing.assert_allclose(certain, relax(SMALL, jnp.asarray([1, 4, 0]), 0.1), atol=1e-6)
+
+
+@given(seeds)
+def test_moments_are_those_of_the_distribution_and_stay_inside(seed: int) -> None:
+    weights = np.random.default_rng(seed).exponential(size=(3, 5)) * bin_mask(SMALL)
+    p = weights / weights.sum(axis=1, keepdims=True)
+    centre, width = moments(SMALL, jnp.asarray(p, jnp.float32))
+    bins, values = np.asarray(SMALL.bins), bin_centres(SMALL)
+    mean = (p * values).sum(axis=1)
+    variance = (p * (values - mean[:, None]) ** 2).sum(axis=1) + 1 / bins**2 / 12
+    expected = np.minimum(1, np.sqrt(12 * variance))
+    np.testing.assert_allclose(width, expected, atol=1e-5)
+    np.testing.assert_allclose(centre, np.clip(mean, expected / 2, 1 - expected / 2), atol=1e-5)
 
 
 @given(seeds)
 def test_draws_stay_in_their_interval_and_below_one(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    actions = jnp.asarray(rng.integers(-1, SPACE.bins, (4, 3)))
-    proposal = relax(SPACE, actions)
+    proposal = relax(SPACE, jnp.asarray(rng.integers(-1, SPACE.bins, (4, 3))))
     unit = draw(jax.random.key(seed), proposal, streets=50)
-    assert unit.shape == (4, 50, 3)
-    assert unit.dtype == jnp.float32
-    low, high = proposal.centre - proposal.width / 2, proposal.centre + proposal.width / 2
+    assert (unit.shape, unit.dtype) == ((4, 50, 3), jnp.float32)
     assert np.all((unit >= 0) & (unit < 1))
-    assert np.all((unit >= low[:, None] - 1e-6) & (unit <= high[:, None] + 1e-6))
+    assert np.all(np.abs(unit - proposal.centre[:, None]) <= proposal.width[:, None] / 2 + 1e-6)
 
 
 def test_draws_are_uniform_and_differ_between_streets() -> None:
@@ -112,14 +136,14 @@ def test_draws_are_uniform_and_differ_between_streets() -> None:
     unit = draw(jax.random.key(0), proposal, streets=20_000)
     np.testing.assert_allclose(unit.mean(0), proposal.centre, atol=0.01)
     np.testing.assert_allclose(unit.std(0), proposal.width / 12**0.5, atol=0.01)
+    stored = Proposal(*map(np.asarray, proposal))  # NumPy is welcome
+    np.testing.assert_array_equal(draw(jax.random.key(0), stored, streets=20_000), unit)
+    slid = slide(np.float32([0, 0.5, 1]), np.full(3, 0.5, np.float32))
+    np.testing.assert_allclose(slid.centre, [0.25, 0.5, 0.75])
 
 
-def test_no_width_no_variance() -> None:
-    proposal = relax(SPACE, jnp.asarray([9, 0, 2]), width=0.0)
+def test_no_width_no_variance_and_one_is_never_reached() -> None:
+    proposal = Proposal(jnp.asarray([0.95, 0.125, 1.0]), jnp.zeros(3))
     unit = draw(jax.random.key(0), proposal, streets=3)
-    np.testing.assert_allclose(unit, np.tile([0.95, 0.125, 2.5 / 7], (3, 1)), atol=1e-6)
-
-
-def test_even_a_draw_of_almost_one_stays_below_one() -> None:
-    one = Proposal(jnp.ones(1), jnp.zeros(1))
-    assert draw(jax.random.key(0), one, streets=1)[0, 0] < 1
+    np.testing.assert_allclose(unit, np.tile(proposal.centre, (3, 1)), atol=1e-6)
+    assert np.all(unit < 1)

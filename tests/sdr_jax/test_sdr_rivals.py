@@ -1,0 +1,279 @@
+"""What is particular to each rival; what all keep to is in test_sdr_every_method.py."""
+
+import math
+import sys
+from itertools import pairwise
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from sdr_jax import Proposal, ema, relax, run_on_host, sdr, space
+from sdr_jax.relaxation import bin_centres, bin_mask, uniform
+from sdr_jax.rivals.attribute_descent import attribute_descent
+from sdr_jax.rivals.cma_es import cma_es
+from sdr_jax.rivals.gaussian import GaussianParams, gaussian
+from sdr_jax.rivals.pbil import _kernel, _rank_weights, pbil
+from sdr_jax.rivals.random_search import random_search
+from sdr_jax.rivals.tpe import tpe
+from sdr_jax.sdr import SdrState
+
+SPACE = space(["a", "b", "c"], bins=[2, 10, 5])
+KEY = jax.random.key(0)
+
+
+def test_random_search_keeps_the_best_it_has_seen() -> None:
+    method = random_search(SPACE)
+    state = method.init(KEY)
+    tried = jnp.asarray([[0, 4, 1], [1, 2, 3]])
+    state, info = method.update(state, tried, jnp.asarray([0.25, 0.75]))
+    assert (info.reward_mean, info.reward_best) == (0.5, 0.75)
+    for reward in (0.5, 0.75, jnp.nan):  # worse, equal, unknown
+        state, _ = method.update(state, tried[:1], jnp.asarray([reward]))
+    for answer in (method.solution(state), method.spread(state)):
+        np.testing.assert_array_equal(answer, relax(SPACE, tried[1]))
+    state, _ = method.update(state, tried[:1], jnp.asarray([1.0]))
+    assert state.actions.tolist() == [0, 4, 1]
+
+
+def test_random_search_is_uniform_over_the_bins_of_each_attribute() -> None:
+    method = random_search(SPACE)
+    state = method.init(KEY)
+    actions, proposal = method.sample(jax.random.key(1), state, 20_000)
+    frequencies = [np.bincount(np.asarray(column), minlength=10) / 20_000 for column in actions.T]
+    np.testing.assert_allclose(frequencies, method.probabilities(state), atol=0.015)
+    np.testing.assert_allclose(proposal, relax(SPACE, actions), atol=1e-6)
+
+
+PAIR = space(["a", "b"], bins=[4, 2])
+GAUSSIAN = gaussian(PAIR, optax.sgd(1.0), normalise=False)
+
+
+def test_the_gradient_of_the_gaussian_by_hand() -> None:
+    """d log p / d mean = z / std and d log p / d log std = z^2 - 1, with z the whitened action."""
+    whitened = np.asarray([[1.0, -2.0], [0.5, 0.0]])
+    actions = jnp.asarray(1.5 * whitened, jnp.float32)
+    after, info = GAUSSIAN.update(GAUSSIAN.init(KEY), actions, jnp.asarray([3.0, 1.0]))
+    advantages = np.asarray([2.0, -2.0])  # against the other one
+    np.testing.assert_allclose(info.advantages, advantages)
+    mean = (advantages[:, None] * whitened / 1.5).mean(axis=0)
+    log_std = np.log(1.5) + (advantages[:, None] * (whitened**2 - 1)).mean(axis=0)
+    np.testing.assert_allclose(after.params.mean, mean, rtol=1e-5)
+    np.testing.assert_allclose(after.params.log_std, log_std, rtol=1e-5)
+
+
+def test_probabilities_and_spread_of_the_gaussian_are_those_of_samples() -> None:
+    params = GaussianParams(jnp.asarray([1.0, -0.5]), jnp.log(jnp.asarray([0.8, 2.0])))
+    state = GAUSSIAN.init(KEY)._replace(params=params)
+    actions, _ = GAUSSIAN.sample(jax.random.key(1), state, 40_000)
+    assert actions.dtype == jnp.float32
+    values = np.asarray(jax.nn.sigmoid(actions))
+    for p, column, bins in zip(GAUSSIAN.probabilities(state), values.T, PAIR.bins, strict=True):
+        counts, _ = np.histogram(column, bins, (0, 1))
+        np.testing.assert_allclose(p[:bins], counts / 40_000, atol=0.01)
+    # A street's value is a sample, relaxed: uniform around it.
+    variance = values.var(axis=0) + np.asarray([0.25, 0.5]) ** 2 / 12
+    width = np.minimum(1, np.sqrt(12 * variance))
+    np.testing.assert_allclose(GAUSSIAN.spread(state).width, width, atol=0.02)
+    np.testing.assert_allclose(GAUSSIAN.solution(state).centre[0], jax.nn.sigmoid(1.0), rtol=1e-5)
+
+
+def test_the_gaussian_needs_a_baseline_with_memory_for_one_data_set_per_update() -> None:
+    with pytest.raises(ValueError, match="at least 2 data sets"):
+        GAUSSIAN.update(GAUSSIAN.init(KEY), jnp.zeros((1, 2)), jnp.ones(1))
+    method = gaussian(PAIR, baseline=ema())
+    method.update(method.init(KEY), jnp.zeros((1, 2)), jnp.ones(1))
+
+
+def test_rank_weights_by_hand() -> None:
+    rewards = jnp.asarray([0.2, -jnp.inf, 0.9, 0.5, 0.1, 0.0, 0.3, -jnp.inf])
+    raw = np.log(0.5 * 6 + 0.5) - np.log([1, 2, 3])  # the better half of six
+    expected = np.zeros(8)
+    expected[[2, 3, 6]] = raw / raw.sum()
+    np.testing.assert_allclose(_rank_weights(rewards, 0.5), expected, atol=1e-6)
+    assert not np.any(_rank_weights(jnp.asarray([1.0, -jnp.inf]), 0.25))
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 1e-4, 0.08, 0.7, 3.0])
+def test_the_kernel_is_a_distribution_that_keeps_uniform_ones(smoothing: float) -> None:
+    kernel = _kernel(SPACE, smoothing)
+    assert np.all(np.isfinite(kernel)) and np.all(kernel >= 0)
+    kept = np.einsum("ab,abc->ac", np.asarray(uniform(SPACE)), kernel)
+    np.testing.assert_allclose(kept, uniform(SPACE), atol=1e-5)
+    np.testing.assert_allclose(kernel.sum(axis=2), bin_mask(SPACE), atol=1e-5)
+
+
+def test_neighbours_of_a_good_bin_gain_too() -> None:
+    actions = jnp.asarray([[0, 4, 0]] + [[1, 9, 4]] * 3)
+
+    def learnt(**options: float) -> np.ndarray:
+        method = pbil(SPACE, **options)
+        state, _ = method.update(method.init(KEY), actions, jnp.eye(4)[0])
+        return np.asarray(method.probabilities(state))[1]
+
+    p = learnt()
+    assert p[4] > p[3] > p[2] > p[1]
+    np.testing.assert_allclose(p[3], p[5], rtol=1e-4)
+    np.testing.assert_allclose(learnt(smoothing=0.0)[4], 1 - 0.9 * 0.92**4, rtol=1e-4)
+
+
+def test_pbil_remembers_only_the_latest_evaluations() -> None:
+    method = pbil(SPACE, memory=3)
+    state = method.init(KEY)
+    for t in range(5):
+        actions = jnp.full((1, 3), t % 2, jnp.int32)
+        state, _ = method.update(state, actions, jnp.asarray([float(t)]))
+    np.testing.assert_array_equal(state.rewards, [2, 3, 4])
+    np.testing.assert_array_equal(state.actions[:, 0], [0, 1, 0])
+
+
+UNEVEN = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["b"], ["c", "a"]])
+ORDER = ["c", "a", "d", "b"]
+SINGLE = space(list("abcd"), bins=4, groups=[[name] for name in ORDER])
+DESCENT = attribute_descent(SINGLE)
+SDR = {n: sdr(SINGLE, updates_per_group=math.ceil(4 / n), hidden=2) for n in (1, 3, 6)}
+
+
+@pytest.mark.parametrize("n", SDR)
+@settings(max_examples=3)
+@given(seed=st.integers(0, 2**32 - 1))
+def test_descent_is_sdr_with_one_group_per_attribute_and_brute_force_for_a_policy(seed, n) -> None:
+    """The paper's remark, with SDR's own schedule, fixed groups and undecided attributes."""
+    table = jnp.asarray(np.random.default_rng(seed).uniform(size=(5,) * 4), jnp.float32)
+
+    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+        """Of all attributes together, undecided ones included, with no structure at all."""
+        decided = proposals.width < 1
+        return table[tuple(jnp.where(decided, jnp.floor(proposals.centre * 4), 4).astype(int).T)]
+
+    method, per_group = SDR[n], math.ceil(4 / n)
+    state, expected = method.init(jax.random.key(seed)), []
+
+    def moved(**changes: jax.Array) -> SdrState:
+        return state._replace(descent=state.descent._replace(**changes))
+
+    for group in map(SINGLE.names.index, ORDER):
+        tried: list[tuple[int, float]] = []
+        for t in range(per_group):
+            actions, _ = method.sample(jax.random.key(seed), state, n)
+            brute_force = (jnp.arange(n) + t * n) % 4  # in place of what the policy samples
+            expected.append(actions.at[:, group].set(brute_force))
+            rewards = reward(KEY, relax(SINGLE, expected[-1]))
+            tried += zip(brute_force.tolist(), rewards.tolist(), strict=True)
+            state = moved(updates=state.descent.updates + 1)  # moves on to the next group by itself
+        best = max(range(4), key=lambda k: np.mean([r for bin_, r in tried if bin_ == k]))
+        state = moved(fixed=state.descent.fixed.at[group].set(best))  # in place of arg max
+
+    found, record = run_on_host(KEY, DESCENT, reward, 4 * per_group, n)
+    np.testing.assert_array_equal(record.actions, jnp.stack(expected))
+    np.testing.assert_array_equal(found.current, state.descent.fixed)
+    np.testing.assert_array_equal(DESCENT.solution(found), relax(SINGLE, state.descent.fixed))
+
+
+@pytest.mark.parametrize(("n", "updates"), [(1, 10), (2, 6), (3, 4), (4, 4), (25, 3)])
+def test_a_round_tries_every_bin_with_any_number_of_data_sets(n: int, updates: int) -> None:
+    method = attribute_descent(UNEVEN)
+    best = jnp.asarray([2, 1, 0])
+    values = relax(UNEVEN, best).centre
+
+    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+        distance = jnp.abs(proposals.centre - values[None, :])
+        return -jnp.sum(jnp.where(proposals.width < 1, distance, 1.0), axis=1)
+
+    state, record = run_on_host(KEY, method, reward, updates, n)
+    assert (int(state.sweeps), int(state.tried)) == (3, 0)
+    np.testing.assert_array_equal(state.current, best)
+    assert record.info.group.tolist() == sorted(record.info.group.tolist())
+    tried = np.asarray(record.actions).reshape(-1, 3)
+    assert set(tried[:, 0]) == {-1, 0, 1, 2}  # the last in the order
+    assert set(tried[:, 1]) == {0, 1, 2, 3, 4}  # the first: from then on it stays decided
+    earlier, _ = run_on_host(KEY, method, reward, updates - 1, n)
+    assert int(earlier.current[0]) == -1  # a sweep that is not finished decides nothing
+
+
+def test_repeats_are_averaged_and_failed_bins_tried_again() -> None:
+    method = attribute_descent(space(["a"], bins=2), repeats=2)
+    state = method.init(KEY)
+    for tried, rewards in (
+        ([[0], [1]], [1.0, 0.6]),
+        ([[0], [1]], [0.0, jnp.nan]),
+        ([[1], [0]], [0.6, 0.0]),  # bin 1 lacks a reward; the other data set is to spare
+    ):
+        assert int(state.current[0]) == -1
+        actions, _ = method.sample(KEY, state, 2)
+        np.testing.assert_array_equal(actions, tried)
+        state, _ = method.update(state, actions, jnp.asarray(rewards))
+    assert int(state.current[0]) == 1  # 0.6, against the mean of 1, 0 and 0
+    np.testing.assert_allclose(method.probabilities(state), 0.5)  # it goes round again
+
+
+def test_a_bin_that_always_fails_does_not_hold_up_the_others() -> None:
+    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
+        return jnp.where(proposals.centre[:, 0] == 0.75, jnp.nan, 1.0)
+
+    state, record = run_on_host(KEY, attribute_descent(space(["a", "b"], bins=2)), reward, 6)
+    assert record.actions[:, 0, 0].tolist() == [0, 1, 1, 1, 1, 1]  # 3 times the usual 2
+    assert (state.current.tolist(), int(state.sweeps)) == ([0, -1], 1)
+
+
+@pytest.mark.parametrize("make", [attribute_descent, sdr])
+def test_authors_code_puts_undecided_at_half(make) -> None:
+    method = make(UNEVEN, width=0.02, unoptimised="half")
+    _, proposal = method.sample(KEY, method.init(KEY), 2)
+    np.testing.assert_array_equal(proposal.centre[:, 2], 0.5)
+    np.testing.assert_allclose(proposal.width, 0.02)
+
+
+@pytest.mark.parametrize(("method", "module"), [(cma_es, "cmaes"), (tpe, "optuna")])
+def test_a_missing_library_is_named_with_what_to_install(monkeypatch, method, module) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ImportError, match=rf"{module}: pip install 'sdr-jax\[search\]'"):
+        method(SPACE)
+
+
+@pytest.mark.parametrize("make", [cma_es, tpe])
+def test_states_stay_valid(make) -> None:
+    """As with the pure methods, nothing is changed in place."""
+    method, other = make(SPACE), make(SPACE)
+    state = method.init(KEY)
+    for t in range(6):
+        unknown, _ = other.sample(jax.random.key(t), state, 3)  # a state from elsewhere
+        first, _ = method.sample(jax.random.key(t), state, 3)
+        again, proposal = method.sample(jax.random.key(t), state, 3)
+        np.testing.assert_array_equal(first, again)
+        np.testing.assert_array_equal(first, unknown)
+        left, _ = method.update(state, first, jnp.asarray([1.0, 2.0, 3.0]))
+        right, _ = method.update(state, first, jnp.asarray([1.0, 2.0, 3.0]))
+        jax.tree.map(np.testing.assert_array_equal, method.solution(left), method.solution(right))
+        state = left
+        distance = np.abs(proposal.centre[..., None] - bin_centres(SPACE)[None])
+        assert np.all(distance.min(axis=2) == 0)
+
+
+def test_a_generation_is_filled_over_any_number_of_updates() -> None:
+    method = cma_es(SPACE, population=6)
+    rng = np.random.default_rng(0)
+    actions = jnp.asarray(rng.uniform(size=(14, 3)), jnp.float32)
+    rewards = jnp.asarray(rng.uniform(size=14), jnp.float32)
+    ends = []
+    for cuts in ([0, 14], [0, 1, 6, 9, 14]):
+        state = method.init(KEY)
+        for a, b in pairwise(cuts):
+            state, _ = method.update(state, actions[a:b], rewards[a:b])
+        assert (state.optimizer.generation, len(state.told)) == (2, 2)
+        ends.append(state.optimizer.mean)
+    np.testing.assert_array_equal(*ends)
+
+
+def test_tpe_answers_with_the_best_it_has_seen() -> None:
+    method = tpe(SPACE)
+    tried = jnp.asarray([[0, 1, 2], [1, 9, 4], [1, 8, 3]])
+    state, _ = method.update(method.init(KEY), tried, jnp.asarray([0.1, 0.9, jnp.nan]))
+    np.testing.assert_allclose(method.solution(state).centre, [0.75, 0.95, 0.9], rtol=1e-6)
+    p = np.asarray(method.probabilities(state))
+    np.testing.assert_allclose(p[0, :2], [0.25, 0.75])
+    np.testing.assert_allclose(p[1], [0.05] * 9 + [0.55], rtol=1e-5)
