@@ -13,6 +13,10 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from seg.nets.lite0 import BLOCKS, CHANNELS, STEM, TAPS, Block
+from seg.nets.ops.depthwise import same
+from seg.nets.ops.normalise import MEAN, STD
+
 
 def convolution(c_in: int, c_out: int, side: int, dilation: int = 1) -> nn.Conv2d:
     """Keeps the size."""
@@ -146,7 +150,96 @@ class Compact(nn.Module):
         return enlarged(self.Conv_1(x), 4, (images.shape[2], images.shape[3]))
 
 
-NETS: dict[str, Any] = {"compact": Compact, "deeplabv2": DeepLabV2, "fcn8s": FCN8s}
+class _Same(nn.Conv2d):
+    """A convolution with TensorFlow's "SAME" padding: the odd cell comes after."""
+
+    def __init__(self, c_in: int, c_out: int, side: int, stride: int = 1, groups: int = 1) -> None:
+        inside = side // 2 if stride == 1 else 0
+        super().__init__(c_in, c_out, side, stride, inside, groups=groups)
+
+    def forward(self, x: Tensor) -> Tensor:
+        if self.stride[0] > 1:
+            (above, below), (left, right) = (
+                same(n, self.kernel_size[0], self.stride[0]) for n in x.shape[-2:]
+            )
+            x = F.pad(x, (left, right, above, below))
+        return super().forward(x)
+
+
+class _Block(nn.Module):
+    def __init__(self, c_in: int, shape: Block) -> None:
+        super().__init__()
+        inner = shape.expand * c_in
+        self.residual = shape.stride == 1 and c_in == shape.features
+        if shape.expand > 1:
+            self.expand = _Same(c_in, inner, 1)
+        self.depthwise = _Same(inner, inner, shape.side, shape.stride, groups=inner)
+        self.project = _Same(inner, shape.features, 1)
+
+    def forward(self, x: Tensor) -> Tensor:
+        y = F.relu6(self.expand(x)) if hasattr(self, "expand") else x
+        y = self.project(F.relu6(self.depthwise(y)))
+        return x + y if self.residual else y
+
+
+class Trunk(nn.Module):
+    """EfficientNet-Lite0 on RGB in [0, 1], batch normalisation folded in: strides 4, 8, 16, 32."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stem = _Same(3, STEM, 3, 2)
+        c_in = STEM
+        for number, shape in enumerate(BLOCKS):
+            self.add_module(f"block{number}", _Block(c_in, shape))
+            c_in = shape.features
+
+    def forward(self, images: Tensor) -> list[Tensor]:
+        x = F.relu6(self.stem(padded((255 * images - 127) / 128, 8)))
+        maps = []
+        for number in range(len(BLOCKS)):
+            x = getattr(self, f"block{number}")(x)
+            if number in TAPS:
+                maps.append(x)
+        return maps
+
+
+class Head(nn.Module):
+    """Features resized to 1/8, concatenated, normalised; 1x1, 3x3, 1x1; bilinear logits."""
+
+    def __init__(self, classes: int, width: int = 64) -> None:
+        super().__init__()
+        self.register_buffer("mean", torch.zeros(sum(CHANNELS)))
+        self.register_buffer("deviation", torch.ones(sum(CHANNELS)))
+        self.project = convolution(sum(CHANNELS), width, 1)
+        self.mix = convolution(width, width, 3)
+        self.score = convolution(width, classes, 1)
+
+    def forward(self, maps: list[Tensor], size: tuple[int, int]) -> Tensor:
+        rows, cols = maps[1].shape[-2:]
+        resized = [F.avg_pool2d(maps[0], 2), maps[1]]
+        resized += [enlarged(m, t, (rows, cols)) for m, t in zip(maps[2:], (2, 4), strict=True)]
+        x = torch.cat(resized, 1)
+        x = (x - self.mean[None, :, None, None]) / self.deviation[None, :, None, None]
+        x = F.relu(self.mix(F.relu(self.project(x))))
+        return enlarged(self.score(x), 8, size)
+
+
+class Lite0(nn.Module):
+    """Trunk and head, on normalised RGB as the others."""
+
+    def __init__(self, classes: int, width: int = 64) -> None:
+        super().__init__()
+        self.trunk = Trunk()
+        self.head = Head(classes, width)
+        self.register_buffer("shift", torch.tensor(MEAN)[None, :, None, None])
+        self.register_buffer("scale", torch.tensor(STD)[None, :, None, None])
+
+    def forward(self, images: Tensor) -> Tensor:
+        maps = self.trunk(images * self.scale + self.shift)
+        return self.head(maps, (images.shape[2], images.shape[3]))
+
+
+NETS: dict[str, Any] = {"compact": Compact, "deeplabv2": DeepLabV2, "fcn8s": FCN8s, "lite0": Lite0}
 
 
 def copy(params: Mapping[str, Any], module: nn.Module) -> None:
@@ -156,6 +249,9 @@ def copy(params: Mapping[str, Any], module: nn.Module) -> None:
     """
     for name, value in params.items():
         child = getattr(module, name)
+        if isinstance(child, Tensor):  # a statistic
+            child.copy_(torch.from_numpy(np.array(value)))
+            continue
         if not isinstance(child, (nn.Conv2d, nn.ConvTranspose2d, nn.GroupNorm)):
             copy(value, child)
             continue
@@ -168,7 +264,7 @@ def copy(params: Mapping[str, Any], module: nn.Module) -> None:
             target = child.bias if part == "bias" else child.weight
             assert target is not None and target.shape == array.shape, (name, part)
             with torch.no_grad():
-                target.copy_(torch.from_numpy(np.ascontiguousarray(array)))
+                target.copy_(torch.from_numpy(np.array(array, order="C")))
 
 
 def images_of(images: np.ndarray) -> Tensor:

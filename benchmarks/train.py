@@ -4,7 +4,9 @@
     python -m benchmarks.train --nets compact --sizes 128x96 --repeats 3 --no-reward
 
 Each row is one net at one size: `forward` is bytes to logits at full resolution, `step` a whole update (loss,
-gradient, SGD or Adam), with the learning rate at 0 so that random images do no harm. Times are medians;
+gradient, SGD or Adam), with the learning rate at 0 so that random images do no harm. Of lite0 there are also
+`features`, bytes to the frozen trunk's features, and `head`, an update with a frozen trunk whose features are
+there; its `step` tunes the trunk, in PyTorch at one rate for all. Times are medians;
 that of PyTorch is the better of its two memory layouts. Without PyTorch its columns stay empty.
 """
 
@@ -28,17 +30,18 @@ from experiments.config import MainConfig
 from experiments.presets import defaults
 from experiments.reward.miou import Recipe, render
 from scene.proposal import random_proposal
-from seg.nets import net, normalise
+from seg.nets import net_of, normalise
 from seg.nets.ops.normalise import MEAN, STD
+from seg.pyramid import features
 from seg.recipes import RECIPES
 from seg.settings import NetName, TrainSettings
-from seg.step import Data, functions, plan
+from seg.step import Data, Functions, TrainState, functions, plan
 from seg.train import score, train
 from shell.command import size
 
 CLASSES = 11
-BATCHES = {"compact": 8, "deeplabv2": 4, "fcn8s": 4}
-SIZES = ("128x96", "480x360", "640x320")
+BATCHES: dict[NetName, int] = {"compact": 8, "deeplabv2": 4, "fcn8s": 4, "lite0": 8}
+SIZES = ("128x96", "240x176", "480x360", "640x320")
 LARGE = 100_000  # pixels from which VGG nets take seconds an image: one is enough
 REWARDS = (None, 184)  # images of the rewards that are split: the preset's, and some more
 REAL = 367  # images of CamVid's training split, which the quick reward is scored on
@@ -56,7 +59,8 @@ class Job(NamedTuple):
     @property
     def settings(self) -> TrainSettings:
         """The net's own recipe, without augmentation: that is not PyTorch's."""
-        own = TrainSettings() if self.net == "compact" else RECIPES["paper"]
+        recipes = {"compact": TrainSettings(), "lite0": RECIPES["lite0-tuned"]}
+        own = recipes.get(self.net, RECIPES["paper"])
         return replace(
             own,
             net=self.net,
@@ -87,9 +91,10 @@ def jax_runs(job: Job) -> Runs:
     settings = job.settings
     images, labels = job.data()
     compiled = functions(settings, CLASSES)
-    module = net(job.net, CLASSES)
-    data = jax.device_put(Data(images, labels, np.ones(CLASSES, np.float32), np.uint32(0)))
-    state = compiled.init(np.uint32(0), data.images)
+    module = net_of(settings, CLASSES)
+    ones, seed = np.ones(CLASSES, np.float32), np.uint32(0)
+    data = jax.device_put(Data(images, labels, ones, seed))
+    state = compiled.init(seed, data.images)
 
     @jax.jit
     def forward(params: Any, images: jax.Array) -> jax.Array:
@@ -98,12 +103,20 @@ def jax_runs(job: Job) -> Runs:
     yield "forward", lambda: forward(state.params, data.images).block_until_ready()
     row = plan(0, job.batch, settings).rows(0)
 
-    def step() -> None:
-        nonlocal state
-        state, loss = compiled.step(state, data, row)
-        jax.block_until_ready((state, loss))
+    def stepping(compiled: Functions, state: TrainState, data: Data) -> Callable[[], None]:
+        def step() -> None:
+            nonlocal state
+            state, loss = compiled.step(state, data, row)
+            jax.block_until_ready((state, loss))
 
-    yield "step", step
+        return step
+
+    if job.net == "lite0":
+        yield "features", lambda: features(images)
+        frozen = functions(replace(settings, trunk="frozen"), CLASSES)
+        kept = jax.device_put(Data(features(images), labels, ones, seed))
+        yield "head", stepping(frozen, frozen.init(seed, kept.images), kept)
+    yield "step", stepping(compiled, state, data)
 
 
 def torch_runs(job: Job, channels_last: bool, threads: int) -> Runs:
@@ -134,20 +147,33 @@ def torch_runs(job: Job, channels_last: bool, threads: int) -> Runs:
     module.eval()
     yield "forward", forward
     module.train()
-    if settings.optimizer == "sgd":
-        optimizer: Any = torch.optim.SGD(
-            module.parameters(), 0.0, settings.momentum, weight_decay=settings.weight_decay
-        )
-    else:
-        optimizer = torch.optim.Adam(module.parameters(), 0.0)
 
-    def step() -> None:
-        optimizer.zero_grad(set_to_none=True)
-        loss = torch.nn.functional.cross_entropy(logits(), target, weights, ignore_index=255)
-        loss.backward()
-        optimizer.step()
+    def stepping(trained: Any, logits: Callable[[], Any]) -> Callable[[], None]:
+        if settings.optimizer == "sgd":
+            optimizer: Any = torch.optim.SGD(
+                trained.parameters(), 0.0, settings.momentum, weight_decay=settings.weight_decay
+            )
+        else:
+            optimizer = torch.optim.Adam(trained.parameters(), 0.0)
 
-    yield "step", step
+        def step() -> None:
+            optimizer.zero_grad(set_to_none=True)
+            loss = torch.nn.functional.cross_entropy(logits(), target, weights, ignore_index=255)
+            loss.backward()
+            optimizer.step()
+
+        return step
+
+    if job.net == "lite0":
+
+        def maps() -> list[Any]:
+            with torch.no_grad():
+                return module.trunk((bytes_.float() / 255).contiguous(memory_format=layout))
+
+        yield "features", maps
+        kept, whole = maps(), (job.height, job.width)
+        yield "head", stepping(module.head, lambda: module.head(kept, whole))
+    yield "step", stepping(module, logits)
 
 
 def medians(runs: Runs, repeats: int) -> dict[str, float]:
@@ -176,7 +202,7 @@ def has_torch() -> bool:
 
 
 def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
-    """Forward and step of one net at one size."""
+    """The passes of one net at one size."""
     ours = medians(jax_runs(job), repeats)
     layouts = {"contiguous": False, "channels_last": True} if compare else {}
     theirs = {k: medians(torch_runs(job, last, threads), repeats) for k, last in layouts.items()}
@@ -276,7 +302,7 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument(
         "--batch",
         type=count,
-        help="by default 8 for the compact net; 4 for the VGG nets, 1 at the large sizes",
+        help="by default 8 for compact and lite0; 4 for the VGG nets, 1 at the large sizes",
     )
     command.add_argument("--threads", type=count, default=2, help="of PyTorch; JAX takes all cores")
     command.add_argument(
@@ -287,7 +313,7 @@ def main(arguments: list[str] | None = None) -> int:
     rows: list[Row] = []
     for name in options.nets:
         for width, height in options.sizes:
-            small = name == "compact" or width * height < LARGE
+            small = name in ("compact", "lite0") or width * height < LARGE
             batch = options.batch or (BATCHES[name] if small else 1)
             job = Job(name, width, height, batch)
             rows += net_rows(job, options.repeats, options.threads, compare)

@@ -5,7 +5,7 @@ step then serves any number of steps.
 """
 
 from collections.abc import Callable
-from typing import get_args
+from typing import Literal, get_args
 
 import jax
 import numpy as np
@@ -14,6 +14,7 @@ from jaxtyping import Float32
 
 from seg.settings import LrMultipliers, OptimizerName
 
+Multipliers = LrMultipliers | Literal["trunk"]
 Path = tuple[str, ...]
 """Where a parameter is in its net, such as ("vgg16", "conv1_1", "kernel")."""
 
@@ -48,6 +49,13 @@ def deeplab_multiplier(path: Path) -> float:
     return (10.0 if layer.startswith("fc8") else 1.0) * (2.0 if part == "bias" else 1.0)
 
 
+def trunk_multiplier(path: Path) -> float:
+    """0.1 for what starts from ImageNet, 0 for the statistics that features are normalised by."""
+    if path[-1] in ("mean", "deviation"):
+        return 0.0
+    return 0.1 if "trunk" in path else 1.0
+
+
 def _map_paths(function: Callable[[Path, jax.Array], object], tree: optax.Params) -> optax.Params:
     return jax.tree_util.tree_map_with_path(
         lambda keys, leaf: function(tuple(key.key for key in keys), leaf), tree
@@ -65,19 +73,20 @@ def optimizer(
     name: str,
     momentum: float = 0.9,
     weight_decay: float = 0.0,
-    lr_multipliers: LrMultipliers = "none",
+    lr_multipliers: Multipliers = "none",
 ) -> optax.GradientTransformation:
     """The direction of a step, before it is scaled by minus the learning rate.
 
     SGD: v <- momentum * v + g + weight_decay * p, as in the paper. Adam: decoupled decay (AdamW).
-    With "deeplab" the direction is then scaled by `deeplab_multiplier`, and biases do not decay.
+    With "deeplab" the direction is then scaled by `deeplab_multiplier`, and biases do not decay; with
+    "trunk", which is lite0's, it is scaled by `trunk_multiplier`.
     Caffe keeps the rate inside v; under a falling rate that differs a little.
 
     Args:
         name: "sgd" or "adam".
         momentum: of SGD.
         weight_decay: 1e-4 in the paper.
-        lr_multipliers: "none" or "deeplab".
+        lr_multipliers: "none", "deeplab" or "trunk".
 
     Returns:
         An optax transform; apply its updates with `descend`.
@@ -95,6 +104,8 @@ def optimizer(
             mask=lambda params: _map_paths(lambda path, _: path[-1] != "bias", params),
         )
         scale = [scale_by_path(deeplab_multiplier)]
+    elif lr_multipliers == "trunk":
+        scale = [scale_by_path(trunk_multiplier)]
     if name == "sgd":
         return optax.chain(decay, optax.trace(momentum), *scale)
     return optax.chain(optax.scale_by_adam(), decay, *scale)

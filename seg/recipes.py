@@ -1,4 +1,4 @@
-"""Named ways to train the VGG nets; change fields with `dataclasses.replace`.
+"""Named ways to train the VGG nets and lite0; change fields with `dataclasses.replace`.
 
     from dataclasses import replace
     settings = replace(RECIPES["paper"], net="fcn8s", weights="vgg16.npz")
@@ -36,9 +36,17 @@ RECIPES = {
         norm=True,
         predict_batch=4,
     ),
+    "lite0-frozen": TrainSettings(net="lite0", trunk="frozen", lr=3e-3, steps=300, batch=8),
+    "lite0-tuned": TrainSettings(net="lite0", trunk="tuned", lr=1e-3, steps=300, batch=8),
 }
 """`paper`: section 4's SGD with poly decay and mirroring only, and DeepLab's rates by layer. It is made for
 ImageNet weights: set `weights`, or hardly anything is learnt in 1000 steps.
 
 `scratch`: ours, where there are no such weights: Adam, GroupNorm after every convolution, the compact net's
-augmentation and class weights."""
+augmentation and class weights.
+
+`lite0-frozen`: ours. Adam, 300 steps of 8, mirror images and class weights, on features of EfficientNet-Lite0
+with ImageNet's weights (Tan and Le, 2019); colours and blur would need new features.
+
+`lite0-tuned`: ours. The same steps, with the compact net's augmentation; the trunk at a tenth of the head's
+rate, as is common in fine-tuning, batch normalisation fixed."""

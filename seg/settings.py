@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 from typing import Literal
 
-NetName = Literal["compact", "deeplabv2", "fcn8s"]
+NetName = Literal["compact", "deeplabv2", "fcn8s", "lite0"]
+Trunk = Literal["frozen", "tuned"]
 OptimizerName = Literal["adam", "sgd"]
 LrMultipliers = Literal["none", "deeplab"]
 Dtype = Literal["float32", "bfloat16"]
@@ -26,8 +27,8 @@ class TrainSettings:
         momentum: of SGD.
         weight_decay: Paper: 1e-4.
         mirror: swap left and right of half of the images.
-        colour: vary gamma, gain, contrast, saturation.
-        blur: mix with a blur.
+        colour: vary gamma, gain, contrast, saturation; without effect on a frozen trunk.
+        blur: mix with a blur; without effect on a frozen trunk.
         weighted: balance rare classes in the loss by `class_weights`.
         predict_batch: images per call of the net in `predict`.
         weights: file of ImageNet weights from `python -m seg.weights convert`, which the VGG nets start
@@ -38,6 +39,11 @@ class TrainSettings:
         accumulate: parts into which the images of an update are cut, to need less memory; the
             gradient is that of the whole.
         dtype: what the nets compute in; parameters and logits stay float32.
+        trunk: of lite0. "frozen": its ImageNet weights stay as they are, the features of an image are
+            computed once and only the head trains. "tuned": everything does, the trunk at a tenth of
+            the rate. Nets without a trunk take no notice of "frozen".
+        head_width: channels of lite0's head.
+        head_dropout: share of its features that lite0's head leaves out in training.
     """
 
     net: NetName = "compact"
@@ -59,6 +65,14 @@ class TrainSettings:
     lr_multipliers: LrMultipliers = "none"
     accumulate: int = 1
     dtype: Dtype = "float32"
+    trunk: Trunk = "frozen"
+    head_width: int = 64
+    head_dropout: float = 0.0
+
+    @property
+    def frozen(self) -> bool:
+        """Whether the net has a trunk that does not train."""
+        return self.net == "lite0" and self.trunk == "frozen"
 
 
 def check_settings(settings: TrainSettings) -> None:
@@ -78,5 +92,17 @@ def check_settings(settings: TrainSettings) -> None:
         )
     if settings.norm and settings.weights is not None:
         raise ValueError("norm is for training from scratch: the nets of weights have no GroupNorm")
-    if settings.weights is not None and settings.net == "compact":
-        raise ValueError("weights are of VGG16, which the net compact does not have in it")
+    if settings.weights is not None and settings.net in ("compact", "lite0"):
+        raise ValueError(
+            f"weights are of VGG16, which the net {settings.net} does not have in it"
+            + ("; its own come with it" if settings.net == "lite0" else "")
+        )
+    if settings.trunk == "tuned" and settings.net != "lite0":
+        raise ValueError(f'trunk is "tuned", but the net {settings.net} has no trunk; lite0 has')
+    if settings.net == "lite0" and (settings.norm or settings.lr_multipliers != "none"):
+        raise ValueError("norm and lr_multipliers are for the VGG nets; lite0 has rates of its own")
+    if settings.head_width < 1 or not 0 <= settings.head_dropout < 1:
+        raise ValueError(
+            "head_width must be at least 1 and head_dropout in [0, 1); "
+            f"got {settings.head_width} and {settings.head_dropout}"
+        )

@@ -14,10 +14,11 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray, UInt8, UInt32
 
-from seg.augment import augment, draw
+from seg.augment import MIRROR, augment, draw
 from seg.losses import cross_entropy, cross_entropy_sums
-from seg.nets import net, normalise
-from seg.optim import descend, optimizer, poly_schedule
+from seg.nets import net_of, normalise
+from seg.nets.lite0 import Lite0
+from seg.optim import Multipliers, descend, optimizer, poly_schedule
 from seg.settings import TrainSettings
 
 Params = Any  # the pytree of a net's parameters
@@ -34,7 +35,9 @@ class TrainState(NamedTuple):
 class Data(NamedTuple):
     """What all updates of a training share; NumPy or JAX."""
 
-    images: UInt8[Any, "n h w 3"]
+    images: (
+        Any  # u8[n h w 3]; for a frozen trunk their pyramid, that of the mirrored ones behind it
+    )
     labels: UInt8[Any, "n h w"]
     class_weights: Float32[Any, " classes"]  # of the loss
     seed: UInt32[Any, ""]  # of dropout
@@ -85,33 +88,50 @@ def functions(settings: TrainSettings, classes: int) -> Functions:
 
 @lru_cache(maxsize=32)
 def _compiled(settings: TrainSettings, classes: int) -> Functions:
-    module = net(settings.net, classes, settings.dtype, settings.norm)
-    transform = optimizer(
-        settings.optimizer, settings.momentum, settings.weight_decay, settings.lr_multipliers
-    )
+    module = net_of(settings, classes)
+    multipliers: Multipliers = "trunk" if settings.net == "lite0" else settings.lr_multipliers
+    transform = optimizer(settings.optimizer, settings.momentum, settings.weight_decay, multipliers)
 
     def resume(params: Params) -> TrainState:
         return TrainState(params, transform.init(params), jnp.int32(0))
 
-    def init(seed: UInt32[Array, ""], images: UInt8[Array, "n h w 3"]) -> TrainState:
-        blank = jnp.zeros((1, *images.shape[1:]))
-        # The default generator compiles four times longer here (unrolled, once per kernel).
-        return resume(module.init(jax.random.key(seed, impl="rbg"), blank)["params"])
+    method = Lite0.from_pyramid if settings.frozen else None
 
-    def logits_of(params: Params, x: Array, dropout: PRNGKeyArray) -> Array:
-        return module.apply({"params": params}, normalise(x), train=True, rngs={"dropout": dropout})
+    def init(seed: UInt32[Array, ""], images: Any) -> TrainState:
+        blank = jax.tree.map(lambda a: jnp.zeros((1, *a.shape[1:])), images)
+        given = (blank, (8, 8)) if settings.frozen else (blank,)
+        # The default generator compiles four times longer here (unrolled, once per kernel).
+        key = jax.random.key(seed, impl="rbg")
+        return resume(module.init(key, *given, method=method)["params"])
+
+    def logits_of(params: Params, x: Any, size: tuple[int, int], dropout: PRNGKeyArray) -> Array:
+        given = (x, size) if settings.frozen else (normalise(x),)
+        rngs = {"dropout": dropout}
+        return module.apply({"params": params}, *given, train=True, rngs=rngs, method=method)
+
+    def batch_of(data: Data, row: Plan) -> tuple[Any, Array]:
+        y = data.labels[row.picks]
+        if not settings.frozen:
+            x = data.images[row.picks]
+            return augment(x, y, row.draws, settings.mirror, settings.colour, settings.blur)
+        rows = row.picks
+        if settings.mirror:
+            swap = row.draws[:, MIRROR] < 0.5
+            rows = rows + data.labels.shape[0] * swap
+            y = jnp.where(swap[:, None, None], y[:, :, ::-1], y)
+        return jax.tree.map(lambda maps: maps[rows], data.images), y
 
     def step(state: TrainState, data: Data, row: Plan) -> tuple[TrainState, Float[Array, ""]]:
-        x, y = data.images[row.picks], data.labels[row.picks]
-        x, y = augment(x, y, row.draws, settings.mirror, settings.colour, settings.blur)
+        x, y = batch_of(data, row)
+        size = (y.shape[1], y.shape[2])
         dropout: PRNGKeyArray = jax.random.fold_in(jax.random.key(data.seed), state.step)
 
         def loss_of(params: Params) -> Float[Array, ""]:
-            return cross_entropy(logits_of(params, x, dropout), y, data.class_weights)
+            return cross_entropy(logits_of(params, x, size, dropout), y, data.class_weights)
 
-        def sums_of(params: Params, x: Array, y: Array, part: Array) -> tuple[Array, Array]:
+        def sums_of(params: Params, x: Any, y: Array, part: Array) -> tuple[Array, Array]:
             key = jax.random.fold_in(dropout, part)
-            return cross_entropy_sums(logits_of(params, x, key), y, data.class_weights)
+            return cross_entropy_sums(logits_of(params, x, size, key), y, data.class_weights)
 
         if settings.accumulate == 1:
             loss, gradients = jax.value_and_grad(loss_of)(state.params)
@@ -135,9 +155,9 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
 
 
 def accumulated(
-    sums_of: Callable[[Params, Array, Array, Array], tuple[Array, Array]],
+    sums_of: Callable[[Params, Any, Array, Array], tuple[Array, Array]],
     params: Params,
-    x: Float[Array, "b h w 3"],
+    x: Any,
     y: UInt8[Array, "b h w"],
     parts: int,
 ) -> tuple[Float[Array, ""], Params]:
@@ -149,7 +169,7 @@ def accumulated(
     Args:
         sums_of: (params, images, labels, number of the part) -> (s_k, t_k).
         params: where the gradient is taken.
-        x: images.
+        x: images, or their pyramid.
         y: their labels.
         parts: how many; divides the batch.
 
@@ -161,7 +181,7 @@ def accumulated(
         (nats, total), gradient = jax.value_and_grad(sums_of, has_aux=True)(params, *part)
         return jax.tree.map(jnp.add, carry, (nats, total, gradient)), None
 
-    cut = [a.reshape(parts, a.shape[0] // parts, *a.shape[1:]) for a in (x, y)]
+    cut = jax.tree.map(lambda a: a.reshape(parts, a.shape[0] // parts, *a.shape[1:]), (x, y))
     zero = (jnp.float32(0), jnp.float32(0), jax.tree.map(jnp.zeros_like, params))
     # Gradient convolutions are slow inside a loop of XLA's CPU backend.
     unroll = parts if jax.default_backend() == "cpu" else 1

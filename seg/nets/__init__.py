@@ -1,6 +1,7 @@
 """Segmentation nets as Flax modules: images f32[b, h, w, 3] -> logits f32[b, h, w, classes]."""
 
 from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
 from flax import linen as nn
@@ -8,19 +9,27 @@ from flax import linen as nn
 from seg.nets.compact import Compact
 from seg.nets.deeplabv2 import DeepLabV2
 from seg.nets.fcn8s import FCN8s
+from seg.nets.lite0 import Lite0
 from seg.nets.ops.normalise import normalise
 from seg.nets.vgg16 import VGG16
-from seg.settings import Dtype
+from seg.settings import Dtype, TrainSettings
 
 _NETS: dict[str, Callable[..., nn.Module]] = {
     "compact": Compact,
     "deeplabv2": DeepLabV2,
     "fcn8s": FCN8s,
+    "lite0": Lite0,
 }
 _DTYPES = {"float32": None, "bfloat16": jnp.bfloat16}  # Flax's None: that of the parameters
 
 
-def net(name: str, classes: int, dtype: Dtype = "float32", norm: bool = False) -> nn.Module:
+def net(
+    name: str,
+    classes: int,
+    dtype: Dtype = "float32",
+    norm: bool = False,
+    **options: Any,
+) -> nn.Module:
     """Make a net by name.
 
     Args:
@@ -28,6 +37,7 @@ def net(name: str, classes: int, dtype: Dtype = "float32", norm: bool = False) -
         classes: how many classes it tells apart.
         dtype: what it computes in; parameters and logits are float32.
         norm: GroupNorm after the convolutions of VGG16; the compact net has it in any case.
+        options: other attributes of the net, such as the `width` and `dropout` of lite0's head.
 
     Returns:
         A Linen module, called as `apply({"params": ...}, images, train=False)`.
@@ -39,8 +49,16 @@ def net(name: str, classes: int, dtype: Dtype = "float32", norm: bool = False) -
         raise ValueError(f"unknown net {name!r}; known nets: {', '.join(sorted(_NETS))}")
     if classes < 1:
         raise ValueError(f"a net needs at least one class; got {classes}")
-    options = {} if name == "compact" else {"norm": norm}
+    if name in ("deeplabv2", "fcn8s"):
+        options["norm"] = norm
     return _NETS[name](classes=classes, dtype=_DTYPES[dtype], **options)
 
 
-__all__ = ["VGG16", "Compact", "DeepLabV2", "FCN8s", "net", "normalise"]
+def net_of(settings: TrainSettings, classes: int) -> nn.Module:
+    """The net that some settings train."""
+    head = {"width": settings.head_width, "dropout": settings.head_dropout}
+    options = head if settings.net == "lite0" else {}
+    return net(settings.net, classes, settings.dtype, settings.norm, **options)
+
+
+__all__ = ["VGG16", "Compact", "DeepLabV2", "FCN8s", "Lite0", "net", "net_of", "normalise"]

@@ -1,4 +1,4 @@
-"""ImageNet weights of VGG16: read from the files that people have, put into our nets."""
+"""ImageNet weights: VGG16 from the files that people have, Lite0 from the package that brings it."""
 
 from seg.errors import WeightsError
 from seg.weights.normalisation import NORMALISATIONS

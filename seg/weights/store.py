@@ -13,8 +13,9 @@ import jax
 import numpy as np
 
 from seg.errors import WeightsError
-from seg.nets import net
+from seg.nets import net_of
 from seg.settings import TrainSettings
+from seg.weights import lite0
 from seg.weights.normalisation import Normalisation, from_caffe
 from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import CONVS, LAYERS, PARTS, layers, scheme_of
@@ -110,8 +111,10 @@ def check(settings: TrainSettings, classes: int) -> None:
     Raises:
         WeightsError: they do not.
     """
+    if settings.net == "lite0":
+        lite0.load()
     if settings.weights is not None:
-        module = net(settings.net, classes, settings.dtype, settings.norm)
+        module = net_of(settings, classes)
         blank = jax.ShapeDtypeStruct((1, 64, 64, 3), np.float32)
         shapes = jax.eval_shape(module.init, jax.random.key(0), blank)["params"]
         load(settings.weights, settings.net, shapes)

@@ -34,6 +34,21 @@ def test_ratio_is_pytorchs_time_over_ours(monkeypatch):
     assert [row["torch_layout"] for row in rows] == ["channels_last", "contiguous"]
 
 
+def test_lite0_has_four_passes():
+    runs = dict(benchmark.jax_runs(benchmark.Job("lite0", 40, 32, 2)))
+    assert list(runs) == ["forward", "features", "head", "step"]
+    for name in ("features", "head"):
+        assert benchmark.medians(iter([(name, runs[name])]), 1)[name] > 0
+
+
+def test_pytorch_makes_lite0s_passes():
+    pytest.importorskip("torch", reason="PyTorch is not installed: pip install torch")
+    job = benchmark.Job("lite0", 40, 32, 2)
+    for channels_last in (False, True):
+        found = benchmark.medians(benchmark.torch_runs(job, channels_last, 1), 1)
+        assert list(found) == ["forward", "features", "head", "step"] and min(found.values()) > 0
+
+
 def test_pytorch_does_the_same_work():
     pytest.importorskip("torch", reason="PyTorch is not installed: pip install torch")
     job = benchmark.Job("compact", 16, 8, 2)

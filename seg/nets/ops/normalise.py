@@ -12,3 +12,9 @@ def normalise(images: Float[Array, "b h w 3"]) -> Float[Array, "b h w 3"]:
     """Centre and scale each channel of RGB in [0, 1] by the statistics of ImageNet."""
     shape = (1, 1, 1, 3)
     return (images - jnp.reshape(jnp.array(MEAN), shape)) / jnp.reshape(jnp.array(STD), shape)
+
+
+def denormalise(images: Float[Array, "b h w 3"]) -> Float[Array, "b h w 3"]:
+    """RGB in [0, 1] from what `normalise` made of it, for nets that scale images their own way."""
+    shape = (1, 1, 1, 3)
+    return images * jnp.reshape(jnp.array(STD), shape) + jnp.reshape(jnp.array(MEAN), shape)

