@@ -142,7 +142,7 @@ def train(
         stepwise: call the step from the host (True) or scan it in chunks (False); by default as
             suits the backend. The steps are the same.
         features: for a frozen trunk, those of the images from `seg.pyramid.features`, `mirrored` as the
-            settings' `mirror`; None computes them: 6 ms and 150 kB an image of 240x176 (float16),
+            settings' `mirror`; None computes them: 10 ms of a core and 150 kB an image of 240x176 (float16),
             twice that with mirror images.
         statistics: for lite0, what its head normalises features by, from `channel_statistics` of, say,
             real images without labels; None takes those of the images. They do not train.

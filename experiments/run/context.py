@@ -205,8 +205,12 @@ def opened(
         if refuse is not None:
             refuse(target)
         store = None if config.store is None else Store(config.store)
-        print(f"Target: {target.title}", flush=True)
+        title = f"Target: {target.title}"
+        if not target.real:  # rendering it takes a while; say at once that it is not real
+            print(title, flush=True)
         target.at(config.reward.height, config.reward.width)
+        if target.real:
+            print(title, flush=True)
         with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
             evaluations, finals = (Log(config.out / name) for name in LOGS)
             run = Run(config, target, workers, evaluations, finals, store, Progress(1.0))

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from experiments.config import Fidelity
+from experiments.config import VGG_NETS, Fidelity
 
 CONFIDENCE = 0.95
 """Of each single comparison; many are made, so now and then a good candidate leaves early."""
@@ -28,8 +28,9 @@ LADDER_SEED = 2_000_000
 """Seeds of the ladder begin here, above those of candidates and rows."""
 RUNG_SEEDS = 1_000_000
 """From the seeds of one rung to those of the next."""
-VGG_COST = 200
-"""How many times the compact net's cost that of a net on VGG16 is, about."""
+TUNED_COST, VGG_COST = 8, 200
+"""How many times the compact net's cost that of a net on lite0's tuned trunk, or on VGG16, is, about; a head
+on the frozen one takes as long."""
 
 Score = Callable[[int, Sequence[str], Sequence[int]], Mapping[str, Sequence[float]]]
 """(rung, candidates, seeds) -> rewards of every candidate, in the order of the seeds."""
@@ -55,8 +56,10 @@ def cost_of(fidelity: Fidelity) -> float:
 def training_cost(fidelity: Fidelity) -> float:
     """The part of ``cost_of`` that is training: all of it where the images are there already."""
     train = fidelity.train
-    each = 2.5e-7 * (1 if train.net == "compact" else VGG_COST)
-    return each * train.steps * train.batch * fidelity.width * fidelity.height
+    times = VGG_COST if train.net in VGG_NETS else 1
+    if train.net == "lite0" and train.trunk == "tuned":
+        times = TUNED_COST
+    return 2.5e-7 * times * train.steps * train.batch * fidelity.width * fidelity.height
 
 
 def middle(low: Fidelity, high: Fidelity) -> Fidelity:

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from experiments.config import Fidelity, RewardKind, SearchConfig
+from experiments.config import VGG_NETS, Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Job, Side
 from experiments.reward.miou import Outcome, Recipe, Source, Truth
 from experiments.run.context import Run, refuse_failed, verdict
@@ -92,8 +92,8 @@ def training_sets(run: Run[Any], learnt: Proposal, **others: Source) -> dict[str
 def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:
     """A fidelity with another net, trained as long.
 
-    The compact net's recipe does not suit VGG nets, nor theirs the compact one: those of ``seg.recipes``
-    stand in where the fidelity's own is made for the other kind.
+    No recipe suits the compact net, lite0 and the VGG nets alike: that of the net's kind stands in where
+    the fidelity's own is made for another kind.
 
     Args:
         fidelity: sizes, and how its own net is trained.
@@ -101,10 +101,11 @@ def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> F
         weights: file of ImageNet weights that VGG nets start from, in place of the fidelity's.
     """
     train = fidelity.train
-    if name != train.net and "compact" in (name, train.net):
-        recipe = RECIPES["scratch" if weights is None else "paper"]
-        train = replace(TrainSettings() if name == "compact" else recipe, steps=train.steps)
+    if name != train.net and not {name, train.net} <= set(VGG_NETS):
+        vgg = RECIPES["scratch" if weights is None else "paper"]
+        own = {"compact": TrainSettings(), "lite0": RECIPES["lite0-frozen"]}.get(name, vgg)
+        train = replace(own, steps=train.steps)
     train = replace(train, net=name)
-    if weights is not None and name != "compact":
+    if weights is not None and name in VGG_NETS:
         train = replace(train, weights=weights)
     return replace(fidelity, train=train)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments import presets
-from experiments.config import Fidelity, LearntConfig, Preset, TargetName, flagged
+from experiments.config import VGG_NETS, Fidelity, LearntConfig, Preset, TargetName, flagged
 from experiments.reward.miou import Truth
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
@@ -59,7 +59,7 @@ def check(config: TableConfig) -> None:
     if not config.nets:
         raise UserError("--nets needs at least one net")
     refuse_repeats("--nets", config.nets)
-    if config.weights is not None and set(config.nets) == {"compact"}:
+    if config.weights is not None and not set(config.nets) & set(VGG_NETS):
         raise UserError("--weights are for VGG nets; --nets names none")
     for name in config.nets:
         train = fidelity_of(config, name).train

@@ -115,6 +115,9 @@ def test_vgg_nets_get_a_recipe_of_their_own():
     train = with_net(final, "fcn8s", "vgg16.npz").train
     assert train.optimizer == "sgd" and train.weights == "vgg16.npz"
     assert with_net(fcn8s, "compact") == final
+    lite0 = with_net(final, "lite0", "vgg16.npz").train  # its weights are its own
+    assert lite0 == replace(RECIPES["lite0-frozen"], steps=1000) and lite0.weights is None
+    assert with_net(with_net(final, "lite0"), "fcn8s") == fcn8s
     paper = defaults("camvid", "paper")
     assert paper.nets == ("fcn8s", "deeplabv2")
     for name in paper.nets:
