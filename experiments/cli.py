@@ -12,8 +12,10 @@ import tyro
 
 from experiments.config import Preset, TargetName
 from experiments.run.context import AnyConfig
+from scene.render import RendererError
 from scene.workers import WorkerError
 from shell.command import exit_code
+from shell.errors import UserError
 
 
 @dataclass(frozen=True)
@@ -68,6 +70,9 @@ def main(
             default=default,
             args=arguments,
         )
-        work(config)
+        try:
+            work(config)
+        except RendererError as error:  # of a worker, too
+            raise UserError(str(error)) from None
 
     return exit_code(run, also=(WorkerError, Unmet))

@@ -85,6 +85,8 @@ def opened(
     except Timeout:
         raise UserError(f"--out {path} is in use by another run") from None
     except OSError as error:
+        if new:
+            shutil.rmtree(path, ignore_errors=True)
         raise UserError(
             f"--out {path} cannot be written ({error.strerror}); choose another"
         ) from None

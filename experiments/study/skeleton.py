@@ -1,6 +1,6 @@
 """A job from start to report: check, open, plan, work, write. The main job and all studies are one of these.
 
-STUDY = Study(FORM, check, plan, scores)
+STUDY = Study(FORM, plan, scores, check)
 report = do(STUDY, config)
 """
 
