@@ -122,16 +122,8 @@ class AskTell:
             raise ValueError(f"trial {id} waits for no reward; {known}")
         with np.errstate(over="ignore"):  # beyond single precision is as good as infinite
             value = np.float32(np.nan if reward is None else reward)
-        self._log.append(
-            {
-                "id": id,
-                "update": self.updates,
-                "actions": self._actions_of(id),
-                "seed": waiting[id].seed,
-                "reward": float(value) if np.isfinite(value) else None,
-                **notes,
-            }
-        )
+        told = {"reward": float(value) if np.isfinite(value) else None, **notes}
+        self._log.append({**self._asked(waiting[id]), **told})
         self._take(id, float(value))
 
     def solution(self) -> Proposal:
@@ -155,8 +147,10 @@ class AskTell:
             for k in range(self.n)
         )
 
-    def _actions_of(self, id: int) -> list[int] | list[float]:
-        return np.asarray(self._actions)[id % self.n].tolist()
+    def _asked(self, trial: Trial) -> dict[str, Any]:
+        """A trial as its record names it."""
+        actions = np.asarray(self._actions)[trial.id % self.n].tolist()
+        return {"id": trial.id, "update": self.updates, "actions": actions, "seed": trial.seed}
 
     def _take(self, id: int, reward: float) -> None:
         self._rewards[id] = reward if np.isfinite(reward) else np.nan
@@ -172,13 +166,8 @@ class AskTell:
         id, reward = record.get("id"), record.get("reward")
         if not (reward is None or isinstance(reward, float)):
             raise UserError(f"{where}: reward must be a number or null, not {reward!r}")
-        ours = id in waiting and {
-            "id": id,
-            "update": self.updates,
-            "actions": self._actions_of(id),
-            "seed": waiting[id].seed,
-        }
-        if not ours or any(record.get(name) != value for name, value in ours.items()):
+        ours = self._asked(waiting[id]) if id in waiting else None
+        if ours is None or any(record.get(name) != value for name, value in ours.items()):
             raise UserError(
                 f"{where} was not told to this search: the space, the method, n and the seed must "
                 "be those that the history began with"

@@ -40,9 +40,15 @@ def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
     )
 
 
-InitFn = Callable[[Key[Array, ""]], State]
-SampleFn = Callable[[Key[Array, ""], State, int], tuple[Real[Array, "n attributes"], Proposal]]
-UpdateFn = Callable[[State, Real[Array, "n attributes"], Float[Array, "n"]], tuple[State, Info]]
+RngKey = Key[Array, ""]
+Bins = Int[Array, "n attributes"]
+Values = Float[Array, "n attributes"]
+Rewards = Float[Array, "n"]
+"""What the functions of a method take and give; of continuous methods, values in place of bins."""
+
+InitFn = Callable[[RngKey], State]
+SampleFn = Callable[[RngKey, State, int], tuple[Real[Array, "n attributes"], Proposal]]
+UpdateFn = Callable[[State, Real[Array, "n attributes"], Rewards], tuple[State, Info]]
 ProposalFn = Callable[[State], Proposal]
 ProbabilitiesFn = Callable[[State], Float[Array, "attributes bins"]]
 

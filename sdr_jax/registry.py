@@ -19,7 +19,7 @@ from sdr_jax.rivals.random_attributes import random_attributes
 from sdr_jax.rivals.random_search import random_search
 from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import sdr
-from sdr_jax.space import Space
+from sdr_jax.space import Space, Width
 
 MethodName = Literal[
     "actor_critic",
@@ -41,8 +41,6 @@ BASELINES = {
     "leave_one_out": leave_one_out(),
 }
 """The paper's, the authors' code's, and the other rewards of the update."""
-
-Width = float | tuple[float, ...] | None
 
 
 class Entry(NamedTuple):

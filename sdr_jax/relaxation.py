@@ -1,10 +1,11 @@
 """Relaxation: from bins to intervals, and from distributions over bins to intervals."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, Key
 
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 UNDECIDED = -1
 """The action of an attribute nothing is known about yet."""
@@ -25,9 +26,7 @@ def slide(
     return Proposal(jnp.clip(centre, width / 2, 1 - width / 2), width)
 
 
-def check_relaxation(
-    space: Space, width: float | tuple[float, ...] | None, unoptimised: str
-) -> None:
+def check_relaxation(space: Space, width: Width, unoptimised: str) -> None:
     """Raises ValueError if `relax` cannot work with these options."""
     if unoptimised not in UNOPTIMISED:
         raise ValueError(f"unoptimised is {unoptimised!r}, but must be one of {UNOPTIMISED}")
@@ -40,7 +39,7 @@ def check_relaxation(
         raise ValueError(f"width is {width}, but must lie in [0, 1]")
 
 
-def bin_widths(space: Space, width: float | tuple[float, ...] | None) -> Float[Array, "attributes"]:
+def bin_widths(space: Space, width: Width) -> Float[Array, "attributes"]:
     """The width of each attribute's relaxed bin: `width`, or by default 1 / K."""
     default = 1 / np.asarray(space.bins, np.float32)
     return jnp.broadcast_to(
@@ -51,7 +50,7 @@ def bin_widths(space: Space, width: float | tuple[float, ...] | None) -> Float[A
 def relax(
     space: Space,
     actions: Int[Array | np.ndarray, "*batch attributes"],
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
     unoptimised: str = "random",
 ) -> Proposal:
     """Turns bins into intervals: `centre = (k + 0.5) / K`, `width = 1 / K`.
@@ -96,6 +95,13 @@ def bin_centres(space: Space) -> Float[np.ndarray, "attributes bins"]:
     return (np.arange(space.max_bins, dtype=np.float32) + np.float32(0.5)) / bins
 
 
+def random_bins(rng_key: Key[Array, ""], space: Space, n: int) -> Int[Array, "n attributes"]:
+    """Uniform bins of all attributes, n times; the key is consumed."""
+    shape = (n, space.attributes)
+    sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
+    return jax.random.randint(rng_key, shape, 0, sizes, jnp.int32)
+
+
 def uniform(space: Space) -> Float[Array, "attributes bins"]:
     """Every attribute's uniform distribution over the bins it has."""
     return jnp.asarray(bin_mask(space) / np.asarray(space.bins, np.float32)[:, None])
@@ -109,7 +115,7 @@ def entropy(probabilities: Float[Array, "attributes bins"]) -> Float[Array, ""]:
 def moments(
     space: Space,
     probabilities: Float[Array, "attributes bins"],
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
 ) -> Proposal:
     """The intervals with the moments of distributions over bins.
 

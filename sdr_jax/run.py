@@ -6,10 +6,10 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key, Real
+from jaxtyping import Array, Float, Int, Real
 
 from sdr_jax.callback import HostReward
-from sdr_jax.method import Info, Method, State
+from sdr_jax.method import Info, Method, RngKey, State
 from sdr_jax.space import Proposal
 from shell.errors import UserError
 
@@ -21,9 +21,7 @@ MOST_FAILED = 0.1
 class RewardFn(Protocol):
     """Scores data sets."""
 
-    def __call__(
-        self, rng_key: Key[Array, ""], proposals: Proposal
-    ) -> Float[Array | np.ndarray, "n"]:
+    def __call__(self, rng_key: RngKey, proposals: Proposal) -> Float[Array | np.ndarray, "n"]:
         """The key is consumed; proposals are f32[n attributes] each; higher is better.
 
         NaN: the evaluation failed.
@@ -38,7 +36,7 @@ class Record(NamedTuple):
     info: Info  # of the update
 
 
-StepFn = Callable[[Key[Array, ""], State], tuple[State, Record]]
+StepFn = Callable[[RngKey, State], tuple[State, Record]]
 """One update, from one state to the next; the key is consumed, the state given stays valid."""
 
 
@@ -58,7 +56,7 @@ def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
 
 
 def _plain_step(method: Method, reward_fn: RewardFn, n: int) -> StepFn:
-    def step(rng_key: Key[Array, ""], state: State) -> tuple[State, Record]:
+    def step(rng_key: RngKey, state: State) -> tuple[State, Record]:
         sample_key, reward_key = jax.random.split(rng_key)
         actions, proposals = method.sample(sample_key, state, n)
         if isinstance(reward_fn, HostReward):
@@ -72,11 +70,7 @@ def _plain_step(method: Method, reward_fn: RewardFn, n: int) -> StepFn:
 
 
 def run(
-    rng_key: Key[Array, ""],
-    method: Method,
-    reward_fn: RewardFn,
-    updates: int | None = None,
-    n: int = 1,
+    rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int | None = None, n: int = 1
 ) -> tuple[State, Record]:
     """Runs a whole optimisation as one scan; jit it as a whole for rewards written in JAX.
 
@@ -103,17 +97,13 @@ def run(
     return jax.lax.scan(body, first_state(rng_key, method), jnp.arange(updates))
 
 
-def first_state(rng_key: Key[Array, ""], method: Method) -> State:
+def first_state(rng_key: RngKey, method: Method) -> State:
     """The state that `run` and `drive` begin with, given the same key."""
     return method.init(jax.random.split(rng_key)[0])
 
 
 def drive(
-    rng_key: Key[Array, ""],
-    method: Method,
-    reward_fn: RewardFn,
-    updates: int | None = None,
-    n: int = 1,
+    rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int | None = None, n: int = 1
 ) -> Iterator[tuple[State, Record]]:
     """The same optimisation as a loop on the host, one update at a time.
 
@@ -148,11 +138,7 @@ def drive(
 
 
 def run_on_host(
-    rng_key: Key[Array, ""],
-    method: Method,
-    reward_fn: RewardFn,
-    updates: int | None = None,
-    n: int = 1,
+    rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int | None = None, n: int = 1
 ) -> tuple[State, Record]:
     """`drive` to the end: for any method and any reward what `run` is for pure ones.
 

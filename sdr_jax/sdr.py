@@ -6,7 +6,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import optax
-from jaxtyping import Array, Float, Int, Key, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from sdr_jax.baseline import Baseline, ema
 from sdr_jax.coordinate_descent import (
@@ -20,12 +20,12 @@ from sdr_jax.coordinate_descent import (
     lay_out,
     take,
 )
-from sdr_jax.method import Info, Method, jitted
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted
 from sdr_jax.policy import Policy, entropy, init_policies, log_prob, mask_logits, sample_bins
 from sdr_jax.reinforce import Learner, Rule, init_learner, learn
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, relax
 from sdr_jax.rewards import identity
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 PAPER_OPTIMIZER = optax.adam(1e-2)
 PAPER_BASELINE = ema(decay=0.9)
@@ -48,7 +48,7 @@ def sdr(
     baseline: Baseline = PAPER_BASELINE,
     transform: Callable[[Array], Array] = identity,
     normalise: bool = False,
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
     unoptimised: str = "random",
 ) -> Method:
     """Scalable discretization and relaxation, in groups.
@@ -99,14 +99,12 @@ def sdr(
     def proposal(actions: Array) -> Proposal:
         return relax(space, actions, width, unoptimised)
 
-    def init(rng_key: Key[Array, ""]) -> SdrState:
+    def init(rng_key: RngKey) -> SdrState:
         params, inputs = init_policies(rng_key, space, hidden)
         learners = jax.vmap(lambda own: init_learner(rule, own))(params)
         return SdrState(learners, inputs, begin(groups))
 
-    def sample(
-        rng_key: Key[Array, ""], state: SdrState, n: int
-    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+    def sample(rng_key: RngKey, state: SdrState, n: int) -> tuple[Bins, Proposal]:
         params, inputs, bins = take(
             (state.learners.params, state.inputs, groups.slots.bins), active(groups, state.descent)
         )
@@ -114,9 +112,7 @@ def sdr(
         actions = concat(groups, state.descent, sampled)
         return actions, proposal(actions)
 
-    def update(
-        state: SdrState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[SdrState, Info]:
+    def update(state: SdrState, actions: Bins, rewards: Rewards) -> tuple[SdrState, Info]:
         def learn_group(learner: Learner, group: Array) -> tuple[Learner, Array, Info]:
             inputs, slots = take((state.inputs, groups.slots), group)
             group_actions = jnp.take(actions, slots.members, axis=1, mode="clip")

@@ -14,6 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Key
 
+Width = float | tuple[float, ...] | None
+"""Of relaxed bins: of all attributes, of each, or by default 1 / K."""
+
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 
 

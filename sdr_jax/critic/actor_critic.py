@@ -7,24 +7,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax.critic.critic import (
-    Critic,
-    CriticState,
-    best_bins,
-    draw_best,
-    draw_models,
-    init_critic,
-    make_critic,
-    mean_model,
-    observe,
-    posterior,
-    values,
-)
+from sdr_jax.critic import critic as critics
 from sdr_jax.critic.regression import Posterior
-from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
 from sdr_jax.policy import entropy
 from sdr_jax.relaxation import UNDECIDED, bin_mask, check_relaxation, moments, relax
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 SWEEPS = 4
 """Natural-gradient steps of the policy in every update."""
@@ -36,7 +24,7 @@ DRAWS = 32
 class ActorCriticState(NamedTuple):
     """A policy, and what it follows."""
 
-    critic: CriticState
+    critic: critics.CriticState
     belief: Posterior  # the critic's
     logits: Float[Array, "attributes bins"]  # minus infinity for bins an attribute lacks
     best: Int[Array, "attributes"]  # bins of the critic's highest mean, -1 before two rewards
@@ -44,7 +32,7 @@ class ActorCriticState(NamedTuple):
 
 def actor_critic(
     space: Space,
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
     *,
     temperature: float = 1.0,
     degree: int = 9,
@@ -91,34 +79,32 @@ def actor_critic(
     check_relaxation(space, width, "random")
     if not (temperature > 0 and np.isfinite(temperature)):
         raise ValueError(f"temperature is {temperature}, but must be above 0")
-    model = make_critic(space, degree, pair_degree)
+    model = critics.make_critic(space, degree, pair_degree)
     there = bin_mask(space)
     level = np.where(there, 0.0, -np.inf).astype(np.float32)
 
-    def init(rng_key: Key[Array, ""]) -> ActorCriticState:
+    def init(rng_key: RngKey) -> ActorCriticState:
         del rng_key  # nothing is random before the first sample
         undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
-        critic = init_critic(model)
-        belief = posterior(model, critic)
+        critic = critics.init_critic(model)
+        belief = critics.posterior(model, critic)
         return ActorCriticState(critic, belief, jnp.asarray(level), undecided)
 
-    def sample(
-        rng_key: Key[Array, ""], state: ActorCriticState, n: int
-    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+    def sample(rng_key: RngKey, state: ActorCriticState, n: int) -> tuple[Bins, Proposal]:
         policy_key, draw_key = jax.random.split(rng_key)
         actions = stratified(policy_key, space, jax.nn.softmax(state.logits), n)
-        believed = draw_best(draw_key, model, state.belief, n)
+        believed = critics.draw_best(draw_key, model, state.belief, n)
         second = (jnp.arange(n) % 2 == 1) & (state.critic.noise > 0)
         actions = jnp.where(second[:, None], believed, actions)
         return actions, relax(space, actions, width)
 
     def update(
-        state: ActorCriticState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
+        state: ActorCriticState, actions: Bins, rewards: Rewards
     ) -> tuple[ActorCriticState, Info]:
         info = plain_info(rewards, entropy(state.logits, jnp.ones(space.attributes, bool)))
-        critic = observe(model, state.critic, actions, rewards)
-        belief = posterior(model, critic)
-        best = best_bins(model, belief)
+        critic = critics.observe(model, state.critic, actions, rewards)
+        belief = critics.posterior(model, critic)
+        best = critics.best_bins(model, belief)
         logits = follow(model, belief, best, temperature)
         known = critic.noise > 0
         next_state = ActorCriticState(
@@ -142,7 +128,7 @@ def actor_critic(
 
 
 def follow(
-    model: Critic,
+    model: critics.Critic,
     belief: Posterior,
     start: Int[Array, "attributes"],
     temperature: float,
@@ -161,13 +147,13 @@ def follow(
     """
     there = jnp.asarray(bin_mask(model.space))
     sizes = jnp.asarray(model.space.bins, jnp.float32)[:, None]
-    mean = mean_model(model, belief)
+    mean = critics.mean_model(model, belief)
     # A fixed key: the same evaluations give the same temperatures.
-    draws = draw_models(jax.random.key(0), model, belief, DRAWS)
+    draws = critics.draw_models(jax.random.key(0), model, belief, DRAWS)
     probabilities = jax.nn.one_hot(start, model.space.max_bins)
     for _ in range(SWEEPS):
-        q = values(model, mean, probabilities)
-        drawn = jax.vmap(lambda one: values(model, one, probabilities))(draws)  # noqa: B023
+        q = critics.values(model, mean, probabilities)
+        drawn = jax.vmap(lambda one: critics.values(model, one, probabilities))(draws)  # noqa: B023
         error = jnp.where(there[None], drawn - q[None], 0.0)
         error = error - error.sum(axis=2, keepdims=True) / sizes[None]
         variance = jnp.where(there[None], error**2, 0.0).sum(axis=2) / sizes[None, :, 0]

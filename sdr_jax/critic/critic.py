@@ -6,6 +6,7 @@ Under policies that choose each attribute's bin independently, its expectation i
 """
 
 import math
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -161,8 +162,7 @@ def mean_model(model: Critic, belief: Posterior) -> Model:
 
 def draw_models(rng_key: Key[Array, ""], model: Critic, belief: Posterior, n: int) -> Model:
     """Draws from the posterior, stacked on a leading axis; the key is consumed."""
-    weights = regression.draw(rng_key, belief, n)
-    return jax.vmap(lambda one: _model(model, one))(weights)
+    return jax.vmap(partial(_model, model))(regression.draw(rng_key, belief, n))
 
 
 def values(
@@ -199,10 +199,8 @@ def draw_best(
 ) -> Int[Array, "n attributes"]:
     """The best bins of each of n models drawn from the posterior; the key is consumed."""
     weights_key, start_key = jax.random.split(rng_key)
-    weights = regression.draw(weights_key, belief, n)
-    return jax.vmap(
-        lambda key, one: features.maximise(key, model.space, model.layout, _plain(model, one))
-    )(jax.random.split(start_key, n), weights)
+    weights = jax.vmap(partial(_plain, model))(regression.draw(weights_key, belief, n))
+    return features.maximise_each(start_key, model.space, model.layout, weights)
 
 
 def _plain(model: Critic, weights: Array) -> Array:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax.relaxation import bin_centres, bin_mask
+from sdr_jax.relaxation import bin_centres, bin_mask, random_bins
 from sdr_jax.space import Space
 
 STARTS = 8
@@ -141,10 +141,8 @@ def maximise(
     alone, between = split(layout, weights)
     basis = jnp.asarray(layout.basis)[:, :, : layout.pair_degree]
     rows = jnp.arange(space.attributes)
-    shape = (STARTS - 1, space.attributes)
-    sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
     first = jnp.where(jnp.asarray(bin_mask(space)), alone, -jnp.inf).argmax(axis=1)
-    random = jax.random.randint(rng_key, shape, 0, sizes, jnp.int32)
+    random = random_bins(rng_key, space, STARTS - 1)
     starts = jnp.concatenate([first[None, :].astype(jnp.int32), random])
 
     def ascend(actions: Array) -> tuple[Array, Array]:
@@ -161,3 +159,11 @@ def maximise(
 
     found, values = jax.vmap(ascend)(starts)
     return found[jnp.argmax(values)]
+
+
+def maximise_each(
+    rng_key: Key[Array, ""], space: Space, layout: Features, weights: Float[Array, "n features"]
+) -> Int[Array, "n attributes"]:
+    """The best bins under each of n models; the key is consumed."""
+    keys = jax.random.split(rng_key, len(weights))
+    return jax.vmap(lambda key, one: maximise(key, space, layout, one))(keys, weights)

@@ -5,14 +5,14 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Float
 
 from sdr_jax.critic import regression
-from sdr_jax.critic.features import evaluate, features, maximise, tables
+from sdr_jax.critic.features import evaluate, features, maximise, maximise_each, tables
 from sdr_jax.critic.regression import Posterior, Statistics
-from sdr_jax.method import Info, Method, jitted, plain_info
-from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, relax, uniform
-from sdr_jax.space import Proposal, Space
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, random_bins, relax, uniform
+from sdr_jax.space import Proposal, Space, Width
 
 SIGNALS = np.geomspace(0.003, 30, 7).astype(np.float32)
 """Prior variances of an effect, relative to the noise's, among which the evidence chooses."""
@@ -33,7 +33,7 @@ class LinearState(NamedTuple):
 
 def linear(
     space: Space,
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
     *,
     explore: float = 1.0,
     degree: int = 4,
@@ -78,7 +78,7 @@ def linear(
     prior_std = np.sqrt(layout.variance)
     size = len(prior_std)
 
-    def init(rng_key: Key[Array, ""]) -> LinearState:
+    def init(rng_key: RngKey) -> LinearState:
         del rng_key  # nothing is random before the first sample
         statistics = regression.empty(size)
         return LinearState(statistics, posterior(statistics))
@@ -99,29 +99,21 @@ def linear(
         best = jnp.argmax(evidence)
         return jax.tree.map(lambda leaf: leaf[best], fits)
 
-    def thompson(rng_key: Key[Array, ""], belief: Posterior, n: int) -> Array:
+    def known(state: LinearState) -> Array:
+        return state.statistics.seen > 1  # two rewards make a difference
+
+    def thompson(rng_key: RngKey, belief: Posterior, n: int) -> Array:
         draw_key, start_key = jax.random.split(rng_key)
         weights = regression.draw(draw_key, belief, n, explore)
-        return jax.vmap(lambda key, one: maximise(key, space, layout, one))(
-            jax.random.split(start_key, n), weights
-        )
+        return maximise_each(start_key, space, layout, weights)
 
-    def sample(
-        rng_key: Key[Array, ""], state: LinearState, n: int
-    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+    def sample(rng_key: RngKey, state: LinearState, n: int) -> tuple[Bins, Proposal]:
         random_key, thompson_key = jax.random.split(rng_key)
-        shape = (n, space.attributes)
-        sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
-        random = jax.random.randint(random_key, shape, 0, sizes, jnp.int32)
-        chosen = thompson(thompson_key, state.belief, n)
-        actions = jnp.where(
-            state.statistics.seen > 1, chosen, random
-        )  # two rewards make a difference
+        random, chosen = random_bins(random_key, space, n), thompson(thompson_key, state.belief, n)
+        actions = jnp.where(known(state), chosen, random)
         return actions, relax(space, actions, width)
 
-    def update(
-        state: LinearState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[LinearState, Info]:
+    def update(state: LinearState, actions: Bins, rewards: Rewards) -> tuple[LinearState, Info]:
         statistics = regression.add(state.statistics, evaluate(layout, actions), rewards)
         next_state = LinearState(statistics, posterior(statistics))
         return next_state, plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
@@ -131,19 +123,19 @@ def linear(
 
     def solution(state: LinearState) -> Proposal:
         best = best_of(state.belief)
-        return relax(space, jnp.where(state.statistics.seen > 1, best, UNDECIDED), width)
+        return relax(space, jnp.where(known(state), best, UNDECIDED), width)
 
     def spread(state: LinearState) -> Proposal:
         best = best_of(state.belief)
         weights = regression.draw(jax.random.key(1), state.belief, DRAWS, CAUTION)
         values = jax.vmap(lambda one: tables(space, layout, one, best))(weights)
         winners = jax.nn.one_hot(jnp.argmax(values, axis=2), space.max_bins)
-        p = jnp.where(state.statistics.seen > 1, winners.mean(axis=0), uniform(space))
+        p = jnp.where(known(state), winners.mean(axis=0), uniform(space))
         return moments(space, p, width)
 
     def probabilities(state: LinearState) -> Float[Array, "attributes bins"]:
         actions = thompson(jax.random.key(1), state.belief, DRAWS)
         p = jax.nn.one_hot(actions, space.max_bins).mean(axis=0)
-        return jnp.where(state.statistics.seen > 1, p, uniform(space))
+        return jnp.where(known(state), p, uniform(space))
 
     return jitted(init, sample, update, solution, probabilities, spread)

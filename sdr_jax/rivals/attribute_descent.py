@@ -5,11 +5,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Float, Int
 
-from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, relax, uniform
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 PATIENCE = 3
 """How many times its usual number of data sets a sweep may take when rewards are NaN."""
@@ -29,7 +29,7 @@ class DescentState(NamedTuple):
 
 def attribute_descent(
     space: Space,
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
     *,
     repeats: int = 1,
     unoptimised: str = "random",
@@ -77,7 +77,7 @@ def attribute_descent(
     def turn(state: DescentState) -> Array:
         return state.sweeps % space.attributes
 
-    def init(rng_key: Key[Array, ""]) -> DescentState:
+    def init(rng_key: RngKey) -> DescentState:
         del rng_key  # nothing is random but the streets
         return DescentState(
             current=jnp.full(space.attributes, UNDECIDED, jnp.int32),
@@ -87,9 +87,7 @@ def attribute_descent(
             sweeps=jnp.zeros((), jnp.int32),
         )
 
-    def sample(
-        rng_key: Key[Array, ""], state: DescentState, n: int
-    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+    def sample(rng_key: RngKey, state: DescentState, n: int) -> tuple[Bins, Proposal]:
         del rng_key
         active = jnp.asarray(order)[turn(state)]
         size = jnp.asarray(sizes)[active]
@@ -99,9 +97,7 @@ def attribute_descent(
         actions = jnp.broadcast_to(state.current, (n, space.attributes)).at[:, active].set(tries)
         return actions, relax(space, actions, width, unoptimised)
 
-    def update(
-        state: DescentState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[DescentState, Info]:
+    def update(state: DescentState, actions: Bins, rewards: Rewards) -> tuple[DescentState, Info]:
         active = jnp.asarray(order)[turn(state)]
         known = jnp.isfinite(rewards)
         sums = state.sums.at[actions[:, active]].add(jnp.where(known, rewards, 0.0))

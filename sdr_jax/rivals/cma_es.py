@@ -5,13 +5,13 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float
 from scipy.special import ndtr
 
-from sdr_jax.method import Info, Method
+from sdr_jax.method import Info, Method, Rewards, RngKey, Values
 from sdr_jax.relaxation import UNDECIDED, moments
 from sdr_jax.rivals import host
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 
 class CmaState(NamedTuple):
@@ -24,7 +24,7 @@ class CmaState(NamedTuple):
 
 def cma_es(
     space: Space,
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
     *,
     sigma: float = 0.25,
     population: int | None = None,
@@ -66,7 +66,7 @@ def cma_es(
     sizes = np.asarray(space.bins)
     margin = 0.5 / sizes  # centres of bins lie in [margin, 1 - margin]
 
-    def init(rng_key: Key[Array, ""]) -> CmaState:
+    def init(rng_key: RngKey) -> CmaState:
         optimizer = cmaes.CMAwM(
             mean=np.full(space.attributes, 0.5),
             sigma=sigma,
@@ -77,17 +77,13 @@ def cma_es(
         )
         return CmaState(optimizer, (), False)
 
-    def sample(
-        rng_key: Key[Array, ""], state: CmaState, n: int
-    ) -> tuple[Float[Array, "n attributes"], Proposal]:
+    def sample(rng_key: RngKey, state: CmaState, n: int) -> tuple[Values, Proposal]:
         # Asking moves nothing but the generator, and that starts afresh every time.
         state.optimizer.reseed_rng(host.seed(rng_key))
         asked = np.asarray([state.optimizer.ask() for _ in range(n)])  # [n, (rounded, raw), ...]
         return jnp.asarray(asked[:, 1], jnp.float32), relaxed(bins_of(asked[:, 0]))
 
-    def update(
-        state: CmaState, actions: Float[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[CmaState, Info]:
+    def update(state: CmaState, actions: Values, rewards: Rewards) -> tuple[CmaState, Info]:
         optimizer, told = state.optimizer, list(state.told)
         for action, reward in zip(
             np.asarray(actions, np.float64), np.asarray(rewards), strict=True

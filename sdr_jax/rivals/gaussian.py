@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 from jax.scipy.special import ndtr, ndtri
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float
 
 from sdr_jax.baseline import Baseline, leave_one_out
-from sdr_jax.method import Info, Method, jitted
+from sdr_jax.method import Info, Method, Rewards, RngKey, Values, jitted
 from sdr_jax.reinforce import Learner, Rule, init_learner, learn
 from sdr_jax.relaxation import bin_mask, bin_widths, check_relaxation, slide
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 OPTIMIZER = optax.adam(0.1)
 BASELINE = leave_one_out()
@@ -34,7 +34,7 @@ def gaussian(
     baseline: Baseline = BASELINE,
     normalise: bool = True,
     std: float = 1.5,
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
 ) -> Method:
     """REINFORCE on the mean and spread of a Gaussian per attribute; actions are continuous.
 
@@ -67,23 +67,19 @@ def gaussian(
     widths = bin_widths(space, width)
     rule = Rule(optimizer, baseline, normalise=normalise)
 
-    def init(rng_key: Key[Array, ""]) -> Learner:
+    def init(rng_key: RngKey) -> Learner:
         del rng_key  # nothing is random before the first sample
         zeros = jnp.zeros(space.attributes, jnp.float32)
         params = GaussianParams(zeros, jnp.full_like(zeros, np.log(std)))
         return init_learner(rule, params)
 
-    def sample(
-        rng_key: Key[Array, ""], state: Learner, n: int
-    ) -> tuple[Float[Array, "n attributes"], Proposal]:
+    def sample(rng_key: RngKey, state: Learner, n: int) -> tuple[Values, Proposal]:
         mean, log_std = state.params
         noise = jax.random.normal(rng_key, (n, space.attributes))
         actions = mean[None, :] + jnp.exp(log_std)[None, :] * noise
         return actions, slide(jax.nn.sigmoid(actions), jnp.broadcast_to(widths, actions.shape))
 
-    def update(
-        state: Learner, actions: Float[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[Learner, Info]:
+    def update(state: Learner, actions: Values, rewards: Rewards) -> tuple[Learner, Info]:
         def policy(params: GaussianParams) -> tuple[Array, Array]:
             entropy = jnp.sum(params.log_std + 0.5 * np.log(2 * np.pi * np.e))
             return _log_prob(params, actions), entropy

@@ -11,7 +11,7 @@ from jaxtyping import Array, Key
 
 from sdr_jax.method import plain_info
 from sdr_jax.relaxation import UNDECIDED, entropy, relax
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 info = jax.jit(lambda rewards, probabilities: plain_info(rewards, entropy(probabilities)))
 """The info of an update, f32[n] rewards and f32[attributes bins] probabilities given."""
@@ -38,9 +38,7 @@ def seed(rng_key: Key[Array, ""]) -> int:
     return int(_bits(rng_key))
 
 
-def relaxation(
-    space: Space, width: float | tuple[float, ...] | None
-) -> Callable[[Array | np.ndarray], Proposal]:
+def relaxation(space: Space, width: Width) -> Callable[[Array | np.ndarray], Proposal]:
     """`relax` for a space and a width, looked up: the same numbers without its dispatches.
 
     Raises:

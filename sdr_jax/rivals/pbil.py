@@ -5,11 +5,11 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Float, Int
 
-from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, moments, relax, uniform
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 
 class PbilState(NamedTuple):
@@ -22,7 +22,7 @@ class PbilState(NamedTuple):
 
 def pbil(
     space: Space,
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
     *,
     rate: float = 0.08,
     memory: int = 60,
@@ -66,7 +66,7 @@ def pbil(
     check_relaxation(space, width, "random")
     kernel = _kernel(space, smoothing)
 
-    def init(rng_key: Key[Array, ""]) -> PbilState:
+    def init(rng_key: RngKey) -> PbilState:
         del rng_key  # nothing is random before the first sample
         return PbilState(
             probabilities=uniform(space),
@@ -74,17 +74,13 @@ def pbil(
             rewards=jnp.full(memory, -jnp.inf, jnp.float32),
         )
 
-    def sample(
-        rng_key: Key[Array, ""], state: PbilState, n: int
-    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+    def sample(rng_key: RngKey, state: PbilState, n: int) -> tuple[Bins, Proposal]:
         logits = jnp.log(state.probabilities)
         actions = jax.random.categorical(rng_key, logits, shape=(n, space.attributes))
         actions = actions.astype(jnp.int32)
         return actions, relax(space, actions, width)
 
-    def update(
-        state: PbilState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[PbilState, Info]:
+    def update(state: PbilState, actions: Bins, rewards: Rewards) -> tuple[PbilState, Info]:
         n = rewards.shape[0]
         known = jnp.isfinite(rewards)
         ranked = max(memory, n)

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Float
 
-from sdr_jax.method import Info, Method, jitted, plain_info
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
 from sdr_jax.relaxation import UNDECIDED, entropy, relax, uniform
 from sdr_jax.space import Proposal, Space
 
@@ -29,19 +29,15 @@ def random_attributes(space: Space) -> Method:
     def proposal(*batch: int) -> Proposal:
         return relax(space, jnp.full((*batch, space.attributes), UNDECIDED, jnp.int32))
 
-    def init(rng_key: Key[Array, ""]) -> NothingLearnt:
+    def init(rng_key: RngKey) -> NothingLearnt:
         del rng_key
         return NothingLearnt()
 
-    def sample(
-        rng_key: Key[Array, ""], state: NothingLearnt, n: int
-    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+    def sample(rng_key: RngKey, state: NothingLearnt, n: int) -> tuple[Bins, Proposal]:
         del rng_key  # the streets draw from the whole range, not the data set
         return jnp.full((n, space.attributes), UNDECIDED, jnp.int32), proposal(n)
 
-    def update(
-        state: NothingLearnt, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[NothingLearnt, Info]:
+    def update(state: NothingLearnt, actions: Bins, rewards: Rewards) -> tuple[NothingLearnt, Info]:
         return state, plain_info(rewards, entropy(uniform(space)))
 
     def solution(state: NothingLearnt) -> Proposal:

@@ -2,13 +2,12 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Float, Int
 
-from sdr_jax.method import Info, Method, jitted, plain_info
-from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, relax, uniform
-from sdr_jax.space import Proposal, Space
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, random_bins, relax, uniform
+from sdr_jax.space import Proposal, Space, Width
 
 
 class SearchState(NamedTuple):
@@ -18,7 +17,7 @@ class SearchState(NamedTuple):
     reward: Float[Array, ""]  # its reward, minus infinity before the first update
 
 
-def random_search(space: Space, width: float | tuple[float, ...] | None = None) -> Method:
+def random_search(space: Space, width: Width = None) -> Method:
     """Uniform bins for all attributes at once; the answer is the best data set seen.
 
     Groups play no part. `solution` and `spread` are the same: one reward says nothing of how sure
@@ -38,22 +37,16 @@ def random_search(space: Space, width: float | tuple[float, ...] | None = None) 
     """
     check_relaxation(space, width, "random")
 
-    def init(rng_key: Key[Array, ""]) -> SearchState:
+    def init(rng_key: RngKey) -> SearchState:
         del rng_key  # nothing is random before the first sample
         undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
         return SearchState(undecided, jnp.asarray(-jnp.inf, jnp.float32))
 
-    def sample(
-        rng_key: Key[Array, ""], state: SearchState, n: int
-    ) -> tuple[Int[Array, "n attributes"], Proposal]:
-        shape = (n, space.attributes)
-        sizes = jnp.broadcast_to(jnp.asarray(space.bins, jnp.int32), shape)
-        actions = jax.random.randint(rng_key, shape, 0, sizes, jnp.int32)
+    def sample(rng_key: RngKey, state: SearchState, n: int) -> tuple[Bins, Proposal]:
+        actions = random_bins(rng_key, space, n)
         return actions, relax(space, actions, width)
 
-    def update(
-        state: SearchState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[SearchState, Info]:
+    def update(state: SearchState, actions: Bins, rewards: Rewards) -> tuple[SearchState, Info]:
         comparable = jnp.where(jnp.isfinite(rewards), rewards, -jnp.inf)
         best = jnp.argmax(comparable)
         better = comparable[best] > state.reward

@@ -4,12 +4,12 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Float
 
-from sdr_jax.method import Info, Method
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey
 from sdr_jax.relaxation import UNDECIDED, moments, uniform
 from sdr_jax.rivals import host
-from sdr_jax.space import Proposal, Space
+from sdr_jax.space import Proposal, Space, Width
 
 
 class TpeState(NamedTuple):
@@ -30,7 +30,7 @@ class _Latest(NamedTuple):
 
 def tpe(
     space: Space,
-    width: float | tuple[float, ...] | None = None,
+    width: Width = None,
     *,
     startup: int = 10,
     multivariate: bool = False,
@@ -109,13 +109,11 @@ def tpe(
             tell(latest.study, state.actions, state.rewards)
         return latest
 
-    def init(rng_key: Key[Array, ""]) -> TpeState:
+    def init(rng_key: RngKey) -> TpeState:
         del rng_key  # nothing is random before the first sample
         return TpeState(np.zeros((0, space.attributes), np.int32), np.zeros(0))
 
-    def sample(
-        rng_key: Key[Array, ""], state: TpeState, n: int
-    ) -> tuple[Int[Array, "n attributes"], Proposal]:
+    def sample(rng_key: RngKey, state: TpeState, n: int) -> tuple[Bins, Proposal]:
         nonlocal latest
         before = known(state)
         study = before.study
@@ -133,9 +131,7 @@ def tpe(
         actions = np.asarray(rows, np.int32)
         return jnp.asarray(actions), relaxed(actions)
 
-    def update(
-        state: TpeState, actions: Int[Array, "n attributes"], rewards: Float[Array, "n"]
-    ) -> tuple[TpeState, Info]:
+    def update(state: TpeState, actions: Bins, rewards: Rewards) -> tuple[TpeState, Info]:
         nonlocal latest
         info = host.info(rewards, probabilities(state))
         rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)

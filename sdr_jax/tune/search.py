@@ -91,14 +91,8 @@ def _search(
             f"--out {out} holds {told} evaluations already, but evaluations is {total}; ask for at "
             "least as many, or use another --out"
         )
-    simulator = Simulator(
-        command,
-        settings.attributes,
-        out / EVALUATIONS,
-        timeout=settings.timeout_seconds,
-        retries=settings.retries,
-        repeats=settings.repeats,
-    )
+    limits = settings.timeout_seconds, settings.retries, settings.repeats
+    simulator = Simulator(command, settings.attributes, out / EVALUATIONS, *limits)
     progress = Progress(total)
     progress.advance(told, replayed=True)
     if told:
@@ -129,7 +123,8 @@ def _one_update(
     waiting = {pool.submit(simulator.evaluate, trial): trial.id for trial in search.ask()}
     for future in as_completed(waiting):
         outcome, id = future.result(), waiting[future]
-        search.tell(id, _reward(outcome, settings), **_notes(outcome))
+        notes = {**outcome._asdict(), "seconds": round(outcome.seconds, 3)}
+        search.tell(id, _reward(outcome, settings), **notes)
         progress.advance()
         if outcome.failures:
             tried = len(outcome.failures)
@@ -145,15 +140,6 @@ def _reward(outcome: Outcome, settings: Settings) -> float | None:
     if outcome.score is None:
         return None
     return -outcome.score if settings.minimize else outcome.score
-
-
-def _notes(outcome: Outcome) -> dict[str, Any]:
-    return {
-        "score": outcome.score,
-        "scores": outcome.scores,
-        "failures": outcome.failures,
-        "seconds": round(outcome.seconds, 3),
-    }
 
 
 def _scores(search: AskTell, update: int, minimize: bool) -> str:

@@ -63,6 +63,9 @@ class _Reader:
     def fail(self, what: str) -> UserError:
         return UserError(f"{self._path}: {what}")
 
+    def refuse(self, name: str, value: object, must: str) -> UserError:
+        return UserError(f"{self.at(name)} is {value}, but must {must}")
+
     def typed(self, value: Any, kind: type, where: str) -> Any:
         """The value as `kind`; whole numbers pass for numbers, true does not pass for 1."""
         right = type(value) is kind or (kind is float and type(value) is int)
@@ -106,7 +109,7 @@ def read(path: Path, flags: Mapping[str, Any]) -> Settings:
         kind = float if name in ("relaxation", "timeout_seconds") else type(entry.default)
         value = reader.typed(table[name], kind, reader.at(name))
         if name in LEAST and value < LEAST[name]:
-            raise UserError(f"{reader.at(name)} is {value}, but must be at least {LEAST[name]}")
+            raise reader.refuse(name, value, f"be at least {LEAST[name]}")
         values[name] = value
     settings = Settings(**values)
     _check(reader, settings)
@@ -181,15 +184,11 @@ def _check(reader: _Reader, settings: Settings) -> None:
     except ValueError as error:
         raise reader.fail(f"{error}") from None
     if settings.seed > LARGEST_SEED:
-        raise UserError(f"{reader.at('seed')} is {settings.seed}, but must be below 2^32")
+        raise reader.refuse("seed", settings.seed, "be below 2^32")
     if settings.relaxation is not None and not 0 <= settings.relaxation <= 1:
-        raise UserError(
-            f"{reader.at('relaxation')} is {settings.relaxation:g}, but must lie in [0, 1]"
-        )
+        raise reader.refuse("relaxation", f"{settings.relaxation:g}", "lie in [0, 1]")
     if settings.timeout_seconds <= 0:
-        raise UserError(
-            f"{reader.at('timeout_seconds')} is {settings.timeout_seconds:g}, but must be above 0"
-        )
+        raise reader.refuse("timeout_seconds", f"{settings.timeout_seconds:g}", "be above 0")
     if settings.method not in METHODS:
         raise UserError(
             f"{reader.at('method')} {settings.method!r} is unknown; known: {', '.join(METHODS)}"
@@ -197,10 +196,8 @@ def _check(reader: _Reader, settings: Settings) -> None:
     n, total = settings.datasets_per_update, settings.evaluations
     if total % n:
         right = f"{n}" if total < n else f"{total - total % n} or {total - total % n + n}"
-        raise UserError(
-            f"{reader.at('evaluations')} is {total}, but must be a multiple of "
-            f"datasets_per_update = {n}, such as {right}"
-        )
+        must = f"be a multiple of datasets_per_update = {n}, such as {right}"
+        raise reader.refuse("evaluations", total, must)
 
 
 def _with_options(reader: _Reader, settings: Settings, options: Any) -> Settings:

@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -65,33 +66,19 @@ def check_command(command: Sequence[str]) -> None:
         raise UserError(f"the simulator {program} does not exist; give its path or put it on PATH")
 
 
+@dataclass
 class Simulator:
-    """Runs the program, in any number of threads at once.
+    """Runs the program, in any number of threads at once."""
 
-    Args:
-        command: the program and its arguments.
-        attributes: in the order of the space.
-        folder: where every evaluation gets a folder.
-        timeout: seconds that one run may take.
-        retries: how often a failed run is tried again, with another seed.
-        repeats: runs per evaluation.
-    """
-
-    def __init__(
-        self,
-        command: Sequence[str],
-        attributes: Sequence[Attribute],
-        folder: Path,
-        *,
-        timeout: float,
-        retries: int,
-        repeats: int,
-    ) -> None:
-        self._command, self._attributes, self._folder = list(command), attributes, folder
-        self._timeout, self._retries, self._repeats = timeout, retries, repeats
-        self._lock = threading.Lock()
-        self._running: set[subprocess.Popen] = set()
-        self._stopped = False
+    command: Sequence[str]  # the program and its arguments
+    attributes: Sequence[Attribute]  # in the order of the space
+    folder: Path  # where every evaluation gets a folder
+    timeout: float  # seconds that one run may take
+    retries: int  # how often a failed run is tried again, with another seed
+    repeats: int  # runs per evaluation
+    _lock: threading.Lock = field(default_factory=threading.Lock)
+    _running: set[subprocess.Popen] = field(default_factory=set)
+    _stopped: bool = False
 
     def evaluate(self, trial: Trial) -> Outcome:
         """Scores one trial; its seeds follow from the trial's, whatever happens beside it.
@@ -103,9 +90,9 @@ class Simulator:
         started = time.monotonic()
         scores: list[float] = []
         failures: list[str] = []
-        for repeat in range(self._repeats):
-            for attempt in range(self._retries + 1):
-                folder = self._folder / f"{trial.id:06d}" / f"run-{repeat}-{attempt}"
+        for repeat in range(self.repeats):
+            for attempt in range(self.retries + 1):
+                folder = self.folder / f"{trial.id:06d}" / f"run-{repeat}-{attempt}"
                 seeds = np.random.SeedSequence([trial.seed, repeat, attempt])
                 try:
                     scores.append(self._run(trial, folder, int(seeds.generate_state(1)[0])))
@@ -114,13 +101,8 @@ class Simulator:
                     failures.append(str(failure))
             else:
                 break  # one repeat without a score is enough to fail
-        whole = len(scores) == self._repeats
-        return Outcome(
-            score=math.fsum(scores) / self._repeats if whole else None,
-            scores=scores,
-            failures=failures,
-            seconds=time.monotonic() - started,
-        )
+        score = math.fsum(scores) / self.repeats if len(scores) == self.repeats else None
+        return Outcome(score, scores, failures, time.monotonic() - started)
 
     def stop(self) -> None:
         """Kills whatever is running, and lets nothing start any more."""
@@ -135,21 +117,18 @@ class Simulator:
             shutil.rmtree(folder)
         folder.mkdir(parents=True)
         path = folder.resolve() / "attributes.json"
-        content = {
-            "evaluation": trial.id,
-            "seed": seed,
-            "attributes": describe(self._attributes, trial.proposal),
-        }
+        attributes = describe(self.attributes, trial.proposal)
+        content = {"evaluation": trial.id, "seed": seed, "attributes": attributes}
         path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-        command = [argument.replace(PLACEHOLDER, str(path)) for argument in self._command]
+        command = [argument.replace(PLACEHOLDER, str(path)) for argument in self.command]
         out, err = folder / "stdout.txt", folder / "stderr.txt"
         with open(out, "wb") as stdout, open(err, "wb") as stderr:
             process = self._start(command, stdout=stdout, stderr=stderr)
         try:
-            code = process.wait(self._timeout)
+            code = process.wait(self.timeout)
         except subprocess.TimeoutExpired:
             _kill(process)
-            raise _Failed(f"no score after {self._timeout:g} s") from None
+            raise _Failed(f"no score after {self.timeout:g} s") from None
         finally:
             with self._lock:
                 self._running.discard(process)
