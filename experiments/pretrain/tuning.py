@@ -27,7 +27,7 @@ class Net(NamedTuple):
     @property
     def notes(self) -> Record:
         """What the run's log says of it."""
-        return {"kind": "pretrain", **self._asdict()}
+        return {"nets": "pretrain", **self._asdict()}
 
 
 def tuned(

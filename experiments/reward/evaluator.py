@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-import numpy as np
-
 from experiments.reward.miou import Outcome, Recipe, Source, Truth, attempt, evaluate_miou
 from experiments.reward.mmd import Reference, evaluate_mmd
-from experiments.reward.store import Log, Store, identity, outcome_of, record_of
+from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
 from experiments.target.base import Target
 from scene.version import ENGINE
 from scene.workers import WorkerPool
@@ -139,10 +136,7 @@ def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) 
     if isinstance(truth, Reference):
         kind, source = "mmd", truth.source
     else:
-        pixels = hashlib.sha256()
-        for array in truth:
-            pixels.update(np.ascontiguousarray(array).tobytes())
-        kind, source = "miou", pixels.hexdigest()
+        kind, source = "miou", digest_of(*truth)
     pool = recipe.pool._asdict()
     if pool["own"]:  # the files count, not where they lie
         pool["own"] = folder_digest(Path(pool["own"]))
@@ -161,7 +155,7 @@ def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) 
         "config": digest(decides)[:16],
         "target": target.name,
         "side": side,
-        "reward_kind": kind,
+        "kind": kind,  # of the score; what a log calls its nets is "nets"
         "size": fidelity.size,
         "images": fidelity.images,
         "steps": fidelity.train.steps,

@@ -54,11 +54,16 @@ def identity(config: str, source: Source, seed: int) -> str:
         source: proposal f32[23], or the images that are trained on.
         seed: of the streets and of the net.
     """
-    bytes_of = hashlib.sha256()
-    dtypes = (None, None) if isinstance(source, Truth) else (np.float32, np.float32)
-    for array, dtype in zip(source, dtypes, strict=True):
-        bytes_of.update(np.ascontiguousarray(array, dtype).tobytes())
-    return digest({"config": config, "source": bytes_of.hexdigest(), "seed": int(seed)})
+    arrays = source if isinstance(source, Truth) else np.asarray(source, np.float32)
+    return digest({"config": config, "source": digest_of(*arrays), "seed": int(seed)})
+
+
+def digest_of(*arrays: np.ndarray) -> str:
+    """Sha256 of the bytes of arrays, one after the other."""
+    found = hashlib.sha256()
+    for array in arrays:
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()
 
 
 def record_of(key: str, source: Source, seed: int, outcome: Outcome) -> Record:

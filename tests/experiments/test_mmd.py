@@ -136,8 +136,10 @@ def test_kinds_of_rewards_are_kept_apart(recipe, net, tmp_path):
     images = unlabelled(recipe.fidelity.height, recipe.fidelity.width)
     truth, reference = Truth(images.images, images.labels), net.reference(images.images)
     moved = reference._replace(net="elsewhere.npz")  # where the net lies does not matter
-    keys = [about(recipe, TARGET, "reward", t)["config"] for t in (truth, reference, moved)]
+    told = [about(recipe, TARGET, "reward", t) for t in (truth, reference, moved)]
+    keys = [each["config"] for each in told]
     assert keys[0] != keys[1] == keys[2]
+    assert [each["kind"] for each in told] == ["miou", "mmd", "mmd"]  # by which records are chosen
     evaluator = Evaluator(recipe, TARGET, "reward", reference, WorkerPool(0))
     memory = Memory(Log(tmp_path / "log.jsonl"), None, lambda: 0.0)
     jobs = [Job(random_proposal(), 1, {})]
