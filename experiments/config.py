@@ -327,7 +327,12 @@ def _check_fidelity(flag: str, fidelity: Fidelity) -> None:
             raise UserError(f"{flag}.train.{name.replace('_', '-')} must be 0 or more")
     if not 0 < train.lr < math.inf:
         raise UserError(f"{flag}.train.lr must be positive, not {train.lr}")
-    with flagged(f"{flag}.train"):
+    check_net(f"{flag}.train", train)
+
+
+def check_net(flag: str, train: TrainSettings) -> None:
+    """Raise UserError for settings or weights that do not fit the net, by flag."""
+    with flagged(flag):
         check_train_settings(train)
     check_weights(train, 1)  # of any number of classes: the last layer is not among them
 

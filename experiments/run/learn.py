@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.config import Candidate, SearchConfig, make_method, make_space
+from experiments.config import Candidate, Fidelity, SearchConfig, make_method, make_space
 from experiments.reward.miou import Source
 from experiments.run.context import Run, Work
 from experiments.run.ladder import Rung, climb, cost_of, ladder, mean_of, most_cost, most_nets
@@ -100,11 +100,22 @@ def _choose(
     """The best candidate on the reward images, at the final size, and every one's rewards by seed."""
     config: SearchConfig = run.config
     seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
-    recipe, kind = run.recipe(config.final), config.reward_kind
-    sources: dict[str, Source] = {name: proposal for name, proposal in proposals.items()}
-    outcomes = score_nets(run, "candidate", sources, recipe, seeds, side="reward", kind=kind)
-    scores = {name: [o.reward for o in own] for name, own in outcomes.items()}
+    scores = _rewards(run, "candidate", proposals, config.final, seeds)
     return max(config.candidates, key=lambda name: mean_of(scores[name])), scores
+
+
+def _rewards(
+    run: Run[Any],
+    what: str,
+    proposals: Mapping[Candidate, Proposal],
+    fidelity: Fidelity,
+    seeds: Sequence[int],
+) -> dict[str, list[float]]:
+    """Every candidate's rewards on the reward images, in the order of the seeds."""
+    sources: dict[str, Source] = {name: proposal for name, proposal in proposals.items()}
+    recipe, kind = run.recipe(fidelity), run.config.reward_kind
+    outcomes = score_nets(run, what, sources, recipe, seeds, side="reward", kind=kind)
+    return {name: [o.reward for o in own] for name, own in outcomes.items()}
 
 
 def _ladder(config: SearchConfig) -> tuple[Rung, ...]:
@@ -122,13 +133,10 @@ def _climb(
 
     def score(number: int, names: Sequence[str], seeds: Sequence[int]) -> dict[str, list[float]]:
         nonlocal left
-        chosen: dict[str, Source] = {name: proposals[name] for name in kept if name in names}
-        recipe = run.recipe(rungs[number].fidelity)
-        left -= len(names) * len(seeds) * cost_of(recipe.fidelity)
-        kind = config.reward_kind
-        what = f"rung-{number + 1}"
-        outcomes = score_nets(run, what, chosen, recipe, seeds, side="reward", kind=kind)
-        return {name: [o.reward for o in own] for name, own in outcomes.items()}
+        chosen = {name: proposals[name] for name in kept if name in names}
+        fidelity = rungs[number].fidelity
+        left -= len(names) * len(seeds) * cost_of(fidelity)
+        return _rewards(run, f"rung-{number + 1}", chosen, fidelity, seeds)
 
     best, scores = climb(kept, rungs, score)
     run.progress.advance(left, replayed=True)  # nets of those that left early

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments import presets
-from experiments.config import VGG_NETS, Fidelity, LearntConfig, Preset, TargetName, flagged
+from experiments.config import VGG_NETS, Fidelity, LearntConfig, Preset, TargetName, check_net
 from experiments.reward.miou import Truth
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
@@ -20,8 +20,7 @@ from experiments.table.report import FORM
 from experiments.target.base import Target
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data.folders import read_folders
-from seg.settings import NetName, check_settings
-from seg.weights import check as check_weights
+from seg.settings import NetName
 from shell.errors import UserError, refuse_repeats
 
 RENDERED = 3
@@ -62,10 +61,7 @@ def check(config: TableConfig) -> None:
     if config.weights is not None and not set(config.nets) & set(VGG_NETS):
         raise UserError("--weights are for VGG nets; --nets names none")
     for name in config.nets:
-        train = fidelity_of(config, name).train
-        with flagged("--nets"):
-            check_settings(train)
-        check_weights(train, 1)
+        check_net("--nets", fidelity_of(config, name).train)
 
 
 def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
