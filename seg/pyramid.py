@@ -54,18 +54,15 @@ def _extractor(dtype: Dtype) -> Callable[[Params, ArrayLike], Pyramid]:
     return extract
 
 
-def features(
-    images: UInt8[np.ndarray, "n h w 3"], mirrored: bool = False, dtype: Dtype = "float32"
-) -> Pyramid:
+def features(images: UInt8[np.ndarray, "n h w 3"], dtype: Dtype = "float32") -> Pyramid:
     """What the ImageNet trunk sees in images: maps at strides 8, 16 and 32, float16, in NumPy.
 
     About 3.6 bytes per pixel: 150 kB for an image of 240x176, 620 kB for one of 480x360. The trunk is not
-    symmetric ("SAME" padding puts the odd cell after), so features of mirrored images are computed, not those
-    of images mirrored: that would move them by 7 pixels at stride 8.
+    symmetric ("SAME" padding puts the odd cell after): features of a mirrored image are not its
+    features mirrored, but 7 pixels off at stride 8.
 
     Args:
         images: RGB, at least 32x32.
-        mirrored: also those of the images with left and right swapped, behind the others.
         dtype: what the trunk computes in.
 
     Raises:
@@ -76,26 +73,23 @@ def features(
     extract, params = _extractor(dtype), trunk_params()
     count = len(images)
     found: Pyramid | None = None
-    for way in (slice(None), slice(None, None, -1)) if mirrored else (slice(None),):
-        offset = 0 if way.step is None else count
-        for start in range(0, count, BATCH):
-            batch = images[start : start + BATCH, :, way]
-            there = slice(offset + start, offset + start + len(batch))
-            batch = np.pad(batch, [(0, min(BATCH, count) - len(batch)), (0, 0), (0, 0), (0, 0)])
-            maps = [np.asarray(m) for m in extract(params, batch)]
-            if found is None:
-                shapes = [(count * (2 if mirrored else 1), *m.shape[1:]) for m in maps]
-                found = Pyramid(*(np.empty(shape, np.float16) for shape in shapes))
-            for into, m in zip(found, maps, strict=True):
-                into[there] = m[: there.stop - there.start]
+    for start in range(0, count, BATCH):
+        batch = images[start : start + BATCH]
+        there = slice(start, start + len(batch))
+        batch = np.pad(batch, [(0, min(BATCH, count) - len(batch)), (0, 0), (0, 0), (0, 0)])
+        maps = [np.asarray(m) for m in extract(params, batch)]
+        if found is None:
+            found = Pyramid(*(np.empty((count, *m.shape[1:]), np.float16) for m in maps))
+        for into, m in zip(found, maps, strict=True):
+            into[there] = m[: there.stop - there.start]
     assert found is not None
     return found
 
 
-def check_features(maps: Pyramid, images: UInt8[np.ndarray, "n h w 3"], mirrored: bool) -> None:
-    """Raise ValueError unless features are, in number and size, those of some images."""
+def check_features(maps: Pyramid, images: UInt8[np.ndarray, "n h w 3"], views: int = 1) -> None:
+    """Raise ValueError unless features are, in number and size, those of some images, so many of each."""
     count, h, w, _ = images.shape
-    count *= 2 if mirrored else 1
+    count *= views
     rows, cols = -(-h // 8), -(-w // 8)
     for name, m, times, c in zip(Pyramid._fields, maps, (1, 2, 4), (64, 112, 320), strict=True):
         expected = (count, -(-rows // times), -(-cols // times), c)
@@ -103,7 +97,7 @@ def check_features(maps: Pyramid, images: UInt8[np.ndarray, "n h w 3"], mirrored
             raise ValueError(
                 f"features: {name} is {m.dtype}{list(m.shape)}; expected float16{list(expected)}, "
                 f"those of {len(images)} images of {w}x{h}"
-                + (" and their mirror images" if mirrored else "")
+                + (f", {views} views of each" if views > 1 else "")
             )
 
 

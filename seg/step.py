@@ -14,10 +14,11 @@ import numpy as np
 import optax
 from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray, UInt8, UInt32
 
-from seg.augment import MIRROR, augment, draw
+from seg.augment import augment, draw
 from seg.losses import cross_entropy, cross_entropy_sums
 from seg.nets import net_of, normalise
 from seg.nets.lite0 import Lite0
+from seg.nets.ops.resize import strided
 from seg.optim import Multipliers, descend, optimizer, poly_schedule
 from seg.settings import TrainSettings
 
@@ -35,12 +36,10 @@ class TrainState(NamedTuple):
 class Data(NamedTuple):
     """What all updates of a training share; NumPy or JAX."""
 
-    images: (
-        Any  # u8[n h w 3]; for a frozen trunk their pyramid, that of the mirrored ones behind it
-    )
+    images: Any  # u8[n h w 3]; for a frozen trunk the pyramid of all their views
     labels: UInt8[Any, "n h w"]
     class_weights: Float32[Any, " classes"]  # of the loss
-    seed: UInt32[Any, ""]  # of dropout
+    seed: UInt32[Any, ""]  # of dropout and noise
 
 
 class Plan(NamedTuple):
@@ -56,7 +55,10 @@ class Plan(NamedTuple):
 
 
 def plan(seed: int, count: int, settings: TrainSettings) -> Plan:
-    """Draw all that is random in a training on `count` images; one row per update. The seed has 32 bits."""
+    """Draw all that is random in a training on `count` images, for a frozen trunk views; one row per update.
+
+    The seed has 32 bits.
+    """
     rng = np.random.default_rng(seed)
     needed = settings.steps * settings.batch
     # Permutations, one after the other: every image is seen equally often.
@@ -82,7 +84,8 @@ def functions(settings: TrainSettings, classes: int) -> Functions:
     """The compiled parts for some settings, shared by all settings that compile to the same."""
     plain = TrainSettings()
     # These are data of the step, or its shapes.
-    free = ("lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch", "weights")
+    free = ["lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch", "weights"]
+    free += ["views", "head_statistics"]
     return _compiled(replace(settings, **{name: getattr(plain, name) for name in free}), classes)
 
 
@@ -106,25 +109,21 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
 
     def logits_of(params: Params, x: Any, size: tuple[int, int], dropout: PRNGKeyArray) -> Array:
         given = (x, size) if settings.frozen else (normalise(x),)
-        rngs = {"dropout": dropout}
-        return module.apply({"params": params}, *given, train=True, rngs=rngs, method=method)
+        options = {"train": True, "rngs": {"dropout": dropout}, "method": method}
+        if settings.net == "lite0":
+            options["stride"] = settings.loss_stride
+        return module.apply({"params": params}, *given, **options)
 
-    def batch_of(data: Data, row: Plan) -> tuple[Any, Array]:
-        y = data.labels[row.picks]
-        if not settings.frozen:
-            x = data.images[row.picks]
-            return augment(x, y, row.draws, settings.mirror, settings.colour, settings.blur)
-        rows = row.picks
-        if settings.mirror:
-            swap = row.draws[:, MIRROR] < 0.5
-            rows = rows + data.labels.shape[0] * swap
-            y = jnp.where(swap[:, None, None], y[:, :, ::-1], y)
-        return jax.tree.map(lambda maps: maps[rows], data.images), y
+    def batch_of(data: Data, row: Plan, key: PRNGKeyArray) -> tuple[Any, Array]:
+        x, y = jax.tree.map(lambda all_: all_[row.picks], (data.images, data.labels))
+        return (x, y) if settings.frozen else augment(x, y, row.draws, settings, key)
 
     def step(state: TrainState, data: Data, row: Plan) -> tuple[TrainState, Float[Array, ""]]:
-        x, y = batch_of(data, row)
+        key: PRNGKeyArray = jax.random.fold_in(jax.random.key(data.seed), state.step)
+        dropout, noise = jax.random.split(key)
+        x, y = batch_of(data, row, noise)
         size = (y.shape[1], y.shape[2])
-        dropout: PRNGKeyArray = jax.random.fold_in(jax.random.key(data.seed), state.step)
+        y = strided(y, settings.loss_stride)
 
         def loss_of(params: Params) -> Float[Array, ""]:
             return cross_entropy(logits_of(params, x, size, dropout), y, data.class_weights)

@@ -7,6 +7,7 @@ run ten times slower inside `lax.scan`. On accelerators the same step is scanned
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache, partial
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +24,7 @@ from seg.nets.lite0 import Lite0, Pyramid
 from seg.pyramid import Statistics
 from seg.settings import TrainSettings, check_settings
 from seg.step import Data, Functions, Params, TrainState, functions, plan
+from seg.views import view_images, view_labels
 from seg.weights import load
 
 _CHUNK = 50  # steps between two looks at the loss; also the length of a scan on an accelerator
@@ -78,7 +80,7 @@ def _started(
     if settings.net == "lite0":
         if statistics is None:
             if maps is None:
-                maps = pyramid.features(images, dtype=settings.dtype)
+                maps = pyramid.features(images, settings.dtype)
             statistics = pyramid.channel_statistics(maps)
         mean, deviation = (jnp.array(s) for s in statistics)
         params = {**params, "head": {**params["head"], "mean": mean, "deviation": deviation}}
@@ -105,14 +107,14 @@ def _check(images: np.ndarray, labels: np.ndarray | None = None) -> None:
 
 
 def _check_net(
-    images: np.ndarray, settings: TrainSettings, features: Pyramid | None, mirrored: bool
+    images: np.ndarray, settings: TrainSettings, features: Pyramid | None, views: int = 1
 ) -> None:
     if settings.net == "lite0":
         pyramid.check_size(images)
     if features is not None and not settings.frozen:
         raise ValueError("features are for a frozen trunk: net lite0 with trunk frozen")
     if features is not None:
-        pyramid.check_features(features, images, mirrored)
+        pyramid.check_features(features, images, views)
 
 
 def train(
@@ -141,11 +143,10 @@ def train(
             `weights` as far as those go, and at random.
         stepwise: call the step from the host (True) or scan it in chunks (False); by default as
             suits the backend. The steps are the same.
-        features: for a frozen trunk, those of the images from `seg.pyramid.features`, `mirrored` as the
-            settings' `mirror`; None computes them: 10 ms of a core and 150 kB an image of 240x176 (float16),
-            twice that with mirror images.
-        statistics: for lite0, what its head normalises features by, from `channel_statistics` of, say,
-            real images without labels; None takes those of the images. They do not train.
+        features: for a frozen trunk, those of all views of the images, `seg.pyramid.features` of
+            `seg.views.view_images`; None computes them.
+        statistics: for lite0 with `head_statistics` "target", what its head normalises features by, from
+            `channel_statistics` of real images. They do not train.
 
     Returns:
         The parameters after the last step. With a frozen trunk those of the head alone: the trunk's
@@ -159,9 +160,12 @@ def train(
     """
     _check(images, labels)
     check_settings(settings)
-    _check_net(images, settings, features, settings.mirror)
-    if statistics is not None and settings.net != "lite0":
-        raise ValueError(f"statistics are for lite0; the net is {settings.net}")
+    _check_net(images, settings, features, settings.views)
+    if (settings.head_statistics == "target") != (statistics is not None):
+        raise ValueError(
+            f'statistics are for head_statistics "target", and needed there; the settings say '
+            f'"{settings.head_statistics}"'
+        )
     if not 0 <= rng_seed < 2**32:
         raise ValueError(f"rng_seed must be in 0..2**32 - 1; got {rng_seed}")
     stray = labels[(labels >= classes) & (labels != IGNORE_LABEL)]
@@ -171,14 +175,16 @@ def train(
             f"0..{classes - 1}, or {IGNORE_LABEL} for void"
         )
     compiled = functions(settings, classes)
-    rows = plan(rng_seed, len(images), settings)
     class_weights = np.ones(classes, np.float32)
     if settings.weighted:
         class_weights = losses.class_weights(labels, classes)
     seed = np.uint32(rng_seed)
-    if settings.frozen and features is None:
-        features = pyramid.features(images, settings.mirror, settings.dtype)
-    inputs = features if settings.frozen else images
+    inputs: Any = images
+    if settings.frozen:
+        if features is None:
+            features = pyramid.features(view_images(images, settings), settings.dtype)
+        inputs, labels = features, view_labels(labels, settings)
+    rows = plan(rng_seed, len(labels), settings)
     data = jax.device_put(Data(inputs, labels, class_weights, seed))
     if params is not None:
         # The step donates its state, so work on a copy.
@@ -223,8 +229,8 @@ def predict(
         images: RGB, of any size; for lite0 at least 32x32.
         settings: those the parameters were trained with.
         classes: how many the net tells apart.
-        features: for a frozen trunk, those of the images from `seg.pyramid.features`, not mirrored; None
-            computes them. The prediction is the same.
+        features: for a frozen trunk, those of the images from `seg.pyramid.features`; None computes them.
+            The prediction is the same.
 
     Returns:
         The most likely class of each pixel.
@@ -234,10 +240,10 @@ def predict(
         WeightsError: the frozen trunk's weights cannot be used.
     """
     _check(images)
-    _check_net(images, settings, features, False)
+    _check_net(images, settings, features)
     if settings.frozen:
         size = (images.shape[1], images.shape[2])
-        maps = features or pyramid.features(images, dtype=settings.dtype)
+        maps = features or pyramid.features(images, settings.dtype)
         predict_head = _head_predictor(_of_net(settings), classes)
 
         def run(picks: np.ndarray) -> Array:

@@ -190,9 +190,9 @@ class Head(nn.Module):
 
     @nn.compact
     def __call__(
-        self, maps: Pyramid, size: tuple[int, int], train: bool = False
-    ) -> Float[Array, "b h w classes"]:
-        """Logits of images of a size in pixels (rows, columns)."""
+        self, maps: Pyramid, size: tuple[int, int], train: bool = False, stride: int = 1
+    ) -> Float[Array, "b rows cols classes"]:
+        """Logits of images of a size in pixels (rows, columns); of the pixels that `strided` takes."""
         channels = [m.shape[-1] for m in maps]
         mean = self.param("mean", nn.initializers.zeros, (sum(channels),))
         deviation = self.param("deviation", nn.initializers.ones, (sum(channels),))
@@ -210,7 +210,8 @@ class Head(nn.Module):
         if self.dropout:
             x = nn.Dropout(self.dropout, deterministic=not train)(x)
         x = _Pointwise(self.classes, self.dtype, name="score")(x)
-        return bilinear(x.astype(jnp.float32), 8)[:, : size[0], : size[1]]
+        rows, cols = (len(range(stride // 2, n, stride)) for n in size)
+        return bilinear(x.astype(jnp.float32), 8, stride)[:, :rows, :cols]
 
 
 class Lite0(nn.Module):
@@ -234,17 +235,17 @@ class Lite0(nn.Module):
         self.head = Head(self.classes, self.width, self.dropout, self.dtype)
 
     def __call__(
-        self, images: Float[Array, "b h w 3"], train: bool = False
-    ) -> Float[Array, "b h w classes"]:
+        self, images: Float[Array, "b h w 3"], train: bool = False, stride: int = 1
+    ) -> Float[Array, "b rows cols classes"]:
         """Logits of normalised RGB; with `train` and dropout this needs `rngs={"dropout": key}`."""
         maps = pyramid(self.trunk(denormalise(images)))
-        return self.head(maps, (images.shape[1], images.shape[2]), train)
+        return self.head(maps, (images.shape[1], images.shape[2]), train, stride)
 
     def from_pyramid(
-        self, maps: Pyramid, size: tuple[int, int], train: bool = False
-    ) -> Float[Array, "b h w classes"]:
+        self, maps: Pyramid, size: tuple[int, int], train: bool = False, stride: int = 1
+    ) -> Float[Array, "b rows cols classes"]:
         """Logits of images of a size, of which the trunk's features are there already."""
-        return self.head(maps, size, train)
+        return self.head(maps, size, train, stride)
 
 
 def statistics(maps: Pyramid) -> tuple[Float[Array, " c"], Float[Array, " c"]]:

@@ -1,12 +1,30 @@
 """Augmentation keeps labels with their images, and does nothing where it is told to."""
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from seg.augment import DRAWS, MIRROR, augment, blurred, coloured, draw, mirrored
+from seg import TrainSettings
+from seg.augment import (
+    DOWN,
+    DRAWS,
+    GREY,
+    MIRROR,
+    RIGHT,
+    SCALE,
+    augment,
+    blurred,
+    coloured,
+    draw,
+    mirrored,
+    mixed,
+    noisy,
+    scaled,
+)
+from seg.views import view_images, view_labels
 
 seeds = st.integers(0, 2**32 - 1)
 
@@ -19,7 +37,8 @@ def random_batch(seed):
 
 
 def augmented(rng, images, labels, **switches):
-    return augment(*map(jnp.asarray, (images, labels, draw(rng, len(images)))), **switches)
+    given = map(jnp.asarray, (images, labels, draw(rng, len(images))))
+    return augment(*given, TrainSettings(**switches), jax.random.key(0))
 
 
 def test_mirror_by_hand():
@@ -50,15 +69,19 @@ def test_mirroring_twice_is_the_identity(seed):
 
 @given(seeds)
 def test_the_middle_of_every_draw_changes_no_colour(seed):
-    _, images, _ = random_batch(seed)
+    _, images, labels = random_batch(seed)
     x = jnp.asarray(images, jnp.float32) / 255
-    np.testing.assert_allclose(coloured(x, jnp.full((4, DRAWS), 0.5)), x, atol=2e-4)
+    middle = jnp.full((4, DRAWS), 0.5)
+    np.testing.assert_allclose(coloured(x, middle), x, atol=2e-4)
+    np.testing.assert_allclose(mixed(x, middle), x, atol=1e-6)
+    np.testing.assert_array_equal(scaled(x, jnp.asarray(labels), middle)[1], labels)
+    np.testing.assert_allclose(scaled(x, jnp.asarray(labels), middle)[0], x, atol=1e-5)
 
 
 @given(seeds)
 def test_images_stay_in_range_and_labels_untouched_by_colour(seed):
     rng, images, labels = random_batch(seed)
-    x, y = augmented(rng, images, labels, mirror=False)
+    x, y = augmented(rng, images, labels, mirror=False, mix=True, noise=True)
     assert x.shape == images.shape and x.dtype == jnp.float32
     assert 0 <= x.min() and x.max() <= 1
     np.testing.assert_array_equal(y, labels)
@@ -87,3 +110,63 @@ def test_draws_are_the_same_for_the_same_seed():
     np.testing.assert_array_equal(first, second)
     assert first.shape == (5, 2, DRAWS) and first.dtype == np.float32
     assert first.mean() == pytest.approx(0.5, abs=0.1)
+
+
+def test_scaling_by_hand():
+    """Twice as large, cut at the lower right; half as large, at the upper left."""
+    image = jnp.arange(16.0).reshape(1, 4, 4, 1) / 16
+    labels = jnp.arange(16, dtype=jnp.uint8).reshape(1, 4, 4)
+    draws = np.zeros((1, DRAWS), np.float32)
+    draws[0, [SCALE, DOWN, RIGHT]] = 1
+    x, y = scaled(image, labels, jnp.asarray(draws))
+    np.testing.assert_array_equal(y[0], np.repeat(np.repeat([[10, 11], [14, 15]], 2, 0), 2, 1))
+    np.testing.assert_allclose(x[0, 3, 3, 0], 15 / 16)
+    np.testing.assert_allclose(x[0, 2, 1:3, 0], np.array([13.25, 13.75]) / 16, atol=1e-6)
+    x, y = scaled(image, labels, jnp.zeros((1, DRAWS)))
+    np.testing.assert_array_equal(y[0], [[5, 7, 255, 255], [13, 15, 255, 255]] + [[255] * 4] * 2)
+    np.testing.assert_allclose(x[0, 2:], GREY, atol=1e-6)
+    # Small pixels are averages: those around the first 2x2, weighted by their distance.
+    assert 2.5 / 16 < x[0, 0, 0, 0] < 5 / 16
+
+
+@given(seeds)
+def test_scaled_labels_stay_with_their_pixels(seed):
+    """Big flat squares: away from borders, picture and label tell the same."""
+    rng = np.random.default_rng(seed)
+    labels = np.kron(rng.integers(0, 5, (2, 3, 4)), np.ones((1, 8, 8), int)).astype(np.uint8)
+    images = jnp.asarray(labels[..., None] / 10.0, jnp.float32)
+    x, y = scaled(images, jnp.asarray(labels), jnp.asarray(draw(rng, 2)))
+    flat = np.abs(np.asarray(x[..., 0]) * 10 - np.asarray(y, float)) < 1e-3
+    inside = np.asarray(y) != 255
+    assert inside.any() and flat[inside].mean() > 0.35
+    np.testing.assert_allclose(np.asarray(x[..., 0])[~inside], GREY, atol=1e-5)
+
+
+def test_mixing_keeps_grey_and_noise_has_its_size():
+    grey = jnp.full((2, 32, 32, 3), 0.5)
+    draws = jnp.asarray(draw(np.random.default_rng(0), 2))
+    np.testing.assert_allclose(mixed(grey, draws), grey)
+    red = jnp.zeros((1, 1, 1, 3)).at[..., 0].set(0.8)
+    np.testing.assert_allclose(
+        mixed(red, jnp.ones((1, DRAWS)))[0, 0, 0], [0.4, 0.2, 0.2], atol=1e-6
+    )
+    x = noisy(jax.random.key(0), grey, jnp.array([0.0, 1.0]))
+    np.testing.assert_array_equal(x[0], grey[0])
+    assert 0.035 < float(jnp.std(x[1])) < 0.045
+
+
+def test_views_are_the_images_then_augmented_ones():
+    _, images, labels = random_batch(0)
+    images[..., 0] = 20 * labels
+    plain = TrainSettings(colour=False, blur=False, views=3)
+    seen, named = view_images(images, plain), view_labels(labels, plain)
+    turned = images[:, :, ::-1]
+    np.testing.assert_array_equal(seen, np.concatenate([images, turned, images]))
+    np.testing.assert_array_equal(named * 20, seen[..., 0])
+    full = TrainSettings(scale=True, mix=True, noise=True, views=2)
+    seen, named = view_images(images, full), view_labels(labels, full)
+    assert seen.shape == (8, 6, 8, 3) and named.shape == (8, 6, 8) and seen.dtype == np.uint8
+    np.testing.assert_array_equal(seen[:4], images)
+    assert not np.array_equal(seen[4:], turned) and (named[4:] == 255).any()
+    np.testing.assert_array_equal(seen, view_images(images, full))
+    np.testing.assert_array_equal(view_images(images, TrainSettings(views=1)), images)

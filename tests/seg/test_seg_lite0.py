@@ -12,13 +12,23 @@ from seg.nets import Lite0, net
 from seg.nets.lite0 import BLOCKS, CHANNELS, Head, Pyramid, Trunk, statistics
 from seg.nets.ops.depthwise import depthwise, same, strided_conv, xla_depthwise
 from seg.nets.ops.normalise import denormalise, normalise
+from seg.nets.ops.resize import strided
 from seg.optim import trunk_multiplier
 from seg.pyramid import channel_statistics, features, trunk_params
 from seg.train import train
+from seg.views import view_images
 from seg.weights import check, lite0
 
 SETTINGS = TrainSettings(
-    net="lite0", steps=40, batch=2, warmup=5, lr=3e-3, predict_batch=4, weighted=False
+    net="lite0",
+    steps=40,
+    batch=2,
+    warmup=5,
+    lr=3e-3,
+    predict_batch=4,
+    weighted=False,
+    colour=False,
+    blur=False,
 )
 
 
@@ -119,6 +129,18 @@ def test_the_head_is_its_formula():
     assert logits.shape == (1, 5, 7, 3)
     np.testing.assert_allclose(logits[0, 4, 6], expected, rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(logits, np.broadcast_to(logits[:, :1, :1], logits.shape), rtol=1e-5)
+
+
+@pytest.mark.parametrize("stride", [1, 2, 4])
+def test_a_loss_with_a_stride_sees_a_part_of_the_pixels(stride):
+    rng = np.random.default_rng(0)
+    shapes = ((2, 6, 8, 64), (2, 3, 4, 112), (2, 2, 2, 320))
+    maps = Pyramid(*(jnp.asarray(rng.normal(size=s), jnp.float32) for s in shapes))
+    head = Head(3, width=8)
+    params = head.init(jax.random.key(0), maps, (45, 61))
+    whole = head.apply(params, maps, (45, 61))
+    part = head.apply(params, maps, (45, 61), stride=stride)
+    np.testing.assert_allclose(part, strided(whole, stride), atol=1e-5)
 
 
 def test_statistics_by_hand():
@@ -243,6 +265,9 @@ def test_small_images_are_refused():
         ({"weights": "vgg16.npz"}, "the net lite0 does not have in it; its own come with it"),
         ({"norm": True}, "lite0 has rates of its own"),
         ({"lr_multipliers": "deeplab"}, "lite0 has rates of its own"),
+        ({"views": 0}, "views must be at least 1"),
+        ({"loss_stride": 3}, "loss_stride one of 1, 2, 4, 8; got 2 and 3"),
+        ({"net": "compact", "loss_stride": 2}, "are of lite0; the net is compact"),
         ({"head_width": 0}, "head_width must be at least 1"),
         ({"head_dropout": 1.0}, r"head_dropout in \[0, 1\)"),
     ],
@@ -273,15 +298,12 @@ def test_two_classes_are_learnt_and_the_trunk_stays(fitted):
 
 def test_features_given_are_features_computed(fitted):
     images, labels = toy()
-    given = features(images, mirrored=True)
+    given = features(view_images(images, SETTINGS))
     assert [m.dtype for m in given] == [np.float16] * 3 and len(given.eighth) == 2 * len(images)
     params = train(0, images, labels, SETTINGS, 2, features=given)
     for a, b in zip(jax.tree.leaves(fitted), jax.tree.leaves(params), strict=True):
         np.testing.assert_array_equal(a, b)
     plain = features(images)
-    mirrored = features(images[:, :, ::-1])
-    for both, one, other in zip(given, plain, mirrored, strict=True):
-        np.testing.assert_array_equal(both, np.concatenate([one, other]))
     np.testing.assert_array_equal(
         predict(fitted, images, SETTINGS, 2, features=plain), predict(fitted, images, SETTINGS, 2)
     )
@@ -289,10 +311,10 @@ def test_features_given_are_features_computed(fitted):
 
 def test_statistics_are_of_the_images_or_given(fitted):
     images, labels = toy()
-    mean, deviation = channel_statistics(features(images, mirrored=True))
+    mean, deviation = channel_statistics(features(view_images(images, SETTINGS)))
     np.testing.assert_array_equal(fitted["head"]["mean"], mean)
     np.testing.assert_array_equal(fitted["head"]["deviation"], deviation)
-    settings = replace(SETTINGS, steps=3, weight_decay=0.1)
+    settings = replace(SETTINGS, steps=3, weight_decay=0.1, head_statistics="target")
     other = channel_statistics(features(pixels((2, 48, 64, 3))))
     params = train(0, images, labels, settings, 2, statistics=other)
     np.testing.assert_array_equal(params["head"]["mean"], other[0])
@@ -302,15 +324,17 @@ def test_statistics_are_of_the_images_or_given(fitted):
 def test_features_of_other_images_are_refused(fitted):
     images, labels = toy()
     given = features(images)
-    with pytest.raises(ValueError, match=r"expected float16\[8, 6, 8, 64\].* and their mirror"):
+    with pytest.raises(ValueError, match=r"expected float16\[8, 6, 8, 64\].*, 2 views of each"):
         train(0, images, labels, SETTINGS, 2, features=given)
     with pytest.raises(ValueError, match=r"eighth is float16\[4, 6, 8, 64\]; expected .*\[3, "):
         predict(fitted, images[:3], SETTINGS, 2, features=given)
     compact = TrainSettings(steps=1)
     with pytest.raises(ValueError, match="features are for a frozen trunk"):
         train(0, images, labels, compact, 2, features=given)
-    with pytest.raises(ValueError, match="statistics are for lite0"):
+    with pytest.raises(ValueError, match='statistics are for head_statistics "target"'):
         train(0, images, labels, compact, 2, statistics=channel_statistics(given))
+    with pytest.raises(ValueError, match='needed there; the settings say "target"'):
+        train(0, images, labels, replace(SETTINGS, head_statistics="target"), 2)
 
 
 def test_prediction_is_that_of_the_whole_net(fitted):
