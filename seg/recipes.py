@@ -36,8 +36,19 @@ RECIPES = {
         norm=True,
         predict_batch=4,
     ),
-    "lite0-frozen": TrainSettings(net="lite0", trunk="frozen", lr=3e-3, steps=300, batch=8),
-    "lite0-tuned": TrainSettings(net="lite0", trunk="tuned", lr=1e-3, steps=300, batch=8),
+    "lite0-frozen": TrainSettings(
+        net="lite0", trunk="frozen", lr=3e-3, steps=300, colour=False, blur=False, loss_stride=2
+    ),
+    "lite0-tuned": TrainSettings(
+        net="lite0",
+        trunk="tuned",
+        lr=1e-3,
+        steps=300,
+        mix=True,
+        noise=True,
+        scale=True,
+        loss_stride=2,
+    ),
 }
 """`paper`: section 4's SGD with poly decay and mirroring only, and DeepLab's rates by layer. It is made for
 ImageNet weights: set `weights`, or hardly anything is learnt in 1000 steps.
