@@ -14,6 +14,8 @@ from experiments.config import Preset, TargetName
 from experiments.run.context import AnyConfig
 from scene.render import RendererError
 from scene.workers import WorkerError
+from seg.recipes import with_net
+from seg.settings import NetName, Trunk
 from shell.command import exit_code
 from shell.errors import UserError
 
@@ -24,6 +26,37 @@ class _Choice:
 
     preset: Preset = "quick"
     target: TargetName = "twin"
+
+
+@dataclass(frozen=True)
+class _Train:
+    net: NetName | None = None
+    trunk: Trunk | None = None
+
+
+@dataclass(frozen=True)
+class _Fidelity:
+    train: _Train = _Train()
+
+
+@dataclass(frozen=True)
+class _Nets:
+    """What decides the defaults of a net's training."""
+
+    reward: _Fidelity = _Fidelity()
+    final: _Fidelity = _Fidelity()
+
+
+def _with_nets(default: AnyConfig, arguments: Sequence[str]) -> AnyConfig:
+    """Defaults with the recipes of the nets that the arguments name."""
+    nets, _ = tyro.cli(_Nets, args=arguments, return_unknown_args=True, add_help=False)
+    for name, named in vars(nets).items():
+        changes = {key: value for key, value in vars(named.train).items() if value is not None}
+        fidelity = getattr(default, name, None)
+        if fidelity is not None and changes:
+            own = replace(fidelity, train=with_net(fidelity.train, **changes))
+            default = replace(default, **{name: own})
+    return default
 
 
 class Unmet(Exception):
@@ -62,7 +95,7 @@ def main(
         chosen = target or choice.target
         default = defaults(chosen, choice.preset)
         words = (name, choice.preset) if target else (name, chosen, choice.preset)
-        default = replace(default, out=Path("runs") / "-".join(words))
+        default = _with_nets(replace(default, out=Path("runs") / "-".join(words)), arguments)
         config = tyro.cli(
             type(default),
             prog=f"python -m experiments.{name}",

@@ -74,16 +74,30 @@ def _groups(target: TargetName) -> tuple[tuple[str, ...], ...]:
     return CAMVID_GROUPS if target == "camvid" else CITYSCAPES_GROUPS
 
 
+_FINAL = RECIPES["lite0-frozen"]
+_REWARD = replace(_FINAL, steps=150, views=1)
+
+
+def _others(width: int, height: int, vgg_width: int, vgg_height: int) -> dict[str, Any]:
+    """Sizes at which two cores train the nets that are not the preset's."""
+    vgg = replace(RECIPES["scratch"], steps=600)
+    return {
+        "compact": Fidelity(width, height, 50, 8, train=RECIPES["compact"]),
+        "vgg": Fidelity(vgg_width, vgg_height, 50, 8, samples=1, train=vgg),
+    }
+
+
 def _smoke(target: TargetName) -> dict[str, Any]:
     tiny = TrainSettings(steps=12, batch=4, warmup=2)
     width, height = (64, 48) if target == "camvid" else (64, 32)
+    final = Fidelity(width, height, streets=3, shots=2, samples=1, train=replace(tiny, steps=20))
     return {
         "groups": _groups(target),
         "search": Search(updates_per_group=1, datasets_per_update=2, bins=5),
         "reward": Fidelity(width, height, streets=2, shots=2, samples=1, train=tiny),
-        "final": Fidelity(
-            width, height, streets=3, shots=2, samples=1, train=replace(tiny, steps=20)
-        ),
+        "final": final,
+        "compact": final,
+        "vgg": final,
         "reward_images": 8,
         "test_images": 8,
         "candidate_seeds": 1,
@@ -98,15 +112,17 @@ def _quick(target: TargetName) -> dict[str, Any]:
         return {
             "groups": _groups(target),
             "search": Search(updates_per_group=6, datasets_per_update=8, relaxation=0.3),
-            "reward": Fidelity(64, 48, streets=12, shots=8, train=TrainSettings(steps=200)),
-            "final": Fidelity(128, 96, streets=50, shots=8, train=TrainSettings(steps=1000)),
-            "candidate_seeds": 3,
+            "reward": Fidelity(240, 176, streets=12, shots=8, samples=1, train=_REWARD),
+            "final": Fidelity(480, 360, streets=50, shots=8, samples=1, train=_FINAL),
+            **_others(128, 96, 160, 120),
+            "candidate_seeds": 2,
         }
     return {
         "groups": _groups(target),
         "search": Search(updates_per_group=10, datasets_per_update=4, relaxation=0.3),
-        "reward": Fidelity(64, 32, streets=12, shots=6, train=TrainSettings(steps=120)),
-        "final": Fidelity(96, 48, streets=30, shots=6, train=TrainSettings(steps=300)),
+        "reward": Fidelity(128, 64, streets=12, shots=6, samples=1, train=_REWARD),
+        "final": Fidelity(192, 96, streets=30, shots=6, samples=1, train=_FINAL),
+        **_others(96, 48, 160, 80),
         "reward_images": 500,
         "seeds": 8,
     }
@@ -115,6 +131,7 @@ def _quick(target: TargetName) -> dict[str, Any]:
 def _paper(target: TargetName) -> dict[str, Any]:
     net = RECIPES["paper"]
     width, height = (480, 360) if target == "camvid" else (640, 320)
+    final = Fidelity(width, height, 45, 10, samples=1, train=replace(net, steps=20_000))
     return {
         "groups": _groups(target),
         "search": Search(
@@ -125,7 +142,9 @@ def _paper(target: TargetName) -> dict[str, Any]:
             normalise=False,
         ),
         "reward": Fidelity(width, height, 18, 10, samples=1, train=net),
-        "final": Fidelity(width, height, 45, 10, samples=1, train=replace(net, steps=20_000)),
+        "final": final,
+        "compact": replace(final, train=RECIPES["compact"]),
+        "vgg": final,
         "candidates": ("argmax",),
         "candidate_seeds": 1,
         **({} if target == "camvid" else {"reward_images": 500}),

@@ -1,14 +1,16 @@
-"""Named ways to train the VGG nets and lite0; change fields with `dataclasses.replace`.
+"""Named ways to train the nets; change fields with `dataclasses.replace`.
 
-    from dataclasses import replace
-    settings = replace(RECIPES["paper"], net="fcn8s", weights="vgg16.npz")
-
-The compact net's recipe is `TrainSettings()`.
+from dataclasses import replace
+settings = replace(RECIPES["paper"], net="fcn8s", weights="vgg16.npz")
 """
+
+from dataclasses import replace
+from typing import Any
 
 from seg.settings import TrainSettings
 
 RECIPES = {
+    "compact": TrainSettings(steps=1000),
     "paper": TrainSettings(
         net="deeplabv2",
         optimizer="sgd",
@@ -37,7 +39,7 @@ RECIPES = {
         predict_batch=4,
     ),
     "lite0-frozen": TrainSettings(
-        net="lite0", trunk="frozen", lr=3e-3, steps=300, colour=False, blur=False, loss_stride=2
+        net="lite0", trunk="frozen", lr=1e-2, steps=300, colour=False, blur=False, loss_stride=2
     ),
     "lite0-tuned": TrainSettings(
         net="lite0",
@@ -50,7 +52,9 @@ RECIPES = {
         loss_stride=2,
     ),
 }
-"""`paper`: section 4's SGD with poly decay and mirroring only, and DeepLab's rates by layer. It is made for
+"""`compact`: ours. Adam, class weights, mirror images, colours and blur.
+
+`paper`: section 4's SGD with poly decay and mirroring only, and DeepLab's rates by layer. It is made for
 ImageNet weights: set `weights`, or hardly anything is learnt in 1000 steps.
 
 `scratch`: ours, where there are no such weights: Adam, GroupNorm after every convolution, the compact net's
@@ -61,3 +65,38 @@ with ImageNet's weights (Tan and Le, 2019); colours and blur would need new feat
 
 `lite0-tuned`: ours. The same steps, with the compact net's augmentation; the trunk at a tenth of the head's
 rate, as is common in fine-tuning, batch normalisation fixed."""
+
+
+def recipe_for(settings: TrainSettings) -> str:
+    """The name of the recipe that suits the net, trunk and weights of some settings."""
+    if settings.net == "compact":
+        return "compact"
+    if settings.net == "lite0":
+        return f"lite0-{settings.trunk}"
+    return "scratch" if settings.weights is None else "paper"
+
+
+def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
+    """Settings for another net, trunk or weights: those of the recipe that suits them.
+
+    Where the recipe stays the same, so do all other fields. Else the steps are the same share of the new
+    recipe's as they were of the old one's.
+
+    Args:
+        settings: of the net so far.
+        changes: of `net`, `trunk` or `weights`. Nets without a trunk lose theirs, nets that are not VGG their
+            weights.
+    """
+    wanted = replace(settings, **changes)
+    if wanted.net != "lite0":
+        wanted = replace(wanted, trunk="frozen")
+    if wanted.net in ("compact", "lite0"):
+        wanted = replace(wanted, weights=None)
+    before, after = recipe_for(settings), recipe_for(wanted)
+    if before == after:
+        return wanted
+    own = RECIPES[after]
+    steps = max(round(own.steps * settings.steps / RECIPES[before].steps), 1)
+    names = ("net", "trunk", "weights", "dtype")
+    kept = {name: getattr(wanted, name) for name in names}
+    return replace(own, **kept, steps=steps)

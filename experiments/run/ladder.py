@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy import stats
 
-from experiments.config import VGG_NETS, Fidelity
+from experiments.config import Fidelity
+from seg.recipes import recipe_for
 
 CONFIDENCE = 0.95
 """Of each single comparison; many are made, so now and then a good candidate leaves early."""
@@ -28,9 +29,11 @@ LADDER_SEED = 2_000_000
 """Seeds of the ladder begin here, above those of candidates and rows."""
 RUNG_SEEDS = 1_000_000
 """From the seeds of one rung to those of the next."""
-TUNED_COST, VGG_COST = 8, 200
-"""How many times the compact net's cost that of a net on lite0's tuned trunk, or on VGG16, is, about; a head
-on the frozen one takes as long."""
+STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "scratch": 5e-5}
+STEP_COST |= {"lite0-frozen": 8e-8, "lite0-tuned": 2e-6}
+"""Seconds of a CPU that one update takes, for each pixel of its images, by recipe, about."""
+VIEW_COST = 2.5e-7
+"""The same for what a frozen trunk sees in one view of an image."""
 
 Score = Callable[[int, Sequence[str], Sequence[int]], Mapping[str, Sequence[float]]]
 """(rung, candidates, seeds) -> rewards of every candidate, in the order of the seeds."""
@@ -46,20 +49,18 @@ class Rung(NamedTuple):
 def cost_of(fidelity: Fidelity) -> float:
     """About how many CPU seconds one evaluation takes, scoring left out.
 
-    Measured on CamVid's quick preset: 4.5 s for a reward, 50 s for a final net.
+    Source: `docs/benchmarks.md`.
     """
-    pixels = fidelity.width * fidelity.height
-    rendering = 0.2 * fidelity.streets + 8e-7 * fidelity.images * pixels * fidelity.samples**2
-    return rendering + training_cost(fidelity)
+    rays = fidelity.width * fidelity.height * fidelity.samples**2
+    return fidelity.images * (0.025 + 2.8e-7 * rays) + training_cost(fidelity)
 
 
 def training_cost(fidelity: Fidelity) -> float:
     """The part of ``cost_of`` that is training: all of it where the images are there already."""
     train = fidelity.train
-    times = VGG_COST if train.net in VGG_NETS else 1
-    if train.net == "lite0" and train.trunk == "tuned":
-        times = TUNED_COST
-    return 2.5e-7 * times * train.steps * train.batch * fidelity.width * fidelity.height
+    pixels = fidelity.width * fidelity.height
+    views = VIEW_COST * fidelity.images * train.views if train.frozen else 0.0
+    return pixels * (views + STEP_COST[recipe_for(train)] * train.steps * train.batch)
 
 
 def middle(low: Fidelity, high: Fidelity) -> Fidelity:

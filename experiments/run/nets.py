@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from experiments.config import VGG_NETS, Fidelity, RewardKind, SearchConfig
+from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Job, Side
 from experiments.reward.miou import Outcome, Recipe, Source, Truth
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost
 from scene.proposal import Proposal, default_proposal, random_proposal
-from seg.recipes import RECIPES
-from seg.settings import NetName, TrainSettings
+from seg import recipes
+from seg.settings import NetName
 
 Scores = dict[str, list[Outcome]]
 """By name of the training set, outcomes in the order of the seeds; those of nets that failed among them."""
@@ -90,22 +90,12 @@ def training_sets(run: Run[Any], learnt: Proposal, **others: Source) -> dict[str
 
 
 def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:
-    """A fidelity with another net, trained as long.
-
-    No recipe suits the compact net, lite0 and the VGG nets alike: that of the net's kind stands in where
-    the fidelity's own is made for another kind.
+    """A fidelity with another net, trained by the recipe that suits it (``seg.recipes.with_net``).
 
     Args:
         fidelity: sizes, and how its own net is trained.
         name: of the net.
         weights: file of ImageNet weights that VGG nets start from, in place of the fidelity's.
     """
-    train = fidelity.train
-    if name != train.net and not {name, train.net} <= set(VGG_NETS):
-        vgg = RECIPES["scratch" if weights is None else "paper"]
-        own = {"compact": TrainSettings(), "lite0": RECIPES["lite0-frozen"]}.get(name, vgg)
-        train = replace(own, steps=train.steps)
-    train = replace(train, net=name)
-    if weights is not None and name in VGG_NETS:
-        train = replace(train, weights=weights)
-    return replace(fidelity, train=train)
+    changes = {"net": name} if weights is None else {"net": name, "weights": weights}
+    return replace(fidelity, train=recipes.with_net(fidelity.train, **changes))

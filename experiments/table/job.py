@@ -35,6 +35,10 @@ class TableConfig(LearntConfig):
 
     nets: tuple[NetName, ...] = ("compact",)
     """The nets that are trained."""
+    compact: Fidelity
+    """The fidelity of the compact net, where that is not the final one's."""
+    vgg: Fidelity
+    """The fidelity of FCN8s and DeepLabv2, where the final one's net is neither."""
     weights: Path | None = None
     """ImageNet weights that the VGG nets start from (see ``seg.weights``); by default from scratch."""
     gta5: Path | None = None
@@ -65,8 +69,12 @@ def check(config: TableConfig) -> None:
 
 
 def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
-    """The final fidelity with another net."""
-    return with_net(config.final, name, None if config.weights is None else str(config.weights))
+    """The fidelity of a net: the final one if that is its own or it has none, with its recipe."""
+    vgg = name in VGG_NETS
+    own = config.vgg if vgg else config.compact if name == "compact" else config.final
+    if name == config.final.train.net or (vgg and config.final.train.net in VGG_NETS):
+        own = config.final
+    return with_net(own, name, str(config.weights) if vgg and config.weights else None)
 
 
 def others(config: TableConfig, target: Target) -> dict[str, Truth]:

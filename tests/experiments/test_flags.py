@@ -3,7 +3,7 @@
 import os
 import subprocess
 import sys
-from dataclasses import fields
+from dataclasses import fields, replace
 from functools import partial
 
 import pytest
@@ -15,6 +15,7 @@ from experiments.presets import CAMVID_GROUPS, CITYSCAPES_GROUPS, PRESETS, TARGE
 from experiments.run.learn import plan_of
 from experiments.target.twin import FIRST_ASSET
 from scene.attributes import NAMES
+from seg.recipes import RECIPES
 from shell.command import UNREAD
 
 from .conftest import ROOT, main_job
@@ -215,3 +216,20 @@ def test_the_preset_decides_the_defaults(arguments, default):
     (config,) = seen
     assert config.preset == default and str(config.out) == f"runs/cityscapes-{default}"
     assert config.final == defaults(MainConfig, "twin", default).final
+
+
+@pytest.mark.parametrize(
+    ("arguments", "recipe", "steps"),
+    [
+        (["--final.train.net", "compact"], "compact", 1000),
+        (["--final.train.net=fcn8s"], "scratch", 1000),
+        (["--final.train.trunk", "tuned", "--final.train.steps", "7"], "lite0-tuned", 7),
+        (["--preset", "smoke", "--final.train.net", "lite0"], "lite0-frozen", 6),
+    ],
+)
+def test_the_net_decides_how_it_is_trained(arguments, recipe, steps):
+    seen = []
+    main("camvid", partial(defaults, MainConfig), seen.append, "", arguments, target="camvid")
+    train, own = seen[0].final.train, RECIPES[recipe]
+    assert train == replace(own, net=train.net, steps=steps)
+    assert seen[0].reward.train.net == ("compact" if "smoke" in arguments else "lite0")

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from PIL import Image
 
 from experiments.run.nets import with_net
 from experiments.study.stats import mean_ci95, paired_gain
-from experiments.table.job import defaults
+from experiments.table.job import defaults, fidelity_of
 from experiments.table.report import FORM, PAPER, subset_miou
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.metrics import iou, mean_iou
@@ -107,17 +108,23 @@ def test_cityscapes_labels_are_scored_over_three_sets_of_classes():
     assert set(PAPER["cityscapes"]) == {"synthia", "gta5", "random", "learnt"}
 
 
-def test_vgg_nets_get_a_recipe_of_their_own():
-    final = defaults("camvid", "quick").final
-    assert with_net(final, "compact") == with_net(final, "compact", "vgg16.npz") == final
-    fcn8s = with_net(final, "fcn8s")
-    assert fcn8s == replace(final, train=replace(RECIPES["scratch"], net="fcn8s", steps=1000))
-    train = with_net(final, "fcn8s", "vgg16.npz").train
-    assert train.optimizer == "sgd" and train.weights == "vgg16.npz"
-    assert with_net(fcn8s, "compact") == final
-    lite0 = with_net(final, "lite0", "vgg16.npz").train  # its weights are its own
-    assert lite0 == replace(RECIPES["lite0-frozen"], steps=1000) and lite0.weights is None
-    assert with_net(with_net(final, "lite0"), "fcn8s") == fcn8s
+def test_every_net_gets_a_recipe_and_a_size_of_its_own():
+    quick = defaults("camvid", "quick")
+    lite0, compact, fcn8s = (fidelity_of(quick, name) for name in ("lite0", "compact", "fcn8s"))
+    assert lite0 == quick.final and lite0.train == RECIPES["lite0-frozen"]
+    assert compact == quick.compact and compact.train == RECIPES["compact"]
+    assert fcn8s == replace(quick.vgg, train=replace(RECIPES["scratch"], net="fcn8s", steps=600))
+    given = replace(quick, weights=Path("vgg16.npz"))
+    train = fidelity_of(given, "fcn8s").train
+    assert train == replace(RECIPES["paper"], net="fcn8s", steps=600, weights="vgg16.npz")
+    assert fidelity_of(given, "lite0") == lite0  # its weights are its own
+    # A net that is named as the final one has the final size.
+    final = with_net(quick.final, "compact")
+    assert final == replace(quick.final, train=RECIPES["compact"])
+    assert fidelity_of(replace(quick, final=final), "compact") == final
+    assert with_net(with_net(final, "fcn8s", "vgg16.npz"), "lite0") == lite0
+    half = replace(final, train=replace(final.train, steps=500, trunk="frozen"))
+    assert with_net(half, "lite0").train.steps == 150  # half of its recipe, too
     paper = defaults("camvid", "paper")
     assert paper.nets == ("fcn8s", "deeplabv2")
     for name in paper.nets:
