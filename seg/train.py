@@ -183,7 +183,7 @@ def train(
     if settings.frozen:
         if features is None:
             features = pyramid.features(view_images(images, settings), settings.dtype)
-        inputs, labels = features, view_labels(labels, settings)
+        inputs, labels = features, view_labels(images, labels, settings)
     rows = plan(rng_seed, len(labels), settings)
     data = jax.device_put(Data(inputs, labels, class_weights, seed))
     if params is not None:

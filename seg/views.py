@@ -1,9 +1,11 @@
 """What a frozen trunk looks at: each training image as it is, then augmented, so and so often.
 
 Features are computed once, so augmentation happens before training instead of in every step. Its random
-numbers depend on the settings and on an image's place alone: nets of all seeds share the same features.
+numbers depend on the image and the settings alone: nets of all seeds share the same features, and those of
+some images are part of those of all.
 """
 
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import lru_cache
@@ -11,14 +13,14 @@ from functools import lru_cache
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Float32, Int32, UInt8, UInt32
+from jaxtyping import Array, Float, Float32, UInt8, UInt32
 
 from seg.augment import MIRROR, augment, draw
 from seg.batches import in_batches
 from seg.settings import TrainSettings
 
 SEED = 2020
-"""Of the numbers that augment a view, with the view's own."""
+"""Of the numbers that augment a view, with the view's number and the image's checksum."""
 BATCH = 8
 """Images that are augmented at once."""
 
@@ -28,40 +30,38 @@ def view_images(
 ) -> UInt8[np.ndarray, "views_n h w 3"]:
     """All views of all images: first the images, then the second view of each, and so on."""
     labels = np.zeros(images.shape[:3], np.uint8)
-    return _views(images, lambda v: _each(v, images, labels, settings, 0), settings)
+    views = (_view(v, images, labels, settings, 0) for v in range(1, settings.views))
+    return np.concatenate([images, *views])
 
 
 def view_labels(
-    labels: UInt8[np.ndarray, "n h w"], settings: TrainSettings
+    images: UInt8[np.ndarray, "n h w 3"],
+    labels: UInt8[np.ndarray, "n h w"],
+    settings: TrainSettings,
 ) -> UInt8[np.ndarray, "views_n h w"]:
     """The labels of `view_images`; beside a picture that was shrunk they are void."""
-    images = np.zeros((*labels.shape[:1], 1, 1, 3), np.uint8)
-    return _views(labels, lambda v: _each(v, images, labels, settings, 1), settings)
+    views = (_view(v, images, labels, settings, 1) for v in range(1, settings.views))
+    return np.concatenate([labels, *views])
 
 
-def _views(
-    first: np.ndarray, other: Callable[[int], np.ndarray], settings: TrainSettings
-) -> np.ndarray:
-    return np.concatenate([first, *(other(v) for v in range(1, settings.views))])
-
-
-def _each(
+def _view(
     view: int, images: np.ndarray, labels: np.ndarray, settings: TrainSettings, which: int
 ) -> np.ndarray:
     """One view of all images (`which` 0) or labels (1)."""
-    draws = _draws(view, len(labels))
+    sums = np.array([zlib.crc32(np.ascontiguousarray(image)) for image in images], np.uint32)
+    draws = np.stack([_draws(view, int(checksum)) for checksum in sums])
     see = _viewer(_augmentation(settings), which)
 
     def some(picks: np.ndarray) -> Array:
-        return see(images[picks], labels[picks], draws[picks], np.uint32(view), picks[0])
+        return see(images[picks], labels[picks], draws[picks], sums[picks] ^ np.uint32(view))
 
-    return in_batches(some, np.arange(len(labels), dtype=np.int32), min(BATCH, len(labels)))
+    return in_batches(some, np.arange(len(images)), min(BATCH, len(images)))
 
 
-def _draws(view: int, count: int) -> Float32[np.ndarray, "count draws"]:
-    """Numbers of `augment`, image by image. Odd views are mirrored, even ones are not: half of all."""
-    draws = draw(np.random.default_rng([SEED, view]), count)
-    draws[:, MIRROR] = 0.25 if view % 2 else 0.75
+def _draws(view: int, checksum: int) -> Float32[np.ndarray, " draws"]:
+    """Numbers of `augment`. Odd views are mirrored, even ones are not: half of all."""
+    draws = draw(np.random.default_rng([SEED, view, checksum]))
+    draws[MIRROR] = 0.25 if view % 2 else 0.75
     return draws
 
 
@@ -72,18 +72,18 @@ def _augmentation(settings: TrainSettings) -> TrainSettings:
 
 @lru_cache(maxsize=8)
 def _viewer(settings: TrainSettings, which: int) -> Callable[..., Array]:
+    def one(image: Array, label: Array, draws: Array, number: Array) -> Array:
+        key = jax.random.fold_in(jax.random.key(SEED), number)
+        x, y = augment(image[None], label[None], draws[None], settings, key)
+        return y[0] if which else jnp.round(255 * x[0]).astype(jnp.uint8)
+
     @jax.jit
     def see(
-        images: UInt8[Array, "b _h _w 3"],
+        images: UInt8[Array, "b h w 3"],
         labels: UInt8[Array, "b h w"],
         draws: Float[Array, "b draws"],
-        view: UInt32[Array, ""],
-        first: Int32[Array, ""],
+        numbers: UInt32[Array, " b"],
     ) -> UInt8[Array, "b h w *c"]:
-        if which == 1:  # pixels do not matter
-            images = jnp.zeros((*labels.shape, 3), jnp.uint8)
-        key = jax.random.fold_in(jax.random.fold_in(jax.random.key(SEED), view), first)
-        x, y = augment(images, labels, draws, settings, key)
-        return y if which else jnp.round(255 * x).astype(jnp.uint8)
+        return jax.vmap(one)(images, labels, draws, numbers)
 
     return see

@@ -159,14 +159,20 @@ def test_views_are_the_images_then_augmented_ones():
     _, images, labels = random_batch(0)
     images[..., 0] = 20 * labels
     plain = TrainSettings(colour=False, blur=False, views=3)
-    seen, named = view_images(images, plain), view_labels(labels, plain)
+    seen, named = view_images(images, plain), view_labels(images, labels, plain)
     turned = images[:, :, ::-1]
     np.testing.assert_array_equal(seen, np.concatenate([images, turned, images]))
     np.testing.assert_array_equal(named * 20, seen[..., 0])
     full = TrainSettings(scale=True, mix=True, noise=True, views=2)
-    seen, named = view_images(images, full), view_labels(labels, full)
+    seen, named = view_images(images, full), view_labels(images, labels, full)
     assert seen.shape == (8, 6, 8, 3) and named.shape == (8, 6, 8) and seen.dtype == np.uint8
     np.testing.assert_array_equal(seen[:4], images)
     assert not np.array_equal(seen[4:], turned) and (named[4:] == 255).any()
     np.testing.assert_array_equal(seen, view_images(images, full))
+    some = slice(1, 3)  # an image's views do not depend on what stands beside it
+    np.testing.assert_array_equal(
+        view_images(images[some], full), np.concatenate([seen[:4][some], seen[4:][some]])
+    )
+    part = view_labels(images[some], labels[some], full)
+    np.testing.assert_array_equal(part, np.concatenate([named[:4][some], named[4:][some]]))
     np.testing.assert_array_equal(view_images(images, TrainSettings(views=1)), images)
