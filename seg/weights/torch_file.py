@@ -31,7 +31,9 @@ def read_zip(path: Path) -> dict[str, np.ndarray]:
         with zipfile.ZipFile(path) as archive:
             pickled = [n for n in archive.namelist() if n.rsplit("/", 1)[-1] == "data.pkl"]
             if len(pickled) != 1:
-                raise WeightsError(f"{path}: a zip archive, but not of torch.save (no data.pkl)")
+                raise WeightsError(
+                    f"{path}: a zip archive, but neither of torch.save (no data.pkl) nor with one .h5 in it"
+                )
             root = pickled[0].removesuffix("data.pkl")
             if _entry(archive, f"{root}byteorder", b"little", path).strip() != b"little":
                 raise WeightsError(f"{path}: written on a big-endian machine; save it on another")
