@@ -38,8 +38,9 @@ class TrainSettings:
         weighted: balance rare classes in the loss by `class_weights`.
         predict_batch: images per call of the net in `predict`.
         weights: file of ImageNet weights from `python -m seg.weights convert`, which the VGG nets start
-            from (paper). None: every layer starts at random, He's way, and a VGG net then learns
-            little in a thousand steps.
+            from (paper). Where it holds the 13 convolutions alone, fc6 and fc7 start at random, as
+            DeepLabv2's always do. None: every layer does, He's way, and a VGG net then learns little
+            in a thousand steps.
         norm: GroupNorm after the VGG nets' convolutions, for training from scratch; not in the paper.
         lr_multipliers: rates and decay that differ by layer, see `seg.optim`.
         accumulate: parts into which the images of an update are cut, to need less memory; the

@@ -140,7 +140,7 @@ def train(
         classes: how many the net tells apart.
         progress: called every 50 steps with the steps done and the loss of the last one.
         params: start from these (they are not changed); None starts afresh: from the settings'
-            `weights` as far as those go, and at random.
+            `weights` as far as those go, and at random: `seg.weights.described` says which.
         stepwise: call the step from the host (True) or scan it in chunks (False); by default as
             suits the backend. The steps are the same.
         features: for a frozen trunk, those of all views of the images, `seg.pyramid.features` of

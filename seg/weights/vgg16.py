@@ -1,9 +1,10 @@
 """VGG16's layers by the names of the files that people have, checked one by one.
 
-Known are torchvision's names (`features.0.weight`, `classifier.0.weight`), timm's, which differ in the
-classifier (`pre_logits.fc1.weight`), and our own (`conv1_1/kernel`, `fc6/kernel`). Of the classifier,
-fc6 and fc7 become convolutions of 7x7 and 1x1, as FCN8s has them; what tells ImageNet's classes apart is
-left out.
+Known are torchvision's names (`features.0.weight`, `classifier.0.weight`), those of its `features` alone
+(`0.weight`), timm's, which differ in the classifier (`pre_logits.fc1.weight`), Keras's
+(`block1_conv1/kernel`, `fc1/kernel`), and our own (`conv1_1/kernel`, `fc6/kernel`). Of the classifier, fc6
+and fc7 become convolutions of 7x7 and 1x1, as FCN8s has them; what tells ImageNet's classes apart is left
+out. A file may also hold the 13 convolutions alone.
 """
 
 from collections.abc import Iterable, Mapping
@@ -13,6 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from seg.errors import WeightsError
+from seg.weights.normalisation import Normalisation
 
 CONVS = tuple(
     f"conv{s}_{n}" for s, count in enumerate((2, 2, 3, 3, 3), 1) for n in range(1, count + 1)
@@ -26,22 +28,28 @@ _HIDDEN = 4096
 _FEATURES = (0, 2, 5, 7, 10, 12, 14, 17, 19, 21, 24, 26, 28)
 _TORCHVISION = (*(f"features.{i}" for i in _FEATURES), "classifier.0", "classifier.3")
 _TIMM = (*_TORCHVISION[:13], "pre_logits.fc1", "pre_logits.fc2")
-_IGNORED = ("classifier.6.", "head.", "fc8/")
+_KERAS = (*(f"block{name[4]}_conv{name[6]}" for name in CONVS), "fc1", "fc2")
+HED_SIDES = ("dsn1/", "dsn2/", "dsn3/", "dsn4/", "dsn5/", "fuse/")
+"""What the arrays begin with that HED has besides VGG16's convolutions."""
+_IGNORED = ("classifier.6.", "head.", "fc8/", "predictions/", *HED_SIDES)
 
 
 class Scheme(NamedTuple):
     """One way to name the layers."""
 
     name: str
-    layers: tuple[str, ...]  # names of `LAYERS`
+    layers: tuple[str, ...]  # names of `LAYERS`, or of `CONVS` alone
     parts: tuple[str, str]  # what follows for kernel and bias
     torch: bool  # kernels are [out, in, rows, columns], not [rows, columns, in, out]
+    expects: Normalisation | None  # images; None where names do not tell
 
 
 SCHEMES = (
-    Scheme("our own", LAYERS, ("/kernel", "/bias"), torch=False),
-    Scheme("torchvision", _TORCHVISION, (".weight", ".bias"), torch=True),
-    Scheme("timm", _TIMM, (".weight", ".bias"), torch=True),
+    Scheme("our own", LAYERS, ("/kernel", "/bias"), False, None),
+    Scheme("torchvision", _TORCHVISION, (".weight", ".bias"), True, "torchvision"),
+    Scheme("timm", _TIMM, (".weight", ".bias"), True, "torchvision"),
+    Scheme("features", tuple(map(str, _FEATURES)), (".weight", ".bias"), True, None),
+    Scheme("Keras", _KERAS, ("/kernel", "/bias"), False, "caffe"),
 )
 
 
@@ -69,13 +77,13 @@ def scheme_of(names: Iterable[str], where: str) -> Scheme:
         first = ", ".join(sorted(have)[:3]) or "nothing"
         raise WeightsError(
             f"{where}: no layer of VGG16 in it (it holds {first} ...); expected names such as "
-            "features.0.weight (torchvision) or conv1_1/kernel"
+            "features.0.weight (torchvision), block1_conv1/kernel (Keras) or conv1_1/kernel"
         )
     return best
 
 
 def layers(arrays: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
-    """All layers of VGG16, f32, under the names and in the shapes of `shapes()`.
+    """All layers of VGG16, or its 13 convolutions, f32, under the names and in the shapes of `shapes()`.
 
     Args:
         arrays: what a file holds.
@@ -88,9 +96,11 @@ def layers(arrays: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray
     scheme = scheme_of(arrays, where)
     theirs = {
         f"{ours}{p}": f"{theirs}{q}"
-        for ours, theirs in zip(LAYERS, scheme.layers, strict=True)
+        for ours, theirs in zip(LAYERS, scheme.layers, strict=False)
         for p, q in zip(("/kernel", "/bias"), scheme.parts, strict=True)
     }
+    if not any(n in arrays for ours, n in theirs.items() if ours.startswith("fc")):
+        theirs = {ours: n for ours, n in theirs.items() if ours.startswith("conv")}
     stray = sorted(n for n in arrays if n not in theirs.values() and not n.startswith(_IGNORED))
     normed = [n for n in stray if n.endswith(("running_mean", "running_var"))]
     if normed:
@@ -101,35 +111,40 @@ def layers(arrays: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray
     missing = [n for n in theirs.values() if n not in arrays]
     if missing:
         more = f", and {len(missing) - 1} more" if len(missing) > 1 else ""
-        raise WeightsError(f"{where}: {missing[0]} is missing{more}; expected all of VGG16 (D)")
+        raise WeightsError(
+            f"{where}: {missing[0]} is missing{more}; expected all of VGG16 (D), or its 13 convolutions"
+        )
     if stray:
         raise WeightsError(
             f"{where}: {stray[0]}: VGG16 has no such layer; these weights are of another net"
         )
     wanted = shapes()
     return {
-        ours: _array(arrays[name], ours, wanted[ours], scheme.torch, f"{where}: {name}")
+        ours: _array(arrays[name], ours, wanted[ours], scheme, f"{where}: {name}")
         for ours, name in theirs.items()
     }
 
 
 def _array(
-    array: np.ndarray, name: str, ours: tuple[int, ...], torch: bool, where: str
+    array: np.ndarray, name: str, ours: tuple[int, ...], scheme: Scheme, where: str
 ) -> np.ndarray:
-    # A convolution kernel of theirs, and a fully connected one: the input is flattened channel by channel.
     allowed = [ours]
-    if torch and len(ours) == 4:
+    if len(ours) == 4:
         rows, columns, c_in, c_out = ours
-        allowed = [(c_out, c_in, rows, columns)]
-        if not name.startswith("conv"):
-            allowed.append((c_out, c_in * rows * columns))
+        flat = c_in * rows * columns
+        # A convolution kernel of theirs, and a fully connected one: PyTorch flattens its input channel by
+        # channel, Keras pixel by pixel.
+        allowed = [(c_out, c_in, rows, columns) if scheme.torch else ours]
+        if name.startswith("fc") and scheme.name != "our own":
+            allowed.append((c_out, flat) if scheme.torch else (flat, c_out))
     if array.shape not in allowed or array.dtype.kind != "f":
         raise WeightsError(
             f"{where}: {array.dtype}{list(array.shape)}; "
             f"expected float{' or '.join(str(list(size)) for size in allowed)}"
         )
-    if torch and len(ours) == 4:
-        array = array.reshape(allowed[0]).transpose(2, 3, 1, 0)
+    array = array.reshape(allowed[0])
+    if scheme.torch and len(ours) == 4:
+        array = array.transpose(2, 3, 1, 0)
     array = np.ascontiguousarray(array, np.float32)
     if not np.isfinite(array).all():
         raise WeightsError(f"{where}: holds values that are not finite")

@@ -18,7 +18,7 @@ from seg.nets import DeepLabV2, FCN8s, normalise
 from seg.nets.ops.normalise import MEAN, STD
 from seg.weights import WeightsError, convert, load
 from seg.weights.__main__ import main
-from seg.weights.normalisation import CAFFE_MEAN, from_caffe
+from seg.weights.normalisation import BGR_MEANS, from_bgr
 from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import SCHEMES, layers, shapes
 
@@ -160,8 +160,9 @@ def test_every_kind_of_file_gives_the_same_weights(tmp_path, file, scheme):
     expected = ours()
     SAVERS[file](tmp_path / file, theirs(expected, scheme))
     out = tmp_path / "vgg16.npz"
-    assert convert(tmp_path / file, out) == "torchvision"
+    assert convert(tmp_path / file, out) == (f"VGG16 of {file}", "torchvision", True)
     arrays = read_npz(out)
+    assert str(arrays.pop("source")) == f"VGG16 of {file}"
     assert str(arrays.pop("normalisation")) == "torchvision"
     assert arrays.keys() == expected.keys()
     for name, array in arrays.items():
@@ -181,9 +182,9 @@ def test_caffe_weights_see_the_same_colours():
     rng = np.random.default_rng(0)
     rgb = rng.integers(0, 256, (1, 3, 3, 3)).astype(np.float32)
     kernel, bias = rng.normal(size=(3, 3, 3, 4)), rng.normal(size=4)
-    caffe = rgb[..., ::-1] - np.array(CAFFE_MEAN)
+    caffe = rgb[..., ::-1] - np.array(BGR_MEANS["caffe"])
     expected = np.einsum("brci,rcio->bo", caffe, kernel) + bias
-    new_kernel, new_bias = from_caffe(kernel, bias)
+    new_kernel, new_bias = from_bgr(kernel, bias, "caffe")
     images = np.asarray(normalise(jnp.asarray(rgb / 255)))
     found = np.einsum("brci,rcio->bo", images, new_kernel) + new_bias
     np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-2)
@@ -193,7 +194,7 @@ def test_caffe_by_hand():
     """One weight on blue: 255 times blue's deviation, on our third channel."""
     kernel = np.zeros((1, 1, 3, 1))
     kernel[0, 0, 0] = 2.0
-    new_kernel, new_bias = from_caffe(kernel, np.array([1.0]))
+    new_kernel, new_bias = from_bgr(kernel, np.array([1.0]), "caffe")
     np.testing.assert_allclose(new_kernel.ravel(), [0, 0, 2 * 255 * STD[2]], rtol=1e-6)
     np.testing.assert_allclose(new_bias, [1 + 2 * (255 * MEAN[2] - 103.939)], rtol=1e-6)
 
@@ -206,7 +207,7 @@ def test_own_names_need_the_normalisation_said(tmp_path, capsys):
     assert main([*arguments, "--normalisation", "caffe"]) == 0
     arrays = read_npz(tmp_path / "o.npz")
     assert str(arrays["normalisation"]) == "caffe"
-    kernel, bias = from_caffe(ours()["conv1_1/kernel"], ours()["conv1_1/bias"])
+    kernel, bias = from_bgr(ours()["conv1_1/kernel"], ours()["conv1_1/bias"], "caffe")
     np.testing.assert_array_equal(arrays["conv1_1/kernel"], kernel)
     np.testing.assert_array_equal(arrays["conv1_1/bias"], bias)
     np.testing.assert_array_equal(arrays["conv1_2/kernel"], ours()["conv1_2/kernel"])
