@@ -10,6 +10,7 @@ from experiments.study.form import (
     failures,
     markdown,
     miou,
+    starts,
     statistics,
     target_of,
 )
@@ -46,7 +47,7 @@ def text(report: Report) -> str:
         f"Target: {report['note']}. Nets on images with {ATTRIBUTES[report['attributes']]}{where}, "
         f"{report['steps']} steps whatever the number of images; mIoU in percent at "
         f"{report['scored_at']} on {report['test_images']} test images, {report['seeds']} paired seeds, "
-        "95 % intervals by Student's t.",
+        f"95 % intervals by Student's t.{starts(report)}",
         "",
         *markdown(HEAD, [_cells(row) for row in report["rows"]]),
         "",

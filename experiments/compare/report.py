@@ -12,6 +12,7 @@ from experiments.study.form import (
     failures,
     markdown,
     number,
+    starts,
     statistics,
     words,
 )
@@ -59,7 +60,7 @@ def text(report: Report) -> str:
     lines = [
         f"Target: {report['note']}. Rewards are mIoU at {report['rewards_at']} on the reward images; "
         f"final nets are scored at {report['scored_at']} on the test images, {report['seeds']} "
-        "paired seeds.",
+        f"paired seeds.{starts(report)}",
         "Each search ran once, and intervals are over seeds of the final nets. Rewards take a core of "
         f"a worker each; their wall time is that over {report['workers']} worker(s). "
         "A method's own time includes compiling it.",

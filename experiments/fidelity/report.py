@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 
 from experiments.fidelity.stats import pairing, signal_to_noise, spearman
 from experiments.study.figure import plt, png
-from experiments.study.form import Form, Report, interval, markdown, number
+from experiments.study.form import Form, Report, interval, markdown, number, starts
 from experiments.study.stats import bootstrap
 
 ADDED = ("default", "random")
@@ -68,7 +68,7 @@ def text(report: Report) -> str:
     """The table, in Markdown."""
     lines = [
         f"Target: {report['note']}. {report['proposals']} proposals, one net each on every rung; "
-        f"{report['repeated']} of them {report['seeds']}.",
+        f"{report['repeated']} of them {report['seeds']}.{starts(report)}",
         "Noise and signal are standard deviations of one reward, over seeds and over what proposals with "
         "random bins are worth; mIoU in percent.",
         "Rank correlations are between single rewards, so the noise of the top rung lowers them, too. "

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 from experiments.main.summary import TRAINED_ON
-from experiments.study.form import Report, number
+from experiments.study.form import Report, number, starts
 
 STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 1100px; margin: 2em auto; padding: 0 1em; }
@@ -74,7 +74,7 @@ def html(summary: Report) -> str:
 <p>mIoU in percent on {summary["test_images"]} test images, scored at {escape(summary["scored_at"])}, over
 {len(rows["random"]["miou"])} paired seeds, with 95 % intervals. {summary["evaluations"]} rewards on
 {summary["reward_images"]} images, {summary["seconds"]["total"] / 60:.0f} minutes, preset
-{escape(summary["preset"])}, relaxation "{escape(summary["chosen_candidate"])}".</p>
+{escape(summary["preset"])}, relaxation "{escape(summary["chosen_candidate"])}".{escape(starts(summary))}</p>
 {_table(("training images", "mIoU", "95 % interval"), scores)}
 {pictures}
 <h2>IoU of each class</h2>

@@ -9,7 +9,7 @@ import numpy as np
 from experiments.reward.miou import Outcome
 from experiments.run.context import Run
 from experiments.run.learn import Learnt
-from experiments.study.form import Report, about, class_means, miou, nets, statistics
+from experiments.study.form import Report, about, class_means, miou, nets, starts, statistics
 from scene.attributes import ATTRIBUTES
 from scene.proposal import describe
 
@@ -104,6 +104,8 @@ def text(report: Report) -> str:
     if report["classes_absent_from_truth"]:
         absent = ", ".join(report["classes_absent_from_truth"])
         lines.append(f"  left out of the mean, for they never occur in the truth: {absent}")
+    if report.get("starts"):
+        lines.append(f" {starts(report)}")
     if report["failed"]:
         lines.append(f"  {report['failed']} evaluations failed in training and are left out")
     return "\n".join(lines)

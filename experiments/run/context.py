@@ -26,6 +26,7 @@ from scene.render import RendererError, renderer
 from scene.version import ENGINE
 from scene.workers import WorkerPool
 from sdr_jax import refuse_failures
+from seg.weights import described
 from shell import folder
 from shell.errors import UserError
 from shell.progress import Progress, duration
@@ -167,12 +168,14 @@ def verdict(outcome: Outcome, kind: RewardKind = "miou") -> str:
 
 
 def plan_text(plan: Sequence[Work], workers: int) -> str:
-    """What is to be done, one line a kind, and how long all of it takes, about."""
+    """What is to be done, one line a kind, from which weights, and how long all of it takes, about."""
     lines = ["Plan, in CPU seconds:"]
     for what, nets, fidelity, seconds in plan:
         train = fidelity.train
         size = f"{fidelity.size}, {fidelity.images} images, {train.steps} steps"
         lines.append(f"  {nets:5d} x {seconds:6.1f}  {what} ({train.net}, {size})")
+    starts = (described(work.fidelity.train) for work in plan)
+    lines += [f"  {start}" for start in dict.fromkeys(starts) if start]
     total = duration(sum(work.cost for work in plan) / max(workers, 1))
     lines.append(
         f"About {total} on {max(workers, 1)} worker(s), without compiling; what is known takes no time"

@@ -17,6 +17,7 @@ from experiments.reward.miou import Outcome
 from experiments.run.context import Run
 from experiments.study.stats import mean_ci95, paired_gain
 from seg.classes import class_table
+from seg.weights import described
 from shell.errors import UserError
 from shell.files import naming, read_json, write, write_json
 
@@ -84,6 +85,7 @@ def about(run: Run[Any], fidelity: Fidelity) -> Report:
         "test_images": len(target.test_names),
         "seeds": getattr(config, "seeds", None),
         "scored_at": fidelity.size,
+        "starts": [start] if (start := described(fidelity.train)) else [],
         "classes": list(class_table(target.table).classes),
     }
 
@@ -187,7 +189,13 @@ def introduction(report: Report) -> str:
         f"Target: {report['note']}. mIoU in percent at {report['scored_at']} on {report['test_images']} "
         f"test images, {report['seeds']} paired seeds, 95 % intervals by Student's t."
         + ("" if learnt is None else f" Learnt attributes are from {learnt}.")
+        + starts(report)
     )
+
+
+def starts(report: Report) -> str:
+    """A sentence for each kind of net about the weights that it starts from, if it does."""
+    return "".join(f" {start}." for start in report.get("starts", ()))
 
 
 def target_of(report: Report) -> str:

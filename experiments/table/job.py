@@ -21,6 +21,7 @@ from experiments.target.base import Target
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data.folders import read_folders
 from seg.settings import NetName
+from seg.weights import described
 from shell.errors import UserError, refuse_repeats
 
 RENDERED = 3
@@ -131,7 +132,13 @@ def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
             }
             for row, source in sources.items()
         ]
-    return {**about(run, config.final), "learnt_from": learnt_from(config), "rows": rows}
+    starts = [described(fidelity_of(config, name).train) for name in config.nets]
+    return {
+        **about(run, config.final),
+        "starts": [start for start in starts if start],
+        "learnt_from": learnt_from(config),
+        "rows": rows,
+    }
 
 
 STUDY = Study(FORM, plan, scores, check, others)

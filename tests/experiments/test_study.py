@@ -262,6 +262,17 @@ def test_the_plan_tells_nets_seconds_and_time():
     assert "About 7 min on 2 worker(s), without compiling" in text
 
 
+def test_plan_and_reports_tell_what_nets_start_from(tmp_path):
+    path = tmp_path / "hed.npz"
+    np.savez(path, normalisation="hed", source="VGG16, fine-tuned")
+    final = defaults(LearntConfig, "camvid", "quick").final
+    other = replace(final, train=replace(final.train, net="fcn8s", weights=str(path)))
+    alone = "the 13 convolutions alone, fc6 and fc7 start at random"
+    said = f"fcn8s starts from {path}: VGG16, fine-tuned; {alone}"
+    assert plan_text([Work("a", 1, f, 6.0) for f in (final, other, other)], 2).count(said) == 1
+    assert form.starts({"starts": [said]}) == f" {said}." and form.starts({}) == ""
+
+
 def test_statistics_leave_failed_nets_out():
     found = statistics([10.0, None, 14.0], [9.0, 5.0, 11.0])
     assert found["mean"] == 12 and found["gain"]["mean"] == 2  # of 1 and 3
