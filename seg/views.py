@@ -48,7 +48,7 @@ def _view(
     view: int, images: np.ndarray, labels: np.ndarray, settings: TrainSettings, which: int
 ) -> np.ndarray:
     """One view of all images (`which` 0) or labels (1)."""
-    sums = np.array([zlib.crc32(np.ascontiguousarray(image)) for image in images], np.uint32)
+    sums = np.array([zlib.crc32(image.tobytes()) for image in images], np.uint32)
     draws = np.stack([_draws(view, int(checksum)) for checksum in sums])
     see = _viewer(_augmentation(settings), which)
 
