@@ -66,11 +66,11 @@ AUGMENTATIONS: dict[str, Changes] = {
     "everything": {name: True for name in ("mirror", "colour", "mix", "blur", "noise", "scale")},
 }
 HEADS: dict[str, Changes] = {
-    "rate x 1/3": {"lr": 1e-3},
-    "rate x 3": {"lr": 9e-3},
+    "rate x 1/3": {"lr": 3e-3},
+    "rate x 3": {"lr": 3e-2},
     "half the steps": {"steps": 150},
     "twice the steps": {"steps": 600},
-    "batches of 4": {"batch": 4},
+    "batches of 8": {"batch": 8},
     "width 32": {"head_width": 32},
     "width 128": {"head_width": 128},
     "no class weights": {"weighted": False},

@@ -39,7 +39,14 @@ RECIPES = {
         predict_batch=4,
     ),
     "lite0-frozen": TrainSettings(
-        net="lite0", trunk="frozen", lr=1e-2, steps=300, colour=False, blur=False, loss_stride=2
+        net="lite0",
+        trunk="frozen",
+        lr=1e-2,
+        steps=300,
+        batch=4,
+        colour=False,
+        blur=False,
+        loss_stride=2,
     ),
     "lite0-tuned": TrainSettings(
         net="lite0",
