@@ -1,5 +1,7 @@
 """Cross-entropy over labelled pixels, and the weights that balance rare classes."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,12 +22,39 @@ def cross_entropy_sums(
     """
     labelled = labels != ignore
     target = jnp.where(labelled, labels, 0).astype(jnp.int32)
-    picked = jax.nn.one_hot(target, logits.shape[-1], dtype=logits.dtype)
     weight = labelled.astype(logits.dtype)
     if class_weights is not None:
-        weight = weight * (picked @ class_weights)
-    nats = jax.nn.logsumexp(logits, axis=-1) - jnp.sum(picked * logits, axis=-1)
-    return jnp.sum(weight * nats), jnp.sum(weight)
+        weight = weight * _picked(class_weights, target)
+    return jnp.sum(weight * _nats(jnp.moveaxis(logits, -1, 0), target)), jnp.sum(weight)
+
+
+def _picked(planes: Array, target: Array) -> Array:
+    """planes[target], without a table of where each pixel is looked up."""
+    return functools.reduce(
+        jnp.add, (jnp.where(target == k, plane, 0) for k, plane in enumerate(planes))
+    )
+
+
+@jax.custom_vjp
+def _nats(planes: Float[Array, "classes *shape"], target: Array) -> Float[Array, "*shape"]:
+    """-log softmax of the target, with classes first: a CPU then works on many pixels at a time."""
+    return _nats_forward(planes, target)[0]
+
+
+def _nats_forward(planes: Array, target: Array) -> tuple[Array, tuple[Array, Array, Array]]:
+    highest = functools.reduce(jnp.maximum, planes)
+    total = functools.reduce(jnp.add, (jnp.exp(plane - highest) for plane in planes))
+    normaliser = highest + jnp.log(total)
+    return normaliser - _picked(planes, target), (planes, normaliser, target)
+
+
+def _nats_backward(seen: tuple[Array, Array, Array], grad: Array) -> tuple[Array, None]:
+    planes, normaliser, target = seen
+    classes = jnp.arange(len(planes)).reshape(-1, *(1,) * target.ndim)
+    return (jnp.exp(planes - normaliser[None]) - (target[None] == classes)) * grad[None], None
+
+
+_nats.defvjp(_nats_forward, _nats_backward)
 
 
 def cross_entropy(

@@ -1,5 +1,7 @@
 """Cross-entropy with void, and class weights."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -38,6 +40,23 @@ def test_all_void_is_zero_with_zero_gradient(weights):
     loss, gradient = jax.value_and_grad(cross_entropy)(logits, labels, weights)
     assert loss == 0
     assert not gradient.any() and jnp.isfinite(gradient).all()
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_loss_and_gradient_are_those_of_the_formula(seed):
+    rng, logits, labels = random_batch(seed)
+    weights = jnp.asarray(rng.uniform(0.5, 2, CLASSES), jnp.float32)
+
+    def formula(logits, weights):
+        picked = jax.nn.one_hot(labels, CLASSES)  # zeros where void
+        nats = -jnp.sum(picked * jax.nn.log_softmax(logits), axis=-1)
+        return jnp.sum(nats * (picked @ weights)) / jnp.sum(picked @ weights)
+
+    def ours(logits, weights):
+        return cross_entropy(logits, labels, weights)
+
+    found, expected = (jax.value_and_grad(f, (0, 1))(logits, weights) for f in (ours, formula))
+    jax.tree.map(partial(np.testing.assert_allclose, atol=1e-5), found, expected)
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -103,11 +103,24 @@ def test_transposed_convolution_starts_bilinear():
     np.testing.assert_allclose(y[inside], bilinear(x, 2)[inside], atol=1e-6)
 
 
-@given(st.integers(0, 2**32 - 1))
-def test_bilinear_is_that_of_jax(seed):
-    x = jnp.asarray(np.random.default_rng(seed).normal(size=(2, 3, 5, 4)), jnp.float32)
-    expected = jax.image.resize(x, (2, 12, 20, 4), "bilinear")
-    np.testing.assert_allclose(bilinear(x, 4), expected, atol=1e-6)
+@pytest.mark.parametrize("channels", [4, 40])  # scores of classes, and features
+@pytest.mark.parametrize(
+    ("times", "stride"), [(4, 1), (2, 1), (3, 1), (8, 2), (8, 4), (4, 3), (3, 5)]
+)
+def test_bilinear_and_its_gradient_are_those_of_jax(channels, times, stride):
+    rng = np.random.default_rng(times)
+    x = jnp.asarray(rng.normal(size=(2, 3, 5, channels)), jnp.float32)
+    kept = np.s_[:, stride // 2 :: stride, stride // 2 :: stride]
+
+    def of_jax(x):
+        return jax.image.resize(x, (2, 3 * times, 5 * times, channels), "bilinear")[kept]
+
+    expected, to_x = jax.vjp(of_jax, x)
+    found, our_to_x = jax.vjp(lambda x: bilinear(x, times, stride), x)
+    np.testing.assert_allclose(bilinear(x, times, stride), expected, atol=2e-6)
+    np.testing.assert_allclose(found, expected, atol=2e-6)
+    weight = jnp.asarray(rng.normal(size=expected.shape), jnp.float32)
+    np.testing.assert_allclose(*our_to_x(weight), *to_x(weight), atol=1e-5)
 
 
 @pytest.mark.parametrize(("ours", "side", "rate"), [
