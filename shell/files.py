@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import shutil
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
@@ -59,6 +60,34 @@ def write(
                 part.unlink()
             raise
     return size
+
+
+@contextmanager
+def whole_folder(path: Path) -> Iterator[Path]:
+    """A folder to write files into that stands at ``path`` when all of them are on the disk, or not at all.
+
+    What was at ``path`` before is gone then.
+
+    Yields:
+        The folder while it is being written: ``path`` and ``.part``.
+
+    Raises:
+        OSError: with the folder's name.
+    """
+    part = path.with_name(path.name + ".part")
+    shutil.rmtree(part, ignore_errors=True)
+    with naming(path):
+        try:
+            part.mkdir(parents=True)
+            yield part
+            for file in part.iterdir():
+                with file.open("rb") as written:
+                    os.fsync(written.fileno())
+            shutil.rmtree(path, ignore_errors=True)
+            os.replace(part, path)
+        except BaseException:
+            shutil.rmtree(part, ignore_errors=True)
+            raise
 
 
 def write_json(path: Path, value: Any) -> None:

@@ -12,9 +12,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.reward.miou import Outcome, Recipe, Truth, attempt, scored, training_set
+from experiments.reward.miou import Outcome, Recipe, attempt, scored, trained, training_set
+from experiments.reward.truth import Shared, Truth, loaded
 from scene.proposal import Proposal
-from seg.train import Params, TrainingError, train
+from seg.nets.lite0 import Pyramid
+from seg.train import Params, TrainingError
 
 SUBSET_STREAM = 3
 """Second word of the seed that chooses images, apart from the streams of the nets."""
@@ -46,17 +48,23 @@ def chosen_images(images: int, fraction: float) -> int:
 
 
 def part_of(real: Truth, indices: np.ndarray) -> Truth:
-    """Some of the images."""
-    return Truth(real.images[indices], real.labels[indices])
+    """Some of the images, with the features of all their views."""
+    part = Truth(real.images[indices], real.labels[indices])
+    if real.features is None:
+        return part
+    count = len(real.images)
+    views = np.arange(0, len(real.features.eighth), count)[:, None]  # rows where they begin
+    rows = (views + indices).ravel()
+    return part._replace(features=Pyramid(*(maps[rows] for maps in real.features)))
 
 
 def transfer(
     start: Start,
     fine: Recipe,
     seed: int,
-    real: Truth,
+    real: Truth | Shared,
     chosen: Sequence[np.ndarray],
-    truth: Truth,
+    truth: Truth | Shared,
 ) -> list[Outcome]:
     """Pre-train a net once, fine-tune it on each subset, score every result.
 
@@ -72,19 +80,21 @@ def transfer(
         One outcome a subset. The time of pre-training is in the first one.
     """
     began = time.perf_counter()
+    images: Truth = loaded(real)
+    scoring: Truth = loaded(truth)
     rendered, params = 0.0, None
     if start.proposal is not None:
         try:
             own = training_set(start.recipe, start.proposal, seed)
             rendered = time.perf_counter() - began
-            params = _trained(start.recipe, own, seed)
+            params = trained(start.recipe, own, seed)
         except TrainingError as error:
             spent = time.perf_counter() - began
             return [Outcome(math.nan, [], 0.0, spent, str(error)) for _ in chosen]
     spent = time.perf_counter() - began - rendered
     outcomes = []
     for indices in chosen:
-        found = attempt(_tune, start, fine, params, seed, part_of(real, indices), truth)
+        found = attempt(_tune, start, fine, params, seed, part_of(images, indices), scoring)
         outcomes.append(
             found._replace(render_seconds=rendered, train_seconds=found.train_seconds + spent)
         )
@@ -92,16 +102,11 @@ def transfer(
     return outcomes
 
 
-def _trained(recipe: Recipe, own: Truth, seed: int, params: Params | None = None) -> Params:
-    classes = len(recipe.classes.classes)
-    return train(seed, *own, recipe.fidelity.train, classes, params=params)
-
-
 def _tune(
     start: Start, fine: Recipe, params: Params | None, seed: int, own: Truth, truth: Truth
 ) -> Outcome:
     began = time.perf_counter()
     if start.on_subset:
-        params = _trained(start.recipe, own, seed)
-    tuned = _trained(fine, own, seed, params)
+        params = trained(start.recipe, own, seed)
+    tuned = trained(fine, own, seed, params)
     return scored(fine, tuned, truth, 0.0, time.perf_counter() - began)

@@ -6,10 +6,13 @@ from collections.abc import Mapping, Sequence
 from itertools import product
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from experiments.pretrain.nets import Start, part_of, subsets, transfer
 from experiments.reward.evaluator import about
-from experiments.reward.miou import Outcome, Recipe, Truth
+from experiments.reward.miou import Outcome, Recipe
 from experiments.reward.store import identity, record_of
+from experiments.reward.truth import Truth
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost
 from experiments.run.nets import paired_seeds
@@ -66,10 +69,11 @@ def tuned(
             found[net] = known
             run.progress.advance(cost[row], replayed=True)
     work = list(missing.values())
-    tasks = [
-        (starts[row], fine, seed, real, [chosen[seed][net.fraction] for net in nets], truth)
+    parts = [
+        (starts[row], seed, [chosen[seed][net.fraction] for net in nets])
         for (row, seed), nets in missing.items()
     ]
+    tasks = _tasks(run, fine, real, truth, parts) if parts else []
     for index, outcomes in run.workers.map(transfer, tasks):
         row, _, seed = work[index][0]
         for net, outcome in zip(work[index], outcomes, strict=True):
@@ -80,6 +84,24 @@ def tuned(
         run.progress.update(f"{row}, seed {seed} | {said}")
     refuse_failed(list(found.values()), len(found))
     return found
+
+
+def _tasks(
+    run: Run[Any],
+    fine: Recipe,
+    real: Truth,
+    truth: Truth,
+    parts: Sequence[tuple[Start, int, list[np.ndarray]]],
+) -> list[tuple]:
+    """Arguments of `transfer` for every start, seed and list of subsets, real images in files."""
+    shelf, train = run.shelf, fine.fidelity.train
+    own, scoring = shelf.put(real, train, training=True), shelf.put(truth, train)
+    fine = shelf.normalised(fine, run.target)
+    tasks = []
+    for start, seed, chosen in parts:
+        recipe = start.recipe._replace(statistics=fine.statistics)  # of the same size
+        tasks.append((start._replace(recipe=recipe), fine, seed, own, chosen, scoring))
+    return tasks
 
 
 def _about(run: Run[Any], start: Start, fine: Recipe, truth: Truth) -> Record:

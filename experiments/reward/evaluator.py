@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from experiments.reward.miou import Outcome, Recipe, Source, Truth, attempt, evaluate_miou
+from experiments.reward.miou import Outcome, Recipe, Source, attempt, evaluate_miou
 from experiments.reward.mmd import Reference, evaluate_mmd
+from experiments.reward.shelf import Shelf, by_target
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
+from experiments.reward.truth import Shared, Truth
 from experiments.target.base import Target
 from scene.version import ENGINE
-from scene.workers import WorkerPool
 from shell.errors import UserError
 from shell.files import digest, folder_digest
 from shell.lines import Record
@@ -77,7 +79,7 @@ class Evaluator:
         target: what to be good on.
         side: which of its images score.
         truth: those images, at the recipe's size; or their features, for rewards without labels.
-        workers: who renders and trains.
+        shelf: who renders and trains, and where they find real images.
     """
 
     def __init__(
@@ -86,9 +88,9 @@ class Evaluator:
         target: Target,
         side: Side,
         truth: Truth | Reference,
-        workers: WorkerPool,
+        shelf: Shelf,
     ) -> None:
-        self._recipe, self._truth, self._workers = recipe, truth, workers
+        self._recipe, self._target, self._truth, self._shelf = recipe, target, truth, shelf
         self._evaluate = evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
         self.about = about(recipe, target, side, truth)
 
@@ -112,11 +114,14 @@ class Evaluator:
             else:
                 yield index, known
         work = [indices[0] for indices in missing.values()]
+        if not work:
+            return
+        recipe, truth = self._for_tasks
         tasks = [
-            (self._evaluate, self._recipe, jobs[index].source, int(jobs[index].seed), self._truth)
+            (self._evaluate, recipe, self._source(jobs[index].source), int(jobs[index].seed), truth)
             for index in work
         ]
-        for number, outcome in self._workers.map(attempt, tasks):
+        for number, outcome in self._shelf.workers.map(attempt, tasks):
             index = work[number]
             if outcome.failed is None and not math.isfinite(outcome.reward):
                 raise UserError(
@@ -129,6 +134,19 @@ class Evaluator:
             for twin in missing[keys[index]][1:]:
                 yield twin, memory.again(keys[index], jobs[twin].notes)
 
+    @cached_property
+    def _for_tasks(self) -> tuple[Recipe, Truth | Shared | Reference]:
+        """Recipe and truth as workers want them."""
+        if isinstance(self._truth, Reference):
+            return self._recipe, self._truth
+        recipe = self._shelf.normalised(self._recipe, self._target)
+        return recipe, self._shelf.put(self._truth, recipe.fidelity.train)
+
+    def _source(self, source: Source) -> Source | Shared:
+        if not isinstance(source, Truth):
+            return source
+        return self._shelf.put(source, self._recipe.fidelity.train, training=True)
+
 
 def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) -> dict[str, Any]:
     """What all evaluations of a recipe share: a hash of what decides them, words for people."""
@@ -136,7 +154,7 @@ def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) 
     if isinstance(truth, Reference):
         kind, source = "mmd", truth.source
     else:
-        kind, source = "miou", digest_of(*truth)
+        kind, source = "miou", digest_of(truth.images, truth.labels)
     pool = recipe.pool._asdict()
     if pool["own"]:  # the files count, not where they lie
         pool["own"] = folder_digest(Path(pool["own"]))
@@ -151,6 +169,9 @@ def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) 
         "truth": [target.name, side, digest(list(names)), source],
         "engine": ENGINE,
     }
+    if kind == "miou" and by_target(fidelity.train):
+        real = target.at(fidelity.height, fidelity.width).reward
+        decides["statistics"] = digest_of(real.images)
     return {
         "config": digest(decides)[:16],
         "target": target.name,

@@ -87,8 +87,9 @@ def train_features(recipe: Recipe) -> Any:
     own = recipe.fidelity.train
     # Compact whatever the recipe trains, with the settings that suit it.
     settings = TrainSettings(steps=own.steps, batch=own.batch)
-    images = training_set(recipe, random_proposal(), SEED)
-    return jax.tree.map(np.asarray, train(SEED, *images, settings, len(recipe.classes.classes)))
+    images, labels, _ = training_set(recipe, random_proposal(), SEED)
+    params = train(SEED, images, labels, settings, len(recipe.classes.classes))
+    return jax.tree.map(np.asarray, params)
 
 
 def evaluate_mmd(recipe: Recipe, source: Proposal, seed: int, real: Reference) -> Outcome:

@@ -16,7 +16,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.reward.miou import Outcome, Source, Truth
+from experiments.reward.miou import Outcome, Source
+from experiments.reward.truth import Truth
 from scene.attributes import NAMES
 from shell.errors import UserError
 from shell.files import digest, write
@@ -54,7 +55,8 @@ def identity(config: str, source: Source, seed: int) -> str:
         source: proposal f32[23], or the images that are trained on.
         seed: of the streets and of the net.
     """
-    arrays = source if isinstance(source, Truth) else np.asarray(source, np.float32)
+    real = isinstance(source, Truth)
+    arrays = source[:2] if real else np.asarray(source, np.float32)  # features follow from images
     return digest({"config": config, "source": digest_of(*arrays), "seed": int(seed)})
 
 
@@ -62,7 +64,7 @@ def digest_of(*arrays: np.ndarray) -> str:
     """Sha256 of the bytes of arrays, one after the other."""
     found = hashlib.sha256()
     for array in arrays:
-        found.update(np.ascontiguousarray(array).tobytes())
+        found.update(np.ascontiguousarray(array).data)
     return found.hexdigest()
 
 

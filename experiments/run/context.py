@@ -16,9 +16,11 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from experiments.config import Config, Fidelity, RewardKind
 from experiments.reward.evaluator import Evaluator, Job, Memory, Side
-from experiments.reward.miou import Outcome, Recipe, Truth, worker_environment
+from experiments.reward.miou import Outcome, Recipe, worker_environment
 from experiments.reward.mmd import FeatureNet, Reference, feature_net
+from experiments.reward.shelf import Shelf
 from experiments.reward.store import LOGS, Log, Store
+from experiments.reward.truth import Truth
 from experiments.run.ladder import cost_of
 from experiments.target.base import Target
 from experiments.target.named import named_target
@@ -73,7 +75,12 @@ class Run(Generic[AnyConfig]):
     store: Store | None
     """Evaluations shared with other runs."""
     progress: Progress
+    shelf: Shelf = field(init=False)
+    """The workers, and real images in files that they share."""
     _net: list[FeatureNet] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.shelf = Shelf(self.workers, self.config.out, lambda text: self.progress.update(text))
 
     def recipe(self, fidelity: Fidelity, **pool: Any) -> Recipe:
         """How nets are made at a fidelity; fields of the pool of assets may be changed."""
@@ -100,7 +107,7 @@ class Run(Generic[AnyConfig]):
                 own = self.recipe(self.config.reward)
                 self._net.append(feature_net(own, self.config.out, self.workers))
             truth = self._net[0].reference(images.images)
-        return Evaluator(recipe, self.target, side, truth, self.workers)
+        return Evaluator(recipe, self.target, side, truth, self.shelf)
 
     def memory(self, log: Log) -> Memory:
         """What is known already, and where new evaluations are kept: ``evaluations`` or ``finals``."""

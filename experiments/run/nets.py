@@ -8,7 +8,8 @@ from typing import Any
 
 from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Job, Side
-from experiments.reward.miou import Outcome, Recipe, Source, Truth
+from experiments.reward.miou import Outcome, Recipe, Source
+from experiments.reward.truth import Truth
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost
 from scene.proposal import Proposal, default_proposal, random_proposal

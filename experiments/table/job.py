@@ -10,7 +10,7 @@ import numpy as np
 
 from experiments import presets
 from experiments.config import VGG_NETS, Fidelity, LearntConfig, Preset, TargetName, check_net
-from experiments.reward.miou import Truth
+from experiments.reward.truth import Truth
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.nets import paired_seeds, score_nets, training_sets, with_net

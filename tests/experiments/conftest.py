@@ -23,7 +23,8 @@ from experiments.presets import defaults
 from experiments.pretrain import tuning
 from experiments.pretrain.nets import Start
 from experiments.reward import evaluator
-from experiments.reward.miou import Outcome, Recipe, Source, Truth
+from experiments.reward.miou import Outcome, Recipe, Source
+from experiments.reward.truth import Truth
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from scene.proposal import describe, slide

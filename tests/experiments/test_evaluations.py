@@ -16,9 +16,10 @@ from experiments.config import MainConfig
 from experiments.presets import defaults
 from experiments.reward import evaluator as module
 from experiments.reward.evaluator import Job, about
-from experiments.reward.miou import Outcome, Truth, attempt
+from experiments.reward.miou import Outcome, attempt
 from experiments.reward.mmd import Reference
 from experiments.reward.store import HEADER, LOGS, Log, Store, identity, read, record_of
+from experiments.reward.truth import Truth
 from experiments.run.context import Run
 from experiments.run.learn import plan_of
 from experiments.run.nets import score_nets
@@ -35,7 +36,7 @@ from .conftest import diverge, formula, lines, never, untimed
 
 CONFIG = defaults(MainConfig, "camvid", "smoke")
 TRUTH = Truth(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
-SIDES = Split(*(SimpleNamespace(images=a, labels=b) for a, b in (TRUTH, TRUTH)))
+SIDES = Split(*(SimpleNamespace(images=a, labels=b) for a, b, _ in (TRUTH, TRUTH)))
 FAILED = "the loss is nan after 50 of 200 steps"
 TARGET = Target("camvid", True, "camvid", "", ("a", "b"), ("c",), lambda height, width: SIDES)
 

@@ -13,8 +13,9 @@ from PIL import Image
 from experiments.config import MainConfig
 from experiments.main.summary import ROWS
 from experiments.presets import defaults
-from experiments.reward.miou import Recipe, Truth, evaluate_miou, worker_environment
+from experiments.reward.miou import Recipe, evaluate_miou, worker_environment
 from experiments.reward.store import LOGS
+from experiments.reward.truth import Truth
 from scene.attributes import NAMES
 from scene.proposal import random_proposal
 from scene.render.__main__ import main as scene_render

@@ -10,9 +10,11 @@ from experiments.config import MainConfig, check
 from experiments.presets import defaults
 from experiments.reward import mmd as module
 from experiments.reward.evaluator import Evaluator, Job, Memory, about
-from experiments.reward.miou import Recipe, Truth, render
+from experiments.reward.miou import Recipe, render
 from experiments.reward.mmd import FILE, FeatureNet, evaluate_mmd, feature_net
+from experiments.reward.shelf import Shelf
 from experiments.reward.store import Log
+from experiments.reward.truth import Truth
 from experiments.run.context import opened
 from experiments.run.learn import learn, work_of
 from experiments.target.base import Split, Target
@@ -140,7 +142,7 @@ def test_kinds_of_rewards_are_kept_apart(recipe, net, tmp_path):
     keys = [each["config"] for each in told]
     assert keys[0] != keys[1] == keys[2]
     assert [each["kind"] for each in told] == ["miou", "mmd", "mmd"]  # by which records are chosen
-    evaluator = Evaluator(recipe, TARGET, "reward", reference, WorkerPool(0))
+    evaluator = Evaluator(recipe, TARGET, "reward", reference, Shelf(WorkerPool(0)))
     memory = Memory(Log(tmp_path / "log.jsonl"), None, lambda: 0.0)
     jobs = [Job(random_proposal(), 1, {})]
     ((_, first),) = evaluator.map(jobs, memory)

@@ -14,7 +14,8 @@ from experiments.pretrain.job import defaults, fine_fidelity
 from experiments.pretrain.nets import Start, chosen_images, subsets, transfer
 from experiments.pretrain.report import FORM
 from experiments.reward import miou
-from experiments.reward.miou import Outcome, Recipe, Truth
+from experiments.reward.miou import Outcome, Recipe
+from experiments.reward.truth import Truth
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from shell.files import read_json
@@ -71,15 +72,15 @@ def way(monkeypatch):
     rendered = Truth(np.zeros((6, 48, 64, 3), np.uint8), np.zeros((6, 48, 64), np.uint8))
     done: list[tuple] = []
 
-    def train(seed, images, labels, settings, classes, params=None):
+    def train(seed, images, labels, settings, classes, params=None, **_):
         done.append((settings.steps, images[:, 0, 0, 0].tolist(), params))
         if way.diverges == settings.steps:
             diverge()
         return f"net {len(done)}"
 
-    monkeypatch.setattr(nets, "train", train)
+    monkeypatch.setattr(miou, "train", train)
     monkeypatch.setattr(nets, "training_set", lambda recipe, proposal, seed: rendered)
-    monkeypatch.setattr(miou, "score", lambda *_: np.array([[len(done), 100], [100, 100]]))
+    monkeypatch.setattr(miou, "score", lambda *_, **__: np.array([[len(done), 100], [100, 100]]))
 
     def way(row):
         recipe = Recipe(fidelity, "camvid", "embree", AssetPool())

@@ -171,7 +171,7 @@ def test_a_disk_that_fills_up_is_named_and_the_run_goes_on_later(end, tmp_path, 
 
     def filling(descriptor):
         calls.append(descriptor)
-        if len(calls) > 5:
+        if len(calls) > 9:  # five files before the first reward
             raise OSError(28, "No space left on device")
         fsync(descriptor)
 

@@ -1,0 +1,218 @@
+"""Real images of a run, and what a frozen trunk sees in them: computed once, read by all its processes.
+
+    RUN/shared/3f2ab07c91d4e655/            images.npy, labels.npy: 4 bytes a pixel
+    RUN/shared/3f2ab07c91d4e655-1c9d02aa/   eighth.npy, sixteenth.npy, thirtysecond.npy: 3.6 bytes a
+                                            pixel of every view
+
+``about.json`` beside them says what they are of, with hashes of the files, which are looked at once per
+run. A folder is there as a whole or not at all; one that lacks a file is written anew.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import IO, Any
+
+import numpy as np
+
+from experiments.reward.miou import Recipe
+from experiments.reward.store import digest_of
+from experiments.reward.truth import Shared, Truth, loaded, removable
+from experiments.target.base import Target
+from scene.workers import WorkerPool
+from seg.nets.lite0 import Pyramid
+from seg.pyramid import Statistics, channel_statistics, features
+from seg.settings import TrainSettings
+from seg.weights import lite0
+from shell.errors import UserError
+from shell.files import digest, read_json, whole_folder, write_json
+
+FOLDER, ABOUT = "shared", "about.json"
+CHUNK = 16
+"""Images per task of a worker: whole batches of the trunk."""
+
+
+class Shelf:
+    """Workers, and the files in which they find real images.
+
+    Args:
+        workers: who render, train and compute features.
+        run: folder of the run; None keeps nothing, and tasks carry arrays.
+        say: told how far features are.
+    """
+
+    def __init__(
+        self,
+        workers: WorkerPool,
+        run: Path | None = None,
+        say: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        self.workers, self._say = workers, say
+        self._root = None if run is None else (run / FOLDER).absolute()
+        self._checked: set[Path] = set()
+
+    def put(self, truth: Truth, train: TrainSettings, *, training: bool = False) -> Truth | Shared:
+        """A truth for tasks; its files are written if they are not there.
+
+        Args:
+            truth: real images and labels.
+            train: of the nets that see them; those on a frozen trunk get features.
+            training: whether nets are trained on the images, and not scored.
+
+        Raises:
+            UserError: files that are damaged, or of other images or another trunk.
+        """
+        if self._root is None:
+            return truth
+        source = digest_of(truth.images, truth.labels)
+        held = Shared(str(self._root / source[:16]))
+        self._keep(Path(held.images), {"images": source}, lambda part: _write_truth(part, truth))
+        if not train.frozen:
+            return held
+        views = _views(train, training)
+        folder = self._root / f"{source[:16]}-{digest(views)[:8]}"
+        told = {"images": source, "trunk": lite0.SHA256, **views}
+        count = len(truth.images)
+
+        def fill(part: Path) -> None:
+            starts = range(0, max(count - CHUNK // 2, 1), CHUNK)  # no batch of another size
+            tasks = [(held, s, s + CHUNK, train, training) for s in starts]
+            tasks[-1] = (held, starts[-1], count, train, training)
+            self._compute(part, count, tasks)
+
+        self._keep(folder, told, fill)
+        return held._replace(features=str(folder))
+
+    def normalised(self, recipe: Recipe, target: Target) -> Recipe:
+        """The recipe with the statistics that its head normalises features by, where those are the target's.
+
+        They are of the images that give the reward, without their labels; never of those reported on.
+        """
+        fidelity = recipe.fidelity
+        if not by_target(fidelity.train):
+            return recipe
+        real = target.at(fidelity.height, fidelity.width).reward
+        trunk = replace(fidelity.train, trunk="frozen")  # as a tuned one begins
+        held = self.put(Truth(real.images, real.labels), trunk)
+        ((_, found),) = self.workers.map(_statistics, [(held, trunk)])
+        return recipe._replace(statistics=found)
+
+    def _compute(self, part: Path, count: int, tasks: list[tuple]) -> None:
+        """Features of all tasks into the files of a folder, view after view."""
+        files: dict[str, tuple[IO[bytes], int]] = {}
+        done = 0
+        try:
+            for index, maps in self.workers.map(_features_of, tasks):
+                _, start, stop, *_ = tasks[index]
+                views = len(maps.eighth) // (stop - start)
+                for name, m in maps._asdict().items():
+                    if name not in files:
+                        shape = (count * views, *m.shape[1:])
+                        files[name] = _npy(part / f"{name}.npy", shape, m.dtype)
+                    for view in range(views):
+                        rows = m[view * (stop - start) : (view + 1) * (stop - start)]
+                        _write_rows(*files[name], view * count + start, rows)
+                done += stop - start
+                self._say(f"features of real images, once per run: {done} of {count}")
+        finally:
+            for file, _ in files.values():
+                file.close()
+
+    def _keep(self, folder: Path, told: Mapping[str, Any], fill: Callable[[Path], None]) -> None:
+        """Write a folder unless it is there; look once per run whether it is what it should be."""
+        if folder in self._checked:
+            return
+        if not _is_whole(folder, told):
+            with whole_folder(folder) as part:
+                fill(part)
+                files = {path.name: _file_digest(path) for path in sorted(part.iterdir())}
+                write_json(part / ABOUT, {**told, "files": files})
+        self._checked.add(folder)
+
+
+def by_target(train: TrainSettings) -> bool:
+    """Whether a net's head normalises features by statistics of the target's images."""
+    return train.net == "lite0" and getattr(train, "head_statistics", "training") == "target"
+
+
+def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
+    """What decides features, beside images and trunk."""
+    return {"dtype": train.dtype, "mirrored": training and train.mirror}
+
+
+def _features(truth: Truth, train: TrainSettings, training: bool) -> Pyramid:
+    """Features of images, or of all views that training takes of them: view after view, in their order.
+
+    What a view shows depends on its image alone, so that those of a part are part of those of all.
+    """
+    return features(truth.images, training and train.mirror, train.dtype)
+
+
+def _features_of(
+    held: Shared, start: int, stop: int, train: TrainSettings, training: bool
+) -> Pyramid:
+    """Features of some of the images; runs in a worker."""
+    images, labels, _ = held.load()
+    return _features(Truth(images[start:stop], labels[start:stop]), train, training)
+
+
+def _statistics(held: Truth | Shared, train: TrainSettings) -> Statistics:
+    """Statistics of features; runs in a worker."""
+    truth = loaded(held)
+    return channel_statistics(truth.features or _features(truth, train, False))
+
+
+def _write_truth(part: Path, truth: Truth) -> None:
+    for name, array in (("images", truth.images), ("labels", truth.labels)):
+        file, start = _npy(part / f"{name}.npy", array.shape, array.dtype)
+        with file:
+            _write_rows(file, start, 0, array)
+
+
+def _npy(path: Path, shape: tuple[int, ...], dtype: np.dtype) -> tuple[IO[bytes], int]:
+    """A new file of NumPy's whose rows are not written yet, and where they begin.
+
+    Not a memory map: a full disk would end the process with no word.
+    """
+    file = path.open("wb")
+    descr = np.lib.format.dtype_to_descr(dtype)
+    header = {"descr": descr, "fortran_order": False, "shape": shape}
+    np.lib.format.write_array_header_1_0(file, header)
+    return file, file.tell()
+
+
+def _write_rows(file: IO[bytes], begin: int, row: int, rows: np.ndarray) -> None:
+    file.seek(begin + row * rows[0].nbytes)
+    file.write(np.ascontiguousarray(rows).data)
+
+
+def _file_digest(path: Path) -> str:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _is_whole(folder: Path, told: Mapping[str, Any]) -> bool:
+    """Whether all files are there; raises UserError if they are not what they should be."""
+    path, end = folder / ABOUT, removable(folder)
+    if not path.exists():
+        return False
+    try:
+        found = read_json(path)
+        files = dict(found["files"])
+    except (UserError, LookupError, TypeError, ValueError):
+        raise UserError(f"{path} is damaged; {end}") from None
+    if not all(os.path.isfile(folder / name) for name in files):
+        return False
+    for name, value in told.items():
+        if found.get(name) != value:
+            raise UserError(
+                f"{path}: this folder is of other {name}, {found.get(name)!r} and not {value!r}; {end}"
+            )
+    for name, value in files.items():
+        if _file_digest(folder / name) != value:
+            raise UserError(f"{folder / name} is damaged; {end}")
+    return True
