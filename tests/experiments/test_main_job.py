@@ -72,7 +72,7 @@ def test_the_run_folder_is_complete(unbroken):
     out, _ = unbroken
     assert {p.name for p in out.iterdir()} == {
         "attributes.json", "config.json", "dataset", "evaluations.jsonl", "finals.jsonl", "lock",
-        "pictures", "report.html", "summary.json", "summary.md",
+        "pictures", "report.html", "shared", "summary.json", "summary.md",
     }  # fmt: skip
     assert {p.name for p in (out / "pictures").iterdir()} == {
         "attributes.png", "images.png", "probabilities.npy", "reward.png",
