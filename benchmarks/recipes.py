@@ -39,7 +39,7 @@ from seg.pyramid import channel_statistics, features
 from seg.recipes import RECIPES
 from seg.settings import TrainSettings
 from seg.train import score, train
-from seg.views import view_images
+from seg.views import looks, view_images
 from shell import files
 from shell.command import exit_code, size
 from shell.errors import UserError
@@ -210,7 +210,7 @@ def score_rows(
         given: dict[str, Any] = {}
         known: dict[str, Any] = {}
         if settings.frozen:
-            given["features"] = _views(data, own, row, seed, _looks(settings))
+            given["features"] = _views(data, own, row, seed, looks(settings))
             known["features"] = _features(data, own, on)
         if settings.head_statistics == "target":
             given["statistics"] = channel_statistics(known["features"])
@@ -242,15 +242,9 @@ def _truth(data: Path, own: Recipe, name: str, seed: int) -> Truth:
     return _rendered(own, name, seed) if name in ATTRIBUTES else _real(data, own)[name]
 
 
-def _looks(settings: TrainSettings) -> TrainSettings:
-    """What decides the views of an image; the rest as by default."""
-    names = ("views", "mirror", "scale", "colour", "mix", "blur", "noise")
-    return replace(TrainSettings(), **{name: getattr(settings, name) for name in names})
-
-
 @lru_cache(maxsize=len(ATTRIBUTES) + len(SEQUENCES))
-def _views(data: Path, own: Recipe, name: str, seed: int, looks: TrainSettings) -> Pyramid:
-    return features(view_images(_truth(data, own, name, seed).images, looks))
+def _views(data: Path, own: Recipe, name: str, seed: int, shown: TrainSettings) -> Pyramid:
+    return features(view_images(_truth(data, own, name, seed).images, shown))
 
 
 @lru_cache(maxsize=1 + len(SEQUENCES))

@@ -23,6 +23,8 @@ SEED = 2020
 """Of the numbers that augment a view, with the view's number and the image's checksum."""
 BATCH = 8
 """Images that are augmented at once."""
+LOOKS = ("views", "mirror", "scale", "colour", "mix", "blur", "noise")
+"""The settings that decide what views show."""
 
 
 def view_images(
@@ -50,7 +52,7 @@ def _view(
     """One view of all images (`which` 0) or labels (1)."""
     sums = np.array([zlib.crc32(image.tobytes()) for image in images], np.uint32)
     draws = np.stack([_draws(view, int(checksum)) for checksum in sums])
-    see = _viewer(_augmentation(settings), which)
+    see = _viewer(looks(settings), which)
 
     def some(picks: np.ndarray) -> Array:
         return see(images[picks], labels[picks], draws[picks], sums[picks] ^ np.uint32(view))
@@ -65,9 +67,9 @@ def _draws(view: int, checksum: int) -> Float32[np.ndarray, " draws"]:
     return draws
 
 
-def _augmentation(settings: TrainSettings) -> TrainSettings:
-    names = ("mirror", "scale", "colour", "mix", "blur", "noise")
-    return replace(TrainSettings(), **{name: getattr(settings, name) for name in names})
+def looks(settings: TrainSettings) -> TrainSettings:
+    """The settings with all at its default that does not decide what views show."""
+    return replace(TrainSettings(), **{name: getattr(settings, name) for name in LOOKS})
 
 
 @lru_cache(maxsize=8)

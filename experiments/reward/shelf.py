@@ -27,6 +27,7 @@ from scene.workers import WorkerPool
 from seg.nets.lite0 import Pyramid
 from seg.pyramid import Statistics, channel_statistics, features
 from seg.settings import TrainSettings
+from seg.views import LOOKS, view_images
 from seg.weights import lite0
 from shell.errors import UserError
 from shell.files import digest, read_json, whole_folder, write_json
@@ -136,12 +137,13 @@ class Shelf:
 
 def by_target(train: TrainSettings) -> bool:
     """Whether a net's head normalises features by statistics of the target's images."""
-    return train.net == "lite0" and getattr(train, "head_statistics", "training") == "target"
+    return train.net == "lite0" and train.head_statistics == "target"
 
 
 def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
     """What decides features, beside images and trunk."""
-    return {"dtype": train.dtype, "mirrored": training and train.mirror}
+    looks = {name: getattr(train, name) for name in LOOKS} if training else {"views": 1}
+    return {"dtype": train.dtype, **looks}
 
 
 def _features(truth: Truth, train: TrainSettings, training: bool) -> Pyramid:
@@ -149,7 +151,8 @@ def _features(truth: Truth, train: TrainSettings, training: bool) -> Pyramid:
 
     What a view shows depends on its image alone, so that those of a part are part of those of all.
     """
-    return features(truth.images, training and train.mirror, train.dtype)
+    images = view_images(truth.images, train) if training else truth.images
+    return features(images, train.dtype)
 
 
 def _features_of(

@@ -10,7 +10,7 @@ import pytest
 
 from experiments.config import Fidelity
 from experiments.pretrain.nets import part_of
-from experiments.reward import evaluator, shelf
+from experiments.reward import shelf
 from experiments.reward.evaluator import Evaluator, Job, Memory, about
 from experiments.reward.miou import Recipe, evaluate_miou, worker_environment
 from experiments.reward.shelf import ABOUT, FOLDER, Shelf
@@ -23,12 +23,13 @@ from seg import pyramid
 from seg.data import RealSet
 from seg.pyramid import channel_statistics, features
 from seg.recipes import RECIPES
+from seg.views import view_images
 from shell.errors import UserError
 from shell.files import read_json, write_json
 
 from .conftest import Counted, Killed, never
 
-TRAIN = replace(RECIPES["lite0-frozen"], steps=2, batch=2)
+TRAIN = replace(RECIPES["lite0-frozen"], steps=2, batch=2, scale=True)
 RECIPE = Recipe(Fidelity(64, 48, 1, 2, samples=1, train=TRAIN), "camvid", "embree", AssetPool(0, 2))
 COUNT = 25  # two tasks, of 16 and 9
 
@@ -47,9 +48,9 @@ def target_of(reward: Truth) -> Target:
     return Target("camvid", True, "camvid", "", ("a",), ("b",), lambda height, width: sides)
 
 
-def outcomes(held: Shelf, log: Path) -> list[tuple]:
+def outcomes(held: Shelf, log: Path, recipe: Recipe = RECIPE) -> list[tuple]:
     """Keys and scores of two nets that are trained on the reward images."""
-    scorer = Evaluator(RECIPE, target_of(REAL), "test", TEST, held)
+    scorer = Evaluator(recipe, target_of(REAL), "test", TEST, held)
     found = dict(scorer.map([Job(REAL, 5, {}), Job(REAL, 6, {})], Memory(Log(log), None, float)))
     return [(scorer.key(REAL, 5 + k), found[k].reward, found[k].class_iou) for k in range(2)]
 
@@ -78,9 +79,9 @@ def test_features_are_computed_once_for_all_nets_of_a_run(opened, tmp_path, monk
     plain = outcomes(Shelf(WorkerPool(0)), tmp_path / "plain")
     opened().put(TEST, TRAIN)
     real = loaded(opened().put(REAL, TRAIN, training=True))
-    assert same(real.features, features(REAL.images, TRAIN.mirror))
+    assert same(real.features, features(view_images(REAL.images, TRAIN)))
     part = part_of(real, np.array([3, 17, 24]))
-    assert same(part.features, features(part.images, TRAIN.mirror))
+    assert same(part.features, features(view_images(part.images, TRAIN)))
     for module in (pyramid, shelf):
         monkeypatch.setattr(module, "features", never)
     assert outcomes(opened(), tmp_path / "log") == plain
@@ -141,18 +142,18 @@ def test_a_command_ends_with_exit_code_2(command, learnt_file, tmp_path, error_l
     assert command(*asked) == 2 and "is of other trunk" in error_line(begun=True)
 
 
-def test_heads_may_normalise_by_the_images_that_give_the_reward(opened, tmp_path, monkeypatch):
-    def names() -> list[str]:
-        targets = target_of(REAL), target_of(noise(COUNT, 2))
-        return [about(RECIPE, target, "test", TEST)["config"] for target in targets]
-
-    before = names()
-    assert before[0] == before[1]
-    for module in (evaluator, shelf):
-        monkeypatch.setattr(module, "by_target", lambda train: True)
-    assert len({*before, *names()}) == 3
-    found = [
-        outcomes(held, tmp_path / f"{k}") for k, held in enumerate((opened(), Shelf(WorkerPool(0))))
+def test_heads_may_normalise_by_the_images_that_give_the_reward(opened, tmp_path):
+    train = replace(TRAIN, head_statistics="target")
+    own = RECIPE._replace(fidelity=replace(RECIPE.fidelity, train=train))
+    names = [
+        about(recipe, target_of(reward), "test", TEST)["config"]
+        for recipe in (RECIPE, own)
+        for reward in (REAL, noise(COUNT, 2))
     ]
-    own = RECIPE._replace(statistics=channel_statistics(features(REAL.images)))
+    assert names[0] == names[1] and len(set(names)) == 3
+    found = [
+        outcomes(held, tmp_path / f"{k}", own)
+        for k, held in enumerate((opened(), Shelf(WorkerPool(0))))
+    ]
+    own = own._replace(statistics=channel_statistics(features(REAL.images)))
     assert found[0] == found[1] and found[0][0][1] == evaluate_miou(own, REAL, 5, TEST).reward

@@ -28,7 +28,7 @@ def bilinear(
 ) -> Float[Array, "b rows cols c"]:
     """Enlarge by bilinear interpolation between pixel centres; keep every `stride`-th row and column.
 
-    The same as `jax.image.resize` and then `[:, stride // 2 :: stride, stride // 2 :: stride]`, but what is
+    The same as `jax.image.resize` and then `strided`, but what is
     left out is not computed. XLA gets two products with constant matrices. On CPUs rows are sums of shifted
     copies instead, a quarter of the time.
 
