@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, net, normalise
 from seg.nets.fcn8s import bilinear_kernel
 from seg.nets.ops.conv import Conv, conv, kernel_gradient, xla_conv
+from seg.nets.ops.group_norm import GroupNorm
 from seg.nets.ops.max_pool import max_pool
 from seg.nets.ops.product_conv import patch_conv, product_conv
 from seg.nets.ops.resize import bilinear, repeat_pixels, space_to_depth
@@ -101,6 +102,25 @@ def test_transposed_convolution_starts_bilinear():
     y, _ = double.init_with_output(jax.random.key(0), x)
     inside = np.s_[:, 1:-1, 1:-1]  # at the border one sees zeros, the other repeats
     np.testing.assert_allclose(y[inside], bilinear(x, 2)[inside], atol=1e-6)
+
+
+@pytest.mark.parametrize("dtype", [None, jnp.bfloat16])
+def test_our_group_norm_and_its_gradients_are_flax_s(dtype):
+    key, x = jax.random.key(0), 3 + jax.random.normal(jax.random.key(1), (2, 5, 7, 6))
+    weight = jax.random.normal(jax.random.key(2), x.shape)
+
+    def all_of(kind):
+        norm = kind(num_groups=3, dtype=dtype, name="norm")
+        params = jax.tree.map(lambda p: p + 0.5, norm.init(key, x))
+        value, back = jax.vjp(norm.apply, params, x)
+        return value, *back(weight.astype(value.dtype))
+
+    value, *gradients = all_of(GroupNorm)
+    expected, *others = all_of(nn.GroupNorm)
+    assert value.dtype == expected.dtype
+    wide = 1e-4 if dtype is None else 0.1
+    np.testing.assert_allclose(value.astype(float), expected.astype(float), atol=wide)
+    jax.tree.map(partial(np.testing.assert_allclose, atol=wide, rtol=wide), gradients, others)
 
 
 @pytest.mark.parametrize("channels", [4, 40])  # scores of classes, and features

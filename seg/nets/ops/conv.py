@@ -31,12 +31,12 @@ def conv(
     return xla_conv(x, kernel, rate)
 
 
-def xla_conv(x: Array, kernel: Array, rate: int = 1) -> Array:
-    """The same with the gradients that JAX makes of it."""
+def xla_conv(x: Array, kernel: Array, rate: int = 1, stride: int = 1) -> Array:
+    """The same with the gradients that JAX makes of it, and a distance of the kernel's places."""
     return jax.lax.conv_general_dilated(
         x,
         kernel,
-        (1, 1),
+        (stride, stride),
         "SAME",
         rhs_dilation=(rate, rate),
         dimension_numbers=("NHWC", "HWIO", "NHWC"),
@@ -72,7 +72,8 @@ def kernel_gradient(
     """The gradient of a convolution's kernel, as one matrix product for each of its rows.
 
     Copies of the narrower of the two, shifted by each of the kernel's columns, stand side by side: so
-    little is copied, and the products are large ones.
+    little is copied, and the products are large ones. Image by image, so that copies stay in the cache,
+    unless sums as large as the kernel would then take longer.
 
     Args:
         x: features that were convolved.
@@ -84,6 +85,14 @@ def kernel_gradient(
         f32, whatever the type of x, since many products are summed.
     """
     b, h, w, c = x.shape
+    features = grad.shape[-1]
+    if b > 1 and side**2 * c * features < h * w * max(c, features):
+
+        def add(total: Array, image: tuple[Array, Array]) -> tuple[Array, None]:
+            return total + kernel_gradient(image[0][None], image[1][None], side, rate), None
+
+        zero = jnp.zeros((side, side, c, features), jnp.float32)
+        return jax.lax.scan(add, zero, (x, grad))[0]
     around = (side // 2 * rate,) * 2
     total = partial(jnp.matmul, preferred_element_type=jnp.float32)
 
@@ -98,7 +107,7 @@ def kernel_gradient(
     def flat(values: Array) -> Array:
         return values.reshape(b * h * w, values.shape[-1])
 
-    if c < grad.shape[-1]:
+    if c < features:
         products = [total(row.T, flat(grad)) for row in rows(beside(x, range(side)))]
         return jnp.stack(products).reshape(side, side, c, -1)
     columns = flat(beside(grad, reversed(range(side))))
@@ -107,7 +116,7 @@ def kernel_gradient(
 
 
 class Conv(nn.Module):
-    """A convolution of stride 1 that keeps the size; parameters as those of `nn.Conv`.
+    """A convolution that keeps the size, unless `convolve` does not; parameters as those of `nn.Conv`.
 
     Attributes:
         features: channels out.
@@ -128,8 +137,8 @@ class Conv(nn.Module):
     dtype: DTypeLike | None = None
 
     @nn.compact
-    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b h w features"]:
-        """Features of the same size, in `dtype`."""
+    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b rows cols features"]:
+        """Features in `dtype`."""
         shape = (self.side, self.side, x.shape[-1], self.features)
         kernel = self.param("kernel", self.kernel_init, shape)
         bias = (
