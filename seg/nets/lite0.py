@@ -7,6 +7,7 @@ the stem's 32 and the last 1280 channels not scaled. Batch normalisation is fold
 
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 from flax import linen as nn
 from jax.typing import DTypeLike
@@ -112,8 +113,22 @@ class _Block(nn.Module):
         return y + x if y.shape == x.shape and stride == 1 else y
 
 
+@jax.custom_vjp
 def _relu6(x: Array) -> Array:
+    """The gradient of `jnp.clip` divides it between equal values; here it is 0 at 0 and 6, as in PyTorch."""
     return jnp.clip(x, 0, 6)
+
+
+def _relu6_forward(x: Array) -> tuple[Array, Array]:
+    y = _relu6(x)
+    return y, y
+
+
+def _relu6_backward(y: Array, grad: Array) -> tuple[Array]:
+    return (jnp.where((y > 0) & (y < 6), grad, 0),)
+
+
+_relu6.defvjp(_relu6_forward, _relu6_backward)
 
 
 class Trunk(nn.Module):

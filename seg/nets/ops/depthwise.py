@@ -100,27 +100,23 @@ def _backward(stride: int, given: tuple[Array, Array], grad: Array) -> tuple[Arr
 
 
 def _to_kernel(x: Array, grad: Array, side: int, stride: int) -> Array:
-    """Row by row, all cells at once: what is read stays in the cache; a fifth of the time of whole sums."""
+    """Row by row: what is read stays in the cache, and so do the sums, which run along columns at the end only."""
     b, h, w, c = x.shape
     _, rows, cols, _ = grad.shape
     x = jnp.pad(x, [(0, 0), same(h, side, stride), same(w, side, stride), (0, 0)])
     right = (cols - 1) * stride + 1
 
-    def add(total: Array, number: Array) -> tuple[Array, None]:
+    def add(sums: tuple[Array, ...], number: Array) -> tuple[tuple[Array, ...], None]:
         image, row = number // rows, number % rows
         at = (image, row * stride, 0, 0)
         seen = jax.lax.dynamic_slice(x, at, (1, side, x.shape[2], c))[0].astype(jnp.float32)
-        here = jax.lax.dynamic_slice(grad, (image, row, 0, 0), (1, 1, cols, c))[0, 0]
-        sums = [
-            jnp.sum(seen[i, j : j + right : stride] * here, axis=0)
-            for i in range(side)
-            for j in range(side)
-        ]
-        return total + jnp.stack(sums), None
+        here = jax.lax.dynamic_slice(grad, (image, row, 0, 0), (1, 1, cols, c))[0]
+        parts = (seen[:, j : j + right : stride] * here for j in range(side))
+        return tuple(total + part for total, part in zip(sums, parts, strict=True)), None
 
-    zero = jnp.zeros((side * side, c), jnp.float32)
-    total, _ = jax.lax.scan(add, zero, jnp.arange(b * rows))
-    return total.reshape(side, side, 1, c)
+    zero = jnp.zeros((side, cols, c), jnp.float32)  # for each column of the kernel
+    sums, _ = jax.lax.scan(add, (zero,) * side, jnp.arange(b * rows))
+    return jnp.stack([jnp.sum(total, axis=1) for total in sums], axis=1)[:, :, None]
 
 
 def _to_x(x: Array, kernel: Array, grad: Array, stride: int) -> Array:
