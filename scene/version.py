@@ -3,8 +3,8 @@
 Raise ``ENGINE`` by hand, by one, whenever the same attributes, seed and settings give other pictures or
 labels than before: new assets, another order of random draws, other shading. ``tests/scene/test_version.py``
 fails until that is done and its golden figures are written anew (its first lines say how). Datasets carry
-the number, and an export that another engine began is refused. It is raised, too, where nets learn otherwise from
-the same recipe: records of evaluations carry it (2: nets, not pictures).
+the number, and an export that another engine began is refused. Records of evaluations carry it as well: raise
+it, too, where nets learn otherwise from the same recipe (2: nets, not pictures).
 """
 
 ENGINE = 2
