@@ -108,23 +108,24 @@ def _smoke(target: TargetName) -> dict[str, Any]:
 
 
 def _quick(target: TargetName) -> dict[str, Any]:
-    if target == "camvid":
+    if target == "twin":
         return {
             "groups": _groups(target),
-            "search": Search(updates_per_group=6, datasets_per_update=8, relaxation=0.3),
-            "reward": Fidelity(240, 176, streets=12, shots=8, samples=1, train=_REWARD),
-            "final": Fidelity(480, 360, streets=50, shots=8, samples=1, train=_FINAL),
-            **_others(128, 96, 160, 120),
-            "candidate_seeds": 2,
+            "search": Search(updates_per_group=5, datasets_per_update=4, relaxation=0.3),
+            "reward": Fidelity(128, 64, streets=12, shots=6, samples=1, train=_REWARD),
+            "final": Fidelity(192, 96, streets=30, shots=6, samples=1, train=_FINAL),
+            **_others(96, 48, 160, 80),
+            "seeds": 6,
         }
+    reward, final = ((240, 176), (480, 360)) if target == "camvid" else ((256, 128), (640, 320))
     return {
         "groups": _groups(target),
-        "search": Search(updates_per_group=10, datasets_per_update=4, relaxation=0.3),
-        "reward": Fidelity(128, 64, streets=12, shots=6, samples=1, train=_REWARD),
-        "final": Fidelity(192, 96, streets=30, shots=6, samples=1, train=_FINAL),
-        **_others(96, 48, 160, 80),
-        "reward_images": 500,
-        "seeds": 8,
+        "search": Search(updates_per_group=4, datasets_per_update=8, relaxation=0.3),
+        "reward": Fidelity(*reward, streets=12, shots=8, samples=1, train=_REWARD),
+        "final": Fidelity(*final, streets=50, shots=8, train=_FINAL),
+        **(_others(128, 96, 160, 120) if target == "camvid" else _others(128, 64, 160, 80)),
+        "candidate_seeds": 2,
+        **({} if target == "camvid" else {"reward_images": 500}),
     }
 
 

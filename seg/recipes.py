@@ -44,8 +44,7 @@ RECIPES = {
         lr=1e-2,
         steps=300,
         batch=4,
-        colour=False,
-        blur=False,
+        head_dropout=0.2,
         loss_stride=2,
     ),
     "lite0-tuned": TrainSettings(
