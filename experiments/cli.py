@@ -32,6 +32,7 @@ class _Choice:
 class _Train:
     net: NetName | None = None
     trunk: Trunk | None = None
+    weights: str | None = None
 
 
 @dataclass(frozen=True)

@@ -223,6 +223,7 @@ def test_the_preset_decides_the_defaults(arguments, default):
     [
         (["--final.train.net", "compact"], "compact", 1000),
         (["--final.train.net=fcn8s"], "scratch", 1000),
+        (["--final.train.net", "fcn8s", "--final.train.weights", "w.npz"], "paper", 1000),
         (["--final.train.trunk", "tuned", "--final.train.steps", "7"], "lite0-tuned", 7),
         (["--preset", "smoke", "--final.train.net", "lite0"], "lite0-frozen", 6),
     ],
@@ -231,5 +232,5 @@ def test_the_net_decides_how_it_is_trained(arguments, recipe, steps):
     seen = []
     main("camvid", partial(defaults, MainConfig), seen.append, "", arguments, target="camvid")
     train, own = seen[0].final.train, RECIPES[recipe]
-    assert train == replace(own, net=train.net, steps=steps)
+    assert train == replace(own, net=train.net, steps=steps, weights=train.weights)
     assert seen[0].reward.train.net == ("compact" if "smoke" in arguments else "lite0")
