@@ -150,13 +150,46 @@ class Trunk(nn.Module):
             images: RGB in [0, 1].
         """
         x = pad_to_multiple((255 * images - 127) / 128, 8)
-        x = _relu6(_Spatial(3, 2, STEM, self.dtype, name="stem")(x))
-        maps = []
-        for number, shape in enumerate(BLOCKS):
-            x = _Block(shape, self.dtype, name=f"block{number}")(x)
-            if number in TAPS:
-                maps.append(x.astype(jnp.float32))
-        return tuple(maps)
+        cpu = jax.default_backend() == "cpu"
+        if cpu and len(images) > 1 and not self.is_initializing():
+            maps = _image_by_image(self, x)
+        else:
+            maps = _fine(self, x)
+        coarse = _blocks(self, maps[-1], range(_FINE, len(BLOCKS)))
+        return tuple(m.astype(jnp.float32) for m in (*maps, *coarse))
+
+
+_FINE = TAPS[1] + 1  # blocks up to stride 8
+
+
+def _blocks(trunk: Trunk, x: Array, numbers: range) -> tuple[Array, ...]:
+    maps = []
+    for number in numbers:
+        x = _Block(BLOCKS[number], trunk.dtype, name=f"block{number}")(x)
+        if number in TAPS:
+            maps.append(x)
+    return tuple(maps)
+
+
+def _fine(trunk: Trunk, x: Array) -> tuple[Array, ...]:
+    """The features at strides 4 and 8."""
+    x = _relu6(_Spatial(3, 2, STEM, trunk.dtype, name="stem")(x))
+    return _blocks(trunk, x, range(_FINE))
+
+
+def _image_by_image(trunk: Trunk, x: Array) -> tuple[Array, ...]:
+    """The same, computed again for the gradient: at these resolutions one image fits a CPU's cache.
+
+    An update at 240x176, batch 8, takes a sixth less time so.
+    """
+
+    def one(trunk: Trunk, _: None, image: Array) -> tuple[None, tuple[Array, ...]]:
+        maps = nn.remat(_fine, prevent_cse=False)(trunk, image[None])
+        return None, tuple(m[0] for m in maps)
+
+    scan = nn.scan(one, variable_broadcast="params", split_rngs={"params": False})
+    _, maps = scan(trunk, None, x)
+    return maps
 
 
 class _Projection(nn.Module):

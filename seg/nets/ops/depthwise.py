@@ -100,7 +100,7 @@ def _backward(stride: int, given: tuple[Array, Array], grad: Array) -> tuple[Arr
 
 
 def _to_kernel(x: Array, grad: Array, side: int, stride: int) -> Array:
-    """Row by row: what is read stays in the cache, and so do the sums, which run along columns last."""
+    """Row by row, so that all stays in the cache; sums run along columns at the end only."""
     b, h, w, c = x.shape
     _, rows, cols, _ = grad.shape
     x = jnp.pad(x, [(0, 0), same(h, side, stride), same(w, side, stride), (0, 0)])
