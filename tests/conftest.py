@@ -2,7 +2,12 @@
 
 import errno
 import os
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
+from subprocess import DEVNULL, Popen, run
 
 # Before jax is imported, and in the environment, so that worker processes follow.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
@@ -17,6 +22,8 @@ import jax
 import pytest
 from jaxtyping import install_import_hook
 
+ROOT = Path(__file__).resolve().parents[1]
+
 # Shapes and types of public functions are checked in tests only. The hook sees what is imported
 # after it, so nothing above may import our packages.
 install_import_hook(["sdr_jax", "seg"], "beartype.beartype")
@@ -25,6 +32,35 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 
 hypothesis.settings.register_profile("sdr", deadline=None, max_examples=30, derandomize=True)
 hypothesis.settings.load_profile("sdr")
+
+
+def printed(code: str, **environment: str) -> list[str]:
+    """The lines that a fresh interpreter prints."""
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), **environment}
+    options = {"cwd": ROOT, "env": environment, "capture_output": True, "text": True}
+    done = run([sys.executable, "-c", code], stdin=DEVNULL, timeout=120, **options)
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def gone(pid: int) -> bool:
+    """Whether a process ends before long; one whose end nobody has asked for yet (Z) has ended."""
+    with suppress(OSError):
+        for _ in range(400):
+            if Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z":
+                return True
+            time.sleep(0.05)
+        return False
+    return True
+
+
+def wait_for_lines(process: Popen, path: Path, count: int) -> None:
+    """Returns as soon as a file of a running process has so many lines."""
+    end = time.monotonic() + 240
+    while not path.exists() or path.read_bytes().count(b"\n") < count:
+        assert process.poll() is None, process.stderr and process.stderr.read()
+        assert time.monotonic() < end, f"{path} has too few lines"
+        time.sleep(0.02)
 
 
 @pytest.fixture(scope="session")
@@ -40,10 +76,24 @@ def camvid_dir() -> Path:
 
 
 @pytest.fixture
-def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Bytes reach their file, but the disk takes none of them; ``monkeypatch.undo()`` makes room."""
+def filling_disk(monkeypatch: pytest.MonkeyPatch) -> Callable[[int], None]:
+    """Bytes reach their file, but the disk takes those of so many writes only."""
+    fsync = os.fsync
 
-    def fsync(descriptor: int) -> None:
-        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    def fill(room: int) -> None:
+        left = iter(range(room))
 
-    monkeypatch.setattr(os, "fsync", fsync)
+        def filling(descriptor: int) -> None:
+            if next(left, None) is None:
+                raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+            fsync(descriptor)
+
+        monkeypatch.setattr(os, "fsync", filling)
+
+    return fill
+
+
+@pytest.fixture
+def full_disk(filling_disk: Callable[[int], None]) -> None:
+    """It takes none at all; ``monkeypatch.undo()`` makes room."""
+    filling_disk(0)

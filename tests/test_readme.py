@@ -1,14 +1,23 @@
 """What the README shows must work as it stands there."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
 import numpy as np
 
-ROOT = Path(__file__).parents[1]
+from tests.conftest import ROOT
+
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_the_example_of_asking_and_telling_runs_and_goes_on(tmp_path, monkeypatch, capsys):
+    (code,) = re.findall(r"```py\n(.*?)```", README, flags=re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    histories = set()
+    for _ in range(2):
+        exec(compile(code, "README.md", "exec"), {})
+        histories.add(Path("history.jsonl").read_text())
+    assert len(histories) == len(set(capsys.readouterr().out.splitlines())) == 1
 
 
 def test_the_example_of_the_optimiser_runs_and_learns(capsys):

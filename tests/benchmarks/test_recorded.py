@@ -53,13 +53,11 @@ def test_only_the_quick_recipes_rewards_are_collected(tmp_path) -> None:
     lines = [{"store": "sdr-jax evaluations, 1"}, *others, good]
     store.write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert recorded.record([store], out) == 1
-    bins, rewards = recorded.read(out)
-    assert bins.tolist() == [[3, 8]]  # 8 and 9 slid to the same place
-    assert rewards.tolist() == [25.0]
+    bins, rewards = recorded.read(out)  # 8 and 9 slid to the same place
+    assert (bins.tolist(), rewards.tolist()) == ([[3, 8]], [25.0])
 
 
 def test_the_committed_record_is_large_enough_and_bins_are_legal() -> None:
     bins, rewards = recorded.read()
-    assert len(bins) == len(rewards) >= 400
-    assert bins.shape[1] == 23 and bins.min() >= 0 and bins.max() <= 9
-    assert np.all((rewards > 0) & (rewards < 100))
+    assert len(bins) == len(rewards) >= 400 and bins.shape[1] == 23
+    assert 0 <= bins.min() <= bins.max() <= 9 and 0 < rewards.min() < rewards.max() < 100

@@ -1,4 +1,4 @@
-"""The analytic problems are exact, and anyone's problem can be searched."""
+"""The analytic problems are exact, anyone's problem can be searched, and methods are ranked."""
 
 import json
 from types import SimpleNamespace
@@ -10,10 +10,12 @@ import pytest
 
 import sdr_jax
 from benchmarks.problems import GROUPS, PROBLEMS, Tabular, _build, grouped_space
+from benchmarks.ranking import behind, mean_ranks, needed, plot
 from benchmarks.search import evaluate, main, trace
 from sdr_jax import METHODS
 
 ANALYTIC = [name for name in PROBLEMS if name != "camvid"]
+TWO = sdr_jax.space(["a", "b"], bins=[2, 4])
 
 
 @pytest.mark.parametrize("name", ANALYTIC)
@@ -24,8 +26,7 @@ def test_values_are_means_over_the_intervals(name: str) -> None:
     drawn = rng.uniform(size=23), rng.uniform(0.05, 1, 23)
     proposal = sdr_jax.slide(*(jnp.asarray(part, jnp.float32) for part in drawn))
     units = sdr_jax.draw(jax.random.key(0), proposal, 4000)
-    points = sdr_jax.Proposal(units, jnp.zeros_like(units))
-    sampled = np.asarray(problem.reward(jax.random.key(1), points))
+    sampled = problem.reward(jax.random.key(1), sdr_jax.Proposal(units, jnp.zeros_like(units)))
     error = 5 * sampled.std() / np.sqrt(len(sampled))
     assert problem.true_value(proposal) == pytest.approx(sampled.mean(), abs=error)
 
@@ -43,11 +44,9 @@ def test_random_attributes_are_worth_0_and_no_bins_more_than_100(name: str) -> N
 
 def test_a_product_by_hand() -> None:
     """v = u_0 u_1 on one pair: the mean of a product of independent values."""
-    space = grouped_space()
-    functions = np.zeros((23, 24, 400))
-    u = (np.arange(400) + 0.5) / 400
+    space, functions = grouped_space(), np.zeros((23, 24, 400))
     i, j = space.groups[1]
-    functions[i, 1 + j] = functions[j, 1 + i] = u
+    functions[i, 1 + j] = functions[j, 1 + i] = (np.arange(400) + 0.5) / 400
     problem = _build(space, functions, noise=1.0)
     centre = jnp.full(23, 0.5).at[i].set(0.8).at[j].set(0.6)
     value = problem.true_value(sdr_jax.Proposal(centre, jnp.full(23, 0.1)))
@@ -67,15 +66,14 @@ def test_a_problem_of_ones_own_needs_no_jax(name: str) -> None:
         assert not isinstance(proposals.centre, jax.core.Tracer)
         return np.asarray([value(sdr_jax.Proposal(*p)) for p in zip(*proposals, strict=True)])
 
-    space = sdr_jax.space(["a", "b"], bins=[2, 4])
-    problem = SimpleNamespace(space=space, reward=reward, true_value=value)
+    problem = SimpleNamespace(space=TWO, reward=reward, true_value=value)
     found = evaluate(name, problem, 8, 0)
     assert found in (0.0, 5.0) and evaluate(name, problem, 8, 0) == found
 
 
 def test_a_table_is_projected_to_the_bins_of_the_centres() -> None:
     table = np.arange(8.0).reshape(2, 4)
-    problem = Tabular(sdr_jax.space(["a", "b"], bins=[2, 4]), table)
+    problem = Tabular(TWO, table)
     for place in np.ndindex(2, 4):
         proposal = sdr_jax.relax(problem.space, np.asarray(place))
         assert problem.true_value(proposal) == table[place]
@@ -120,6 +118,35 @@ def test_a_missing_extra_is_an_error_not_a_missing_row(monkeypatch) -> None:
         raise ImportError("tpe needs the package optuna: pip install 'sdr-jax[search]'")
 
     monkeypatch.setitem(METHODS, "tpe", METHODS["tpe"]._replace(build=missing))
-    other = sdr_jax.space(["a"], bins=3)
     with pytest.raises(ImportError, match="optuna"):
-        evaluate("tpe", SimpleNamespace(space=other), 4, 0)
+        evaluate("tpe", SimpleNamespace(space=TWO), 4, 0)
+
+
+VALUES = {
+    ("random_search", "p"): np.asarray([[1.0, 3.0], [4.0, 4.0]]),
+    ("ours", "p"): np.asarray([[3.0, 5.0], [4.0, 4.0]]),
+    ("tpe", "p"): np.asarray([[0.0, 2.0], [6.0, 8.0]]),
+}
+COURSE = {
+    ("random_search", "p"): {10: 2.0, 20: 4.0},
+    ("ours", "p"): {10: 4.0, 20: 4.0},
+    ("tpe", "p"): {10: 5.0, 15: 3.0, 20: 7.0},
+}
+
+
+def test_ranks_are_means_over_columns_and_differences_to_the_best_rival_are_paired() -> None:
+    # First column: ours 4, random 2, tpe 1; second: tpe 7, the others 4 each.
+    assert mean_ranks(VALUES) == {"ours": 1.75, "tpe": 2.0, "random_search": 2.25}
+    first, second = behind(VALUES, "ours", (50, 100))
+    assert (first["best rival"], first["difference"], first["se"]) == ("random_search", 2.0, 0.0)
+    assert first["in se"] is None  # no spread to measure by
+    assert (second["best rival"], second["difference"]) == ("tpe", -3.0)
+    assert second["in se"] == pytest.approx(-3.0)
+    assert behind(VALUES, "nobody", (50, 100)) == []
+
+
+def test_evaluations_needed_count_from_where_the_value_stays_and_are_drawn(tmp_path) -> None:
+    rows = {row["method"]: row["p"] for row in needed(COURSE, VALUES, (10, 20))}
+    assert rows == {"random_search": 20, "ours": 10, "tpe": 20}
+    plot(COURSE, str(tmp_path / "search.png"), "ours")
+    assert (tmp_path / "search.png").read_bytes().startswith(b"\x89PNG")

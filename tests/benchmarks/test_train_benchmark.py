@@ -1,11 +1,14 @@
-"""The benchmark of the nets: rows that scripts rely on, at a tiny size."""
+"""The benchmarks of nets and of single layers: rows that scripts rely on, at tiny sizes."""
 
 import json
 
+import jax
 import numpy as np
 import pytest
 
+from benchmarks import layers
 from benchmarks import train as benchmark
+from seg.nets.ops.product_conv import product_conv
 
 
 def test_rows_are_those_that_scripts_rely_on(tmp_path, capsys, monkeypatch):
@@ -17,18 +20,17 @@ def test_rows_are_those_that_scripts_rely_on(tmp_path, capsys, monkeypatch):
     assert [row["pass"] for row in rows] == ["forward", "step"]
     for row in rows:
         assert (row["net"], row["size"], row["batch"]) == ("compact", "16x8", 2)
-        assert row["ms"] > 0
-        assert row["images_per_s"] == pytest.approx(2000 / row["ms"])
+        assert row["images_per_s"] == pytest.approx(2000 / row["ms"]) and row["ms"] > 0
         assert row["torch_ms"] is None and row["ratio_to_torch"] is None
     assert "| compact | 16x8 |" in " ".join(capsys.readouterr().out.split())
 
 
 def test_ratio_is_pytorchs_time_over_ours(monkeypatch):
     times = {"jax": (10.0, 20.0), False: (30.0, 30.0), True: (20.0, 40.0)}
-    named = lambda key: dict(zip(("forward", "step"), times[key], strict=True))  # noqa: E731
+    named = {key: dict(zip(("forward", "step"), pair, strict=True)) for key, pair in times.items()}
     monkeypatch.setattr(benchmark, "jax_runs", lambda job: "jax")
     monkeypatch.setattr(benchmark, "torch_runs", lambda job, last, threads: last)
-    monkeypatch.setattr(benchmark, "medians", lambda runs, repeats: named(runs))
+    monkeypatch.setattr(benchmark, "medians", lambda runs, repeats: named[runs])
     rows = benchmark.net_rows(benchmark.Job("compact", 16, 8, 2), 1, 2, True)
     assert [row["ratio_to_torch"] for row in rows] == [2.0, 1.5]
     assert [row["torch_layout"] for row in rows] == ["channels_last", "contiguous"]
@@ -41,20 +43,15 @@ def test_lite0_has_four_passes():
         assert benchmark.medians(iter([(name, runs[name])]), 1)[name] > 0
 
 
-def test_pytorch_makes_lite0s_passes():
+@pytest.mark.parametrize(("job", "passes"), [
+    (benchmark.Job("compact", 16, 8, 2), "forward step"),
+    (benchmark.Job("lite0", 40, 32, 2), "forward features head step"),
+])  # fmt: skip
+@pytest.mark.parametrize("channels_last", [False, True])
+def test_pytorch_does_the_same_work(job, passes, channels_last):
     pytest.importorskip("torch", reason="PyTorch is not installed: pip install torch")
-    job = benchmark.Job("lite0", 40, 32, 2)
-    for channels_last in (False, True):
-        found = benchmark.medians(benchmark.torch_runs(job, channels_last, 1), 1)
-        assert list(found) == ["forward", "features", "head", "step"] and min(found.values()) > 0
-
-
-def test_pytorch_does_the_same_work():
-    pytest.importorskip("torch", reason="PyTorch is not installed: pip install torch")
-    job = benchmark.Job("compact", 16, 8, 2)
-    for channels_last in (False, True):
-        found = benchmark.medians(benchmark.torch_runs(job, channels_last, 1), 1)
-        assert set(found) == {"forward", "step"} and min(found.values()) > 0
+    found = benchmark.medians(benchmark.torch_runs(job, channels_last, 1), 1)
+    assert list(found) == passes.split() and min(found.values()) > 0
 
 
 @pytest.mark.slow
@@ -78,3 +75,36 @@ def test_arguments_that_make_no_sense(arguments, message, capsys):
     with pytest.raises(SystemExit) as error:
         benchmark.main(arguments)
     assert error.value.code == 2 and message in capsys.readouterr().err
+
+
+SMALL = (
+    layers.convolution("dilated", product_conv, (1, 4, 6, 2), (3, 3, 2, 3), 2),
+    layers.pooling("pool", (1, 4, 6, 2), 3, 2),
+)
+
+
+def test_rows_are_of_every_pass(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(layers, "LAYERS", SMALL)
+    path = tmp_path / "layers.json"
+    assert layers.main(["--repeats", "1", "--json", str(path)]) == 0
+    rows = json.loads(path.read_text())["rows"]
+    convolution = ["forward", "gradient by features", "gradient by kernel"]
+    assert [row["pass"] for row in rows] == [*convolution, *convolution[:2]]
+    for row in rows:
+        assert row["ratio_to_xla"] == pytest.approx(row["xla_ms"] / row["ms"])
+    assert "| dilated | gradient by kernel" in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize("layer", layers.LAYERS, ids=lambda layer: layer.name)
+def test_both_ways_are_of_one_shape(layer):
+    given = [jax.ShapeDtypeStruct(shape, np.float32) for shape in layer.shapes]
+    assert jax.eval_shape(layer.ours, *given) == jax.eval_shape(layer.xlas, *given)
+
+
+@pytest.mark.parametrize("layer", SMALL, ids=lambda layer: layer.name)
+def test_both_ways_compute_the_same(layer):
+    rng = np.random.default_rng(0)
+    values = tuple(rng.normal(size=shape).astype(np.float32) for shape in layer.shapes)
+    ours, xlas = (dict(layers.passes(way, values)) for way in (layer.ours, layer.xlas))
+    for name, run in ours.items():
+        np.testing.assert_allclose(run(), xlas[name](), atol=1e-4, err_msg=name)

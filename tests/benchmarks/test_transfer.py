@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from PIL import Image
 
 from benchmarks.transfer import tables
 from benchmarks.transfer.__main__ import main
@@ -16,23 +15,18 @@ from benchmarks.transfer.closeups import DISTANCE, _crossed, close_up, close_ups
 from benchmarks.transfer.ingredients import INGREDIENTS, render_world
 from benchmarks.transfer.nets import BLOCKS, held_out, steering_set
 from benchmarks.transfer.recipe import TABLE, Recipe, units, world
-from scene.assets.catalogue import AssetPool
-from scene.render import RenderSettings
+from scene import AssetPool, RenderSettings
 from scene.street.placing import FIRST_INSTANCE
 from seg.data import DataError
+from tests.experiments.conftest import write_pair
 
 CLASSES = ("sky", "road", "car")
 TINY = Recipe(width=32, height=24, samples=2, streets=1, shots=2)
 
 
 def write_image(root, split, name):
-    rng = np.random.default_rng(len(name))
-    for folder, values in (
-        (split, rng.integers(0, 256, (24, 32, 3))),
-        (f"{split}annot", np.kron(rng.integers(0, 11, (6, 8)), np.ones((4, 4)))),
-    ):
-        (root / folder).mkdir(parents=True, exist_ok=True)
-        Image.fromarray(values.astype(np.uint8)).save(root / folder / f"{name}.png")
+    paths = (root / folder / f"{name}.png" for folder in (split, f"{split}annot"))
+    write_pair(*paths, seed=len(name), highest=10)
 
 
 @pytest.fixture
@@ -70,9 +64,6 @@ def test_every_image_is_held_out_once_and_in_one_piece(lengths):
     assert (ends <= 2 * len(lengths)).all()
 
 
-RESHAPING = ("oversampling", "markings", "background", "of the assets")
-
-
 def test_every_ingredient_shows_in_the_picture_and_most_leave_the_street_standing():
     recipe = TINY._replace(streets=6, shots=1)
     drawn = units(recipe, "default", 0)
@@ -83,21 +74,19 @@ def test_every_ingredient_shows_in_the_picture_and_most_leave_the_street_standin
         assert images.shape == complete.shape
         assert (images != complete).any(), name
         same = np.array_equal(found, labels)
-        assert same != any(word in name for word in RESHAPING), name
+        reshaping = ("oversampling", "markings", "background", "of the assets")
+        assert same != any(word in name for word in reshaping), name
 
 
 @pytest.mark.parametrize("family", ["person", "rider", "bus"])
 def test_a_close_up_looks_at_its_asset(family):
     street, instance = close_up(family, 1, 0)
-    chosen = street.placements[instance - FIRST_INSTANCE]
+    chosen, camera = street.placements[instance - FIRST_INSTANCE], street.cameras[0]
     assert chosen.family == family
-    count = len(street.placements)
-    assert [p.instance - FIRST_INSTANCE for p in street.placements] == [*range(count)]
-    camera = street.cameras[0]
+    assert all(p.instance == k for k, p in enumerate(street.placements, FIRST_INSTANCE))
     x, y = chosen.pose[:2, 3] - camera.position[:2]
-    assert x == pytest.approx(DISTANCE[family])
-    assert math.atan2(-y, x) == pytest.approx(camera.yaw)
-    picture = close_ups(family, 1, 1, RenderSettings(64, 48))[0]
+    assert (x, math.atan2(-y, x)) == pytest.approx((DISTANCE[family], camera.yaw))
+    (picture,) = close_ups(family, 1, 1, RenderSettings(64, 48))
     rows, columns = np.nonzero(picture.mask)
     assert len(rows) > 10 and 20 < np.median(columns) < 44
 
@@ -105,19 +94,17 @@ def test_a_close_up_looks_at_its_asset(family):
 @given(st.lists(st.floats(-9, 9), min_size=6, max_size=6), st.floats(0, 1), st.floats(0.1, 3))
 def test_a_box_on_the_line_is_crossed_and_a_box_above_it_is_not(ends, share, half):
     start, end = np.array(ends[:3]), np.array(ends[3:])
-    middle = start + share * (end - start)
-    above = middle + [0, 0, 40]
-    boxes = np.array([[centre - half, centre + half] for centre in (middle, above)])
+    centres = start + share * (end - start) + [[0, 0, 0], [0, 0, 40]]
+    boxes = np.stack([centres - half, centres + half], axis=1)
     assert _crossed(boxes, start, end).tolist() == [True, False]
 
 
 def test_worth_is_paired_by_seed():
     good, bad = np.diag([4, 4, 4]), np.array([[4, 0, 0], [0, 2, 2], [0, 2, 2]])
-    rows = tables.ingredient_rows([good, bad], {"haze": [bad, bad]}, CLASSES)
+    (row,) = tables.ingredient_rows([good, bad], {"haze": [bad, bad]}, CLASSES)
     # Road and car fall from 1 to 2/6: mIoU from 1 to 5/9.
-    assert rows[0]["without"] == "haze"
-    assert rows[0]["worth"] == rows[0]["error"] == pytest.approx(100 * (4 / 9) / 2)
-    assert rows[0]["gains"].startswith(("road +33.3", "car +33.3"))
+    assert row["worth"] == row["error"] == pytest.approx(100 * (4 / 9) / 2)
+    assert row["without"] == "haze" and row["gains"].startswith(("road +33.3", "car +33.3"))
     assert tables.ingredient_rows([good], {"haze": [bad]}, CLASSES)[0]["error"] is None
 
 
@@ -132,8 +119,7 @@ def test_tones_are_medians_beside_the_road_s_and_few_pixels_do_not_count():
     rows = tables.tone_rows({"renders": (images, labels)}, CLASSES)
     assert [row["class"] for row in rows] == [*CLASSES]
     assert [row["renders"] for row in rows[:2]] == pytest.approx([60, 120])
-    assert rows[0]["renders / road"] == pytest.approx(0.5)
-    assert math.isnan(rows[2]["renders"])
+    assert rows[0]["renders / road"] == pytest.approx(0.5) and math.isnan(rows[2]["renders"])
 
 
 def test_recognition_by_hand():

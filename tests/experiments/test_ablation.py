@@ -17,8 +17,6 @@ from shell.files import read_json
 
 from .conftest import ROOT, lines
 
-RECORDED = ROOT / "docs" / "results" / "ablation.json"
-
 
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("target", TARGETS)
@@ -65,8 +63,7 @@ def test_an_ablation_leaves_its_figures(camvid, tmp_path, counted, capsys):
     search = replace(config.search, method="random_search")
     config = replace(config, search=search, variants=VARIANTS)
     report = do(STUDY, config)
-    printed = capsys.readouterr().out
-    assert "no_relaxation: update 2/2 | mIoU" in printed
+    assert "no_relaxation: update 2/2 | mIoU" in capsys.readouterr().out
     rows = {row["variant"]: row for row in report["rows"]}
     assert tuple(rows) == VARIANTS and rows["random"]["search"] is None
     for name in searches(config):
@@ -88,7 +85,7 @@ def test_an_ablation_leaves_its_figures(camvid, tmp_path, counted, capsys):
 
 
 def test_what_failed_is_told_and_left_out():
-    report = read_json(RECORDED)
+    report = read_json(ROOT / "docs" / "results" / "ablation.json")
     report["rows"][1]["nets"] = [None] * 3
     report["rows"][1]["search"]["rewards"][0] = None
     found = FORM.derive(report)

@@ -35,10 +35,8 @@ def assets(command, tmp_path):
 def test_presets_are_sound(target, preset):
     config = defaults(target, preset)
     assert config.fractions == (1.0, 0.5) and config.seeds >= 2
-    if preset != "smoke":
-        assert config.images == IMAGES
-    for images in config.images:
-        assert fidelity_of(config, images).images == images
+    assert config.images == IMAGES or preset == "smoke"
+    assert all(fidelity_of(config, images).images == images for images in config.images)
 
 
 def test_a_study_leaves_its_figures(assets, tmp_path):
@@ -51,12 +49,10 @@ def test_a_study_leaves_its_figures(assets, tmp_path):
         np.testing.assert_array_equal(np.stack(proposal), np.stack(default_proposal(0.15)))
     # Pairs share streets and seeds, and differ in nothing but the assets.
     for images in config.images:
-        full, half = (
-            [c for c in calls if c[0].fidelity.images == images and c[0].pool.fraction == fraction]
-            for fraction in (1, 0.5)
-        )
-        assert [c[2] for c in full] == [c[2] for c in half] == [0, 1]
-        assert full[0][0].fidelity == half[0][0].fidelity
+        of = [(seed, recipe) for recipe, _, seed in calls if recipe.fidelity.images == images]
+        full, half = ([o for o in of if o[1].pool.fraction == share] for share in (1, 0.5))
+        assert [seed for seed, _ in full] == [seed for seed, _ in half] == [0, 1]
+        assert full[0][1].fidelity == half[0][1].fidelity
     assert [(r["images"], r["streets"], r["fraction"]) for r in report["rows"]] == [
         (2, 1, 1.0), (2, 1, 0.5), (4, 2, 1.0), (4, 2, 0.5),
     ]  # fmt: skip

@@ -136,13 +136,13 @@ def test_too_little_signal_stops_a_script(scored, command, required, fit, tmp_pa
     flags = ["--proposals", "5", "--repeated", "3", "--rungs", "1"]
     flags += [] if required is None else ["--require-signal", required]
     code = command("fidelity", tmp_path / "run", *flags, evaluate=scored)
-    report = read_json(tmp_path / "run" / "fidelity.json")
+    report, said = read_json(tmp_path / "run" / "fidelity.json"), capsys.readouterr()
     (rung,) = report["rungs"]
     assert len(scored.calls) == 7 + 3 and rung["signal_to_noise"]["value"] > 1
-    assert report["fit"] is fit and code == (fit is False)
-    said = capsys.readouterr()
-    assert ("the signal is NOT 1e+09 times the noise" in said.out) == (fit is False)
-    assert ("--require-signal 1e+09: the signal of rung 1 is" in said.err) == (fit is False)
+    unfit = fit is False
+    assert report["fit"] is fit and code == unfit
+    assert ("the signal is NOT 1e+09 times the noise" in said.out) == unfit
+    assert ("--require-signal 1e+09: the signal of rung 1 is" in said.err) == unfit
 
 
 @pytest.mark.slow

@@ -20,6 +20,7 @@ from .conftest import Counted, Killed, lines
 
 LOW = defaults(MainConfig, "camvid", "smoke").reward
 RUNGS = tuple(ladder.Rung(LOW, tuple(range(100 * k, 100 * k + n))) for k, n in enumerate((8, 4, 2)))
+LADDER = {"ladder": True, "candidates": ("argmax", "spread", "broad", "random")}
 
 
 @pytest.fixture
@@ -47,9 +48,8 @@ def test_the_middle_by_hand():
     config = defaults(MainConfig, "camvid", "quick")
     between = ladder.middle(config.reward, config.final)
     # sqrt(64 128) = 90.5 and sqrt(48 96) = 67.9, in multiples of 8; sqrt(12 50), sqrt(200 1000).
-    assert between.size == "88x64"
-    assert (between.streets, between.shots, between.train.steps) == (24, 8, 447)
-    assert between.train.net == config.final.train.net
+    assert (between.size, between.streets, between.shots) == ("88x64", 24, 8)
+    assert (between.train.steps, between.train.net) == (447, config.final.train.net)
 
 
 @pytest.mark.parametrize("preset", PRESETS)
@@ -59,8 +59,7 @@ def test_rungs_lead_from_the_reward_to_the_final_fidelity(target, preset):
     rungs = ladder.ladder(config.reward, config.final, 3, config.seed)
     assert (rungs[0].fidelity, rungs[-1].fidelity) == (config.reward, config.final)
     costs = [ladder.cost_of(rung.fidelity) for rung in rungs]
-    assert costs == sorted(costs)
-    assert [len(rung.seeds) for rung in rungs] == [12, 6, 3]
+    assert costs == sorted(costs) and [len(rung.seeds) for rung in rungs] == [12, 6, 3]
     assert len(ladder.fidelities(config.final, config.final)) == 1
 
 
@@ -71,8 +70,7 @@ def test_rungs_candidates_and_rows_share_no_seed(seed, nets):
     seeds = [s for rung in rungs for s in rung.seeds]
     first = CANDIDATE_SEED + seed
     others = [*range(seed, seed + 1000), *range(first, first + nets)]
-    assert len({*seeds, *others}) == len(seeds) + len(others)
-    assert max(seeds) < 2**32
+    assert len({*seeds, *others}) == len(seeds) + len(others) and max(seeds) < 2**32
 
 
 def test_hopeless_by_hand():
@@ -124,8 +122,7 @@ def test_the_hopeless_leave_at_once():
     best, finals = ladder.climb("abcd", RUNGS, scores)
     # Paired, the noise of seeds cancels: half of the first rung settles it.
     assert best == "c" and scores.asked[0] == (0, tuple("abcd"), (0, 1, 2, 3))
-    assert scores.asked[1] == (2, ("c",), (200,)) and set(finals) == {"c"}
-    assert scores.nets() == 17
+    assert scores.asked[1] == (2, ("c",), (200,)) and set(finals) == {"c"} and scores.nets() == 17
 
 
 def test_the_worse_half_leaves_at_each_rung():
@@ -135,15 +132,13 @@ def test_the_worse_half_leaves_at_each_rung():
     entered = {number: set(names) for number, names, _ in reversed(scores.asked)}
     assert len(entered[0]) == 8 and len(entered[1]) <= 4 and len(entered[2]) <= 2
     assert entered[2] <= entered[1] <= entered[0] and best in entered[2] == set(finals)
-    for number, _, seeds in scores.asked:
-        assert set(seeds) <= set(RUNGS[number].seeds)
+    assert all({*seeds} <= {*RUNGS[number].seeds} for number, _, seeds in scores.asked)
 
 
 @given(st.permutations([0.0, 0.1, 0.2, 0.3, 0.4]))
 def test_without_noise_the_best_wins(order):
     worth = dict(zip("abcde", order, strict=True))
-    best, _ = ladder.climb(tuple(worth), RUNGS, Scores(worth))
-    assert best == ladder.best_of({name: [value] for name, value in worth.items()}, tuple(worth))
+    assert worth[ladder.climb(tuple(worth), RUNGS, Scores(worth))[0]] == 0.4
 
 
 @given(st.integers(1, 9), st.floats(0, 2))
@@ -154,16 +149,12 @@ def test_it_never_trains_more_nets_than_planned(count, noise):
     assert scores.nets() <= sum(ladder.most_nets(count, RUNGS))
 
 
-def wide(recipe, source, seed, truth) -> Outcome:
-    """Worth more the wider a proposal is."""
-    return Outcome(source.width.mean() / 2 + seed % 97 / 1000, [], 0.1, 0.2)
-
-
 @pytest.fixture
 def job(tiny_camvid, scored_by):
-    """Learns with a reward by a formula; the search is one of six updates."""
-    scores = Counted(wide)
-    scored_by(scores)
+    """Learns with rewards that are higher the wider a proposal is; the search is one of six updates."""
+
+    def wide(recipe, source, seed, truth) -> Outcome:
+        return Outcome(source.width.mean() / 2 + seed % 97 / 1000, [], 0.1, 0.2)
 
     def work(**changes):
         config = replace(tiny_camvid, **changes)
@@ -172,21 +163,22 @@ def job(tiny_camvid, scored_by):
             run.begin(work_of(config))
             return learn(run), run.progress, config
 
+    scores = Counted(wide)
+    scored_by(scores)
     return work, scores
 
 
 def test_the_better_candidate_is_chosen_on_the_reward_images(job):
     work, scores = job
-    learnt, _, config = work(candidate_seeds=2, candidates=("argmax", "random"))
+    two = {"candidate_seeds": 2, "candidates": ("argmax", "random")}
+    learnt, _, config = work(**two)
     assert learnt.chosen == "random" and set(learnt.scores) == {"argmax", "random"}
     np.testing.assert_array_equal(learnt.proposal, random_proposal())
-    finals = lines(config.out / "finals.jsonl")
-    assert {line["seed"] for line in finals} == {CANDIDATE_SEED, CANDIDATE_SEED + 1}
-    assert {line["side"] for line in finals} == {"reward"}
+    finals = {(line["seed"], line["side"]) for line in lines(config.out / "finals.jsonl")}
+    assert finals == {(CANDIDATE_SEED, "reward"), (CANDIDATE_SEED + 1, "reward")}
     assert (config.out / "attributes.json").exists()
     made = len(scores.calls)
-    assert work(candidate_seeds=2, candidates=("argmax", "random"))[0].scores == learnt.scores
-    assert len(scores.calls) == made
+    assert work(**two)[0].scores == learnt.scores and len(scores.calls) == made
 
 
 def test_a_candidate_that_failed_once_is_judged_by_its_other_nets(job):
@@ -195,9 +187,6 @@ def test_a_candidate_that_failed_once_is_judged_by_its_other_nets(job):
     learnt, _, config = work(candidate_seeds=3, candidates=("argmax", "random"))
     assert learnt.chosen == "random"
     assert sum(line["failed"] is not None for line in lines(config.out / "finals.jsonl")) == 1
-
-
-LADDER = {"ladder": True, "candidates": ("argmax", "spread", "broad", "random")}
 
 
 def test_candidates_climb_on_the_reward_images_of_each_size(job):

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,41 +16,24 @@ from experiments.reward.miou import Recipe, evaluate_miou, worker_environment
 from experiments.reward.store import LOGS
 from experiments.reward.truth import Truth
 from scene.attributes import NAMES
+from scene.dataset.export import read_dataset
 from scene.proposal import random_proposal
 from scene.render.__main__ import main as scene_render
 from scene.workers import WorkerPool
+from seg.classes import CITYSCAPES_19
 from seg.data import read_cityscapes
 from shell.files import read_json
+from tests.conftest import gone, wait_for_lines
 
-from .conftest import TINY, Job, lines
+from .conftest import TINY, lines
 
 SCORES = ("rows", "random", "default", "learnt", "gain", "candidates", "chosen_candidate")
 
 
-def wait_for(job: Job, log: str, count: int, timeout: float = 240) -> None:
-    """Return as soon as a log of the run folder has so many lines."""
-    end = time.monotonic() + timeout
-    while len(lines(job.out / log)) < count:
-        assert job.process.poll() is None, "the job ended before it could be stopped"
-        assert time.monotonic() < end, f"{log} has not got {count} lines in {timeout} s"
-        time.sleep(0.02)
-
-
 def children(pid: int) -> list[int]:
     """Processes that a process started, as Linux tells; none elsewhere."""
-    try:
-        with open(f"/proc/{pid}/task/{pid}/children") as file:
-            return [int(child) for child in file.read().split()]
-    except OSError:
-        return []
-
-
-def alive(pid: int) -> bool:
-    try:
-        with open(f"/proc/{pid}/stat") as file:
-            return file.read().rpartition(")")[2].split()[0] != "Z"
-    except OSError:
-        return False
+    path = Path(f"/proc/{pid}/task/{pid}/children")
+    return [int(child) for child in path.read_text().split()] if path.exists() else []
 
 
 def test_output_says_from_first_to_last_line_that_the_twin_is_not_real(unbroken):
@@ -61,8 +43,7 @@ def test_output_says_from_first_to_last_line_that_the_twin_is_not_real(unbroken)
     assert any("the twin, NOT real data" in line for line in printed[1:])
     assert "not real data" in printed[-1] and "summary.json" in printed[-1]
     progress = [line for line in printed if line.startswith("[")]
-    assert len(progress) == 6 + 9
-    assert all("mIoU" in line and " left" in line for line in progress)
+    assert len(progress) == 6 + 9 and all("mIoU" in line and " left" in line for line in progress)
     assert all("best" in line for line in progress[:6])
     assert not any("baseline" in line or "nan" in line for line in progress)  # the default has none
     assert all("twin, not real" in line for line in progress)
@@ -79,8 +60,10 @@ def test_the_run_folder_is_complete(unbroken):
     }  # fmt: skip
     for path in out.glob("pictures/*.png"):
         assert min(Image.open(path).size) > 200
-    dataset = read_cityscapes(out / "dataset", "train")
-    assert dataset.images.shape == (6, 32, 64, 3)
+    found, rendered = read_cityscapes(out / "dataset", "train"), read_dataset(out / "dataset")
+    assert found.images.shape == (6, 32, 64, 3) and found.names[0] == "scenex_000000_000000"
+    np.testing.assert_array_equal(found.images, rendered.images)
+    np.testing.assert_array_equal(found.labels, CITYSCAPES_19.from_train_id[rendered.labels])
     assert [len(lines(out / log)) for log in LOGS] == [12, 1 + 4 * 2]
     summary = read_json(out / "summary.json")
     assert (summary["reward_images"], summary["test_images"]) == (8, 8)
@@ -99,27 +82,24 @@ def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_
     out = tmp_path / "broken"
 
     job = start_job(out, *TINY)
-    wait_for(job, "evaluations.jsonl", 1)
+    wait_for_lines(job.process, out / "evaluations.jsonl", 1)
     job.send(signal.SIGINT)  # as a terminal does, to the main process and to its workers
     code, _, stderr = job.finish()
     assert (code, stderr.strip()) == (130, "stopped; the same command goes on where it was")
 
     job = start_job(out, *TINY)
-    wait_for(job, "evaluations.jsonl", 7)
+    wait_for_lines(job.process, out / "evaluations.jsonl", 7)
     job.kill()
     job.finish()
     with open(out / "evaluations.jsonl", "a") as log:
         log.write('{"update": 4, "data')  # as a kill within a write leaves it
 
     job = start_job(out, *TINY)
-    wait_for(job, "finals.jsonl", 3)
+    wait_for_lines(job.process, out / "finals.jsonl", 3)
     workers = children(job.process.pid)
     os.kill(job.process.pid, signal.SIGKILL)  # the main process alone
     job.process.wait()
-    end = time.monotonic() + 20
-    while any(alive(pid) for pid in workers):
-        assert time.monotonic() < end, "workers outlive a killed main process"
-        time.sleep(0.05)
+    assert all(gone(pid) for pid in workers)  # they do not outlive it
     job.finish()
 
     code, stdout, stderr = start_job(out, *TINY).finish()
@@ -184,5 +164,4 @@ def test_smoke_run_on_real_camvid(camvid_dir, start_job, tmp_path):
     assert (summary["target"], summary["real"]) == ("camvid", True)
     assert (summary["reward_images"], summary["test_images"]) == (8, 8)
     assert "recovery" not in summary
-    assert all(0 < summary["rows"][row]["mean"] < 100 for row in ROWS)
-    assert "twin" not in stdout
+    assert all(0 < summary["rows"][row]["mean"] < 100 for row in ROWS) and "twin" not in stdout

@@ -1,6 +1,5 @@
 """The three pictures: written whole, of the right things."""
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
@@ -30,10 +29,8 @@ def found() -> Found:
 
 def test_colours_are_the_tables():
     labels = np.array([[0, 1], [10, IGNORE_LABEL]], np.uint8)
-    np.testing.assert_array_equal(
-        pictures.colorize(labels, CITYSCAPES_19),
-        [[(128, 64, 128), (244, 35, 232)], [(70, 130, 180), (0, 0, 0)]],
-    )
+    wanted = [[(128, 64, 128), (244, 35, 232)], [(70, 130, 180), (0, 0, 0)]]
+    np.testing.assert_array_equal(pictures.colorize(labels, CITYSCAPES_19), wanted)
     np.testing.assert_array_equal(pictures.colorize(labels, CAMVID_11)[0, 0], (128, 128, 128))
 
 
@@ -78,7 +75,5 @@ def test_a_full_disk_leaves_no_half_picture(found, tmp_path, full_disk):
 
 def test_small_images_are_enlarged_by_whole_numbers():
     image = np.arange(2 * 96 * 3, dtype=np.uint8).reshape(2, 96, 3)
-    large = pictures._enlarge(image)
-    assert large.shape == (2 * 16, 96 * 16, 3)
-    back = cv2.resize(large, (96, 2), interpolation=cv2.INTER_NEAREST)
-    np.testing.assert_array_equal(back, image)
+    large = image.repeat(16, axis=0).repeat(16, axis=1)
+    np.testing.assert_array_equal(pictures._enlarge(image), large)

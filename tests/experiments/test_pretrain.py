@@ -30,10 +30,6 @@ def pretrain(command, learnt_file):
     return lambda out, *flags, **more: command("pretrain", out, *own, *flags, **more)
 
 
-def report_of(out) -> dict:
-    return read_json(out / "pretrain.json")
-
-
 @given(st.integers(0, 2**32 - 1), st.integers(1, 400))
 def test_smaller_subsets_lie_within_larger_ones(seed, images):
     fractions = [1.0, 0.05, 0.25, 0.1]
@@ -55,8 +51,7 @@ def test_subsets_by_hand():
 def test_fine_tuning_is_a_third_unless_told():
     config = defaults("camvid", "quick")
     fine = fine_fidelity(config).train
-    assert (fine.steps, fine.lr) == (333, pytest.approx(0.01 / 3))
-    assert replace(fine, steps=1000, lr=0.01) == config.final.train
+    assert fine == replace(config.final.train, steps=333, lr=pytest.approx(0.01 / 3))
     told = fine_fidelity(replace(config, finetune_steps=7, finetune_lr=0.5)).train
     assert (told.steps, told.lr, told.warmup) == (7, 0.5, 3)
     assert config.seeds >= 4 and config.fractions == (0.05, 0.1, 0.25, 1.0)
@@ -66,11 +61,9 @@ def test_fine_tuning_is_a_third_unless_told():
 def way(monkeypatch):
     """Follows one net with stubs for rendering, training and scoring; lists what was trained."""
     fidelity = defaults("camvid", "smoke").final
-    images = np.zeros((4, 48, 64, 3), np.uint8)
-    images += np.arange(4, dtype=np.uint8)[:, None, None, None]
-    real = Truth(images, np.zeros((4, 48, 64), np.uint8))
-    rendered = Truth(np.zeros((6, 48, 64, 3), np.uint8), np.zeros((6, 48, 64), np.uint8))
-    done: list[tuple] = []
+    blank = Truth(np.zeros((6, 48, 64, 3), np.uint8), np.zeros((6, 48, 64), np.uint8))
+    numbered = blank.images[:4] + np.arange(4, dtype=np.uint8)[:, None, None, None]
+    real, done = Truth(numbered, blank.labels[:4]), []
 
     def train(seed, images, labels, settings, classes, params=None, **_):
         done.append((settings.steps, images[:, 0, 0, 0].tolist(), params))
@@ -79,7 +72,7 @@ def way(monkeypatch):
         return f"net {len(done)}"
 
     monkeypatch.setattr(miou, "train", train)
-    monkeypatch.setattr(nets, "training_set", lambda recipe, proposal, seed: rendered)
+    monkeypatch.setattr(nets, "training_set", lambda recipe, proposal, seed: blank)
     monkeypatch.setattr(miou, "score", lambda *_, **__: np.array([[len(done), 100], [100, 100]]))
 
     def way(row):
@@ -94,11 +87,10 @@ def way(monkeypatch):
 
 
 def test_a_net_is_pre_trained_once_and_fine_tuned_on_every_subset(way):
-    outcomes, done = way("learnt")
+    (one, two), done = way("learnt")
     assert done == [(20, [0] * 6, None), (3, [2], "net 1"), (3, [0, 2], "net 1")]
-    assert [o.failed for o in outcomes] == [None, None]
-    assert outcomes[0].reward < outcomes[1].reward  # by the stub
-    assert outcomes[1].render_seconds == 0 <= outcomes[0].render_seconds
+    assert one.failed is two.failed is None and one.reward < two.reward  # by the stub
+    assert two.render_seconds == 0 <= one.render_seconds
 
 
 @pytest.mark.parametrize(("row", "trained"), [
@@ -121,17 +113,16 @@ def test_training_that_diverges_is_an_outcome(way):
 def test_a_measurement_leaves_its_figures(pretrain, tmp_path):
     out = tmp_path / "run"
     assert pretrain(out, "--rows", "scratch", "random", "learnt", "longer", "--seeds", "4") == 0
-    report = report_of(out)
+    report = read_json(out / "pretrain.json")
     made = [(row["row"], (row["fraction"], row["images"])) for row in report["rows"]]
     assert made == [*product(("scratch", "random", "learnt", "longer"), ((0.25, 1), (1.0, 4)))]
     scratch, _, random = report["rows"][:3]
-    assert scratch["mean"] == pytest.approx(11.15) and random["mean"] == pytest.approx(16.15)
+    assert (scratch["mean"], random["mean"]) == pytest.approx((11.15, 16.15))
     assert [net["miou"] for net in scratch["nets"]] == pytest.approx([11.0, 11.1, 11.2, 11.3])
     tests = {(t["row"], t["against"], t["fraction"]): t for t in report["tests"]}
-    assert len(tests) == 5 * 2
-    assert tests["random", "scratch", 0.25]["difference"] == pytest.approx(5)
-    assert tests["random", "scratch", 0.25]["stars"] == "**"
-    assert tests["learnt", "random", 1.0]["stars"] == ""
+    gain, none = tests["random", "scratch", 0.25], tests["learnt", "random", 1.0]
+    assert (gain["difference"], gain["stars"]) == (pytest.approx(5), "**")
+    assert none["stars"] == "" and len(tests) == 5 * 2
     text = (out / "pretrain.md").read_text()
     assert "get the steps of the fine-tuning only" in text and r"\*\*" in text
     assert len(lines(out / "finals.jsonl")) == 4 * 2 * 4
@@ -173,7 +164,7 @@ def test_nets_that_failed_are_told_and_left_out(pretrain, tmp_path):
 
     out = tmp_path / "run"
     assert pretrain(out, transfer=sometimes) == 0
-    report = report_of(out)
+    report = read_json(out / "pretrain.json")
     assert report["rows"][0]["nets"][0] is None and report["rows"][0]["ci95"] is None
     pair = ("learnt", "scratch", 0.25)
     (test,) = (t for t in report["tests"] if (t["row"], t["against"], t["fraction"]) == pair)
@@ -185,5 +176,5 @@ def test_nets_that_failed_are_told_and_left_out(pretrain, tmp_path):
 def test_scratch_alone_needs_no_attributes(pretrain, tmp_path):
     out = tmp_path / "run"
     assert pretrain(out, "--rows", "scratch", "--learnt", "None") == 0
-    assert report_of(out)["tests"] == [] and lines(out / "evaluations.jsonl") == []
+    assert read_json(out / "pretrain.json")["tests"] == lines(out / "evaluations.jsonl") == []
     assert "Learnt" not in (out / "pretrain.md").read_text()

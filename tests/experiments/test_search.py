@@ -4,6 +4,7 @@ import json
 import os
 import signal
 from dataclasses import replace
+from unittest.mock import Mock
 
 import jax
 import numpy as np
@@ -16,18 +17,15 @@ from experiments.run.context import opened
 from experiments.run.learn import plan_of
 from experiments.run.search import embed, search
 from scene.attributes import NAMES
-from shell import lines as shell_lines
 from shell.errors import UserError
 
 from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, untimed
 
+nothing_to_score = Mock(return_value=Outcome(float("nan"), [], 0.0, 0.0))
+
 
 def die(*task) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
-
-
-def nothing_to_score(*task) -> Outcome:
-    return Outcome(float("nan"), [], 0.0, 0.0)
 
 
 @pytest.fixture
@@ -151,14 +149,10 @@ def end(camvid, tmp_path, scored_by, capsys):
     return ended
 
 
-def interrupted(*task):
-    raise KeyboardInterrupt
-
-
 @pytest.mark.parametrize(("evaluate", "flags", "code", "words"), [
     (nothing_to_score, (), 2, ["the score is nan", "at least one labelled class"]),
     (diverge, (), 2, ["2 of 12 evaluations failed", "the loss is nan after 50 of 200 steps"]),
-    (interrupted, (), 130, ["stopped; the same command goes on where it was"]),
+    (Mock(side_effect=KeyboardInterrupt), (), 130, ["stopped; the same command goes on where it was"]),
     (die, ("--workers", "1"), 1, ["a worker process died twice", "--workers"]),
 ])  # fmt: skip
 def test_what_ends_a_search_is_one_line(end, evaluate, flags, code, words):
@@ -166,21 +160,11 @@ def test_what_ends_a_search_is_one_line(end, evaluate, flags, code, words):
     assert found == code and all(word in text for word in words)
 
 
-def test_a_disk_that_fills_up_is_named_and_the_run_goes_on_later(end, tmp_path, monkeypatch):
-    calls, fsync = [], shell_lines.os.fsync
-
-    def filling(descriptor):
-        calls.append(descriptor)
-        if len(calls) > 9:  # five files before the first reward
-            raise OSError(28, "No space left on device")
-        fsync(descriptor)
-
+def test_a_disk_that_fills_up_is_named_and_the_run_goes_on_later(end, tmp_path, filling_disk):
     log = tmp_path / "run" / "evaluations.jsonl"
-    with monkeypatch.context() as patch:
-        patch.setattr(shell_lines.os, "fsync", filling)
-        code, text = end(formula)
-    assert code == 2 and f"{log}: No space left on device" in text
-    kept = len(lines(log))
-    assert kept == 4
+    filling_disk(9)  # five files come before the first reward
+    code, text = end(formula)
+    assert code == 2 and f"{log}: No space left on device" in text and len(lines(log)) == 4
+    filling_disk(99)
     code, text = end(nothing_to_score)
-    assert code == 2 and "the score is nan" in text and len(lines(log)) == kept
+    assert code == 2 and "the score is nan" in text and len(lines(log)) == 4

@@ -27,16 +27,13 @@ from .conftest import ROOT, Counted, Killed, lines, never, study, transferred
 TRAINED = ("table", "pretrain", "assets", "ablation", "compare")  # their rows are of nets
 STUDIES = (*TRAINED, "fidelity", "sensitivity")
 FORM = Form(
-    "some",
-    lambda report: {**report, "mean": float(np.mean(report["scores"]))},
-    lambda report: f"{report['mean']}",
-    {"some.png": lambda report: b"picture"},
-)
+    "some", lambda report: {**report, "mean": float(np.mean(report["scores"]))},
+    lambda report: f"{report['mean']}", {"some.png": lambda report: b"picture"},
+)  # fmt: skip
 SOME = Study(
-    FORM,
-    lambda config: [],
+    FORM, lambda config: [],
     lambda run, made: {**form.about(run, run.config.final), "scores": [1, 2]},
-)
+)  # fmt: skip
 
 
 @pytest.fixture
@@ -80,8 +77,7 @@ def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
         with monkeypatch.context() as patch, pytest.raises(Killed):
             patch.setattr(Log, "add", lambda *record, dying=dying: dying(*record))
             work(broken, *flags)
-    logs = [broken / file for file in LOGS]
-    assert sum(len(lines(log)) for log in logs) == sum(counts)
+    assert sum(len(lines(broken / log)) for log in LOGS) == sum(counts)
     assert work(broken, *flags) == 0
     # What is finished is not redone, but for what was never written; nor does a report need any net.
     assert len(scored.calls) == 2 * made + len(counts)
@@ -148,13 +144,10 @@ def test_a_recorded_report_is_derived_anew(name, tmp_path):
     ("fidelity", ("--target", "twin"), "--target twin takes no --data"),
     ("fidelity", ("--rederive", "none.json"), "--rederive none.json: No such file"),
 ])  # fmt: skip
-def test_bad_input_is_one_line_and_exit_code_2(
-    name, flags, complaint, command, tmp_path, error_line, learnt_file
-):
+def test_bad_input_is_one_line(name, flags, complaint, command, tmp_path, error_line, learnt_file):
     flags = [str(learnt_file) if flag == "FILE" else flag for flag in flags]
     assert command(name, tmp_path / "run", *flags, evaluate=never, transfer=never) == 2
-    assert complaint in error_line()
-    assert not (tmp_path / "run").exists()
+    assert complaint in error_line() and not (tmp_path / "run").exists()
 
 
 @pytest.mark.parametrize(("name", "flags"), [
@@ -163,14 +156,10 @@ def test_bad_input_is_one_line_and_exit_code_2(
     ("pretrain", ("--rows", "imagenet")),
     ("pretrain", ("--default-width", "0.5")),
     ("assets", ("--asset-fraction", "0.5")),
-    *(("ablation", flags) for flags in (
-        ("--variants", "no_fog"), ("--learnt", "x.json"), ("--reward-kind", "mmd"),
-        ("--candidates", "argmax"),
-    )),
-    *(("compare", flags) for flags in (
-        ("--methods", "descent"), ("--search.method", "sdr"), ("--search.updates-per-group", "3"),
-        ("--ladder",),
-    )),
+    ("ablation", ("--variants", "no_fog")), ("ablation", ("--learnt", "x.json")),
+    ("ablation", ("--reward-kind", "mmd")), ("ablation", ("--candidates", "argmax")),
+    ("compare", ("--methods", "descent")), ("compare", ("--search.method", "sdr")),
+    ("compare", ("--search.updates-per-group", "3")), ("compare", ("--ladder",)),
 ])  # fmt: skip
 def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, tmp_path, capsys):
     with pytest.raises(SystemExit) as end:
@@ -208,17 +197,15 @@ def test_learnt_attributes_are_made_once(config, counted, tmp_path):
         np.testing.assert_array_equal(np.stack(other), np.stack(learnt))
 
 
-@pytest.mark.parametrize(
-    ("content", "words"),
-    [(None, "No such file"), ("{", "is no JSON file"), ('{"fog": 0.5}', "unknown attribute 'fog'")],
-)
+@pytest.mark.parametrize(("content", "words"), [
+    (None, "No such file"), ("{", "is no JSON file"), ('{"fog": 0.5}', "unknown attribute 'fog'"),
+])  # fmt: skip
 def test_other_files_are_no_attributes(config, tmp_path, content, words):
     path = tmp_path / "attributes.json"
     if content is not None:
         path.write_text(content)
-    with pytest.raises(UserError) as error:
+    with pytest.raises(UserError, match=f"--learnt {path}.*{words}"):
         check(SOME, replace(config, learnt=path))
-    assert words in str(error.value) and f"--learnt {path}" in str(error.value)
 
 
 def test_nets_are_paired_and_made_once(config, counted):
@@ -232,9 +219,8 @@ def test_nets_are_paired_and_made_once(config, counted):
         again = score_nets(run, "others", sources, recipe, seeds)
         assert len(counted.calls) == 6 and list(found) == list(again) == list(sources)
         for name in sources:
-            pairs = zip(found[name], again[name], strict=True)
-            assert all(a.reward == b.reward and a.class_iou == b.class_iou for a, b in pairs)
-            assert all(outcome.stored for outcome in again[name])
+            kept = [outcome._replace(stored=True) for outcome in found[name]]
+            assert again[name] == kept
         # Other assets are other nets.
         half = run.recipe(config.final, fraction=0.5)
         score_nets(run, "some", {"random": random_proposal()}, half, seeds)

@@ -38,21 +38,16 @@ def table(command, learnt_file):
     return lambda out, *flags, **more: command("table", out, *own, *flags, **more)
 
 
-def report_of(out) -> dict:
-    return read_json(out / "table.json")
-
-
 def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
     out = tmp_path / "run"
     assert table(out, "--nets", "compact", "fcn8s") == 0
-    report = report_of(out)
+    report = read_json(out / "table.json")
     assert report["learnt_from"] == str(learnt_file)
     made = [(row["net"], row["trained_on"]) for row in report["rows"]]
     assert made == [*product(("compact", "fcn8s"), ("random", "default", "learnt", "real"))]
     assert [row["images"] for row in report["rows"][:4]] == [6, 6, 6, 4]
     random, _, learnt, real = report["rows"][:4]
-    ours = [net["miou"] for net in learnt["nets"]]
-    theirs = [net["miou"] for net in random["nets"]]
+    ours, theirs = ([net["miou"] for net in row["nets"]] for row in (learnt, random))
     assert (learnt["mean"], learnt["ci95"]) == mean_ci95(ours)
     value, interval = paired_gain(ours, theirs)
     assert learnt["gain"] == {"mean": value, "ci95": interval} and value > 0
@@ -72,14 +67,13 @@ def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
 def test_data_sets_of_others_are_cut_and_told_in_the_target_s_classes(table, gta5, tmp_path):
     seen = Counted()
     assert table(tmp_path / "run", "--gta5", str(gta5), evaluate=seen) == 0
-    report = report_of(tmp_path / "run")
-    assert [row["trained_on"] for row in report["rows"]][3:] == ["gta5", "real"]
-    assert report["rows"][3]["images"] == 6  # as many as a rendered set has
+    *_, row, last = read_json(tmp_path / "run" / "table.json")["rows"]
+    assert (row["trained_on"], last["trained_on"]) == ("gta5", "real")
     gta = seen.calls[3][1]
-    assert gta.images.shape == (6, 48, 64, 3)
+    assert row["images"] == 6 and gta.images.shape == (6, 48, 64, 3)  # as of a rendered set
     assert set(np.unique(gta.labels).tolist()) <= {*range(11), IGNORE_LABEL}
     assert table(tmp_path / "all", "--gta5", str(gta5), "--all-images") == 0
-    assert report_of(tmp_path / "all")["rows"][3]["images"] == 7
+    assert read_json(tmp_path / "all" / "table.json")["rows"][3]["images"] == 7
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -128,8 +122,7 @@ def test_every_net_gets_a_recipe_and_a_size_of_its_own():
     paper = defaults("camvid", "paper")
     assert paper.nets == ("fcn8s", "deeplabv2")
     for name in paper.nets:
-        own = replace(paper.final.train, net=name)
-        assert with_net(paper.final, name).train == own
+        assert with_net(paper.final, name).train == replace(paper.final.train, net=name)
 
 
 def test_broken_data_of_others_show_before_anything_is_written(table, gta5, tmp_path, error_line):

@@ -1,6 +1,6 @@
 """The twin: hidden, reproducible, made of other assets, and never taken for real data."""
 
-from dataclasses import replace
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -12,10 +12,8 @@ from experiments.presets import PRESETS, TARGETS, defaults
 from experiments.target import twin as module
 from experiments.target.named import named_target
 from experiments.target.twin import HIDDEN_WIDTH, IMAGES, SHOTS, twin_split, twin_world
+from scene import CameraResponse, Dataset, default_unit
 from scene.assets.families import FAMILIES
-from scene.attributes import default_unit
-from scene.dataset.render import Dataset
-from scene.render.sensor import CameraResponse
 from scene.workers import WorkerPool
 
 seeds = st.integers(0, 2**31)
@@ -23,40 +21,35 @@ seeds = st.integers(0, 2**31)
 
 @given(seeds, seeds)
 def test_hidden_values_are_reproducible_inside_the_ranges_and_other_by_seed(seed, other):
-    world, again = twin_world(seed), twin_world(seed)
+    world, again, another = map(twin_world, (seed, seed, other))
     np.testing.assert_array_equal(world.centre, again.centre)
     assert (world.response, world.seed) == (again.response, again.seed)
     assert world.centre.shape == world.width.shape == (23,)
-    half = HIDDEN_WIDTH / 2
-    assert (world.centre >= half).all() and (world.centre <= 1 - half).all()
+    assert (np.abs(world.centre - 0.5) <= 0.5 - HIDDEN_WIDTH / 2).all()
     assert world.response != CameraResponse()
     if seed != other:
-        assert (world.centre != twin_world(other).centre).any()
-        assert world.response != twin_world(other).response
+        assert (world.centre != another.centre).any() and world.response != another.response
 
 
 def test_the_prior_is_the_stated_one():
-    centres = np.stack([twin_world(seed).centre for seed in range(400)])
-    inside = (default_unit() > 0.45) & (default_unit() < 0.55)  # far from where it is clipped
-    offsets = (centres - default_unit())[:, inside]
+    inside = abs(default_unit() - 0.5) < 0.05  # far from where it is clipped
+    offsets = np.stack([twin_world(seed).centre - default_unit() for seed in range(400)])[:, inside]
     assert abs(offsets.mean()) < 0.015
     assert offsets.std() == pytest.approx(module.PRIOR_STD, rel=0.1)
 
 
-class Renders(list):
-    """Stands for ``render_dataset`` and keeps what it was asked for."""
-
-    def __call__(self, units, seed, *, shots, settings, **options):
-        self.append((units, seed, options))
-        size = (len(units) * shots, settings.height, settings.width)
-        return Dataset(np.zeros((*size, 3), np.uint8), np.zeros(size, np.uint8))
+def blank(units, seed, *, shots, settings, **options):
+    """Stands for ``render_dataset``."""
+    size = (len(units) * shots, settings.height, settings.width)
+    return Dataset(np.zeros((*size, 3), np.uint8), np.zeros(size, np.uint8))
 
 
 @pytest.fixture
 def renders(monkeypatch):
-    renders = Renders()
-    monkeypatch.setattr(module, "render_dataset", renders)
-    return renders
+    """The calls of what stands for ``render_dataset``."""
+    stub = Mock(side_effect=blank)
+    monkeypatch.setattr(module, "render_dataset", stub)
+    return stub.call_args_list
 
 
 def split(name, images=None, seed=0):
@@ -68,18 +61,16 @@ def split(name, images=None, seed=0):
 @pytest.mark.parametrize("preset", PRESETS)
 def test_its_assets_are_not_the_searchs(renders, target, preset):
     split("train")
-    [(_, _, options)] = renders
+    [(_, options)] = renders
     ours, theirs = defaults(MainConfig, target, preset).pool, options["pool"]
     most = ours.size or max(family.count for family in FAMILIES.values())
-    assert ours.first + most <= module.FIRST_ASSET == theirs.first
-    assert not theirs.own
+    assert ours.first + most <= module.FIRST_ASSET == theirs.first and not theirs.own
 
 
 def test_its_splits_are_disjoint(renders):
     train, test = split("train"), split("test")
-    assert not set(train.names) & set(test.names)
-    assert not set(train.sequences) & set(test.sequences)
-    (train_units, train_seed, _), (test_units, test_seed, _) = renders
+    assert not {*train.names, *train.sequences} & {*test.names, *test.sequences}
+    ((train_units, train_seed), _), ((test_units, test_seed), _) = renders
     assert train_seed != test_seed and not np.isin(train_units, test_units).any()
     # Every street lies in the hidden interval.
     assert (np.abs(train_units - twin_world(0).centre) <= HIDDEN_WIDTH / 2 + 1e-6).all()
@@ -89,7 +80,7 @@ def test_its_splits_are_disjoint(renders):
 @given(st.integers(1, 200))
 def test_as_many_images_as_asked_for_at_most_all(images):
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "render_dataset", Renders())
+        patch.setattr(module, "render_dataset", blank)
         real, whole = split("test", images), split("test")
     assert real.names == whole.names[:images]
     assert len(real.names) == len(set(real.names)) == len(real.images) == min(images, IMAGES)
@@ -97,8 +88,7 @@ def test_as_many_images_as_asked_for_at_most_all(images):
 
 
 def test_it_never_passes_for_real_data(renders):
-    config = replace(defaults(MainConfig, "twin", "smoke"), twin_seed=3)
-    target = named_target(config, WorkerPool(0))
+    target = named_target(defaults(MainConfig, "twin", "smoke", twin_seed=3), WorkerPool(0))
     assert target.real is False and target.name == "twin"
     assert "twin 3" in target.title and "NOT real data" in target.title
     assert len(target.reward_names) == len(target.test_names) == 8
@@ -107,7 +97,6 @@ def test_it_never_passes_for_real_data(renders):
 
 def test_the_same_world_gives_the_same_images():
     one, two = split("train", 1), split("train", 1)
-    np.testing.assert_array_equal(one.images, two.images)
-    np.testing.assert_array_equal(one.labels, two.labels)
+    assert (one.images == two.images).all() and (one.labels == two.labels).all()
     assert one.images.std() > 10 and len(np.unique(one.labels)) > 3
     assert (split("train", 1, seed=1).images != one.images).any()

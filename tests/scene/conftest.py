@@ -5,23 +5,26 @@ import pytest
 import trimesh
 from hypothesis import strategies as st
 
-from scene.assets.catalogue import AssetPool
+from scene import AssetPool, Street, default_unit, sample_street, street_params
 from scene.assets.families import FAMILIES
 from scene.assets.library import manifest, scan
-from scene.attributes import default_unit, street_params
-from scene.render import Renderer, RendererError, renderer
+from scene.render import Renderer, RendererError, RenderSettings, renderer
 from scene.render.embree.api import MeshBVH, SceneBVH, query_arguments
 from scene.render.embree.renderer import _by_tiles, _probe
-from scene.street.street import Street, sample_street
 
 SEEDS = st.integers(0, 2**32 - 1)
 UNITS = SEEDS.map(lambda seed: np.random.default_rng(seed).random(23))
 POOL = AssetPool(0, 4)
+TINY = RenderSettings(width=48, height=32)
 DEFAULT = street_params(default_unit())
 
 
 def street(params=DEFAULT, seed=0, shots=1, pool=POOL) -> Street:
     return sample_street(params, seed, shots, pool)
+
+
+def units(n: int) -> np.ndarray:
+    return np.random.default_rng(0).random((n, 23), dtype=np.float32)
 
 
 def kinds(families) -> list[tuple[str, str]]:

@@ -7,18 +7,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scene import check
-from scene.assets.catalogue import AssetPool
+from scene import AssetPool, RenderSettings, check, export_dataset
 from scene.check import findings, main
 from scene.dataset.edges import Overlap, overlap
-from scene.dataset.export import export_dataset
+from scene.dataset.formats import png
 from scene.dataset.formats.layout import FORMATS
 from scene.dataset.formats.planes import ids_of
-from scene.dataset.formats.png import encode as png
 from scene.dataset.formats.png import read_png
 from scene.dataset.formats.rle import encode
 from scene.proposal import draw, random_proposal
-from scene.render import RenderSettings
+
+DEPTH, NORMALS, SEGMENTS = "depth/**/*.png", "normals/**/*.png", "*panoptic*/*.png"
+LIST, PANOPTIC = "annotations/instances*", "*panoptic*.json"
 
 
 @pytest.fixture(scope="module", params=FORMATS)
@@ -42,7 +42,7 @@ def first(dataset, pattern):
 def edit(path, change):
     """Replace a picture by what is made of it, or change what a JSON file holds."""
     if path.suffix == ".png":
-        path.write_bytes(png(np.ascontiguousarray(change(np.array(read_png(path))))))
+        path.write_bytes(png.encode(np.ascontiguousarray(change(np.array(read_png(path))))))
     else:
         value = json.loads(path.read_text())
         change(value)
@@ -65,9 +65,7 @@ def test_findings_are_printed_one_a_line_with_exit_code_one(dataset, capsys):
 
 
 @pytest.mark.parametrize("files", [{}, {"a.png": b""}, {"dataset.json": b"{}"}])
-def test_what_is_no_dataset_is_refused_and_an_unfinished_one_says_how_to_go_on(
-    files, tmp_path, refusal
-):
+def test_no_dataset_is_refused_and_an_unfinished_one_says_how_to_go_on(files, tmp_path, refusal):
     for name, content in files.items():
         (tmp_path / name).write_bytes(content)
     assert str(tmp_path) in refusal(main, tmp_path)
@@ -108,10 +106,6 @@ def shift(plane):
     return np.roll(plane, 1, axis=1)
 
 
-def grow(plane):
-    return np.concatenate([plane, plane[:, :1]], axis=1)
-
-
 def flip_sky(plane):
     plane[:4, :4] = np.where(plane[:4, :4] > 0, 0, 77)
     return plane
@@ -125,19 +119,13 @@ def paint(value):
     return change
 
 
-def segments(value):
-    return value["annotations"][0]["segments_info"]
+def first_of(value, kind):
+    return value["annotations"][0][kind]
 
 
-def mask(value, counts):
-    value["annotations"][0]["segmentation"]["counts"] = counts
-
-
-DEPTH, NORMALS, SEGMENTS = "depth/**/*.png", "normals/**/*.png", "*panoptic*/*.png"
-LIST, PANOPTIC = "annotations/instances*", "*panoptic*.json"
-DAMAGES = [  # first of which files, what becomes of it, what is said
+@pytest.mark.parametrize(("pattern", "change", "message"), [
     (NORMALS, lambda p: shutil.copy(p, p.with_name("more.png")), "more.png belongs to no image"),
-    (DEPTH, grow, "is 161x96, not 160x96"),
+    (DEPTH, lambda p: np.concatenate([p, p[:, :1]], axis=1), "is 161x96, not 160x96"),
     (NORMALS, lambda n: n.astype(np.uint16), "is uint16 with 3 axes, not uint8"),
     (DEPTH, flip_sky, "depth: 16 pixels disagree on"),
     (NORMALS, lambda n: np.where(n.any(2, keepdims=True), 255, n), "are not of length 1"),
@@ -148,27 +136,23 @@ DAMAGES = [  # first of which files, what becomes of it, what is said
     (LIST, Path.unlink, "json is missing"),
     (LIST, lambda v: v.pop("images"), "is not as the format wants it"),
     (LIST, lambda v: v["images"].pop(), "instances and dataset.json differ on scenex_000001_000001"),
-    (PANOPTIC, lambda v: segments(v).pop(), "is in the picture but not in the list"),
-    (PANOPTIC, lambda v: segments(v).append({"id": 5, "category_id": 7}),
+    (PANOPTIC, lambda v: first_of(v, "segments_info").pop(), "is in the picture but not in the list"),
+    (PANOPTIC, lambda v: first_of(v, "segments_info").append({"id": 5, "category_id": 7}),
      "segment 5 is in the list but not in the picture"),
-    (PANOPTIC, lambda v: segments(v)[0].update(area=1), "listed as"),
+    (PANOPTIC, lambda v: first_of(v, "segments_info")[0].update(area=1), "listed as"),
     (LIST, lambda v: v["annotations"][0].update(bbox=[0, 0, 1, 1]), "annotation 1: class, area or box"),
-    (LIST, lambda v: mask(v, encode([0, 160 * 96])), "annotation 1: its mask is not that of one object"),
-    (LIST, lambda v: mask(v, "00"), "annotation 1 cannot be read"),
+    (LIST, lambda v: first_of(v, "segmentation").update(counts=encode([0, 160 * 96])),
+     "annotation 1: its mask is not that of one object"),
+    (LIST, lambda v: first_of(v, "segmentation").update(counts="00"), "annotation 1 cannot be read"),
     (LIST, lambda v: v["annotations"].pop(), "has no annotation"),
     ("dataset.json", lambda v: v["class_frequency"].update(road=0.99), "class_frequency of road is 0.99"),
     ("dataset.json", lambda v: v["images_with_class"].update(sky=0), "images_with_class of sky is 0"),
     ("camera/**/*.json", lambda v: v["extrinsic"].pop("z"), "extrinsic.z must be a number, not None"),
-]  # fmt: skip
-
-
-@pytest.mark.parametrize(("pattern", "change", "message"), DAMAGES)
+])  # fmt: skip
 def test_every_damage_is_found(dataset, pattern, change, message):
+    of_the_file = message.endswith(("belongs to no image", "is missing"))
     path = first(dataset, pattern)
-    if message.endswith(("belongs to no image", "is missing")):
-        change(path)
-    else:
-        edit(path, change)
+    change(path) if of_the_file else edit(path, change)
     found = list(findings(dataset))
     assert any(message in line for line in found), found
 
@@ -199,10 +183,8 @@ def test_a_class_that_should_appear_and_does_not_is_found(dataset):
 
 def test_real_exports_have_edges_to_spare(whole):
     edges, moved = Overlap(), Overlap()
-    for path in sorted(whole.glob("depth/**/*.png")):
-        stem = path.name.removesuffix(".png").removesuffix("_depth")
+    for path in whole.glob(DEPTH):
+        stem = path.stem.removesuffix("_depth")
         ids, depth = ids_of(read_png(first(whole, f"*panoptic*/{stem}*.png"))), read_png(path)
-        edges = edges.plus(overlap(ids, depth))
-        moved = moved.plus(overlap(shift(ids), depth))
-    assert edges.lift > 1.3 * check.LEAST_LIFT
-    assert moved.lift < 0.8 * check.LEAST_LIFT
+        edges, moved = edges.plus(overlap(ids, depth)), moved.plus(overlap(shift(ids), depth))
+    assert edges.lift > 1.3 * check.LEAST_LIFT and moved.lift < 0.8 * check.LEAST_LIFT

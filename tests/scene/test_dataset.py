@@ -1,28 +1,21 @@
-"""Datasets: the same bytes from any number of workers, and errors before any work."""
+"""Datasets: the same bytes from any number of workers, and in jitted code; errors before any work."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from scene.assets.catalogue import AssetPool
+from scene import AssetPool, default_unit, sample_street
 from scene.assets.families import FAMILIES
-from scene.attributes import default_unit
+from scene.callback import render_fn
 from scene.dataset.render import render_dataset, render_street, street_of
-from scene.render import RenderSettings
-from scene.street.street import sample_street
 from scene.workers import WorkerPool
-from tests.scene.conftest import DEFAULT
-
-POOL = AssetPool(0, 3)
-TINY = RenderSettings(width=48, height=32)
-
-
-def units(n=3, seed=0):
-    return np.random.default_rng(seed).random((n, 23), dtype=np.float32)
+from tests.scene.conftest import DEFAULT, POOL, TINY, chosen, units
 
 
 def render(workers=0, **changes):
     options = {"shots": 2, "settings": TINY, "pool": POOL, "workers": workers}
-    return render_dataset(changes.pop("units", units()), 7, **{**options, **changes})
+    return render_dataset(changes.pop("units", units(3)), 7, **{**options, **changes})
 
 
 @pytest.fixture(scope="module")
@@ -31,27 +24,25 @@ def here():
 
 
 def test_bytes_do_not_depend_on_the_workers_and_an_open_pool_is_left_open(here):
+    seen = []
     with WorkerPool(1) as pool:
-        many = [render(pool), render(pool)]
+        many = [render(pool), render(pool, progress=lambda *counts: seen.append(counts))]
         assert pool._executor is not None
-    assert pool._executor is None
+    assert pool._executor is None and seen == [(1, 3), (2, 3), (3, 3)]  # streets
     for there in (*many, render(2)):
-        assert there.images.tobytes() == here.images.tobytes()
-        assert there.labels.tobytes() == here.labels.tobytes()
+        assert (there.images == here.images).all() and (there.labels == here.labels).all()
 
 
 def test_images_come_in_the_order_of_streets_and_shots(here):
-    assert here.images.shape == (6, 32, 48, 3)
-    assert here.labels.shape == (6, 32, 48)
-    for i, unit in enumerate(units()):
+    assert (here.images.shape, here.labels.shape) == ((6, 32, 48, 3), (6, 32, 48))
+    for i, unit in enumerate(units(3)):
         for shot, frame in enumerate(render_street(unit, 7, i, 2, TINY, "embree", POOL)):
             assert np.array_equal(here.images[2 * i + shot], frame.image)
             assert np.array_equal(here.labels[2 * i + shot], frame.label)
 
 
 def test_a_street_depends_on_its_attributes_seed_and_index_only(here):
-    fewer = render(units=units()[:2])
-    assert np.array_equal(fewer.images, here.images[:4])
+    assert np.array_equal(render(units=units(3)[:2]).images, here.images[:4])
     alike = render(units=np.stack([default_unit()] * 2))
     assert not np.array_equal(alike.images[:2], alike.images[2:])
 
@@ -59,32 +50,82 @@ def test_a_street_depends_on_its_attributes_seed_and_index_only(here):
 def test_streets_of_neighbouring_seeds_are_not_the_same_and_the_pool_of_assets_is_theirs():
     seeds = {street_of(default_unit(), s, i, 1, POOL).seed for s in range(5) for i in range(5)}
     assert len(seeds) == 25
-    street = street_of(default_unit(), 1, 0, 1, AssetPool(5, 2))
-    assert {p.asset for p in street.placements} == {5, 6}
+    street = street_of(default_unit(), 1, 0, 1, AssetPool(7, 3))
+    assert {p.asset for p in street.placements} == {7, 8, 9}
     default = sample_street(DEFAULT, street.seed, 1)
     assert all(p.asset < FAMILIES[p.family].count for p in default.placements)
 
 
-def test_progress_counts_streets():
-    seen = []
-    render(progress=lambda done, of: seen.append((done, of)), shots=1)
-    assert seen == [(1, 3), (2, 3), (3, 3)]
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        ({"units": np.zeros((2, 22))}, "23 values"),
-        ({"units": np.zeros(23)}, r"shape \[streets, 23\]"),
-        ({"units": np.zeros((0, 23))}, r"shape \[streets, 23\]"),
-        ({"units": np.full((2, 23), np.nan)}, "illumination_intensity is nan"),
-        ({"shots": 0}, "shots per street must be 1 or more, not 0"),
-        ({"settings": TINY._replace(width=2)}, "2x32 is too small"),
-        ({"settings": TINY._replace(samples=0)}, "samples must lie in 1..8"),
-        ({"renderer_name": "povray"}, "unknown renderer 'povray'; known: embree, opengl"),
-        ({"workers": -1}, "workers must be 0 or more, not -1"),
-    ],
-)
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"units": np.zeros((2, 22))}, "23 values"),
+    ({"units": np.zeros(23)}, r"shape \[streets, 23\]"),
+    ({"units": np.zeros((0, 23))}, r"shape \[streets, 23\]"),
+    ({"units": np.full((2, 23), np.nan)}, "illumination_intensity is nan"),
+    ({"shots": 0}, "shots per street must be 1 or more, not 0"),
+    ({"settings": TINY._replace(width=2)}, "2x32 is too small"),
+    ({"settings": TINY._replace(samples=0)}, "samples must lie in 1..8"),
+    ({"renderer_name": "povray"}, "unknown renderer 'povray'; known: embree, opengl"),
+    ({"workers": -1}, "workers must be 0 or more, not -1"),
+])  # fmt: skip
 def test_bad_arguments_are_refused_by_name(changes, message):
     with pytest.raises(ValueError, match=message):
         render(**changes)
+
+
+@pytest.fixture(scope="module")
+def compiled():
+    return jax.jit(render_fn(TINY, shots=2, pool=POOL))
+
+
+@pytest.mark.parametrize("name", ["embree", "opengl"])
+def test_under_jit_the_bytes_are_those_of_the_engine(name):
+    chosen(name)
+    jitted = jax.jit(render_fn(TINY, shots=2, renderer_name=name, pool=POOL))
+    images, labels = jitted(jnp.asarray(units(2)), jnp.array([5, 6], jnp.uint32))
+    assert (images.shape, images.dtype) == ((2, 2, 32, 48, 3), jnp.uint8)
+    assert (labels.shape, labels.dtype) == ((2, 2, 32, 48), jnp.uint8)
+    for i, seed in enumerate((5, 6)):
+        for shot, frame in enumerate(render_street(units(2)[i], seed, 0, 2, TINY, name, POOL)):
+            assert (images[i, shot] == frame.image).all() and (labels[i, shot] == frame.label).all()
+
+
+def test_pictures_can_be_used_in_the_same_program():
+    render = render_fn(TINY, pool=POOL)
+
+    @jax.jit
+    def brightness(unit, seeds):
+        return render(unit, seeds)[0].astype(jnp.float32).mean(axis=(1, 2, 3, 4))
+
+    dim, bright = units(2), units(2)
+    dim[:, 0], bright[:, 0] = 0, 1
+    seeds = jnp.arange(2, dtype=jnp.uint32)
+    assert (brightness(dim, seeds) < brightness(bright, seeds)).all()
+
+
+def test_values_out_of_range_are_clipped_and_nan_is_the_middle(compiled):
+    wild, tame = units(2), units(2)
+    wild[0, :3], tame[0, :3] = (-3, 7, np.nan), (0, 1, 0.5)
+    wild[1, 5], tame[1, 5] = np.inf, 1
+    seeds = jnp.array([1, 2], jnp.uint32)
+    for a, b in zip(compiled(wild, seeds), compiled(tame, seeds), strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_wrong_shapes_and_settings_are_refused_before_the_call(compiled):
+    for unit, seeds in (((2, 22), (2,)), ((23,), ()), ((2, 23), (3,))):
+        with pytest.raises(ValueError, match=r"expected unit \[n, 23\] and seeds \[n\]"):
+            compiled(jnp.zeros(unit), jnp.zeros(seeds, jnp.uint32))
+    for arguments, message in (
+        ({"settings": TINY._replace(width=0)}, "0x32 is too small"),
+        ({"settings": TINY, "shots": 0}, "shots per street"),
+        ({"settings": TINY, "renderer_name": "blender"}, "unknown renderer 'blender'"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            render_fn(**arguments)
+
+
+def test_vmap_renders_one_by_one(compiled):
+    seeds = jnp.array([[1], [2]], jnp.uint32)
+    images, _ = jax.vmap(compiled)(jnp.asarray(units(2))[:, None], seeds)
+    together, _ = compiled(units(2), seeds[:, 0])
+    assert np.array_equal(images[:, 0], together)

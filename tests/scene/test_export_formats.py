@@ -91,9 +91,8 @@ def test_encodings_by_hand():
     depth = np.array([[0, 0.001, 1, 12.344, 655.35, 5000]], np.float32)
     assert planes.depth_plane(depth).tolist() == [[0, 1, 100, 1234, 65535, 65535]]
     settings = RenderSettings(2048, 1024, fov=90)  # focal length 1024
-    [[sky, near, far]] = planes.disparity_plane(
-        np.array([[0, 0.1, 21.4]], np.float32), settings
-    ).tolist()
+    depth = np.array([[0, 0.1, 21.4]], np.float32)
+    [[sky, near, far]] = planes.disparity_plane(depth, settings).tolist()
     assert (sky, near) == (0, 65535)
     assert (far - 1) / 256 == pytest.approx(0.209313 * 1024 / 21.4, abs=1 / 256)
     normal = np.array([[[0, 0, 0], [1, 0, 0], [0, -1, 0]]], np.float32)
@@ -122,16 +121,14 @@ def test_pictures_come_back_from_their_files(shape, dtype, tmp_path):
 @given(SEEDS, st.floats(0, 1, exclude_max=True))
 def test_every_cut_of_a_picture_is_found(seed, where):
     data = png.encode(np.random.default_rng(seed).integers(0, 256, (9, 9), dtype=np.uint8))
-    assert png.fault_of(data) is None
-    assert png.fault_of(data[: int(where * len(data))]) is not None
+    assert png.fault_of(data) is None and png.fault_of(data[: int(where * len(data))]) is not None
 
 
 def test_damage_of_a_picture_is_found(tmp_path):
     data = png.encode(np.zeros((9, 9), np.uint8))
     middle = data.index(b"IDAT") + 6
     broken = data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
-    assert png.fault_of(broken) == "is damaged"
-    assert png.fault_of(b"GIF89a") == "is no PNG file"
+    assert [*map(png.fault_of, (broken, b"GIF89a"))] == ["is damaged", "is no PNG file"]
     empty = struct.pack(">I", 0) + b"IEND" + struct.pack(">I", zlib.crc32(b"IEND"))
     (tmp_path / "a.png").write_bytes(data[:8] + empty)
     with pytest.raises(ValueError, match=r"a\.png cannot be decoded"):
@@ -164,8 +161,7 @@ def test_outlines_of_labels_meet_those_of_depth_unless_they_are_shifted():
     ids, depth = np.zeros((60, 60), np.int32), np.full((60, 60), 900.0)
     for k, x in enumerate(range(3, 55, 11)):
         ids[10:50, x : x + 5], depth[10:50, x : x + 5] = 26000 + k, 300
-    assert overlap(ids, depth).lift > 10
-    assert overlap(np.roll(ids, 2, axis=1), depth).lift < 1
+    assert overlap(ids, depth).lift > 10 and overlap(np.roll(ids, 2, axis=1), depth).lift < 1
     assert overlap(ids, np.where(ids > 0, 0, depth)).aligned == 0  # the sky's does not count
 
 
@@ -184,7 +180,7 @@ def test_categories_are_those_of_cityscapes():
 @pytest.mark.parametrize("name", FORMATS)
 def test_no_two_files_of_a_format_share_a_path(name):
     found = layout(name)
-    paths = [path for stem in ("a", "b") for path in found.paths("train", stem).values()]
+    paths = [path for stem in "ab" for path in found.paths("train", stem).values()]
     paths += found.summaries("train").values()
     assert len(set(paths)) == len(paths)
     with pytest.raises(ValueError, match="unknown format 'voc'; known: cityscapes, coco"):

@@ -7,13 +7,11 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from scene.assets.catalogue import AssetPool
-from scene.dataset.export import export_dataset
+from scene import AssetPool, RenderSettings, export_dataset, render_street
+from scene.dataset.formats.layout import FORMATS
 from scene.dataset.formats.planes import ids_of
 from scene.dataset.formats.segments import LABEL_OF_TRAIN
-from scene.dataset.render import render_street
 from scene.proposal import default_proposal, draw
-from scene.render import RenderSettings
 
 SETTINGS = RenderSettings(width=160, height=96)
 POOL = AssetPool(0, 3)
@@ -31,29 +29,26 @@ def frames():
     ]
 
 
-def exported(folder, format):
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    """The folder of the frames in each format."""
     options = {"shots": SHOTS, "settings": SETTINGS, "pool": POOL, "split": "val"}
-    export_dataset(UNITS, SEED, folder, format=format, **options)
-    return folder
+    folders = {name: tmp_path_factory.mktemp(name) / "dataset" for name in FORMATS}
+    for name, folder in folders.items():
+        export_dataset(UNITS, SEED, folder, format=name, **options)
+    return folders
 
 
 @pytest.fixture(scope="module")
-def cityscapes(tmp_path_factory):
-    return exported(tmp_path_factory.mktemp("cityscapes") / "dataset", "cityscapes")
-
-
-@pytest.fixture(scope="module")
-def coco(tmp_path_factory):
-    return exported(tmp_path_factory.mktemp("coco") / "dataset", "coco")
+def cityscapes(exported):
+    return exported["cityscapes"]
 
 
 def objects(frame):
-    """Instance of the street -> (labelId, mask) of every thing in a frame."""
-    found = {}
-    for instance in np.unique(frame.instance[frame.label >= 11]):
-        mask = frame.instance == instance
-        found[int(instance)] = (int(LABEL_OF_TRAIN[frame.label[mask][0]]), mask)
-    return found
+    """(labelId, mask) of every thing in a frame."""
+    things = np.unique(frame.instance[frame.label >= 11])
+    masks = [frame.instance == instance for instance in things]
+    return [(int(LABEL_OF_TRAIN[frame.label[mask][0]]), mask) for mask in masks]
 
 
 def read(path):
@@ -90,13 +85,12 @@ def test_instances_are_those_of_the_street(cityscapes, frames):
         path = f"{cityscapes}/gtFine/val/scenex/{stem}_gtFine_instanceIds.png"
         [found] = instances2dict([path]).values()
         theirs = []
-        for name, entries in found.items():
-            for entry in entries:
-                label = id2label[entry["labelID"]]
-                assert (label.name, label.hasInstances) == (name, entry["instID"] >= 1000)
-                if label.hasInstances:
-                    theirs.append((label.id, entry["pixelCount"]))
-        ours = sorted((label, int(mask.sum())) for label, mask in objects(frame).values())
+        for name, entry in [(n, entry) for n in found for entry in found[n]]:
+            label = id2label[entry["labelID"]]
+            assert (label.name, label.hasInstances) == (name, entry["instID"] >= 1000)
+            if label.hasInstances:
+                theirs.append((label.id, entry["pixelCount"]))
+        ours = sorted((label, int(mask.sum())) for label, mask in objects(frame))
         assert sorted(theirs) == ours and len(ours) >= 3
 
 
@@ -150,8 +144,7 @@ def test_the_camera_turns_depth_into_a_road_that_is_flat(cityscapes, frames):
         inner, outer = camera["intrinsic"], camera["extrinsic"]
         rows, columns = np.nonzero((frame.label == 0) & (frame.depth < 40))
         depth = frame.depth[rows, columns]
-        down = (rows - inner["v0"]) / inner["fy"] * depth
-        pitch = outer["pitch"]
+        down, pitch = (rows - inner["v0"]) / inner["fy"] * depth, outer["pitch"]
         height = outer["z"] - down * np.cos(pitch) - depth * np.sin(pitch)
         assert len(height) > 500
         assert np.abs(np.median(height)) < 0.1 and np.ptp(height) < 0.5  # roads are cambered
@@ -160,16 +153,15 @@ def test_the_camera_turns_depth_into_a_road_that_is_flat(cityscapes, frames):
 @pytest.mark.parametrize(("format", "file", "root"), [
     ("coco", "instances.json", "images"), ("cityscapes", "instances_val.json", ""),
 ])  # fmt: skip
-def test_pycocotools_reads_boxes_and_masks_of_both(format, file, root, frames, request, capsys):
+def test_pycocotools_reads_boxes_and_masks_of_both(format, file, root, frames, exported, capsys):
     from pycocotools.coco import COCO
 
-    folder = request.getfixturevalue(format)
-    found = COCO(str(folder / "annotations" / file))
+    found = COCO(str(exported[format] / "annotations" / file))
     for image, frame in zip(found.loadImgs(found.getImgIds()), frames, strict=True):
-        picture = read(folder / root / image["file_name"])
+        picture = read(exported[format] / root / image["file_name"])
         assert picture.shape == (image["height"], image["width"], 3)
         np.testing.assert_array_equal(picture, frame.image)
-        left = {mask.tobytes(): (label, mask) for label, mask in objects(frame).values()}
+        left = {mask.tobytes(): (label, mask) for label, mask in objects(frame)}
         for annotation in found.loadAnns(found.getAnnIds(imgIds=image["id"])):
             label, mask = left.pop(found.annToMask(annotation).astype(bool).tobytes())
             assert (annotation["area"], annotation["bbox"]) == area_and_box(mask)
@@ -177,7 +169,8 @@ def test_pycocotools_reads_boxes_and_masks_of_both(format, file, root, frames, r
         assert not left
 
 
-def test_the_panoptic_file_is_as_published(coco, frames):
+def test_the_panoptic_file_is_as_published(exported, frames):
+    coco = exported["coco"]
     found = json.loads((coco / "annotations" / "panoptic.json").read_text())
     categories = {entry["id"]: entry for entry in found["categories"]}
     assert len(categories) == 19 and {c["isthing"] for c in categories.values()} == {0, 1}

@@ -1,19 +1,26 @@
-"""A street as flat arrays."""
+"""Meshes as plain arrays, the solids that trimesh makes, too, and a street of them."""
 
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from scene.assets import catalogue
 from scene.classes import TrainId
-from scene.look.materials import MATERIALS
-from scene.mesh.solids import box, ellipsoid
+from scene.look.materials import MATERIALS, material_id
+from scene.mesh.asset import merge, rotate
+from scene.mesh.mesh import Mesh, cross, twice_areas
+from scene.mesh.solids import box, ellipsoid, quads
 from scene.render.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
 from scene.street.placing import Placement
 from tests.scene.conftest import SEEDS, street
 
 BALL = ellipsoid((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), subdivisions=2)
+RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
+SQUARE = np.array([(0, 0, 0), (2, 0, 0), (2, 3, 0), (0, 3, 0)], float)
+number = st.floats(-3, 3)
+vector = st.tuples(number, number, number)
 
 
 @settings(max_examples=8)
@@ -21,21 +28,22 @@ BALL = ellipsoid((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), subdivisions=2)
 def test_arrays_fit_together_the_same_each_time(seed):
     drawn = street(seed=seed)
     g, again = build(drawn), build(drawn)
-    assert g.pose.tobytes() == again.pose.tobytes()
-    assert g.train_id.tobytes() == again.train_id.tobytes()
-    for a, b in zip(g.shapes, again.shapes, strict=True):
+    for a, b in zip((g[3:], *g.shapes), (again[3:], *again.shapes), strict=True):
         assert [x.tobytes() for x in a[:4]] == [x.tobytes() for x in b[:4]]
     n = 4 + len(drawn.placements)
     assert len(g.shapes) + 1 == len(g.surfaces) == len(g.pose) == len(g.train_id) == n
     assert g.triangles == sum(len(shape.faces) for shape in g.shapes)
+    assert (SKY_INSTANCE, g.train_id[0]) == (0, TrainId.SKY)
+    assert g.train_id[1:4].tolist() == [TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN]
+    for p in drawn.placements:
+        assert g.train_id[p.instance] == catalogue.FAMILIES[p.family].train_id
     for shape, address in zip(g.shapes, g.surfaces[1:].tolist(), strict=True):
         assert shape.surface.ctypes.data == address
         assert shape.surface.shape == (len(shape.faces), 16)
         assert (np.linalg.norm(shape.vertices - shape.ball[:3], axis=1) <= shape.ball[3]).all()
         assert 0 <= shape.faces.min() <= shape.faces.max() < len(shape.vertices)
-        assert shape.material.max() < len(MATERIALS)
         assert ((shape.color >= 0) & (shape.color <= 1)).all()
-        assert np.isfinite(shape.vertices).all()
+        assert shape.material.max() < len(MATERIALS) and np.isfinite(shape.vertices).all()
 
 
 def test_normals_are_unit_and_perpendicular_to_their_faces():
@@ -51,8 +59,7 @@ def test_normals_are_unit_and_perpendicular_to_their_faces():
 
 def test_a_fine_ball_is_smoothed_and_a_box_keeps_its_edges():
     ball = shape_of(BALL)
-    outwards = ball.vertices[ball.faces]
-    outwards /= np.linalg.norm(outwards, axis=2, keepdims=True)
+    outwards = ball.vertices[ball.faces]  # of radius 1
     assert ((ball.corners * outwards).sum(axis=2) > 0.995).all()
     cube = shape_of(box((1, 2, 3), (0, 0, 0), (0.5, 0.5, 0.5)))
     np.testing.assert_allclose(cube.corners, np.repeat(cube.normal[:, None], 3, axis=1), atol=1e-6)
@@ -62,22 +69,11 @@ def test_a_surface_wound_both_ways_is_smoothed_all_the_same():
     faces = np.array(BALL.mesh.faces)
     faces[::2] = faces[::2, ::-1]
     mesh = trimesh.Trimesh(BALL.mesh.vertices, faces, process=False)
-    along, expected = (
-        (shape.corners * shape.normal[:, None]).sum(axis=2)
-        for shape in (shape_of(BALL._replace(mesh=mesh)), shape_of(BALL))
-    )
+    shapes = shape_of(BALL._replace(mesh=mesh)), shape_of(BALL)
+    along, expected = ((shape.corners * shape.normal[:, None]).sum(axis=2) for shape in shapes)
     assert (along > 0.9).all()
     expected[::2] = expected[::2, ::-1]
     np.testing.assert_allclose(along, expected, atol=1e-5)
-
-
-def test_instances_know_their_classes():
-    drawn = street(seed=2)
-    train_id = build(drawn).train_id
-    assert train_id[SKY_INSTANCE] == TrainId.SKY
-    assert train_id[1:4].tolist() == [TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN]
-    for p in drawn.placements:
-        assert train_id[p.instance] == catalogue.FAMILIES[p.family].train_id
 
 
 def test_an_asset_is_turned_and_moved_by_its_pose():
@@ -101,15 +97,55 @@ def test_merging_names_the_face_that_each_triangle_comes_from():
 
 
 def test_a_far_tree_covers_as_much_with_a_fraction_of_its_triangles():
-    def area(shape):
-        a, b, c = (shape.vertices[shape.faces[:, k]] for k in range(3))
-        return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
-
     for index in range(8):
         near, far = asset_shape("tree", index), asset_shape("tree", index, far=True)
-        assert len(far.faces) < 0.5 * len(near.faces)
-        assert area(far) == pytest.approx(area(near), rel=0.15)
-        assert len(far.surface) == len(far.faces)
+        assert len(far.surface) == len(far.faces) < 0.5 * len(near.faces)
+        one, other = (twice_areas(shape.vertices, shape.faces).sum() for shape in (far, near))
+        assert one == pytest.approx(other, rel=0.15)
         low, high = near.vertices.min(axis=0), near.vertices.max(axis=0)
         outside = np.maximum(low - far.vertices, far.vertices - high).max(axis=1)
         assert np.quantile(outside, 0.99) < 0.5
+
+
+def test_a_mesh_asks_trimesh_for_what_it_does_not_hold_and_its_copy_has_arrays_of_its_own():
+    mesh = box((2, 3, 4), (0, 0, 0), RED).mesh
+    assert mesh.bounds.tolist() == [[-1, -1.5, 0], [1, 1.5, 4]]
+    assert mesh.area == pytest.approx(2 * (6 + 8 + 12))
+    with pytest.raises(AttributeError, match="colour"):
+        _ = mesh.colour
+    mesh = Mesh(SQUARE.copy(), np.array([[0, 1, 2]]))
+    mesh.copy().vertices[:] = 7
+    assert (mesh.vertices == SQUARE).all()
+
+
+def test_quads_are_what_merging_them_one_by_one_gives():
+    both = quads(np.stack([SQUARE, SQUARE + 1]), [RED, BLUE], ["glass", "metal"])
+    joined = merge(quads([SQUARE], [RED], ["glass"]), quads([SQUARE + 1], [BLUE], ["metal"]))
+    assert both.mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
+    assert both.material.tolist() == [material_id(m) for m in ("glass", "glass", "metal", "metal")]
+    assert both.color.tolist() == joined.color.tolist() == [[*RED]] * 2 + [[*BLUE]] * 2
+    assert both.mesh.vertices.tobytes() == joined.mesh.vertices.tobytes()
+    assert both.mesh.faces.tobytes() == joined.mesh.faces.tobytes()
+    assert twice_areas(both.mesh.vertices, both.mesh.faces).tolist() == [6, 6, 6, 6]
+
+
+@given(vector, vector)
+def test_cross_products_are_those_of_numpy(a, b):
+    for one in (np.array(a), np.array([a, b])):
+        assert cross(one, np.array(b)).tolist() == np.cross(one, np.array(b)).tolist()
+
+
+@pytest.mark.parametrize("subdivisions", [0, 1, 2])
+def test_a_sphere_is_the_one_of_trimesh(subdivisions):
+    ours = ellipsoid((0, 0, 0), (1, 1, 1), RED, subdivisions=subdivisions).mesh
+    theirs = trimesh.creation.icosphere(subdivisions=subdivisions)
+    assert (ours.faces == theirs.faces).all()
+    assert ours.vertices == pytest.approx(theirs.vertices, abs=1e-15)
+
+
+@given(number, vector.filter(lambda v: np.linalg.norm(v) > 0.1), vector)
+def test_turning_is_that_of_trimesh(angle, axis, about):
+    asset = box((1, 2, 3), (4, 5, 6), RED)
+    matrix = trimesh.transformations.rotation_matrix(angle, axis, about)
+    wanted = trimesh.transformations.transform_points(asset.mesh.vertices, matrix)
+    assert rotate(asset, angle, axis, about).mesh.vertices == pytest.approx(wanted, abs=1e-12)

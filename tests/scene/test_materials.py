@@ -10,8 +10,7 @@ from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 
 def test_names_are_unique_and_every_pattern_is_known_and_an_unknown_material_refused():
     names = [m.name for m in MATERIALS]
-    assert len(set(names)) == len(names) <= 256
-    assert {m.pattern for m in MATERIALS} <= set(PATTERNS)
+    assert len(set(names)) == len(names) <= 256 and {m.pattern for m in MATERIALS} <= set(PATTERNS)
     with pytest.raises(ValueError, match="unknown material 'velvet'; known: plain, paint"):
         material_id("velvet")
 

@@ -1,16 +1,25 @@
-"""Pedestrians and riders: how they move, what they wear, and their fit on machines."""
+"""What moves: people, how they walk and what they wear, their fit on machines, and vehicles."""
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene.assets import bicycle, motorcycle, person, rider
+from scene.assets import bicycle, car, motorcycle, person, rider
+from scene.assets.families import FAMILIES
+from scene.assets.parts import wheel
+from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, shell
 from scene.assets.parts.carried import CARRIED, carried
 from scene.assets.parts.head import HAIRDOS, HATS, head
 from scene.assets.parts.human import FOREARM, HAND, UPPER_ARM, Body, bend
+from scene.assets.parts.skin import mirrored, revolve, sheet, slab, twin_sheets, weld
 from scene.assets.parts.wardrobe import STYLES, sample_outfit
-from tests.scene.conftest import SEEDS, mirror
+from scene.look.materials import MATERIALS
+from tests.scene.conftest import SEEDS, make, mirror
+
+RED = (0.5, 0.0, 0.0)
+BONE = st.floats(0.2, 0.5)
+TOWARDS = st.tuples(st.floats(0.1, 1), st.floats(-1, 1), st.floats(0.1, 1))
 
 
 @pytest.mark.parametrize("kind", rider.KINDS)
@@ -45,13 +54,10 @@ def test_people_walk_on_two_legs_that_take_turns(phase, sign):
 
 @pytest.mark.parametrize("phase", np.linspace(0, 0.9, 10))
 def test_arms_swing_against_the_legs_and_one_shoe_is_on_the_ground(phase):
-    mesh = person.person(walker(phase)).mesh
-    assert mesh.bounds[0, 2] == pytest.approx(0, abs=1e-9)
+    assert person.person(walker(phase)).mesh.bounds[0, 2] == pytest.approx(0, abs=1e-9)
     pose = person._pose(walker(phase))
-    legs = pose.ankles[0][0] - pose.ankles[1][0]
-    arms = pose.hands[0][0] - pose.hands[1][0]
-    if abs(legs) > 0.3:
-        assert legs * arms < 0
+    legs, arms = (pair[0][0] - pair[1][0] for pair in (pose.ankles, pose.hands))
+    assert legs * arms < 0 or abs(legs) <= 0.3
 
 
 @pytest.mark.parametrize("style", STYLES)
@@ -65,12 +71,10 @@ def test_every_style_dresses_a_body_of_one_height(style):
 @pytest.mark.parametrize("hat", HATS)
 @pytest.mark.parametrize("hairdo", HAIRDOS)
 def test_hats_cover_the_crown_and_leave_the_body_alone(hat, hairdo):
-    params = walker(0.1)
+    params, red = walker(0.1), (0.5, 0.01, 0.01)
     bare = params.outfit._replace(hat="", hairdo="bald")
-    red = (0.5, 0.01, 0.01)
     worn = bare._replace(hat=hat, hairdo=hairdo, hat_color=red)
-    pose = person._pose(params)
-    before, after = (head(params.body, outfit, pose) for outfit in (bare, worn))
+    before, after = (head(params.body, of, person._pose(params)) for of in (bare, worn))
     assert after.mesh.bounds[1, 2] > before.mesh.bounds[1, 2]
     assert (after.color == np.float32(red)).all(axis=1).any()
 
@@ -93,16 +97,9 @@ def test_unknown_names_are_refused():
 
 
 def test_bend_is_a_right_angle_for_three_four_five():
-    for end, lower, joint in (
-        (5.0, 4.0, [1.8, 0, 2.4]),
-        (8.0, 1.0, [6, 0, 0]),
-    ):  # the other: straight
+    for end, lower, joint in ((5.0, 4.0, [1.8, 0, 2.4]), (8.0, 1.0, [6, 0, 0])):  # or straight
         found = bend(np.zeros(3), np.array([end, 0, 0]), 3.0, lower, (0, 0, 1))
         np.testing.assert_allclose(found, joint)
-
-
-BONE = st.floats(0.2, 0.5)
-TOWARDS = st.tuples(st.floats(0.1, 1), st.floats(-1, 1), st.floats(0.1, 1))
 
 
 @given(SEEDS, BONE, BONE, TOWARDS)
@@ -113,3 +110,95 @@ def test_bend_keeps_bone_lengths(seed, upper, lower, towards):
     joint = bend(np.zeros(3), end, upper, lower, towards)
     np.testing.assert_allclose(np.linalg.norm(joint), upper, rtol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(end - joint), lower, rtol=1e-6)
+
+
+@pytest.mark.parametrize("kind", bicycle.KINDS)
+def test_a_bicycle_stands_on_two_separate_wheels(kind):
+    asset = make("bicycle", kind, 3)
+    ground = asset.mesh.vertices[asset.mesh.vertices[:, 2] < 0.02]
+    front, rear = ground[ground[:, 0] > 0], ground[ground[:, 0] < 0]
+    assert front[:, 0].min() - rear[:, 0].max() > 0.8 and np.abs(ground[:, 1]).max() < 0.05
+    rubber = asset.mesh.vertices[asset.mesh.faces[asset.material == 4]]
+    for side in (1, -1):
+        points = rubber[side * rubber[:, 0, 0] > 0].reshape(-1, 3)
+        distance = np.linalg.norm(points - (points.min(0) + points.max(0)) / 2, axis=1)
+        assert distance.min() > 0.17  # a ring, open in the middle
+
+
+@pytest.mark.parametrize("family", ["car", "bus", "truck"])
+def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family):
+    names = [material.name for material in MATERIALS]
+    for kind in FAMILIES[family].kinds:
+        asset = make(family, kind, 5)
+        middle = asset.mesh.triangles_center
+        for ahead in (True, False):
+            end = (middle[:, 0] > 0) == ahead
+            assert {names[i] for i in asset.material[end]} >= {"rubber", "lamp"}
+        assert (asset.material == names.index("glass")).any()
+
+
+@pytest.mark.parametrize("family", ["bicycle", "motorcycle"])
+def test_machines_have_their_saddle_and_bar_where_they_say(family):
+    module = {"bicycle": bicycle, "motorcycle": motorcycle}[family]
+    u, v = (grid.ravel() for grid in np.meshgrid(*[np.linspace(0, 1, 21)] * 2))
+    weights = np.column_stack([1 - u, u * (1 - v), u * v])  # a grid of points on every triangle
+    for kind in module.KINDS:
+        triangles = make(family, kind, 7).mesh.triangles
+        on_surface = np.einsum("gk,fkx->fgx", weights, triangles).reshape(-1, 3)
+        for point in (module.SADDLE, module.BAR, mirror(module.BAR)):
+            assert np.linalg.norm(on_surface - point, axis=1).min() < 0.06, (kind, point)
+
+
+def square(x):
+    """A square of one metre in the x-y plane whose corner is at ``x``."""
+    return np.array([[[x, 0, 0], [x, 1, 0]], [[x + 1, 0, 0], [x + 1, 1, 0]]], float)
+
+
+def test_welded_squares_share_an_edge_twins_mirror_it_and_faces_without_area_are_dropped():
+    mesh = weld(sheet(square(0), RED), sheet(square(1), RED)).mesh
+    assert (len(mesh.vertices), len(mesh.faces), mesh.area) == (6, 4, pytest.approx(2.0))
+    flat = square(0)
+    flat[1] = flat[0]
+    assert len(weld(sheet(flat, RED)).mesh.faces) == 0
+    # Twin sheets are a sheet and its mirror image.
+    twins = twin_sheets(square(0) + [0, 2, 0], RED)
+    assert twins.mesh.bounds[:, 1] == pytest.approx([-3, 3])
+    assert twins.mesh.face_normals[:, 2] == pytest.approx([-1, -1, -1, -1])
+    assert np.array_equal(mirrored(mirrored(twins)).mesh.faces, twins.mesh.faces)
+
+
+def test_a_cylinder_of_revolution_is_as_large_as_its_polygon_and_a_slab_as_its_stations():
+    tube = revolve([(0.5, -1.0), (0.5, 1.0)], RED, "metal", sides=6)
+    assert len(tube.mesh.vertices) == 12
+    assert tube.mesh.area == pytest.approx(6 * 0.5 * 2.0)  # a hexagon's side is its radius
+    mesh = slab([(0, 0.1, 0, 1), (1, 0.1, 0, 1), (2, 0.1, 0, 1)], RED, "paint").mesh
+    assert mesh.bounds == pytest.approx(np.array([[0, -0.1, 0], [2, 0.1, 1]]))
+
+
+@pytest.mark.parametrize("style", wheel.STYLES)
+@given(radius=st.floats(0.2, 0.6))
+def test_wheels_stand_on_the_ground_behind_their_outer_face(style, radius):
+    (_, left, foot), (_, right, top) = wheel.wheel(wheel.Wheel(radius, 0.2, style)).mesh.bounds
+    assert foot == pytest.approx(0, abs=0.05 * radius)
+    assert top - foot == pytest.approx(2 * radius, rel=0.05) and right <= 1e-9 and left >= -0.2
+
+
+@pytest.mark.parametrize("kind", car.KINDS)
+@given(seed=SEEDS)
+def test_arches_are_circles_over_the_axles_and_shares_of_the_length_are_told_both_ways(kind, seed):
+    b = car.sample_car(np.random.default_rng(seed), kind).body
+    front, rear = axles(b)
+    over, middle = 2 * b.wheel_radius + ARCH_GAP, (front + rear) / 2
+    assert low(b, share(b, np.array([front, rear, middle]))) == pytest.approx([over, over, b.sill])
+    assert front - rear == pytest.approx(b.wheelbase)
+    assert share(b, at(b, np.linspace(0, 1, 50))) == pytest.approx(np.linspace(0, 1, 50))
+
+
+@pytest.mark.parametrize("kind", ["hatchback", "pickup", "old-timer"])
+def test_shells_are_as_long_and_high_as_they_say_and_alike_on_both_sides(kind):
+    b = car.sample_car(np.random.default_rng(4), kind).body
+    mesh = shell(b, Paint(RED, RED, RED, RED, RED)).mesh
+    assert np.ptp(mesh.vertices[:, 0]) == pytest.approx(b.length, abs=0.02)
+    assert mesh.bounds[1, 2] == pytest.approx(b.height, abs=0.02)
+    points = {tuple(p) for p in np.round(mesh.vertices, 6) + 0.0}
+    assert points == {tuple(p) for p in np.round(mesh.vertices * [1, -1, 1], 6) + 0.0}

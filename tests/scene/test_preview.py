@@ -7,64 +7,51 @@ import numpy as np
 import pytest
 import trimesh
 
+from scene import CLASS_NAMES, RenderSettings, TrainId, colorize, renderer
 from scene.assets.catalogue import asset, bounds, surfaces
 from scene.assets.families import FAMILIES
 from scene.attributes import NAMES
-from scene.classes import CLASS_NAMES, TrainId, colorize
 from scene.preview.__main__ import main
 from scene.preview.closeup import SKIES, asset_street, fit, named_sky, surface_street
 from scene.preview.layout import CAPTION, Studio, captioned, grid, stack, tile
 from scene.preview.streets import sweep
-from scene.render import RenderSettings, renderer
 from scene.street.camera import camera_axes
 from tests.scene.conftest import POOL
 
 SMALL = RenderSettings(64, 48, samples=1)
+ROW = 32 + CAPTION
 
 
-def look(street, settings=SMALL):
-    return renderer("embree").render(street, settings)[0]
-
-
-def read(path):
-    return cv2.imread(str(path))[..., ::-1]
-
-
-# -- layout ----------------------------------------------------------------------------------------
+def look(street):
+    return renderer("embree").render(street, SMALL)[0]
 
 
 def test_grids_and_stacks_have_the_sizes_of_their_parts():
     red, blue = np.full((4, 6, 3), (255, 0, 0), np.uint8), np.full((4, 6, 3), (0, 0, 255), np.uint8)
     page = grid([red, blue, red], 2)
-    assert page.shape == (8, 12, 3)
+    assert page.shape == (8, 12, 3) and stack([red, page]).shape == (12, 12, 3)
     assert (page[:4, 6:] == blue).all() and (page[4:, :6] == red).all()
     assert (page[4:, 6:] == 255).all()
-    assert stack([red, page]).shape == (12, 12, 3)
     # A caption stands above and leaves the picture alone.
     picture = np.zeros((20, 60, 3), np.uint8)
     above = captioned(picture, "car 3")
-    assert above.shape == (20 + CAPTION, 60, 3)
-    assert (above[CAPTION:] == picture).all()
-    assert 0.02 < (above[:CAPTION] < 128).mean() < 0.5
+    assert (above[CAPTION:] == picture).all() and 0.02 < (above[:CAPTION] < 128).mean() < 0.5
 
 
 def test_a_tile_shows_image_label_and_depth():
     frame = look(asset_street("car", 0, 4 / 3, 50.0))
-    picture = tile(frame)
-    assert picture.shape == (3 * 48, 64, 3)
-    assert (picture[:48] == frame.image).all()
-    assert (picture[48:96] == colorize(frame.label)).all()
-    assert (picture[96:][frame.depth == 0] == 0).all()
-
-
-# -- close-ups -------------------------------------------------------------------------------------
+    image, label, depth = np.split(tile(frame), 3)
+    assert (image == frame.image).all() and (label == colorize(frame.label)).all()
+    assert depth.shape == (48, 64, 3) and (depth[frame.depth == 0] == 0).all()
+    # Riders ride, and signs have posts.
+    assert len(asset_street("rider", 0, 1.3, 50).placements) == 2
+    assert asset_street("traffic sign", 0, 1.3, 50).placements[1].family == "signpost"
 
 
 @pytest.mark.parametrize("azimuth", [-160, -38, 0, 95])
 @pytest.mark.parametrize("size", [(4, 2, 1.5), (0.1, 0.5, 8), (12, 30, 9)])
 def test_a_fitted_camera_has_the_whole_box_in_view_and_no_more_than_needed(azimuth, size):
-    low = np.array([3.0, -2.0, 1.0])
-    high = low + size
+    low, high = np.array([3.0, -2.0, 1.0]), np.array([3.0, -2.0, 1.0]) + size
     camera = fit(low, high, azimuth, 15.0, 1.5, 50.0)
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True)), -1).reshape(-1, 3)
     right, up, ahead = camera_axes(camera) @ (corners - camera.position).T
@@ -85,11 +72,6 @@ def test_each_asset_is_seen_and_in_view(family):
     assert 0 < columns.min() and columns.max() < 63 and 0 < rows.min()
 
 
-def test_riders_ride_and_signs_have_posts():
-    assert len(asset_street("rider", 0, 1.3, 50).placements) == 2
-    assert asset_street("traffic sign", 0, 1.3, 50).placements[1].family == "signpost"
-
-
 @pytest.mark.parametrize("name", surfaces())
 def test_surfaces_are_seen(name):
     frame = look(surface_street(name, 1))
@@ -107,20 +89,11 @@ def test_every_sky_can_be_shown_by_name_and_an_unknown_one_is_refused():
         named_sky("green")
 
 
-# -- streets ---------------------------------------------------------------------------------------
-
-
 def test_a_sweep_of_light_goes_from_dark_to_bright():
     page = sweep("illumination_intensity", 3, 0, Studio(SMALL, pool=POOL))
     assert page.shape == (48 + CAPTION, 3 * 64, 3)
     first, second, third = (page[CAPTION:, 64 * k : 64 * (k + 1)].mean() for k in range(3))
     assert first < second < third
-
-
-# -- the command line ------------------------------------------------------------------------------
-
-
-ROW = 32 + CAPTION
 
 
 @pytest.mark.parametrize(("line", "file", "height", "columns"), [
@@ -133,7 +106,7 @@ ROW = 32 + CAPTION
 def test_pages_are_written(line, file, height, columns, tmp_path):
     out = tmp_path / file
     assert main(["--out", str(out), *line.split(), "--size", "48x32"]) == 0
-    assert read(out).shape == (height, columns * 48, 3)
+    assert cv2.imread(str(out)).shape == (height, columns * 48, 3)
     assert out.read_bytes().startswith({".jpg": b"\xff\xd8", ".png": b"\x89PNG"}[out.suffix])
 
 
@@ -144,45 +117,37 @@ def folder(shelf):
 
 
 def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, capsys):
-    out = tmp_path / "page.png"
+    out, path = tmp_path / "page.png", f"{folder}/bus/box.stl"
     line = ["--out", str(out), "--asset", "bus", "--assets", folder, "--asset-use", "own"]
     assert main([*line, "--size", "48x32"]) == 0
-    assert read(out).shape[0] == ROW
+    assert len(cv2.imread(str(out))) == ROW
     assert "left out: building, train" in capsys.readouterr().out
-
-
-def test_own_assets_stand_in_streets(folder):
-    path = f"{folder}/bus/box.stl"
+    # They stand in streets.
     assert bounds("bus", path)[1] == pytest.approx([5, 1.25, 3])
     frame = look(asset_street("bus", path, 4 / 3, 50.0))
-    assert (frame.label == TrainId.BUS).mean() > 0.1
-    assert len(asset("bus", path).mesh.faces) == 12
+    assert (frame.label == TrainId.BUS).mean() > 0.1 and len(asset("bus", path).mesh.faces) == 12
 
 
-BAD = {
-    "--sweep hats": "unknown attribute 'hats'; known: illumination_intensity",
-    "--asset boat": "no assets of class 'boat'; known: building",
-    "--size 48": "must look like 640x320, not '48'",
-    "--size 0x32": "0x32 is too small",
-    "--size 100000x100000": "over 50,000,000 pixels",
-    "--streets 0": "--streets must lie in 1..400, not 0",
-    "--shots -1": "--shots must lie in 1..400, not -1",
-    "--steps 1": "--steps must lie in 2..400, not 1",
-    "--count 9999": "--count must lie in 1..400, not 9999",
-    "--seed -1": "--seed must be 0 or more, not -1",
-    "--asset-fraction 0": "asset fraction must lie in (0, 1], not 0",
-    "--asset-use own": "needs a folder of own assets",
-    "--asset car --assets own --asset-use own": "the asset pool has no car",
-    "--assets /no/such": "/no/such is not there",
-    "--renderer blender": "invalid choice: 'blender'",
-    "--sweep all --asset all": "not allowed with",
-    "--out x.gif": "must end in .png",
-    "--out none/x.png": "there is no folder",
-}
-
-
-@pytest.mark.parametrize("flags", BAD)
-def test_bad_input_is_refused_in_one_line(flags, folder, tmp_path, refusal, monkeypatch):
+@pytest.mark.parametrize(("flags", "message"), [
+    ("--sweep hats", "unknown attribute 'hats'; known: illumination_intensity"),
+    ("--asset boat", "no assets of class 'boat'; known: building"),
+    ("--size 48", "must look like 640x320, not '48'"),
+    ("--size 0x32", "0x32 is too small"),
+    ("--streets 0", "--streets must lie in 1..400, not 0"),
+    ("--shots -1", "--shots must lie in 1..400, not -1"),
+    ("--steps 1", "--steps must lie in 2..400, not 1"),
+    ("--count 9999", "--count must lie in 1..400, not 9999"),
+    ("--seed -1", "--seed must be 0 or more, not -1"),
+    ("--asset-fraction 0", "asset fraction must lie in (0, 1], not 0"),
+    ("--asset-use own", "needs a folder of own assets"),
+    ("--asset car --assets own --asset-use own", "the asset pool has no car"),
+    ("--assets /no/such", "/no/such is not there"),
+    ("--renderer blender", "invalid choice: 'blender'"),
+    ("--sweep all --asset all", "not allowed with"),
+    ("--out x.gif", "must end in .png"),
+    ("--out none/x.png", "there is no folder"),
+])  # fmt: skip
+def test_bad_input_is_refused_in_one_line(flags, message, folder, tmp_path, refusal, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert BAD[flags] in refusal(main, "--out", "x.png", *flags.split())
+    assert message in refusal(main, "--out", "x.png", *flags.split())
     assert [path.name for path in tmp_path.iterdir()] == ["own"]

@@ -63,8 +63,7 @@ def test_light_is_positive_and_the_weather_is_in_range(seed, elevation, azimuth)
 
 def test_there_are_many_weathers_and_each_is_seen_under_a_low_sun():
     names = [w.name for w in SKIES]
-    assert len(set(names)) == len(names) >= 14
-    assert {s.weather for s in skies(LOW)} == set(names)
+    assert {s.weather for s in skies(LOW)} == set(names) and len(set(names)) == len(names) >= 14
     assert {w.clouds for w in SKIES} == set(KINDS)
     # A small share knows only the first.
     assert {s.weather for s in skies(LOW, share=0.25)} == {w.name for w in SKIES[:4]}
@@ -74,16 +73,13 @@ def test_there_are_many_weathers_and_each_is_seen_under_a_low_sun():
 
 def test_skies_of_the_low_sun_fade_away_as_it_climbs():
     low = {w.name for w in SKIES if w.below < 90}
-    often, seldom, never = (
-        sum(s.weather in low for s in skies(math.radians(e))) for e in (2, 13, 23)
-    )
-    assert often > 2 * seldom > never == 0
+    counts = [sum(s.weather in low for s in skies(math.radians(e))) for e in (2, 13, 23)]
+    assert counts[0] > 2 * counts[1] > counts[2] == 0
 
 
 def test_a_low_sun_is_weaker_and_redder_and_an_overcast_sky_hides_it():
     low, high = (sky(elevation=math.radians(e), share=0.001).sun for e in (8, 70))
-    assert (low < high).all()
-    assert low[2] / low[0] < 0.8 * high[2] / high[0]
+    assert (low < high).all() and low[2] / low[0] < 0.8 * high[2] / high[0]
     light = [s.sun.mean() for s in sorted(skies(HIGH), key=lambda s: s.cover)]
     assert np.mean(light[:80]) > 5 * np.mean(light[-80:])
 
@@ -95,17 +91,12 @@ def test_houses_hide_more_of_a_clear_sky_than_of_a_grey_one():
 
 
 @given(SEEDS, ELEVATION)
-def test_the_horizon_has_the_colour_of_haze_and_a_clear_sky_straight_up_that_of_its_zenith(
-    seed, elevation
-):
+def test_the_horizon_has_the_colour_of_haze_and_straight_up_that_of_the_zenith(seed, elevation):
     drawn = sky(seed, 1.0, elevation)._replace(sun=np.zeros(3, np.float32))
-    wanted = np.broadcast_to(drawn.horizon, (COLUMNS, 3))
-    np.testing.assert_allclose(panorama(drawn, COLUMNS)[0], wanted, rtol=0.02)
-    top, wanted = (
-        panorama(drawn._replace(cover=-1.0), COLUMNS)[-1],
-        np.broadcast_to(drawn.zenith, (COLUMNS, 3)),
-    )
-    np.testing.assert_allclose(top, wanted, rtol=1e-3)
+    edge = panorama(drawn, COLUMNS)[0]
+    np.testing.assert_allclose(edge, np.broadcast_to(drawn.horizon, edge.shape), rtol=0.02)
+    top = panorama(drawn._replace(cover=-1.0), COLUMNS)[-1]
+    np.testing.assert_allclose(top, np.broadcast_to(drawn.zenith, top.shape), rtol=1e-3)
 
 
 @pytest.mark.parametrize(("elevation", "azimuth"), [(0.3, 0.0), (0.9, 1.2), (0.6, -2.5)])

@@ -30,17 +30,15 @@ def camvid(tmp_path):
     for name in ("train", "trainannot"):
         (tmp_path / name).mkdir()
     rows = ("0001TP_1", 100, [[0, 0], [3, 3]]), ("0016E5_2", 200, [[11, 11], [11, 8]])
-    for name, colour, label in rows:
-        image = np.zeros((2, 2, 3), np.uint8)
-        image[..., 2] = colour
+    for name, blue, label in rows:
+        image = np.full((2, 2, 3), (0, 0, blue), np.uint8)
         (tmp_path / "train" / f"{name}.png").write_bytes(png(image))
         (tmp_path / "trainannot" / f"{name}.png").write_bytes(png(np.array(label, np.uint8)))
     return tmp_path
 
 
 def test_counts_by_hand():
-    image = np.zeros((4, 1, 3), np.uint8)
-    image[0] = 4, 8, 12
+    image = np.array([[(4, 8, 12)]] + [[(0, 0, 0)]] * 3, np.uint8)
     pairs = [(image, np.array([[1], [1], [0], [255]], np.uint8)), (image, np.full((4, 1), 0))]
     found = count(pairs, 3)
     assert found.images == 2 and found.void == pytest.approx(1 / 8)
@@ -57,9 +55,8 @@ def test_the_figures_of_a_dataset_are_those_of_its_description(dataset):
     described = json.loads((dataset / "dataset.json").read_text())
     assert classes == CLASS_NAMES and list(found) == ["dataset"]
     figures = found["dataset"]
-    np.testing.assert_allclose(
-        figures.frequency, [*described["class_frequency"].values()], atol=1e-8
-    )
+    share = [*described["class_frequency"].values()]
+    np.testing.assert_allclose(figures.frequency, share, atol=1e-8)
     assert figures.containing.tolist() == [*described["images_with_class"].values()]
     np.testing.assert_allclose(figures.mean_rgb, described["mean_rgb"], atol=1e-3)
 
@@ -108,26 +105,22 @@ def test_the_command_line_prints_and_writes_the_same_figures(dataset, camvid, tm
     printed = capsys.readouterr().out
     stored = json.loads(path.read_text())
     assert list(stored) == ["dataset", "target"]
-    assert stored["target"]["classes"]["bicyclist"] == {
-        "frequency": 0, "mean_row": None, "images": 0
-    }  # fmt: skip
+    nowhere = {"frequency": 0, "mean_row": None, "images": 0}
+    assert stored["target"]["classes"]["bicyclist"] == nowhere
     [line] = [line for line in printed.splitlines() if line.startswith("sky")]
     share = 100 * stored["dataset"]["classes"]["sky"]["frequency"]
     assert f"{share:.3f}" in line and "40.000" in line
     assert "target: 2 images, mean RGB 0/0/150, 37.5 % of pixels without a label" in printed
 
 
-SMALL = png(np.zeros((3, 3), np.uint8))
-DAMAGES = [
+@pytest.mark.parametrize(("damage", "message"), [
     (lambda root: (root / "train/0001TP_1.png").write_bytes(b"x"), "cannot be decoded"),
     (lambda root: (root / "train/0001TP_1.png").write_bytes(b""), "cannot be decoded"),
     (lambda root: (root / "trainannot/0001TP_1.png").unlink(), "0001TP_1.png"),
-    (lambda root: (root / "trainannot/0001TP_1.png").write_bytes(SMALL), "differ in size"),
+    (lambda root: (root / "trainannot/0001TP_1.png").write_bytes(png(np.zeros((3, 3), np.uint8))),
+     "differ in size"),
     (lambda root: (root / "trainannot").rename(root / "labels"), "expected dataset.json"),
-]
-
-
-@pytest.mark.parametrize(("damage", "message"), DAMAGES)
+])  # fmt: skip
 def test_a_broken_target_is_one_line_and_exit_code_two(damage, message, dataset, camvid, refusal):
     damage(camvid)
     error = refusal(main, dataset, "--against", camvid)

@@ -1,20 +1,17 @@
-"""Lines of objects along a road, and the camera's drive."""
+"""Lines of objects along a road, the camera's drive, and the background that closes the horizon."""
 
 import math
-from itertools import pairwise
+from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from scene import AssetPool, TrainId, street_params
 from scene.assets import catalogue
-from scene.assets.catalogue import AssetPool
-from scene.attributes import street_params
-from scene.classes import TrainId
 from scene.ground.ground import ground_height
-from scene.street.background import BEHIND
-from scene.street.background import LINES_END as FAR_AHEAD
+from scene.street.background import BEHIND, LINES_END, VISTA_END, background
 from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
 from scene.street.placing import FIRST_INSTANCE, Placement, bounds
 from tests.scene.conftest import DEFAULT, SEEDS, UNITS, street
@@ -24,36 +21,27 @@ LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
 
 def same(a, b):
     """Whether two lists of placements are bitwise the same, instance ids aside."""
-    return len(a) == len(b) and all(
-        p._replace(pose=0, instance=0) == q._replace(pose=0, instance=0)
-        and p.pose.tobytes() == q.pose.tobytes()
-        for p, q in zip(a, b, strict=True)
-    )
+    one, other = ([p._replace(pose=p.pose.tobytes(), instance=0) for p in of] for of in (a, b))
+    return one == other
 
 
 def foreground(placements):
     """Placements on lines, without the background."""
-    return [p for p in placements if p.pose[0, 3] < FAR_AHEAD and abs(p.pose[1, 3]) < BEHIND]
+    return [p for p in placements if p.pose[0, 3] < LINES_END and abs(p.pose[1, 3]) < BEHIND]
 
 
 def by_line(params=DEFAULT, seed=0):
     """Placements of every line; a rider's machine and a sign's post go with the first part."""
     lines = {line: [] for line in LINES}
-    line, pose = None, None
-    for placement in foreground(street(params, seed).placements):
-        if placement.pose is not pose:
-            line, pose = LINE_OF[placement.family], placement.pose
-        lines[line].append(placement)
+    for _, parts in groupby(foreground(street(params, seed).placements), lambda p: id(p.pose)):
+        first, *others = parts
+        lines[LINE_OF[first.family]] += [first, *others]
     return lines
 
 
 def objects(placements):
     """One placement per object: riders without their machines, signs without their posts."""
-    first = []
-    for placement in foreground(placements):
-        if not first or placement.pose is not first[-1].pose:
-            first.append(placement)
-    return first
+    return [next(parts) for _, parts in groupby(foreground(placements), lambda p: id(p.pose))]
 
 
 @given(UNITS, SEEDS)
@@ -148,12 +136,12 @@ def test_density_is_the_inverse_of_the_interval_on_average(interval):
     assert np.mean(counts) == pytest.approx(2 * (LINE_END - LINE_START) / interval, rel=0.04)
 
 
-@pytest.mark.parametrize(("probability", "share"), [(0.0, 0.0), (0.3, 0.3), (1.0, 1.0)])
-def test_slots_of_the_building_line_are_filled_with_their_probability(probability, share):
+@pytest.mark.parametrize("probability", [0.0, 0.3, 1.0])
+def test_slots_of_the_building_line_are_filled_with_their_probability(probability):
     params = DEFAULT._replace(building_probability=probability)
     counts = [len(by_line(params, seed)["building"]) for seed in range(100)]
     slots = 2 * (LINE_END - LINE_START) / DEFAULT.building_interval
-    assert np.mean(counts) / slots == pytest.approx(share, abs=0.04)
+    assert np.mean(counts) / slots == pytest.approx(probability, abs=0.04)
 
 
 def test_families_of_a_line_come_in_their_shares():
@@ -169,16 +157,9 @@ def test_riders_sit_on_a_machine_and_signs_hang_on_a_post():
     for p, other in pairwise(foreground(placements)):
         if p.family in ("rider", "traffic sign", "traffic light"):
             assert other.pose is p.pose
-            pairs.add((p.family, other.family))
-    assert pairs == {
-        ("rider", "bicycle"), ("rider", "motorcycle"),
-        ("traffic sign", "signpost"), ("traffic light", "signpost"),
-    }  # fmt: skip
-
-
-def test_only_assets_of_the_pool_appear():
-    indices = {p.asset for s in range(5) for p in street(seed=s, pool=AssetPool(7, 3)).placements}
-    assert indices == {7, 8, 9}
+            pairs.add(f"{p.family} on {other.family}")
+    riders = {"rider on bicycle", "rider on motorcycle"}
+    assert pairs == {*riders, "traffic sign on signpost", "traffic light on signpost"}
 
 
 @pytest.mark.parametrize("probability", [0.0, 0.5, 1.0])
@@ -198,23 +179,18 @@ def test_the_camera_drives_on_at_its_height_and_looks_where_it_should(unit, seed
         assert z == pytest.approx(ground_height(drawn.ground, y) + params.camera_position_y)
         assert (camera.yaw, camera.pitch) == (params.camera_rotation_y, params.camera_rotation_x)
         assert 0 <= camera.position[0] <= 60 + 15
-
-
-def test_shots_are_spread_over_the_drive():
-    x = [c.position[0] for c in street(seed=5, shots=6).cameras]
+    x = [c.position[0] for c in street(seed=5, shots=6).cameras]  # spread over the drive
     assert all(10 * k <= v <= 10 * (k + 1) + 13.5 for k, v in enumerate(x))
 
 
 def test_the_camera_moves_on_out_of_a_bus_in_its_way():
     # A line of vehicles where the camera drives: blocked nearly everywhere, it takes the gaps.
-    params = DEFAULT._replace(
-        camera_position_x=3.0, car_position=3.0, car_interval=22.0, camera_position_probability=0.0
-    )
+    blocked = {"camera_position_x": 3.0, "car_position": 3.0, "car_interval": 22.0}
+    params = DEFAULT._replace(**blocked, camera_position_probability=0.0)
     for seed in range(30):
-        boxes = bounds(by_line(params, seed)["car"])
+        low, high = np.moveaxis(bounds(by_line(params, seed)["car"]), 1, 0)
         for camera in street(params, seed, 4).cameras:
-            place = np.asarray(camera.position)
-            assert not ((boxes[:, 0] < place) & (place < boxes[:, 1])).all(axis=1).any()
+            assert not ((low < camera.position) & (camera.position < high)).all(axis=1).any()
 
 
 def test_bounds_of_a_turned_placement():
@@ -223,3 +199,42 @@ def test_bounds_of_a_turned_placement():
     (box,) = bounds([Placement("car", 0, 13, 4, pose)])
     ends = [(10 - high[1], 3 + low[0], 0.5 + low[2]), (10 - low[1], 3 + high[0], 0.5 + high[2])]
     assert box == pytest.approx(np.array(ends))
+
+
+def stands(seed, params=DEFAULT):
+    return background(params, np.random.default_rng(seed))
+
+
+@given(SEEDS, UNITS)
+def test_it_lies_beyond_the_lines_and_is_pure_and_no_larger_than_a_street(seed, unit):
+    for stand in stands(seed, street_params(unit)):
+        assert stand.x >= LINES_END or abs(stand.y) >= BEHIND
+        assert stand.x < VISTA_END + 60
+        assert stand.family in ("building", "tree", "bush")
+    assert stands(seed) == stands(seed) != stands(seed + 1) and 40 < len(stands(seed)) < 160
+
+
+def test_a_row_of_houses_looks_down_the_road_from_its_end():
+    for seed in range(20):
+        middle = [s for s in stands(seed) if abs(s.y) < 20 and s.yaw == -math.pi / 2]
+        assert middle  # the front of a building is at its local -y
+
+
+@pytest.mark.parametrize(("probability", "low", "high"), [(0.0, 0.0, 0.12), (1.0, 0.5, 0.9)])
+def test_it_is_town_where_there_are_buildings_and_country_elsewhere(probability, low, high):
+    params = DEFAULT._replace(building_probability=probability)
+    families = [s.family for seed in range(30) for s in stands(seed, params)]
+    assert low <= families.count("building") / len(families) <= high
+    assert families.count("tree") / len(families) > 0.1
+
+
+@given(SEEDS)
+def test_it_leaves_lines_cameras_and_ground_as_they_are(seed):
+    drawn = street(seed=seed, shots=2)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("scene.street.street.background", lambda params, rng: [])
+        bare = street(seed=seed, shots=2)
+    assert (bare.cameras, bare.ground) == (drawn.cameras, drawn.ground)
+    kept = drawn.placements[: len(bare.placements)]
+    assert [p[:4] for p in kept] == [p[:4] for p in bare.placements]
+    assert len(drawn.placements) > len(bare.placements)

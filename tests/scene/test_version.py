@@ -10,9 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scene.dataset.render import render_dataset
+from scene import RenderSettings, render_dataset
 from scene.proposal import default_proposal, draw, random_proposal
-from scene.render import RenderSettings
 from scene.version import ENGINE
 
 GOLDEN = Path(__file__).parent / "golden.json"

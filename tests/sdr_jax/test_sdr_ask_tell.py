@@ -1,7 +1,6 @@
 """Asking and telling: the same search as the loops, and the same again after any interruption."""
 
 import json
-import re
 from pathlib import Path
 
 import jax
@@ -15,13 +14,13 @@ import sdr_jax
 from sdr_jax import AskTell, Proposal, run_on_host, space
 from sdr_jax.registry import make
 
-ROOT = Path(__file__).parents[2]
 SPACE = space(list("abc"), bins=[3, 5, 2], groups=[["b", "a"], ["c"]])
 PBIL = sdr_jax.pbil(SPACE)
 SDR = sdr_jax.sdr(SPACE, updates_per_group=3, hidden=4, baseline=sdr_jax.leave_one_out())
 METHODS = {"pbil": PBIL, "sdr": SDR, "tpe": sdr_jax.tpe(SPACE, startup=2)}
 METHODS |= {name: make(name, SPACE) for name in ("gaussian", "cma_es")}
 N = 3
+OTHER = space(list("abc"))
 
 
 def score(proposal: Proposal) -> float:
@@ -101,8 +100,7 @@ def test_what_is_no_number_counts_as_failed(reward: float | None) -> None:
     search = AskTell(SPACE, SDR, n=2)
     for trial in search.ask():
         search.tell(trial.id, reward)
-    assert [line["reward"] for line in search.history] == [None, None]
-    assert search.updates == 1
+    assert [line["reward"] for line in search.history] == [None, None] and search.updates == 1
     assert np.isfinite(search.method.probabilities(search.state)).all()
 
 
@@ -124,9 +122,6 @@ def test_wrong_use_is_refused_and_a_method_of_so_many_updates_ends(tmp_path: Pat
         ended.tell(18, 1.0)
 
 
-OTHER = space(list("abc"))
-
-
 @pytest.mark.parametrize(
     "change", [dict(seed=1), dict(n=2), dict(method=sdr_jax.random_search(OTHER), space=OTHER)]
 )
@@ -145,13 +140,3 @@ def test_a_line_that_is_no_record_is_named(tmp_path: Path, line: str) -> None:
     path.write_text(f"{line}\n{json.dumps({})}\n")
     with pytest.raises(ValueError, match=r"history.jsonl: line 1"):
         AskTell(SPACE, PBIL, n=N, path=path)
-
-
-def test_the_example_in_the_readme_runs_and_goes_on(tmp_path: Path, monkeypatch, capsys) -> None:
-    (code,) = re.findall(r"```py\n(.*?)```", (ROOT / "README.md").read_text(), flags=re.DOTALL)
-    monkeypatch.chdir(tmp_path)
-    histories = []
-    for _ in range(2):
-        exec(compile(code, "README.md", "exec"), {})
-        histories.append(Path("history.jsonl").read_text())
-    assert len(set(histories)) == len(set(capsys.readouterr().out.splitlines())) == 1

@@ -1,6 +1,6 @@
 """What every method keeps to, whatever its idea, and the table that holds them."""
 
-from functools import cache
+from functools import cache, partial
 from typing import get_args
 
 import jax
@@ -70,9 +70,8 @@ def test_it_finds_the_optimum_of_an_easy_problem(name: str, failing: float, leas
 def test_the_host_loop_keeps_the_record_of_run(name: str) -> None:
     _, record = runner(name, 0, 75, 4)(jax.random.key(3))  # compiled above
     _, other = run_on_host(jax.random.key(3), PURE[name], reward(0), 5, 4)
-    jax.tree.map(
-        lambda a, b: np.testing.assert_allclose(a, b[:5], rtol=1e-3, atol=1e-4), other, record
-    )
+    close = partial(np.testing.assert_allclose, rtol=1e-3, atol=1e-4)
+    jax.tree.map(lambda a, b: close(a, b[:5]), other, record)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -95,9 +94,8 @@ GROUP_BY_GROUP = [
 @pytest.mark.parametrize("n", [2, 5])
 def test_update_keeps_structure_shapes_and_dtypes(method: Method, n: int) -> None:
     state = jax.eval_shape(method.init, jax.random.key(0))
-    actions, proposals = jax.eval_shape(
-        lambda key, state: method.sample(key, state, n), jax.random.key(0), state
-    )
+    sample = partial(method.sample, n=n)
+    actions, proposals = jax.eval_shape(sample, jax.random.key(0), state)
     assert actions.shape == proposals.centre.shape == proposals.width.shape == (n, 5)
     rewards = jax.ShapeDtypeStruct((n,), jnp.float32)
     next_state, _ = jax.eval_shape(method.update, state, actions, rewards)
@@ -116,8 +114,7 @@ def check_answers(method: Method, state: object) -> None:
     check_inside(method.solution(state), (5,))
     check_inside(method.spread(state), (5,))
     probabilities = np.asarray(method.probabilities(state))
-    assert probabilities.shape == (5, 10)
-    assert np.all(probabilities >= 0)
+    assert probabilities.shape == (5, 10) and np.all(probabilities >= 0)
     assert not np.any(probabilities[~bin_mask(SPACE)])
     np.testing.assert_allclose(probabilities.sum(axis=1), 1, rtol=1e-4)
 
@@ -181,9 +178,6 @@ def test_random_attributes_stay_random() -> None:
     np.testing.assert_array_equal(PURE["random_attributes"].solution(state), [[0.5] * 5, [1] * 5])
 
 
-NAN, INF = float("nan"), float("inf")
-
-
 def test_the_table_has_every_method_by_its_name_and_its_options_are_plain_values() -> None:
     assert tuple(METHODS) == get_args(MethodName)
     assert all(callable(getattr(sdr_jax, name)) for name in METHODS)
@@ -203,12 +197,12 @@ def test_a_method_is_made_with_its_own_options(name: str) -> None:
 
 
 BAD = {
-    "actor_critic": dict(temperature=[0.0, NAN], degree=[0], pair_degree=[10]),
+    "actor_critic": dict(temperature=[0.0, np.nan], degree=[0], pair_degree=[10]),
     "sdr": dict(updates_per_group=[0], unoptimised=["zero"], baseline=["none"]),
     "attribute_descent": dict(repeats=[0], unoptimised=["zero"]),
     "gaussian": dict(std=[0.0]),
-    "pbil": dict(rate=[0.0], elite=[1.5], memory=[0], smoothing=[-1.0, NAN]),
-    "linear": dict(explore=[-1.0], degree=[0], pair_degree=[5], interaction=[INF]),
+    "pbil": dict(rate=[0.0], elite=[1.5], memory=[0], smoothing=[-1.0, np.nan]),
+    "linear": dict(explore=[-1.0], degree=[0], pair_degree=[5], interaction=[np.inf]),
     "cma_es": dict(sigma=[0.0], population=[1]),
     "tpe": dict(startup=[-1]),
     "random_search": {},
@@ -223,15 +217,12 @@ def test_bad_options_are_refused(name: str) -> None:
                 make(name, SPACE, **{option: value})
 
 
-@pytest.mark.parametrize(
-    ("name", "options", "culprit"),
-    [
-        ("magic", {}, "unknown method 'magic'; known are actor_critic, sdr"),
-        ("pbil", dict(speed=1), "pbil has no option 'speed'; known: rate"),
-        ("random_search", dict(speed=1), "known: none"),
-        ("sdr", dict(baseline="none"), "must be one of ema, ema_current"),
-    ],
-)
+@pytest.mark.parametrize(("name", "options", "culprit"), [
+    ("magic", {}, "unknown method 'magic'; known are actor_critic, sdr"),
+    ("pbil", dict(speed=1), "pbil has no option 'speed'; known: rate"),
+    ("random_search", dict(speed=1), "known: none"),
+    ("sdr", dict(baseline="none"), "must be one of ema, ema_current"),
+])  # fmt: skip
 def test_unknown_names_are_refused(name: str, options: dict, culprit: str) -> None:
     with pytest.raises(ValueError, match=culprit):
         make(name, SPACE, **options)

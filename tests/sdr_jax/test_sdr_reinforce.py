@@ -18,6 +18,14 @@ from sdr_jax.policy import Policy, entropy, init_policies, log_prob, mask_logits
 MASK = jnp.asarray([[True, True, False, False], [True] * 4, [True] * 4])
 PRESENT = jnp.asarray([True, True, False])
 seeds = st.integers(0, 2**32 - 1)
+rewards_lists = st.lists(st.tuples(*[st.integers(-100, 100)] * 3), min_size=1, max_size=6)
+ROOT = 12.5**0.5
+OWN = jnp.asarray([[True, True, False], [True] * 3])
+BOTH = jnp.asarray([True, True])
+ACTIONS = jnp.asarray(list(itertools.product(range(2), range(3))), jnp.int32)  # all 6
+SPACE = space(["a", "b"], bins=[2, 3])
+METHOD = sdr(SPACE, optax.sgd(1.0), hidden=8, baseline=leave_one_out())
+PAIRS = jnp.asarray(list(itertools.product(range(6), repeat=2)))
 
 
 def random_logits(seed: int) -> jax.Array:
@@ -33,11 +41,10 @@ def test_the_paper_sizes() -> None:
 
 def test_log_prob_and_entropy_by_hand() -> None:
     logits = mask_logits(jnp.log(jnp.asarray([[0.25, 0.75, 9, 9], [0.1, 0.2, 0.3, 0.4]])), MASK[:2])
-    present = jnp.asarray([True, True])
-    actual = log_prob(logits, jnp.asarray([[0, 3], [1, 0]]), present)
+    actual = log_prob(logits, jnp.asarray([[0, 3], [1, 0]]), BOTH)
     np.testing.assert_allclose(actual, np.log([0.25 * 0.4, 0.75 * 0.1]), rtol=1e-5)
     p = np.asarray([0.25, 0.75, 0.1, 0.2, 0.3, 0.4])
-    assert float(entropy(logits, present)) == pytest.approx(-np.sum(p * np.log(p)), rel=1e-5)
+    assert float(entropy(logits, BOTH)) == pytest.approx(-np.sum(p * np.log(p)), rel=1e-5)
 
 
 @given(seeds)
@@ -59,8 +66,7 @@ def test_padding_has_no_effect_and_gradients_are_finite(seed: int) -> None:
     grads = jax.grad(both)(raw, 3)
     assert np.all(np.isfinite(grads))
     assert not np.any(grads[~np.asarray(MASK)]) and not np.any(grads[2])
-    assert both(raw, 3) == both(raw, -1)
-    assert both(raw, 3) == both(raw.at[2].add(5.0), 3)
+    assert both(raw, 3) == both(raw, -1) == both(raw.at[2].add(5.0), 3)
 
 
 @given(seeds)
@@ -73,11 +79,9 @@ def test_samples_follow_the_logits(seed: int) -> None:
     assert not np.any(frequencies[~np.asarray(MASK)])
 
 
-PADDED = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
-
-
 def test_a_padded_policy_is_its_own_size_policy() -> None:
-    params, inputs = init_policies(jax.random.key(1), PADDED, hidden=16)
+    padded_space = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
+    params, inputs = init_policies(jax.random.key(1), padded_space, hidden=16)
     assert np.all((inputs >= 0) & (inputs < 1)) and inputs[0, 1] == 0
     first = take(params, jnp.asarray(0))
     padded = Policy(2, 5, 16).apply(first, inputs[0])
@@ -89,9 +93,6 @@ def test_a_padded_policy_is_its_own_size_policy() -> None:
         assert np.abs(leaf).sum() == pytest.approx(np.abs(own_leaf).sum())
 
 
-rewards_lists = st.lists(st.tuples(*[st.integers(-100, 100)] * 3), min_size=1, max_size=6)
-
-
 def advantages(baseline: Baseline, updates: list) -> list[list[float]]:
     state, out = baseline.init(), []
     for rewards in updates:
@@ -100,27 +101,22 @@ def advantages(baseline: Baseline, updates: list) -> list[list[float]]:
     return out
 
 
-@pytest.mark.parametrize(
-    ("baseline", "updates", "expected"),
-    [
-        # Baselines: 1 (the first reward), 1, then 0.9 * 1 + 0.1 * 2 = 1.1.
-        (ema(), [[1], [2], [2]], [[0], [1], [0.9]]),
-        # Of the authors' code: 1, 0.9 * 1 + 0.1 * 2 = 1.1, 0.9 * 1.1 + 0.1 * 2 = 1.19.
-        (ema(includes_current=True), [[1], [2], [2]], [[0], [0.9], [0.81]]),
-        # Several data sets enter as their mean.
-        (ema(decay=0.5), [[1, 3], [4, 4], [3, 3]], [[-1, 1], [2, 2], [0, 0]]),
-        (leave_one_out(), [[1, 2, 6]], [[1 - 4, 2 - 3.5, 6 - 1.5]]),
-    ],
-)
+@pytest.mark.parametrize(("baseline", "updates", "expected"), [
+    # Baselines: 1 (the first reward), 1, then 0.9 * 1 + 0.1 * 2 = 1.1.
+    (ema(), [[1], [2], [2]], [[0], [1], [0.9]]),
+    # Of the authors' code: 1, 0.9 * 1 + 0.1 * 2 = 1.1, 0.9 * 1.1 + 0.1 * 2 = 1.19.
+    (ema(includes_current=True), [[1], [2], [2]], [[0], [0.9], [0.81]]),
+    # Several data sets enter as their mean.
+    (ema(decay=0.5), [[1, 3], [4, 4], [3, 3]], [[-1, 1], [2, 2], [0, 0]]),
+    (leave_one_out(), [[1, 2, 6]], [[1 - 4, 2 - 3.5, 6 - 1.5]]),
+])  # fmt: skip
 def test_baselines_by_hand(baseline: Baseline, updates: list, expected: list) -> None:
     np.testing.assert_allclose(advantages(baseline, updates), expected, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("baseline", [ema(), ema(includes_current=True), leave_one_out()])
 @given(rewards_lists, st.integers(-100, 100))
-def test_a_constant_added_to_all_rewards_changes_no_advantage(
-    baseline: Baseline, updates: list, constant: int
-) -> None:
+def test_a_constant_added_to_all_rewards_changes_no_advantage(baseline, updates, constant) -> None:
     shifted = [[reward + constant for reward in rewards] for rewards in updates]
     expected = advantages(baseline, updates)
     np.testing.assert_allclose(advantages(baseline, shifted), expected, atol=1e-3)
@@ -128,9 +124,8 @@ def test_a_constant_added_to_all_rewards_changes_no_advantage(
 
 @given(rewards_lists)
 def test_the_ema_of_the_paper_has_not_seen_the_update(updates: list) -> None:
-    other_end = [*updates, [7.0, 7.0, 7.0]], [*updates, [8.0, 9.0, 7.0]]
-    one, two = (np.asarray(advantages(ema(), rewards))[-1] for rewards in other_end)
-    np.testing.assert_allclose(two - one, [1, 2, 0], atol=1e-4)
+    one, two = (advantages(ema(), [*updates, last])[-1] for last in ([7, 7, 7], [8, 9, 7]))
+    np.testing.assert_allclose(np.subtract(two, one), [1, 2, 0], atol=1e-4)
 
 
 def test_a_bad_decay_is_refused() -> None:
@@ -138,13 +133,9 @@ def test_a_bad_decay_is_refused() -> None:
         ema(decay=1.5)
 
 
-ROOT = 12.5**0.5
-
-
-@pytest.mark.parametrize(
-    ("raw", "expected"),  # one or equal ones do not explode
-    [([3, -4], [3 / ROOT, -4 / ROOT]), ([0.02], [1]), ([-0.02] * 3, [-1] * 3), ([0] * 3, [0] * 3)],
-)
+@pytest.mark.parametrize(("raw", "expected"), [  # one or equal ones do not explode
+    ([3, -4], [3 / ROOT, -4 / ROOT]), ([0.02], [1]), ([-0.02] * 3, [-1] * 3), ([0] * 3, [0] * 3),
+])  # fmt: skip
 def test_normalised_by_hand(raw: list, expected: list) -> None:
     np.testing.assert_allclose(normalised(jnp.asarray(raw, jnp.float32)), expected, rtol=1e-4)
 
@@ -156,16 +147,6 @@ def test_normalised_advantages_forget_the_scale_and_stay_finite(values: list, sc
     np.testing.assert_allclose(normalised(scale * raw), actual, atol=1e-4)
     assert np.all(np.isfinite(actual))
     assert float(jnp.mean(actual**2)) == pytest.approx(1.0 if any(values) else 0.0, abs=1e-4)
-
-
-BINS = (2, 3)
-OWN = jnp.asarray([[True, True, False], [True] * 3])
-BOTH = jnp.asarray([True, True])
-ACTIONS = jnp.asarray(list(itertools.product(*map(range, BINS))), jnp.int32)  # all 6
-
-
-def expected_reward(raw: jax.Array, rewards: jax.Array) -> jax.Array:
-    return jnp.sum(jnp.exp(log_prob(mask_logits(raw, OWN), ACTIONS, BOTH)) * rewards)
 
 
 def test_the_loss_by_hand() -> None:
@@ -183,13 +164,7 @@ def test_a_failed_data_set_is_left_out_of_the_mean() -> None:
 
     with_it = grad([1.0, 5.0, 2.0], [3.0, jnp.nan, -1.0])
     np.testing.assert_array_equal(with_it[jnp.asarray([0, 2])], grad([1.0, 2.0], [3.0, -1.0]))
-    assert with_it[1] == 0
-    assert not np.any(grad([1.0, 2.0], [jnp.nan, jnp.nan]))
-
-
-SPACE = space(["a", "b"], bins=list(BINS))
-METHOD = sdr(SPACE, optax.sgd(1.0), hidden=8, baseline=leave_one_out())
-PAIRS = jnp.asarray(list(itertools.product(range(6), repeat=2)))
+    assert with_it[1] == 0 and not np.any(grad([1.0, 2.0], [jnp.nan, jnp.nan]))
 
 
 @jax.jit
@@ -199,16 +174,16 @@ def exact_and_mean_update(seed: jax.Array, rewards: jax.Array, shift: jax.Array)
     params, inputs = take((state.learners.params, state.inputs), jnp.asarray(0))
     net = Policy(2, 3, 8)
 
-    def pair_probability(pair: jax.Array) -> jax.Array:
-        logits = mask_logits(net.apply(params, inputs), OWN)
-        return jnp.exp(log_prob(logits, ACTIONS[pair], BOTH).sum())
+    def log_probs(params: dict) -> jax.Array:
+        return log_prob(mask_logits(net.apply(params, inputs), OWN), ACTIONS, BOTH)
 
     def step(pair: jax.Array) -> dict:
         after, _ = METHOD.update(state, ACTIONS[pair], rewards[pair] + shift)
         return jax.tree.map(jnp.subtract, take(after.learners.params, jnp.asarray(0)), params)
 
-    exact = jax.grad(lambda params: expected_reward(net.apply(params, inputs), rewards))(params)
-    probabilities, steps = jax.vmap(pair_probability)(PAIRS), jax.vmap(step)(PAIRS)
+    exact = jax.grad(lambda params: jnp.sum(jnp.exp(log_probs(params)) * rewards))(params)
+    probabilities = jnp.exp(log_probs(params)[PAIRS].sum(axis=1))
+    steps = jax.vmap(step)(PAIRS)
     return exact, jax.tree.map(lambda leaf: jnp.tensordot(probabilities, leaf, 1), steps)
 
 

@@ -12,18 +12,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sdr_jax import Proposal, ema, relax, run_on_host, sdr, space
+from sdr_jax import Proposal, attribute_descent, ema, random_search, relax, run_on_host, sdr, space
 from sdr_jax.relaxation import bin_centres, bin_mask, uniform
-from sdr_jax.rivals.attribute_descent import attribute_descent
 from sdr_jax.rivals.cma_es import cma_es
 from sdr_jax.rivals.gaussian import GaussianParams, gaussian
 from sdr_jax.rivals.pbil import _kernel, _rank_weights, pbil
-from sdr_jax.rivals.random_search import random_search
 from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import SdrState
 
 SPACE = space(["a", "b", "c"], bins=[2, 10, 5])
 KEY = jax.random.key(0)
+PAIR = space(["a", "b"], bins=[4, 2])
+GAUSSIAN = gaussian(PAIR, optax.sgd(1.0), normalise=False)
 
 
 def test_random_search_keeps_the_best_it_has_seen() -> None:
@@ -44,13 +44,9 @@ def test_random_search_is_uniform_over_the_bins_of_each_attribute() -> None:
     method = random_search(SPACE)
     state = method.init(KEY)
     actions, proposal = method.sample(jax.random.key(1), state, 20_000)
-    frequencies = [np.bincount(np.asarray(column), minlength=10) / 20_000 for column in actions.T]
-    np.testing.assert_allclose(frequencies, method.probabilities(state), atol=0.015)
+    counts = [np.bincount(column, minlength=10) for column in np.asarray(actions).T]
+    np.testing.assert_allclose(counts, 20_000 * method.probabilities(state), atol=300)
     np.testing.assert_allclose(proposal, relax(SPACE, actions), atol=1e-6)
-
-
-PAIR = space(["a", "b"], bins=[4, 2])
-GAUSSIAN = gaussian(PAIR, optax.sgd(1.0), normalise=False)
 
 
 def test_the_gradient_of_the_gaussian_by_hand() -> None:
@@ -125,8 +121,7 @@ def test_pbil_remembers_only_the_latest_evaluations() -> None:
     method = pbil(SPACE, memory=3)
     state = method.init(KEY)
     for t in range(5):
-        actions = jnp.full((1, 3), t % 2, jnp.int32)
-        state, _ = method.update(state, actions, jnp.asarray([float(t)]))
+        state, _ = method.update(state, jnp.full((1, 3), t % 2), jnp.asarray([float(t)]))
     np.testing.assert_array_equal(state.rewards, [2, 3, 4])
     np.testing.assert_array_equal(state.actions[:, 0], [0, 1, 0])
 
@@ -246,10 +241,9 @@ def test_states_stay_valid(make) -> None:
         again, proposal = method.sample(jax.random.key(t), state, 3)
         np.testing.assert_array_equal(first, again)
         np.testing.assert_array_equal(first, unknown)
-        left, _ = method.update(state, first, jnp.asarray([1.0, 2.0, 3.0]))
-        right, _ = method.update(state, first, jnp.asarray([1.0, 2.0, 3.0]))
-        jax.tree.map(np.testing.assert_array_equal, method.solution(left), method.solution(right))
-        state = left
+        rewards = jnp.asarray([1.0, 2.0, 3.0])
+        (left, _), (state, _) = (method.update(state, first, rewards) for _ in range(2))
+        jax.tree.map(np.testing.assert_array_equal, method.solution(left), method.solution(state))
         distance = np.abs(proposal.centre[..., None] - bin_centres(SPACE)[None])
         assert np.all(distance.min(axis=2) == 0)
 

@@ -13,6 +13,8 @@ from shell.errors import UserError
 
 TARGET = jnp.asarray([0.85, 0.15, 0.05, 0.85, 0.05])
 FIVE = space(list("abcde"), bins=[10, 10, 10, 10, 4], groups=[["a", "b"], ["c", "d", "e"]])
+PAIR = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
+METHOD = sdr(PAIR, updates_per_group=4, hidden=8)
 
 
 def bandit(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
@@ -78,10 +80,6 @@ def test_a_tenth_of_the_evaluations_may_fail(most: int, total: int) -> None:
         refuse_failures(most + 1, total, "why")
 
 
-PAIR = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
-METHOD = sdr(PAIR, updates_per_group=4, hidden=8)
-
-
 class Evaluate:
     """Remembers what it was asked; ends in an error at one call."""
 
@@ -103,8 +101,7 @@ def test_the_host_is_asked_once_per_update_in_order(common: bool) -> None:
     _, record = jax.jit(lambda key: run(key, METHOD, reward_fn, n=2))(jax.random.key(0))
     reward_fn.reraise()  # nothing to raise
     np.testing.assert_array_equal(record.rewards, np.repeat(np.arange(1.0, 9), 2).reshape(8, 2))
-    assert len(evaluate.asked) == 8
-    assert record.info.group.tolist() == [0] * 4 + [1] * 4
+    assert len(evaluate.asked) == 8 and record.info.group.tolist() == [0] * 4 + [1] * 4
     for data_sets, actions in zip(evaluate.asked, record.actions, strict=True):
         assert all(type(x) is np.ndarray for x in jax.tree.leaves(data_sets))
         np.testing.assert_array_equal(data_sets.actions, actions)
@@ -132,8 +129,7 @@ def test_driven_it_gives_the_same_and_the_seeds_come_straight_from_the_key() -> 
 def test_nan_is_a_failed_evaluation_and_the_loop_goes_on() -> None:
     reward_fn = host_reward(lambda data_sets: np.float32([np.nan, 1]))
     records = [record for _, record in drive(jax.random.key(0), METHOD, reward_fn, n=2)]
-    assert len(records) == 8
-    assert all(float(record.info.reward_mean) == 1 for record in records)
+    assert len(records) == 8 and all(float(record.info.reward_mean) == 1 for record in records)
 
 
 def test_no_update_leaves_the_first_state() -> None:
@@ -166,16 +162,13 @@ def test_drive_raises_the_error_before_its_update_counts() -> None:
         next(steps)
 
 
-@pytest.mark.parametrize(
-    ("returned", "message"),
-    [
-        (np.zeros(2), r"float64\[2\], not float32\[2\]"),
-        (np.zeros(3, np.float32), r"float32\[3\], not float32\[2\]"),
-        (np.zeros((2, 1), np.float32), r"float32\[2, 1\]"),
-        ([0.0, 0.0], "list, not a NumPy array"),
-        (None, "NoneType"),
-    ],
-)
+@pytest.mark.parametrize(("returned", "message"), [
+    (np.zeros(2), r"float64\[2\], not float32\[2\]"),
+    (np.zeros(3, np.float32), r"float32\[3\], not float32\[2\]"),
+    (np.zeros((2, 1), np.float32), r"float32\[2, 1\]"),
+    ([0.0, 0.0], "list, not a NumPy array"),
+    (None, "NoneType"),
+])  # fmt: skip
 def test_a_wrong_answer_is_an_error(returned: object, message: str) -> None:
     reward_fn = host_reward(lambda data_sets: returned)
     rewards = reward_fn(jax.random.key(0), relax(PAIR, jnp.zeros((2, 2), jnp.int32)))

@@ -16,6 +16,8 @@ THREE = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
 LAYOUT = lay_out(THREE, updates_each=2)
 CONCAT = jax.jit(lambda descent, sampled: concat(LAYOUT, descent, sampled))
 BEST = jnp.asarray([1, 4])  # of both slots
+SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
+METHOD = sdr(SPACE, updates_per_group=3, hidden=8)
 
 
 def learn(learner: dict, group: jax.Array) -> tuple[dict, jax.Array, jax.Array]:
@@ -39,27 +41,20 @@ def test_layout_by_hand() -> None:
     assert slots.members.tolist() == [[2, 3], [1, 0]]
     assert slots.present.tolist() == [[True, False], [True, True]]
     assert slots.bins.sum(axis=2).tolist() == [[2, 5], [5, 3]]
-    assert (group.tolist(), slot.tolist()) == ([1, 1, 0], [1, 0, 0])
-    assert LAYOUT.updates == 4
+    assert (group.tolist(), slot.tolist()) == ([1, 1, 0], [1, 0, 0]) and LAYOUT.updates == 4
 
 
-@pytest.mark.parametrize(
-    ("updates", "turn", "fixed", "ever", "concatenated"),
-    [
-        (0, 0, [-1, -1, -1], [], [[-1, -1, 0], [-1, -1, 1]]),
-        (1, 0, [-1, -1, -1], [2], [[-1, -1, 0], [-1, -1, 1]]),
-        (2, 1, [-1, -1, 1], [2], [[2, 0, 1], [0, 1, 1]]),
-        (3, 1, [-1, -1, 1], [0, 1, 2], [[2, 0, 1], [0, 1, 1]]),
-        (4, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),
-        (6, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),  # after the end
-    ],
-)
-def test_the_course_and_the_concat_of_the_equation_by_hand(
-    updates: int, turn: int, fixed: list, ever: list, concatenated: list
-) -> None:
+@pytest.mark.parametrize(("updates", "turn", "fixed", "ever", "concatenated"), [
+    (0, 0, [-1, -1, -1], [], [[-1, -1, 0], [-1, -1, 1]]),
+    (1, 0, [-1, -1, -1], [2], [[-1, -1, 0], [-1, -1, 1]]),
+    (2, 1, [-1, -1, 1], [2], [[2, 0, 1], [0, 1, 1]]),
+    (3, 1, [-1, -1, 1], [0, 1, 2], [[2, 0, 1], [0, 1, 1]]),
+    (4, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),
+    (6, 1, [4, 1, 1], [0, 1, 2], [[4, 1, 1]] * 2),  # after the end
+])  # fmt: skip
+def test_the_course_and_the_concat_by_hand(updates, turn, fixed, ever, concatenated) -> None:
     descent, learners = course(updates)
-    assert active(LAYOUT, descent) == turn
-    assert descent.fixed.tolist() == fixed
+    assert (active(LAYOUT, descent), descent.fixed.tolist()) == (turn, fixed)
     assert np.flatnonzero(begun(LAYOUT, descent)).tolist() == ever
     assert CONCAT(descent, jnp.asarray([[0, 2], [1, 0]])).tolist() == concatenated
     done = min(updates, 4)
@@ -76,14 +71,8 @@ def test_only_the_active_group_is_touched(updates: int, seed: int) -> None:
     for name in learners:
         still = np.arange(2) != int(info) if updates < 4 else np.ones(2, bool)
         old, new = np.asarray(learners[name]), np.asarray(touched[name])
-        assert old[still].tobytes() == new[still].tobytes()
-        assert np.all(old[~still] != new[~still])
+        assert old[still].tobytes() == new[still].tobytes() and np.all(old[~still] != new[~still])
     assert moved.updates == min(updates + 1, 4)
-
-
-SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
-METHOD = sdr(SPACE, updates_per_group=3, hidden=8)
-seeds = st.integers(0, 2**32 - 1)
 
 
 def after(updates: int, method: Method = METHOD) -> SdrState:
@@ -113,7 +102,7 @@ def test_actions_are_sampled_learnt_or_undecided_and_the_answer_is_arg_max_once_
         np.testing.assert_array_equal(answer, [[0.5] * 4, [1] * 4])
 
 
-@given(seeds)
+@given(st.integers(0, 2**32 - 1))
 def test_groups_advance_and_inactive_ones_stay_bitwise_equal(seed: int) -> None:
     state = METHOD.init(jax.random.key(seed))
     rng = np.random.default_rng(seed)
@@ -157,8 +146,7 @@ def test_info_by_hand(failed: bool) -> None:
     _, info = METHOD.update(state, actions, rewards)
     assert (info.reward_mean, info.reward_best, info.baseline) == (0.5, 0.75, 0.5)
     np.testing.assert_allclose(info.advantages, [-0.25, 0.25, 0][: 2 + failed])
-    assert 0 < info.entropy <= np.log(5) + 1e-6
-    assert np.isfinite(info.grad_norm)
+    assert 0 < info.entropy <= np.log(5) + 1e-6 and np.isfinite(info.grad_norm)
     # The authors' code learns from squares.
     _, info = sdr(SPACE, hidden=8, transform=squared_percent).update(state, actions, rewards)
     np.testing.assert_allclose(info.advantages[:2], [625 - 3125, 5625 - 3125], rtol=1e-5)

@@ -3,25 +3,16 @@
 import numpy as np
 import pytest
 
-from seg.classes import (
-    CAMVID_11,
-    CITYSCAPES_19,
-    GTA5_19,
-    IGNORE_LABEL,
-    SYNTHIA_13,
-    SYNTHIA_16,
-    SYNTHIA_19,
-    class_table,
-)
+from seg import classes
+from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 
-TABLES = (CITYSCAPES_19, CAMVID_11, GTA5_19, SYNTHIA_19)
+TABLES = (CITYSCAPES_19, CAMVID_11, classes.GTA5_19, classes.SYNTHIA_19)
 
 
 @pytest.mark.parametrize(("table", "count"), [(CITYSCAPES_19, 19), (CAMVID_11, 11)])
 def test_sizes(table, count):
     assert len(table.classes) == len(set(table.classes)) == count
-    assert table.colors.shape == (count, 3)
-    assert len(np.unique(table.colors, axis=0)) == count
+    assert table.colors.shape == (count, 3) and len(np.unique(table.colors, axis=0)) == count
 
 
 TO_CAMVID = {
@@ -52,14 +43,11 @@ def test_every_class_is_reached_and_the_rest_is_void(table):
         table.from_file[0] = 3
 
 
-def test_subsets_of_classes():
+def test_subsets_of_classes_and_tables_by_name():
     names = CITYSCAPES_19.classes
     assert (len(SYNTHIA_16), len(SYNTHIA_13)) == (16, 13)
     assert {names[k] for k in set(range(19)) - set(SYNTHIA_16)} == {"terrain", "truck", "train"}
     assert {names[k] for k in set(SYNTHIA_16) - set(SYNTHIA_13)} == {"wall", "fence", "pole"}
-
-
-def test_lookup():
-    assert class_table("camvid") is CAMVID_11
+    assert classes.class_table("camvid") is CAMVID_11
     with pytest.raises(ValueError, match=r"unknown class table 'kitti'; known.*camvid, cityscapes"):
-        class_table("kitti")
+        classes.class_table("kitti")

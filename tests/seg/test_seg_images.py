@@ -1,4 +1,4 @@
-"""Decoding of single image and label files."""
+"""Decoding of single image and label files, and folders of photographs without labels."""
 
 import cv2
 import numpy as np
@@ -8,8 +8,10 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from seg.classes import CAMVID_11, CITYSCAPES_19
-from seg.data import DataError
+from seg.data import DataError, list_unlabelled, load_unlabelled
 from seg.data.images import read_image, read_label
+
+from .conftest import write_image
 
 IDS = np.array([[0, 3, 10], [11, 5, 1]])
 MAPPED = np.array([[0, 3, 10], [255, 5, 1]], np.uint8)
@@ -25,15 +27,11 @@ def test_images_become_rgb(tmp_path, mode, colour):
     assert image.shape == (2, 3, 3) and image.dtype == np.uint8 and (image == colour).all()
 
 
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_grey_labels_of_8_and_16_bits(tmp_path, dtype):
+def test_labels_of_8_and_16_bits_and_of_palettes_keep_their_ids(tmp_path):
     path = tmp_path / "label.png"
-    cv2.imwrite(str(path), IDS.astype(dtype))
-    np.testing.assert_array_equal(read_label(path, CAMVID_11), MAPPED)
-
-
-def test_palette_labels_keep_their_ids(tmp_path):
-    path = tmp_path / "label.png"
+    for dtype in (np.uint8, np.uint16):
+        cv2.imwrite(str(path), IDS.astype(dtype))
+        np.testing.assert_array_equal(read_label(path, CAMVID_11), MAPPED)
     picture = Image.fromarray(IDS.astype(np.uint8)).convert("P")
     picture.putdata(IDS.ravel().tolist())
     picture.putpalette(np.random.default_rng(0).integers(0, 256, 768).tolist())
@@ -100,3 +98,36 @@ def test_values_outside_the_table(tmp_path, value, dtype, table, message):
     cv2.imwrite(str(path), np.array([[0, value], [1, 2]], dtype))
     with pytest.raises(DataError, match=rf"label\.png: {message}"):
         read_label(path, table)
+
+
+def test_images_of_all_sizes_in_all_folders_come_sorted(tmp_path):
+    write_image(tmp_path / "b" / "1.png", 0, (6, 8))
+    write_image(tmp_path / "a" / "2.jpg", 1, (12, 16))
+    (tmp_path / "notes.txt").write_text("no image")
+    paths = list_unlabelled(tmp_path)
+    assert [p.name for p in paths] == ["2.jpg", "1.png"]
+    images = load_unlabelled(paths, (3, 4))
+    assert images.shape == (2, 3, 4, 3) and images.dtype == np.uint8
+
+
+def test_area_averages_where_an_image_shrinks(tmp_path):
+    write_image(tmp_path / "1.png", 3, (6, 8))
+    (whole,) = load_unlabelled(list_unlabelled(tmp_path), (6, 8))
+    (half,) = load_unlabelled(list_unlabelled(tmp_path), (3, 4))
+    mean = whole.reshape(3, 2, 4, 2, 3).mean(axis=(1, 3))
+    assert np.abs(half - mean).max() <= 0.5
+
+
+def test_bad_folders_are_named(tmp_path):
+    with pytest.raises(DataError, match="nowhere: no such folder"):
+        list_unlabelled(tmp_path / "nowhere")
+    with pytest.raises(DataError, match="zero images"):
+        list_unlabelled(tmp_path)
+    for name in ("a", "b"):
+        write_image(tmp_path / name / "1.png")
+    with pytest.raises(DataError, match="the same name"):
+        list_unlabelled(tmp_path)
+    (tmp_path / "a" / "1.png").write_text("no image")
+    (tmp_path / "b" / "1.png").unlink()
+    with pytest.raises(DataError, match="broken"):
+        load_unlabelled(list_unlabelled(tmp_path), (3, 4))

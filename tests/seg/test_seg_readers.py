@@ -9,14 +9,8 @@ import pytest
 from PIL import Image
 
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL
-from seg.data import (
-    LAYOUTS,
-    DataError,
-    list_cityscapes,
-    list_folders,
-    read_cityscapes,
-    read_folders,
-)
+from seg.data import DataError, list_cityscapes, list_folders, read_cityscapes, read_folders
+from seg.data.folders import LAYOUTS
 
 from .conftest import H, W, label_values, write_image, write_label
 
@@ -83,7 +77,7 @@ def root(tmp_path, case):
     return tmp_path
 
 
-def test_public_layout_is_read(root, case):
+def test_public_layout_is_read_at_any_size_and_limit(root, case):
     data = case.read(root)
     assert data.names == tuple(name.rpartition("/")[2] for name in case.names)
     cities = tuple(name.partition("/")[0] for name in case.names if "/" in name)
@@ -92,17 +86,18 @@ def test_public_layout_is_read(root, case):
     for seed, label in enumerate(data.labels):
         expected = case.table.from_file[label_values(seed, case.highest)]
         np.testing.assert_array_equal(label, expected)
-
-
-def test_size_limit_and_seed(root, case):
     data, again = (case.read(root, size=(3, 4), limit=2, seed=5) for _ in range(2))
     assert data.labels.shape == (2, 3, 4) and data.names == again.names
     np.testing.assert_array_equal(data.images, again.images)
 
 
-def test_missing_folders_and_labels(root, case):
+def test_missing_labels_images_and_folders(root, case):
     (root / case.labels.format(case.names[1])).unlink()
     with pytest.raises(DataError, match=r"00001.*\.png: image without label; expected .*00001"):
+        case.list(root)
+    for name in case.names:
+        (root / case.images.format(name)).unlink()
+    with pytest.raises(DataError, match="zero images; expected"):
         case.list(root)
     top = case.labels.partition("/")[0]
     (root / top).rename(root / "elsewhere")
@@ -110,13 +105,6 @@ def test_missing_folders_and_labels(root, case):
         case.list(root)
     with pytest.raises(DataError, match=r"gone.*: no such folder; expected"):
         case.list(root / "gone")
-
-
-def test_zero_images(root, case):
-    for name in case.names:
-        (root / case.images.format(name)).unlink()
-    with pytest.raises(DataError, match="zero images; expected"):
-        case.list(root)
 
 
 def test_sizes_that_disagree(root, case):

@@ -10,9 +10,11 @@ import pytest
 
 from shell.command import UNREAD, Parser, exit_code, size
 from shell.errors import UserError, refuse_repeats
+from tests.conftest import ROOT
 
 FULL = OSError(errno.ENOSPC, "No space left on device", "x.json")
 CURE = "once that is put right, the same command goes on"
+PRINT = "import sys; from shell.command import *; sys.exit(exit_code(lambda: print('x' * {})))"
 
 
 @pytest.mark.parametrize(("error", "code", "text"), [
@@ -34,15 +36,16 @@ def test_what_went_wrong_is_one_line_and_a_code(error, code, text, capsys):
         exit_code(lambda: print(1 / 0))
 
 
-@pytest.mark.parametrize("length", [1, 10**6])
-def test_output_that_nobody_reads_is_no_error(length):
+@pytest.mark.parametrize("command", [
+    ("-c", PRINT.format(1)), ("-c", PRINT.format(10**6)), ("-m", "experiments.cityscapes", "--help"),
+])  # fmt: skip
+def test_output_that_nobody_reads_is_no_error(command):
     """As of ``| head``, whether it fits into the buffer or not."""
-    code = f"import sys; from shell.command import *; sys.exit(exit_code(lambda: print('x' * {length})))"
     reading, writing = os.pipe()
     os.close(reading)
     buffered = {k: v for k, v in os.environ.items() if k != "PYTHONUNBUFFERED"}
-    command = [sys.executable, "-c", code]
-    done = subprocess.run(command, stdout=writing, stderr=subprocess.PIPE, env=buffered)
+    options = {"cwd": ROOT, "env": buffered, "stdout": writing, "stderr": subprocess.PIPE}
+    done = subprocess.run([sys.executable, *command], **options)
     os.close(writing)
     assert (done.returncode, done.stderr) == (UNREAD, b"") and UNREAD == 141
 

@@ -38,10 +38,9 @@ def terminal(monkeypatch):
     return Terminal()
 
 
-@pytest.mark.parametrize(
-    ("seconds", "text"),
-    [(0.2, "0 s"), (75, "75 s"), (99.4, "99 s"), (120, "2 min"), (3600, "60 min"), (9000, "2.5 h")],
-)
+@pytest.mark.parametrize(("seconds", "text"), [
+    (0.2, "0 s"), (75, "75 s"), (99.4, "99 s"), (120, "2 min"), (3600, "60 min"), (9000, "2.5 h"),
+])  # fmt: skip
 def test_durations_are_read_at_a_glance(seconds, text):
     assert duration(seconds) == text
 
@@ -63,8 +62,7 @@ def test_replayed_work_is_done_but_does_not_set_the_pace(clock):
     assert told.left is None
     clock.now += 8
     told.advance(1)
-    assert told.left == pytest.approx(3 * 8)
-    assert told.elapsed == 508
+    assert told.left == pytest.approx(3 * 8) and told.elapsed == 508
 
 
 def story(stream, clock):

@@ -1,4 +1,6 @@
-"""The depth buffer against rays cast one by one, and against what must never happen: a gap."""
+"""Embree through its C interface, and the depth buffer against rays cast one by one: without a gap."""
+
+import gc
 
 import numpy as np
 import pytest
@@ -6,16 +8,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from scene.mesh.solids import box, ellipsoid
-from scene.render import RenderSettings
+from scene.render import RendererError, RenderSettings
+from scene.render.embree import api
+from scene.render.embree.api import MeshBVH, SceneBVH
 from scene.render.embree.depth_buffer import nearest
 from scene.render.geometry import Shape, shape_of, stand
 from scene.render.shot import sample_rays
 from scene.street.camera import Camera
-from tests.scene.conftest import SEEDS, cast
+from tests.scene.conftest import SEEDS, cast, free
 
 SIZE = RenderSettings(width=40, height=30, fov=70)
 GREY = (0.5, 0.5, 0.5)
 STILL = Camera((0.0, 0.0, 0.0), 0.0, 0.0)
+WALL = np.array([[5, -1, 0], [5, 1, 0], [5, 1, 2], [5, -1, 2]], np.float32)
+TWO = np.array([[0, 1, 2], [0, 2, 3]], np.int32)
+PLACE = np.eye(3, 4, dtype=np.float32)
 
 
 def shape(corners):
@@ -57,8 +64,7 @@ def test_faces_that_share_an_edge_leave_no_gap():
     # From inside of a closed ball of many faces, every sample sees one of them.
     ball = shape_of(ellipsoid((0, 0, 0), (3, 3, 3), GREY, subdivisions=4))
     for yaw in np.linspace(-3, 3, 7):
-        hits, _ = draw([ball], camera=Camera((0.3, -0.2, 0.1), yaw, 0.4))
-        assert (hits.face >= 0).all()
+        assert (draw([ball], camera=Camera((0.3, -0.2, 0.1), yaw, 0.4))[0].face >= 0).all()
 
 
 def test_place_and_distance_are_those_of_the_point_that_is_seen():
@@ -87,3 +93,44 @@ def test_what_lies_behind_is_not_seen_and_a_floor_under_the_camera_is_up_to_the_
     down = rise < -2e-3
     assert (hits.instance[down] == 2).all() and (hits.instance[rise >= 0] == 0).all()
     np.testing.assert_allclose(hits.distance[down], -1 / rise[down], rtol=1e-3)
+
+
+def wall_ahead():
+    return SceneBVH([MeshBVH(WALL.copy(), TWO.copy())], [1], PLACE[None])
+
+
+@pytest.mark.parametrize(("columns", "rows"), [(1, 1), (4, 2), (5, 3), (7, 1), (3, 8)])
+def test_every_ray_of_every_size_of_image_gets_its_own_answer(columns, rows):
+    # Of each three rays one goes ahead into the wall, one back into nothing, and one is not asked.
+    kind = np.arange(columns * rows) % 3
+    directions = np.where((kind == 1)[:, None], [1.0, 0, 0], [-1.0, 0, 0])
+    starts = np.tile([0, 0, 0.5], (columns * rows, 1))
+    found = free(wall_ahead(), starts, directions, kind != 2, columns)
+    assert found.tolist() == np.choose(kind, [1, 0, -1]).tolist()
+
+
+def test_instances_stand_where_they_are_put():
+    mesh_bvh, poses = MeshBVH(WALL, TWO), np.stack([PLACE, PLACE])
+    poses[0, 0, 3], poses[1, 1, 3] = 10, 7
+    bvh = SceneBVH([mesh_bvh, mesh_bvh], [1, 2], poses)
+    rays = [[0, 0, 1], [0, 7, 1], [0, 3.5, 1]], [[1, 0, 0]]  # one direction for all
+    assert free(bvh, *rays, [1, 1, 1], 3).tolist() == [0, 0, 1]
+    assert free(bvh, *rays, [1, 1, 1], 3, reach=8.0).tolist() == [1, 0, 1]
+
+
+def test_rays_in_the_way_of_something_within_reach_are_not_free():
+    rays = [[0, 0, 1]] * 4, [[1, 0, 0], [-1, 0, 0], [1, 0, 0], [0, 0, 1]], [1, 1, 0, 1]
+    assert free(wall_ahead(), *rays, 4).tolist() == [0, 1, -1, 1]
+    assert free(wall_ahead(), *rays, 4, reach=4.0).tolist() == [1, 1, -1, 1]
+
+
+def test_a_scene_outlives_the_names_of_its_meshes():
+    bvh = wall_ahead()
+    gc.collect()
+    assert not free(bvh, [[0, 0, 0.5]] * 8, [[1, 0, 0]], [1] * 8, 4).any()
+
+
+def test_a_wheel_without_the_library_is_named(monkeypatch, tmp_path):
+    monkeypatch.setattr(api, "PATTERNS", ("nothing/*.so",))
+    with pytest.raises(RendererError, match=r"no Embree 4 library lies beside embreex"):
+        api._find()
