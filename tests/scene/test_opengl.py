@@ -1,16 +1,20 @@
 """The opengl renderer against embree, and what happens where OpenGL fails."""
 
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 
 import numpy as np
 import pytest
 
-from scene import CameraResponse, RenderSettings, TrainId, default_unit, street_params
+from scene import AssetPool, CameraResponse, RenderSettings, TrainId, default_unit, street_params
 from scene.dataset.render import render_dataset
 from scene.render import RendererError, renderer
 from tests.conftest import printed
-from tests.scene.conftest import POOL, chosen, street
+from tests.scene import conftest
+from tests.scene.conftest import chosen
 
+POOL = AssetPool(0, 6)
+street = partial(conftest.street, pool=POOL)
 SMALL = RenderSettings(width=96, height=64)
 
 
