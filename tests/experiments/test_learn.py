@@ -47,9 +47,9 @@ def test_candidates_by_hand(found):
 def test_the_middle_by_hand():
     config = defaults(MainConfig, "camvid", "quick")
     between = ladder.middle(config.reward, config.final)
-    # sqrt(64 128) = 90.5 and sqrt(48 96) = 67.9, in multiples of 8; sqrt(12 50), sqrt(200 1000).
-    assert (between.size, between.streets, between.shots) == ("88x64", 24, 8)
-    assert (between.train.steps, between.train.net) == (447, config.final.train.net)
+    # sqrt(240 480) = 339.4 and sqrt(176 360) = 251.7, in multiples of 8; sqrt(12 50), sqrt(150 300).
+    assert (between.size, between.streets, between.shots) == ("336x248", 24, 8)
+    assert (between.train.steps, between.train.net) == (212, config.final.train.net)
 
 
 @pytest.mark.parametrize("preset", PRESETS)

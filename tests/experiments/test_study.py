@@ -243,9 +243,10 @@ def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
 def test_the_plan_tells_nets_seconds_and_time():
     final = defaults(LearntConfig, "camvid", "quick").final
     text = plan_text([Work.at("nets, 3 sets x 5 seeds", 15, final), Work("b", 10, final, 6.0)], 2)
-    assert "15 x   50.3  nets, 3 sets x 5 seeds (compact, 128x96, 400 images, 1000 steps)" in text
-    # (15 x 50.3 + 10 x 6) / 2 = 407 s
-    assert "About 7 min on 2 worker(s), without compiling" in text
+    # 400 x 0.219 s of rendering, 172800 pixels x (800 views x 2.5e-7 s + 1200 in updates x 8e-8 s)
+    assert "15 x  138.6  nets, 3 sets x 5 seeds (lite0, 480x360, 400 images, 300 steps)" in text
+    # (15 x 138.6 + 10 x 6) / 2 = 1069 s
+    assert "About 18 min on 2 worker(s), without compiling" in text
 
 
 def test_plan_and_reports_tell_what_nets_start_from(tmp_path):

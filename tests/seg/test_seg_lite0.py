@@ -377,4 +377,4 @@ def test_recipes(name):
     recipe = RECIPES[name]
     check_settings(recipe)
     assert (recipe.net, recipe.trunk) == ("lite0", name.removeprefix("lite0-"))
-    assert (recipe.optimizer, recipe.steps, recipe.batch) == ("adam", 300, 8)
+    assert (recipe.optimizer, recipe.steps, recipe.loss_stride) == ("adam", 300, 2)
