@@ -19,13 +19,13 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.report import Row, parser, table, write
+from benchmarks.report import Row, count, parser, table, write
 from benchmarks.transfer.ingredients import render_world
 from benchmarks.transfer.nets import ATTRIBUTES, REAL, SEQUENCES, steering_set
 from benchmarks.transfer.recipe import CLASSES, TABLE, Recipe, Truth, units, world
@@ -48,22 +48,25 @@ from shell.progress import Progress
 
 ROWS = (*ATTRIBUTES, REAL)
 Changes = Mapping[str, Any]
-_PLAIN = {"mirror": False, "colour": False, "blur": False}
 RECIPE: dict[str, TrainSettings] = {
     "lite0": RECIPES["lite0-frozen"],
     "lite0-tuned": RECIPES["lite0-tuned"],
     "compact": TrainSettings(steps=600),
 }
 """What changes are made to, by the name that ``--net`` takes."""
+EFFECTS = ("mirror", "colour", "mix", "blur", "noise", "scale")
 AUGMENTATIONS: dict[str, Changes] = {
-    "no augmentation": _PLAIN,
-    "mirror alone": {**_PLAIN, "mirror": True},
-    "mirror and colour": {**_PLAIN, "mirror": True, "colour": True},
-    "mirror and mixed channels": {**_PLAIN, "mirror": True, "mix": True},
-    "mirror and blur": {**_PLAIN, "mirror": True, "blur": True},
-    "mirror and noise": {**_PLAIN, "mirror": True, "noise": True},
-    "mirror and scale": {**_PLAIN, "mirror": True, "scale": True},
-    "everything": {name: True for name in ("mirror", "colour", "mix", "blur", "noise", "scale")},
+    name: {effect: effect in chosen for effect in EFFECTS}
+    for name, chosen in {
+        "no augmentation": (),
+        "mirror alone": ("mirror",),
+        "mirror and colour": ("mirror", "colour"),
+        "mirror and mixed channels": ("mirror", "mix"),
+        "mirror and blur": ("mirror", "blur"),
+        "mirror and noise": ("mirror", "noise"),
+        "mirror and scale": ("mirror", "scale"),
+        "everything": EFFECTS,
+    }.items()
 }
 HEADS: dict[str, Changes] = {
     "rate x 1/3": {"lr": 3e-3},
@@ -74,7 +77,7 @@ HEADS: dict[str, Changes] = {
     "width 32": {"head_width": 32},
     "width 128": {"head_width": 128},
     "no class weights": {"weighted": False},
-    "dropout 0.2": {"head_dropout": 0.2},
+    "no dropout": {"head_dropout": 0.0},
     "statistics of real images": {"head_statistics": "target"},
     "every pixel in the loss": {"loss_stride": 1},
     "every 4th row and column": {"loss_stride": 4},
@@ -111,9 +114,13 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     command.add_argument("--net", choices=RECIPE, default="lite0", help="and its own recipe")
     command.add_argument("--only", nargs="+", help="these changes; by default all of the net's")
     command.add_argument("--size", type=size, default=(240, 176), help="of all images (240x176)")
-    command.add_argument("--streets", type=int, default=50, help="of 8 images each (50)")
-    command.add_argument("--seeds", type=int, default=3, help="nets of each row (3)")
-    command.add_argument("--workers", type=int, default=2, help="processes, a core each (2)")
+    command.add_argument(
+        "--streets", type=partial(count, 1), default=50, help="of 8 images each (50)"
+    )
+    command.add_argument("--seeds", type=partial(count, 1), default=3, help="nets of each row (3)")
+    command.add_argument(
+        "--workers", type=partial(count, 0), default=2, help="processes, a core each (2)"
+    )
     options = command.parse_args(arguments)
     if options.data is None:
         command.error("CamVid needs its folder: --data DIR (or the variable CAMVID_DIR)")
@@ -122,9 +129,6 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     for name in options.only:
         if name not in known:
             command.error(f"--only {name!r}: {options.net} has {', '.join(map(repr, known))}")
-    for flag in ("seeds", "streets"):
-        if getattr(options, flag) < 1:
-            command.error(f"--{flag} must be 1 or more")
     return options
 
 
@@ -143,9 +147,12 @@ def _run(options: argparse.Namespace) -> None:
         for name, settings in wanted.items()
     }
     done = {line["key"]: line["miou"] for line in log.lines}
-    missing = [where for where, key in keys.items() if key not in done]
-    progress = Progress(len(keys))
-    progress.advance(len(keys) - len(missing), replayed=True)
+    first: dict[str, tuple[str, int]] = {}  # some changes are the same as the recipe
+    for where, key in keys.items():
+        first.setdefault(key, where)
+    missing = [where for key, where in first.items() if key not in done]
+    progress = Progress(len(first))
+    progress.advance(len(first) - len(missing), replayed=True)
     tasks = [(options.data, own, wanted[name], seed) for name, seed in missing]
     with WorkerPool(options.workers, worker_environment()) as workers:
         for index, (miou, seconds) in workers.map(score_rows, tasks):

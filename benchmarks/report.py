@@ -35,6 +35,13 @@ def _new_file(text: str) -> Path:
     return path
 
 
+def count(least: int, text: str) -> int:
+    """A whole number of at least ``least``, for ``argparse``."""
+    if not text.isdecimal() or int(text) < least:
+        raise argparse.ArgumentTypeError(f"must be a whole number from {least} on, not {text!r}")
+    return int(text)
+
+
 def machine() -> dict[str, Any]:
     """The processor as the system names it, and how many cores this process may use."""
     name = platform.processor() or platform.machine()

@@ -18,7 +18,7 @@ from scene.attributes import NAMES
 from scene.proposal import RELAXATION
 from scene.render import RenderSettings, check_settings
 from sdr_jax.registry import MethodName
-from seg.settings import NetName, TrainSettings
+from seg.settings import TrainSettings
 from seg.settings import check_settings as check_train_settings
 from seg.weights import check as check_weights
 from shell.errors import UserError, refuse_repeats
@@ -27,9 +27,6 @@ Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes"]
 Candidate = Literal["argmax", "spread", "broad", "random"]
 RewardKind = Literal["miou", "mmd"]
-
-VGG_NETS: tuple[NetName, ...] = ("fcn8s", "deeplabv2")
-"""Nets that may start from a file of VGG16's weights."""
 
 Group = Annotated[
     tuple[str, ...],

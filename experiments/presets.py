@@ -124,7 +124,6 @@ def _quick(target: TargetName) -> dict[str, Any]:
         "reward": Fidelity(*reward, streets=12, shots=8, samples=1, train=_REWARD),
         "final": Fidelity(*final, streets=50, shots=8, train=_FINAL),
         **(_others(128, 96, 160, 120) if target == "camvid" else _others(128, 64, 160, 80)),
-        "candidate_seeds": 2,
         **({} if target == "camvid" else {"reward_images": 500}),
     }
 

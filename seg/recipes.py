@@ -7,7 +7,7 @@ settings = replace(RECIPES["paper"], net="fcn8s", weights="vgg16.npz")
 from dataclasses import replace
 from typing import Any
 
-from seg.settings import TrainSettings
+from seg.settings import VGG_NETS, TrainSettings
 
 RECIPES = {
     "compact": TrainSettings(steps=1000),
@@ -66,10 +66,10 @@ ImageNet weights: set `weights`, or hardly anything is learnt in 1000 steps.
 `scratch`: ours, where there are no such weights: Adam, GroupNorm after every convolution, the compact net's
 augmentation and class weights.
 
-`lite0-frozen`: ours. Adam, 300 steps of 8, mirror images and class weights, on features of EfficientNet-Lite0
-with ImageNet's weights (Tan and Le, 2019); colours and blur would need new features.
+`lite0-frozen`: ours. Adam, 300 steps of 4, class weights, on features of EfficientNet-Lite0 with ImageNet's
+weights (Tan and Le, 2019), of each image and of one mirrored, coloured and blurred view of it.
 
-`lite0-tuned`: ours. The same steps, with the compact net's augmentation; the trunk at a tenth of the head's
+`lite0-tuned`: ours, not measured. 300 steps of 8 with all augmentations; the trunk at a tenth of the head's
 rate, as is common in fine-tuning, batch normalisation fixed."""
 
 
@@ -96,7 +96,7 @@ def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
     wanted = replace(settings, **changes)
     if wanted.net != "lite0":
         wanted = replace(wanted, trunk="frozen")
-    if wanted.net in ("compact", "lite0"):
+    if wanted.net not in VGG_NETS:
         wanted = replace(wanted, weights=None)
     before, after = recipe_for(settings), recipe_for(wanted)
     if before == after:

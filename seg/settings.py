@@ -4,6 +4,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 NetName = Literal["compact", "deeplabv2", "fcn8s", "lite0"]
+VGG_NETS: tuple[NetName, ...] = ("fcn8s", "deeplabv2")
+"""Nets that may start from a file of VGG16's weights."""
 Trunk = Literal["frozen", "tuned"]
 HeadStatistics = Literal["training", "target"]
 OptimizerName = Literal["adam", "sgd"]
@@ -110,7 +112,7 @@ def check_settings(settings: TrainSettings) -> None:
         )
     if settings.norm and settings.weights is not None:
         raise ValueError("norm is for training from scratch: the nets of weights have no GroupNorm")
-    if settings.weights is not None and settings.net in ("compact", "lite0"):
+    if settings.weights is not None and settings.net not in VGG_NETS:
         raise ValueError(
             f"weights are of VGG16, which the net {settings.net} does not have in it"
             + ("; its own come with it" if settings.net == "lite0" else "")

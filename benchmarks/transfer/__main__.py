@@ -23,7 +23,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from benchmarks.report import Row, parser, table, write
+from benchmarks.report import Row, count, parser, table, write
 from benchmarks.transfer import tables
 from benchmarks.transfer.ingredients import render_world
 from benchmarks.transfer.nets import (
@@ -87,18 +87,12 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
         ("--workers", 2, 0, "processes, one core each; 0 works in this one"),
     ):
         command.add_argument(
-            flag, type=partial(_count, least), default=value, help=f"{meaning} ({value})"
+            flag, type=partial(count, least), default=value, help=f"{meaning} ({value})"
         )
     options = command.parse_args(arguments)
     if options.data is None:
         command.error("CamVid needs its folder: --data DIR (or the variable CAMVID_DIR)")
     return options
-
-
-def _count(least: int, text: str) -> int:
-    if not text.isdecimal() or int(text) < least:
-        raise argparse.ArgumentTypeError(f"must be a whole number from {least} on, not {text!r}")
-    return int(text)
 
 
 def _run(options: argparse.Namespace) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments import presets
-from experiments.config import VGG_NETS, Fidelity, LearntConfig, Preset, TargetName, check_net
+from experiments.config import Fidelity, LearntConfig, Preset, TargetName, check_net
 from experiments.reward.truth import Truth
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
@@ -20,7 +20,7 @@ from experiments.table.report import FORM
 from experiments.target.base import Target
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data.folders import read_folders
-from seg.settings import NetName
+from seg.settings import VGG_NETS, NetName
 from seg.weights import described
 from shell.errors import UserError, refuse_repeats
 

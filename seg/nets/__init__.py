@@ -12,7 +12,7 @@ from seg.nets.fcn8s import FCN8s
 from seg.nets.lite0 import Lite0
 from seg.nets.ops.normalise import normalise
 from seg.nets.vgg16 import VGG16
-from seg.settings import Dtype, TrainSettings
+from seg.settings import VGG_NETS, Dtype, TrainSettings
 
 _NETS: dict[str, Callable[..., nn.Module]] = {
     "compact": Compact,
@@ -49,7 +49,7 @@ def net(
         raise ValueError(f"unknown net {name!r}; known nets: {', '.join(sorted(_NETS))}")
     if classes < 1:
         raise ValueError(f"a net needs at least one class; got {classes}")
-    if name in ("deeplabv2", "fcn8s"):
+    if name in VGG_NETS:
         options["norm"] = norm
     return _NETS[name](classes=classes, dtype=_DTYPES[dtype], **options)
 

@@ -14,7 +14,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.ops.conv import Conv, conv, xla_conv
-from seg.nets.ops.depthwise import pointwise, strided_conv
+from seg.nets.ops.depthwise import pointwise_conv, strided_conv
 from seg.nets.ops.group_norm import GroupNorm
 from seg.nets.ops.resize import bilinear, pad_to_multiple, repeat_pixels, space_to_depth
 
@@ -30,10 +30,6 @@ def _first_conv(x: Array, kernel: Array, rate: int) -> Array:
     """The last channel by itself: the same in all images, and XLA takes half the time for 48 as for 49."""
     colours, row = x[..., :-1], x[:1, ..., -1:]
     return conv(colours, kernel[:, :, :-1], rate) + strided_conv(row, kernel[:, :, -1:], 1)
-
-
-def _pointwise(x: Array, kernel: Array, _: int) -> Array:
-    return pointwise(x, kernel[0, 0])
 
 
 class _ConvNormRelu(nn.Module):
@@ -73,7 +69,9 @@ class Compact(nn.Module):
     ) -> Float[Array, "b h w classes"]:
         """Logits of normalised RGB; `train` is without effect, nets with dropout need it."""
         block = partial(_ConvNormRelu, dtype=self.dtype)
-        project = partial(Conv, convolve=_pointwise, side=1, kernel_init=_LECUN, dtype=self.dtype)
+        project = partial(
+            Conv, convolve=pointwise_conv, side=1, kernel_init=_LECUN, dtype=self.dtype
+        )
         _, h, w, _ = images.shape
         x = space_to_depth(pad_to_multiple(images, 2 * _CELL), _CELL)
         b, rows, cols, _ = x.shape

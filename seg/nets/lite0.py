@@ -5,6 +5,7 @@ the stem's 32 and the last 1280 channels not scaled. Batch normalisation is fold
 (`seg.weights.lite0`): with statistics fixed it is nothing else. The head is ours.
 """
 
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -14,7 +15,7 @@ from jax.typing import DTypeLike
 from jaxtyping import Array, Float
 
 from seg.nets.ops.conv import Conv, conv
-from seg.nets.ops.depthwise import depthwise, pointwise, strided_conv
+from seg.nets.ops.depthwise import depthwise, pointwise, pointwise_conv, strided_conv
 from seg.nets.ops.normalise import denormalise
 from seg.nets.ops.resize import bilinear, pad_to_multiple
 
@@ -66,17 +67,7 @@ def pyramid(maps: tuple[Float[Array, "b _h _w _c"], ...]) -> Pyramid:
     return Pyramid(jnp.concatenate([halved, eighth], axis=-1), sixteenth, thirtysecond)
 
 
-class _Pointwise(nn.Module):
-    features: int
-    dtype: DTypeLike | None = None
-
-    @nn.compact
-    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b h w features"]:
-        shape = (1, 1, x.shape[-1], self.features)
-        kernel = self.param("kernel", nn.initializers.he_normal(), shape)
-        bias = self.param("bias", nn.initializers.zeros, (self.features,))
-        x, kernel, bias = nn.dtypes.promote_dtype(x, kernel, bias, dtype=self.dtype)
-        return pointwise(x, kernel[0, 0]) + bias[None, None, None]
+_pointwise = partial(Conv, convolve=pointwise_conv, side=1)
 
 
 class _Spatial(nn.Module):
@@ -107,9 +98,9 @@ class _Block(nn.Module):
         side, stride, expand, features = self.shape
         y = x
         if expand > 1:
-            y = _relu6(_Pointwise(expand * x.shape[-1], self.dtype, name="expand")(y))
+            y = _relu6(_pointwise(expand * x.shape[-1], dtype=self.dtype, name="expand")(y))
         y = _relu6(_Spatial(side, stride, dtype=self.dtype, name="depthwise")(y))
-        y = _Pointwise(features, self.dtype, name="project")(y)
+        y = _pointwise(features, dtype=self.dtype, name="project")(y)
         return y + x if y.shape == x.shape and stride == 1 else y
 
 
@@ -257,7 +248,7 @@ class Head(nn.Module):
         x = nn.relu(Conv(self.width, conv, dtype=self.dtype, name="mix")(x))
         if self.dropout:
             x = nn.Dropout(self.dropout, deterministic=not train)(x)
-        x = _Pointwise(self.classes, self.dtype, name="score")(x)
+        x = _pointwise(self.classes, dtype=self.dtype, name="score")(x)
         rows, cols = (len(range(stride // 2, n, stride)) for n in size)
         return bilinear(x.astype(jnp.float32), 8, stride)[:, :rows, :cols]
 

@@ -21,6 +21,13 @@ def pointwise(
     return (x.reshape(b * h * w, c) @ kernel).reshape(b, h, w, kernel.shape[-1])
 
 
+def pointwise_conv(
+    x: Float[Array, "b h w c"], kernel: Float[Array, "1 1 c features"], _: int = 1
+) -> Float[Array, "b h w features"]:
+    """`pointwise` with the arguments of other convolutions; a rate has no meaning."""
+    return pointwise(x, kernel[0, 0])
+
+
 def strided_conv(
     x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], stride: int
 ) -> Float[Array, "b rows cols features"]:
