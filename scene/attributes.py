@@ -1,13 +1,15 @@
-"""The 23 global attributes of a street: names, ranges, units, defaults. The only place with ranges.
+"""The global attributes of a street: names, ranges, units, defaults. The only place with ranges.
 
-Everything outside this file handles attributes as unit values in [0, 1]; ``street_params`` turns them
-into metres, radians and probabilities. Source: section 3 of the paper; the ranges are ours and frozen.
+Two spaces: ``scenex`` has the paper's 23; ``extended`` has those and then what else real streets and
+cameras differ in. In ``scenex`` the others stand at their defaults, so a street set by eye is the same in
+both. Everything outside this file handles attributes as unit values in [0, 1]; ``street_params`` turns
+them into metres, radians and probabilities. Source: section 3 of the paper for the 23; the ranges are ours.
 """
 
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
@@ -63,10 +65,32 @@ ATTRIBUTES: tuple[Attribute, ...] = (
     Attribute("pole_interval", 5, 50, "log", 16, "m", "spacing of poles along their line"),
     Attribute("car_interval", 5, 50, "log", 25, "m", "spacing of cars along their line"),
 )
+ADDED: tuple[Attribute, ...] = (
+    Attribute("field_of_view", 30, 110, "linear", 50, "deg", "the camera's horizontal field of view"),
+    Attribute("camera_roll", -6, 6, "linear", 0, "deg", "camera roll, clockwise positive"),
+    Attribute("exposure", 0.5, 2, "log", 1, "x metered", "light that the camera lets in"),
+    Attribute("white_balance", -1, 1, "linear", 0, "stops", "red against blue, warm positive"),
+    Attribute("road_width", 0.6, 2, "log", 1, "x usual", "width of the carriageway"),
+    Attribute("sidewalk_width", 0.4, 2.5, "log", 1, "x usual", "width of the sidewalks"),
+    Attribute("bend", 0, 25, "linear", 0, "1/km", "sharpest curvature of the road"),
+    Attribute("gradient", 0, 10, "linear", 0, "%", "steepest slope of the road"),
+    Attribute("junction_share", 0, 1, "linear", 0, "share", "streets with a junction ahead"),
+    Attribute("parked_share", 0, 1, "linear", 0, "share", "roadsides with a row of parked cars"),
+    Attribute("queue_share", 0, 1, "linear", 0, "share", "lanes with a queue of cars"),
+    Attribute("open_share", 0, 1, "linear", 0, "share", "roadsides open to a park, water or field"),
+    Attribute("bare_tree_share", 0, 1, "linear", 0.33, "share", "trees without leaves"),
+    Attribute("overcast_share", 0, 1, "linear", 0.27, "share", "streets under closed cloud"),
+)
 # fmt: on
 
 NAMES: tuple[str, ...] = tuple(a.name for a in ATTRIBUTES)
-BY_NAME: dict[str, Attribute] = {a.name: a for a in ATTRIBUTES}
+"""The paper's 23."""
+SpaceName = Literal["scenex", "extended"]
+SPACES: dict[SpaceName, tuple[Attribute, ...]] = {
+    "scenex": ATTRIBUTES,
+    "extended": (*ATTRIBUTES, *ADDED),
+}
+BY_NAME: dict[str, Attribute] = {a.name: a for a in SPACES["extended"]}
 
 
 class StreetParams(NamedTuple):
@@ -95,39 +119,70 @@ class StreetParams(NamedTuple):
     person_interval: float
     pole_interval: float
     car_interval: float
+    field_of_view: float | None = None  # None: the renderer's setting
+    camera_roll: float = 0.0
+    exposure: float = 1.0
+    white_balance: float = 0.0
+    road_width: float = 1.0
+    sidewalk_width: float = 1.0
+    bend: float = BY_NAME["bend"].default
+    gradient: float = BY_NAME["gradient"].default
+    junction_share: float = BY_NAME["junction_share"].default
+    parked_share: float = BY_NAME["parked_share"].default
+    queue_share: float = BY_NAME["queue_share"].default
+    open_share: float = BY_NAME["open_share"].default
+    bare_tree_share: float | None = None  # None: as the catalogue has it
+    overcast_share: float | None = None  # None: as the table of skies has it
 
 
-def default_unit() -> np.ndarray:
-    """The street set by eye, f32[23] unit values."""
-    return np.array([a.to_unit(a.default) for a in ATTRIBUTES], np.float32)
+def names(space: SpaceName) -> tuple[str, ...]:
+    """The names of a space's attributes, in order."""
+    return tuple(a.name for a in SPACES[space])
+
+
+def space_of(count: int) -> SpaceName:
+    """The space with ``count`` attributes.
+
+    Raises:
+        ValueError: there is none.
+    """
+    for space in get_args(SpaceName):
+        if len(SPACES[space]) == count:
+            return space
+    known = " or ".join(f"{len(rows)} ({space})" for space, rows in SPACES.items())
+    raise ValueError(f"attributes must have {known} values, not {count}")
+
+
+def default_unit(space: SpaceName = "scenex") -> np.ndarray:
+    """The street set by eye, f32[attributes] unit values."""
+    return np.array([a.to_unit(a.default) for a in SPACES[space]], np.float32)
 
 
 def check_unit(unit: np.ndarray) -> np.ndarray:
-    """``unit`` as f32[..., 23].
+    """``unit`` as f32[..., attributes] of one of the spaces.
 
     Raises:
         ValueError: wrong number of attributes, or a value that is NaN or outside [0, 1], by name.
     """
     unit = np.asarray(unit, np.float32)
-    if unit.ndim == 0 or unit.shape[-1] != len(ATTRIBUTES):
-        raise ValueError(f"attributes must have {len(ATTRIBUTES)} values, got shape {unit.shape}")
+    rows = SPACES[space_of(unit.shape[-1] if unit.ndim else 0)]
     bad = np.argwhere(~((unit >= 0) & (unit <= 1)))
     if len(bad):
         where = tuple(bad[0])
         raise ValueError(
-            f"attribute {NAMES[where[-1]]} is {unit[where]}; unit values must lie in [0, 1]"
+            f"attribute {rows[where[-1]].name} is {unit[where]}; unit values must lie in [0, 1]"
         )
     return unit
 
 
 def street_params(unit: np.ndarray) -> StreetParams:
-    """Physical parameters of one street from unit values f32[23].
+    """Physical parameters of one street from unit values f32[attributes].
 
     Raises:
         ValueError: as ``check_unit``.
     """
     values = []
-    for attribute, value in zip(ATTRIBUTES, check_unit(unit).tolist(), strict=True):
+    for value, attribute in zip(check_unit(unit).tolist(), BY_NAME.values(), strict=False):
         physical = attribute.physical(value)
         values.append(math.radians(physical) if attribute.unit == "deg" else physical)
     return StreetParams(*values)

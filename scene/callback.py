@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float, UInt8, UInt32
 
 from scene.assets.catalogue import AssetPool
-from scene.attributes import ATTRIBUTES
+from scene.attributes import space_of
 from scene.dataset.render import render_street
 from scene.render import RenderSettings, check_settings, renderer
 
@@ -31,7 +31,7 @@ def render_fn(
     renderer_name: str = "embree",
     pool: AssetPool | None = None,
 ) -> RenderFn:
-    """A function ``(unit f32[n, 23], seeds u32[n]) -> (images, labels)`` for use inside jit.
+    """A function ``(unit f32[n, attributes], seeds u32[n]) -> (images, labels)`` for use inside jit.
 
     Values outside [0, 1] are clipped, since raising inside a callback breaks the program around it;
     NaN becomes 0.5.
@@ -59,9 +59,10 @@ def render_fn(
     def render(
         unit: Float[Array, "n attributes"], seeds: UInt32[Array, " n"]
     ) -> tuple[UInt8[Array, "n shots h w 3"], UInt8[Array, "n shots h w"]]:
-        if unit.shape[1:] != (len(ATTRIBUTES),) or seeds.shape != unit.shape[:1]:
+        space_of(unit.shape[-1])
+        if unit.ndim != 2 or seeds.shape != unit.shape[:1]:
             raise ValueError(
-                f"expected unit [n, {len(ATTRIBUTES)}] and seeds [n], got {unit.shape}, {seeds.shape}"
+                f"expected unit [n, attributes] and seeds [n], got {unit.shape}, {seeds.shape}"
             )
         n = unit.shape[0]
         shapes = (

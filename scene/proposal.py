@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scene.attributes import ATTRIBUTES, NAMES, check_unit, default_unit
+from scene.attributes import SPACES, SpaceName, check_unit, default_unit, names, space_of
 
 RELAXATION = 0.15
 """Width of the intervals around the street set by eye, as a share of each range."""
@@ -23,8 +23,8 @@ UNITS_STREAM = 1
 class Proposal(NamedTuple):
     """A distribution over streets: each attribute uniform on an interval of [0, 1]."""
 
-    centre: np.ndarray  # f32[23], the middle of the interval
-    width: np.ndarray  # f32[23], its length
+    centre: np.ndarray  # f32[attributes], the middle of the interval
+    width: np.ndarray  # f32[attributes], its length
 
 
 def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
@@ -37,21 +37,33 @@ def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
     return Proposal(np.clip(centre, width / 2, 1 - width / 2), width)
 
 
-def random_proposal() -> Proposal:
-    """Every attribute anywhere in its range."""
-    return slide(np.full(len(NAMES), 0.5), 1.0)
+def random_proposal(space: SpaceName = "scenex") -> Proposal:
+    """Every attribute of a space anywhere in its range."""
+    return slide(np.full(len(SPACES[space]), 0.5), 1.0)
 
 
-def default_proposal(width: float = RELAXATION) -> Proposal:
-    """Intervals of one ``width`` around the street set by eye."""
-    return slide(default_unit(), width)
+def default_proposal(width: float = RELAXATION, space: SpaceName = "scenex") -> Proposal:
+    """Intervals of one ``width`` around the street set by eye; what it adds to the 23 stands there exactly.
+
+    So both spaces have the same streets by eye, but for chance.
+    """
+    centre = default_unit(space)
+    widths = np.full(len(centre), width)
+    widths[len(SPACES["scenex"]) :] = 0.0
+    return slide(centre, widths)
+
+
+def named(name: str, space: SpaceName) -> Proposal:
+    """The proposal ``random`` or, around the street set by eye, ``default``."""
+    return random_proposal(space) if name == "random" else default_proposal(space=space)
 
 
 def describe(proposal: Proposal) -> dict[str, dict[str, Any]]:
     """A proposal as ``attributes.json`` holds it: every attribute in unit and physical values."""
     rows = {}
+    attributes = SPACES[space_of(len(proposal.centre))]
     centres, widths = (np.asarray(part, np.float32).tolist() for part in proposal)
-    for attribute, centre, width in zip(ATTRIBUTES, centres, widths, strict=True):
+    for attribute, centre, width in zip(attributes, centres, widths, strict=True):
         low, high = max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
         rows[attribute.name] = {
             "unit": {"centre": shortest(centre), "width": shortest(width)},
@@ -74,7 +86,7 @@ def shortest(value: float) -> float:
 
 
 def parse_proposal(value: Any) -> Proposal:
-    """The proposal in a file: every attribute by name, with a unit value or an interval.
+    """The proposal in a file: every attribute of a space by name, with a unit value or an interval.
 
     A number is the value of all streets. An interval is ``{"centre": c, "width": w}``, or that below
     ``"unit"``, as in the ``attributes.json`` of a run.
@@ -84,13 +96,15 @@ def parse_proposal(value: Any) -> Proposal:
     """
     if not isinstance(value, dict):
         raise ValueError("expected a JSON object of attribute names and unit values")
+    known = names("extended")
     for name in value:
-        if name not in NAMES:
-            raise ValueError(f"unknown attribute {name!r}; known: {', '.join(NAMES)}")
-    for name in NAMES:
+        if name not in known:
+            raise ValueError(f"unknown attribute {name!r}; known: {', '.join(known)}")
+    wanted = names("scenex") if set(value) <= set(names("scenex")) else known
+    for name in wanted:
         if name not in value:
-            raise ValueError(f"attribute {name} is missing; all {len(NAMES)} must be given")
-    rows = [_interval(name, value[name]) for name in NAMES]
+            raise ValueError(f"attribute {name} is missing; all {len(wanted)} must be given")
+    rows = [_interval(name, value[name]) for name in wanted]
     centre, width = np.array(rows, np.float32).T
     return slide(check_unit(centre), width)
 
@@ -113,11 +127,11 @@ def _interval(name: str, entry: Any) -> tuple[float, float]:
 
 
 def draw(proposal: Proposal, seed: int, streets: int) -> np.ndarray:
-    """Attributes f32[streets, 23] in [0, 1); street ``k`` depends on (proposal, seed, k) only."""
-    units = np.empty((streets, len(NAMES)), np.float32)
+    """Attributes f32[streets, attributes] in [0, 1); street ``k`` depends on (proposal, seed, k) only."""
     centre, width = slide(*proposal)
+    units = np.empty((streets, len(centre)), np.float32)
     low = centre - width / 2
     for street in range(streets):
         rng = np.random.default_rng([seed, street, UNITS_STREAM])
-        units[street] = low + width * rng.random(len(NAMES), dtype=np.float32)
+        units[street] = low + width * rng.random(len(centre), dtype=np.float32)
     return np.clip(units, 0.0, BELOW_ONE)  # rounding could reach 1

@@ -67,13 +67,44 @@ def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | 
     With both in use, every asset is as likely as any other. Always takes one number from ``rng``.
     """
     share = rng.random()
-    size = FAMILIES[family].count if pool.size is None else pool.size
-    count = 0 if pool.use == "own" else max(1, round(size * pool.fraction))
+    count = _built_in(pool, family)
     own = own_assets(pool, family)
     if count + len(own) == 0:
         return None
     drawn = int(share * (count + len(own)))
     return pool.first + drawn if drawn < count else own[drawn - count]
+
+
+BARE = "bare"
+"""In the names of the kinds of trees without leaves."""
+
+
+def in_season(
+    family: str,
+    ref: int | str | None,
+    bare: float | None,
+    pool: AssetPool,
+    rng: np.random.Generator,
+) -> int | str | None:
+    """A tree with or without leaves in the place of one, so that a share ``bare`` of trees has none.
+
+    The next built-in tree of the pool that suits; the tree itself if none does, and all that is no
+    built-in tree, and all trees where ``bare`` is None. Takes one number from ``rng`` for each tree.
+    """
+    if family != "tree" or bare is None or not isinstance(ref, int):
+        return ref
+    wanted, count = rng.random() < bare, _built_in(pool, family)
+    for step in range(min(count, len(FAMILIES[family].kinds))):
+        other = pool.first + (ref - pool.first + step) % count
+        if (BARE in kind(family, other)) == wanted:
+            return other
+    return ref
+
+
+def _built_in(pool: AssetPool, family: str) -> int:
+    """How many built-in assets of a family a pool offers."""
+    size = FAMILIES[family].count if pool.size is None else pool.size
+    return 0 if pool.use == "own" else max(1, round(size * pool.fraction))
 
 
 def own_assets(pool: AssetPool, family: str) -> tuple[str, ...]:

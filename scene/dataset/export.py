@@ -53,7 +53,7 @@ def export_dataset(
     number of workers.
 
     Args:
-        units: f32[streets, 23] attributes of each street, in [0, 1].
+        units: f32[streets, attributes] attributes of each street, in [0, 1].
         seed: with the street's index it decides everything left to chance.
         folder: new, empty, or the same export to be continued.
         shots: images per street.

@@ -26,7 +26,7 @@ class Dataset(NamedTuple):
 
 
 def street_of(unit: np.ndarray, seed: int, index: int, shots: int, pool: AssetPool) -> Street:
-    """The ``index``-th street of the dataset with ``seed``, from its unit attributes f32[23]."""
+    """The ``index``-th street of the dataset with ``seed``, from its unit attributes f32[attributes]."""
     street_seed = int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
     return sample_street(street_params(unit), street_seed, shots, pool)
 
@@ -52,7 +52,7 @@ def _images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
 def check_request(
     units: np.ndarray, shots: int, settings: RenderSettings, renderer_name: str
 ) -> np.ndarray:
-    """The attributes f32[streets, 23] of a dataset that can be rendered here.
+    """The attributes f32[streets, attributes] of a dataset that can be rendered here.
 
     Raises:
         ValueError: attributes, size or shots out of range, unknown renderer.
@@ -60,7 +60,9 @@ def check_request(
     """
     units = check_unit(units)
     if units.ndim != 2 or len(units) == 0:
-        raise ValueError(f"a dataset needs attributes of shape [streets, 23], got {units.shape}")
+        raise ValueError(
+            f"a dataset needs attributes of shape [streets, attributes], got {units.shape}"
+        )
     if shots < 1:
         raise ValueError(f"shots per street must be 1 or more, not {shots}")
     check_settings(settings)
@@ -82,7 +84,7 @@ def render_dataset(
     """Render ``len(units) * shots`` images.
 
     Args:
-        units: f32[streets, 23] attributes of each street, in [0, 1].
+        units: f32[streets, attributes] attributes of each street, in [0, 1].
         seed: with the street's index it decides everything left to chance.
         shots: images per street.
         settings: size and quality.

@@ -103,15 +103,21 @@ def _legends(rng: np.random.Generator, lane: float, crosswalks: list[float]) -> 
     return marks
 
 
-def sample_ground(rng: np.random.Generator, share: float = 1.0, drive: float = 1.0) -> Ground:
+def sample_ground(
+    rng: np.random.Generator,
+    share: float = 1.0,
+    drive: float = 1.0,
+    widths: tuple[float, float] = (1.0, 1.0),
+) -> Ground:
     """Draw a ground: surfaces, markings, crossings every 40-90 m, repairs, driveways.
 
     Args:
         rng: consumed.
         share: of the surfaces of each table that may be drawn (the half-asset study).
         drive: the side, 1 left or -1 right, whose traffic goes forward.
+        widths: of carriageway and sidewalks, as factors on the usual ones.
     """
-    half_width = float(rng.uniform(*HALF_WIDTHS))
+    half_width = float(rng.uniform(*HALF_WIDTHS)) * widths[0]
     crosswalks = _places(rng, (5, 60), (40, 90)) if rng.random() < 0.65 else []
     boxes = _places(rng, (15, 60), (200, 300)) if rng.random() < 0.12 else []
     side_streets = _places(rng, (12, 50), (35, 90)) if rng.random() < 0.6 else []
@@ -121,7 +127,7 @@ def sample_ground(rng: np.random.Generator, share: float = 1.0, drive: float = 1
     stone = rng.uniform(0.75, 1.25)
     return Ground(
         half_width=half_width,
-        footway=float(rng.uniform(*FOOTWAYS)),
+        footway=float(rng.uniform(*FOOTWAYS)) * widths[1],
         road=sample_coat(rng, ROADS, share, ROAD_TONE),
         sidewalk=sample_coat(rng, SIDEWALKS, share, SIDEWALK_TONE),
         terrain=sample_coat(rng, TERRAINS, share),

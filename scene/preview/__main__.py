@@ -3,7 +3,7 @@
 python -m scene.preview --out sheet.png                          # streets set by eye, labels, depth
 python -m scene.preview --attributes random --renderer opengl --out sheet.png
 python -m scene.preview --sweep car_interval --out sweep.png     # one attribute from 0 to 1
-python -m scene.preview --sweep all --out sweeps.jpg             # all 23 of them
+python -m scene.preview --sweep all --out sweeps.jpg             # all attributes
 python -m scene.preview --asset car --count 24 --out cars.png    # assets of one class
 python -m scene.preview --asset all --out assets.jpg             # some of every class
 python -m scene.preview --asset car --assets DIR --asset-use own --out mine.png
@@ -21,10 +21,11 @@ import cv2
 import numpy as np
 
 from scene.assets.catalogue import USES, AssetPool, absent, check_pool
+from scene.attributes import SPACES
 from scene.preview.closeup import all_classes, class_page
 from scene.preview.layout import Studio
 from scene.preview.streets import all_sweeps, contact_sheet, sweep
-from scene.proposal import default_proposal, draw, random_proposal
+from scene.proposal import draw, named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from shell.command import Parser, size
 
@@ -46,6 +47,7 @@ def parser() -> Parser:
     what.add_argument("--sweep", metavar="ATTRIBUTE", help="an attribute from 0 to 1; or 'all'")
     what.add_argument("--asset", metavar="CLASS", help="assets of a class or family; or 'all'")
     line.add_argument("--attributes", choices=("default", "random"), default="default")
+    line.add_argument("--space", choices=SPACES, default="scenex", help="attributes of the streets")
     line.add_argument("--renderer", choices=RENDERERS, default="embree")
     line.add_argument("--streets", type=int, default=3)
     line.add_argument("--shots", type=int, default=4, help="images per street")
@@ -91,7 +93,7 @@ def page(options: argparse.Namespace) -> np.ndarray:
         if everything:
             return all_classes(columns, studio)
         return class_page(options.asset, options.count, columns, studio)
-    proposal = random_proposal() if options.attributes == "random" else default_proposal()
+    proposal = named(options.attributes, options.space)
     rows = draw(proposal, options.seed, options.streets)
     return contact_sheet(rows, options.seed, options.shots, studio)
 

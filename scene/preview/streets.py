@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scene.attributes import ATTRIBUTES, NAMES, default_unit, street_params
+from scene.attributes import BY_NAME, NAMES, default_unit, street_params
 from scene.dataset.render import render_street
 from scene.preview.layout import Studio, captioned, grid, stack, tile
 from scene.street.street import sample_street
@@ -27,13 +27,13 @@ def sweep(name: str, steps: int, seed: int, studio: Studio) -> np.ndarray:
     Raises:
         ValueError: unknown attribute.
     """
-    if name not in NAMES:
-        raise ValueError(f"unknown attribute {name!r}; known: {', '.join(NAMES)}")
-    row = ATTRIBUTES[NAMES.index(name)]
+    if name not in BY_NAME:
+        raise ValueError(f"unknown attribute {name!r}; known: {', '.join(BY_NAME)}")
+    row, where = BY_NAME[name], list(BY_NAME).index(name)
     pictures = []
     for k, share in enumerate(np.linspace(0, 1, steps)):
-        unit = default_unit().copy()
-        unit[NAMES.index(name)] = share
+        unit = default_unit("scenex" if name in NAMES else "extended")
+        unit[where] = share
         street = sample_street(street_params(unit), seed, 1, studio.pool)
         value = f"{row.physical(share):.3g} {row.unit}"
         pictures.append(captioned(studio.shoot(street), f"{name}: {value}" if k == 0 else value))
@@ -41,5 +41,5 @@ def sweep(name: str, steps: int, seed: int, studio: Studio) -> np.ndarray:
 
 
 def all_sweeps(steps: int, seed: int, studio: Studio) -> np.ndarray:
-    """A page with one row for each of the 23 attributes."""
-    return stack([sweep(name, steps, seed, studio) for name in NAMES])
+    """A page with one row for each attribute of the extended space."""
+    return stack([sweep(name, steps, seed, studio) for name in BY_NAME])

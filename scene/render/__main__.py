@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from scene.assets.catalogue import USES, AssetPool
+from scene.attributes import SPACES, SpaceName
 from scene.dataset.export import export_dataset
 from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.dataset.read import DESCRIPTION
-from scene.proposal import Proposal, default_proposal, draw, parse_proposal, random_proposal
+from scene.proposal import Proposal, draw, named, parse_proposal
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.workers import WorkerError
 from shell.command import INTERRUPTED, Parser, size
@@ -39,6 +40,9 @@ def parser() -> Parser:
         help="default (around a street set by eye), random, or a JSON file: a run's attributes.json, "
         "or every attribute's name with a value in [0, 1]",
     )
+    add(
+        "--space", choices=SPACES, default="scenex", help="attributes of default and random streets"
+    )
     add("--images", type=int, default=180)
     add("--size", type=size, default=(640, 320), help="WIDTHxHEIGHT in pixels")
     add("--format", choices=FORMATS, default="cityscapes")
@@ -55,17 +59,15 @@ def parser() -> Parser:
     return options
 
 
-def proposal(source: str) -> Proposal:
+def proposal(source: str, space: SpaceName) -> Proposal:
     """Which streets ``--attributes`` asks for.
 
     Raises:
         ValueError: the file is no JSON, or not of attributes, by name.
         OSError: it cannot be read.
     """
-    if source == "default":
-        return default_proposal()
-    if source == "random":
-        return random_proposal()
+    if source in ("default", "random"):
+        return named(source, space)
     try:
         return parse_proposal(read_json(Path(source)))
     except ValueError as error:
@@ -100,7 +102,7 @@ def main(arguments: list[str] | None = None) -> int:
                 raise ValueError(f"--{name} must be {least} or more, not {getattr(options, name)}")
         width, height = options.size
         settings = check_settings(RenderSettings(width, height, samples=options.samples))
-        chosen = proposal(options.attributes)
+        chosen = proposal(options.attributes, options.space)
         found = export_dataset(
             draw(chosen, options.seed, -(-options.images // options.shots)),
             options.seed,

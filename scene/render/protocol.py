@@ -9,6 +9,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from scene.render.sensor import CameraResponse
+from scene.street.camera import Camera
 from scene.street.street import Street
 
 
@@ -18,7 +19,9 @@ class RenderSettings(NamedTuple):
     width: int = 640
     height: int = 320
     samples: int = 1  # rays per pixel along each axis
-    fov: float = 50.0  # horizontal field of view, degrees
+    fov: float = (
+        50.0  # horizontal field of view, degrees, where a street's camera has none of its own
+    )
     shadows: bool = True
     occlusion: bool = True  # ambient occlusion; on screen only in opengl
     textures: bool = True
@@ -83,6 +86,13 @@ def check_settings(settings: RenderSettings) -> RenderSettings:
     if not 5 <= settings.fov <= 150:
         raise ValueError(f"fov must lie in 5..150 degrees, not {settings.fov}")
     return settings
+
+
+def seen_through(camera: Camera, settings: RenderSettings) -> RenderSettings:
+    """The settings with the camera's own field of view, if it has one."""
+    if camera.field_of_view is None:
+        return settings
+    return settings._replace(fov=math.degrees(camera.field_of_view))
 
 
 def pixel_rays(settings: RenderSettings, samples: int) -> tuple[np.ndarray, np.ndarray]:

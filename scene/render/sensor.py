@@ -76,6 +76,15 @@ def vary(response: CameraResponse, rng: np.random.Generator) -> CameraResponse:
     )
 
 
+def set_to(response: CameraResponse, exposure: float, warmth: float) -> CameraResponse:
+    """The response with ``exposure`` times the light, and ``warmth`` stops more red than blue."""
+    red, green, blue = response.gain
+    bend = 2 ** (warmth / 2)
+    return response._replace(
+        exposure=response.exposure * exposure, gain=(red * bend, green, blue / bend)
+    )
+
+
 def develop(radiance: np.ndarray, response: CameraResponse, rng: np.random.Generator) -> np.ndarray:
     """Linear radiance f32[h, w, 3] to an sRGB image u8[h, w, 3].
 

@@ -16,7 +16,7 @@ from numba import njit
 from scene.render import shade, visibility
 from scene.render.geometry import Geometry
 from scene.render.protocol import Frame, RenderSettings, label_sample, pixel_rays
-from scene.render.sensor import develop, vary
+from scene.render.sensor import develop, set_to, vary
 from scene.sky.sky import panorama
 from scene.street.camera import Camera, camera_axes
 from scene.street.street import Street
@@ -197,8 +197,10 @@ def expose(
     """
     street, hits = around.street, seen.hits
     image = radiance(around, rays, seen, light, settings)
-    camera = vary(settings.response, np.random.default_rng([street.seed, CAMERA_DRAW]))
-    image = develop(image, camera, np.random.default_rng([street.seed, shot]))
+    camera = street.cameras[shot]
+    usual = vary(settings.response, np.random.default_rng([street.seed, CAMERA_DRAW]))
+    response = set_to(usual, camera.exposure, camera.warmth)
+    image = develop(image, response, np.random.default_rng([street.seed, shot]))
 
     k = label_sample(settings.samples)
     pick = np.s_[k :: settings.samples, k :: settings.samples]
@@ -207,7 +209,7 @@ def expose(
         return values.reshape(rays.rows, rays.columns, *values.shape[1:])[pick]
 
     instance = pixels(hits.instance).astype(np.uint16)
-    axes = camera_axes(street.cameras[shot]).astype(np.float32)
+    axes = camera_axes(camera).astype(np.float32)
     axes[2] *= -1
     normal = np.empty((*instance.shape, 3), np.float32)
     _turn(pixels(seen.smooth), instance, axes, normal)

@@ -58,13 +58,15 @@ def sample_sky(
     elevation: float,
     azimuth: float,
     share: float = 1.0,
+    closed: bool | None = None,
 ) -> Sky:
     """Draw weather for a sun at the given angles (radians) and overall ``intensity`` (1 is nominal).
 
     The sun reddens and weakens towards the horizon; clouds take its light and give back grey. All
-    light is proportional to ``intensity``; ``share`` below 1 draws from the first of ``SKIES`` only.
+    light is proportional to ``intensity``; ``share`` below 1 draws from the first of ``SKIES`` only,
+    ``closed`` from those under closed cloud, or from the others.
     """
-    weather = sample_weather(rng, elevation, share)
+    weather = sample_weather(rng, elevation, share, closed)
     height = math.sin(elevation)
     air = math.exp(-0.12 / max(height, 0.05))
     warm = np.array([1.0, 0.55 + 0.45 * air, 0.25 + 0.75 * air])

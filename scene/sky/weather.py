@@ -58,19 +58,29 @@ SKIES: tuple[Weather, ...] = (
 # fmt: on
 
 
-def sample_weather(rng: np.random.Generator, elevation: float, share: float = 1.0) -> Weather:
+CLOSED = 0.1
+"""Under closed cloud no more than this share of the sunlight comes through."""
+
+
+def sample_weather(
+    rng: np.random.Generator, elevation: float, share: float = 1.0, closed: bool | None = None
+) -> Weather:
     """Draw one of the first ``share`` of ``SKIES`` that suits a sun at ``elevation`` radians.
+
+    Only of those under closed cloud, or only of the others, where ``closed`` says so and there are any.
 
     A sky of the low sun is kept with a probability that falls from 1 at the horizon to 0 at its own
     limit; otherwise one of the others takes its place.
     """
     known = SKIES[: max(1, round(share * len(SKIES)))]
+    if closed is not None:
+        known = tuple(w for w in known if (w.sun <= CLOSED) == closed) or known
     drawn = _weighted(known, rng.random())
     chance, other = rng.random(), rng.random()
     height = math.degrees(elevation)
     if drawn.below >= 90 or chance < 1 - height / drawn.below:
         return drawn
-    usual = [w for w in known if w.below >= 90]
+    usual = [w for w in known if w.below >= 90] or known
     return _weighted(usual, other)
 
 

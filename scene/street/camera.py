@@ -18,11 +18,15 @@ SPARE = 0.3
 
 
 class Camera(NamedTuple):
-    """A pinhole camera; ``yaw`` right positive, ``pitch`` down positive, radians."""
+    """A pinhole camera; ``yaw`` right positive, ``pitch`` down positive, ``roll`` clockwise, radians."""
 
     position: tuple[float, float, float]
     yaw: float
     pitch: float
+    roll: float = 0.0
+    field_of_view: float | None = None  # horizontal, radians; None: as the dataset's settings say
+    exposure: float = 1.0  # factor on the light
+    warmth: float = 0.0  # red against blue, stops
 
 
 def camera_axes(camera: Camera) -> np.ndarray:
@@ -30,8 +34,10 @@ def camera_axes(camera: Camera) -> np.ndarray:
     cy, sy = math.cos(camera.yaw), math.sin(camera.yaw)
     cp, sp = math.cos(camera.pitch), math.sin(camera.pitch)
     forward = np.array([cp * cy, -cp * sy, -sp])
-    right = np.array([-sy, -cy, 0.0])
-    return np.stack([right, np.cross(right, forward), forward])
+    level = np.array([-sy, -cy, 0.0])
+    upright = np.cross(level, forward)
+    cr, sr = math.cos(camera.roll), math.sin(camera.roll)
+    return np.stack([cr * level - sr * upright, sr * level + cr * upright, forward])
 
 
 def camera_path(

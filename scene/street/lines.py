@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets import catalogue
-from scene.assets.catalogue import AssetPool, pick
+from scene.assets.catalogue import AssetPool, in_season, pick
 from scene.assets.families import FAMILIES
 from scene.attributes import StreetParams
 from scene.ground.ground import Ground
@@ -68,6 +68,8 @@ def line_objects(
         filled = rng.random() < probability
         if not filled or ref is None:
             continue
+        season_rng = np.random.default_rng(seed)
+        ref = in_season(family, ref, street.params.bare_tree_share, street.pool, season_rng)
         step = STEP * (slot % 3) if FAMILIES[family].front == "right" else 0.0
         for shift in _panels(family, ref, interval):
             pose = pose_at(street.ground, x + shift, side * (distance + step), yaw)

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.catalogue import AssetPool, pick
+from scene.assets.catalogue import AssetPool, in_season, pick
 from scene.attributes import StreetParams
 from scene.ground.ground import Ground, ground_height, sample_ground
 from scene.sky.sky import Sky, sample_sky
@@ -19,8 +19,8 @@ from scene.street.camera import Camera, camera_path
 from scene.street.lines import LINES, Setting, line_objects
 from scene.street.placing import FIRST_INSTANCE, Placement, Standing, obstacles, placed, pose_at
 
-BACKGROUND = 7
-"""Stream of random numbers that the background is drawn from."""
+BACKGROUND, SEASON, CLOUD = 7, 8, 9
+"""Streams of random numbers for the background, its leaves, and whether clouds close."""
 
 
 class Street(NamedTuple):
@@ -45,9 +45,11 @@ def sample_street(
         elevation=params.illumination_angle_x,
         azimuth=params.illumination_angle_y,
         share=pool.fraction,
+        closed=_closed(params, seed),
     )
     drive = -1.0 if rng.random() < params.camera_position_probability else 1.0
-    ground = sample_ground(rng, pool.fraction, drive)
+    widths = params.road_width, params.sidewalk_width
+    ground = sample_ground(rng, pool.fraction, drive, widths)
     setting = Setting(params, ground, pool, drive)
     objects: list[Standing] = []
     for line in LINES:
@@ -58,14 +60,25 @@ def sample_street(
     near = placed(objects)
     y = drive * params.camera_position_x
     place = (0.0, y, ground_height(ground, y) + params.camera_position_y)
-    first = Camera(place, params.camera_rotation_y, params.camera_rotation_x)
+    first = Camera(
+        place, params.camera_rotation_y, params.camera_rotation_x, params.camera_roll,
+        params.field_of_view, params.exposure, params.white_balance,
+    )  # fmt: skip
     # The background is too far away to be in the way.
     cameras = camera_path(first, shots, obstacles(near), rng)
-    far_rng = np.random.default_rng([seed, BACKGROUND])
+    far_rng, season_rng = (np.random.default_rng([seed, s]) for s in (BACKGROUND, SEASON))
     objects = []
     for stand in background(params, far_rng):
         ref = pick(pool, stand.family, far_rng)
+        ref = in_season(stand.family, ref, params.bare_tree_share, pool, season_rng)
         if ref is not None:
             objects.append((stand.family, ref, pose_at(ground, stand.x, stand.y, stand.yaw)))
     far = placed(objects, FIRST_INSTANCE + len(near))
     return Street((*near, *far), cameras, sky, ground, seed)
+
+
+def _closed(params: StreetParams, seed: int) -> bool | None:
+    """Whether cloud covers the whole sky of a street; None leaves it to the table of skies."""
+    if params.overcast_share is None:
+        return None
+    return bool(np.random.default_rng([seed, CLOUD]).random() < params.overcast_share)

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene import StreetParams, default_unit, street_params
-from scene.attributes import ATTRIBUTES, BY_NAME, NAMES, check_unit
+from scene.attributes import ATTRIBUTES, BY_NAME, NAMES, SPACES, check_unit, names, space_of
 
 # name: (unit 0, unit 1, scale, default). A wider range would inflate every gain over random
 # attributes, so a change here changes the benchmark.
@@ -26,7 +26,7 @@ FROZEN = {
     "person_interval": (1.5, 40, "log", 8),             "pole_interval": (5, 50, "log", 16),
     "car_interval": (5, 50, "log", 25),
 }  # fmt: skip
-ATTRIBUTE = st.sampled_from(ATTRIBUTES)
+ATTRIBUTE = st.sampled_from(SPACES["extended"])
 UNIT = st.floats(0, 1)
 
 
@@ -34,8 +34,10 @@ def test_ranges_scales_and_defaults_are_the_frozen_ones():
     table = {a.name: (a.low, a.high, a.scale, a.default) for a in ATTRIBUTES}
     assert table == FROZEN
     # In the order of every attribute vector: 8 of the environment, 7 positions, 8 densities.
-    assert tuple(FROZEN) == tuple(table) == NAMES == StreetParams._fields
-    assert all(a.unit and a.meaning for a in ATTRIBUTES)
+    assert tuple(FROZEN) == tuple(table) == NAMES == StreetParams._fields[:23]
+    assert names("extended") == tuple(BY_NAME) == StreetParams._fields
+    assert all(a.unit and a.meaning for a in BY_NAME.values())
+    assert [space_of(n) for n in (23, len(BY_NAME))] == list(SPACES)
 
 
 def test_middle_of_a_linear_range_is_the_mean_and_of_a_log_range_the_geometric_mean():
@@ -52,7 +54,9 @@ def test_physical_values_grow_with_the_unit_stay_in_range_and_tell_it(attribute,
 
 def test_the_default_street_has_the_default_values_and_angles_in_radians():
     params = street_params(default_unit())
-    for attribute, value in zip(ATTRIBUTES, params, strict=True):
+    extended = street_params(default_unit("extended"))
+    assert extended[:23] == params[:23]
+    for attribute, value in zip(BY_NAME.values(), extended, strict=True):
         expected = math.radians(attribute.default) if attribute.unit == "deg" else attribute.default
         assert value == pytest.approx(expected, abs=1e-4), attribute.name
     assert street_params(np.ones(23)).camera_rotation_x == pytest.approx(math.radians(20))
@@ -72,5 +76,5 @@ def test_a_value_outside_the_unit_interval_is_refused_by_name(name, value):
 
 @pytest.mark.parametrize("shape", [(), (22,), (24,), (23, 2), (0,)])
 def test_a_wrong_number_of_attributes_is_refused(shape):
-    with pytest.raises(ValueError, match="23 values, got shape"):
+    with pytest.raises(ValueError, match=r"must have 23 \(scenex\) or 37"):
         check_unit(np.zeros(shape))

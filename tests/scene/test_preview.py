@@ -10,7 +10,7 @@ import trimesh
 from scene import CLASS_NAMES, RenderSettings, TrainId, colorize, renderer
 from scene.assets.catalogue import asset, bounds, surfaces
 from scene.assets.families import FAMILIES
-from scene.attributes import NAMES
+from scene.attributes import BY_NAME
 from scene.preview.__main__ import main
 from scene.preview.closeup import SKIES, asset_street, fit, named_sky, surface_street
 from scene.preview.layout import CAPTION, Studio, captioned, grid, stack, tile
@@ -101,7 +101,7 @@ def test_a_sweep_of_light_goes_from_dark_to_bright():
     ("--sweep car_interval --steps 2", "sweep.jpg", ROW, 2),
     ("--asset vegetation --count 4 --columns 2", "page.png", 2 * ROW, 2),
     pytest.param("--asset all --columns 3", "page.png", len(CLASS_NAMES) * ROW, 3, marks=pytest.mark.slow),
-    pytest.param("--sweep all --steps 2", "page.png", len(NAMES) * ROW, 2, marks=pytest.mark.slow),
+    pytest.param("--sweep all --steps 2", "page.png", len(BY_NAME) * ROW, 2, marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_pages_are_written(line, file, height, columns, tmp_path):
     out = tmp_path / file

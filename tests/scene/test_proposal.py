@@ -8,12 +8,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scene import proposal as module
-from scene.attributes import NAMES, default_unit
+from scene.attributes import BY_NAME, NAMES, default_unit
 from scene.proposal import Proposal, default_proposal, describe, draw, random_proposal, slide
 from tests.scene.conftest import SEEDS
 
 VALUES = dict.fromkeys(NAMES, 0.25)
-LIST = st.lists(st.floats(0, 1, width=32), min_size=23, max_size=23)
+BOTH = tuple(BY_NAME)
+UNITS = st.floats(0, 1, width=32)
+LIST = st.lists(UNITS, min_size=23, max_size=23)
+LISTS = st.sampled_from([23, len(BOTH)]).flatmap(
+    lambda n: st.tuples(*[st.lists(UNITS, min_size=n, max_size=n)] * 2)
+)
 
 
 def test_intervals_at_the_border_slide_inside_by_hand():
@@ -42,6 +47,9 @@ def test_a_street_does_not_depend_on_how_many_there_are_and_all_fill_their_inter
     width = module.RELAXATION
     spread = draw(default_proposal(), 0, 2000) - slide(default_unit(), width).centre
     np.testing.assert_allclose(spread.std(axis=0), width * 12**-0.5, rtol=0.1)
+    extended = default_proposal(space="extended")
+    np.testing.assert_array_equal(extended.width > 0, [name in NAMES for name in BOTH])
+    np.testing.assert_array_equal(draw(extended, 3, 4)[0, :23], draw(default_proposal(), 3, 4)[0])
 
 
 def test_a_file_gives_values_or_intervals():
@@ -55,8 +63,9 @@ def test_a_file_gives_values_or_intervals():
     np.testing.assert_allclose(proposal.width[:4], [0, 0.2, 0.4, 0], rtol=1e-6)
 
 
-@given(LIST, LIST, SEEDS)
-def test_what_is_described_is_read_back_to_the_same_streets(centre, width, seed):
+@given(LISTS, SEEDS)
+def test_what_is_described_is_read_back_to_the_same_streets(lists, seed):
+    centre, width = lists
     proposal = slide(np.array(centre), np.array(width))
     rough = Proposal(np.float32(centre), np.float32(width))  # sticks out of [0, 1]
     described = (json.loads(json.dumps(describe(p))) for p in (proposal, rough))
@@ -81,6 +90,7 @@ def test_a_description_says_where_the_interval_lies_in_metres():
     ([0.5] * 23, "expected a JSON object"),
     ({**VALUES, "car_postion": 0.5}, "unknown attribute 'car_postion'; known: illum"),
     ({NAMES[0]: 0.25, **dict.fromkeys(NAMES[1:14], 0.5)}, "attribute car_position is missing; all 23"),
+    ({**VALUES, "bend": 0.5}, f"attribute field_of_view is missing; all {len(BOTH)}"),
     *(({**VALUES, "car_position": value}, f"car_position{message}") for value, message in (
         (1.5, r" is 1.5; .* \[0, 1\]"),
         *((value, f" is {value!r}") for value in (-0.1, np.nan, "0.5", True, None)),

@@ -92,14 +92,14 @@ PLANES: dict[str, Callable[["Frame", np.ndarray, "RenderSettings"], np.ndarray]]
 def camera_entry(camera: Camera, settings: RenderSettings) -> dict[str, Any]:
     """One camera as in Cityscapes: pixels, metres and radians; x along the road, y left, z up.
 
-    Pixel centres are whole numbers. Yaw is left positive, pitch down positive.
+    Pixel centres are whole numbers. Yaw is left positive, pitch down positive, roll clockwise.
     """
     x, y, z = camera.position
     return {
         "extrinsic": {
             "baseline": BASELINE,
             "pitch": camera.pitch,
-            "roll": 0.0,
+            "roll": camera.roll,
             "x": x,
             "y": y,
             "yaw": -camera.yaw,

@@ -13,7 +13,7 @@ from scene.dataset.formats.layout import Layout
 from scene.dataset.formats.planes import PLANES, camera_entry
 from scene.dataset.formats.rle import Runs, encode
 from scene.dataset.formats.segments import PER_CLASS, panoptic_ids, segments
-from scene.render.protocol import Frame, RenderSettings
+from scene.render.protocol import Frame, RenderSettings, seen_through
 from scene.street.camera import Camera
 
 
@@ -32,6 +32,7 @@ def shot_files(
         Kind -> content of the file; and what is known of the image, as plain values: pixels of each
         class, sums of red, green and blue, and the segments.
     """
+    settings = seen_through(camera, settings)
     ids = panoptic_ids(frame.label, frame.instance)
     files = {
         kind: json.dumps(camera_entry(camera, settings), indent=1).encode()

@@ -15,7 +15,14 @@ from numba import njit
 from scene.render.embree.api import LANES, MeshBVH, SceneBVH, device, occluded8, query_arguments
 from scene.render.embree.depth_buffer import nearest
 from scene.render.geometry import Geometry, asset_shape, build
-from scene.render.protocol import Frame, Lap, RenderSettings, check_settings, no_lap
+from scene.render.protocol import (
+    Frame,
+    Lap,
+    RenderSettings,
+    check_settings,
+    no_lap,
+    seen_through,
+)
 from scene.render.shot import (
     Light,
     Segments,
@@ -51,7 +58,7 @@ class EmbreeRenderer:
 
     def render(self, street: Street, settings: RenderSettings, lap: Lap = no_lap) -> list[Frame]:
         """One frame per camera of the street; see ``protocol.Renderer``."""
-        check_settings(settings)
+        settings = check_settings(seen_through(street.cameras[0], settings))
         geometry = build(street)
         around = surroundings(street, geometry, settings)
         lap("build")

@@ -18,7 +18,15 @@ from numba import njit
 from scene.render import shade
 from scene.render.geometry import World, build, world
 from scene.render.opengl.shadow_maps import cast_shadows, pose_of
-from scene.render.protocol import Frame, Lap, RendererError, RenderSettings, check_settings, no_lap
+from scene.render.protocol import (
+    Frame,
+    Lap,
+    RendererError,
+    RenderSettings,
+    check_settings,
+    no_lap,
+    seen_through,
+)
 from scene.render.shot import (
     Hits,
     Light,
@@ -67,7 +75,7 @@ class OpenGLRenderer:
             ValueError: settings out of range.
             RendererError: OpenGL failed; its resources have been freed.
         """
-        check_settings(settings)
+        settings = check_settings(seen_through(street.cameras[0], settings))
         return _on_gl_thread(lambda: _render(street, settings, lap))
 
 
