@@ -11,7 +11,9 @@ from pathlib import Path
 import tyro
 
 from experiments.config import Preset, TargetName
+from experiments.presets import in_space
 from experiments.run.context import AnyConfig
+from scene.attributes import SpaceName
 from scene.render import RendererError
 from scene.workers import WorkerError
 from seg.recipes import with_net
@@ -26,6 +28,7 @@ class _Choice:
 
     preset: Preset = "quick"
     target: TargetName = "twin"
+    space: SpaceName = "scenex"
 
 
 @dataclass(frozen=True)
@@ -94,7 +97,7 @@ def main(
     def run() -> None:
         choice, _ = tyro.cli(_Choice, args=arguments, return_unknown_args=True, add_help=False)
         chosen = target or choice.target
-        default = defaults(chosen, choice.preset)
+        default = in_space(defaults(chosen, choice.preset), choice.space)
         words = (name, choice.preset) if target else (name, chosen, choice.preset)
         default = _with_nets(replace(default, out=Path("runs") / "-".join(words)), arguments)
         config = tyro.cli(

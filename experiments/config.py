@@ -14,7 +14,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 import sdr_jax
 from scene.assets.catalogue import AssetPool, check_pool
-from scene.attributes import NAMES
+from scene.attributes import SpaceName, names
 from scene.proposal import RELAXATION
 from scene.render import RenderSettings, check_settings
 from sdr_jax.registry import MethodName
@@ -135,6 +135,8 @@ class Config:
     """What the nets must be good on."""
     preset: Preset = "quick"
     """Where the defaults of all other flags come from."""
+    space: SpaceName = "scenex"
+    """The attributes of streets: the paper's 23, or those with the added of camera and road."""
     data: Path | None = None
     """Folder of real images. By default the variable CAMVID_DIR for camvid."""
     out: Path = Path("runs/run")
@@ -189,7 +191,7 @@ class GroupsConfig(NetsConfig):
 
     search: SearchOptions
     groups: tuple[Group, ...]
-    """Attributes optimised together, one word per group, in this order; each of the 23 in one group."""
+    """Attributes optimised together, one word per group, in this order; each of the space in one group."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -368,13 +370,15 @@ def _check_answer(config: SearchConfig) -> None:
 
 
 def make_space(config: Any) -> sdr_jax.Space:
-    """The 23 attributes in the configuration's bins and groups; without groups, all in one.
+    """The space's attributes in the configuration's bins and groups; without groups, all in one.
 
     Raises:
         UserError: groups that are no partition of the attributes.
     """
     with flagged("--groups"):
-        return sdr_jax.space(NAMES, config.search.bins, getattr(config, "groups", None))
+        return sdr_jax.space(
+            names(config.space), config.search.bins, getattr(config, "groups", None)
+        )
 
 
 def make_method(

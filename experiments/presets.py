@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
 from experiments.config import Config, Fidelity, Preset, Search, TargetName
-from scene.attributes import NAMES
+from scene.attributes import NAMES, SpaceName
 from seg.recipes import RECIPES
 from seg.settings import TrainSettings
 
@@ -38,6 +38,13 @@ CAMVID_GROUPS: tuple[tuple[str, ...], ...] = (
 )
 """The paper's six groups for CamVid: positions in four, densities, environment."""
 
+ADDED_GROUPS: tuple[tuple[str, ...], ...] = (
+    ("field_of_view", "camera_roll", "exposure", "white_balance"),
+    ("road_width", "sidewalk_width", "bend", "gradient", "junction_share"),
+    ("parked_share", "queue_share", "open_share", "bare_tree_share", "overcast_share"),
+)
+"""Ours, of what the extended space adds: the camera, the road, what stands beside it."""
+
 AnyConfig = TypeVar("AnyConfig", bound=Config)
 
 
@@ -62,6 +69,16 @@ def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: A
     if "search" in picked:
         picked["search"] = _narrowed(picked["search"], kind)
     return kind(**picked)
+
+
+def in_space(config: AnyConfig, space: SpaceName) -> AnyConfig:
+    """The defaults with the attributes of another space; what it adds is searched after the 23."""
+    if space == config.space:
+        return config
+    changes: dict[str, Any] = {"space": space}
+    if hasattr(config, "groups"):
+        changes["groups"] = (*config.groups, *ADDED_GROUPS)
+    return replace(config, **changes)
 
 
 def _narrowed(search: Search, kind: type[Config]) -> Any:

@@ -19,7 +19,6 @@ from pathlib import Path
 import numpy as np
 
 from experiments.reward.store import kinds_of, merged, read, write_store
-from scene.attributes import NAMES
 from shell.command import Parser, exit_code
 from shell.errors import UserError
 
@@ -44,7 +43,7 @@ def merge(paths: Sequence[Path], out: Path) -> int:
 def table(path: Path) -> str:
     """What a store or a run folder holds, a line per configuration."""
     records = [record for record, _ in read(path).values()]
-    lines = [f"{path}: {len(records)} evaluations of {len(NAMES)} attributes"]
+    lines = [f"{path}: {len(records)} evaluations"]
     for config, own in kinds_of(records).items():
         about = [str(own[0].get(name, "?")) for name in ("target", "side", "size", "images")]
         kind = f"{' '.join(about)} images"

@@ -20,7 +20,7 @@ from experiments.run.search import Found, SearchPlan, search
 from experiments.study.form import Report, about, nets
 from experiments.study.searches import core_seconds, rewards
 from experiments.study.skeleton import Study
-from scene.attributes import NAMES
+from scene.attributes import SpaceName, names
 from scene.proposal import random_proposal
 from shell.errors import UserError, refuse_repeats
 
@@ -76,15 +76,15 @@ def without(config: AblationConfig, variant: Variant) -> AblationConfig:
     if variant == "no_relaxation":
         return replace(config, search=replace(config.search, relaxation=0.0))
     if variant == "no_groups":
-        return replace(config, groups=(NAMES,))
+        return replace(config, groups=(names(config.space),))
     if variant == "shuffled_groups":
-        return replace(config, groups=shuffled(config.groups, NAMES, config.seed))
+        return replace(config, groups=shuffled(config.groups, names(config.space), config.seed))
     return config
 
 
-def subset_of(variant: Variant) -> tuple[str, ...]:
-    """The attributes that a variant optimises."""
-    return tuple(name for name in NAMES if name not in FIXED.get(variant, ()))
+def subset_of(variant: Variant, space: SpaceName) -> tuple[str, ...]:
+    """The attributes of a space that a variant optimises."""
+    return tuple(name for name in names(space) if name not in FIXED.get(variant, ()))
 
 
 def shuffled(
@@ -110,7 +110,9 @@ def searches(config: AblationConfig) -> dict[Variant, SearchPlan]:
     """
     method = config.search.method
     return {
-        variant: plans.plan(without(config, variant), variant, method, subset_of(variant))
+        variant: plans.plan(
+            without(config, variant), variant, method, subset_of(variant, config.space)
+        )
         for variant in config.variants
         if variant != RANDOM
     }
@@ -131,7 +133,7 @@ def scores(run: Run[AblationConfig], _: Any) -> Report:
     config = run.config
     found = {variant: search(run, each) for variant, each in searches(config).items()}
     answers: dict[str, Source] = {
-        variant: found[variant].solution if variant in found else random_proposal()
+        variant: found[variant].solution if variant in found else random_proposal(config.space)
         for variant in config.variants
     }
     scored = score_nets(run, "ablation", answers, run.recipe(config.final), paired_seeds(run))
@@ -152,7 +154,7 @@ def scores(run: Run[AblationConfig], _: Any) -> Report:
 
 
 def _search(config: AblationConfig, variant: Variant, found: Found) -> Report:
-    own, subset = without(config, variant), subset_of(variant)
+    own, subset = without(config, variant), subset_of(variant, config.space)
     intervals = np.round(np.stack(found.solution, axis=-1).astype(float), 6).tolist()
     return {
         "attributes": len(subset),
@@ -161,7 +163,7 @@ def _search(config: AblationConfig, variant: Variant, found: Found) -> Report:
         "rewards": rewards(found),
         "core_seconds": core_seconds(found),
         # Centre and width of every attribute; those left random have 0.5 and 1.
-        "solution": dict(zip(NAMES, intervals, strict=True)),
+        "solution": dict(zip(names(config.space), intervals, strict=True)),
     }
 
 

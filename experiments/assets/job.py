@@ -101,8 +101,8 @@ def attributes(run: Run[AssetsConfig]) -> Proposal:
     if run.config.attributes == "learnt":
         return learnt_attributes(run)
     if run.config.attributes == "random":
-        return random_proposal()
-    return default_proposal(run.config.default_width)
+        return random_proposal(run.config.space)
+    return default_proposal(run.config.default_width, run.config.space)
 
 
 STUDY = Study(FORM, plan, scores, check)

@@ -18,7 +18,7 @@ from experiments.run.search import Found, SearchPlan, search
 from experiments.study.form import Report, about, miou, nets
 from experiments.study.searches import core_seconds, rewards
 from experiments.study.skeleton import Study
-from scene.attributes import NAMES
+from scene.attributes import names
 from scene.proposal import random_proposal
 from sdr_jax.registry import MethodName
 from shell.errors import UserError, refuse_repeats
@@ -55,12 +55,8 @@ class Row(NamedTuple):
 
     method: MethodName
     subset: tuple[str, ...]
+    title: str  # the subset in one word
     name: str  # such as "sdr, 3 attributes"; no two rows share one
-
-    @property
-    def title(self) -> str:
-        """The subset in one word."""
-        return ALL if set(self.subset) == set(NAMES) else ",".join(self.subset)
 
 
 def defaults(target: TargetName, preset: Preset) -> CompareConfig:
@@ -74,11 +70,12 @@ def check(config: CompareConfig) -> None:
         if not getattr(config, name):
             raise UserError(f"--{name} needs at least one of them")
     refuse_repeats("--methods", config.methods)
+    known = names(config.space)
     for subset in subsets_of(config):
         for name in subset:
-            if name not in NAMES:
+            if name not in known:
                 raise UserError(
-                    f"--subsets: attribute {name!r} is unknown; known: {ALL}, {', '.join(NAMES)}"
+                    f"--subsets: attribute {name!r} is unknown; known: {ALL}, {', '.join(known)}"
                 )
         refuse_repeats("--subsets", subset)
     refuse_repeats("--subsets", [",".join(sorted(subset)) for subset in subsets_of(config)])
@@ -87,7 +84,7 @@ def check(config: CompareConfig) -> None:
 
 def subsets_of(config: CompareConfig) -> list[tuple[str, ...]]:
     """The subsets, with the word ``all`` spelt out."""
-    return [NAMES if subset == (ALL,) else subset for subset in config.subsets]
+    return [names(config.space) if subset == (ALL,) else subset for subset in config.subsets]
 
 
 def rows(config: CompareConfig) -> list[Row]:
@@ -98,7 +95,8 @@ def rows(config: CompareConfig) -> list[Row]:
     for subset in subsets:
         alone = sizes.count(len(subset)) == 1
         words = f"{len(subset)} attributes" if alone else ",".join(subset)
-        found += [Row(method, subset, f"{method}, {words}") for method in config.methods]
+        title = ALL if set(subset) == set(names(config.space)) else ",".join(subset)
+        found += [Row(method, subset, title, f"{method}, {words}") for method in config.methods]
     return found
 
 
@@ -142,7 +140,7 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
     config = run.config
     found = {each.name: search(run, each) for each in searches(config)}
     answers: dict[str, Source] = {
-        row.name: found[row.name].solution if row.name in found else random_proposal()
+        row.name: found[row.name].solution if row.name in found else random_proposal(config.space)
         for row in rows(config)
     }
     scored = [
@@ -162,7 +160,7 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
                 "attributes": len(row.subset),
                 "subset": row.title,
                 "method": row.method,
-                "search": _search(found[row.name], row, workers) if row.name in found else None,
+                "search": _search(config, found[row.name], row) if row.name in found else None,
                 "budgets": [{"miou": miou(nets(at[row.name]))} for at in scored],
             }
             for row in rows(config)
@@ -170,10 +168,11 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
     }
 
 
-def _search(found: Found, row: Row, workers: int) -> Report:
+def _search(config: CompareConfig, found: Found, row: Row) -> Report:
+    workers = max(config.workers, 1)
     core = core_seconds(found)
     cpu, wall = round(found.cpu_seconds, 2), round(found.wall_seconds, 2)
-    pairs = zip(NAMES, *(part.tolist() for part in found.solution), strict=True)
+    pairs = zip(names(config.space), *(part.tolist() for part in found.solution), strict=True)
     intervals = {
         name: {"centre": round(centre, 6), "width": round(width, 6)}
         for name, centre, width in pairs

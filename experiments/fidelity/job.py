@@ -95,7 +95,7 @@ def rungs(config: FidelityConfig) -> list[Rung]:
 
 def proposals(config: FidelityConfig) -> dict[str, Proposal]:
     """The street set by eye, random attributes, and draws with random bins, by name."""
-    added = default_proposal(config.default_width), random_proposal()
+    added = default_proposal(config.default_width, config.space), random_proposal(config.space)
     drawn = enumerate(random_bins(config, config.proposals), 1)
     return {**dict(zip(ADDED, added, strict=True)), **{f"draw-{k}": own for k, own in drawn}}
 

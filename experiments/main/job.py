@@ -39,7 +39,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     rows = score_nets(run, "final", sources, recipe, paired_seeds(run))
     export(run, recipe, learnt.proposal)
     datasets = {
-        "random": render(recipe, random_proposal(), config.seed, run.workers),
+        "random": render(recipe, random_proposal(config.space), config.seed, run.workers),
         "learnt": read_dataset(folder / "dataset"),
     }
     test = target.at(config.final.height, config.final.width).test

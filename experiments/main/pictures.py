@@ -14,7 +14,7 @@ from experiments.run.context import REWARD_NAMES
 from experiments.run.search import Found
 from experiments.study.figure import plt, png
 from experiments.target.base import Target
-from scene.attributes import ATTRIBUTES
+from scene.attributes import SPACES, space_of
 from scene.dataset.render import Dataset
 from seg.classes import ClassTable, class_table
 from seg.data import RealSet
@@ -95,19 +95,21 @@ def rewards(folder: Path, found: Found, title: str, kind: RewardKind = "miou") -
 
 
 def distributions(folder: Path, found: Found, title: str) -> None:
-    """The policy's distribution over the bins of each of the 23 attributes, update by update.
+    """The policy's distribution over the bins of each attribute, update by update.
 
-    The numbers are kept beside the picture, f32[updates, 23, bins].
+    The numbers are kept beside the picture, f32[updates, attributes, bins].
     """
     data = io.BytesIO()
     np.save(data, found.probabilities)
     _write(folder, "probabilities.npy", data.getvalue())
-    figure, axes = plt.subplots(4, 6, figsize=(16, 9), sharex=True)
+    attributes = SPACES[space_of(found.probabilities.shape[1])]
+    rows = -(-len(attributes) // 6)
+    figure, axes = plt.subplots(rows, 6, figsize=(16, 2.25 * rows), sharex=True)
     for index, axis in enumerate(axes.flat):
-        if index >= len(ATTRIBUTES):
+        if index >= len(attributes):
             axis.set_axis_off()
             continue
-        attribute = ATTRIBUTES[index]
+        attribute = attributes[index]
         image = found.probabilities[:, index].T
         axis.imshow(image, aspect="auto", origin="lower", vmin=0, vmax=1, cmap="viridis",
                     extent=(0, len(found.rewards), 0, 1))  # fmt: skip

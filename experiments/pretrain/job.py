@@ -99,7 +99,7 @@ def plan(config: PretrainConfig) -> list[Work]:
 def scores(run: Run[PretrainConfig], _: None) -> Report:
     """Train every net, or what is left of them."""
     config, images = run.config, len(run.target.reward_names)
-    proposals = {"random": random_proposal()}
+    proposals = {"random": random_proposal(config.space)}
     learnt = "learnt" in config.rows
     if learnt:
         proposals["learnt"] = learnt_attributes(run)

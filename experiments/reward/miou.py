@@ -41,7 +41,7 @@ class Recipe(NamedTuple):
 
 
 Source = Proposal | Truth
-"""What a net is trained on: a dataset rendered from a proposal f32[23], or images that are there already."""
+"""What a net is trained on: a dataset rendered from a proposal f32[attributes], or given images."""
 
 
 class Outcome(NamedTuple):

@@ -18,12 +18,14 @@ import numpy as np
 
 from experiments.reward.miou import Outcome, Source
 from experiments.reward.truth import Truth
-from scene.attributes import NAMES
+from scene.attributes import SPACES, names
 from shell.errors import UserError
 from shell.files import digest, write
 from shell.lines import JsonLines, Record
 
 FORMAT = "sdr-jax evaluations, 2"
+NAMES = names("extended")
+"""Of all attributes; a proposal of a smaller space holds the first of them."""
 HEADER = {"store": FORMAT, "attributes": list(NAMES)}
 LOGS = ("evaluations.jsonl", "finals.jsonl")
 """The files of a run folder: rewards of searches, and all other nets."""
@@ -52,7 +54,7 @@ def identity(config: str, source: Source, seed: int) -> str:
 
     Args:
         config: hash of all that decides it but for the two below.
-        source: proposal f32[23], or the images that are trained on.
+        source: proposal f32[attributes], or the images that are trained on.
         seed: of the streets and of the net.
     """
     real = isinstance(source, Truth)
@@ -206,9 +208,9 @@ def _check_header(path: Path, header: Record) -> None:
         earlier = isinstance(found, str) and found.startswith(FORMAT.rpartition(",")[0])
         what = f"of an earlier version ({found!r})" if earlier else "no store of evaluations"
         raise UserError(f"{path} is {what}, expected {FORMAT!r}; use another store")
-    names = header.get("attributes")
-    if names != list(NAMES):
-        theirs = names if isinstance(names, list) else []
+    theirs = header.get("attributes")
+    if theirs != list(NAMES):
+        theirs = theirs if isinstance(theirs, list) else []
         stray = [str(name) for name in theirs if name not in NAMES]
         detail = f"such as {stray[0]}" if stray else "or in another order"
         raise UserError(
@@ -223,9 +225,10 @@ def check_fields(where: str, record: Record) -> None:
         if name not in record or not isinstance(record[name], kinds):
             wanted = " or ".join("null" if k is type(None) else k.__name__ for k in kinds)
             raise UserError(f"{where}: {name} must be of type {wanted}")
+    sizes = [len(rows) for rows in SPACES.values()]
     for name in ("centre", "width"):
-        if record[name] is not None and len(record[name]) != len(NAMES):
-            raise UserError(f"{where}: {name} must hold {len(NAMES)} values")
+        if record[name] is not None and len(record[name]) not in sizes:
+            raise UserError(f"{where}: {name} must hold {' or '.join(map(str, sizes))} values")
     if (record["reward"] is None) != (record["failed"] is not None):
         raise UserError(f"{where}: an evaluation has a reward or has failed, one of the two")
 

@@ -17,7 +17,7 @@ from experiments.run.context import Run, Work
 from experiments.run.ladder import Rung, climb, cost_of, ladder, mean_of, most_cost, most_nets
 from experiments.run.nets import score_nets
 from experiments.run.search import Found, SearchPlan, search
-from scene.attributes import NAMES
+from scene.attributes import names, space_of
 from scene.proposal import Proposal, describe, random_proposal, slide
 from shell.files import write_json
 
@@ -30,7 +30,7 @@ CANDIDATE_SEED = 1_000_000
 class Learnt(NamedTuple):
     """What was learnt, and how."""
 
-    proposal: Proposal  # f32[23] each
+    proposal: Proposal  # f32[attributes] each
     found: Found
     chosen: Candidate
     scores: dict[str, list[float]]  # rewards of every candidate at the final size, by seed
@@ -46,7 +46,14 @@ def plan_of(config: SearchConfig) -> SearchPlan:
     method = make_method(options, options.method, make_space(config), options.updates_per_group)
     updates = options.updates_per_group * len(config.groups)
     return SearchPlan(
-        "search", options.method, method, NAMES, options.datasets_per_update, updates, options
+        "search",
+        config.space,
+        options.method,
+        method,
+        names(config.space),
+        options.datasets_per_update,
+        updates,
+        options,
     )
 
 
@@ -88,7 +95,7 @@ def candidate(name: Candidate, found: Found) -> Proposal:
     if name == "argmax":
         return found.solution
     if name == "random":
-        return random_proposal()
+        return random_proposal(space_of(len(found.solution.centre)))
     if name == "broad":
         return slide(found.spread.centre, np.maximum(found.spread.width, BROAD))
     return found.spread

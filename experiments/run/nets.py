@@ -82,8 +82,8 @@ def training_sets(run: Run[Any], learnt: Proposal, **others: Source) -> dict[str
     """What is compared: random, default and learnt attributes, other sets, and labelled reward images."""
     config: SearchConfig = run.config
     sets: dict[str, Source] = {
-        "random": random_proposal(),
-        "default": default_proposal(config.default_width),
+        "random": random_proposal(config.space),
+        "default": default_proposal(config.default_width, config.space),
         "learnt": learnt,
         **others,
     }

@@ -42,7 +42,9 @@ def plan(
                 f"{len(space.groups)} groups of at least {fitting} datasets"
             )
         datasets = fitting
-    return SearchPlan(name, method, made, subset, datasets, evaluations // datasets, options)
+    return SearchPlan(
+        name, config.space, method, made, subset, datasets, evaluations // datasets, options
+    )
 
 
 def schedule(evaluations: int, groups: int, datasets: int) -> tuple[int, int]:

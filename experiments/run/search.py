@@ -15,7 +15,7 @@ from experiments.reward.evaluator import Job
 from experiments.reward.miou import Outcome
 from experiments.run.context import REWARD_NAMES, Run, in_words, refuse_failed
 from experiments.run.ladder import cost_of
-from scene.attributes import NAMES
+from scene.attributes import SpaceName, names
 from scene.proposal import Proposal, random_proposal
 from sdr_jax.registry import MethodName
 from shell.errors import UserError
@@ -25,6 +25,7 @@ class SearchPlan(NamedTuple):
     """One search."""
 
     name: str  # what the run's log calls it
+    space: SpaceName
     method: MethodName
     search: sdr_jax.Method
     subset: tuple[str, ...]  # the attributes that it decides; all others stay random
@@ -41,7 +42,7 @@ class SearchPlan(NamedTuple):
 class Found(NamedTuple):
     """What a search found, and how it went."""
 
-    solution: Proposal  # the method's answer, f32[23] each
+    solution: Proposal  # the method's answer, f32[attributes of the space] each
     spread: Proposal  # the same, wide where the method is unsure
     outcomes: list[Outcome]  # in the order in which they were asked for
     rewards: np.ndarray  # f32[updates, datasets]; NaN where they failed
@@ -52,12 +53,12 @@ class Found(NamedTuple):
     wall_seconds: float
 
 
-def embed(subset: Sequence[str], proposals: Any) -> Proposal:
-    """Proposals f32[*batch, attributes of the subset] as f32[*batch, 23], the others random."""
-    where = [NAMES.index(name) for name in subset]
+def embed(space: SpaceName, subset: Sequence[str], proposals: Any) -> Proposal:
+    """Proposals f32[*batch, attributes of the subset] as those of the whole space, the others random."""
+    where = [names(space).index(name) for name in subset]
     whole = []
-    for values, random in zip(proposals, random_proposal(), strict=True):
-        array = np.broadcast_to(random, (*values.shape[:-1], len(NAMES))).copy()
+    for values, random in zip(proposals, random_proposal(space), strict=True):
+        array = np.broadcast_to(random, (*values.shape[:-1], len(random))).copy()
         array[..., where] = np.asarray(values)
         whole.append(array)
     return Proposal(*whole)
@@ -94,7 +95,7 @@ class _Rewards:
     def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
         """Rewards f32[n]; NaN where the evaluation failed."""
         with self.watch:
-            centres, widths = embed(self._plan.subset, asked.proposals)
+            centres, widths = embed(self._plan.space, self._plan.subset, asked.proposals)
             actions, seeds = np.asarray(asked.actions).tolist(), asked.seeds.tolist()
             jobs = [
                 Job(Proposal(centres[k], widths[k]), seed, self._notes(k, actions[k]))
@@ -154,8 +155,8 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         )
         run.progress.update(_said(plan, kind, update, history))
     with watch:
-        solution = embed(plan.subset, jax.device_get(plan.search.solution(state)))
-        spread = embed(plan.subset, jax.device_get(plan.search.spread(state)))
+        solution = embed(plan.space, plan.subset, jax.device_get(plan.search.solution(state)))
+        spread = embed(plan.space, plan.subset, jax.device_get(plan.search.spread(state)))
     by_update, baselines, groups, distributions = zip(*history, strict=True)
     return Found(
         solution,

@@ -139,7 +139,7 @@ def record(run: Run[SensitivityConfig]) -> Records:
 
     outcomes = run.score(evaluator, wanted, log=run.finals, cost=cost, say=said)
     refuse_failed(outcomes, len(wanted))
-    return choose(_known(run).values(), run.target.name, own, str(config.out))
+    return choose(_known(run).values(), run.target.name, config.space, own, str(config.out))
 
 
 def _known(run: Run[SensitivityConfig]) -> dict[str, dict[str, Any]]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from experiments.reward import store
 from experiments.study.bins import relaxed
-from scene.attributes import NAMES
+from scene.attributes import SPACES, SpaceName
 from shell.errors import UserError
 from shell.files import naming
 from shell.lines import Record
@@ -28,8 +28,8 @@ BINS = "bins"
 class Records(NamedTuple):
     """Rewards of one configuration, in an order that does not depend on how they were read."""
 
-    centre: np.ndarray  # f64[n, 23]
-    width: np.ndarray  # f64[n, 23]
+    centre: np.ndarray  # f64[n, attributes]
+    width: np.ndarray  # f64[n, attributes]
     rewards: np.ndarray  # f64[n], mIoU in percent
     config: str
     words: str  # what the configuration is
@@ -54,15 +54,18 @@ def read(paths: Sequence[Path], config: Any, target: str, wanted: str | None = N
     known = store.merged(entry for found in stored for entry in found.values())
     records = [record for record, _ in known.values()]
     records += [record for path in bins for record in _read_bins(path, config)]
-    return choose(records, target, wanted, ", ".join(map(str, paths)))
+    return choose(records, target, config.space, wanted, ", ".join(map(str, paths)))
 
 
-def choose(records: Iterable[Record], target: str, wanted: str | None, where: str) -> Records:
+def choose(
+    records: Iterable[Record], target: str, space: SpaceName, wanted: str | None, where: str
+) -> Records:
     """The records of one configuration among those of proposals' mIoU on reward images of a target.
 
     Args:
         records: lines of a store.
         target: name of the target.
+        space: of the proposals.
         wanted: name of the configuration; by default that with the most rewards.
         where: they are from, for errors.
 
@@ -72,7 +75,8 @@ def choose(records: Iterable[Record], target: str, wanted: str | None, where: st
     kinds = store.kinds_of(records)
     needed = {"target": target, "side": "reward", "kind": "miou"}
     fitting = {
-        name: [record for record in own if record["centre"] is not None]  # not of real images
+        # Those of real images have no proposal.
+        name: [record for record in own if len(record["centre"] or ()) == len(SPACES[space])]
         for name, own in kinds.items()
         if all(own[0].get(field, value) == value for field, value in needed.items())
     }
@@ -83,15 +87,18 @@ def choose(records: Iterable[Record], target: str, wanted: str | None, where: st
             f"--records-config {wanted!r}: {where} has no such rewards of {target}, but {listed}"
         )
     if not fitting:
-        raise UserError(f"{where} holds no rewards of target {target}, but {listed}")
+        raise UserError(
+            f"{where} holds no rewards of target {target} in --space {space}, but {listed}"
+        )
     most = max(sorted(fitting), key=lambda n: sum(r["reward"] is not None for r in fitting[n]))
     name = most if wanted is None else wanted
     own = fitting[name]
     aside = tuple(_words(other, kinds[other]) for other in kinds if other != name)
     known = [r for r in own if r["reward"] is not None]
     rows = sorted((*r["centre"], *r["width"], 100 * r["reward"]) for r in known)
-    table = np.asarray(rows, float).reshape(len(rows), 2 * len(NAMES) + 1)
-    centre, width, rewards = np.split(table, [len(NAMES), 2 * len(NAMES)], axis=1)
+    count = len(SPACES[space])
+    table = np.asarray(rows, float).reshape(len(rows), 2 * count + 1)
+    centre, width, rewards = np.split(table, [count, 2 * count], axis=1)
     return Records(
         centre, width, rewards[:, 0], name, _words(name, own), len(own) - len(known), aside
     )
@@ -121,7 +128,7 @@ def _first_line(path: Path) -> Any:
 
 def _read_bins(path: Path, config: Any) -> list[Record]:
     """Lines of bins as lines of a store."""
-    bins, rewards = [], []
+    bins, rewards, count = [], [], len(SPACES[config.space])
     with naming(path):
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     for number, line in enumerate(lines, 1):
@@ -129,11 +136,11 @@ def _read_bins(path: Path, config: Any) -> list[Record]:
             record = json.loads(line)
             chosen, reward = record["bins"], float(record["reward"])
             whole = all(type(k) is int and 0 <= k < config.search.bins for k in chosen)
-            if not (whole and len(chosen) == len(NAMES) and math.isfinite(reward)):
+            if not (whole and len(chosen) == count and math.isfinite(reward)):
                 raise ValueError
         except (ValueError, KeyError, TypeError):
             raise UserError(
-                f"{path}: line {number} must hold a reward and {len(NAMES)} bins from 0 to "
+                f"{path}: line {number} must hold a reward and {count} bins from 0 to "
                 f"{config.search.bins - 1} (--search.bins)"
             ) from None
         bins.append(chosen)

@@ -11,7 +11,7 @@ from experiments.sensitivity.picture import picture
 from experiments.sensitivity.records import Records
 from experiments.study.form import Form, Report, interval, markdown, number, words
 from experiments.study.stats import bootstrap
-from scene.attributes import ATTRIBUTES, NAMES, Attribute
+from scene.attributes import SPACES, Attribute, space_of
 
 FOLDS = 5
 DRAWS = 2000
@@ -35,7 +35,9 @@ def summarize(records: Records) -> Report:
     Args:
         records: of one configuration; their rewards differ.
     """
-    layout = model.lay_out(len(NAMES))
+    rows = SPACES[space_of(records.centre.shape[1])]
+    count = len(rows)
+    layout = model.lay_out(count)
     x = model.features(layout, records.centre, records.width)
     proposals = _proposals(records)
     fitted = model.fit(layout, x, records.rewards)
@@ -51,13 +53,16 @@ def summarize(records: Records) -> Report:
             "total": _percent(totals[0][k], totals[1][:, k]),
             **_best(attribute, curves[:, k], grid),
         }
-        for k, attribute in enumerate(ATTRIBUTES)
+        for k, attribute in enumerate(rows)
     ]
     pairs = [
-        {"names": [NAMES[i], NAMES[j]], "share": _percent(found.effects[k], found.drawn[:, k])}
-        for k, (i, j) in enumerate(layout.pairs, len(NAMES))
+        {
+            "names": [rows[i].name, rows[j].name],
+            "share": _percent(found.effects[k], found.drawn[:, k]),
+        }
+        for k, (i, j) in enumerate(layout.pairs, count)
     ]
-    together = [part[..., len(NAMES) :].sum(axis=-1) for part in (found.effects, found.drawn)]
+    together = [part[..., count:].sum(axis=-1) for part in (found.effects, found.drawn)]
     signal = [found.signal * part.sum(axis=-1) for part in (found.effects, found.drawn)]
     return {
         "records": {
@@ -85,7 +90,7 @@ def summarize(records: Records) -> Report:
                     "low": _rounded(np.quantile(curves[:, k], 0.05, axis=0)),
                     "high": _rounded(np.quantile(curves[:, k], 0.95, axis=0)),
                 }
-                for k, attribute in enumerate(ATTRIBUTES)
+                for k, attribute in enumerate(rows)
             },
         },
     }

@@ -17,6 +17,7 @@ from experiments.run.context import AnyConfig, Run, Work, opened
 from experiments.run.learn import learn, work_of
 from experiments.study.form import Form, Report, rewrite, write_report
 from experiments.target.base import Target
+from scene.attributes import SpaceName, space_of
 from scene.proposal import Proposal, parse_proposal
 from shell.errors import UserError
 from shell.files import read_json
@@ -75,7 +76,7 @@ def check(study: Study[AnyConfig], config: AnyConfig) -> None:
     """Raise UserError for a configuration that the job cannot work with, by flag."""
     check_flags(config)
     if isinstance(config, LearntConfig) and config.learnt is not None:
-        read_learnt(config.learnt)
+        read_learnt(config.learnt, config.space)
     study.check(config)
 
 
@@ -94,7 +95,9 @@ def learnt_attributes(run: Run[Any]) -> Proposal:
         UserError: ``--learnt`` is no attributes.json.
     """
     config: LearntConfig = run.config
-    return learn(run).proposal if config.learnt is None else read_learnt(config.learnt)
+    return (
+        learn(run).proposal if config.learnt is None else read_learnt(config.learnt, config.space)
+    )
 
 
 def learnt_from(config: LearntConfig) -> str:
@@ -102,16 +105,20 @@ def learnt_from(config: LearntConfig) -> str:
     return "a search of this run" if config.learnt is None else str(config.learnt)
 
 
-def read_learnt(path: Path) -> Proposal:
-    """The proposal in an ``attributes.json``, f32[23] each.
+def read_learnt(path: Path, space: SpaceName) -> Proposal:
+    """The proposal in an ``attributes.json``, f32[attributes] each.
 
     Raises:
-        UserError: no such file, or the file of something else.
+        UserError: no such file, or the file of something else, such as of another space.
     """
     try:
-        return parse_proposal(read_json(path))
+        found = parse_proposal(read_json(path))
     except OSError as error:
         raise UserError(f"--learnt {path}: {error.strerror}") from None
     except ValueError as error:
         where = "" if str(error).startswith(str(path)) else f"{path}: "
         raise UserError(f"--learnt {where}{error}") from None
+    theirs = space_of(len(found.centre))
+    if theirs != space:
+        raise UserError(f"--learnt {path} holds attributes of --space {theirs}, not {space}")
+    return found

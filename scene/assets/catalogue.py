@@ -81,11 +81,11 @@ BARE = "bare"
 
 def in_season(
     family: str,
-    ref: int | str | None,
+    ref: int | str,
     bare: float | None,
     pool: AssetPool,
     rng: np.random.Generator,
-) -> int | str | None:
+) -> int | str:
     """A tree with or without leaves in the place of one, so that a share ``bare`` of trees has none.
 
     The next built-in tree of the pool that suits; the tree itself if none does, and all that is no

@@ -70,8 +70,8 @@ def sample_street(
     objects = []
     for stand in background(params, far_rng):
         ref = pick(pool, stand.family, far_rng)
-        ref = in_season(stand.family, ref, params.bare_tree_share, pool, season_rng)
         if ref is not None:
+            ref = in_season(stand.family, ref, params.bare_tree_share, pool, season_rng)
             objects.append((stand.family, ref, pose_at(ground, stand.x, stand.y, stand.yaw)))
     far = placed(objects, FIRST_INSTANCE + len(near))
     return Street((*near, *far), cameras, sky, ground, seed)

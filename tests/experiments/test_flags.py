@@ -8,10 +8,17 @@ import tyro
 
 from experiments.cli import main
 from experiments.config import MainConfig, check, make_space
-from experiments.presets import CAMVID_GROUPS, CITYSCAPES_GROUPS, PRESETS, TARGETS, defaults
+from experiments.presets import (
+    CAMVID_GROUPS,
+    CITYSCAPES_GROUPS,
+    PRESETS,
+    TARGETS,
+    defaults,
+    in_space,
+)
 from experiments.run.learn import plan_of
 from experiments.target.twin import FIRST_ASSET
-from scene.attributes import NAMES
+from scene.attributes import NAMES, names
 from seg.recipes import RECIPES
 
 from .conftest import main_job
@@ -38,6 +45,14 @@ def test_groups_are_the_papers_and_a_partition_of_the_23():
     for groups in (CITYSCAPES_GROUPS, CAMVID_GROUPS):
         assert all(name.startswith(("illumination", "camera")) for name in groups[-1])
         assert sorted(name for group in groups for name in group) == sorted(NAMES)
+
+
+@pytest.mark.parametrize("target", TARGETS)
+def test_another_space_has_groups_of_its_own_and_every_job_searches_it(target):
+    config = in_space(defaults(MainConfig, target, "smoke"), "extended")
+    assert in_space(config, "extended") is config
+    assert plan_of(config).subset == names("extended") == make_space(config).names
+    assert config.groups[:-3] == defaults(MainConfig, target, "smoke").groups
 
 
 @pytest.mark.parametrize("target", TARGETS)

@@ -237,7 +237,7 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
     (["--records", "same.jsonl"], "all 10 rewards are equal"),
     (["--records", "text.jsonl"], "text.jsonl: line 1 is not JSON"),
     (["--records", "store.jsonl", "other.jsonl"], "hold the same evaluation with different values"),
-    (["--records", "store.jsonl", "--target", "twin"], "no rewards of target twin, but"),
+    (["--records", "store.jsonl", "--target", "twin"], "no rewards of target twin in --space scenex, but"),
     (["--records", "store.jsonl", "--records-config", "x"], "--records-config 'x'"),
     (["--records-config", "x"], "--records-config needs --records"),
     (["--evaluations", "7"], "--evaluations must be 8 or more"),

@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 
 from scene.assets import car, catalogue
 from scene.assets.__main__ import main
-from scene.assets.catalogue import AssetPool, asset, bounds, check_pool, kind, pick, surfaces
+from scene.assets.catalogue import (
+    AssetPool,
+    asset,
+    bounds,
+    check_pool,
+    in_season,
+    kind,
+    pick,
+    surfaces,
+)
 from scene.assets.families import FAMILIES
 from scene.assets.library import LibraryError
 from scene.assets.likeness import closest, looks
@@ -35,6 +44,18 @@ def folder(shelf):
     """Two cars of our own."""
     shelf("car/a.stl", trimesh.creation.box((4.0, 1.8, 1.5)))
     return shelf("car/b.stl", trimesh.creation.box((4.5, 1.8, 1.5)))
+
+
+def test_trees_have_leaves_by_share_and_other_assets_stay():
+    rng = np.random.default_rng(0)
+    pool = AssetPool(5, 40)
+    for share in (0.0, 0.25, 1.0):
+        found = [in_season("tree", int(ref), share, pool, rng) for ref in rng.integers(5, 45, 400)]
+        bare = np.mean(["bare" in catalogue.kind("tree", ref) for ref in found])
+        assert abs(bare - share) < 0.07 and {*found} <= {*range(5, 45)}
+    assert in_season("car", 7, 1.0, pool, rng) == 7 and in_season("tree", 7, None, pool, rng) == 7
+    assert in_season("tree", "mine.glb", 0.0, pool, rng) == "mine.glb"
+    assert in_season("tree", 4, 0.0, AssetPool(4, 1), rng) == 4  # "bare broad", the only one
 
 
 def test_every_class_with_a_shape_has_a_family():

@@ -60,6 +60,31 @@ def test_axes_are_right_handed_and_yaw_turns_right():
     assert (turned[2, 1:] < 0).all() and turned[0, 2] == 0  # to the right and down, no roll
 
 
+def test_roll_turns_the_camera_clockwise():
+    rolled = camera_axes(
+        LEVEL._replace(roll=math.radians(90))
+    )  # its right looks down, its top right
+    assert rolled == pytest.approx(np.array([[0, 0, -1], [0, -1, 0], [1, 0, 0]]))
+
+
+def test_a_camera_sees_with_its_own_lens_exposure_and_white_balance(draw):
+    camera = LEVEL._replace(field_of_view=math.radians(90), roll=0.2)
+    post = at("lamp", 12, 1)
+    own = draw(bare_street(post, camera=camera))
+    np.testing.assert_array_equal(
+        own.image,
+        draw(bare_street(post, camera=LEVEL._replace(roll=0.2)), QUIET._replace(fov=90)).image,
+    )
+    assert own.label[0, 0] == TrainId.SKY and not np.array_equal(
+        own.label, draw(bare_street(post), QUIET._replace(fov=90)).label
+    )
+    red, green, blue = draw(bare_street(post)).image.mean(axis=(0, 1))
+    bright = draw(bare_street(post, camera=LEVEL._replace(exposure=1.5))).image.mean(axis=(0, 1))
+    assert (bright > [red + 5, green + 5, blue + 5]).all()
+    warm = draw(bare_street(post, camera=LEVEL._replace(warmth=1))).image.mean(axis=(0, 1))
+    assert warm[0] > red + 5 and warm[1] == pytest.approx(green, abs=1) and warm[2] < blue - 5
+
+
 def test_rays_span_the_field_of_view_symmetrically_and_labels_are_of_its_middle():
     x, y = pixel_rays(RenderSettings(width=8, height=16, fov=90), 1)
     assert x == pytest.approx(np.arange(-3.5, 4) / 4)

@@ -31,6 +31,19 @@ def one_of(name, elevation=LOW, count=600):
     return next(s for s in (sky(k, elevation=elevation) for k in range(count)) if s.weather == name)
 
 
+def test_cloud_closes_where_it_is_asked_to_and_changes_nothing_else():
+    for closed in (True, False):
+        drawn = [
+            sample_sky(
+                np.random.default_rng(k), intensity=1, elevation=0.6, azimuth=0, closed=closed
+            )
+            for k in range(60)
+        ]
+        assert len({s.weather for s in drawn}) > 3
+        assert all((s.cover >= 0.8 and s.sun.max() < 0.3) == closed for s in drawn)
+        assert all(np.array_equal(s.cloud_offset, sky(k).cloud_offset) for k, s in enumerate(drawn))
+
+
 def test_the_sun_stands_where_its_angles_say():
     long = math.sqrt(3) / 2
     for elevation, azimuth, direction in ((30, 0, [long, 0, 0.5]), (60, 90, [0, 0.5, long])):
