@@ -14,14 +14,15 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 import sdr_jax
 from scene.assets.catalogue import AssetPool, check_pool
-from scene.attributes import SpaceName, names
-from scene.proposal import RELAXATION
+from scene.attributes import SpaceName, names, space_of
+from scene.proposal import RELAXATION, Proposal, default_proposal, parse_proposal, random_proposal
 from scene.render import RenderSettings, check_settings
 from sdr_jax.registry import MethodName
 from seg.settings import TrainSettings
 from seg.settings import check_settings as check_train_settings
 from seg.weights import check as check_weights
 from shell.errors import UserError, refuse_repeats
+from shell.files import read_json
 
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes"]
@@ -105,6 +106,8 @@ class SearchOptions(Bins):
     """(100 mIoU)^2, as in the authors' code, instead of mIoU (sdr)."""
     common_random_numbers: bool = False
     """Datasets of one update share their seed, and their streets' places within the intervals."""
+    start: str = "default"
+    """Where the search begins (intervals): default (by eye), random, or an attributes.json."""
     unoptimised: Literal["random", "half"] = "random"
     """What groups not optimised yet are (sdr): random (paper), or 0.5 (the authors' code)."""
 
@@ -366,7 +369,7 @@ def _check_answer(config: SearchConfig) -> None:
         raise UserError("--unlabelled needs --reward-kind mmd: mIoU needs labels")
     if config.reward_kind == "mmd" and config.search.squared_reward:
         raise UserError("--search.squared-reward needs --reward-kind miou: squares have no sign")
-    make_method(config.search, config.search.method, make_space(config), 1)
+    make_method(config, config.search.method, make_space(config), 1)
 
 
 def make_space(config: Any) -> sdr_jax.Space:
@@ -381,15 +384,48 @@ def make_space(config: Any) -> sdr_jax.Space:
         )
 
 
-def make_method(
-    options: SearchOptions, name: MethodName, space: sdr_jax.Space, updates_per_group: int
-) -> sdr_jax.Method:
-    """A search method as the options have it.
+def start_of(config: Any) -> Proposal:
+    """Where the configuration's search begins, f32[attributes of the space] each."""
+    start = config.search.start
+    if start == "random":
+        return random_proposal(config.space)
+    if start == "default":
+        return default_proposal(getattr(config, "default_width", RELAXATION), config.space)
+    return read_attributes("--search.start", Path(start), config.space)
+
+
+def read_attributes(flag: str, path: Path, space: SpaceName) -> Proposal:
+    """The proposal in an ``attributes.json``, f32[attributes] each.
 
     Raises:
-        UserError: an option out of range, or a library that is not installed.
+        UserError: no such file, or the file of something else, such as of another space; names the flag.
+    """
+    try:
+        found = parse_proposal(read_json(path))
+    except OSError as error:
+        raise UserError(f"{flag} {path}: {error.strerror}") from None
+    except ValueError as error:
+        where = "" if str(error).startswith(str(path)) else f"{path}: "
+        raise UserError(f"{flag} {where}{error}") from None
+    theirs = space_of(len(found.centre))
+    if theirs != space:
+        raise UserError(f"{flag} {path} holds attributes of --space {theirs}, not {space}")
+    return found
+
+
+def make_method(
+    config: Any, name: MethodName, space: sdr_jax.Space, updates_per_group: int
+) -> sdr_jax.Method:
+    """A search method as the configuration has it, for some of its attributes.
+
+    Raises:
+        UserError: an option out of range, a start that cannot be read, or a library that is not installed.
     """
     own: dict[str, Any] = {}
+    options: SearchOptions = config.search
+    if name == "intervals":
+        where = [names(config.space).index(attribute) for attribute in space.names]
+        own["start"] = tuple(tuple(part[where].tolist()) for part in start_of(config))
     if name == "sdr":
         fields = ("learning_rate", "baseline", "normalise", "squared_reward", "unoptimised")
         own = {field: getattr(options, field) for field in fields}

@@ -14,6 +14,7 @@ from sdr_jax.ask_tell import AskTell, Trial
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import DataSets, HostReward, host_reward
 from sdr_jax.critic.actor_critic import actor_critic
+from sdr_jax.critic.intervals import intervals
 from sdr_jax.critic.linear import linear
 from sdr_jax.method import Info, Method
 from sdr_jax.policy import Policy
@@ -66,6 +67,7 @@ __all__ = [
     "gaussian",
     "host_reward",
     "identity",
+    "intervals",
     "leave_one_out",
     "linear",
     "make_step",

@@ -8,6 +8,7 @@ import optax
 
 from sdr_jax.baseline import ema, leave_one_out
 from sdr_jax.critic.actor_critic import actor_critic
+from sdr_jax.critic.intervals import intervals
 from sdr_jax.critic.linear import linear
 from sdr_jax.method import Method
 from sdr_jax.rewards import identity, squared_percent
@@ -30,6 +31,7 @@ MethodName = Literal[
     "gaussian",
     "pbil",
     "linear",
+    "intervals",
     "cma_es",
     "tpe",
 ]
@@ -105,6 +107,7 @@ METHODS: dict[str, Entry] = {
     "gaussian": Entry(_gaussian, n=5, least=2),
     "pbil": Entry(pbil),
     "linear": Entry(linear),
+    "intervals": Entry(intervals, n=5),
     "cma_es": Entry(cma_es),
     "tpe": Entry(tpe),
 }

@@ -43,7 +43,7 @@ def plan_of(config: SearchConfig) -> SearchPlan:
         UserError: an option out of range.
     """
     options = config.search
-    method = make_method(options, options.method, make_space(config), options.updates_per_group)
+    method = make_method(config, options.method, make_space(config), options.updates_per_group)
     updates = options.updates_per_group * len(config.groups)
     return SearchPlan(
         "search",

@@ -34,7 +34,7 @@ def plan(
     groups = [[name for name in group if name in subset] for group in config.groups]
     space = sdr_jax.space(subset, options.bins, [group for group in groups if group])
     fitting, each = schedule(evaluations, len(space.groups), datasets)
-    made = make_method(options, method, space, max(each, 1))
+    made = make_method(config, method, space, max(each, 1))
     if made.updates is not None:  # otherwise it takes as many as there are
         if each == 0:
             raise UserError(

@@ -11,16 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic
 
-from experiments.config import LearntConfig
+from experiments.config import LearntConfig, read_attributes
 from experiments.config import check as check_flags
 from experiments.run.context import AnyConfig, Run, Work, opened
 from experiments.run.learn import learn, work_of
 from experiments.study.form import Form, Report, rewrite, write_report
 from experiments.target.base import Target
-from scene.attributes import SpaceName, space_of
-from scene.proposal import Proposal, parse_proposal
-from shell.errors import UserError
-from shell.files import read_json
+from scene.proposal import Proposal
 from shell.progress import duration
 
 
@@ -76,7 +73,7 @@ def check(study: Study[AnyConfig], config: AnyConfig) -> None:
     """Raise UserError for a configuration that the job cannot work with, by flag."""
     check_flags(config)
     if isinstance(config, LearntConfig) and config.learnt is not None:
-        read_learnt(config.learnt, config.space)
+        read_attributes("--learnt", config.learnt, config.space)
     study.check(config)
 
 
@@ -95,30 +92,11 @@ def learnt_attributes(run: Run[Any]) -> Proposal:
         UserError: ``--learnt`` is no attributes.json.
     """
     config: LearntConfig = run.config
-    return (
-        learn(run).proposal if config.learnt is None else read_learnt(config.learnt, config.space)
-    )
+    if config.learnt is None:
+        return learn(run).proposal
+    return read_attributes("--learnt", config.learnt, config.space)
 
 
 def learnt_from(config: LearntConfig) -> str:
     """Where learnt attributes are from, for reports."""
     return "a search of this run" if config.learnt is None else str(config.learnt)
-
-
-def read_learnt(path: Path, space: SpaceName) -> Proposal:
-    """The proposal in an ``attributes.json``, f32[attributes] each.
-
-    Raises:
-        UserError: no such file, or the file of something else, such as of another space.
-    """
-    try:
-        found = parse_proposal(read_json(path))
-    except OSError as error:
-        raise UserError(f"--learnt {path}: {error.strerror}") from None
-    except ValueError as error:
-        where = "" if str(error).startswith(str(path)) else f"{path}: "
-        raise UserError(f"--learnt {where}{error}") from None
-    theirs = space_of(len(found.centre))
-    if theirs != space:
-        raise UserError(f"--learnt {path} holds attributes of --space {theirs}, not {space}")
-    return found

@@ -84,20 +84,8 @@ def linear(
         return LinearState(statistics, posterior(statistics))
 
     def posterior(statistics: Statistics) -> Posterior:
-        data = regression.centred(statistics)
-
-        def fit(signal: Array) -> tuple[Posterior, Array]:
-            std = jnp.sqrt(signal) * jnp.asarray(prior_std)
-            belief, whitened = regression.posterior(data, std, jnp.ones(()))  # in units of noise
-            explained = jnp.dot(whitened, std * data.moment)
-            left = jnp.maximum(data.square - explained, 1e-4 * data.square)
-            log_det = 2 * jnp.sum(jnp.log(jnp.diag(belief.factor)))
-            evidence = -0.5 * (log_det + data.freedom * jnp.log(left))
-            return belief._replace(scale=jnp.sqrt(left / data.freedom) * std), evidence
-
-        fits, evidence = jax.lax.map(fit, jnp.asarray(SIGNALS))
-        best = jnp.argmax(evidence)
-        return jax.tree.map(lambda leaf: leaf[best], fits)
+        stds = jnp.sqrt(jnp.asarray(SIGNALS))[:, None] * jnp.asarray(prior_std)[None, :]
+        return regression.by_evidence(regression.centred(statistics), stds)
 
     def known(state: LinearState) -> Array:
         return state.statistics.seen > 1  # two rewards make a difference

@@ -107,6 +107,29 @@ def posterior(
     return Posterior(std * whitened, factor, std), whitened
 
 
+def by_evidence(data: Centred, stds: Float[Array, "k features"]) -> Posterior:
+    """The posterior under the most likely of several priors, the noise integrated out.
+
+    Args:
+        data: the evaluations.
+        stds: each prior's standard deviations, in units of the noise's; 0 for features that are not there.
+
+    Source: MacKay 1992, "Bayesian interpolation".
+    """
+
+    def fit(std: Array) -> tuple[Posterior, Array]:
+        belief, whitened = posterior(data, std, jnp.ones(()))  # in units of noise
+        explained = jnp.dot(whitened, std * data.moment)
+        left = jnp.maximum(data.square - explained, 1e-4 * data.square)
+        log_det = 2 * jnp.sum(jnp.log(jnp.diag(belief.factor)))
+        evidence = -0.5 * (log_det + data.freedom * jnp.log(left))
+        return belief._replace(scale=jnp.sqrt(left / data.freedom) * std), evidence
+
+    fits, evidence = jax.lax.map(fit, stds)
+    best = jnp.argmax(evidence)
+    return jax.tree.map(lambda leaf: leaf[best], fits)
+
+
 def draw(
     rng_key: Key[Array, ""], belief: Posterior, n: int, factor: float = 1.0
 ) -> Float[Array, "n features"]:

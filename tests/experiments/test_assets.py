@@ -5,8 +5,8 @@ import pytest
 
 from experiments.assets.job import IMAGES, defaults, fidelity_of
 from experiments.assets.report import FORM
+from experiments.config import read_attributes
 from experiments.presets import PRESETS, TARGETS
-from experiments.study.skeleton import read_learnt
 from experiments.study.stats import paired_gain
 from scene.proposal import default_proposal, random_proposal
 from shell.errors import UserError
@@ -76,7 +76,7 @@ def test_streets_are_drawn_from_what_is_asked_for(assets, tmp_path, learnt_file)
     with pytest.raises(
         UserError, match=f"{learnt_file} holds attributes of --space scenex, not ext"
     ):
-        read_learnt(learnt_file, "extended")
+        read_attributes("--learnt", learnt_file, "extended")
     (tmp_path / "run").rename(tmp_path / "learnt")
     _, calls = assets("--attributes", "random")
     np.testing.assert_array_equal(np.stack(calls[0][1]), np.stack(random_proposal()))

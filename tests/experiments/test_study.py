@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.config import LearntConfig
+from experiments.config import LearntConfig, read_attributes
 from experiments.presets import PRESETS, TARGETS, defaults
 from experiments.reward.miou import Outcome
 from experiments.reward.store import LOGS, Log
@@ -16,7 +16,7 @@ from experiments.run.context import Work, opened, plan_text
 from experiments.run.nets import paired_seeds, score_nets, training_sets
 from experiments.study import form
 from experiments.study.form import Form, rewrite, statistics
-from experiments.study.skeleton import Study, check, do, learnt_attributes, learnt_work, read_learnt
+from experiments.study.skeleton import Study, check, do, learnt_attributes, learnt_work
 from scene.attributes import NAMES
 from scene.proposal import random_proposal
 from shell.errors import UserError
@@ -193,7 +193,7 @@ def test_learnt_attributes_are_made_once(config, counted, tmp_path):
     with opened(again) as run:
         found = learnt_attributes(run)
     assert counted.calls == []
-    for other in (found, read_learnt(again.out / "attributes.json")):
+    for other in (found, read_attributes("--learnt", again.out / "attributes.json", "scenex")):
         np.testing.assert_array_equal(np.stack(other), np.stack(learnt))
 
 

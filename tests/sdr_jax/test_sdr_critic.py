@@ -10,9 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import sdr_jax
 from sdr_jax import Method, Proposal, actor_critic, linear, run_on_host, space
 from sdr_jax.critic import critic, regression
 from sdr_jax.critic.actor_critic import follow, stratified
+from sdr_jax.critic.choices import choices, integrated, layout_of, scales
 from sdr_jax.critic.features import Features, evaluate, features, maximise, tables
 from sdr_jax.relaxation import bin_mask
 
@@ -266,3 +268,80 @@ def test_interactions_within_a_group_are_learnt(method: Method) -> None:
     state, _ = run_on_host(jax.random.key(1), method, reward, 15, 4)
     centre = method.solution(state).centre
     assert float(reward(jax.random.key(0), Proposal(centre[None], centre[None]))[0]) > 0.12
+
+
+PAIR = sdr_jax.space(["a", "b"], 2)
+BEGAN = ((0.5, 0.3), (1.0, 0.2))
+
+
+def test_intervals_of_all_scales_by_hand():
+    centre, width = scales(3)
+    assert len(centre) == 1 + 3 + 7 and set(width) == {1.0, 0.5, 0.25}
+    np.testing.assert_allclose(centre[width == 0.5], [0.25, 0.5, 0.75])
+    chosen = choices(PAIR, tuple(np.float32(part) for part in BEGAN))
+    assert chosen.centre.shape == (2, 27) and chosen.space.bins == (27, 27)
+    np.testing.assert_allclose([chosen.centre[:, -1], chosen.width[:, -1]], BEGAN)
+
+
+@given(st.floats(0, 1), st.floats(0.01, 1))
+def test_features_of_an_interval_are_means_over_it(place, width):
+    low = place * (1 - width)
+    x = low + width * (np.arange(4000) + 0.5) / 4000
+    found = np.asarray(integrated(low + width / 2, width, 5))
+    cosines = np.sqrt(2) * np.cos(np.pi * np.arange(1, 6)[:, None] * x).mean(axis=1)
+    np.testing.assert_allclose(found[:5], cosines, atol=1e-4)
+    assert found[5] == pytest.approx(-np.log2(max(width, 1 / 16)) / 4, abs=1e-5)
+
+
+def told(method, value, updates=12, noise=0.0):
+    """The state after data sets of which ``value(centre, width)`` is the reward."""
+    rng, state = np.random.default_rng(0), method.init(jax.random.key(0))
+    for t in range(updates):
+        actions, proposals = method.sample(jax.random.key(t), state, 8)
+        rewards = value(*map(np.asarray, proposals)) + noise * rng.normal(size=8)
+        state, _ = method.update(state, actions, np.float32(rewards))
+    return state
+
+
+def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
+    method = sdr_jax.registry.make("intervals", PAIR, start=BEGAN)
+    _, first = method.sample(jax.random.key(0), method.init(jax.random.key(0)), 4)
+    np.testing.assert_allclose(first.centre, [BEGAN[0], [0.5, 0.5]] * 2)  # and random attributes
+    np.testing.assert_allclose(first.width, [BEGAN[1], [1, 1]] * 2)
+    # Only the first matters, and is best at its high end.
+    state = told(method, lambda centre, width: centre[:, 0], noise=0.05)
+    centre, width = (np.asarray(part) for part in method.solution(state))
+    assert centre[0] > 0.8 and width[0] <= 0.25
+    for answer in (method.spread(state), method.solution(told(method, lambda c, w: 0 * c[:, 0]))):
+        assert float(answer.centre[1]) == pytest.approx(0.3) and answer.width[1] == pytest.approx(
+            0.2
+        )
+    # Noise alone moves nothing surely.
+    unsure = method.spread(told(method, lambda c, w: 0 * c[:, 0], noise=1.0))
+    np.testing.assert_allclose(np.stack(unsure), BEGAN, atol=1e-6)
+    p = np.asarray(method.probabilities(state))
+    assert p.shape == (2, 2) and p[0, 1] > 0.7
+
+
+def test_narrow_intervals_lose_where_variety_pays():
+    method = sdr_jax.registry.make("intervals", PAIR, start=((0.5, 0.5), (0.1, 0.1)))
+    state = told(method, lambda centre, width: width.sum(axis=1), noise=0.02)
+    assert np.asarray(method.solution(state).width).min() >= 0.5
+
+
+@pytest.mark.parametrize(("options", "message"), [
+    ({"caution": -1.0}, "caution is -1"), ({"degree": 0}, "degree is 0"),
+    ({"pair_degree": 7}, r"pair_degree is 7, but must lie in \[0, degree = 6\]"),
+    ({"start": ((0.5,), (1.0,))}, "start has 1 attributes, not the 2"),
+    ({"start": ((0.1, 0.5), (1.0, 0.2))}, r"an interval that is not in \[0, 1\]"),
+])  # fmt: skip
+def test_intervals_refuse_what_cannot_work(options, message):
+    with pytest.raises(ValueError, match=message):
+        sdr_jax.registry.make("intervals", PAIR, **options)
+
+
+def test_a_large_group_has_fewer_interactions_and_stays_cheap():
+    wide = sdr_jax.space([f"a{k}" for k in range(100)], 2)
+    assert len(layout_of(choices(wide, (np.full(100, 0.5), np.ones(100))), 6, 2).pairs) == 0
+    small = sdr_jax.space([f"a{k}" for k in range(30)], 2)
+    assert layout_of(choices(small, (np.full(30, 0.5), np.ones(30))), 6, 2).pair_degree == 1
