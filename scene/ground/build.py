@@ -6,7 +6,8 @@ import numpy as np
 
 from scene.classes import TrainId
 from scene.ground.ground import Ground
-from scene.ground.relief import sidewalk_quads, terrain_quads
+from scene.ground.land import bent
+from scene.ground.relief import open_land, sidewalk_quads, terrain_quads
 from scene.ground.roadway import road_quads
 from scene.mesh.asset import Asset
 from scene.mesh.quads import to_asset
@@ -22,8 +23,11 @@ GROUND_INSTANCES: dict[int, int] = {
 def ground_assets(ground: Ground) -> dict[int, Asset]:
     """The three surfaces by instance id."""
     rng = np.random.default_rng(ground.seed)
-    surfaces = (road_quads, sidewalk_quads, terrain_quads)
+    drawn = [draw(ground, rng) for draw in (road_quads, sidewalk_quads, terrain_quads)]
+    if ground.shaped:
+        drawn = [[bent(part, ground.path) for part in parts] for parts in drawn]
+        drawn[2] += open_land(ground, rng)
     return {
-        instance: to_asset(draw(ground, rng))
-        for instance, draw in zip(GROUND_INSTANCES, surfaces, strict=True)
+        instance: to_asset(parts)
+        for instance, parts in zip(GROUND_INSTANCES, drawn, strict=True)
     }

@@ -10,10 +10,13 @@ from scene.ground.extent import (
     GROUND_START,
     KERB_HEIGHT,
     KERB_WIDTH,
+    STRIP,
+    TUCK,
     stations,
     wavy,
 )
-from scene.ground.ground import Ground
+from scene.ground.ground import Ground, along
+from scene.ground.land import land_height, open_lines, rise
 from scene.mesh.quads import Quads, flat, grid, quads, rectangles
 
 DROPPED = 0.025
@@ -41,7 +44,7 @@ def _drops(ground: Ground, side: float) -> list[tuple[float, float]]:
 def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Quads]:
     drops = _drops(ground, side)
     breaks = [b + d for drop in drops for b, d in zip(drop, (-0.6, 0.6), strict=True)]
-    x = np.unique(np.concatenate([stations(1.8), np.ravel(drops), breaks]))
+    x = np.unique(np.concatenate([along(ground, 1.8), np.ravel(drops), breaks]))
     top = np.full(len(x), KERB_HEIGHT + 0.005)
     for start, end in drops:
         top[(x >= start - 1e-9) & (x <= end + 1e-9)] = DROPPED
@@ -57,7 +60,8 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
     edge = (1 + 0.05 * wavy(rng, x[:-1], 9.0))[:, None]
     parts.append(quads(ramp, edge * base * ground.strip, ground.sidewalk.material))
 
-    bays = stations(4.5)
+    # In a bend, paving meets the ramp corner by corner.
+    bays = x if ground.shaped else stations(4.5)
     across = side * np.array([inner + RAMP, (inner + RAMP + ground.outer) / 2, ground.outer])
     shade = (
         1 + 0.05 * wavy(rng, bays[:-1], 9.0)[:, None] + rng.uniform(-0.02, 0.02, (len(bays) - 1, 2))
@@ -87,11 +91,14 @@ def _drive(ground: Ground, x: float, side: float) -> Quads:
 
 def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     """Land on both sides in patches of near shades, and hills of fields and woods far away."""
+    if ground.shaped:
+        return [_strip(ground, side, rng) for side in (-1.0, 1.0)]
     base = np.asarray(ground.terrain.color)
     x = stations(8.0)
     parts = []
     for side in (-1.0, 1.0):
-        y = side * np.array([ground.outer, 11.0, 16.0, 26.0, 50.0, FLAT_SIDE])
+        # Wide streets leave out what they cover.
+        y = side * np.array([ground.outer, *_beyond(ground), 26.0, 50.0, FLAT_SIDE])
         shape = (len(x) - 1, len(y) - 1)
         shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
         land = grid(x, y, np.full((len(x), len(y)), KERB_HEIGHT))
@@ -104,6 +111,42 @@ def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     across = np.linspace(-FLAT_SIDE, FLAT_SIDE, 9)
     parts.append(_hills(ground, ahead, across, np.array([[0.0, 0.2, 0.5, 0.85, 1.0]]).T, rng))
     return parts
+
+
+def _beyond(ground: Ground) -> list[float]:
+    """Of 11 and 16 metres from the centre line those that lie clear of the sidewalk."""
+    return [y for y in (11.0, 16.0) if y > ground.outer + 0.4]
+
+
+def _strip(ground: Ground, side: float, rng: np.random.Generator) -> Quads:
+    """The land along a road that bends or slopes, to where it steps down to the open land."""
+    x = along(ground, 8.0)
+    y = np.array([ground.outer - TUCK, *_beyond(ground), STRIP, STRIP + 0.5])
+    z = np.full((len(x), len(y)), KERB_HEIGHT)
+    z[:, 0] -= 0.01  # it begins below the sidewalk
+    z[:, -1] -= 3.0
+    shape = (len(x) - 1, len(y) - 1)
+    shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
+    color = shade.reshape(-1, 1) * np.asarray(ground.terrain.color)
+    return quads(grid(x, side * y, z), color, ground.terrain.material)
+
+
+def open_land(ground: Ground, rng: np.random.Generator) -> list[Quads]:
+    """Land around a road that bends or slopes, in the world: level with it nearby, hills far away."""
+    east, north = open_lines(ground.path)
+    points = np.stack(np.meshgrid(east, north, indexing="ij"), axis=-1).reshape(-1, 2)
+    share = rise(ground.path, points)
+    height = land_height(ground.path, points)
+    height += ground.hills * share * rng.uniform(0.6, 1.0, len(points))
+    cells = grid(east, north, height.reshape(len(east), len(north)))
+    shape = (len(east), len(north))
+    wild = share.reshape(shape)[:-1, :-1].ravel() > 0
+    field = np.array(FIELDS)[rng.integers(len(FIELDS), size=len(cells))]
+    near = rng.uniform(0.85, 1.15, (len(cells), 1)) * np.asarray(ground.terrain.color)
+    return [
+        quads(cells[~wild], near[~wild], ground.terrain.material),
+        quads(cells[wild], field[wild], "long grass"),
+    ]
 
 
 def _hills(

@@ -11,10 +11,12 @@ from scene.ground.extent import (
     NEAR_END,
     PAINT_LIFT,
     PATCH_LIFT,
+    STRIP,
+    TUCK,
     stations,
     wavy,
 )
-from scene.ground.ground import Ground
+from scene.ground.ground import Ground, along
 from scene.mesh.quads import Quads, discs, flat, grid, quads, rectangles
 
 WHITE, YELLOW = (0.56, 0.56, 0.53), (0.50, 0.34, 0.05)
@@ -40,8 +42,10 @@ def road_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 
 def _carriageway(ground: Ground, rng: np.random.Generator) -> Quads:
     """Cells a little lighter or darker each; dirt gathers at the kerb, lanes differ in age."""
-    x = stations(4.0)
+    x = along(ground, 4.0)
     y = np.array([-5.0, -4.55, -2.5, 0.0, 2.5, 4.55, 5.0]) * ground.half_width / 5
+    if ground.shaped:
+        y[0], y[-1] = y[0] - TUCK, y[-1] + TUCK
     across = np.array([0.72, 0.97, 1.0, 1.0, 0.97, 0.72])
     across[:3] *= 1 + ground.lane_shade
     cells = (
@@ -86,9 +90,9 @@ def _covers(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 
 def _side_street(ground: Ground, x: float, side: float) -> Quads:
     """A street that comes in over the sidewalk: the kerb drops and the road rises to meet it."""
-    lift = 0.004
+    lift, end = 0.004, STRIP if ground.shaped else 45.0
     y = side * np.array(
-        [ground.half_width, ground.half_width + 0.5, ground.outer, ground.outer + 4, 45.0]
+        [ground.half_width, ground.half_width + 0.5, ground.outer, ground.outer + 4, end]
     )
     z = np.array([0, KERB_HEIGHT, KERB_HEIGHT, KERB_HEIGHT, KERB_HEIGHT]) + lift
     # Its corners are rounded off.
