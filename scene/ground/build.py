@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from scene.classes import TrainId
+from scene.ground.arms import arm_land, arm_road, corners, kept
 from scene.ground.ground import Ground
 from scene.ground.land import bent
-from scene.ground.relief import open_land, sidewalk_quads, terrain_quads
+from scene.ground.relief import arm_sides, open_land, sidewalk_quads, terrain_quads
 from scene.ground.roadway import road_quads
 from scene.mesh.asset import Asset
 from scene.mesh.quads import to_asset
@@ -24,6 +25,12 @@ def ground_assets(ground: Ground) -> dict[int, Asset]:
     """The three surfaces by instance id."""
     rng = np.random.default_rng(ground.seed)
     drawn = [draw(ground, rng) for draw in (road_quads, sidewalk_quads, terrain_quads)]
+    if ground.junction:
+        junction = ground.junction
+        drawn[1:] = [[kept(part, junction) for part in parts] for parts in drawn[1:]]
+        drawn[0] += arm_road(ground, junction, rng)
+        drawn[1] += [*corners(ground, junction), *arm_sides(ground, junction, rng)]
+        drawn[2] += arm_land(ground, junction, rng)
     if ground.shaped:
         drawn = [[bent(part, ground.path) for part in parts] for parts in drawn]
         drawn[2] += open_land(ground, rng)

@@ -19,6 +19,7 @@ from scene.ground.extent import (
     STRIP_END,
     stations,
 )
+from scene.ground.junction import Junction
 from scene.ground.land import land_height
 from scene.ground.markings import ARROWS, WORDS, Legend
 from scene.ground.path import STRAIGHT, Path, height_at, to_world
@@ -67,11 +68,12 @@ class Ground(NamedTuple):
     hills: float  # m
     seed: int  # of wear and shades
     path: Path = STRAIGHT
+    junction: Junction | None = None
 
     @property
     def shaped(self) -> bool:
-        """Whether its surfaces follow a path, with open land around them."""
-        return not self.path.straight
+        """Whether its surfaces bend, slope or have a junction, with open land around them."""
+        return not self.path.straight or self.junction is not None
 
     @property
     def outer(self) -> float:
@@ -84,14 +86,21 @@ def ground_height(ground: Ground, y: float, x: float = 0.0) -> float:
     above = 0.0 if abs(y) < ground.half_width else KERB_HEIGHT
     if not ground.shaped:
         return above
-    if abs(y) > STRIP:
-        return float(land_height(ground.path, to_world(ground.path, x, y)[None])[0])
+    junction = ground.junction
+    if abs(y) > STRIP and not (junction and junction.beside(x, y)):
+        return float(land_height(ground.path, to_world(ground.path, x, y)[None], junction)[0])
+    if junction and junction.paved(x, y):
+        above = 0.0
     return above + float(height_at(ground.path, x))
 
 
 def along(ground: Ground, step: float) -> np.ndarray:
     """Places along the road where cells of about ``step`` metres meet."""
-    return stations(step, STRIP_END if ground.shaped else GROUND_END)
+    found = stations(step, STRIP_END if ground.shaped else GROUND_END)
+    if ground.junction is None:
+        return found
+    at, reach = ground.junction.x, ground.junction.corner
+    return np.unique(np.append(found, [at - reach, at + reach]))
 
 
 def plain(ground: Ground) -> Ground:

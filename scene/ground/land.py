@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 
 from scene.ground.extent import GROUND_START, KERB_HEIGHT, STRIP, STRIP_END
+from scene.ground.junction import Junction
 from scene.ground.path import Array, Path, course, height_at, nearest, to_world
 from scene.mesh.quads import Quads
 
@@ -31,6 +32,8 @@ RASTER = 4.0
 
 def bent(part: Quads, path: Path) -> Quads:
     """Faces in road coordinates, cut into pieces short enough to follow the road, in the world."""
+    if path.straight:
+        return part
     piece = _pieces(part)
     x, y, z = np.moveaxis(piece.corners, -1, 0)
     corners = np.empty_like(piece.corners)
@@ -76,20 +79,28 @@ def open_lines(path: Path) -> tuple[Array, Array]:
     return found[0], found[1]
 
 
-def land_height(path: Path, points: Array) -> Array:
+def land_height(path: Path, points: Array, junction: Junction | None = None) -> Array:
     """Height f64[n] of the open land at world points f64[n, 2], but for hills.
 
-    The heights of the road, the nearer the more: sum h / d^6 over sum 1 / d^6 for places along it.
+    The heights of the road and its arms, the nearer the more: sum h / d^6 over sum 1 / d^6 for places
+    along them.
     """
     x = np.arange(GROUND_START, STRIP_END, 8.0)
-    away = ((points[:, None] - to_world(path, x, 0.0)) ** 2).sum(axis=2)
+    y = np.zeros_like(x)
+    if junction:
+        x, y = np.append(x, junction.line[:, 0]), np.append(y, junction.line[:, 1])
+    away = ((points[:, None] - to_world(path, x, y)) ** 2).sum(axis=2)
     weight = (away + 25.0) ** -3
     return weight @ height_at(path, x) / weight.sum(axis=1) + KERB_HEIGHT - LOWER
 
 
-def rise(path: Path, points: Array) -> Array:
+def rise(path: Path, points: Array, junction: Junction | None = None) -> Array:
     """How far from 0 to 1 hills have risen at world points f64[n, 2]."""
     _, away = nearest(path, points, GROUND_START, STRIP_END)
+    if junction:
+        arms = to_world(path, *junction.line.T)
+        apart = np.linalg.norm(points[:, None] - arms, axis=2).min(axis=1)
+        away = np.minimum(away, apart + HILLS_FROM / 2)
     share = np.clip((away - HILLS_FROM) / (HILLS_TO - HILLS_FROM), 0, 1)
     return share**1.3
 

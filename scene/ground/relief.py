@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from scene.ground.arms import turned
 from scene.ground.extent import (
     GROUND_END,
     GROUND_SIDE,
@@ -16,6 +17,7 @@ from scene.ground.extent import (
     wavy,
 )
 from scene.ground.ground import Ground, along
+from scene.ground.junction import REACH, Junction
 from scene.ground.land import land_height, open_lines, rise
 from scene.mesh.quads import Quads, flat, grid, quads, rectangles
 
@@ -42,9 +44,59 @@ def _drops(ground: Ground, side: float) -> list[tuple[float, float]]:
 
 
 def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Quads]:
-    drops = _drops(ground, side)
+    stones, drops = along(ground, 1.8), _drops(ground, side)
+    # In a bend, paving meets the ramp corner by corner.
+    bays = None if ground.shaped else stations(4.5)
+    parts = _footway(ground, side, stones, bays, drops, rng)
+    inner = ground.half_width + KERB_WIDTH
+    places = list(ground.crosswalks)
+    if ground.junction and ground.junction.crossings[1] != "none":
+        away = ground.junction.road_crossing
+        places += [ground.junction.x - away, ground.junction.x + away]
+    parts += [_blisters(x, side, inner) for x in places]
+    parts += [_drive(ground, x, side) for x, s in ground.driveways if s == side]
+    return parts
+
+
+def arm_sides(ground: Ground, junction: Junction, rng: np.random.Generator) -> list[Quads]:
+    """Kerb stones and paving along the arms of a junction; the kerb drops at their crossings."""
+    arm = ground._replace(half_width=junction.half_width, footway=junction.footway)
+    stones = np.append(np.arange(junction.mouth, REACH - 1, 1.8), REACH)
+    crossing = junction.crossings[0] != "none"
+    drops = [(junction.arm_crossing - 0.9, junction.arm_crossing + 0.9)] if crossing else []
+    parts = []
+    for side in junction.arms:
+        for hand in (-1.0, 1.0):
+            found = _footway(arm, hand, stones, None, drops, rng)
+            if crossing:
+                inner = junction.half_width + KERB_WIDTH
+                found.append(_blisters(junction.arm_crossing, hand, inner))
+            parts += [turned(part, junction, side) for part in found]
+    return parts
+
+
+def _footway(
+    ground: Ground,
+    side: float,
+    stones: np.ndarray,
+    bays: np.ndarray | None,
+    drops: list[tuple[float, float]],
+    rng: np.random.Generator,
+) -> list[Quads]:
+    """Kerb, ramp and paving on one side.
+
+    Args:
+        ground: how wide, and of what.
+        side: 1 left, -1 right.
+        stones: where kerb stones meet, metres along the street.
+        bays: where the paving's cells meet; None, where the stones do.
+        drops: where the kerb is dropped, from and to.
+        rng: consumed.
+    """
     breaks = [b + d for drop in drops for b, d in zip(drop, (-0.6, 0.6), strict=True)]
-    x = np.unique(np.concatenate([along(ground, 1.8), np.ravel(drops), breaks]))
+    x = np.unique(np.concatenate([stones, np.ravel(drops), breaks]))
+    if bays is None:
+        bays = x
     top = np.full(len(x), KERB_HEIGHT + 0.005)
     for start, end in drops:
         top[(x >= start - 1e-9) & (x <= end + 1e-9)] = DROPPED
@@ -60,8 +112,6 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
     edge = (1 + 0.05 * wavy(rng, x[:-1], 9.0))[:, None]
     parts.append(quads(ramp, edge * base * ground.strip, ground.sidewalk.material))
 
-    # In a bend, paving meets the ramp corner by corner.
-    bays = x if ground.shaped else stations(4.5)
     across = side * np.array([inner + RAMP, (inner + RAMP + ground.outer) / 2, ground.outer])
     shade = (
         1 + 0.05 * wavy(rng, bays[:-1], 9.0)[:, None] + rng.uniform(-0.02, 0.02, (len(bays) - 1, 2))
@@ -69,8 +119,6 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
     shade = (shade * [1.0, 0.93]).reshape(-1, 1)
     level = np.full((len(bays), 3), KERB_HEIGHT)
     parts.append(quads(grid(bays, across, level), shade * base, ground.sidewalk.material))
-    parts += [_blisters(x, side, inner) for x in ground.crosswalks]
-    parts += [_drive(ground, x, side) for x, s in ground.driveways if s == side]
     return parts
 
 
@@ -135,8 +183,8 @@ def open_land(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     """Land around a road that bends or slopes, in the world: level with it nearby, hills far away."""
     east, north = open_lines(ground.path)
     points = np.stack(np.meshgrid(east, north, indexing="ij"), axis=-1).reshape(-1, 2)
-    share = rise(ground.path, points)
-    height = land_height(ground.path, points)
+    share = rise(ground.path, points, ground.junction)
+    height = land_height(ground.path, points, ground.junction)
     height += ground.hills * share * rng.uniform(0.6, 1.0, len(points))
     cells = grid(east, north, height.reshape(len(east), len(north)))
     shape = (len(east), len(north))

@@ -13,11 +13,14 @@ import numpy as np
 
 from scene.assets.catalogue import AssetPool, in_season, pick
 from scene.attributes import StreetParams
+from scene.ground.arms import with_junction
 from scene.ground.ground import Ground, ground_height, sample_ground
-from scene.ground.path import Path, folded, sample_path
+from scene.ground.junction import sample_junction
+from scene.ground.path import folded, sample_path
 from scene.sky.sky import Sky, sample_sky
 from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
+from scene.street.junction import cleared, junction_objects
 from scene.street.lines import LINES, Setting, line_objects
 from scene.street.placing import (
     FIRST_INSTANCE,
@@ -29,8 +32,10 @@ from scene.street.placing import (
     settled,
 )
 
-BACKGROUND, SEASON, CLOUD, PATH = 7, 8, 9, 20
-"""Streams of random numbers: the background, its leaves, whether clouds close, and the road's path."""
+BACKGROUND, SEASON, CLOUD = 7, 8, 9
+"""Streams of random numbers for the background, its leaves, and whether clouds close."""
+PATH, JUNCTION, CORNERS = 20, 21, 22
+"""Those for the road's course, its junction, and what stands there."""
 
 
 class Street(NamedTuple):
@@ -60,7 +65,7 @@ def sample_street(
     drive = -1.0 if rng.random() < params.camera_position_probability else 1.0
     widths = params.road_width, params.sidewalk_width
     ground = sample_ground(rng, pool.fraction, drive, widths)
-    ground = ground._replace(path=_path(params, seed))
+    ground = _shaped(ground, params, seed)
     setting = Setting(params, ground, pool, drive)
     objects: list[Standing] = []
     for line in LINES:
@@ -68,6 +73,8 @@ def sample_street(
         line_rng = np.random.default_rng(rng.integers(2**32))
         for side in (1.0, -1.0):
             objects += line_objects(line, side, setting, line_rng)
+    objects = cleared(ground, objects, params.building_position)
+    objects += junction_objects(setting, np.random.default_rng([seed, CORNERS]))
     objects = settled(ground, objects, params.building_position)
     near = placed(objects, path=ground.path)
     y = drive * params.camera_position_x
@@ -89,15 +96,21 @@ def sample_street(
         ref = in_season(stand.family, ref, params.bare_tree_share, pool, season_rng)
         if ref is not None:
             objects.append((stand.family, ref, pose_at(ground, stand.x, stand.y, stand.yaw)))
+    objects = cleared(ground, objects, params.building_position)
     objects = settled(ground, objects, params.building_position)
     far = placed(objects, FIRST_INSTANCE + len(near), ground.path)
     return Street((*near, *far), cameras, sky, ground, seed)
 
 
-def _path(params: StreetParams, seed: int) -> Path:
-    """The course of the road."""
+def _shaped(ground: Ground, params: StreetParams, seed: int) -> Ground:
+    """The ground with its course, and by chance a junction."""
+    rng = np.random.default_rng([seed, JUNCTION])
+    junction = sample_junction(rng, params.junction_share, ground.half_width, ground.footway)
     rng = np.random.default_rng([seed, PATH])
-    return sample_path(rng, params.bend / 1000, params.gradient / 100)
+    calm = junction.x if junction else None
+    path = sample_path(rng, params.bend / 1000, params.gradient / 100, calm)
+    ground = ground._replace(path=path)
+    return with_junction(ground, junction) if junction else ground
 
 
 def _closed(params: StreetParams, seed: int) -> bool | None:
