@@ -120,7 +120,7 @@ def corners(ground: Ground, junction: Junction) -> list[Quads]:
     for side in junction.arms:
         for hand in (-1.0, 1.0):
             walls = []
-            for low, high, z0, z1 in ((0, 1, 0.0, top), (1, 2, top, top)):
+            for low, high, z0, z1 in ((0, 1, 0.0, top), (1, 2, top, KERB_HEIGHT)):
                 a, b = _handed(lines[low], hand), _handed(lines[high], hand)
                 a = np.concatenate([a, np.full((len(a), 1), z0)], axis=1)
                 b = np.concatenate([b, np.full((len(b), 1), z1)], axis=1)
@@ -155,7 +155,9 @@ def arm_land(ground: Ground, junction: Junction, rng: np.random.Generator) -> li
                 pieces.append((along, across, np.full((3, 2), low)))
         along = np.append(np.arange(STRIP, ARM_END - 5, 8.0), [ARM_END, ARM_END + 0.5])
         for hand in (-1.0, 1.0):
-            across = hand * np.array([junction.outer - TUCK, 16.0, 23.0, ARM_STRIP, ARM_STRIP + 0.5])
+            across = hand * np.array(
+                [junction.outer - TUCK, 16.0, 23.0, ARM_STRIP, ARM_STRIP + 0.5]
+            )
             z = np.full((len(along), 5), low)
             z[:, -1] = z[-1] = low - 3.0
             pieces.append((along, across, z))

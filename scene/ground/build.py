@@ -35,6 +35,5 @@ def ground_assets(ground: Ground) -> dict[int, Asset]:
         drawn = [[bent(part, ground.path) for part in parts] for parts in drawn]
         drawn[2] += open_land(ground, rng)
     return {
-        instance: to_asset(parts)
-        for instance, parts in zip(GROUND_INSTANCES, drawn, strict=True)
+        instance: to_asset(parts) for instance, parts in zip(GROUND_INSTANCES, drawn, strict=True)
     }

@@ -26,8 +26,10 @@ FIRST, LAST = -30.0, 95.0
 """Between which a bend begins, metres along the road."""
 LEVEL_FROM, KNOT = 260.0, 45.0
 """Where slopes have ended, and how far apart they change, metres along the road."""
-CALM = 34.0
-"""Metres to both sides of a junction where the road is straight and level."""
+CREST = 0.0013
+"""Most that the slope changes in a metre: crests and dips have a radius of 770 m."""
+CALM, LEVEL = 34.0, 20.0
+"""Metres to both sides of a junction where the road is straight, and where it is level."""
 
 
 class Path(NamedTuple):
@@ -110,24 +112,25 @@ def to_world(path: Path, x: float | Array, y: float | Array) -> Array:
     return np.stack([east, north], axis=-1)
 
 
-def nearest(path: Path, points: Array, first: float = FROM, last: float = TO) -> tuple[Array, Array]:
+def nearest(
+    path: Path, points: Array, first: float = FROM, last: float = TO
+) -> tuple[Array, Array]:
     """Of world points f64[n, 2] the nearest place on the centre line, x f64[n], and how far it is.
 
     Only the road from ``first`` to ``last`` counts.
     """
     line = course(path)
     part = np.flatnonzero((line.x >= first) & (line.x <= last))[::4]
-    apart = np.hypot(
-        points[:, :1] - line.east[part], points[:, 1:] - line.north[part]
-    )
+    apart = np.hypot(points[:, :1] - line.east[part], points[:, 1:] - line.north[part])
     best = part[np.argmin(apart, axis=1)]
     # From the nearest step along the road to the foot of the perpendicular.
     away = points - np.stack([line.east[best], line.north[best]], axis=1)
     c, s = np.cos(line.heading[best]), np.sin(line.heading[best])
     on, beside = away[:, 0] * c + away[:, 1] * s, away[:, 1] * c - away[:, 0] * s
-    return line.x[best] + np.clip(on, -2 * STEP, 2 * STEP), np.hypot(
-        beside, np.maximum(np.abs(on) - 2 * STEP, 0)
-    )
+    # On the inner side of a bend the same step along the road is shorter.
+    on /= np.maximum(1 - _values(path.bends, line.x[best]) * beside, 0.1)
+    x = line.x[best] + np.clip(on, -2 * STEP, 2 * STEP)
+    return x, np.linalg.norm(points - to_world(path, x, 0.0), axis=1)
 
 
 def folded(path: Path, x: float, y: float) -> bool:
@@ -186,8 +189,15 @@ def _slopes(draws: Array, steepest: float, calm: float | None) -> Knots:
     value = steepest * (2 * draws[1 : 1 + len(at)] - 1)
     if draws[0] < 0.5:
         value = np.sign(value[0]) * (0.5 * np.abs(value) + 0.5 * np.abs(value[0]))
-    found = [*zip(at.tolist(), value.tolist(), strict=True), (LEVEL_FROM, 0.0)]
+    knots: list[tuple[float, float]] = []
+    before = float(value[0])
+    for x, slope in zip(at.tolist(), value.tolist(), strict=True):
+        before = min(max(slope, before - CREST * KNOT), before + CREST * KNOT)
+        most = before
+        if calm is not None:
+            room = CREST * max(abs(x - calm) - LEVEL, 0.0)
+            most = min(max(before, -room), room)
+        knots.append((x, most))
     if calm is not None:
-        found = [(x, slope) for x, slope in found if abs(x - calm) > CALM]
-        found += [(calm - 0.6 * CALM, 0.0), (calm + 0.6 * CALM, 0.0)]
-    return tuple(sorted(found))
+        knots += [(calm - LEVEL, 0.0), (calm + LEVEL, 0.0)]
+    return (*sorted(knots), (LEVEL_FROM, 0.0))

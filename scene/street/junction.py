@@ -13,7 +13,7 @@ import numpy as np
 from scene.assets import catalogue
 from scene.assets.catalogue import in_season, pick
 from scene.ground.ground import Ground
-from scene.ground.junction import REACH, Junction
+from scene.ground.junction import ARM_END, REACH, Junction
 from scene.ground.path import heading_at, to_world
 from scene.street.background import WOODS
 from scene.street.lines import Setting, parts
@@ -21,11 +21,11 @@ from scene.street.placing import Standing, footprint, pose_at
 
 GAP = 0.25
 """Least room between houses of a row, metres."""
-DEEPEST = 16.0
-"""Metres behind the fronts of an arm's houses that are kept free for them."""
 SET_BACK = 6.0
 """Most room between an arm's sidewalk and its houses, metres."""
 VEHICLES, VEHICLE_SHARES = ("car", "truck", "bus"), (0.86, 0.08, 0.06)
+WALKING = frozenset({"person"})
+"""Families that may stand between the kerbs of a junction."""
 SOLID = frozenset({"building", "train", "fence", "wall"})
 """Families that may not reach over an arm."""
 
@@ -183,7 +183,9 @@ def _traffic(arm: Arm) -> list[Standing]:
         family, ref, half = _vehicle(arm)
         if ref is not None:
             across = arm.ours * lane + float(rng.normal(0, 0.1))
-            found += arm.put(family, ref, at + half, across, arm.inwards + float(rng.normal(0, 0.02)))
+            found += arm.put(
+                family, ref, at + half, across, arm.inwards + float(rng.normal(0, 0.02))
+            )
         at += 2 * half + float(rng.uniform(1.0, 3.0))
     at = junction.stop + float(rng.uniform(2, 30))
     for _ in range(int(rng.integers(0, 3))):
@@ -200,7 +202,18 @@ def _traffic(arm: Arm) -> list[Standing]:
             along = float(rng.uniform(0.6, 1.0)) * junction.road_half_width
         if ref is not None:
             found += arm.put(family, ref, along, arm.ours * lane, arm.inwards + turn)
-    return found
+    return [stand for stand in found if _on_the_road(arm, stand)]
+
+
+def _on_the_road(arm: Arm, stand: Standing) -> bool:
+    """Whether no corner of a vehicle reaches over a kerb."""
+    junction, half = arm.junction, arm.junction.road_half_width
+    low, high = _box(arm.street.ground, stand)
+    return all(
+        abs(y) < half or junction.paved(junction.x + x, y)
+        for x in (low[0], high[0])
+        for y in (low[1], high[1])
+    )
 
 
 def _parked(arm: Arm) -> list[Standing]:
@@ -216,9 +229,9 @@ def _parked(arm: Arm) -> list[Standing]:
         yaw = arm.inwards if hand == arm.ours else arm.inwards + math.pi
         for at in np.arange(junction.stop + 14, REACH - 4, 6.2):
             if rng.random() < share:
-                across = hand * (junction.half_width - 1.05)
-                found += arm.stand("car", float(at), across, yaw + float(rng.normal(0, 0.015)))
-    return found
+                across = hand * (junction.half_width - 1.15)
+                found += arm.stand("car", float(at), across, yaw + float(rng.normal(0, 0.01)))
+    return [stand for stand in found if _on_the_road(arm, stand)]
 
 
 def _people(arm: Arm) -> list[Standing]:
@@ -235,7 +248,9 @@ def _people(arm: Arm) -> list[Standing]:
             if rng.random() < 0.5:
                 across = junction.half_width + float(rng.uniform(0.7, junction.footway - 0.3))
                 yaw = arm.inwards + (math.pi if rng.random() < 0.5 else 0.0)
-                found += arm.stand("person", float(at), hand * across, yaw + float(rng.normal(0, 0.1)))
+                found += arm.stand(
+                    "person", float(at), hand * across, yaw + float(rng.normal(0, 0.1))
+                )
     if junction.crossings[0] != "none":
         for _ in range(int(rng.choice([0, 1, 2, 4], p=[0.45, 0.25, 0.2, 0.1]))):
             along = junction.arm_crossing + float(rng.uniform(-1.1, 1.1))
@@ -273,45 +288,55 @@ def _beside(arm: Arm) -> list[Standing]:
     return found
 
 
-def cleared(ground: Ground, objects: list[Standing], front: float = 0.0) -> list[Standing]:
+def cleared(
+    ground: Ground, objects: list[Standing], own: list[Standing] | None = None
+) -> list[Standing]:
     """Objects but for those that would stand in a junction, or where its own houses do.
 
     Args:
         ground: of the street.
         objects: of the lines and the background.
-        front: metres from the centre line to the road's facades.
+        own: of the junction.
     """
     junction = ground.junction
     if junction is None:
         return objects
-    middle, heading = to_world(ground.path, junction.x, 0.0), float(heading_at(ground.path, junction.x))
-    c, s = math.cos(heading), math.sin(heading)
-    into = np.array([[c, s], [-s, c]])
+    houses = [_box(ground, o) for o in own or [] if o[0] == "building"]
+    low, high = (
+        np.array([b[0] for b in houses] or [[0, 0]]),
+        np.array([b[1] for b in houses] or [[0, 0]]),
+    )
     found: list[Standing] = []
-    for family, ref, pose in objects:
-        x, y = into @ (pose[:2, 3] - middle)
-        corners = (footprint(family, ref, pose) - middle) @ into.T
-        if not _in_the_way(junction, family, float(x), float(y), corners, front):
-            found.append((family, ref, pose))
+    for stand in objects:
+        first, last = _box(ground, stand)
+        middle = (first + last) / 2
+        if stand[0] not in SOLID:  # a crown may reach over a roof
+            first = last = middle
+        inside = ((first < high) & (last > low)).all(axis=1).any()
+        if not inside and not _in_the_way(junction, stand[0], first, last):
+            found.append(stand)
     return found
 
 
-def _in_the_way(
-    junction: Junction, family: str, x: float, y: float, corners: np.ndarray, front: float
-) -> bool:
-    """Whether an object at (x, y) from the junction's middle, with corners f64[4, 2], has to go."""
-    if family in ("car", "bus", "truck") and abs(y) < junction.road_half_width:
-        return abs(x) < junction.half_width + 3.5
-    if math.copysign(1.0, y) not in junction.arms or abs(y) > REACH + 24:
+def _box(ground: Ground, stand: Standing) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high corner f64[2] of what an object stands on, from the junction's middle along the road."""
+    at = ground.junction.x if ground.junction else 0.0
+    heading = float(heading_at(ground.path, at))
+    c, s = math.cos(heading), math.sin(heading)
+    corners = (footprint(*stand) - to_world(ground.path, at, 0.0)) @ np.array([[c, -s], [s, c]])
+    return corners.min(axis=0), corners.max(axis=0)
+
+
+def _in_the_way(junction: Junction, family: str, low: np.ndarray, high: np.ndarray) -> bool:
+    """Whether an object on a rectangle, from the junction's middle, has to go."""
+    x, y = (low + high) / 2
+    if family in VEHICLES and abs(y) < junction.road_half_width:
+        return bool(abs(x) < junction.half_width + 3.5)
+    if math.copysign(1.0, y) not in junction.arms or abs(y) > ARM_END:
         return False
-    (left, _), (right, _) = corners.min(axis=0), corners.max(axis=0)
-    if family == "building":
-        reach = junction.outer + SET_BACK + (DEEPEST if abs(y) < REACH else 40)
-    elif family in SOLID:
-        reach = junction.corner
-    elif abs(y) > front + 4:  # greenery behind the houses
-        reach = junction.outer + SET_BACK + DEEPEST
-        return abs(x) < reach
-    else:
-        return junction.paved(x + junction.x, y, 0.5)
-    return bool(left < reach and right > -reach)
+    if family in SOLID:
+        reach = junction.outer + 0.3 if family == "building" else junction.corner
+        return bool(low[0] < reach and high[0] > -reach)
+    if abs(x) < junction.corner and abs(y) < junction.road_half_width + 0.4:
+        return family not in WALKING
+    return junction.paved(x + junction.x, y, 0.5)

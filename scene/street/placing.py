@@ -124,7 +124,11 @@ def _leaning(path: Path, pose: np.ndarray) -> np.ndarray:
     """A pose turned by the slope of the road below it."""
     (x,), _ = nearest(path, pose[None, :2, 3])
     rise, heading = math.atan(float(slope_at(path, x))), float(heading_at(path, x))
-    c, s, across = math.cos(rise), math.sin(rise), np.array([-math.sin(heading), math.cos(heading), 0])
+    c, s, across = (
+        math.cos(rise),
+        math.sin(rise),
+        np.array([-math.sin(heading), math.cos(heading), 0]),
+    )
     cross = np.array([[0, 0, across[1]], [0, 0, -across[0]], [-across[1], across[0], 0]])
     leaning = pose.copy()
     # Rodrigues: by ``rise`` about the axis to the right of the road, so that what lies ahead goes up.

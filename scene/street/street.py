@@ -73,8 +73,8 @@ def sample_street(
         line_rng = np.random.default_rng(rng.integers(2**32))
         for side in (1.0, -1.0):
             objects += line_objects(line, side, setting, line_rng)
-    objects = cleared(ground, objects, params.building_position)
-    objects += junction_objects(setting, np.random.default_rng([seed, CORNERS]))
+    corners = junction_objects(setting, np.random.default_rng([seed, CORNERS]))
+    objects = [*cleared(ground, objects, corners), *corners]
     objects = settled(ground, objects, params.building_position)
     near = placed(objects, path=ground.path)
     y = drive * params.camera_position_x
@@ -96,7 +96,7 @@ def sample_street(
         ref = in_season(stand.family, ref, params.bare_tree_share, pool, season_rng)
         if ref is not None:
             objects.append((stand.family, ref, pose_at(ground, stand.x, stand.y, stand.yaw)))
-    objects = cleared(ground, objects, params.building_position)
+    objects = cleared(ground, objects, corners)
     objects = settled(ground, objects, params.building_position)
     far = placed(objects, FIRST_INSTANCE + len(near), ground.path)
     return Street((*near, *far), cameras, sky, ground, seed)
