@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from scene.ground import markings
@@ -100,38 +102,40 @@ def _fan(tip: Array, rim: Array) -> Array:
 
 def corners(ground: Ground, junction: Junction) -> list[Quads]:
     """Kerb and paving around the corners, one on each hand of every arm."""
-    base = np.asarray(ground.sidewalk.color)
-    ends = [(junction.corner, 0), (0, junction.mouth)]
-    lines = []  # the whole kerb: along the road, around, along the arm
-    for inset in (0.0, 0.02, KERB_WIDTH):
-        arc = _arc(junction, inset)
-        first, last = (ends[0][0], arc[0, 1]), (arc[-1, 0], ends[1][1])
-        lines.append(np.concatenate([[first], arc, [last]]))
-    # A corner as wide as its radius has no straight kerb.
-    whole = np.linalg.norm(np.diff(lines[0], axis=0), axis=1) > 1e-6
-    keep = np.concatenate([[True], whole])
-    keep[-2:] = [True, True] if whole[-1] else [False, True]
-    top = KERB_HEIGHT + 0.005
-    tip = np.array([junction.corner, junction.mouth])
+    lines = [_kerb_line(junction, inset) for inset in (0.0, 0.02, KERB_WIDTH)]
     rim = lines[2]
-    inner = np.concatenate([_fan(tip, rim[1:-1]), _fan(tip, rim[:2].repeat([1, 2], axis=0)),
-                            _fan(tip, rim[-2:].repeat([1, 2], axis=0))])  # fmt: skip
+    tip = np.array([junction.corner, junction.mouth])
+    straight = [np.linspace(rim[k], rim[k + 1], 3) for k in (0, -2)]
+    paved = _whole(np.concatenate([_fan(tip, line) for line in (rim[1:-1], *straight)]))
+    whole = np.linalg.norm(np.diff(lines[0], axis=0), axis=1) > 1e-6
+    stone = np.array([0.76, 0.95]).repeat(whole.sum())[:, None] * np.asarray(ground.kerb)
+    base = np.asarray(ground.sidewalk.color)
+    heights = (0.0, KERB_HEIGHT + 0.005, KERB_HEIGHT)  # of the kerb's face and of its top
     parts = []
     for side in junction.arms:
         for hand in (-1.0, 1.0):
-            walls = []
-            for low, high, z0, z1 in ((0, 1, 0.0, top), (1, 2, top, KERB_HEIGHT)):
-                a, b = _handed(lines[low], hand), _handed(lines[high], hand)
-                a = np.concatenate([a, np.full((len(a), 1), z0)], axis=1)
-                b = np.concatenate([b, np.full((len(b), 1), z1)], axis=1)
-                walls.append(np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1)[whole])
-            stone = np.array([0.8, 1.0]).repeat(whole.sum())[:, None] * np.asarray(ground.kerb)
+            edges = [
+                np.column_stack([_handed(line, hand), np.full(len(line), z)])
+                for line, z in zip(lines, heights, strict=True)
+            ]
+            faces = [
+                np.stack([a[:-1], a[1:], b[1:], b[:-1]], axis=1)[whole] for a, b in pairwise(edges)
+            ]
             found = [
-                quads(np.concatenate(walls), 0.95 * stone, "concrete"),
-                _level(_handed(_whole(inner), hand), KERB_HEIGHT, base, ground.sidewalk.material),
+                quads(np.concatenate(faces), stone, "concrete"),
+                _level(_handed(paved, hand), KERB_HEIGHT, base, ground.sidewalk.material),
             ]
             parts += [turned(part, junction, side) for part in found]
     return parts
+
+
+def _kerb_line(junction: Junction, inset: float) -> Array:
+    """A line f64[ARC + 3, 2] along the road, around the corner and along the arm.
+
+    A corner as wide as its radius has no straight piece.
+    """
+    arc = _arc(junction, inset)
+    return np.array([(junction.corner, arc[0, 1]), *arc, (arc[-1, 0], junction.mouth)])
 
 
 def _whole(outline: Array) -> Array:
@@ -191,11 +195,11 @@ def paint(ground: Ground, junction: Junction) -> tuple[list[Array], list[Array]]
     for side in junction.arms:
         ours = ground.drive * side  # the side of its middle on which the arm's traffic comes up
         marks = []
-        lane = sorted((0.15 * ours, (half - 0.35) * ours))
+        low, high = sorted((0.15 * ours, (half - 0.35) * ours))
         if junction.control == "give way":
-            marks.append(markings.give_way(junction.stop, *lane, -1.0))
+            marks.append(markings.give_way(junction.stop, low, high, -1.0))
         else:
-            marks.append(rectangles(*np.array([junction.stop, junction.stop + 0.3, *lane])))
+            marks.append(rectangles(*np.array([junction.stop, junction.stop + 0.3, low, high])))
         if junction.crossings[0] != "none":
             marks.append(_across(junction.crossings[0], junction.arm_crossing, half))
         if junction.lane_line:
@@ -211,12 +215,12 @@ def paint(ground: Ground, junction: Junction) -> tuple[list[Array], list[Array]]
             white.append(at)
     for heading in (-1.0, 1.0):  # of the traffic that comes up to it
         if junction.crossings[1] != "none":
-            at = junction.x - heading * junction.road_crossing
-            white.append(_across(junction.crossings[1], at, ground.half_width))
+            middle = junction.x - heading * junction.road_crossing
+            white.append(_across(junction.crossings[1], middle, ground.half_width))
         if junction.control == "lights":
-            at = junction.x - heading * junction.road_stop
+            stop = junction.x - heading * junction.road_stop
             lane = sorted(ground.drive * heading * np.array([0.2, ground.half_width - 0.5]))
-            white.append(rectangles(*np.array([at - 0.15, at + 0.15, *lane])))
+            white.append(rectangles(*np.array([stop - 0.15, stop + 0.15, *lane])))
     yellow = []
     if junction.box:
         ends = junction.x - half, junction.x + half

@@ -1,7 +1,7 @@
 """The way a road takes: curvature and slope along it, and from road coordinates to the world.
 
 Road coordinates are x metres along the centre line, y metres left of it. At x = 0 the road is at the
-world's origin, level with it, and runs along the world's x axis; a straight road's coordinates are the world's.
+world's origin, level with it, and runs along the world's x axis; those of a straight road are the world's.
 """
 
 from __future__ import annotations

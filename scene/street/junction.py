@@ -1,4 +1,4 @@
-"""What stands and drives at a junction: houses along its arms, lights, traffic that waits, people, lamps, trees.
+"""What stands and drives at a junction: houses along its arms, lights, traffic, people, lamps, trees.
 
 All of it is placed in a frame of each arm (``Arm``): metres from the road's centre line, and across.
 """
@@ -12,22 +12,18 @@ import numpy as np
 
 from scene.assets import catalogue
 from scene.assets.catalogue import in_season, pick
-from scene.ground.ground import Ground
-from scene.ground.junction import ARM_END, REACH, Junction
-from scene.ground.path import heading_at, to_world
+from scene.ground.junction import REACH, Junction
 from scene.street.background import WOODS
+from scene.street.clearing import VEHICLES, box
 from scene.street.lines import Setting, parts
-from scene.street.placing import Standing, footprint, pose_at
+from scene.street.placing import Standing, pose_at
 
 GAP = 0.25
 """Least room between houses of a row, metres."""
 SET_BACK = 6.0
 """Most room between an arm's sidewalk and its houses, metres."""
-VEHICLES, VEHICLE_SHARES = ("car", "truck", "bus"), (0.86, 0.08, 0.06)
-WALKING = frozenset({"person"})
-"""Families that may stand between the kerbs of a junction."""
-SOLID = frozenset({"building", "train", "fence", "wall"})
-"""Families that may not reach over an arm."""
+VEHICLE_SHARES = (0.86, 0.08, 0.06)
+"""Of the vehicles in ``VEHICLES``."""
 
 
 class Arm(NamedTuple):
@@ -208,7 +204,7 @@ def _traffic(arm: Arm) -> list[Standing]:
 def _on_the_road(arm: Arm, stand: Standing) -> bool:
     """Whether no corner of a vehicle reaches over a kerb."""
     junction, half = arm.junction, arm.junction.road_half_width
-    low, high = _box(arm.street.ground, stand)
+    low, high = box(arm.street.ground, stand)
     return all(
         abs(y) < half or junction.paved(junction.x + x, y)
         for x in (low[0], high[0])
@@ -286,57 +282,3 @@ def _beside(arm: Arm) -> list[Standing]:
             yaw = arm.inwards + (0.0 if hand == arm.ours else math.pi)
             found += arm.stand("traffic sign", at, hand * edge, yaw)
     return found
-
-
-def cleared(
-    ground: Ground, objects: list[Standing], own: list[Standing] | None = None
-) -> list[Standing]:
-    """Objects but for those that would stand in a junction, or where its own houses do.
-
-    Args:
-        ground: of the street.
-        objects: of the lines and the background.
-        own: of the junction.
-    """
-    junction = ground.junction
-    if junction is None:
-        return objects
-    houses = [_box(ground, o) for o in own or [] if o[0] == "building"]
-    low, high = (
-        np.array([b[0] for b in houses] or [[0, 0]]),
-        np.array([b[1] for b in houses] or [[0, 0]]),
-    )
-    found: list[Standing] = []
-    for stand in objects:
-        first, last = _box(ground, stand)
-        middle = (first + last) / 2
-        if stand[0] not in SOLID:  # a crown may reach over a roof
-            first = last = middle
-        inside = ((first < high) & (last > low)).all(axis=1).any()
-        if not inside and not _in_the_way(junction, stand[0], first, last):
-            found.append(stand)
-    return found
-
-
-def _box(ground: Ground, stand: Standing) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high corner f64[2] of what an object stands on, from the junction's middle along the road."""
-    at = ground.junction.x if ground.junction else 0.0
-    heading = float(heading_at(ground.path, at))
-    c, s = math.cos(heading), math.sin(heading)
-    corners = (footprint(*stand) - to_world(ground.path, at, 0.0)) @ np.array([[c, -s], [s, c]])
-    return corners.min(axis=0), corners.max(axis=0)
-
-
-def _in_the_way(junction: Junction, family: str, low: np.ndarray, high: np.ndarray) -> bool:
-    """Whether an object on a rectangle, from the junction's middle, has to go."""
-    x, y = (low + high) / 2
-    if family in VEHICLES and abs(y) < junction.road_half_width:
-        return bool(abs(x) < junction.half_width + 3.5)
-    if math.copysign(1.0, y) not in junction.arms or abs(y) > ARM_END:
-        return False
-    if family in SOLID:
-        reach = junction.outer + 0.3 if family == "building" else junction.corner
-        return bool(low[0] < reach and high[0] > -reach)
-    if abs(x) < junction.corner and abs(y) < junction.road_half_width + 0.4:
-        return family not in WALKING
-    return junction.paved(x + junction.x, y, 0.5)

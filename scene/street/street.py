@@ -20,7 +20,8 @@ from scene.ground.path import folded, sample_path
 from scene.sky.sky import Sky, sample_sky
 from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
-from scene.street.junction import cleared, junction_objects
+from scene.street.clearing import cleared
+from scene.street.junction import junction_objects
 from scene.street.lines import LINES, Setting, line_objects
 from scene.street.placing import (
     FIRST_INSTANCE,
