@@ -32,7 +32,7 @@ def ground_assets(ground: Ground) -> dict[int, Asset]:
         drawn[1] += [*corners(ground, junction), *arm_sides(ground, junction, rng)]
         drawn[2] += arm_land(ground, junction, rng)
     if ground.shaped:
-        drawn = [[bent(part, ground.path) for part in parts] for parts in drawn]
+        drawn = [bent(parts, ground.path) for parts in drawn]
         drawn[2] += open_land(ground, rng)
     return {
         instance: to_asset(parts) for instance, parts in zip(GROUND_INSTANCES, drawn, strict=True)

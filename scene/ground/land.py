@@ -30,16 +30,16 @@ RASTER = 4.0
 """Side of the cells in which the height below a point is looked up, metres."""
 
 
-def bent(part: Quads, path: Path) -> Quads:
+def bent(parts: list[Quads], path: Path) -> list[Quads]:
     """Faces in road coordinates, cut into pieces short enough to follow the road, in the world."""
     if path.straight:
-        return part
-    piece = _pieces(part)
+        return parts
+    piece = _pieces(Quads(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True))))
     x, y, z = np.moveaxis(piece.corners, -1, 0)
     corners = np.empty_like(piece.corners)
     corners[..., :2] = to_world(path, x, y)
     corners[..., 2] = z + height_at(path, x)
-    return piece._replace(corners=corners)
+    return [piece._replace(corners=corners)]
 
 
 def _pieces(part: Quads) -> Quads:

@@ -133,10 +133,10 @@ def nearest(
     return x, np.linalg.norm(points - to_world(path, x, 0.0), axis=1)
 
 
-def folded(path: Path, x: float, y: float) -> bool:
-    """Whether (x, y) lies beyond the middle of a bend, where another place of the road is nearer."""
-    _, away = nearest(path, to_world(path, x, y)[None])
-    return bool(away[0] < abs(y) - 1.0)
+def folded(path: Path, x: Array, y: Array) -> Array:
+    """Which of the places (x, y) f64[n] lie beyond the middle of a bend, nearer to another place of it."""
+    _, away = nearest(path, to_world(path, x, y))
+    return away < np.abs(y) - 1.0
 
 
 def sample_path(

@@ -9,7 +9,7 @@ import numpy as np
 from scene.ground.ground import Ground
 from scene.ground.junction import ARM_END, Junction
 from scene.ground.path import heading_at, to_world
-from scene.street.placing import Standing, footprint
+from scene.street.placing import Standing, footprints
 
 VEHICLES = ("car", "truck", "bus")
 """Families of the traffic."""
@@ -30,26 +30,27 @@ def cleared(ground: Ground, objects: list[Standing], own: list[Standing]) -> lis
     junction = ground.junction
     if junction is None:
         return objects
-    houses = [box(ground, stand) for stand in own if stand[0] == "building"]
-    found: list[Standing] = []
-    for stand in objects:
-        first, last = box(ground, stand)
-        middle = (first + last) / 2
-        if stand[0] not in SOLID:  # a crown may reach over a roof
-            first = last = middle
-        inside = any(((first < high) & (last > low)).all() for low, high in houses)
-        if not inside and not _in_the_way(junction, stand[0], first, last):
-            found.append(stand)
-    return found
+    low, high = boxes(ground, objects)
+    middle = (low + high) / 2
+    solid = np.array([stand[0] in SOLID for stand in objects], bool)[:, None]
+    first, last = np.where(solid, low, middle), np.where(solid, high, middle)
+    inside = np.zeros(len(objects), bool)  # but a crown may reach over a roof
+    for begin, end in zip(*boxes(ground, [s for s in own if s[0] == "building"]), strict=True):
+        inside |= ((first < end) & (last > begin)).all(axis=1)
+    return [
+        stand
+        for k, stand in enumerate(objects)
+        if not inside[k] and not _in_the_way(junction, stand[0], first[k], last[k])
+    ]
 
 
-def box(ground: Ground, stand: Standing) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high corner f64[2] of what an object stands on, from the junction's middle along the road."""
+def boxes(ground: Ground, objects: list[Standing]) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high corners f64[n, 2] of what objects stand on, from the junction's middle along the road."""
     at = ground.junction.x if ground.junction else 0.0
     heading = float(heading_at(ground.path, at))
     c, s = math.cos(heading), math.sin(heading)
-    corners = (footprint(*stand) - to_world(ground.path, at, 0.0)) @ np.array([[c, -s], [s, c]])
-    return corners.min(axis=0), corners.max(axis=0)
+    corners = (footprints(objects) - to_world(ground.path, at, 0.0)) @ np.array([[c, -s], [s, c]])
+    return corners.min(axis=1), corners.max(axis=1)
 
 
 def _in_the_way(junction: Junction, family: str, low: np.ndarray, high: np.ndarray) -> bool:

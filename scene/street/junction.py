@@ -14,7 +14,7 @@ from scene.assets import catalogue
 from scene.assets.catalogue import in_season, pick
 from scene.ground.junction import REACH, Junction
 from scene.street.background import WOODS
-from scene.street.clearing import VEHICLES, box
+from scene.street.clearing import VEHICLES, boxes
 from scene.street.lines import Setting, parts
 from scene.street.placing import Standing, pose_at
 
@@ -198,18 +198,20 @@ def _traffic(arm: Arm) -> list[Standing]:
             along = float(rng.uniform(0.6, 1.0)) * junction.road_half_width
         if ref is not None:
             found += arm.put(family, ref, along, arm.ours * lane, arm.inwards + turn)
-    return [stand for stand in found if _on_the_road(arm, stand)]
+    return _on_the_road(arm, found)
 
 
-def _on_the_road(arm: Arm, stand: Standing) -> bool:
-    """Whether no corner of a vehicle reaches over a kerb."""
-    junction, half = arm.junction, arm.junction.road_half_width
-    low, high = box(arm.street.ground, stand)
-    return all(
-        abs(y) < half or junction.paved(junction.x + x, y)
-        for x in (low[0], high[0])
-        for y in (low[1], high[1])
-    )
+def _on_the_road(arm: Arm, vehicles: list[Standing]) -> list[Standing]:
+    """The vehicles of which no corner reaches over a kerb."""
+    junction, found = arm.junction, []
+    for vehicle, low, high in zip(vehicles, *boxes(arm.street.ground, vehicles), strict=True):
+        corners = [(x, y) for x in (low[0], high[0]) for y in (low[1], high[1])]
+        if all(
+            abs(y) < junction.road_half_width or junction.paved(junction.x + x, y)
+            for x, y in corners
+        ):
+            found.append(vehicle)
+    return found
 
 
 def _parked(arm: Arm) -> list[Standing]:
@@ -227,7 +229,7 @@ def _parked(arm: Arm) -> list[Standing]:
             if rng.random() < share:
                 across = hand * (junction.half_width - 1.15)
                 found += arm.stand("car", float(at), across, yaw + float(rng.normal(0, 0.01)))
-    return [stand for stand in found if _on_the_road(arm, stand)]
+    return _on_the_road(arm, found)
 
 
 def _people(arm: Arm) -> list[Standing]:

@@ -92,37 +92,44 @@ def settled(ground: Ground, objects: list[Standing], front: float = 0.0) -> list
     """
     if ground.path.straight:
         return objects
+    path = ground.path
+    at = np.array([pose[:2, 3] for _, _, pose in objects]).reshape(-1, 2)
+    corners = footprints(objects)
+    own, _ = nearest(path, at, GROUND_START, STRIP_END)
+    x, away = nearest(path, corners.reshape(-1, 2), GROUND_START, STRIP_END)
+    across = away.reshape(-1, 4).min(axis=1) < front - CLEAR
+    sunk = np.minimum(height_at(path, x).reshape(-1, 4).min(axis=1) - height_at(path, own), 0.0)
     found: list[Standing] = []
     poses: dict[int, np.ndarray] = {}  # parts of one object share their pose
-    for family, ref, pose in objects:
+    for k, (family, ref, pose) in enumerate(objects):
+        if family == "building" and across[k]:
+            continue
+        stands = pose
         if family in TILTED:
             if id(pose) not in poses:
-                poses[id(pose)] = _leaning(ground.path, pose)
-            found.append((family, ref, poses[id(pose)]))
+                poses[id(pose)] = _leaning(path, pose, float(own[k]))
+            stands = poses[id(pose)]
         elif family == "building":
-            x, away = nearest(ground.path, footprint(family, ref, pose), GROUND_START, STRIP_END)
-            if away.min() < front - CLEAR:
-                continue
-            own, _ = nearest(ground.path, pose[None, :2, 3], GROUND_START, STRIP_END)
-            low = pose.copy()
-            here = height_at(ground.path, own[0])
-            low[2, 3] += min(0.0, float(height_at(ground.path, x).min() - here))
-            found.append((family, ref, low))
-        else:
-            found.append((family, ref, pose))
+            stands = pose.copy()
+            stands[2, 3] += sunk[k]
+        found.append((family, ref, stands))
     return found
 
 
-def footprint(family: str, ref: int | str, pose: np.ndarray) -> np.ndarray:
-    """Corners f64[4, 2] in the world of the rectangle that an object stands on."""
-    low, high = catalogue.bounds(family, ref)
-    corners = np.array([[low[0], low[1]], [high[0], low[1]], [high[0], high[1]], [low[0], high[1]]])
-    return corners @ pose[:2, :2].T + pose[:2, 3]
+def footprints(objects: list[Standing]) -> np.ndarray:
+    """Corners f64[n, 4, 2] in the world of the rectangles that objects stand on."""
+    if not objects:
+        return np.zeros((0, 4, 2))
+    own = np.stack([catalogue.bounds(family, ref)[:, :2] for family, ref, _ in objects])
+    poses = np.stack([pose for _, _, pose in objects])
+    low, high = own[:, 0], own[:, 1]
+    corners = np.stack([low, np.stack([high[:, 0], low[:, 1]], 1), high,
+                        np.stack([low[:, 0], high[:, 1]], 1)], axis=1)  # fmt: skip
+    return np.einsum("nij,nkj->nki", poses[:, :2, :2], corners) + poses[:, None, :2, 3]
 
 
-def _leaning(path: Path, pose: np.ndarray) -> np.ndarray:
-    """A pose turned by the slope of the road below it."""
-    (x,), _ = nearest(path, pose[None, :2, 3])
+def _leaning(path: Path, pose: np.ndarray, x: float) -> np.ndarray:
+    """A pose turned by the slope of the road ``x`` metres along it."""
     rise, heading = math.atan(float(slope_at(path, x))), float(heading_at(path, x))
     c, s, across = (
         math.cos(rise),

@@ -90,7 +90,9 @@ def sample_street(
     objects = []
     stands = background(params, far_rng)
     if not ground.path.straight:
-        stands = [stand for stand in stands if not folded(ground.path, stand.x, stand.y)]
+        places = np.array([(stand.x, stand.y) for stand in stands])
+        lost = folded(ground.path, *places.T)
+        stands = [stand for stand, away in zip(stands, lost, strict=True) if not away]
         stands += belt(ground.path, params, far_rng)
     for stand in stands:
         ref = pick(pool, stand.family, far_rng)

@@ -11,7 +11,7 @@ from scene.ground.extent import STRIP
 from scene.ground.ground import ground_height
 from scene.ground.path import STRAIGHT, Path, heading_at, height_at, nearest, sample_path, to_world
 from scene.street.camera import Camera
-from scene.street.clearing import VEHICLES, box
+from scene.street.clearing import VEHICLES, boxes
 from scene.street.placing import pose_at
 from tests.scene.conftest import DEFAULT, POOL, SEEDS, chosen, street
 
@@ -71,8 +71,8 @@ def test_what_stands_in_a_shaped_street_stands_on_its_ground(seed):
 def test_no_vehicle_of_an_arm_reaches_over_a_kerb_and_no_house_over_an_arm(seed):
     drawn = sample_street(SHAPED, seed, 1, POOL)
     junction = drawn.ground.junction
-    for p in drawn.placements:
-        low, high = box(drawn.ground, (p.family, p.asset, p.pose))
+    standing = [(p.family, p.asset, p.pose) for p in drawn.placements]
+    for p, low, high in zip(drawn.placements, *boxes(drawn.ground, standing), strict=True):
         x, y = (low + high) / 2
         if math.copysign(1, y) not in junction.arms or not 14 < abs(y) < 80:
             continue
