@@ -16,6 +16,10 @@ ARC = 12
 """Pieces of a rounded corner; even."""
 CLEAR = 9.0
 """Metres beyond the corners within which the road has no crossings, side streets or driveways of its own."""
+LIP = 0.05
+"""Metres that the outer edges of sidewalks reach down."""
+LAP = 0.01
+"""Metres that surfaces reach over each other where their corners do not meet, or hairs of land show."""
 Array = np.ndarray
 
 
@@ -56,7 +60,7 @@ def arm_road(ground: Ground, junction: Junction, rng: np.random.Generator) -> li
     half, begin = junction.half_width, junction.road_half_width
     begin += TUCK if ground.path.bends else 0.0
     base = np.asarray(ground.road.color)
-    along = np.append(np.arange(junction.mouth, REACH - 2, 4.0), REACH)
+    along = np.append(np.arange(junction.mouth - LAP, REACH - 2, 4.0), REACH)
     across = np.array([-1, -0.91, -0.5, 0, 0.5, 0.91, 1]) * half
     dirt = np.array([0.72, 0.97, 1.0, 1.0, 0.97, 0.72])
     parts = []
@@ -65,7 +69,7 @@ def arm_road(ground: Ground, junction: Junction, rng: np.random.Generator) -> li
         color = (cells * dirt).reshape(-1, 1) * base
         level = np.zeros((len(along), 7))
         found = [quads(grid(along, across, level), color, ground.road.material)]
-        mouth = rectangles(*np.array([begin, junction.mouth, -half, half]))
+        mouth = rectangles(*np.array([begin, junction.mouth, -half - LAP, half + LAP]))
         found.append(_level(mouth, 0.0, base, ground.road.material))
         for hand in (-1.0, 1.0):
             outline = _fan(np.array([half, junction.road_half_width]), _arc(junction, 0.0))
@@ -104,12 +108,13 @@ def corners(ground: Ground, junction: Junction) -> list[Quads]:
     """Kerb and paving around the corners, one on each hand of every arm."""
     lines = [_kerb_line(junction, inset) for inset in (0.0, 0.02, KERB_WIDTH)]
     rim = lines[2]
-    tip = np.array([junction.corner, junction.mouth])
+    tip = np.array([junction.corner, junction.mouth]) + LAP
     straight = [np.linspace(rim[k], rim[k + 1], 3) for k in (0, -2)]
     paved = _whole(np.concatenate([_fan(tip, line) for line in (rim[1:-1], *straight)]))
     whole = np.linalg.norm(np.diff(lines[0], axis=0), axis=1) > 1e-6
     stone = np.array([0.76, 0.95]).repeat(whole.sum())[:, None] * np.asarray(ground.kerb)
     base = np.asarray(ground.sidewalk.color)
+    rear = np.array([(tip[0], rim[0, 1]), tip, (rim[-1, 0], tip[1])])
     heights = (0.0, KERB_HEIGHT + 0.005, KERB_HEIGHT)  # of the kerb's face and of its top
     parts = []
     for side in junction.arms:
@@ -124,9 +129,16 @@ def corners(ground: Ground, junction: Junction) -> list[Quads]:
             found = [
                 quads(np.concatenate(faces), stone, "concrete"),
                 _level(_handed(paved, hand), KERB_HEIGHT, base, ground.sidewalk.material),
+                _lip(_handed(rear, hand), base, ground.sidewalk.material),
             ]
             parts += [turned(part, junction, side) for part in found]
     return parts
+
+
+def _lip(line: Array, color: Array, material: str) -> Quads:
+    """The edge below a line [n, 2] at the height of sidewalks."""
+    top, low = (np.column_stack([line, np.full(len(line), KERB_HEIGHT - d)]) for d in (0, LIP))
+    return quads(np.stack([top[:-1], top[1:], low[1:], low[:-1]], axis=1), color, material)
 
 
 def _kerb_line(junction: Junction, inset: float) -> Array:
@@ -135,7 +147,8 @@ def _kerb_line(junction: Junction, inset: float) -> Array:
     A corner as wide as its radius has no straight piece.
     """
     arc = _arc(junction, inset)
-    return np.array([(junction.corner, arc[0, 1]), *arc, (arc[-1, 0], junction.mouth)])
+    first, last = (junction.corner + LAP, arc[0, 1]), (arc[-1, 0], junction.mouth + LAP)
+    return np.array([first, *arc, last])
 
 
 def _whole(outline: Array) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scene.ground.arms import turned
+from scene.ground.arms import LAP, LIP, turned
 from scene.ground.extent import (
     GROUND_END,
     GROUND_SIDE,
@@ -61,7 +61,7 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
 def arm_sides(ground: Ground, junction: Junction, rng: np.random.Generator) -> list[Quads]:
     """Kerb stones and paving along the arms of a junction; the kerb drops at their crossings."""
     arm = ground._replace(half_width=junction.half_width, footway=junction.footway)
-    stones = np.append(np.arange(junction.mouth, REACH - 1, 1.8), REACH)
+    stones = np.append(np.arange(junction.mouth - LAP, REACH - 1, 1.8), REACH)
     crossing = junction.crossings[0] != "none"
     drops = [(junction.arm_crossing - 0.9, junction.arm_crossing + 0.9)] if crossing else []
     parts = []
@@ -102,7 +102,8 @@ def _footway(
         top[(x >= start - 1e-9) & (x <= end + 1e-9)] = DROPPED
     inner = ground.half_width + KERB_WIDTH
     y = side * np.array([ground.half_width, ground.half_width + 0.02, inner])
-    kerb = grid(x, y, np.stack([np.zeros_like(top), top, top], axis=1))
+    back = np.minimum(top, KERB_HEIGHT) if ground.shaped else top
+    kerb = grid(x, y, np.stack([np.zeros_like(top), top, back], axis=1))
     stone = (rng.uniform(0.82, 1.1, len(x) - 1)[:, None] * [0.8, 1.0]).reshape(-1, 1)
     parts = [quads(kerb, stone * np.asarray(ground.kerb), "concrete")]
 
@@ -119,6 +120,9 @@ def _footway(
     shade = (shade * [1.0, 0.93]).reshape(-1, 1)
     level = np.full((len(bays), 3), KERB_HEIGHT)
     parts.append(quads(grid(bays, across, level), shade * base, ground.sidewalk.material))
+    if ground.shaped:  # the land begins a little lower
+        lip = grid(bays, across[[2, 2]], level[:, :2] - [0, LIP])
+        parts.append(quads(lip, 0.93 * base, ground.sidewalk.material))
     return parts
 
 
