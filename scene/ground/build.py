@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from scene.classes import TrainId
+from scene.ground.arms import arm_land, arm_road, corners, kept
 from scene.ground.ground import Ground
-from scene.ground.relief import sidewalk_quads, terrain_quads
+from scene.ground.land import bent
+from scene.ground.relief import arm_sides, open_land, sidewalk_quads, terrain_quads
 from scene.ground.roadway import road_quads
 from scene.mesh.asset import Asset
 from scene.mesh.quads import to_asset
@@ -22,8 +24,16 @@ GROUND_INSTANCES: dict[int, int] = {
 def ground_assets(ground: Ground) -> dict[int, Asset]:
     """The three surfaces by instance id."""
     rng = np.random.default_rng(ground.seed)
-    surfaces = (road_quads, sidewalk_quads, terrain_quads)
+    drawn = [draw(ground, rng) for draw in (road_quads, sidewalk_quads, terrain_quads)]
+    if ground.junction:
+        junction = ground.junction
+        drawn[1:] = [[kept(part, junction) for part in parts] for parts in drawn[1:]]
+        drawn[0] += arm_road(ground, junction, rng)
+        drawn[1] += [*corners(ground, junction), *arm_sides(ground, junction, rng)]
+        drawn[2] += arm_land(ground, junction, rng)
+    if ground.shaped:
+        drawn = [bent(parts, ground.path) for parts in drawn]
+        drawn[2] += open_land(ground, rng)
     return {
-        instance: to_asset(draw(ground, rng))
-        for instance, draw in zip(GROUND_INSTANCES, surfaces, strict=True)
+        instance: to_asset(parts) for instance, parts in zip(GROUND_INSTANCES, drawn, strict=True)
     }

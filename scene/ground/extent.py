@@ -12,14 +12,18 @@ GROUND_START, GROUND_END, GROUND_SIDE = -40.0, 600.0, 400.0
 """Extent of the ground: along the road from, to, and to each side."""
 NEAR_START, NEAR_END = -6.0, 150.0
 """Between these places along the road the ground is divided finely."""
+STRIP, STRIP_END = 30.0, 350.0
+"""Where a road bends, slopes or has a junction, ground follows it this far to each side and along it."""
+TUCK = 0.06
+"""Metres that a bent surface reaches below the next one: their corners do not all lie beside each other."""
 PATCH_LIFT, COVER_LIFT, PAINT_LIFT = 0.002, 0.004, 0.008
 """Patches, iron covers and markings lie this far above the asphalt."""
 
 
-def stations(step: float) -> np.ndarray:
+def stations(step: float, end: float = GROUND_END) -> np.ndarray:
     """Places along the road where cells of about ``step`` metres meet; far ones are longer."""
     near = np.arange(NEAR_START, NEAR_END + step / 2, step)
-    return np.concatenate([[GROUND_START], near, [190.0, 250.0, 330.0, GROUND_END]])
+    return np.concatenate([[GROUND_START], near, [190.0, 250.0, 330.0, end]])
 
 
 def wavy(rng: np.random.Generator, at: np.ndarray, length: float) -> np.ndarray:

@@ -1,7 +1,7 @@
 """The ground of one street: what is drawn by chance.
 
-Flat but for the kerb, which drops at driveways and side streets. The carriageway reaches
-``half_width`` from the centre line, then comes the sidewalk, then terrain; hills close the horizon.
+The carriageway reaches ``half_width`` from the centre line, then comes the sidewalk behind a kerb, which
+drops at driveways and side streets, then terrain; hills close the horizon. All of it follows the road's path.
 """
 
 from __future__ import annotations
@@ -10,8 +10,19 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.ground.extent import FOOTWAYS, HALF_WIDTHS, KERB_HEIGHT
+from scene.ground.extent import (
+    FOOTWAYS,
+    GROUND_END,
+    HALF_WIDTHS,
+    KERB_HEIGHT,
+    STRIP,
+    STRIP_END,
+    stations,
+)
+from scene.ground.junction import Junction
+from scene.ground.land import land_height
 from scene.ground.markings import ARROWS, WORDS, Legend
+from scene.ground.path import STRAIGHT, Path, height_at, to_world
 from scene.look.surfaces import (
     ROAD_TONE,
     ROADS,
@@ -56,6 +67,13 @@ class Ground(NamedTuple):
     covers: int  # manholes; 0 leaves the gratings out, too
     hills: float  # m
     seed: int  # of wear and shades
+    path: Path = STRAIGHT
+    junction: Junction | None = None
+
+    @property
+    def shaped(self) -> bool:
+        """Whether its surfaces bend, slope or have a junction, with open land around them."""
+        return not self.path.straight or self.junction is not None
 
     @property
     def outer(self) -> float:
@@ -63,9 +81,26 @@ class Ground(NamedTuple):
         return self.half_width + self.footway
 
 
-def ground_height(ground: Ground, y: float) -> float:
-    """Height of the ground ``y`` metres from the centre line."""
-    return 0.0 if abs(y) < ground.half_width else KERB_HEIGHT
+def ground_height(ground: Ground, y: float, x: float = 0.0) -> float:
+    """Height of the ground ``y`` metres from the centre line, ``x`` metres along it."""
+    above = 0.0 if abs(y) < ground.half_width else KERB_HEIGHT
+    if not ground.shaped:
+        return above
+    junction = ground.junction
+    if abs(y) > STRIP and not (junction and junction.beside(x, y)):
+        return float(land_height(ground.path, to_world(ground.path, x, y)[None], junction)[0])
+    if junction and junction.paved(x, y):
+        above = 0.0
+    return above + float(height_at(ground.path, x))
+
+
+def along(ground: Ground, step: float) -> np.ndarray:
+    """Places along the road where cells of about ``step`` metres meet."""
+    found = stations(step, STRIP_END if ground.shaped else GROUND_END)
+    if ground.junction is None:
+        return found
+    at, reach = ground.junction.x, ground.junction.corner
+    return np.unique(np.append(found, [at - reach, at + reach]))
 
 
 def plain(ground: Ground) -> Ground:

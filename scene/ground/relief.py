@@ -4,16 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
+from scene.ground.arms import LAP, LIP, turned
 from scene.ground.extent import (
     GROUND_END,
     GROUND_SIDE,
     GROUND_START,
     KERB_HEIGHT,
     KERB_WIDTH,
+    STRIP,
+    TUCK,
     stations,
     wavy,
 )
-from scene.ground.ground import Ground
+from scene.ground.ground import Ground, along
+from scene.ground.junction import REACH, Junction
+from scene.ground.land import land_height, open_lines, rise
 from scene.mesh.quads import Quads, flat, grid, quads, rectangles
 
 DROPPED = 0.025
@@ -39,15 +44,66 @@ def _drops(ground: Ground, side: float) -> list[tuple[float, float]]:
 
 
 def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Quads]:
-    drops = _drops(ground, side)
+    stones, drops = along(ground, 1.8), _drops(ground, side)
+    # In a bend, paving meets the ramp corner by corner.
+    bays = None if ground.shaped else stations(4.5)
+    parts = _footway(ground, side, stones, bays, drops, rng)
+    inner = ground.half_width + KERB_WIDTH
+    places = list(ground.crosswalks)
+    if ground.junction and ground.junction.crossings[1] != "none":
+        away = ground.junction.road_crossing
+        places += [ground.junction.x - away, ground.junction.x + away]
+    parts += [_blisters(x, side, inner) for x in places]
+    parts += [_drive(ground, x, side) for x, s in ground.driveways if s == side]
+    return parts
+
+
+def arm_sides(ground: Ground, junction: Junction, rng: np.random.Generator) -> list[Quads]:
+    """Kerb stones and paving along the arms of a junction; the kerb drops at their crossings."""
+    arm = ground._replace(half_width=junction.half_width, footway=junction.footway)
+    stones = np.append(np.arange(junction.mouth - LAP, REACH - 1, 1.8), REACH)
+    crossing = junction.crossings[0] != "none"
+    drops = [(junction.arm_crossing - 0.9, junction.arm_crossing + 0.9)] if crossing else []
+    parts = []
+    for side in junction.arms:
+        for hand in (-1.0, 1.0):
+            found = _footway(arm, hand, stones, None, drops, rng)
+            if crossing:
+                inner = junction.half_width + KERB_WIDTH
+                found.append(_blisters(junction.arm_crossing, hand, inner))
+            parts += [turned(part, junction, side) for part in found]
+    return parts
+
+
+def _footway(
+    ground: Ground,
+    side: float,
+    stones: np.ndarray,
+    bays: np.ndarray | None,
+    drops: list[tuple[float, float]],
+    rng: np.random.Generator,
+) -> list[Quads]:
+    """Kerb, ramp and paving on one side.
+
+    Args:
+        ground: how wide, and of what.
+        side: 1 left, -1 right.
+        stones: where kerb stones meet, metres along the street.
+        bays: where the paving's cells meet; None, where the stones do.
+        drops: where the kerb is dropped, from and to.
+        rng: consumed.
+    """
     breaks = [b + d for drop in drops for b, d in zip(drop, (-0.6, 0.6), strict=True)]
-    x = np.unique(np.concatenate([stations(1.8), np.ravel(drops), breaks]))
+    x = np.unique(np.concatenate([stones, np.ravel(drops), breaks]))
+    if bays is None:
+        bays = x
     top = np.full(len(x), KERB_HEIGHT + 0.005)
     for start, end in drops:
         top[(x >= start - 1e-9) & (x <= end + 1e-9)] = DROPPED
     inner = ground.half_width + KERB_WIDTH
     y = side * np.array([ground.half_width, ground.half_width + 0.02, inner])
-    kerb = grid(x, y, np.stack([np.zeros_like(top), top, top], axis=1))
+    back = np.minimum(top, KERB_HEIGHT) if ground.shaped else top
+    kerb = grid(x, y, np.stack([np.zeros_like(top), top, back], axis=1))
     stone = (rng.uniform(0.82, 1.1, len(x) - 1)[:, None] * [0.8, 1.0]).reshape(-1, 1)
     parts = [quads(kerb, stone * np.asarray(ground.kerb), "concrete")]
 
@@ -57,7 +113,6 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
     edge = (1 + 0.05 * wavy(rng, x[:-1], 9.0))[:, None]
     parts.append(quads(ramp, edge * base * ground.strip, ground.sidewalk.material))
 
-    bays = stations(4.5)
     across = side * np.array([inner + RAMP, (inner + RAMP + ground.outer) / 2, ground.outer])
     shade = (
         1 + 0.05 * wavy(rng, bays[:-1], 9.0)[:, None] + rng.uniform(-0.02, 0.02, (len(bays) - 1, 2))
@@ -65,8 +120,9 @@ def _one_side(ground: Ground, side: float, rng: np.random.Generator) -> list[Qua
     shade = (shade * [1.0, 0.93]).reshape(-1, 1)
     level = np.full((len(bays), 3), KERB_HEIGHT)
     parts.append(quads(grid(bays, across, level), shade * base, ground.sidewalk.material))
-    parts += [_blisters(x, side, inner) for x in ground.crosswalks]
-    parts += [_drive(ground, x, side) for x, s in ground.driveways if s == side]
+    if ground.shaped:  # the land begins a little lower
+        lip = grid(bays, across[[2, 2]], level[:, :2] - [0, LIP])
+        parts.append(quads(lip, 0.93 * base, ground.sidewalk.material))
     return parts
 
 
@@ -87,11 +143,14 @@ def _drive(ground: Ground, x: float, side: float) -> Quads:
 
 def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     """Land on both sides in patches of near shades, and hills of fields and woods far away."""
+    if ground.shaped:
+        return [_strip(ground, side, rng) for side in (-1.0, 1.0)]
     base = np.asarray(ground.terrain.color)
     x = stations(8.0)
     parts = []
     for side in (-1.0, 1.0):
-        y = side * np.array([ground.outer, 11.0, 16.0, 26.0, 50.0, FLAT_SIDE])
+        # Wide streets leave out what they cover.
+        y = side * np.array([ground.outer, *_beyond(ground), 26.0, 50.0, FLAT_SIDE])
         shape = (len(x) - 1, len(y) - 1)
         shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
         land = grid(x, y, np.full((len(x), len(y)), KERB_HEIGHT))
@@ -104,6 +163,42 @@ def terrain_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     across = np.linspace(-FLAT_SIDE, FLAT_SIDE, 9)
     parts.append(_hills(ground, ahead, across, np.array([[0.0, 0.2, 0.5, 0.85, 1.0]]).T, rng))
     return parts
+
+
+def _beyond(ground: Ground) -> list[float]:
+    """Of 11 and 16 metres from the centre line those that lie clear of the sidewalk."""
+    return [y for y in (11.0, 16.0) if y > ground.outer + 0.4]
+
+
+def _strip(ground: Ground, side: float, rng: np.random.Generator) -> Quads:
+    """The land along a road that bends or slopes, to where it steps down to the open land."""
+    x = along(ground, 8.0)
+    y = np.array([ground.outer - TUCK, *_beyond(ground), STRIP, STRIP + 0.5])
+    z = np.full((len(x), len(y)), KERB_HEIGHT)
+    z[:, 0] -= 0.01  # it begins below the sidewalk
+    z[:, -1] -= 3.0
+    shape = (len(x) - 1, len(y) - 1)
+    shade = 1 + 0.12 * wavy(rng, x[:-1], 20.0)[:, None] + rng.uniform(-0.06, 0.06, shape)
+    color = shade.reshape(-1, 1) * np.asarray(ground.terrain.color)
+    return quads(grid(x, side * y, z), color, ground.terrain.material)
+
+
+def open_land(ground: Ground, rng: np.random.Generator) -> list[Quads]:
+    """Land around a road that bends or slopes, in the world: level with it nearby, hills far away."""
+    east, north = open_lines(ground.path)
+    points = np.stack(np.meshgrid(east, north, indexing="ij"), axis=-1).reshape(-1, 2)
+    share = rise(ground.path, points, ground.junction)
+    height = land_height(ground.path, points, ground.junction)
+    height += ground.hills * share * rng.uniform(0.6, 1.0, len(points))
+    cells = grid(east, north, height.reshape(len(east), len(north)))
+    shape = (len(east), len(north))
+    wild = share.reshape(shape)[:-1, :-1].ravel() > 0
+    field = np.array(FIELDS)[rng.integers(len(FIELDS), size=len(cells))]
+    near = rng.uniform(0.85, 1.15, (len(cells), 1)) * np.asarray(ground.terrain.color)
+    return [
+        quads(cells[~wild], near[~wild], ground.terrain.material),
+        quads(cells[wild], field[wild], "long grass"),
+    ]
 
 
 def _hills(

@@ -5,16 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from scene.ground import markings
+from scene.ground.arms import kept_free, paint
 from scene.ground.extent import (
     COVER_LIFT,
     KERB_HEIGHT,
     NEAR_END,
     PAINT_LIFT,
     PATCH_LIFT,
+    STRIP,
+    TUCK,
     stations,
     wavy,
 )
-from scene.ground.ground import Ground
+from scene.ground.ground import Ground, along
 from scene.mesh.quads import Quads, discs, flat, grid, quads, rectangles
 
 WHITE, YELLOW = (0.56, 0.56, 0.53), (0.50, 0.34, 0.05)
@@ -40,14 +43,21 @@ def road_quads(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 
 def _carriageway(ground: Ground, rng: np.random.Generator) -> Quads:
     """Cells a little lighter or darker each; dirt gathers at the kerb, lanes differ in age."""
-    x = stations(4.0)
+    x = along(ground, 4.0)
     y = np.array([-5.0, -4.55, -2.5, 0.0, 2.5, 4.55, 5.0]) * ground.half_width / 5
+    if ground.shaped:
+        y[0], y[-1] = y[0] - TUCK, y[-1] + TUCK
     across = np.array([0.72, 0.97, 1.0, 1.0, 0.97, 0.72])
     across[:3] *= 1 + ground.lane_shade
     cells = (
         1 + 0.045 * wavy(rng, x[:-1], 14.0)[:, None] + rng.uniform(-0.012, 0.012, (len(x) - 1, 6))
     )
-    color = (cells * across).reshape(-1, 1) * np.asarray(ground.road.color)
+    cells = cells * across
+    if ground.junction:  # no dirt gathers where there is no kerb
+        mouth = np.abs((x[1:] + x[:-1]) / 2 - ground.junction.x) < ground.junction.corner
+        for side in ground.junction.arms:
+            cells[mouth, 5 if side > 0 else 0] /= 0.72
+    color = cells.reshape(-1, 1) * np.asarray(ground.road.color)
     return quads(grid(x, y, np.zeros((len(x), len(y)))), color, ground.road.material)
 
 
@@ -77,6 +87,8 @@ def _covers(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     x = np.arange(rng.uniform(0, 18), 90, 18.0)
     side = np.where(np.arange(len(x)) % 2 == 0, 1.0, -1.0) * (ground.half_width - 0.3)
     gratings = rectangles(x, x + 0.5, side - 0.2, side + 0.2)
+    if ground.junction:
+        gratings = markings.clear_of(gratings, kept_free(ground.junction))
     return [
         flat(discs(centre, 0.42), PATCH_LIFT + 0.001, dark, "fresh asphalt"),
         flat(discs(centre, 0.32), COVER_LIFT, np.array(IRON), "iron"),
@@ -86,9 +98,9 @@ def _covers(ground: Ground, rng: np.random.Generator) -> list[Quads]:
 
 def _side_street(ground: Ground, x: float, side: float) -> Quads:
     """A street that comes in over the sidewalk: the kerb drops and the road rises to meet it."""
-    lift = 0.004
+    lift, end = 0.004, STRIP if ground.shaped else 45.0
     y = side * np.array(
-        [ground.half_width, ground.half_width + 0.5, ground.outer, ground.outer + 4, 45.0]
+        [ground.half_width, ground.half_width + 0.5, ground.outer, ground.outer + 4, end]
     )
     z = np.array([0, KERB_HEIGHT, KERB_HEIGHT, KERB_HEIGHT, KERB_HEIGHT]) + lift
     # Its corners are rounded off.
@@ -102,13 +114,17 @@ def _paint(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     """Markings in white, yellow and the tint of a cycle lane."""
     half = ground.half_width
     crossings = tuple((x - 4.0, x + 4.0) for x in ground.crosswalks)
-    kept_free = crossings + ground.boxes
+    free = crossings + ground.boxes
+    junction = ground.junction
     mouths = {s: tuple((x - 4.5, x + 4.5) for x, side in ground.side_streets if side == s)
               for s in (-1.0, 1.0)}  # fmt: skip
-    white = [markings.clear_of(o, kept_free) for o in _centre(ground)]
+    middle = free + kept_free(junction) if junction else free
+    white = [markings.clear_of(o, middle) for o in _centre(ground)]
     yellow: list[np.ndarray] = []
     for side in (-1.0, 1.0):
-        closed = kept_free + mouths[side]
+        closed = free + mouths[side]
+        if junction:
+            closed += kept_free(junction, side)
         for k in range(ground.edge_lines):
             edge = markings.line(side * (half - 0.3 - 0.22 * k), 0.1)
             (yellow if ground.edge_yellow else white).append(markings.clear_of(edge, closed))
@@ -124,6 +140,9 @@ def _paint(ground: Ground, rng: np.random.Generator) -> list[Quads]:
     yellow += [markings.box_junction(a, b, half) for a, b in ground.boxes]
     for x, side in ground.side_streets:
         white.append(_mouth(ground, x, side))
+    if junction:
+        for outlines, more in zip((white, yellow), paint(ground, junction), strict=True):
+            outlines += more
     parts = [
         flat(outline, PAINT_LIFT, _worn(rng, outline, color), "marking")
         for outlines, color in ((white, WHITE), (yellow, YELLOW))

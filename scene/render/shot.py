@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 from numba import njit
 
+from scene.ground.land import road_height
 from scene.render import shade, visibility
 from scene.render.geometry import Geometry
 from scene.render.protocol import Frame, RenderSettings, label_sample, pixel_rays
@@ -134,15 +135,23 @@ def sun_segments(seen: Visible, around: Surroundings) -> Segments:
     return Segments(starts, sun[None], wanted)
 
 
-def sky_segments(seen: Visible, rays: Rays) -> Segments:
+def sky_segments(seen: Visible, rays: Rays, around: Surroundings) -> Segments:
     """A ray into the open for every second sample each way, see ``spread``."""
+    path = around.street.ground.path
+    points = seen.points
+    if path.slopes:  # rays that fall onto the street are found as if it were level
+        below = road_height(path, points)
+        points = points.copy()
+        points[:, 2] -= below
     height, width = (rays.rows + 1) // 2, (rays.columns + 1) // 2
     starts, directions = (np.empty((height * width, 3), np.float32) for _ in range(2))
     wanted = np.empty(height * width, np.uint8)
     visibility.sky_rays(
-        seen.hits.face, seen.flat, seen.points, rays.columns, height, width,
+        seen.hits.face, seen.flat, points, rays.columns, height, width,
         starts, directions, wanted,
     )  # fmt: skip
+    if path.slopes:
+        starts[:, 2] += below.reshape(rays.rows, rays.columns)[::2, ::2].ravel()
     return Segments(starts, directions, wanted)
 
 

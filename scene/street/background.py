@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.attributes import StreetParams
+from scene.ground.path import Path
 
 LINES_END = 165.0
 """Lines of objects end before here, metres along the road."""
@@ -19,6 +20,8 @@ BEHIND = 36.0
 """No line of objects is as far as this from the centre line, metres."""
 VISTA_END = 300.0
 """Where the street stops going on, metres along the road."""
+BELT = 11.0
+"""Metres from one to the next outside of a bend."""
 WOODS = 0.55
 """Share of places without a house that have a tree; the others are open."""
 
@@ -86,6 +89,26 @@ def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Stand]
             stands.append(_tree(place, side * (row + rng.uniform(0, 12)), rng))
         if rng.random() < 0.45:
             stands.append(_tree(place + 7, side * rng.uniform(BEHIND, row), rng))
+    return stands
+
+
+def belt(path: Path, params: StreetParams, rng: np.random.Generator) -> list[Stand]:
+    """Houses and trees outside of bends, where rows that follow the road stand wide apart."""
+    town = 0.06 + 0.84 * params.building_probability
+    stands = []
+    for (start, _), (_, curvature), _, (end, _) in zip(*[iter(path.bends)] * 4, strict=True):
+        out = -1.0 if curvature > 0 else 1.0
+        for row in (BEHIND - 4, BEHIND + 28):
+            x = start
+            while x < min(end, LINES_END):
+                kind = _kind(0.7 * town, rng, woods=0.9)
+                y = out * (row + float(rng.uniform(0, 6)))
+                if kind == "building":
+                    stands.append(Stand(kind, x, y, 0.0 if out > 0 else math.pi))
+                elif kind:
+                    stands.append(_tree(x, y, rng))
+                # As far apart in the world, whatever the bend.
+                x += BELT / (1 + abs(curvature * y))
     return stands
 
 

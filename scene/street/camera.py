@@ -7,6 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.ground.path import STRAIGHT, Path, heading_at, height_at, slope_at, to_world
+
 DRIVE = 60.0
 """Metres of road over which the camera takes its shots."""
 SEARCH = 15.0
@@ -41,7 +43,11 @@ def camera_axes(camera: Camera) -> np.ndarray:
 
 
 def camera_path(
-    first: Camera, shots: int, boxes: np.ndarray, rng: np.random.Generator
+    first: Camera,
+    shots: int,
+    boxes: np.ndarray,
+    rng: np.random.Generator,
+    path: Path = STRAIGHT,
 ) -> tuple[Camera, ...]:
     """Poses spread over ``DRIVE`` metres, each moved on until nothing blocks the lens.
 
@@ -50,23 +56,40 @@ def camera_path(
         shots: how many.
         boxes: f64[n, 2, 3] low and high corners of what is in the way.
         rng: consumed.
+        path: of the road, which the camera follows as if it were fixed to a car.
     """
-    _, y, z = first.position
     cameras = []
     for shot in range(shots):
         steps = (shot + rng.random()) * DRIVE / shots + np.arange(0.0, SEARCH, 1.5)
-        candidates = [first._replace(position=(float(x), y, z)) for x in steps]
+        candidates = [_driven(first, float(x), path) for x in steps]
         cameras.append(candidates[int(np.argmin(_blocked(candidates, boxes)))])
     return tuple(cameras)
+
+
+def _driven(first: Camera, x: float, path: Path) -> Camera:
+    """The camera ``x`` metres along the road."""
+    _, y, z = first.position
+    if path.straight:
+        return first._replace(position=(x, y, z))
+    east, north = to_world(path, x, y).tolist()
+    rise = math.atan(float(slope_at(path, x)))
+    return first._replace(
+        position=(east, north, z + float(height_at(path, x))),
+        yaw=first.yaw - float(heading_at(path, x)),
+        pitch=first.pitch - rise * math.cos(first.yaw),
+        # Who looks to the right has the car's nose at the left.
+        roll=first.roll + rise * math.sin(first.yaw),
+    )
 
 
 def _blocked(cameras: list[Camera], boxes: np.ndarray) -> np.ndarray:
     """How much i64[cameras] of the first metres of each view lies inside boxes, with some to spare.
 
-    Standing inside one counts more than any view into one. The cameras look the same way.
+    Standing inside one counts more than any view into one.
     """
     places = np.array([camera.position for camera in cameras])
-    ahead = np.linspace(0, VIEW, 9)[:, None] * camera_axes(cameras[0])[2]
+    forward = np.array([camera_axes(camera)[2] for camera in cameras])
+    ahead = np.linspace(0, VIEW, 9)[:, None] * forward[:, None]
     points = places[:, None] + ahead
     low, high = boxes[:, 0] - SPARE, boxes[:, 1] + SPARE
     near = (high >= points.min(axis=(0, 1))) & (low <= points.max(axis=(0, 1)))

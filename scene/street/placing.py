@@ -10,7 +10,9 @@ import numpy as np
 
 from scene.assets import catalogue
 from scene.classes import TrainId
+from scene.ground.extent import GROUND_START, STRIP_END
 from scene.ground.ground import Ground, ground_height
+from scene.ground.path import STRAIGHT, Path, heading_at, height_at, nearest, slope_at, to_world
 from scene.street.camera import DRIVE, SEARCH
 
 FAR = 35.0
@@ -19,6 +21,13 @@ FIRST_INSTANCE = 4
 """Instances 1-3 are road, sidewalk and terrain (see ``ground/build.py``); 0 is the sky."""
 CROWN = 0.4
 """Share of a crown, from its middle, that is in the way of a lens: the rest is mostly air."""
+
+TILTED = frozenset(
+    {"car", "bus", "truck", "train", "bicycle", "motorcycle", "rider", "fence", "wall"}
+)
+"""Families that lean with the slope of the road; all else stands upright."""
+CLEAR = 1.5
+"""Metres that a house may come nearer to the road than its front, before it is left out."""
 
 Standing = tuple[str, int | str, np.ndarray]
 """An asset and its pose: family, index or path, f64[4, 4]."""
@@ -35,22 +44,103 @@ class Placement(NamedTuple):
     far: bool = False  # no camera comes near: fewer, larger leaves will do
 
 
-def placed(objects: Iterable[Standing], first: int = FIRST_INSTANCE) -> list[Placement]:
-    """Objects under instance ids from ``first`` on."""
+def placed(
+    objects: Iterable[Standing], first: int = FIRST_INSTANCE, path: Path = STRAIGHT
+) -> list[Placement]:
+    """Objects under instance ids from ``first`` on; the camera drives along ``path``."""
     found = []
+    drive = to_world(path, np.arange(0.0, DRIVE + SEARCH, 5.0), 0.0)
     for instance, (family, ref, pose) in enumerate(objects, first):
         train_id = int(catalogue.FAMILIES[family].train_id)
         x, y = pose[0, 3], abs(pose[1, 3])
-        far = train_id == TrainId.VEGETATION and (x > DRIVE + SEARCH + FAR or y > FAR)
+        if path.straight:
+            away = x > DRIVE + SEARCH + FAR or y > FAR
+        else:
+            away = np.hypot(*(drive - pose[:2, 3]).T).min() > FAR
+        far = train_id == TrainId.VEGETATION and away
         found.append(Placement(family, ref, train_id, instance, pose, bool(far)))
     return found
 
 
 def pose_at(ground: Ground, x: float, y: float, yaw: float) -> np.ndarray:
-    """Pose f64[4, 4] of an object that stands on the ground at (x, y)."""
+    """Pose f64[4, 4] in the world of an object that stands upright on the ground at (x, y) of the road.
+
+    Args:
+        ground: of the street.
+        x: metres along the road.
+        y: metres left of its centre line.
+        yaw: radians left of the road's direction there.
+    """
+    z = ground_height(ground, y, x)
+    if not ground.path.straight:
+        yaw += float(heading_at(ground.path, x))
+        x, y = to_world(ground.path, x, y).tolist()
     c, s = math.cos(yaw), math.sin(yaw)
-    z = ground_height(ground, y)
     return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
+
+
+def settled(ground: Ground, objects: list[Standing], front: float = 0.0) -> list[Standing]:
+    """Objects as they stand on a road that bends and slopes.
+
+    What drives leans with the slope; houses go down to the lowest ground below their corners, and are
+    left out where in a bend they would reach across the road.
+
+    Args:
+        ground: of the street.
+        objects: upright, see ``pose_at``.
+        front: metres from the centre line to the facades.
+    """
+    if ground.path.straight:
+        return objects
+    path = ground.path
+    at = np.array([pose[:2, 3] for _, _, pose in objects]).reshape(-1, 2)
+    corners = footprints(objects)
+    own, _ = nearest(path, at, GROUND_START, STRIP_END)
+    x, away = nearest(path, corners.reshape(-1, 2), GROUND_START, STRIP_END)
+    across = away.reshape(-1, 4).min(axis=1) < front - CLEAR
+    sunk = np.minimum(height_at(path, x).reshape(-1, 4).min(axis=1) - height_at(path, own), 0.0)
+    found: list[Standing] = []
+    poses: dict[int, np.ndarray] = {}  # parts of one object share their pose
+    for k, (family, ref, pose) in enumerate(objects):
+        if family == "building" and across[k]:
+            continue
+        stands = pose
+        if family in TILTED:
+            if id(pose) not in poses:
+                poses[id(pose)] = _leaning(path, pose, float(own[k]))
+            stands = poses[id(pose)]
+        elif family == "building":
+            stands = pose.copy()
+            stands[2, 3] += sunk[k]
+        found.append((family, ref, stands))
+    return found
+
+
+def footprints(objects: list[Standing]) -> np.ndarray:
+    """Corners f64[n, 4, 2] in the world of the rectangles that objects stand on."""
+    if not objects:
+        return np.zeros((0, 4, 2))
+    own = np.stack([catalogue.bounds(family, ref)[:, :2] for family, ref, _ in objects])
+    poses = np.stack([pose for _, _, pose in objects])
+    low, high = own[:, 0], own[:, 1]
+    corners = np.stack([low, np.stack([high[:, 0], low[:, 1]], 1), high,
+                        np.stack([low[:, 0], high[:, 1]], 1)], axis=1)  # fmt: skip
+    return np.einsum("nij,nkj->nki", poses[:, :2, :2], corners) + poses[:, None, :2, 3]
+
+
+def _leaning(path: Path, pose: np.ndarray, x: float) -> np.ndarray:
+    """A pose turned by the slope of the road ``x`` metres along it."""
+    rise, heading = math.atan(float(slope_at(path, x))), float(heading_at(path, x))
+    c, s, across = (
+        math.cos(rise),
+        math.sin(rise),
+        np.array([-math.sin(heading), math.cos(heading), 0]),
+    )
+    cross = np.array([[0, 0, across[1]], [0, 0, -across[0]], [-across[1], across[0], 0]])
+    leaning = pose.copy()
+    # Rodrigues: by ``rise`` about the axis to the right of the road, so that what lies ahead goes up.
+    leaning[:3, :3] = (np.eye(3) - s * cross + (1 - c) * cross @ cross) @ pose[:3, :3]
+    return leaning
 
 
 def bounds(placements: list[Placement]) -> np.ndarray:

@@ -1,7 +1,8 @@
-"""A street: assets on lines along a straight road, a ground, a sky, and the camera's path.
+"""A street: assets on lines along a road, a ground, a sky, and the camera's path.
 
-Pure in (params, seed). World frame: x along the road (the driving direction), y left, z up, metres; the
-road's centre line is the x axis at z = 0.
+Pure in (params, seed). World frame: x along the road where it begins (the driving direction), y left, z up,
+metres; the centre line of a straight, level road is the x axis at z = 0. Everything is placed in road
+coordinates (``ground/path.py``).
 """
 
 from __future__ import annotations
@@ -12,15 +13,30 @@ import numpy as np
 
 from scene.assets.catalogue import AssetPool, in_season, pick
 from scene.attributes import StreetParams
+from scene.ground.arms import with_junction
 from scene.ground.ground import Ground, ground_height, sample_ground
+from scene.ground.junction import sample_junction
+from scene.ground.path import folded, sample_path
 from scene.sky.sky import Sky, sample_sky
-from scene.street.background import background
+from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
+from scene.street.clearing import cleared
+from scene.street.junction import junction_objects
 from scene.street.lines import LINES, Setting, line_objects
-from scene.street.placing import FIRST_INSTANCE, Placement, Standing, obstacles, placed, pose_at
+from scene.street.placing import (
+    FIRST_INSTANCE,
+    Placement,
+    Standing,
+    obstacles,
+    placed,
+    pose_at,
+    settled,
+)
 
 BACKGROUND, SEASON, CLOUD = 7, 8, 9
 """Streams of random numbers for the background, its leaves, and whether clouds close."""
+PATH, JUNCTION, CORNERS = 20, 21, 22
+"""Those for the road's course, its junction, and what stands there."""
 
 
 class Street(NamedTuple):
@@ -50,6 +66,7 @@ def sample_street(
     drive = -1.0 if rng.random() < params.camera_position_probability else 1.0
     widths = params.road_width, params.sidewalk_width
     ground = sample_ground(rng, pool.fraction, drive, widths)
+    ground = _shaped(ground, params, seed)
     setting = Setting(params, ground, pool, drive)
     objects: list[Standing] = []
     for line in LINES:
@@ -57,7 +74,10 @@ def sample_street(
         line_rng = np.random.default_rng(rng.integers(2**32))
         for side in (1.0, -1.0):
             objects += line_objects(line, side, setting, line_rng)
-    near = placed(objects)
+    corners = junction_objects(setting, np.random.default_rng([seed, CORNERS]))
+    objects = [*cleared(ground, objects, corners), *corners]
+    objects = settled(ground, objects, params.building_position)
+    near = placed(objects, path=ground.path)
     y = drive * params.camera_position_x
     place = (0.0, y, ground_height(ground, y) + params.camera_position_y)
     first = Camera(
@@ -65,16 +85,35 @@ def sample_street(
         params.field_of_view, params.exposure, params.white_balance,
     )  # fmt: skip
     # The background is too far away to be in the way.
-    cameras = camera_path(first, shots, obstacles(near), rng)
+    cameras = camera_path(first, shots, obstacles(near), rng, ground.path)
     far_rng, season_rng = (np.random.default_rng([seed, s]) for s in (BACKGROUND, SEASON))
     objects = []
-    for stand in background(params, far_rng):
+    stands = background(params, far_rng)
+    if not ground.path.straight:
+        places = np.array([(stand.x, stand.y) for stand in stands])
+        lost = folded(ground.path, *places.T)
+        stands = [stand for stand, away in zip(stands, lost, strict=True) if not away]
+        stands += belt(ground.path, params, far_rng)
+    for stand in stands:
         ref = pick(pool, stand.family, far_rng)
         if ref is not None:
             ref = in_season(stand.family, ref, params.bare_tree_share, pool, season_rng)
             objects.append((stand.family, ref, pose_at(ground, stand.x, stand.y, stand.yaw)))
-    far = placed(objects, FIRST_INSTANCE + len(near))
+    objects = cleared(ground, objects, corners)
+    objects = settled(ground, objects, params.building_position)
+    far = placed(objects, FIRST_INSTANCE + len(near), ground.path)
     return Street((*near, *far), cameras, sky, ground, seed)
+
+
+def _shaped(ground: Ground, params: StreetParams, seed: int) -> Ground:
+    """The ground with its course, and by chance a junction."""
+    rng = np.random.default_rng([seed, JUNCTION])
+    junction = sample_junction(rng, params.junction_share, ground.half_width, ground.footway)
+    rng = np.random.default_rng([seed, PATH])
+    calm = junction.x if junction else None
+    path = sample_path(rng, params.bend / 1000, params.gradient / 100, calm)
+    ground = ground._replace(path=path)
+    return with_junction(ground, junction) if junction else ground
 
 
 def _closed(params: StreetParams, seed: int) -> bool | None:

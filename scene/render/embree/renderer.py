@@ -75,7 +75,7 @@ class EmbreeRenderer:
             opened = np.ones(len(seen.points), np.float32)
             if settings.occlusion:
                 half = (rays.columns + 1) // 2, (rays.rows + 1) // 2
-                into_the_open = sky_segments(seen, rays)
+                into_the_open = sky_segments(seen, rays, around)
                 free = _free(bvh, into_the_open, *half, REACH, coherent=False)
                 opened = spread(free, seen, rays)
             lap("rays")

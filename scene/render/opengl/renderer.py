@@ -210,7 +210,7 @@ def _light(
         cast_shadows(rasterizer, merged, rays, seen, drawn, segments, lit)
     opened = np.ones(len(seen.points), np.float32)
     if settings.occlusion:
-        segments = sky_segments(seen, rays)
+        segments = sky_segments(seen, rays, around)
         free = segments.wanted.astype(np.float32)
         axes = camera_axes(camera).astype(np.float32)
         _open_on_screen(

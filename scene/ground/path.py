@@ -1,0 +1,203 @@
+"""The way a road takes: curvature and slope along it, and from road coordinates to the world.
+
+Road coordinates are x metres along the centre line, y metres left of it. At x = 0 the road is at the
+world's origin, level with it, and runs along the world's x axis; those of a straight road are the world's.
+"""
+
+from __future__ import annotations
+
+import math
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+Array = np.ndarray
+Knots = tuple[tuple[float, float], ...]
+"""Metres along the road, and the value there; straight between knots, as at the ends beyond them."""
+
+FROM, TO, STEP = -80.0, 700.0, 0.5
+"""Where the centre line is integrated, and in what steps, metres along the road."""
+EASE = 10.0
+"""Metres over which a bend tightens and opens."""
+LEAST_TURN, MOST_TURN = math.radians(20), math.radians(90)
+"""How far a bend turns the road."""
+FIRST, LAST = -30.0, 95.0
+"""Between which a bend begins, metres along the road."""
+LEVEL_FROM, KNOT = 260.0, 45.0
+"""Where slopes have ended, and how far apart they change, metres along the road."""
+CREST = 0.0013
+"""Most that the slope changes in a metre: crests and dips have a radius of 770 m."""
+CALM, LEVEL = 34.0, 20.0
+"""Metres to both sides of a junction where the road is straight, and where it is level."""
+
+
+class Path(NamedTuple):
+    """A road's course; without knots it is straight and level."""
+
+    bends: Knots = ()  # curvature, 1/m, left positive
+    slopes: Knots = ()  # rise over run
+
+    @property
+    def straight(self) -> bool:
+        """Whether road coordinates are the world's."""
+        return not self.bends and not self.slopes
+
+
+STRAIGHT = Path()
+
+
+class Course(NamedTuple):
+    """A path in steps, f64[n] each."""
+
+    x: Array  # metres along the road
+    east: Array  # the centre line in the world, metres
+    north: Array
+    heading: Array  # radians, left positive
+    height: Array  # metres
+
+
+@lru_cache(maxsize=64)
+def course(path: Path) -> Course:
+    """The path integrated from the origin both ways."""
+    x = np.arange(FROM, TO + STEP / 2, STEP)
+    origin = int(np.argmin(np.abs(x)))
+    curvature, slope = _values(path.bends, x), _values(path.slopes, x)
+    heading = _summed((curvature[1:] + curvature[:-1]) / 2, origin)
+    # The mean over a step bends, too: its middle turns a little less than its ends' mean.
+    middle = (heading[1:] + heading[:-1]) / 2 - STEP / 8 * np.diff(curvature)
+    return Course(
+        x,
+        _summed(np.cos(middle), origin),
+        _summed(np.sin(middle), origin),
+        heading,
+        _summed((slope[1:] + slope[:-1]) / 2, origin),
+    )
+
+
+def _values(knots: Knots, x: Array) -> Array:
+    if not knots:
+        return np.zeros_like(x)
+    at, value = np.array(knots).T
+    return np.interp(x, at, value)
+
+
+def _summed(rate: Array, origin: int) -> Array:
+    """The integral of a rate over each step, 0 at the origin."""
+    total = np.concatenate([[0.0], np.cumsum(rate) * STEP])
+    return total - total[origin]
+
+
+def heading_at(path: Path, x: float | Array) -> Array:
+    """Direction of the road, radians left of the world's x axis."""
+    return np.interp(x, course(path).x, course(path).heading)
+
+
+def height_at(path: Path, x: float | Array) -> Array:
+    """Height of the carriageway, metres."""
+    return np.interp(x, course(path).x, course(path).height)
+
+
+def slope_at(path: Path, x: float | Array) -> Array:
+    """Rise over run of the road."""
+    return _values(path.slopes, np.asarray(x, float))
+
+
+def to_world(path: Path, x: float | Array, y: float | Array) -> Array:
+    """World points f64[..., 2] of road coordinates, which broadcast together."""
+    line = course(path)
+    heading = np.interp(x, line.x, line.heading)
+    east = np.interp(x, line.x, line.east) - y * np.sin(heading)
+    north = np.interp(x, line.x, line.north) + y * np.cos(heading)
+    return np.stack([east, north], axis=-1)
+
+
+def nearest(
+    path: Path, points: Array, first: float = FROM, last: float = TO
+) -> tuple[Array, Array]:
+    """Of world points f64[n, 2] the nearest place on the centre line, x f64[n], and how far it is.
+
+    Only the road from ``first`` to ``last`` counts.
+    """
+    line = course(path)
+    part = np.flatnonzero((line.x >= first) & (line.x <= last))[::4]
+    apart = np.hypot(points[:, :1] - line.east[part], points[:, 1:] - line.north[part])
+    best = part[np.argmin(apart, axis=1)]
+    # From the nearest step along the road to the foot of the perpendicular.
+    away = points - np.stack([line.east[best], line.north[best]], axis=1)
+    c, s = np.cos(line.heading[best]), np.sin(line.heading[best])
+    on, beside = away[:, 0] * c + away[:, 1] * s, away[:, 1] * c - away[:, 0] * s
+    # On the inner side of a bend the same step along the road is shorter.
+    on /= np.maximum(1 - _values(path.bends, line.x[best]) * beside, 0.1)
+    x = line.x[best] + np.clip(on, -2 * STEP, 2 * STEP)
+    return x, np.linalg.norm(points - to_world(path, x, 0.0), axis=1)
+
+
+def folded(path: Path, x: Array, y: Array) -> Array:
+    """Which of the places (x, y) f64[n] lie beyond the middle of a bend, nearer to another place of it."""
+    _, away = nearest(path, to_world(path, x, y))
+    return away < np.abs(y) - 1.0
+
+
+def sample_path(
+    rng: np.random.Generator, bend: float, gradient: float, calm: float | None = None
+) -> Path:
+    """Draw a course: a bend, perhaps one back after it, and rises and falls.
+
+    Args:
+        rng: consumed.
+        bend: the sharpest curvature, 1/m.
+        gradient: the steepest slope, rise over run.
+        calm: metres along the road where a junction wants it straight and level.
+    """
+    draws = rng.uniform(size=16)
+    bends = _bends(draws[:8], bend, calm) if bend > 0 else ()
+    slopes = _slopes(draws[8:], gradient, calm) if gradient > 0 else ()
+    return Path(bends, slopes)
+
+
+def _bends(draws: Array, sharpest: float, calm: float | None) -> Knots:
+    """Curvature of a bend and, by chance, of one the other way."""
+    sign = 1.0 if draws[0] < 0.5 else -1.0
+    curvature = sharpest * (0.15 + 0.85 * float(draws[1]))
+    turn = LEAST_TURN + (MOST_TURN - LEAST_TURN) * float(draws[2])
+    begin = FIRST + (LAST - FIRST) * float(draws[3])
+    arcs = [(begin, sign * curvature, turn)]
+    if draws[4] < 0.4:
+        back = curvature * (0.4 + 0.6 * float(draws[5]))
+        begin += turn / curvature + EASE + 40 * float(draws[6])
+        arcs.append((begin, -sign * back, turn * (0.4 + 0.6 * float(draws[7]))))
+    knots: list[tuple[float, float]] = []
+    late = 0.0
+    for start, value, angle in arcs:
+        # As long as it takes with half the curvature over each ease.
+        end = start + late + angle / abs(value) + EASE
+        start += late
+        if calm is not None and start < calm + CALM and end > calm - CALM:
+            if calm - CALM - start > 3 * EASE:
+                end = calm - CALM
+            else:
+                late += calm + CALM - start
+                start, end = calm + CALM, end + calm + CALM - start
+        knots += [(start, 0.0), (start + EASE, value), (end - EASE, value), (end, 0.0)]
+    return tuple(knots)
+
+
+def _slopes(draws: Array, steepest: float, calm: float | None) -> Knots:
+    """One slope all along, or one that changes."""
+    at = np.arange(-60.0, LEVEL_FROM - 20, KNOT)
+    value = steepest * (2 * draws[1 : 1 + len(at)] - 1)
+    if draws[0] < 0.5:
+        value = np.sign(value[0]) * (0.5 * np.abs(value) + 0.5 * np.abs(value[0]))
+    knots: list[tuple[float, float]] = []
+    before = float(value[0])
+    for x, slope in zip(at.tolist(), value.tolist(), strict=True):
+        before = min(max(slope, before - CREST * KNOT), before + CREST * KNOT)
+        most = before
+        if calm is not None:
+            room = CREST * max(abs(x - calm) - LEVEL, 0.0)
+            most = min(max(before, -room), room)
+        knots.append((x, most))
+    if calm is not None:
+        knots += [(calm - LEVEL, 0.0), (calm + LEVEL, 0.0)]
+    return (*sorted(knots), (LEVEL_FROM, 0.0))

@@ -1,0 +1,81 @@
+"""Roads that bend and slope, and junctions: where things stand, and what labels say of the ground."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+
+from scene import RenderSettings, TrainId
+from scene.ground.extent import STRIP
+from scene.ground.ground import ground_height
+from scene.ground.path import STRAIGHT, Path, heading_at, height_at, nearest, sample_path, to_world
+from scene.street.camera import Camera
+from scene.street.clearing import VEHICLES, boxes
+from tests.scene.conftest import DEFAULT, SEEDS, chosen, street
+
+SHAPED = DEFAULT._replace(bend=25.0, gradient=10.0, junction_share=1.0)
+
+
+def test_a_quarter_circle_of_40_metres_and_a_straight_road():
+    end = 20 * math.pi
+    path = Path(((0, 1 / 40), (end, 1 / 40)), ((0, 0.1), (end, 0.1)))
+    assert to_world(path, end, 0.0) == pytest.approx([40, 40], abs=1e-3)
+    assert heading_at(path, end) == pytest.approx(math.pi / 2, abs=1e-4)
+    assert height_at(path, end) == pytest.approx(0.1 * end)
+    x, away = nearest(path, np.array([[30.0, 40.0]]), last=80.0)
+    assert x == pytest.approx(end, abs=1e-3) and away == pytest.approx(10, abs=1e-3)
+    assert sample_path(np.random.default_rng(0), 0.0, 0.0) == STRAIGHT == street().ground.path
+
+
+@given(SEEDS)
+def test_a_course_keeps_to_its_limits_and_is_straight_and_level_at_a_junction(seed):
+    path, x = sample_path(np.random.default_rng(seed), 1 / 40, 0.1, 50.0), np.arange(-40.0, 350.0)
+    heading, slope = heading_at(path, x), np.diff(height_at(path, x))
+    assert np.ptp(heading) <= math.pi / 2 + 0.02 and np.abs(np.diff(heading)).max() <= 1 / 40
+    assert np.abs(slope).max() <= 0.1 and np.abs(np.diff(slope)).max() < 0.002
+    assert np.ptp(height_at(path, x[71:110])) + np.ptp(heading_at(path, x[57:124])) < 1e-9
+
+
+@given(SEEDS)
+def test_what_stands_in_a_shaped_street_stands_on_its_ground_and_out_of_the_arms(seed):
+    drawn = street(SHAPED, seed)
+    assert np.array_equal(drawn.placements[-1].pose, street(SHAPED, seed).placements[-1].pose)
+    ground, junction = drawn.ground, drawn.ground.junction
+    standing = [(p.family, p.asset, p.pose) for p in drawn.placements]
+    places = np.array([p.pose[:2, 3] for p in drawn.placements])
+    along, away = nearest(ground.path, places)
+    line, beside = (to_world(ground.path, along, y) for y in (0.0, 1.0))
+    left = ((places - line) * (beside - line)).sum(axis=1)
+    near = (away < STRIP - 1) & (along > -38) & (along < 340)
+    for k, (p, low, high) in enumerate(
+        zip(drawn.placements, *boxes(ground, standing), strict=True)
+    ):
+        assert np.linalg.det(p.pose[:3, :3]) == pytest.approx(1)
+        if near[k] and p.family != "building":  # houses go down to the lowest ground below them
+            height = ground_height(ground, float(left[k]), float(along[k]))
+            assert p.pose[2, 3] == pytest.approx(height, abs=0.01)
+        x, y = (low + high) / 2
+        if math.copysign(1, y) in junction.arms and 14 < abs(y) < 80:
+            if p.family in VEHICLES and abs(x) < junction.outer:
+                assert -junction.half_width < low[0] and high[0] < junction.half_width
+            if p.family == "building":  # steps and awnings stand out by less than a metre
+                assert low[0] > junction.outer - 1 or high[0] < 1 - junction.outer
+
+
+@pytest.mark.parametrize("seed", [3, 11, 13])
+def test_labels_of_a_junction_from_above_are_those_of_the_place(seed):
+    ground = street(SHAPED, seed).ground
+    junction, path = ground.junction, ground.path
+    east, north = to_world(path, junction.x, 0.0).tolist()
+    place = (east, north, height_at(path, junction.x) + 40)
+    camera = Camera(place, -heading_at(path, junction.x), math.pi / 2)
+    drawn = street(seed=seed)._replace(placements=(), ground=ground, cameras=(camera,))
+    (frame,) = chosen("embree").render(drawn, RenderSettings(120, 120, fov=60, shadows=False))
+    at = (1 - (np.arange(120) + 0.5) / 60) * math.tan(math.radians(30)) * 40
+    for (row, column), label in np.ndenumerate(frame.label):
+        x, y = junction.x + at[row], at[column]
+        half = ground.half_width
+        inner, outer = (junction.paved(x, y, d) or abs(y) < half + d for d in (-0.3, 0.3))
+        assert inner != outer or inner == (label == TrainId.ROAD)
+    assert (frame.label == TrainId.SIDEWALK).mean() > 0.05
