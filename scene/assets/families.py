@@ -14,6 +14,7 @@ from scene.assets import (
     person,
     rider,
     signpost,
+    slab,
     traffic_light,
     traffic_sign,
     train,
@@ -27,7 +28,7 @@ FAMILIES: dict[str, Family] = {
     module.FAMILY.name: module.FAMILY
     for module in (
         building, train, fence, wall, tree, bush, bicycle, motorcycle, person, rider,
-        lamp, signpost, traffic_sign, traffic_light, car, bus, truck,
+        lamp, signpost, traffic_sign, traffic_light, car, bus, truck, slab,
     )
 }  # fmt: skip
 """By name."""

@@ -16,6 +16,7 @@ from scene.ground.ground import Ground, ground_height, sample_ground
 from scene.sky.sky import Sky, sample_sky
 from scene.street.background import background
 from scene.street.camera import Camera, camera_path
+from scene.street.extras import Mix, extras, open_sides
 from scene.street.lines import LINES, Setting, line_objects
 from scene.street.placing import FIRST_INSTANCE, Placement, Standing, obstacles, placed, pose_at
 
@@ -34,9 +35,21 @@ class Street(NamedTuple):
 
 
 def sample_street(
-    params: StreetParams, seed: int, shots: int, pool: AssetPool | None = None
+    params: StreetParams,
+    seed: int,
+    shots: int,
+    pool: AssetPool | None = None,
+    mix: Mix | None = None,
 ) -> Street:
-    """One street with ``shots`` camera poses along it; the same arguments give the same street."""
+    """One street with ``shots`` camera poses along it; the same arguments give the same street.
+
+    Args:
+        params: its attributes.
+        seed: of all that is left to chance.
+        shots: how many.
+        pool: assets that it may draw from; None: the whole catalogue.
+        mix: shares of what has no attribute; None: ``extras.MIX``.
+    """
     pool = pool or AssetPool()
     rng = np.random.default_rng(seed)
     sky = sample_sky(
@@ -52,11 +65,14 @@ def sample_street(
     ground = sample_ground(rng, pool.fraction, drive, widths)
     setting = Setting(params, ground, pool, drive)
     objects: list[Standing] = []
+    is_open = open_sides(setting, seed)
     for line in LINES:
         # A line draws from a generator of its own, so moving one line leaves the others as they are.
         line_rng = np.random.default_rng(rng.integers(2**32))
         for side in (1.0, -1.0):
-            objects += line_objects(line, side, setting, line_rng)
+            row = line_objects(line, side, setting, line_rng)
+            objects += [o for o in row if line != "building" or side not in is_open]
+    objects += extras(setting, seed, objects, mix)
     near = placed(objects)
     y = drive * params.camera_position_x
     place = (0.0, y, ground_height(ground, y) + params.camera_position_y)
