@@ -10,7 +10,9 @@ from scene.assets import (
     car,
     fence,
     lamp,
+    land,
     motorcycle,
+    paving,
     person,
     rider,
     signpost,
@@ -29,6 +31,7 @@ FAMILIES: dict[str, Family] = {
     for module in (
         building, train, fence, wall, tree, bush, bicycle, motorcycle, person, rider,
         lamp, signpost, traffic_sign, traffic_light, car, bus, truck, slab,
+        land, paving,
     )
 }  # fmt: skip
 """By name."""

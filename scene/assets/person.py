@@ -89,6 +89,9 @@ _KINDS: dict[str, Kind] = {
 }
 KINDS: tuple[str, ...] = tuple(_KINDS)
 """What sets a person apart at a glance."""
+STANDING: tuple[str, ...] = tuple(name for name, kind in _KINDS.items() if kind.gait == "stand")
+WALKING: tuple[str, ...] = tuple(name for name, kind in _KINDS.items() if kind.gait == "walk")
+"""Kinds that always stand, and those that always walk."""
 
 # The wrist from the shoulder (forward, out, up) as shares of the height, and where the elbow points
 # (forward, out, up). "swing" and "run" follow from the step instead.

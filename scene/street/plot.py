@@ -1,4 +1,4 @@
-"""Where there is room: objects are put on a street one by one, clear of those that stand and of the camera."""
+"""Where there is room: objects stand on a street one by one, clear of others and of the camera."""
 
 from __future__ import annotations
 
@@ -38,6 +38,7 @@ class Plot:
         self.added: list[Standing] = []
         self._boxes = np.zeros((0, 6))
         self._house = np.zeros(0, bool)
+        self._laid: dict[str, np.ndarray] = {}
         self._blocks: list[tuple[float, float]] = []
         for family, ref, pose in standing:
             self._occupy(family, ref, pose)
@@ -53,6 +54,7 @@ class Plot:
         seed: int = 0,
         spare: float = SPARE,
         tilt: np.ndarray | None = None,
+        bare: bool = False,
     ) -> bool:
         """Stand an object where there is room; says whether there was.
 
@@ -65,6 +67,7 @@ class Plot:
             seed: for what comes with it, see ``parts_of``.
             spare: metres to the next object.
             tilt: f64[4, 4] applied in its own frame.
+            bare: whether it needs ground without tiles.
         """
         if ref is None or not LINE_START - 10 < x < LINE_END + 10:
             return False
@@ -72,6 +75,8 @@ class Plot:
         pose = pose if tilt is None else pose @ tilt
         box = _footprint(family, ref, pose)
         if _meets(box, self._boxes, spare).any():
+            return False
+        if bare and any(_meets(box, laid, spare).any() for laid in self._laid.values()):
             return False
         block = self._block(family, ref, x, y, yaw)
         if block is not None:
@@ -85,12 +90,16 @@ class Plot:
         return True
 
     def lay(self, family: str, ref: int | str | None, x: float, y: float, yaw: float) -> bool:
-        """Lay a flat tile that others may stand on, unless a house, wall or fence stands there."""
+        """Lay a flat tile that others may stand on, unless a house, a wall or tiles of others are there."""
         if ref is None:
             return False
         pose = pose_at(self.ground, x, y, yaw)
-        if _meets(_footprint(family, ref, pose), self._boxes[self._house], 0.0).any():
+        box = _footprint(family, ref, pose)
+        if _meets(box, self._boxes[self._house], -0.05).any():
             return False
+        if any(_meets(box, laid, -0.05).any() for f, laid in self._laid.items() if f != family):
+            return False
+        self._laid[family] = np.vstack([self._laid.get(family, np.zeros((0, 6))), box])
         self.added.append((family, ref, pose))
         return True
 
