@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from scene.assets import (
     bicycle,
+    bollard,
     building,
     bus,
     bush,
@@ -15,6 +16,8 @@ from scene.assets import (
     paving,
     person,
     rider,
+    scaffold,
+    shelter,
     signpost,
     slab,
     traffic_light,
@@ -31,7 +34,7 @@ FAMILIES: dict[str, Family] = {
     for module in (
         building, train, fence, wall, tree, bush, bicycle, motorcycle, person, rider,
         lamp, signpost, traffic_sign, traffic_light, car, bus, truck, slab,
-        land, paving,
+        land, paving, bollard, shelter, scaffold,
     )
 }  # fmt: skip
 """By name."""

@@ -10,15 +10,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from scene.street import furniture, people
 from scene.street.lines import Setting
 from scene.street.open_side import open_side
 from scene.street.parked import parked_row
-from scene.street.people import crossing, cycle_stands, groups, riders
 from scene.street.placing import Standing
 from scene.street.plot import Plot
 from scene.street.traffic import lane_rows
 
-OPEN, PARKED, QUEUES, PEOPLE, LAND = 30, 31, 32, 33, 34
+OPEN, PARKED, QUEUES, PEOPLE, LAND, FURNITURE = 30, 31, 32, 33, 34, 35
 """Streams of random numbers."""
 SIDES = (1.0, -1.0)
 """Left and right of the road."""
@@ -33,6 +33,12 @@ class Mix(NamedTuple):
     )
     riders: float = 0.0  # cyclists in the lane, on 26 m of a roadside
     cycle_stands: float = 0.0  # a row of parked bicycles on 30 m of a sidewalk
+    gardens: float = 0.0  # a front garden, on about 11 m of houses
+    shelters: float = 0.0  # a bus shelter at each of two places of a side
+    bollards: float = 0.0  # a row of posts on 30 m of a kerb
+    islands: float = 0.0  # a traffic island at each end of a crossing and at two other places
+    scaffolds: float = 0.0  # scaffolding on 30 m of houses
+    stalls: float = 0.0  # a row of stalls on a side
 
 
 MIX = Mix()
@@ -60,24 +66,31 @@ def extras(
     mix = MIX if mix is None else mix
     plot, params = Plot(setting, standing), setting.params
     is_open = open_sides(setting, seed)
-    rng = np.random.default_rng([seed, PARKED])
+
+    def stream(number: int, part: int = 0) -> np.random.Generator:
+        return np.random.default_rng([seed, number, part])
+
+    furniture.islands(plot, mix.islands, stream(FURNITURE, 0))
     narrow = []
-    for side in SIDES:
-        row_rng = np.random.default_rng(rng.integers(2**32))
-        if row_rng.random() < params.parked_share and parked_row(
-            plot, side, side in is_open, row_rng
-        ):
+    for k, side in enumerate(SIDES):
+        rng = stream(PARKED, k)
+        wanted = rng.random() < params.parked_share
+        if wanted and parked_row(plot, side, side in is_open, rng):
             narrow.append(side)
-    lane_rows(plot, tuple(narrow), np.random.default_rng([seed, QUEUES]))
-    people_rngs = [np.random.default_rng([seed, PEOPLE, k]) for k in range(4)]
-    crossing(plot, mix.crossing, people_rngs[0])
-    for side in SIDES:
-        riders(plot, side, mix.riders, people_rngs[1])
-        cycle_stands(plot, side, mix.cycle_stands, people_rngs[2])
-        groups(plot, side, mix.groups, people_rngs[3])
-    land_rng = np.random.default_rng([seed, LAND])
-    for side in SIDES:
-        side_rng = np.random.default_rng(land_rng.integers(2**32))
+    lane_rows(plot, tuple(narrow), stream(QUEUES))
+    for k, side in enumerate(SIDES):
         if side in is_open:
-            open_side(plot, side, side_rng)
+            open_side(plot, side, stream(LAND, k))
+        else:
+            furniture.scaffolds(plot, side, mix.scaffolds, stream(FURNITURE, 1 + k))
+        furniture.shelters(plot, side, mix.shelters, stream(FURNITURE, 3 + k))
+        furniture.stalls(plot, side, mix.stalls, side in is_open, stream(FURNITURE, 5 + k))
+        if side not in is_open:
+            furniture.gardens(plot, side, mix.gardens, stream(FURNITURE, 7 + k))
+        furniture.bollards(plot, side, mix.bollards, stream(FURNITURE, 9 + k))
+    people.crossing(plot, mix.crossing, stream(PEOPLE, 0))
+    for k, side in enumerate(SIDES):
+        people.riders(plot, side, mix.riders, stream(PEOPLE, 1 + k))
+        people.cycle_stands(plot, side, mix.cycle_stands, stream(PEOPLE, 3 + k))
+        people.groups(plot, side, mix.groups, stream(PEOPLE, 5 + k))
     return plot.added

@@ -103,6 +103,21 @@ class Plot:
         self.added.append((family, ref, pose))
         return True
 
+    def place(
+        self, family: str, ref: int | str, x: float, y: float, yaw: float, lift: float = 0.0
+    ) -> None:
+        """Stand an object on another that is there already, ``lift`` metres above the ground."""
+        pose = pose_at(self.ground, x, y, yaw)
+        raised = np.eye(4)
+        raised[2, 3] = lift
+        self._occupy(family, ref, pose @ raised)
+        self.added.append((family, ref, pose @ raised))
+
+    def built(self, x: float, y: float) -> bool:
+        """Whether a house, a wall or a fence stands at a place."""
+        point = np.array([*pose_at(self.ground, x, y, 0.0)[:2, 3], 1.0, 0.0, 0.0, 0.0])
+        return bool(_meets(point, self._boxes[self._house], 0.0).any())
+
     def _occupy(self, family: str, ref: int | str, pose: np.ndarray) -> None:
         self._boxes = np.vstack([self._boxes, _footprint(family, ref, pose)])
         self._house = np.append(self._house, FAMILIES[family].train_id in HOUSES)
