@@ -13,7 +13,7 @@ from scene.mesh.asset import Asset, Color, merge, vary
 from scene.mesh.solids import box, loft, polygon
 
 PATH: tuple[float, float] = (2.0, 2.2)
-"""Metres of a piece of path along x and y; paths run along x."""
+"""Metres of a piece of path along x, and usual ones along y; paths run along x."""
 CURB = 0.12
 """Width of kerb stones, metres."""
 
@@ -48,11 +48,11 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 
 
 def sample_paving(rng: np.random.Generator, kind: str) -> PavingParams:
-    """Draw a piece of one of ``KINDS``; paths keep their size, so that pieces meet."""
+    """Draw a piece of one of ``KINDS``; paths keep their length, so that pieces meet."""
     p = _KINDS[kind]
     p = p._replace(color=vary(rng, p.color, 0.35), kerb=vary(rng, p.kerb, 0.3))
     if "path" in kind:
-        return p
+        return p._replace(size=(PATH[0], float(PATH[1] * rng.uniform(0.6, 1.2)), p.size[2]))
     (x, y, z), scale = p.size, rng.uniform(0.85, 1.25)
     return p._replace(size=(float(x * scale), float(y * rng.uniform(0.9, 1.15)), z))
 

@@ -7,10 +7,11 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.family import FOOTWAY, Family, Size
+from scene.assets.parts.palette import darker
 from scene.classes import TrainId
 from scene.look.surfaces import ROAD_TONE
 from scene.mesh.asset import Asset, Color, merge, vary
-from scene.mesh.solids import box, quad
+from scene.mesh.solids import box, polygon, quad
 
 BAY: tuple[float, float] = (2.5, 5.2)
 """Metres of one tile along x and y: a place for one car that stands across x."""
@@ -28,6 +29,7 @@ class SlabParams(NamedTuple):
     material: str
     lines: str  # "", "sides", "ticks" or "box"
     paint: Color
+    stain: tuple[float, float, float]  # where oil has dripped, and how far it has spread, m
 
 
 _KINDS: dict[str, tuple[Color, str, str]] = {
@@ -43,7 +45,9 @@ KINDS: tuple[str, ...] = tuple(_KINDS)
 def sample_slab(rng: np.random.Generator, kind: str) -> SlabParams:
     """Draw a tile of one of ``KINDS``."""
     color, material, lines = _KINDS[kind]
-    return SlabParams(vary(rng, color, 0.45), material, lines, vary(rng, WHITE, 0.2))
+    spread = float(rng.uniform(0.2, 0.8))
+    stain = float(rng.uniform(-0.35, 0.35)), float(rng.uniform(-1.6, 1.6)), spread
+    return SlabParams(vary(rng, color, 0.45), material, lines, vary(rng, WHITE, 0.2), stain)
 
 
 def slab(params: SlabParams) -> Asset:
@@ -60,6 +64,12 @@ def slab(params: SlabParams) -> Asset:
         quad([(a, c, PAINT), (b, c, PAINT), (b, d, PAINT), (a, d, PAINT)], p.paint, "marking")
         for a, b, c, d in rows
     ]
+    at_x, at_y, spread = p.stain
+    turn = np.arange(9) * 2 * np.pi / 9
+    rim = spread * (1 + 0.25 * np.cos(2 * turn + at_y))
+    outline = np.column_stack([at_x + rim * np.cos(turn), at_y + 1.3 * rim * np.sin(turn)])
+    flat = np.column_stack([outline, np.full(9, (THICK + PAINT) / 2)])
+    marks.append(polygon(flat, darker(p.color, 0.7), p.material))
     return merge(box((*BAY, THICK), (0, 0, 0), p.color, p.material), *marks)
 
 

@@ -75,7 +75,7 @@ def _paths(plot: Plot, side: float, rng: np.random.Generator) -> None:
     ref = _draw(plot, "paving", ("asphalt path", "gravel path", "slab path", "brick path"), rng)
     along = plot.ground.outer + float(rng.uniform(4, 14))
     if rng.random() < 0.6:
-        carpet(plot, "paving", ref, (SPAN[0], 100.0), (along, along + PATH[1] / 2), side)
+        carpet(plot, "paving", ref, (SPAN[0], 100.0), (along, along + 0.5), side)
     for x in rng.uniform(0, 90, int(rng.integers(0, 4))).tolist():
         angle = float(rng.uniform(0.25, 0.5)) * math.pi
         for step in np.arange(0.5, (REACH - plot.ground.outer) / PATH[0]) * PATH[0]:

@@ -21,7 +21,7 @@ HELD = frozenset({TrainId.VEGETATION, TrainId.POLE, TrainId.TRAFFIC_SIGN, TrainI
 HOUSES = frozenset({TrainId.BUILDING, TrainId.TRAIN, TrainId.WALL, TrainId.FENCE})
 SPARE = 0.15
 """Metres that objects are apart at least."""
-BESIDE, BELOW = 0.35, 0.4
+BESIDE, BELOW = 0.35, 0.8
 """Metres beside and below the lens that are kept free."""
 BLOCK, GAP = 12.0, 14.0
 """In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart: within
