@@ -103,7 +103,7 @@ def scaffold(params: ScaffoldParams) -> Asset:
         toe = box((length, 0.03, 0.16), (0, 0.09, z + 0.04), p.boards, "wood")
         parts.append(toe)
     for k in range(0, p.bays, 2):
-        parts += [rod((x[k], -0.02, lift * LIFT), (x[k + 1], -0.02, (lift + 1) * LIFT))
+        parts += [rod((x[k], -0.02, max(lift * LIFT, 0.05)), (x[k + 1], -0.02, (lift + 1) * LIFT))
                   for lift in range(p.lifts)]  # fmt: skip
     parts += _sheets(p, x, top, rng)
     return merge(*parts)
