@@ -9,6 +9,7 @@ from scene.assets import (
     bus,
     bush,
     car,
+    company,
     fence,
     lamp,
     land,
@@ -34,7 +35,7 @@ FAMILIES: dict[str, Family] = {
     for module in (
         building, train, fence, wall, tree, bush, bicycle, motorcycle, person, rider,
         lamp, signpost, traffic_sign, traffic_light, car, bus, truck, slab,
-        land, paving, bollard, shelter, scaffold,
+        land, paving, bollard, shelter, scaffold, company,
     )
 }  # fmt: skip
 """By name."""

@@ -28,6 +28,7 @@ class Mix(NamedTuple):
     """How likely each ingredient without an attribute of its own is, in [0, 1]."""
 
     groups: float = 0.0  # people together on 13 m of a sidewalk
+    benches: float = 0.0  # people on a bench on 26 m of a sidewalk
     crossing: float = (
         0.0  # people on a crossing of the road; half as likely at each of three other places
     )
@@ -92,5 +93,6 @@ def extras(
     for k, side in enumerate(SIDES):
         people.riders(plot, side, mix.riders, stream(PEOPLE, 1 + k))
         people.cycle_stands(plot, side, mix.cycle_stands, stream(PEOPLE, 3 + k))
-        people.groups(plot, side, mix.groups, stream(PEOPLE, 5 + k))
+        people.benches(plot, side, mix.benches, stream(PEOPLE, 5 + k))
+        people.groups(plot, side, mix.groups, stream(PEOPLE, 7 + k))
     return plot.added

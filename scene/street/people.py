@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from scene.assets import company
 from scene.assets.catalogue import pick
 from scene.assets.person import STANDING, WALKING
 from scene.assets.rider import MOUNT
@@ -19,6 +20,8 @@ STRETCH = 13.0
 SIZES = (0.28, 0.38, 0.18, 0.1, 0.06)
 """How often one to five people are together."""
 ON_BICYCLES = tuple(name for name, mount in MOUNT.items() if mount == "bicycle")
+DOGS = 0.2
+"""Share of people who walk alone that have a dog."""
 CROWD = 0.02
 """Metres that people who belong together are apart at least."""
 
@@ -48,6 +51,10 @@ def _walk(plot: Plot, x: float, y: float, yaw: float, count: int, rng: np.random
     """Two abreast, the others behind them, all the same way."""
     pitch = float(rng.uniform(0.6, 0.8))
     yaw += float(rng.normal(0, 0.08))
+    if rng.random() < DOGS and count == 1:
+        ref = draw_kind(plot.street.pool, "company", company.WALKING, rng)
+        plot.put("company", ref, x, y, yaw)
+        return
     cos, sin = math.cos(yaw), math.sin(yaw)
     for k in range(count):
         back = -(k // 2) * rng.uniform(0.8, 1.2) + 0.15 * rng.normal()
@@ -73,6 +80,21 @@ def _person(
 ) -> None:
     ref = draw_kind(plot.street.pool, "person", kinds, rng)
     plot.put("person", ref, float(x), float(y), float(yaw), spare=CROWD)
+
+
+def benches(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
+    """People on benches at the back of one sidewalk, or in the green behind it, who look at the road."""
+    ground = plot.ground
+    for stretch in np.arange(START, END, 2 * STRETCH).tolist():
+        bench_rng = np.random.default_rng(rng.integers(2**32))
+        if bench_rng.random() >= share:
+            continue
+        x = stretch + float(bench_rng.uniform(0, STRETCH))
+        y = side * (ground.outer + float(bench_rng.uniform(-0.5, 1.5)))
+        for _ in range(int(bench_rng.integers(1, 4))):
+            ref = draw_kind(plot.street.pool, "company", company.SITTING, bench_rng)
+            plot.put("company", ref, x, y, -side * math.pi / 2, spare=-0.1)
+            x += company.BENCH
 
 
 def crossing(plot: Plot, share: float, rng: np.random.Generator) -> None:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from scene.assets import catalogue
@@ -23,6 +21,8 @@ SPARE = 0.15
 """Metres that objects are apart at least."""
 BESIDE, BELOW = 0.35, 0.8
 """Metres beside and below the lens that are kept free."""
+STEP = 0.5
+"""Metres between the places of the camera that are looked at."""
 BLOCK, GAP = 12.0, 14.0
 """In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart: within
 its ``SEARCH`` a shot finds a place between them."""
@@ -40,6 +40,10 @@ class Plot:
         self._house = np.zeros(0, bool)
         self._laid: dict[str, np.ndarray] = {}
         self._blocks: list[tuple[float, float]] = []
+        self._along = np.arange(-1.0, DRIVE + SEARCH + VIEW, STEP)
+        lane = street.drive * street.params.camera_position_x
+        path = [pose_at(street.ground, float(x), lane, 0.0)[:2, 3] for x in self._along]
+        self._path = np.array(path)  # where the camera may come along
         for family, ref, pose in standing:
             self._occupy(family, ref, pose)
 
@@ -78,11 +82,9 @@ class Plot:
             return False
         if bare and any(_meets(box, laid, spare).any() for laid in self._laid.values()):
             return False
-        block = self._block(family, ref, x, y, yaw)
-        if block is not None:
-            if not _bearable(block, self._blocks):
-                return False
-            self._blocks.append(block)
+        block = self._block(family, ref, box)
+        if block is not None and not _bearable(block, self._blocks):
+            return False
         self._occupy(family, ref, pose)
         for part, part_ref in parts_of(family, ref, seed, self.street.pool):
             if part_ref is not None:
@@ -119,21 +121,22 @@ class Plot:
         return bool(_meets(point, self._boxes[self._house], 0.0).any())
 
     def _occupy(self, family: str, ref: int | str, pose: np.ndarray) -> None:
-        self._boxes = np.vstack([self._boxes, _footprint(family, ref, pose)])
+        box = _footprint(family, ref, pose)
+        block = self._block(family, ref, box)
+        if block is not None:
+            self._blocks.append(block)
+        self._boxes = np.vstack([self._boxes, box])
         self._house = np.append(self._house, FAMILIES[family].train_id in HOUSES)
 
-    def _block(
-        self, family: str, ref: int | str, x: float, y: float, yaw: float
-    ) -> tuple[float, float] | None:
+    def _block(self, family: str, ref: int | str, box: np.ndarray) -> tuple[float, float] | None:
         """From where to where an object is in the way of the camera, metres along the road."""
-        params, drive = self.street.params, self.street.drive
-        low, high = catalogue.bounds(family, ref)
-        turn = np.abs([[math.cos(yaw), math.sin(yaw)], [math.sin(yaw), math.cos(yaw)]])
-        reach = turn @ np.maximum(np.abs(low), np.abs(high))[:2]
-        beside = abs(y - drive * params.camera_position_x) < reach[1] + BESIDE
-        ahead = x + reach[0] > -1.0 and x - reach[0] < DRIVE + SEARCH + VIEW
-        tall = high[2] > params.camera_position_y - BELOW
-        return (x - reach[0], x + reach[0]) if beside and ahead and tall else None
+        lens = self.street.params.camera_position_y
+        if catalogue.bounds(family, ref)[1, 2] < lens - BELOW:
+            return None
+        away = self._path - box[:2]
+        along, side = away @ box[2:4], away @ (-box[3], box[2])
+        met = self._along[(np.abs(along) < box[4] + BESIDE) & (np.abs(side) < box[5] + BESIDE)]
+        return (float(met[0]), float(met[-1])) if len(met) else None
 
 
 def _footprint(family: str, ref: int | str, pose: np.ndarray) -> np.ndarray:

@@ -74,4 +74,4 @@ def test_open_sides_have_no_houses_and_all_ingredients_come_up():
             houses = sum(p.family in ("building", "train") for p in near)
             assert houses == 0 if share else houses > 10
             families |= {p.family for p in near}
-    assert families >= {"slab", "land", "paving", "bollard", "shelter", "scaffold", "rider"}
+    assert families >= {"slab", "land", "paving", "bollard", "shelter", "scaffold", "company"}
