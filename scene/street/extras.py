@@ -17,6 +17,7 @@ from scene.street.parked import parked_row
 from scene.street.placing import Standing
 from scene.street.plot import Plot
 from scene.street.traffic import lane_rows
+from scene.street.turning import turning
 
 OPEN, PARKED, QUEUES, PEOPLE, LAND, FURNITURE = 30, 31, 32, 33, 34, 35
 """Streams of random numbers."""
@@ -27,6 +28,9 @@ SIDES = (1.0, -1.0)
 class Mix(NamedTuple):
     """How likely each ingredient without an attribute of its own is, in [0, 1]."""
 
+    turning: float = (
+        0.0  # vehicles across the road's direction at side streets, drives, two other places
+    )
     groups: float = 0.0  # people together on 13 m of a sidewalk
     benches: float = 0.0  # people on a bench on 26 m of a sidewalk
     crossing: float = (
@@ -36,6 +40,7 @@ class Mix(NamedTuple):
     cycle_stands: float = 0.0  # a row of parked bicycles on 30 m of a sidewalk
     gardens: float = 0.0  # a front garden, on about 11 m of houses
     shelters: float = 0.0  # a bus shelter at each of two places of a side
+    railings: float = 0.0  # a long railing or fence on 40 m of a sidewalk
     bollards: float = 0.0  # a row of posts on 30 m of a kerb
     islands: float = 0.0  # a traffic island at each end of a crossing and at two other places
     scaffolds: float = 0.0  # scaffolding on 30 m of houses
@@ -78,6 +83,7 @@ def extras(
         wanted = rng.random() < params.parked_share
         if wanted and parked_row(plot, side, side in is_open, rng):
             narrow.append(side)
+    turning(plot, mix.turning, stream(QUEUES, 1))
     lane_rows(plot, tuple(narrow), stream(QUEUES))
     for k, side in enumerate(SIDES):
         if side in is_open:
@@ -88,6 +94,7 @@ def extras(
         furniture.stalls(plot, side, mix.stalls, side in is_open, stream(FURNITURE, 5 + k))
         if side not in is_open:
             furniture.gardens(plot, side, mix.gardens, stream(FURNITURE, 7 + k))
+        furniture.railings(plot, side, mix.railings, stream(FURNITURE, 11 + k))
         furniture.bollards(plot, side, mix.bollards, stream(FURNITURE, 9 + k))
     people.crossing(plot, mix.crossing, stream(PEOPLE, 0))
     for k, side in enumerate(SIDES):

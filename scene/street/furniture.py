@@ -23,6 +23,9 @@ END = 120.0
 POSTS = tuple(name for name in BOLLARDS if name not in BEACONS)
 ISLANDS = ("slab island", "setts island", "narrow island", "block island")
 GARDEN_FENCES = ("pickets", "spear railings", "boards", "bow top", "rails", "trellis", "wires")
+KERB_RAILINGS = ("pedestrian guard", "bow top", "cross rails", "guard rail", "bollard and chain")
+BACK_FENCES = ("spear railings", "palisade", "chain link", "heras", "boards", "barrier boards",
+               "pedestrian guard")  # fmt: skip
 BOUNDARIES = (("bush", HEDGES, 0.4), ("wall", LOW_WALLS, 0.3), ("fence", GARDEN_FENCES, 0.3))
 """What closes a front garden: family, kinds, how often."""
 
@@ -43,6 +46,19 @@ def islands(plot: Plot, share: float, rng: np.random.Generator) -> None:
         reach = float(catalogue.bounds("paving", island or 0)[1, 0]) - 0.55
         for end in (-1, 1) if both else (-1,):
             plot.place("bollard", beacon, x + end * reach, 0.0, 0.0, lift=0.13)
+
+
+def railings(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
+    """Long railings along the kerb, or fences along the back of the sidewalk."""
+    ground = plot.ground
+    for stretch in np.arange(LINE_START, LINE_END, 40.0).tolist():
+        at_kerb, wanted = rng.random() < 0.5, rng.random() < share
+        kinds = KERB_RAILINGS if at_kerb else BACK_FENCES
+        ref = draw_kind(plot.street.pool, "fence", kinds, rng)
+        start, length = stretch + float(rng.uniform(0, 15)), float(rng.uniform(12, 45))
+        y = ground.half_width + 0.35 if at_kerb else ground.outer + 0.1
+        if wanted:
+            run(plot, "fence", ref, side * y, (start, start + length), kept_free(ground, side))
 
 
 def bollards(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
