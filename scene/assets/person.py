@@ -255,6 +255,6 @@ def _arm(p: PersonParams, name: str, ahead: float) -> tuple[Point, Point]:
 
 FAMILY = Family(
     "person", TrainId.PERSON, KINDS, sample_person, person,
-    count=200, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.42, line=("person", 0.75),
+    count=200, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.65, line=("person", 0.75),
     facing="either",
 )  # fmt: skip
