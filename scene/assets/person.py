@@ -89,6 +89,9 @@ _KINDS: dict[str, Kind] = {
 }
 KINDS: tuple[str, ...] = tuple(_KINDS)
 """What sets a person apart at a glance."""
+STANDING: tuple[str, ...] = tuple(name for name, kind in _KINDS.items() if kind.gait == "stand")
+WALKING: tuple[str, ...] = tuple(name for name, kind in _KINDS.items() if kind.gait == "walk")
+"""Kinds that always stand, and those that always walk."""
 
 # The wrist from the shoulder (forward, out, up) as shares of the height, and where the elbow points
 # (forward, out, up). "swing" and "run" follow from the step instead.
@@ -252,6 +255,6 @@ def _arm(p: PersonParams, name: str, ahead: float) -> tuple[Point, Point]:
 
 FAMILY = Family(
     "person", TrainId.PERSON, KINDS, sample_person, person,
-    count=200, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.42, line=("person", 0.75),
+    count=200, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.65, line=("person", 0.75),
     facing="either",
 )  # fmt: skip

@@ -59,7 +59,7 @@ MOUNT: dict[str, str] = {name: kind.mount for name, kind in _KINDS.items()}
 KINDS: tuple[str, ...] = tuple(MOUNT)
 """How a rider sits, on what, and in which clothes."""
 
-_LEATHERS: tuple[Color, ...] = ((0.018, 0.018, 0.02), (0.05, 0.05, 0.053), (0.07, 0.04, 0.025))
+_LEATHERS: tuple[Color, ...] = ((0.012, 0.012, 0.013), (0.033, 0.033, 0.035), (0.046, 0.026, 0.016))
 _HELMETS: tuple[Color, ...] = (
     (0.02, 0.02, 0.02), (0.62, 0.62, 0.60), (0.35, 0.02, 0.02), (0.03, 0.09, 0.30),
     (0.30, 0.31, 0.32), (0.45, 0.40, 0.03),
@@ -137,6 +137,6 @@ def _pose(p: RiderParams) -> Pose:
 
 FAMILY = Family(
     "rider", TrainId.RIDER, KINDS, sample_rider, rider,
-    count=30, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.42, line=("person", 0.25),
+    count=30, size=Size((0.6, 2.6), (0.6, 2.3)), tone=0.55, line=("person", 0.25),
     facing="either", stage=ROAD._replace(azimuth=-50), on=MOUNT,
 )  # fmt: skip

@@ -70,6 +70,8 @@ MATERIALS: tuple[Material, ...] = (
     Material("gravel", "gravel", 2.0, 0.6, 0.0, 0.0),
     Material("fallen leaves", "litter", 3.0, 0.9, 0.0, 0.0),
     Material("iron", "grating", 0.5, 0.7, 0.0, 0.0),
+    # The exception: it mirrors the sky where it is seen along its surface.
+    Material("water", "flat", 1.0, 0.0, 0.03, 0.0),
 )
 MATERIAL_ID: dict[str, int] = {m.name: i for i, m in enumerate(MATERIALS)}
 

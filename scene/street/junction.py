@@ -15,7 +15,7 @@ from scene.assets.catalogue import in_season, pick
 from scene.ground.junction import REACH, Junction
 from scene.street.background import WOODS
 from scene.street.clearing import VEHICLES, boxes
-from scene.street.lines import Setting, parts
+from scene.street.lines import Setting, parts_of
 from scene.street.placing import Standing, pose_at
 
 GAP = 0.25
@@ -61,7 +61,7 @@ class Arm(NamedTuple):
         x, y = self.junction.x + across, self.side * along
         pose = pose_at(self.street.ground, x, y, yaw)
         seed = int(self.rng.integers(2**31))
-        found = parts(family, ref, seed, self.street.pool)
+        found = parts_of(family, ref, seed, self.street.pool)
         return [(part, part_ref, pose) for part, part_ref in found if part_ref is not None]
 
 

@@ -73,7 +73,7 @@ def line_objects(
         step = STEP * (slot % 3) if FAMILIES[family].front == "right" else 0.0
         for shift in _panels(family, ref, interval):
             pose = pose_at(street.ground, x + shift, side * (distance + step), yaw)
-            for part, part_ref in parts(family, ref, seed, street.pool):
+            for part, part_ref in parts_of(family, ref, seed, street.pool):
                 if part_ref is not None:
                     yield part, part_ref, pose
 
@@ -88,7 +88,7 @@ def _panels(family: str, ref: int | str, interval: float) -> list[float]:
     return [(k - (count - 1) / 2) * length for k in range(count)]
 
 
-def parts(
+def parts_of(
     family: str, ref: int | str, seed: int, pool: AssetPool
 ) -> list[tuple[str, int | str | None]]:
     """The assets that make up one object: a rider's machine and a sign's post have their own class."""

@@ -21,6 +21,7 @@ from scene.sky.sky import Sky, sample_sky
 from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
 from scene.street.clearing import cleared
+from scene.street.extras import Mix, extras, open_sides
 from scene.street.junction import junction_objects
 from scene.street.lines import LINES, Setting, line_objects
 from scene.street.placing import (
@@ -50,9 +51,21 @@ class Street(NamedTuple):
 
 
 def sample_street(
-    params: StreetParams, seed: int, shots: int, pool: AssetPool | None = None
+    params: StreetParams,
+    seed: int,
+    shots: int,
+    pool: AssetPool | None = None,
+    mix: Mix | None = None,
 ) -> Street:
-    """One street with ``shots`` camera poses along it; the same arguments give the same street."""
+    """One street with ``shots`` camera poses along it; the same arguments give the same street.
+
+    Args:
+        params: its attributes.
+        seed: of all that is left to chance.
+        shots: how many.
+        pool: assets that it may draw from; None: the whole catalogue.
+        mix: shares of what has no attribute; None: ``extras.MIX``.
+    """
     pool = pool or AssetPool()
     rng = np.random.default_rng(seed)
     sky = sample_sky(
@@ -69,13 +82,16 @@ def sample_street(
     ground = _shaped(ground, params, seed)
     setting = Setting(params, ground, pool, drive)
     objects: list[Standing] = []
+    is_open = open_sides(setting, seed)
     for line in LINES:
         # A line draws from a generator of its own, so moving one line leaves the others as they are.
         line_rng = np.random.default_rng(rng.integers(2**32))
         for side in (1.0, -1.0):
-            objects += line_objects(line, side, setting, line_rng)
+            row = line_objects(line, side, setting, line_rng)
+            objects += [o for o in row if line != "building" or side not in is_open]
     corners = junction_objects(setting, np.random.default_rng([seed, CORNERS]))
     objects = [*cleared(ground, objects, corners), *corners]
+    objects += cleared(ground, extras(setting, seed, objects, mix), corners)
     objects = settled(ground, objects, params.building_position)
     near = placed(objects, path=ground.path)
     y = drive * params.camera_position_x

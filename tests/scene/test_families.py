@@ -39,9 +39,17 @@ LIMITS: dict[str, Limits] = {
     "bicycle": Limits((-1.1, -0.43, 0), (1.1, 0.43, 1.15), 2000, (1.5, 0.4, 0.9), (0.2, 0.1)),
     "motorcycle": Limits((-1.4, -0.55, 0), (1.4, 0.55, 1.55), 2800, (1.6, 0.6, 1.1), (0.2, 0.1)),
     "person": Limits((-2.1, -1, 0), (2.1, 1, 2.45), 3600, (0.15, 0.25, 0.93), (99, 0.35)),
+    "company": Limits((-1, -1, 0), (2.2, 1, 2.2), 4500, (0.5, 0.4, 1), (99, 1)),
+    "slab": Limits((-1.25, -2.6, 0), (1.25, 2.6, 0.02), 30),
+    "land": Limits((-4, -4, 0), (4, 4, 0.2), 800),
+    "paving": Limits((-3.5, -1.4, 0), (3.5, 1.4, 0.2), 120),
+    "bollard": Limits((-0.35, -0.25, 0), (0.35, 0.25, 1.3), 400, (0.05, 0.05, 0.6), (0.01, 0.01)),
+    "shelter": Limits((-2.8, -1.1, 0), (2.8, 2.3, 3.3), 800, (2, 1, 2)),
+    "scaffold": Limits((-6.2, -0.9, 0), (6.2, 1.4, 9.3), 1500, (5, 0.9, 5)),
     "rider": Limits((-1.3, -0.8, 0), (1.3, 0.8, 2.3), 3000, (0.4, 0.4, 1.1), (99, 0.35)),
 }
-DARK = ("car", "bus", "truck", "train", "bicycle", "motorcycle", "person", "rider")
+DARK = ("car", "bus", "truck", "train", "bicycle", "motorcycle", "person", "rider",
+        "company")  # fmt: skip
 """Nothing of them is as bright as paint on a wall."""
 
 

@@ -9,17 +9,17 @@ from scene.assets.parts.palette import pick
 from scene.mesh.asset import Color
 
 SKINS: tuple[Color, ...] = (
-    (0.58, 0.37, 0.27), (0.52, 0.32, 0.22), (0.44, 0.26, 0.17), (0.33, 0.18, 0.11),
-    (0.20, 0.105, 0.06), (0.10, 0.050, 0.030),
+    (0.476, 0.303, 0.221), (0.426, 0.262, 0.180), (0.361, 0.213, 0.139), (0.271, 0.148, 0.090),
+    (0.164, 0.086, 0.049), (0.082, 0.041, 0.025),
 )  # fmt: skip
 HAIRS: tuple[Color, ...] = (
-    (0.012, 0.010, 0.009), (0.030, 0.017, 0.011), (0.075, 0.040, 0.020), (0.17, 0.075, 0.025),
-    (0.32, 0.21, 0.09), (0.34, 0.33, 0.32),
+    (0.008, 0.007, 0.006), (0.019, 0.011, 0.007), (0.049, 0.026, 0.013), (0.111, 0.049, 0.016),
+    (0.208, 0.137, 0.058), (0.221, 0.215, 0.208),
 )  # fmt: skip
 CLOTHES: tuple[Color, ...] = (
-    (0.014, 0.014, 0.016), (0.018, 0.022, 0.045), (0.050, 0.052, 0.056), (0.030, 0.045, 0.100),
-    (0.110, 0.080, 0.050), (0.050, 0.060, 0.035), (0.075, 0.025, 0.030), (0.160, 0.160, 0.160),
-    (0.450, 0.440, 0.420), (0.300, 0.240, 0.165), (0.020, 0.018, 0.018), (0.028, 0.055, 0.050),
+    (0.009, 0.009, 0.010), (0.012, 0.014, 0.029), (0.033, 0.034, 0.036), (0.019, 0.029, 0.065),
+    (0.072, 0.052, 0.033), (0.033, 0.039, 0.023), (0.049, 0.016, 0.019), (0.104, 0.104, 0.104),
+    (0.293, 0.286, 0.273), (0.195, 0.156, 0.107), (0.013, 0.012, 0.012), (0.018, 0.036, 0.033),
 )  # fmt: skip
 """Muted ones, as most people wear."""
 BRIGHT: tuple[Color, ...] = (
@@ -27,14 +27,24 @@ BRIGHT: tuple[Color, ...] = (
     (0.400, 0.100, 0.170), (0.560, 0.550, 0.530), (0.130, 0.280, 0.430), (0.200, 0.060, 0.230),
     (0.450, 0.150, 0.030),
 )  # fmt: skip
-TROUSERS: tuple[Color, ...] = (
-    (0.014, 0.014, 0.016), (0.020, 0.026, 0.055), (0.038, 0.065, 0.130), (0.055, 0.055, 0.058),
-    (0.230, 0.180, 0.120), (0.110, 0.150, 0.210), (0.070, 0.055, 0.040), (0.160, 0.160, 0.160),
+PALE: tuple[Color, ...] = (
+    (0.700, 0.690, 0.660), (0.560, 0.490, 0.370), (0.480, 0.560, 0.650), (0.640, 0.520, 0.490),
+    (0.430, 0.430, 0.430), (0.660, 0.620, 0.480),
 )  # fmt: skip
-SHOES: tuple[Color, ...] = ((0.015, 0.014, 0.013), (0.06, 0.035, 0.02), (0.50, 0.50, 0.49),
-                            (0.06, 0.07, 0.10), (0.20, 0.11, 0.05))  # fmt: skip
-DARK_SHARE = 0.72
+"""Light ones, of summer and of raincoats."""
+TROUSERS: tuple[Color, ...] = (
+    (0.009, 0.009, 0.010), (0.013, 0.017, 0.036), (0.025, 0.042, 0.085), (0.036, 0.036, 0.038),
+    (0.150, 0.117, 0.078), (0.072, 0.098, 0.137), (0.046, 0.036, 0.026), (0.104, 0.104, 0.104),
+)  # fmt: skip
+SHOES: tuple[Color, ...] = ((0.010, 0.009, 0.008), (0.039, 0.023, 0.013), (0.325, 0.325, 0.319),
+                            (0.039, 0.046, 0.065), (0.130, 0.072, 0.033))  # fmt: skip
+DARK_SHARE = 0.66
 """How many adults wear black, navy or charcoal over dark trousers, seen in photos of streets."""
+PALE_SHARE, PALE_TROUSERS = 0.4, 0.2
+"""Of the others, how many wear a light top, and light trousers."""
+VEST_SHARE = 0.03
+"""How many of those in a jacket or coat wear a reflecting vest over it."""
+VESTS = ("jacket", "puffer", "short coat", "hoodie")
 _WOMENS_HAIR = ("bob", "long", "long", "ponytail", "bun", "curly", "short")
 _MENS_HAIR = ("short", "short", "short", "thick", "bald", "curly")
 WHITE_SOLE: Color = (0.55, 0.55, 0.53)
@@ -73,13 +83,19 @@ def sample_outfit(
     woman = curves > 0.5
     dark = not child and rng.random() < DARK_SHARE
     colors = CLOTHES[:4] if dark else CLOTHES + BRIGHT
+    top, legs = pick(rng, colors, 0.35), pick(rng, TROUSERS[:4] if dark else TROUSERS, 0.3)
+    light, lighter = rng.random(2) < (PALE_SHARE, PALE_TROUSERS)
+    if light and not dark:
+        top = pick(rng, PALE, 0.2)
+    if lighter and not dark:
+        legs = pick(rng, PALE, 0.2)
     pale = WHITE_SOLE if rng.random() < 0.45 else (0.02, 0.02, 0.02)
     dos = _WOMENS_HAIR if woman else _MENS_HAIR
     outfit = Outfit(
         skin=pick(rng, SKINS, 0.1),
         hair=pick(rng, HAIRS[-1:] if old else HAIRS[:-1] if child else HAIRS, 0.2),
-        top=pick(rng, colors, 0.35),
-        legs=pick(rng, TROUSERS[:4] if dark else TROUSERS, 0.3),
+        top=top,
+        legs=legs,
         shoes=pick(rng, SHOES),
         sole=pale,
         width=float(rng.choice([1.0, 1.12, 1.25])) if not woman else float(rng.choice([0.95, 1.1])),
@@ -89,12 +105,15 @@ def sample_outfit(
         hat=str(rng.choice(("", "", "", "", "beanie", "cap", "brim" if old else ""))),
         hat_color=pick(rng, CLOTHES + BRIGHT, 0.3),
     )
-    return _styled(rng, outfit, style, dark), curves
+    outfit = _styled(rng, outfit, style, dark)
+    if rng.random() < VEST_SHARE and style in VESTS:
+        outfit = outfit._replace(top=HI_VIS[rng.integers(2)], bands=REFLECTING, shirt=None)
+    return outfit, curves
 
 
 def _styled(rng: np.random.Generator, base: Outfit, style: str, dark: bool) -> Outfit:
     """The outfit with what its style fixes."""
-    other = pick(rng, BRIGHT + CLOTHES, 0.3)
+    other = pick(rng, BRIGHT + CLOTHES + PALE, 0.25)
     warm = pick(rng, CLOTHES[:4] if dark else CLOTHES + BRIGHT[:2], 0.3)
     bare = rng.random() < 0.5
     dress = warm if dark else other

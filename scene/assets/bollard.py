@@ -1,0 +1,125 @@
+"""Bollards and beacons (class pole): low posts along kerbs and on traffic islands."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.family import FOOTWAY, Family, Size
+from scene.classes import TrainId
+from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.solids import box, loft, tube
+
+WHITE: Color = (0.60, 0.60, 0.58)
+YELLOW: Color = (0.62, 0.42, 0.03)
+RED: Color = (0.42, 0.03, 0.025)
+BLUE: Color = (0.02, 0.08, 0.32)
+
+
+class BollardParams(NamedTuple):
+    """A post turned around z, or a lit box."""
+
+    height: float  # m
+    radius: float  # m, at the foot
+    outline: tuple[
+        tuple[float, float], ...
+    ]  # shares of height and radius, from the foot up; () a box
+    color: Color
+    band: Color
+    bands: tuple[tuple[float, float], ...]  # shares of the height, from and to
+    material: str
+    sides: int = 10
+
+
+_ROUND = ((0.0, 1.0), (0.93, 1.0), (0.98, 0.75), (1.0, 0.2))
+_POST = BollardParams(1.0, 0.055, _ROUND, (0.22, 0.225, 0.23), WHITE, (), "metal")
+_PATTERNS: dict[str, BollardParams] = {
+    "steel": _POST,
+    "cast iron": _POST._replace(
+        outline=((0.0, 1.5), (0.08, 1.5), (0.1, 1.0), (0.7, 0.72), (0.74, 1.05), (0.79, 0.7),
+                 (0.86, 1.0), (0.95, 0.9), (1.0, 0.2)),
+        color=(0.02, 0.021, 0.023), material="paint", radius=0.075,
+    ),
+    "timber": _POST._replace(
+        color=(0.12, 0.09, 0.065), material="wood", radius=0.1, sides=4,
+        outline=((0.0, 1.0), (0.9, 1.0), (1.0, 0.6)),
+    ),
+    "concrete": _POST._replace(
+        color=(0.28, 0.27, 0.25), material="concrete", radius=0.15, height=0.8,
+        outline=((0.0, 1.0), (0.8, 0.85), (1.0, 0.5)),
+    ),
+    "flexible": _POST._replace(
+        color=(0.55, 0.14, 0.02), radius=0.045, material="rubber", height=0.85,
+        bands=((0.55, 0.68), (0.78, 0.91)), outline=((0.0, 2.0), (0.06, 1.8), (0.08, 1.0), (1.0, 1.0)),
+    ),
+    "keep left beacon": _POST._replace(
+        outline=(), color=WHITE, band=YELLOW, radius=0.17, height=1.1, material="lamp"
+    ),
+    "yellow beacon": _POST._replace(
+        outline=(), color=YELLOW, band=WHITE, radius=0.16, height=1.0, material="lamp"
+    ),
+    "banded": _POST._replace(
+        color=RED, bands=((0.2, 0.4), (0.6, 0.8)), material="paint", radius=0.05, height=1.1
+    ),
+}  # fmt: skip
+KINDS: tuple[str, ...] = tuple(_PATTERNS)
+BEACONS: tuple[str, ...] = tuple(name for name, p in _PATTERNS.items() if not p.outline)
+"""Those that stand on traffic islands."""
+
+
+def sample_bollard(rng: np.random.Generator, kind: str) -> BollardParams:
+    """Draw a bollard of one of ``KINDS``."""
+    p = _PATTERNS[kind]
+    return p._replace(
+        height=float(p.height * rng.uniform(0.88, 1.15)),
+        radius=float(p.radius * rng.uniform(0.85, 1.25)),
+        color=vary(rng, p.color, 0.25),
+        band=vary(rng, p.band, 0.2),
+    )
+
+
+def bollard(params: BollardParams) -> Asset:
+    """Build the bollard."""
+    p = params
+    if not p.outline:
+        return _beacon(p)
+    # Bands are rings of the same post, a little wider.
+    parts = [_turned(p, p.outline, p.color, 1.0)]
+    for low, high in p.bands:
+        parts.append(_turned(p, ((low, 1.0), (high, 1.0)), p.band, 1.06))
+    return merge(*parts)
+
+
+def _turned(
+    p: BollardParams, outline: tuple[tuple[float, float], ...], color: Color, grow: float
+) -> Asset:
+    turn = (np.arange(p.sides) + 0.5) * 2 * np.pi / p.sides
+    rings = [
+        np.column_stack([
+            grow * r * p.radius * np.cos(turn), grow * r * p.radius * np.sin(turn),
+            np.full(p.sides, z * p.height),
+        ])
+        for z, r in outline
+    ]  # fmt: skip
+    return loft(np.array(rings), color, p.material)
+
+
+def _beacon(p: BollardParams) -> Asset:
+    """A lit box with a coloured foot and a round blue sign towards the traffic, on both sides."""
+    deep, wide, h = 1.5 * p.radius, 2 * p.radius, p.height
+    foot = box((1.15 * deep, 1.15 * wide, 0.12 * h), (0, 0, 0), (0.05, 0.05, 0.05), "rubber")
+    body = box((deep, wide, 0.5 * h), (0, 0, 0.12 * h), p.color, p.material)
+    head = box((deep, wide, 0.38 * h), (0, 0, 0.62 * h), p.band, p.material)
+    z, r = 0.8 * h, 0.8 * p.radius
+    signs = [tube((s * deep / 2, 0, z), (s * (deep / 2 + 0.012), 0, z), r, BLUE, "paint", sides=14)
+             for s in (-1, 1)]  # fmt: skip
+    bars = [box((0.004, 0.25 * r, 1.1 * r), (s * (deep / 2 + 0.015), 0, z - 0.55 * r), WHITE, "paint")
+            for s in (-1, 1)]  # fmt: skip
+    return merge(foot, body, head, *signs, *bars)
+
+
+FAMILY = Family(
+    "bollard", TrainId.POLE, KINDS, sample_bollard, bollard,
+    count=16, size=Size((0.4, 2), (0.4, 2)), tone=1.0, line=None, stage=FOOTWAY,
+)  # fmt: skip

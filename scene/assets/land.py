@@ -1,0 +1,79 @@
+"""Tiles of land beside a street (class terrain): water, fields and lawn, laid side by side on the ground."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.family import FRONTAGE, Family, Size
+from scene.classes import TrainId
+from scene.mesh.asset import Asset, Color, shade, solid, vary
+from scene.mesh.quads import grid
+
+TILE = 8.0
+"""Metres along each side."""
+CELLS = 20
+"""Cells along each side."""
+LIFT = 0.03
+"""Mean height, metres."""
+
+
+class LandParams(NamedTuple):
+    """One tile: rows run along x."""
+
+    color: Color
+    material: str
+    ridge: float  # height of rows or waves, m
+    rows: int  # ridges across a tile; 0 for waves
+    contrast: float  # between rows, or from cell to cell
+    seed: int
+
+
+_KINDS: dict[str, LandParams] = {
+    "water": LandParams((0.035, 0.05, 0.055), "water", 0.008, 0, 0.05, 0),
+    "green water": LandParams((0.04, 0.06, 0.035), "water", 0.005, 0, 0.08, 0),
+    "ploughed": LandParams((0.11, 0.078, 0.052), "earth", 0.05, 10, 0.35, 0),
+    "crop": LandParams((0.055, 0.10, 0.025), "long grass", 0.04, 10, 0.3, 0),
+    "stubble": LandParams((0.21, 0.17, 0.085), "grass", 0.03, 10, 0.2, 0),
+    "lawn": LandParams((0.055, 0.10, 0.024), "grass", 0.01, 0, 0.08, 0),
+    "meadow": LandParams((0.11, 0.12, 0.04), "long grass", 0.025, 0, 0.15, 0),
+}
+KINDS: tuple[str, ...] = tuple(_KINDS)
+
+
+def sample_land(rng: np.random.Generator, kind: str) -> LandParams:
+    """Draw a tile of one of ``KINDS``."""
+    p = _KINDS[kind]
+    return p._replace(
+        color=vary(rng, p.color, 0.35),
+        ridge=float(p.ridge * rng.uniform(0.7, 1.3)),
+        seed=int(rng.integers(2**31)),
+    )
+
+
+def land(params: LandParams) -> Asset:
+    """Build the tile, centred on the origin; its edges are those of its neighbours."""
+    p, rng = params, np.random.default_rng(params.seed)
+    at = np.linspace(-TILE / 2, TILE / 2, CELLS + 1)
+    height = rng.uniform(0, 2 * p.ridge, (CELLS + 1, CELLS + 1))
+    tone = 1 + p.contrast * rng.uniform(-1, 1, (CELLS, CELLS))
+    if p.rows:
+        crest = np.arange(CELLS + 1) * p.rows % CELLS == 0
+        height = np.broadcast_to(2 * p.ridge * crest, height.shape).copy()
+        tone *= 1 + p.contrast * np.where(crest[:-1], 1, -1)
+    # The edges are level, so that tiles meet, and the outermost corners stand on the ground.
+    height[[0, -1]] = height[:, [0, -1]] = 0.0
+    height += LIFT
+    height[0, 0] = 0.0
+    corners = grid(at, at, height)
+    first = 4 * np.arange(len(corners))[:, None]
+    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3)
+    tile = solid(corners.reshape(-1, 3), faces, p.color, p.material)
+    return shade(tile, tone.ravel().repeat(2))
+
+
+FAMILY = Family(
+    "land", TrainId.TERRAIN, KINDS, sample_land, land,
+    count=14, size=Size((1, 60), (0.001, 1)), tone=1.0, line=None, stage=FRONTAGE,
+)  # fmt: skip

@@ -1,0 +1,142 @@
+"""Scaffolding before facades (class building): tubes and decks from y = 0 back towards the wall."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.family import FRONTAGE, Family, Size
+from scene.classes import TrainId
+from scene.mesh.asset import Asset, Color, Point, merge, shade, vary
+from scene.mesh.solids import box, quad, tube
+
+STEEL: Color = (0.24, 0.245, 0.25)
+BOARDS: Color = (0.20, 0.145, 0.085)
+LIFT = 2.0
+"""Height of a storey, metres."""
+
+
+class ScaffoldParams(NamedTuple):
+    """One scaffold; metres."""
+
+    bays: int
+    bay: float
+    depth: float
+    lifts: int
+    steel: Color
+    boards: Color
+    net: Color
+    netted: float  # share of the bays behind a net
+    hoarding: bool
+    fan: bool
+    seed: int
+
+
+_NETS: tuple[Color, ...] = (
+    (0.05, 0.20, 0.10),
+    (0.10, 0.20, 0.36),
+    (0.46, 0.46, 0.44),
+    (0.24, 0.24, 0.23),
+)
+_HOARDINGS: tuple[Color, ...] = ((0.03, 0.10, 0.28), (0.50, 0.50, 0.48), (0.20, 0.145, 0.085))
+_KINDS: dict[str, tuple[float, bool, bool]] = {
+    "tubes": (0.0, False, False),
+    "netted": (1.0, False, False),
+    "over a hoarding": (0.0, True, False),
+    "with a fan": (0.3, False, True),
+    "netted over a hoarding": (0.8, True, True),
+}
+KINDS: tuple[str, ...] = tuple(_KINDS)
+
+
+def sample_scaffold(rng: np.random.Generator, kind: str) -> ScaffoldParams:
+    """Draw a scaffold of one of ``KINDS``."""
+    netted, hoarding, fan = _KINDS[kind]
+    cloth = _HOARDINGS if hoarding and not netted else _NETS
+    return ScaffoldParams(
+        bays=int(rng.integers(3, 6)),
+        bay=float(rng.uniform(1.8, 2.3)),
+        depth=float(rng.uniform(0.9, 1.25)),
+        lifts=int(rng.integers(2, 5)),
+        steel=vary(rng, STEEL, 0.3),
+        boards=vary(rng, BOARDS, 0.3),
+        net=vary(rng, cloth[rng.integers(len(cloth))], 0.25),
+        netted=netted,
+        hoarding=hoarding,
+        fan=fan,
+        seed=int(rng.integers(2**31)),
+    )
+
+
+def scaffold(params: ScaffoldParams) -> Asset:
+    """Build the scaffold, in the middle of x."""
+    p, rng = params, np.random.default_rng(params.seed)
+    length, top = p.bays * p.bay, p.lifts * LIFT
+    x = np.linspace(-length / 2, length / 2, p.bays + 1).tolist()
+
+    def rod(a: Point, b: Point) -> Asset:
+        return tube(a, b, 0.03, p.steel, "metal", sides=5, caps=False)
+
+    parts = []
+    for at in x:
+        for y in (0.05, p.depth):
+            parts += [
+                rod((at, y, 0), (at, y, top + 1.1)),
+                box((0.16, 0.1, 0.02), (at, y, 0), p.steel),
+            ]
+    for lift in range(1, p.lifts + 1):
+        z = lift * LIFT
+        parts += [rod((-length / 2 - 0.2, y, z - 0.06), (length / 2 + 0.2, y, z - 0.06))
+                  for y in (0.05, p.depth)]  # fmt: skip
+        parts += [
+            rod((-length / 2 - 0.2, 0.02, z + h), (length / 2 + 0.2, 0.02, z + h))
+            for h in (0.5, 1.0)
+        ]
+        parts += [rod((at, -0.05, z - 0.1), (at, p.depth + 0.05, z - 0.1)) for at in x]
+        for k in range(4):
+            wide = p.depth / 4
+            deck = box(
+                (length, 0.92 * wide, 0.04), (0, 0.05 + (k + 0.5) * wide, z), p.boards, "wood"
+            )
+            parts.append(shade(deck, np.full(12, rng.uniform(0.8, 1.2))))
+        toe = box((length, 0.03, 0.16), (0, 0.09, z + 0.04), p.boards, "wood")
+        parts.append(toe)
+    for k in range(0, p.bays, 2):
+        parts += [rod((x[k], -0.02, max(lift * LIFT, 0.05)), (x[k + 1], -0.02, (lift + 1) * LIFT))
+                  for lift in range(p.lifts)]  # fmt: skip
+    parts += _sheets(p, x, top, rng)
+    return merge(*parts)
+
+
+def _sheets(p: ScaffoldParams, x: list[float], top: float, rng: np.random.Generator) -> list[Asset]:
+    """Nets before the bays, boards around the foot, and a fan that keeps what falls off the street."""
+    parts = []
+    first = 1 if p.hoarding or p.fan else 0
+    for k in range(p.bays):
+        for lift in range(first, p.lifts):
+            if rng.random() >= p.netted:
+                continue
+            low, high = lift * LIFT + 0.1, (lift + 1) * LIFT + 0.06
+            sag = float(rng.uniform(0.0, 0.06))
+            net = quad([(x[k] + 0.04, -0.07, low), (x[k + 1] - 0.04, -0.07 - sag, low),
+                        (x[k + 1] - 0.04, -0.07, high), (x[k] + 0.04, -0.07, high)],
+                       p.net, "plaster")  # fmt: skip
+            parts.append(shade(net, np.full(2, rng.uniform(0.85, 1.15))))
+    if p.hoarding:
+        for k in range(p.bays):
+            board = box((0.98 * (x[1] - x[0]), 0.03, LIFT - 0.15), ((x[k] + x[k + 1]) / 2, -0.08, 0),
+                        p.net, "wood")  # fmt: skip
+            parts.append(shade(board, np.full(12, rng.uniform(0.88, 1.12))))
+    if p.fan:
+        corners = [(x[0], 0.0, LIFT + 0.1), (x[-1], 0.0, LIFT + 0.1), (x[-1], -0.85, LIFT + 0.75),
+                   (x[0], -0.85, LIFT + 0.75)]  # fmt: skip
+        parts.append(quad(np.array(corners), p.boards, "wood"))
+    return parts
+
+
+FAMILY = Family(
+    "scaffold", TrainId.BUILDING, KINDS, sample_scaffold, scaffold,
+    count=15, size=Size((3, 40), (3, 40)), tone=0.8, line=None, facing="road", front="right",
+    stage=FRONTAGE,
+)  # fmt: skip

@@ -1,0 +1,205 @@
+"""Small buildings on sidewalks: bus shelters, kiosks, market stalls; their open front in the plane y = 0."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.family import FRONTAGE, Family, Size
+from scene.assets.parts.palette import GLASS, darker
+from scene.classes import TrainId
+from scene.mesh.asset import Asset, Color, Point, merge, rotate, translate, vary
+from scene.mesh.solids import box, extrude, loft, quad
+
+STEEL: Color = (0.20, 0.205, 0.21)
+DARK: Color = (0.03, 0.032, 0.035)
+TIMBER: Color = (0.14, 0.095, 0.06)
+BRICK: Color = (0.17, 0.085, 0.06)
+WHITE: Color = (0.55, 0.55, 0.52)
+CLOTHS: tuple[Color, ...] = (
+    (0.38, 0.03, 0.03), (0.03, 0.10, 0.35), (0.04, 0.20, 0.09), (0.50, 0.32, 0.03), (0.30, 0.05, 0.16),
+)  # fmt: skip
+GOODS: tuple[Color, ...] = (
+    (0.50, 0.22, 0.02), (0.35, 0.03, 0.03), (0.10, 0.26, 0.04), (0.55, 0.45, 0.05), (0.20, 0.05, 0.16),
+)  # fmt: skip
+POSTERS: tuple[Color, ...] = (
+    (0.05, 0.20, 0.45), (0.50, 0.08, 0.10), (0.55, 0.50, 0.42), (0.10, 0.32, 0.16), (0.45, 0.28, 0.04),
+)  # fmt: skip
+KINDS: tuple[str, ...] = (
+    "glass shelter", "market stall", "advert shelter", "produce stall", "cantilever shelter", "kiosk",
+    "brick shelter", "timber shelter",
+)  # fmt: skip
+SHELTERS: tuple[str, ...] = tuple(name for name in KINDS if "shelter" in name)
+STALLS: tuple[str, ...] = ("market stall", "produce stall", "kiosk")
+
+
+class ShelterParams(NamedTuple):
+    """One of them: metres along x, y and z, and what it is made of."""
+
+    form: str
+    size: tuple[float, float, float]
+    frame: Color
+    cover: Color
+    second: Color
+    seed: int
+
+
+def sample_shelter(rng: np.random.Generator, kind: str) -> ShelterParams:
+    """Draw one of ``KINDS``."""
+    stall = kind in STALLS
+    long = float(rng.uniform(2.2, 3.4) if stall else rng.uniform(2.8, 5.2))
+    size = (long, float(rng.uniform(1.3, 1.9)), float(rng.uniform(2.3, 2.7)))
+    frame, cover, second = {
+        "brick shelter": (BRICK, (0.10, 0.05, 0.035), TIMBER),
+        "timber shelter": (TIMBER, (0.06, 0.055, 0.05), TIMBER),
+        "kiosk": (CLOTHS[rng.integers(5)], DARK, CLOTHS[rng.integers(5)]),
+    }.get(kind, ((STEEL, DARK)[rng.integers(2)], CLOTHS[rng.integers(5)], POSTERS[rng.integers(5)]))
+    return ShelterParams(
+        kind, size, vary(rng, frame, 0.3), vary(rng, cover, 0.25), vary(rng, second, 0.25),
+        int(rng.integers(2**31)),
+    )  # fmt: skip
+
+
+def _posts(p: ShelterParams, inset: float = 0.06, gauge: float = 0.07) -> list[Asset]:
+    x, (_, y, z) = p.size[0] / 2 - inset, p.size
+    return [box((gauge, gauge, z), (s * x, d, 0), p.frame, "metal") for s in (-1, 1)
+            for d in (inset, y - inset)]  # fmt: skip
+
+
+def _glazed(p: ShelterParams) -> list[Asset]:
+    """Posts, bars and narrow panes along the back, a bench, a flat roof; posters at one end or both."""
+    x, y, z = p.size
+    parts = [
+        *_posts(p),
+        box((x + 0.3, y + 0.35, 0.09), (0, y / 2, z), darker(p.frame, 0.8), "metal"),
+    ]
+    for level in (0.25, 0.95, 1.9):
+        parts.append(box((x, 0.04, 0.05), (0, y - 0.06, level), p.frame, "metal"))
+    panes = max(2, round(x / 1.2))
+    for k in range(panes):
+        middle = (k + 0.5) * x / panes - x / 2
+        parts.append(box((0.62 * x / panes, 0.012, 0.6), (middle, y - 0.06, 0.32), GLASS, "glass"))
+        parts.append(
+            box((0.045, 0.05, z), (middle + 0.5 * x / panes - 0.04, y - 0.06, 0), p.frame, "metal")
+        )
+    parts.append(box((0.7 * x, 0.3, 0.05), (0, y - 0.35, 0.48), p.frame, "metal"))
+    for s in (-1, 1) if p.form == "advert shelter" else (1,):
+        parts.append(box((0.16, 0.8 * y, 1.75), (s * (x / 2 - 0.06), y / 2, 0.3), DARK, "paint"))
+        for d in (-1, 1):
+            at = s * (x / 2 - 0.06) + d * 0.085
+            poster = box((0.008, 0.66 * y, 1.5), (at, y / 2, 0.42), p.second, "lamp")
+            parts += [poster, box((0.01, 0.4 * y, 0.35), (at, y / 2, 1.2), WHITE, "paint")]
+    return parts
+
+
+def _cantilever(p: ShelterParams) -> list[Asset]:
+    """A curved roof on two posts at the back."""
+    x, y, z = p.size
+    angle = np.linspace(0.0, 1.2, 7)
+    rings = [
+        [(side, y - (y + 0.25) * float(np.sin(a)) / np.sin(1.2), z - 0.55 + 0.6 * float(np.sin(a)) + lift)
+         for side, lift in ((-x / 2, 0.0), (x / 2, 0.0), (x / 2, 0.05), (-x / 2, 0.05))]
+        for a in angle
+    ]  # fmt: skip
+    roof = loft(np.array(rings), darker(p.cover, 0.7), "paint")
+    posts = [
+        box((0.1, 0.1, z - 0.5), (s * 0.32 * x, y - 0.08, 0), p.frame, "metal") for s in (-1, 1)
+    ]
+    rail = box((0.8 * x, 0.12, 0.08), (0, y - 0.25, 0.7), p.frame, "metal")
+    frame = box((0.9, 0.06, 1.2), (0, y - 0.1, 0.8), p.second, "lamp")
+    return [roof, rail, frame, *posts]
+
+
+def _walled(p: ShelterParams) -> list[Asset]:
+    """Walls on three sides and a pitched roof."""
+    x, y, z = p.size
+    material = "brick" if p.form == "brick shelter" else "wood"
+    low = z - 0.3
+    walls = [
+        box((x, 0.14, low), (0, y - 0.07, 0), p.frame, material),
+        *(box((0.14, y - 0.14, low), (s * (x / 2 - 0.07), (y - 0.14) / 2, 0), p.frame, material)
+          for s in (-1, 1)),
+    ]  # fmt: skip
+    half = y / 2 + 0.2
+    roof = [
+        [(at, y / 2 - half, low), (at, y / 2 + half, low), (at, y / 2, low + 0.65)]
+        for at in (-x / 2 - 0.2, x / 2 + 0.2)
+    ]
+    bench = box((x - 0.4, 0.35, 0.06), (0, y - 0.35, 0.45), p.second, "wood")
+    window = box((0.4 * x, 0.02, 0.6), (0, y - 0.15, 1.2), GLASS, "glass")
+    beam = box((x, 0.12, 0.16), (0, 0.1, low - 0.16), p.second, "wood")
+    return [*walls, loft(np.array(roof), p.cover, "roof"), bench, window, beam]
+
+
+def _stall(p: ShelterParams) -> list[Asset]:
+    """A table with a skirt and goods below a striped cloth, or one of crates below a flat one."""
+    x, y, z = p.size
+    rng = np.random.default_rng(p.seed)
+    parts = _posts(p, 0.05, 0.05)
+    produce = p.form == "produce stall"
+    table, high = (0.72, 0.5) if produce else (0.85, 0.62)
+    parts.append(box((x, high * y, table), (0, 0.1 + high * y / 2, 0),
+                     darker(p.cover, 0.7) if not produce else TIMBER,
+                     "wood" if produce else "cloth"))  # fmt: skip
+    across = max(3, round(x / 0.45))
+    for k in range(across):
+        for row in range(2):
+            color = vary(rng, GOODS[rng.integers(len(GOODS))], 0.35)
+            size: Point = (0.8 * x / across, 0.22 * y, float(rng.uniform(0.08, 0.3)))
+            parts.append(
+                box(
+                    size,
+                    ((k + 0.5) * x / across - x / 2, 0.28 + 0.25 * y * row, table),
+                    color,
+                    "cloth",
+                )
+            )
+    stripes = 2 * max(3, round(x / 0.7))
+    for k in range(stripes):
+        a, b = (-x / 2 - 0.15 + (x + 0.3) * (k + d) / stripes for d in (0, 1))
+        color = p.cover if k % 2 == 0 or produce else WHITE
+        edge = [(-0.35, z - 0.32), (-0.35, z - 0.1), (y / 2, z + 0.45), (y + 0.2, z)]
+        for (y0, z0), (y1, z1) in pairwise(edge):
+            corners: list[Point] = [(a, y0, z0), (b, y0, z0), (b, y1, z1), (a, y1, z1)]
+            parts.append(quad(corners, color, "cloth"))
+    return parts
+
+
+def _kiosk(p: ShelterParams) -> list[Asset]:
+    """A closed hut with a hatch, papers below it and an awning over it."""
+    x, y, z = p.size
+    rng = np.random.default_rng(p.seed)
+    parts = [
+        box((x, y, z), (0, y / 2, 0), p.frame, "paint"),
+        box((x + 0.25, y + 0.25, 0.18), (0, y / 2, z), p.cover, "metal"),
+        box((0.72 * x, 0.06, 0.85), (0, -0.01, 1.05), GLASS, "glass"),
+        box((0.8 * x, 0.3, 0.05), (0, -0.12, 0.98), STEEL, "metal"),
+    ]
+    for k in range(5):
+        color = vary(rng, POSTERS[rng.integers(len(POSTERS))], 0.3)
+        parts.append(box((0.13 * x, 0.03, 0.5), ((k - 2) * 0.17 * x, -0.02, 0.35), color, "paint"))
+    awning = extrude(
+        [(0.0, 0.0), (0.9, -0.35), (0.9, -0.3), (0.0, 0.06)], 0.9 * x, p.second, "cloth"
+    )
+    return [*parts, translate(rotate(awning, -np.pi / 2, (0, 0, 1)), (0, 0, z - 0.1))]
+
+
+_FORMS = {
+    "glass shelter": _glazed, "advert shelter": _glazed, "cantilever shelter": _cantilever,
+    "brick shelter": _walled, "timber shelter": _walled, "market stall": _stall,
+    "produce stall": _stall, "kiosk": _kiosk,
+}  # fmt: skip
+
+
+def shelter(params: ShelterParams) -> Asset:
+    """Build it."""
+    return merge(*_FORMS[params.form](params))
+
+
+FAMILY = Family(
+    "shelter", TrainId.BUILDING, KINDS, sample_shelter, shelter,
+    count=24, size=Size((1, 15), (1.5, 6)), tone=0.8, line=None, facing="road", front="right",
+    stage=FRONTAGE,
+)  # fmt: skip

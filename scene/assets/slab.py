@@ -1,0 +1,79 @@
+"""Tiles of asphalt or paving for parking places (class road), laid side by side on the ground."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.family import FOOTWAY, Family, Size
+from scene.assets.parts.palette import darker
+from scene.classes import TrainId
+from scene.look.surfaces import ROAD_TONE
+from scene.mesh.asset import Asset, Color, merge, vary
+from scene.mesh.solids import box, polygon, quad
+
+BAY: tuple[float, float] = (2.5, 5.2)
+"""Metres of one tile along x and y: a place for one car that stands across x."""
+THICK, PAINT = 0.012, 0.016
+"""Heights of the surface and of what is painted on it, metres."""
+LINE = 0.1
+"""Width of painted lines, metres."""
+WHITE: Color = (0.56, 0.56, 0.53)
+
+
+class SlabParams(NamedTuple):
+    """One tile."""
+
+    color: Color
+    material: str
+    lines: str  # "", "sides", "ticks" or "box"
+    paint: Color
+    stain: tuple[float, float, float]  # where oil has dripped, and how far it has spread, m
+
+
+_KINDS: dict[str, tuple[Color, str, str]] = {
+    "bare asphalt": ((0.10, 0.10, 0.103), "fresh asphalt", ""),
+    "asphalt bay": ((0.09, 0.09, 0.093), "fresh asphalt", "sides"),
+    "paved bay": ((0.17, 0.16, 0.145), "pavers", ""),
+    "ticked bay": ((0.12, 0.12, 0.122), "fresh asphalt", "ticks"),
+    "boxed bay": ((0.075, 0.076, 0.08), "fresh asphalt", "box"),
+}
+KINDS: tuple[str, ...] = tuple(_KINDS)
+
+
+def sample_slab(rng: np.random.Generator, kind: str) -> SlabParams:
+    """Draw a tile of one of ``KINDS``."""
+    color, material, lines = _KINDS[kind]
+    spread = float(rng.uniform(0.2, 0.8))
+    stain = float(rng.uniform(-0.35, 0.35)), float(rng.uniform(-1.6, 1.6)), spread
+    return SlabParams(vary(rng, color, 0.45), material, lines, vary(rng, WHITE, 0.2), stain)
+
+
+def slab(params: SlabParams) -> Asset:
+    """Build the tile, centred on the origin."""
+    p, (x, y) = params, (BAY[0] / 2, BAY[1] / 2)
+    rows: list[tuple[float, float, float, float]] = []  # x from, x to, y from, y to
+    if p.lines in ("sides", "box"):
+        rows.append((-x, -x + LINE, -y, y))
+    if p.lines == "box":
+        rows.append((-x, x, y - LINE, y))
+    if p.lines == "ticks":
+        rows += [(-x, -x + LINE, s * y - 0.4, s * y + 0.4) for s in (-0.8, 0.8)]
+    marks = [
+        quad([(a, c, PAINT), (b, c, PAINT), (b, d, PAINT), (a, d, PAINT)], p.paint, "marking")
+        for a, b, c, d in rows
+    ]
+    at_x, at_y, spread = p.stain
+    turn = np.arange(9) * 2 * np.pi / 9
+    rim = spread * (1 + 0.25 * np.cos(2 * turn + at_y))
+    outline = np.column_stack([at_x + rim * np.cos(turn), at_y + 1.3 * rim * np.sin(turn)])
+    flat = np.column_stack([outline, np.full(9, (THICK + PAINT) / 2)])
+    marks.append(polygon(flat, darker(p.color, 0.7), p.material))
+    return merge(box((*BAY, THICK), (0, 0, 0), p.color, p.material), *marks)
+
+
+FAMILY = Family(
+    "slab", TrainId.ROAD, KINDS, sample_slab, slab,
+    count=10, size=Size((1, 30), (0.001, 0.3)), tone=ROAD_TONE, line=None, stage=FOOTWAY,
+)  # fmt: skip

@@ -1,0 +1,105 @@
+"""What else stands in a street, beside its lines: parked rows, traffic, people, open roadsides.
+
+Each ingredient draws from a stream of its own, so none moves another's numbers, and with all shares at 0 a
+street is that of its lines alone.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.street import furniture, people
+from scene.street.lines import Setting
+from scene.street.open_side import open_side
+from scene.street.parked import parked_row
+from scene.street.placing import Standing
+from scene.street.plot import Plot
+from scene.street.traffic import lane_rows
+from scene.street.turning import turning
+
+OPEN, PARKED, QUEUES, PEOPLE, LAND, FURNITURE = 30, 31, 32, 33, 34, 35
+"""Streams of random numbers."""
+SIDES = (1.0, -1.0)
+"""Left and right of the road."""
+
+
+class Mix(NamedTuple):
+    """How likely each ingredient without an attribute of its own is, in [0, 1]."""
+
+    turning: float = (
+        0.0  # vehicles across the road's direction at side streets, drives, two other places
+    )
+    groups: float = 0.0  # people together on 13 m of a sidewalk
+    benches: float = 0.0  # people on a bench on 26 m of a sidewalk
+    crossing: float = (
+        0.0  # people on a crossing of the road; half as likely at each of three other places
+    )
+    riders: float = 0.0  # cyclists in the lane, on 26 m of a roadside
+    cycle_stands: float = 0.0  # a row of parked bicycles on 30 m of a sidewalk
+    gardens: float = 0.0  # a front garden, on about 11 m of houses
+    shelters: float = 0.0  # a bus shelter at each of two places of a side
+    railings: float = 0.0  # a long railing or fence on 40 m of a sidewalk
+    bollards: float = 0.0  # a row of posts on 30 m of a kerb
+    islands: float = 0.0  # a traffic island at each end of a crossing and at two other places
+    scaffolds: float = 0.0  # scaffolding on 30 m of houses
+    stalls: float = 0.0  # a row of stalls on a side
+
+
+MIX = Mix()
+"""What streets have where nothing else is said."""
+
+
+def open_sides(setting: Setting, seed: int) -> tuple[float, ...]:
+    """The sides of the road without a row of houses."""
+    rng = np.random.default_rng([seed, OPEN])
+    shares = rng.random(2)
+    return tuple(s for s, u in zip(SIDES, shares, strict=True) if u < setting.params.open_share)
+
+
+def extras(
+    setting: Setting, seed: int, standing: list[Standing], mix: Mix | None = None
+) -> list[Standing]:
+    """What comes to the objects that stand on a street's lines.
+
+    Args:
+        setting: the street.
+        seed: of the street.
+        standing: what is there.
+        mix: shares; None: ``MIX``.
+    """
+    mix = MIX if mix is None else mix
+    plot, params = Plot(setting, standing), setting.params
+    is_open = open_sides(setting, seed)
+
+    def stream(number: int, part: int = 0) -> np.random.Generator:
+        return np.random.default_rng([seed, number, part])
+
+    furniture.islands(plot, mix.islands, stream(FURNITURE, 0))
+    narrow = []
+    for k, side in enumerate(SIDES):
+        rng = stream(PARKED, k)
+        wanted = rng.random() < params.parked_share
+        if wanted and parked_row(plot, side, side in is_open, rng):
+            narrow.append(side)
+    turning(plot, mix.turning, stream(QUEUES, 1))
+    lane_rows(plot, tuple(narrow), stream(QUEUES))
+    for k, side in enumerate(SIDES):
+        if side in is_open:
+            open_side(plot, side, stream(LAND, k))
+        else:
+            furniture.scaffolds(plot, side, mix.scaffolds, stream(FURNITURE, 1 + k))
+        furniture.shelters(plot, side, mix.shelters, stream(FURNITURE, 3 + k))
+        furniture.stalls(plot, side, mix.stalls, side in is_open, stream(FURNITURE, 5 + k))
+        if side not in is_open:
+            furniture.gardens(plot, side, mix.gardens, stream(FURNITURE, 7 + k))
+        furniture.railings(plot, side, mix.railings, stream(FURNITURE, 11 + k))
+        furniture.bollards(plot, side, mix.bollards, stream(FURNITURE, 9 + k))
+    people.crossing(plot, mix.crossing, stream(PEOPLE, 0))
+    for k, side in enumerate(SIDES):
+        people.riders(plot, side, mix.riders, stream(PEOPLE, 1 + k))
+        people.cycle_stands(plot, side, mix.cycle_stands, stream(PEOPLE, 3 + k))
+        people.benches(plot, side, mix.benches, stream(PEOPLE, 5 + k))
+        people.groups(plot, side, mix.groups, stream(PEOPLE, 7 + k))
+    return plot.added

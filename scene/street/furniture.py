@@ -1,0 +1,167 @@
+"""What streets are furnished with: islands, bollards, bus shelters, stalls, scaffolding, front gardens."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from scene.assets import catalogue
+from scene.assets.bollard import BEACONS
+from scene.assets.bollard import KINDS as BOLLARDS
+from scene.assets.catalogue import pick
+from scene.assets.person import STANDING
+from scene.assets.shelter import SHELTERS, STALLS
+from scene.street.lines import LINE_END, LINE_START
+from scene.street.open_side import HEDGES, LOW_WALLS
+from scene.street.parked import clear, kept_free
+from scene.street.plot import Plot, draw_kind
+from scene.street.rows import facing_road, run
+
+END = 120.0
+"""Furniture stands before here, metres along the road."""
+POSTS = tuple(name for name in BOLLARDS if name not in BEACONS)
+ISLANDS = ("slab island", "setts island", "narrow island", "block island")
+GARDEN_FENCES = ("pickets", "spear railings", "boards", "bow top", "rails", "trellis", "wires")
+KERB_RAILINGS = ("pedestrian guard", "bow top", "cross rails", "guard rail", "bollard and chain")
+BACK_FENCES = ("spear railings", "palisade", "chain link", "heras", "boards", "barrier boards",
+               "pedestrian guard")  # fmt: skip
+BOUNDARIES = (("bush", HEDGES, 0.4), ("wall", LOW_WALLS, 0.3), ("fence", GARDEN_FENCES, 0.3))
+"""What closes a front garden: family, kinds, how often."""
+
+
+def islands(plot: Plot, share: float, rng: np.random.Generator) -> None:
+    """Traffic islands in the middle of the road, a beacon at each end: beside crossings, and elsewhere."""
+    ground = plot.ground
+    places = [x + s * 5.0 for x in ground.crosswalks for s in (-1, 1)]
+    for x in [*places, *rng.uniform(8, END, 2).tolist()]:
+        island = draw_kind(plot.street.pool, "paving", ISLANDS, rng)
+        beacon = draw_kind(plot.street.pool, "bollard", BEACONS, rng)
+        wanted, both = rng.random() < share, rng.random() < 0.6
+        if not wanted or ground.half_width < 4.3 or not clear([*ground.boxes], x - 3, x + 3):
+            continue
+        if not plot.put("paving", island, x, 0.0, 0.0) or beacon is None:
+            continue
+        # What stands on it is not in its own way.
+        reach = float(catalogue.bounds("paving", island or 0)[1, 0]) - 0.55
+        for end in (-1, 1) if both else (-1,):
+            plot.place("bollard", beacon, x + end * reach, 0.0, 0.0, lift=0.13)
+
+
+def railings(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
+    """Long railings along the kerb, or fences along the back of the sidewalk."""
+    ground = plot.ground
+    for stretch in np.arange(LINE_START, LINE_END, 40.0).tolist():
+        at_kerb, wanted = rng.random() < 0.5, rng.random() < share
+        kinds = KERB_RAILINGS if at_kerb else BACK_FENCES
+        ref = draw_kind(plot.street.pool, "fence", kinds, rng)
+        start, length = stretch + float(rng.uniform(0, 15)), float(rng.uniform(12, 45))
+        y = ground.half_width + 0.35 if at_kerb else ground.outer + 0.1
+        if wanted:
+            run(plot, "fence", ref, side * y, (start, start + length), kept_free(ground, side))
+
+
+def bollards(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
+    """Rows of posts along the kerb."""
+    ground = plot.ground
+    for stretch in np.arange(LINE_START, END, 30.0).tolist():
+        ref = draw_kind(plot.street.pool, "bollard", POSTS, rng)
+        wanted, pitch = rng.random() < share, float(rng.uniform(1.3, 2.6))
+        start, length = stretch + float(rng.uniform(0, 12)), float(rng.uniform(6, 28))
+        for x in np.arange(start, start + length, pitch).tolist() if wanted else ():
+            if clear(kept_free(ground, side), x, x):
+                plot.put("bollard", ref, x, side * (ground.half_width + 0.4), 0.0, spare=0.05)
+
+
+def shelters(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
+    """Bus shelters at the back of the sidewalk, with people who wait."""
+    ground, pool = plot.ground, plot.street.pool
+    for stretch in (2.0, 60.0):
+        ref = draw_kind(pool, "shelter", SHELTERS, rng)
+        wanted, waiting = rng.random() < share, int(rng.integers(0, 6))
+        x = stretch + float(rng.uniform(0, 50))
+        if not wanted or ref is None:
+            continue
+        (left, _, _), (right, deep, _) = catalogue.bounds("shelter", ref)
+        y = max(ground.outer - float(deep) - 0.05, ground.half_width + 0.9)
+        if not clear(kept_free(ground, side), x + float(left), x + float(right)):
+            continue
+        if plot.put("shelter", ref, x, side * y, facing_road(side), spare=0.0):
+            for _ in range(waiting):
+                person = draw_kind(pool, "person", STANDING, rng)
+                place = (
+                    x + float(rng.uniform(left, right)),
+                    side * (y - float(rng.uniform(0.3, 0.6))),
+                )
+                yaw = -side * math.pi / 2 + 0.5 * float(rng.normal())
+                plot.put("person", person, *place, yaw, spare=0.02)
+
+
+def stalls(plot: Plot, side: float, share: float, is_open: bool, rng: np.random.Generator) -> None:
+    """A row of market stalls or kiosks, on the sidewalk or behind it."""
+    ground, pool = plot.ground, plot.street.pool
+    wanted, x, count = rng.random() < share, float(rng.uniform(0, 70)), int(rng.integers(1, 9))
+    room = (30.0 if is_open else plot.street.params.building_position - 0.8) - ground.outer
+    y = ground.outer + 0.3 if room > 2.6 else max(ground.outer - 2.1, ground.half_width + 0.7)
+    for _ in range(count if wanted else 0):
+        ref = draw_kind(pool, "shelter", STALLS, rng)
+        gap, customers = float(rng.uniform(0.3, 1.2)), int(rng.integers(0, 4))
+        if ref is None:
+            return
+        (left, front, _), (right, _, _) = catalogue.bounds("shelter", ref)
+        x -= float(left)
+        clear_here = clear(kept_free(ground, side), x + float(left), x + float(right))
+        if clear_here and plot.put("shelter", ref, x, side * y, facing_road(side), spare=0.0):
+            for _ in range(customers):
+                person = draw_kind(pool, "person", STANDING, rng)
+                place = x + float(rng.uniform(left, right)), side * (y + float(front) - 0.35)
+                plot.put(
+                    "person",
+                    person,
+                    *place,
+                    side * math.pi / 2 + 0.4 * float(rng.normal()),
+                    spare=0.0,
+                )
+        x += float(right) + gap
+
+
+def scaffolds(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
+    """Scaffolding before houses of the building line."""
+    distance = plot.street.params.building_position
+    for stretch in np.arange(0.0, END, 30.0).tolist():
+        ref = pick(plot.street.pool, "scaffold", rng)
+        wanted, places = rng.random() < share, stretch + rng.uniform(0, 30, 6)
+        if not wanted or ref is None:
+            continue
+        deep = float(catalogue.bounds("scaffold", ref)[1, 1])
+        for x in places.tolist():
+            if all(plot.built(x + d, side * (distance + 3.0)) for d in (-3.0, 3.0)) and plot.put(
+                "scaffold", ref, x, side * (distance - deep - 0.3), facing_road(side), spare=-0.3
+            ):
+                break
+
+
+def gardens(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
+    """Front gardens between sidewalk and houses: hedges, low walls or fences with gates, and bushes."""
+    ground, pool = plot.ground, plot.street.pool
+    edge, back = ground.outer + 0.25, plot.street.params.building_position - 0.7
+    x, closed = LINE_START, kept_free(ground, side)
+    while x < LINE_END:
+        plot_rng = np.random.default_rng(rng.integers(2**32))
+        width, start = float(plot_rng.uniform(7, 16)), x
+        x += width
+        if plot_rng.random() >= share or back - edge < 0.9:
+            continue
+        chosen = plot_rng.choice(len(BOUNDARIES), p=[row[2] for row in BOUNDARIES])
+        family, kinds, _ = BOUNDARIES[int(chosen)]
+        ref = draw_kind(pool, family, kinds, plot_rng)
+        gate = start + float(plot_rng.uniform(0, width - 1.5))
+        run(plot, family, ref, side * (edge + 0.3 * (family == "bush")), (start, x),
+            [*closed, (gate, gate + 1.0)])  # fmt: skip
+        for _ in range(int(plot_rng.integers(0, 1 + int(0.8 * width)))):
+            bush = pick(pool, "bush", plot_rng)
+            y = float(plot_rng.uniform(min(edge + 0.8, back), back))
+            turn = float(plot_rng.uniform(-math.pi, math.pi))
+            plot.put(
+                "bush", bush, start + float(plot_rng.uniform(0, width)), side * y, turn, spare=-0.2
+            )

@@ -1,0 +1,100 @@
+"""A roadside without houses: a park, water or a field, as far as the background that closes the horizon."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from scene.assets.catalogue import in_season, pick
+from scene.assets.paving import PATH
+from scene.street.background import BEHIND
+from scene.street.lines import LINE_END, LINE_START
+from scene.street.parked import kept_free
+from scene.street.plot import Plot, draw_kind
+from scene.street.rows import carpet, run
+
+KINDS = {"park": 0.5, "water": 0.22, "field": 0.28}
+"""What lies there."""
+REACH = BEHIND - 2.0
+"""Metres from the centre line at which it ends."""
+RAILINGS = ("spear railings", "rails", "pedestrian guard", "bow top", "cross rails", "chain link",
+            "bollard and chain", "wires")  # fmt: skip
+LOW_WALLS = ("piered", "railing top", "balustrade", "rubble stone", "sleepers")
+HEDGES = ("hedge", "beech hedge", "laurel")
+AREA = {"park": 75.0, "water": 30.0, "field": 500.0}
+"""Square metres for each tree."""
+SPAN = (LINE_START, LINE_END)
+
+
+def open_side(plot: Plot, side: float, rng: np.random.Generator) -> None:
+    """Lay out one side of the road."""
+    kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    edge = plot.ground.outer + 0.35
+    match kind:
+        case "park":
+            _boundary(plot, side, edge, 0.7, rng)
+            _paths(plot, side, rng)
+        case "water":
+            bank = edge + float(rng.uniform(0.3, 4.0))
+            _boundary(plot, side, edge, 1.0, rng)
+            ref = draw_kind(plot.street.pool, "land", ("water", "green water"), rng)
+            carpet(plot, "land", ref, (SPAN[0], 190.0), (bank, REACH), side)
+            if bank - edge > 2.0:
+                _trees(plot, side, (edge + 0.8, bank - 0.5), AREA[kind], rng)
+            return
+        case _:
+            _boundary(plot, side, edge, 0.8, rng)
+            ref = draw_kind(
+                plot.street.pool, "land", ("ploughed", "crop", "stubble", "meadow"), rng
+            )
+            carpet(plot, "land", ref, (SPAN[0], 190.0), (edge + 1.0, REACH), side)
+            run(plot, "bush", _draw(plot, "bush", HEDGES, rng), side * REACH, SPAN, [])
+    _trees(plot, side, (edge + 1.5, REACH), AREA[kind], rng)
+
+
+def _draw(
+    plot: Plot, family: str, kinds: tuple[str, ...], rng: np.random.Generator
+) -> int | str | None:
+    return draw_kind(plot.street.pool, family, kinds, rng)
+
+
+def _boundary(plot: Plot, side: float, edge: float, share: float, rng: np.random.Generator) -> None:
+    """Railings, a low wall or a hedge along the sidewalk with the probability ``share``, with gates."""
+    family, kinds = (("fence", RAILINGS), ("wall", LOW_WALLS), ("bush", HEDGES))[
+        int(rng.choice(3, p=[0.55, 0.2, 0.25]))
+    ]
+    ref = _draw(plot, family, kinds, rng)
+    gates = [(x, x + 2.5) for x in rng.uniform(*SPAN, 4).tolist()]
+    if rng.random() < share:
+        run(plot, family, ref, side * edge, SPAN, [*kept_free(plot.ground, side), *gates])
+
+
+def _paths(plot: Plot, side: float, rng: np.random.Generator) -> None:
+    """One path beside the road and some that lead away from it."""
+    ref = _draw(plot, "paving", ("asphalt path", "gravel path", "slab path", "brick path"), rng)
+    along = plot.ground.outer + float(rng.uniform(4, 14))
+    if rng.random() < 0.6:
+        carpet(plot, "paving", ref, (SPAN[0], 100.0), (along, along + 0.5), side)
+    for x in rng.uniform(0, 90, int(rng.integers(0, 4))).tolist():
+        angle = float(rng.uniform(0.25, 0.5)) * math.pi
+        for step in np.arange(0.5, (REACH - plot.ground.outer) / PATH[0]) * PATH[0]:
+            place = x + step * math.cos(angle), plot.ground.outer + step * math.sin(angle)
+            plot.lay("paving", ref, float(place[0]), float(side * place[1]), side * angle)
+
+
+def _trees(
+    plot: Plot, side: float, reach: tuple[float, float], area: float, rng: np.random.Generator
+) -> None:
+    """Trees and bushes anywhere within ``reach`` metres of the centre line, a few of them in groups."""
+    pool, bare = plot.street.pool, plot.street.params.bare_tree_share
+    count = int((SPAN[1] - SPAN[0]) * (reach[1] - reach[0]) / area * rng.uniform(0.4, 1.4))
+    for _ in range(max(count, 0)):
+        x, y = float(rng.uniform(*SPAN)), float(rng.uniform(*reach))
+        for _ in range(1 if rng.random() < 0.7 else 3):
+            family = "tree" if rng.random() < 0.75 else "bush"
+            ref = in_season(family, pick(pool, family, rng), bare, pool, rng)
+            plot.put(
+                family, ref, x, side * y, float(rng.uniform(-math.pi, math.pi)), bare=area < 300
+            )
+            x, y = x + 3 * float(rng.normal()), float(np.clip(y + 3 * rng.normal(), *reach))

@@ -1,0 +1,187 @@
+"""Parked vehicles: rows along the kerb or half on the sidewalk, slanted and nose-in rows, car parks."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from scene.assets import catalogue
+from scene.assets.catalogue import pick
+from scene.assets.slab import BAY
+from scene.ground.extent import KERB_HEIGHT, KERB_WIDTH
+from scene.ground.ground import Ground
+from scene.street.background import BEHIND
+from scene.street.lines import LINE_END, LINE_START
+from scene.street.plot import Plot, draw_kind
+
+PARKED = {"car": 0.93, "truck": 0.045, "motorcycle": 0.02, "bus": 0.005}
+"""What stands along a kerb."""
+AGAINST = 0.12
+"""Share of cars along the kerb that look against the traffic of their side."""
+FREE = 0.12
+"""Share of places in a row that are free."""
+LONGEST = 9.0
+"""Metres; longer vehicles do not park."""
+PASSAGE = 2.9
+"""Metres of carriageway that a row leaves free on its side of the centre line."""
+KERB_ROLL = math.atan2(KERB_HEIGHT, 1.6)
+"""How far a car with two wheels on the sidewalk leans, radians."""
+STYLES = {
+    "kerb": 0.6,
+    "half on": 0.14,
+    "slanted": 0.3,
+    "nose in": 0.25,
+    "bays": 0.3,
+    "car park": 0.6,
+}
+"""How often rows are of a style where there is room for it."""
+
+
+def kept_free(ground: Ground, side: float) -> list[tuple[float, float]]:
+    """Where nobody stops on a side of the road, from and to, metres along it."""
+    mouths = [(x - 5.5, x + 5.5) for x, s in ground.side_streets if s == side]
+    drives = [(x - 2.2, x + 2.2) for x, s in ground.driveways if s == side]
+    return [*mouths, *drives, *((x - 4.5, x + 4.5) for x in ground.crosswalks), *ground.boxes]
+
+
+def clear(places: list[tuple[float, float]], low: float, high: float) -> bool:
+    """Whether none of ``places`` reaches between ``low`` and ``high``."""
+    return all(high < a or low > b for a, b in places)
+
+
+def parked_row(plot: Plot, side: float, is_open: bool, rng: np.random.Generator) -> bool:
+    """Fill one roadside; says whether the row takes room from the lane beside it."""
+    half = plot.ground.half_width
+    beyond = (BEHIND if is_open else plot.street.params.building_position - 0.8) - half
+    fits = {
+        "kerb": True,
+        "half on": plot.ground.footway > 1.6,
+        "slanted": half > PASSAGE + 4.8,
+        "nose in": half > PASSAGE + 5.2,
+        "bays": beyond > BAY[1] + 1.0,
+        "car park": is_open and beyond > plot.ground.footway + 3.2 * BAY[1],
+    }
+    shares = np.array([STYLES[style] * fits[style] for style in STYLES])
+    style = str(rng.choice(list(STYLES), p=shares / shares.sum()))
+    also = rng.random() < 0.5
+    if style == "car park":
+        _car_park(plot, side, rng)
+    elif style == "bays":
+        _across(plot, side, half + KERB_WIDTH + BAY[1], math.pi / 2, True, rng)
+    elif style in ("slanted", "nose in"):
+        angle = math.radians(rng.uniform(30, 60)) if style == "slanted" else math.pi / 2
+        _across(plot, side, half - 0.25, angle, False, rng)
+        return True
+    if style in ("kerb", "half on") or (style == "car park" and also):
+        _along(plot, side, style == "half on", rng)
+        return True
+    return False
+
+
+def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> None:
+    """One behind the other, bumper to bumper, with free places now and then."""
+    ground, pool = plot.ground, plot.street.pool
+    forward = 0.0 if side == plot.street.drive else math.pi
+    closed = kept_free(ground, side)
+    x = LINE_START + float(rng.uniform(0, 6))
+    families, shares = list(PARKED), list(PARKED.values())
+    while x < LINE_END:
+        family = str(rng.choice(families, p=shares))
+        ref = pick(pool, family, rng)
+        gap, wobble, drift = rng.uniform(0.6, 2.0), 0.02 * rng.normal(), 0.07 * rng.normal()
+        turned, free = rng.random() < AGAINST, rng.random() < FREE
+        low, high = (0, 0) if ref is None else catalogue.bounds(family, ref)[:, 0]
+        length = float(high - low)
+        if free or ref is None or length > LONGEST:
+            x += 5.3
+            continue
+        if family == "motorcycle":
+            x = _huddle(plot, side, x, rng)
+            continue
+        width = float(np.ptp(catalogue.bounds(family, ref)[:, 1]))
+        middle = ground.half_width - (0.15 if half_on else 0.2 + width / 2) + float(drift)
+        middle = min(middle, ground.half_width - 0.02)  # it stands on the road, or it would rise
+        yaw = forward + math.pi * turned + float(wobble)
+        tilt = _leaning(side * math.cos(yaw)) if half_on and width < 2.0 else None
+        stands = clear(closed, x, x + length) and plot.put(
+            family, ref, x + length / 2, side * middle, yaw, tilt=tilt
+        )
+        x += length + float(gap) if stands else 0.7
+
+
+def _leaning(kerb: float) -> np.ndarray:
+    """The turn f64[4, 4] of a car whose wheels left (``kerb`` > 0) or right stand on the sidewalk."""
+    angle = math.copysign(KERB_ROLL, kerb)
+    c, s = math.cos(angle), math.sin(angle)
+    lift = KERB_HEIGHT / 2
+    return np.array([[1.0, 0, 0, 0], [0, c, -s, 0], [0, s, c, lift], [0, 0, 0, 1]])
+
+
+def _huddle(plot: Plot, side: float, x: float, rng: np.random.Generator) -> float:
+    """Motorcycles side by side in one place, tails to the kerb; where the place ends."""
+    for _ in range(int(rng.integers(2, 6))):
+        ref = pick(plot.street.pool, "motorcycle", rng)
+        yaw = -side * (math.pi / 2 + float(rng.normal(0, 0.12)))
+        if clear(kept_free(plot.ground, side), x, x + 1):
+            plot.put(
+                "motorcycle", ref, x + 0.5, side * (plot.ground.half_width - 1.2), yaw, spare=0.05
+            )
+        x += 1.0
+    return x + 0.8
+
+
+def _across(
+    plot: Plot, side: float, edge: float, angle: float, bays: bool, rng: np.random.Generator
+) -> None:
+    """Side by side at ``angle`` to the road, noses or tails at ``edge`` metres from the centre line."""
+    pool = plot.street.pool
+    start = float(rng.uniform(LINE_START, 25)) if bays else LINE_START
+    end = start + float(rng.uniform(25, 80)) if bays else LINE_END
+    closed = kept_free(plot.ground, side)
+    slab = pick(pool, "slab", rng)
+    heading = 1.0 if side == plot.street.drive else -1.0
+    pitch = BAY[0] / math.sin(angle)
+    for x in np.arange(start, end, pitch).tolist():
+        ref = pick(pool, "car", rng)
+        taken, tail_in, wobble = rng.random() > FREE, rng.random() < 0.25, 0.03 * rng.normal()
+        if ref is None or not clear(closed, x - pitch / 2, x + pitch / 2):
+            continue
+        if bays and not plot.lay(
+            "slab", slab, x, side * (edge - BAY[1] / 2), side * math.pi / 2 - math.pi / 2
+        ):
+            continue
+        low, high = catalogue.bounds("car", ref)[:, :2]
+        if not taken or high[0] - low[0] > BAY[1]:
+            continue
+        size = (high - low) / 2
+        reach = float(size[0] * math.sin(angle) + size[1] * math.cos(angle))
+        yaw = math.atan2(side * math.sin(angle), heading * math.cos(angle))
+        yaw += math.pi * tail_in + float(wobble)
+        plot.put("car", ref, x, side * (edge - reach - 0.1), yaw)
+
+
+def _car_park(plot: Plot, side: float, rng: np.random.Generator) -> None:
+    """Rows of bays on both sides of an aisle, beyond the sidewalk of an open side."""
+    pool = plot.street.pool
+    near = plot.ground.outer + float(rng.uniform(0.6, 3.0))
+    start = float(rng.uniform(-5, 40))
+    places = int(rng.integers(8, 26))
+    bay = draw_kind(pool, "slab", ("asphalt bay", "ticked bay", "boxed bay"), rng)
+    aisle = draw_kind(pool, "slab", ("bare asphalt",), rng)
+    full = float(rng.uniform(0.55, 0.95))
+    depth = BAY[1]
+    rows = [(near + depth / 2, bay, -1.0), (near + 1.5 * depth, aisle, 0.0),
+            (near + 2.5 * depth, bay, 1.0)]  # fmt: skip
+    for distance, tile, nose in rows:
+        # Where the road bends, what lies beside it is longer or shorter than the road.
+        pitch = BAY[0] / (1 + distance * plot.street.params.bend / 1000)
+        for x in start + pitch * np.arange(math.ceil(places * BAY[0] / pitch)):
+            ref = pick(pool, "car", rng)
+            taken, tail_in, wobble = rng.random() < full, rng.random() < 0.25, 0.03 * rng.normal()
+            laid = plot.lay(
+                "slab", tile, float(x), side * distance, 0.0 if side * nose > 0 else math.pi
+            )
+            if laid and nose and taken and ref is not None:
+                yaw = side * nose * math.pi / 2 + math.pi * tail_in + float(wobble)
+                plot.put("car", ref, float(x), side * distance, yaw)

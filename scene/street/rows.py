@@ -1,0 +1,72 @@
+"""Things in rows along a roadside: panels end to end, and tiles side by side."""
+
+from __future__ import annotations
+
+import math
+
+from scene.assets import catalogue
+from scene.street.lines import OVERLAP
+from scene.street.parked import clear
+from scene.street.plot import Plot
+
+
+def facing_road(side: float) -> float:
+    """The yaw of what looks at the road from a side."""
+    return 0.0 if side > 0 else math.pi
+
+
+def run(
+    plot: Plot,
+    family: str,
+    ref: int | str | None,
+    y: float,
+    span: tuple[float, float],
+    closed: list[tuple[float, float]],
+) -> int:
+    """Panels of one sort end to end along the road, but for gaps where ``closed``; how many stand.
+
+    Args:
+        plot: the street.
+        family: of the panels: fences, walls, hedges.
+        ref: the panel.
+        y: metres left of the centre line.
+        span: from and to, metres along the road.
+        closed: where none stands, each from and to.
+    """
+    if ref is None:
+        return 0
+    low, high = catalogue.bounds(family, ref)
+    length = OVERLAP * float(high[0] - low[0])
+    count = 0
+    for k in range(int((span[1] - span[0]) / length)):
+        x = span[0] + (k + 0.5) * length
+        if clear(closed, x - length / 2, x + length / 2):
+            count += plot.put(family, ref, x, y, facing_road(math.copysign(1, y)), spare=-0.12)
+    return count
+
+
+def carpet(
+    plot: Plot,
+    family: str,
+    ref: int | str | None,
+    x: tuple[float, float],
+    y: tuple[float, float],
+    side: float,
+) -> None:
+    """Tiles of one sort over a rectangle: along the road, and in metres from the centre line.
+
+    The last ones may reach further; side streets are left free.
+    """
+    if ref is None:
+        return
+    low, high = catalogue.bounds(family, ref)
+    mouths = [(a - 3.5, a + 3.5) for a, s in plot.ground.side_streets if s == side]
+    long, wide = 0.998 * (high - low)[:2]
+    for row in range(math.ceil((y[1] - y[0]) / wide)):
+        distance = y[0] + (row + 0.5) * wide
+        # Where the road bends, what lies beside it is longer or shorter than the road.
+        pitch = long / (1 + distance * plot.street.params.bend / 1000)
+        for k in range(math.ceil((x[1] - x[0]) / pitch)):
+            place = x[0] + (k + 0.5) * pitch
+            if clear(mouths, place - pitch / 2, place + pitch / 2):
+                plot.lay(family, ref, float(place), float(side * distance), 0.0)

@@ -1,0 +1,90 @@
+"""Vehicles seen from the side: in the mouths of side streets and in drives, turning, pulling out."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from scene.assets import catalogue
+from scene.assets.catalogue import pick
+from scene.street.plot import Plot
+
+VEHICLES = {"car": 0.94, "truck": 0.06}
+BESIDE = 1.6
+"""Metres from the middle of a side street to that of one of its lanes."""
+START, END = 8.0, 100.0
+"""Where vehicles turn on the road, metres along it."""
+
+
+def turning(plot: Plot, share: float, rng: np.random.Generator) -> None:
+    """Vehicles across the road's direction; each place has one or two with the probability ``share``.
+
+    The places are side streets, driveways, and two more where one pulls out of the kerb or turns round.
+    """
+    ground = plot.ground
+    for x, side in ground.side_streets:
+        _side_street(plot, x, side, share, np.random.default_rng(rng.integers(2**32)))
+    for x, side in ground.driveways:
+        drive_rng = np.random.default_rng(rng.integers(2**32))
+        wanted, tail_in = drive_rng.random() < share, drive_rng.random() < 0.5
+        family, ref, length = _vehicle(plot, drive_rng, 6.0)
+        y = ground.outer + 0.3 + length / 2 + float(drive_rng.uniform(0, 1))
+        if wanted:
+            yaw = side * math.pi / 2 + math.pi * tail_in + 0.03 * float(drive_rng.normal())
+            plot.put(family, ref, x, side * y, yaw)
+    for _ in range(2):
+        _pulling_out(plot, share, np.random.default_rng(rng.integers(2**32)))
+
+
+def _vehicle(
+    plot: Plot, rng: np.random.Generator, longest: float = 12.0
+) -> tuple[str, int | str | None, float]:
+    """Family, asset and length of one that is not too long; a car's place is left empty instead."""
+    family = str(rng.choice(list(VEHICLES), p=list(VEHICLES.values())))
+    ref = pick(plot.street.pool, family, rng)
+    if ref is None:
+        return family, None, 0.0
+    length = float(np.ptp(catalogue.bounds(family, ref)[:, 0]))
+    return (family, ref, length) if length < longest else (family, None, length)
+
+
+def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random.Generator) -> None:
+    """Some wait to come out, some have gone in, and one is on its way round the corner."""
+    ground, drive = plot.ground, plot.street.drive
+    if rng.random() >= share:
+        return
+    # Who comes out towards the road keeps to the side of the street that traffic keeps to here.
+    out = x - BESIDE * side * drive
+    y = ground.half_width + 1.2
+    for _ in range(int(rng.integers(0, 4))):
+        family, ref, length = _vehicle(plot, rng)
+        wobble = 0.04 * float(rng.normal())
+        plot.put(family, ref, out, side * (y + length / 2), -side * math.pi / 2 + wobble)
+        y += length + float(rng.uniform(1.2, 3))
+    if rng.random() < 0.5:
+        family, ref, length = _vehicle(plot, rng)
+        away = ground.half_width + 1.0 + length / 2 + float(rng.uniform(0, 12))
+        plot.put(family, ref, 2 * x - out, side * away, side * math.pi / 2)
+    if rng.random() < 0.5:
+        family, ref, length = _vehicle(plot, rng, 5.2)
+        turn = float(rng.uniform(0.6, 1.3)) * (1.0 if rng.random() < 0.5 else -1.0)
+        y = ground.half_width - 0.5 * length * abs(math.cos(turn)) - 1.0
+        plot.put(family, ref, x + float(rng.uniform(-3, 3)), side * y, -side * math.pi / 2 + turn)
+
+
+def _pulling_out(plot: Plot, share: float, rng: np.random.Generator) -> None:
+    """One that leaves the kerb at an angle, or stands across the road as it turns round."""
+    half = plot.ground.half_width
+    side = 1.0 if rng.random() < 0.5 else -1.0
+    forward = 0.0 if side == plot.street.drive else math.pi
+    heading = 1.0 if side == plot.street.drive else -1.0
+    x, wanted, round_ = float(rng.uniform(START, END)), rng.random() < share, rng.random() < 0.4
+    family, ref, length = _vehicle(plot, rng, 5.5)
+    if not wanted:
+        return
+    # Towards the middle of the road: clockwise on the left side for who goes forward.
+    angle = float(rng.uniform(1.1, 1.9) if round_ else rng.uniform(0.25, 0.7))
+    reach = 0.5 * length * math.sin(angle) + 0.9 * abs(math.cos(angle))
+    y = float(rng.uniform(0, 1)) if round_ else half - 0.4 - reach
+    plot.put(family, ref, x, side * y, forward - side * heading * angle)
