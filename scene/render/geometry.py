@@ -45,6 +45,7 @@ class Shape(NamedTuple):
     surface: np.ndarray  # f32[f, ROW]
     ball: np.ndarray  # f32[4] middle and radius of a ball around it
     table: tuple[int, ...]  # addresses of surface, vertices, faces; numbers of vertices, faces
+    box: np.ndarray  # f32[8, 3] corners of a box around it
 
     @classmethod
     def of(cls, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray) -> Shape:
@@ -54,7 +55,10 @@ class Shape(NamedTuple):
         radius = np.linalg.norm(vertices - middle, axis=1).max()
         addresses = (int(a.ctypes.data) for a in (surface, vertices, faces))
         ball = np.append(middle, 1.0001 * radius).astype(np.float32)
-        return cls(vertices, faces, surface, ball, (*addresses, len(vertices), len(faces)))
+        ends = np.stack([low, high]).astype(np.float32)
+        box = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
+        table = (*addresses, len(vertices), len(faces))
+        return cls(vertices, faces, surface, ball, table, box)
 
     @property
     def normal(self) -> np.ndarray:
@@ -85,6 +89,7 @@ class Geometry(NamedTuple):
     balls: np.ndarray  # f32[instances, 4] middle and radius of a ball around it, in its own frame
     pose: np.ndarray  # f32[instances, 3, 4] shape -> world
     train_id: np.ndarray  # u8[instances]; instance 0 is the sky
+    boxes: np.ndarray  # f32[instances, 8, 3] corners of a box around each, in its own frame
 
     @property
     def surfaces(self) -> np.ndarray:
@@ -212,7 +217,8 @@ def stand(shapes: Sequence[Shape], pose: np.ndarray, train_id: np.ndarray) -> Ge
     """Shapes as instances 1, 2, ...; row 0 of ``pose`` f32[n, 3, 4] and ``train_id`` u8[n] is the sky's."""
     tables = np.array([(0,) * 5, *(shape.table for shape in shapes)], np.uint64)
     balls = np.stack([np.zeros(4, np.float32), *(shape.ball for shape in shapes)])
-    return Geometry(tuple(shapes), tables, balls, pose, train_id)
+    boxes = np.stack([np.zeros((8, 3), np.float32), *(shape.box for shape in shapes)])
+    return Geometry(tuple(shapes), tables, balls, pose, train_id, boxes)
 
 
 class World(NamedTuple):

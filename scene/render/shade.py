@@ -1,4 +1,4 @@
-"""The shader of all renderers: sun, sky light, texture, gloss and haze for one sample at a time.
+"""The shader of all renderers: sun, sky light, texture, gloss and haze of every spot.
 
 Everything here is compiled and alike for all renderers. A compiled function calls only functions of its
 own file: the compiler's cache does not notice changes elsewhere.
@@ -24,6 +24,10 @@ BOUNCE = 0.12
 
 Array = np.ndarray
 f32 = np.float32
+BATCH, WORK = 256, 13
+"""Spots that are shaded together, and the numbers that are kept of each meanwhile."""
+LEVELS = 8
+"""Levels of detail below the finest, at most."""
 ZERO, HALF, ONE = f32(0), f32(0.5), f32(1)
 """Compiled code computes in doubles as soon as a plain number comes near; these keep it single."""
 
@@ -117,6 +121,9 @@ def _texture(
 
 @njit(cache=True, fastmath=True)
 def shade(
+    first: Array,
+    sample: Array,
+    share: Array,
     face: Array,
     instance: Array,
     distance: Array,
@@ -127,6 +134,7 @@ def shade(
     lit: Array,
     opened: Array,
     pixel_angle: np.float32,
+    brightest: np.float32,
     textured: bool,
     surfaces: Array,
     rows: Array,
@@ -141,30 +149,55 @@ def shade(
     wetness: np.float32,
     panorama: Array,
 ) -> Array:
-    """Linear radiance f32[n, 3] towards the camera for n samples.
+    """Linear radiance f32[pixels, 3] towards the camera: of each pixel the mean over its samples.
 
     ``lit`` is 1 where the sun is seen, ``opened`` the share of the sky that is seen, ``pixel_angle``
-    the radians between samples; the rest as in ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
+    the radians between samples, ``brightest`` what no sample goes beyond; the rest as in ``Spots``,
+    ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
+
+    Spots are taken some at a time: what looks things up one by one, then the sums of all, which
+    processors do many at a time.
     """
-    out = np.empty((face.shape[0], 3), np.float32)
-    mirrored = np.empty(3, np.float32)
+    pixels = first.shape[0] - 1
+    out = np.zeros((pixels, 3), np.float32)
     ground_light = np.empty(3, np.float32)
     for k in range(3):
         ground_light[k] = f32(BOUNCE) * (sun[k] * max(sun_direction[2], ZERO) + ambient[k])
-    for i in range(face.shape[0]):
-        f = face[i]
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        if f < 0:
-            _sky(dx, dy, max(dz, ZERO), panorama, out[i])
-            continue
-        row = carray(float_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
-        m = int(row[15])
-        nx, ny, nz = smooth[i, 0], smooth[i, 1], smooth[i, 2]
-        t = distance[i]
-        toward = dx * nx + dy * ny + dz * nz
-        steep = min(abs(toward), ONE)
-        texture = ONE
-        if textured:
+    work = np.empty((WORK, BATCH), np.float32)
+    color, mirrored = np.empty((3, BATCH), np.float32), np.empty((3, BATCH), np.float32)
+    u, v, footprint, steep, direct = work[0], work[1], work[2], work[3], work[4]
+    up, texture, gloss, wet, sky_share = work[5], work[6], work[7], work[8], work[9]
+    clear, t, open_sky = work[10], work[11], work[12]
+    material, level = np.empty(BATCH, np.int32), np.empty(BATCH, np.int32)
+    seen = np.empty(3, np.float32)
+    pixel = 0
+    for begin in range(0, sample.shape[0], BATCH):
+        count = min(BATCH, sample.shape[0] - begin)
+        for n in range(count):
+            i = begin + n
+            f, j = face[sample[i]], instance[sample[i]]
+            dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
+            open_sky[n] = opened[i]
+            wet[n] = ZERO
+            clear[n] = ONE
+            texture[n] = ONE
+            if f < 0:
+                # All that is left of a spot in the sky is what it "mirrors".
+                _sky(dx, dy, max(dz, ZERO), panorama, seen)
+                material[n] = -1
+                footprint[n] = t[n] = direct[n] = up[n] = ZERO
+                steep[n] = gloss[n] = sky_share[n] = ONE
+                for k in range(3):
+                    color[k, n], mirrored[k, n] = ZERO, seen[k]
+                continue
+            row = carray(float_pointer(surfaces[j]), (f + 1, ROW))[f]
+            m = int(row[15])
+            material[n] = m
+            for k in range(3):
+                color[k, n], mirrored[k, n] = row[12 + k], ZERO
+            nx, ny, nz = smooth[i, 0], smooth[i, 1], smooth[i, 2]
+            toward = dx * nx + dy * ny + dz * nz
+            steep[n] = min(abs(toward), ONE)
             # Project along the dominant axis; instances start at different places in the texture.
             a, b = points[i, 0], -points[i, 2]
             if abs(flat[i, 2]) > f32(0.7):
@@ -172,47 +205,75 @@ def shade(
             elif abs(flat[i, 0]) > abs(flat[i, 1]):
                 a = points[i, 1]
             per_tile = ONE / rows[m, 0]
-            # Texels in a pixel, squared: each level of detail quarters it.
-            footprint = t * pixel_angle * f32(size[0]) * per_tile
-            footprint *= footprint / max(steep, f32(0.02))
-            level = 0
-            while footprint > f32(2) and level < len(size) - 1:
-                footprint *= f32(0.25)
-                level += 1
-            shift = f32(instance[i]) * f32(0.1446)  # of a tile
-            texture = _texture(m, a * per_tile + shift, b * per_tile, level, texels, start, size)
-        cosine = nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2]
-        through = rows[m, 2]
-        direct = lit[i] * (max(cosine, ZERO) * (ONE - through) + f32(0.6) * abs(cosine) * through)
-        up = HALF + HALF * nz
-        gloss = rows[m, 1]
-        wet = ZERO
-        if wetness > ZERO and flat[i, 2] > f32(0.9) and points[i, 2] < f32(0.2):
-            wet = wetness
-            gloss = max(gloss, f32(0.05) * wet)
-        if gloss > ZERO:
-            graze = ONE - steep
+            t[n] = distance[i]
+            u[n] = a * per_tile + f32(j) * f32(0.1446)  # of a tile
+            v[n] = b * per_tile
+            width = t[n] * per_tile
+            footprint[n] = width * width * share[i]
+            cosine = nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2]
+            through = rows[m, 2]
+            direct[n] = lit[i] * (
+                max(cosine, ZERO) * (ONE - through) + f32(0.6) * abs(cosine) * through
+            )
+            up[n] = HALF + HALF * nz
+            shine, sky_share[n] = rows[m, 1], ZERO
+            if (wetness > ZERO) & (flat[i, 2] > f32(0.9)) & (points[i, 2] < f32(0.2)):
+                wet[n] = wetness
+                shine = max(shine, f32(0.05) * wetness)
+                # A wet road is rough: only standing water mirrors clouds, the rest their mean.
+                clear[n] = min(max(f32(5) * wetness - f32(4), ZERO), ONE)
+            gloss[n] = shine
+            if shine > ZERO:
+                mx, my = dx - f32(2) * toward * nx, dy - f32(2) * toward * ny
+                mz = dz - f32(2) * toward * nz
+                if clear[n] > ZERO:
+                    _sky(mx, my, min(abs(mz), ONE), panorama, seen)
+                    for k in range(3):
+                        mirrored[k, n] = min(seen[k], f32(2.5))
+                # Low rays meet the street's other side rather than the sky.
+                sky_share[n] = min(max(mz * f32(3) + f32(0.1), f32(0.12)), ONE)
+                sky_share[n] *= f32(0.3) + f32(0.7) * opened[i]
+        if textured:
+            per_sample = pixel_angle * f32(size[0])
+            per_sample *= per_sample
+            for n in range(count):
+                # Texels in a spot, squared: each level of detail quarters it.
+                texels_seen = footprint[n] * per_sample / max(steep[n], f32(0.02))
+                level[n] = 0
+                most = f32(2)
+                for _ in range(LEVELS):
+                    level[n] += np.int32(texels_seen > most)
+                    most *= f32(4)
+            for n in range(count):
+                if material[n] >= 0:
+                    at = min(level[n], len(size) - 1)
+                    texture[n] = _texture(material[n], u[n], v[n], at, texels, start, size)
+        for n in range(count):
+            graze = ONE - steep[n]
             graze *= graze * graze * graze * graze
-            gloss += (ONE - gloss) * graze * (f32(0.6) if wet == ZERO else f32(0.8) * wet)
-            mx, my = dx - f32(2) * toward * nx, dy - f32(2) * toward * ny
-            mz = dz - f32(2) * toward * nz
-            _sky(mx, my, abs(mz), panorama, mirrored)
-            # Low rays meet the street's other side rather than the sky.
-            sky_share = min(max(mz * f32(3) + f32(0.1), f32(0.12)), ONE)
-            sky_share *= f32(0.3) + f32(0.7) * opened[i]
-            # A wet road is rough: only standing water mirrors clouds, the rest their mean.
-            clear = ONE if wet == ZERO else min(max(f32(5) * wet - f32(4), ZERO), ONE)
-            for k in range(3):
-                blurred = HALF * (horizon[k] + ambient[k]) * texture
-                mirrored[k] = sky_share * (
-                    min(mirrored[k], f32(2.5)) * clear + blurred * (ONE - clear)
-                )
-        air = ONE - f32(math.exp(-t / haze))
+            grown = (ONE - gloss[n]) * graze * (f32(0.6) if wet[n] == ZERO else f32(0.8) * wet[n])
+            gloss[n] += grown if gloss[n] > ZERO else ZERO
+            # exp(-t / haze) by its series, of a sixteenth of it.
+            x = min(t[n] / haze, f32(16)) * f32(-1 / 16)
+            x = ONE + x * (ONE + x * (HALF + x * (f32(1 / 6) + x * (f32(1 / 24) + x * f32(1 / 120)))))
+            x *= x
+            x *= x
+            x *= x
+            t[n] = x * x
         for k in range(3):
-            albedo = min(row[12 + k] * texture, f32(0.95)) * (ONE - f32(0.45) * wet)
-            light = sun[k] * direct + opened[i] * (ambient[k] * up + ground_light[k] * (ONE - up))
-            radiance = albedo * light
-            if gloss > ZERO:
-                radiance = radiance * (ONE - gloss) + gloss * mirrored[k]
-            out[i, k] = radiance * (ONE - air) + horizon[k] * air
+            for n in range(count):
+                blurred = HALF * (horizon[k] + ambient[k]) * texture[n] * (ONE - clear[n])
+                mirror = sky_share[n] * (mirrored[k, n] * clear[n] + blurred)
+                albedo = min(color[k, n] * texture[n], f32(0.95)) * (ONE - f32(0.45) * wet[n])
+                light = sun[k] * direct[n] + open_sky[n] * (
+                    ambient[k] * up[n] + ground_light[k] * (ONE - up[n])
+                )
+                radiance = albedo * light * (ONE - gloss[n]) + gloss[n] * mirror
+                color[k, n] = min(radiance * t[n] + horizon[k] * (ONE - t[n]), brightest)
+        for n in range(count):
+            i = begin + n
+            while i >= first[pixel + 1]:
+                pixel += 1
+            for k in range(3):
+                out[pixel, k] += share[i] * color[k, n]
     return out

@@ -1,4 +1,4 @@
-"""What lies at each hit and what light can reach it: normals, points, and the rays that ask.
+"""What lies at each spot and what light can reach it: normals, points, and the rays that ask.
 
 Everything here is compiled and alike for all renderers; they only answer the rays. A compiled function calls
 only functions of its own file: the compiler's cache does not notice changes elsewhere.
@@ -38,34 +38,43 @@ def look(
     origin: Array,
     directions: Array,
     distance: Array,
+    sample: Array,
     instance: Array,
     face: Array,
     u: Array,
     v: Array,
     surfaces: Array,
     pose: Array,
+    rows: Array,
+    sun_direction: Array,
     flat: Array,
     smooth: Array,
     points: Array,
+    side: Array,
 ) -> None:
-    """What lies at each hit: the face's own normal, the smoothed one, both towards the viewer, the point.
+    """What each spot is: the face's own normal, the smoothed one, both towards the viewer, the point.
 
-    Misses get an upward normal and the ray's origin.
+    Misses get an upward normal and the ray's origin. ``side`` says on which side of the face a ray to the
+    sun begins: 1 the viewer's, -1 the other (leaves, which the sun shines through), 0 where none is
+    needed: in the sky, and where a surface faces away from the sun.
     """
-    for i in range(face.shape[0]):
-        f = face[i]
+    sun0, sun1, sun2 = sun_direction[0], sun_direction[1], sun_direction[2]
+    for i in range(sample.shape[0]):
+        f = face[sample[i]]
         if f < 0:
             for k in range(3):
-                flat[i, k] = smooth[i, k] = 1.0 if k == 2 else 0.0
+                flat[i, k] = smooth[i, k] = ONE if k == 2 else ZERO
                 points[i, k] = origin[k]
+            side[i] = 0
             continue
-        j = instance[i]
+        j = instance[sample[i]]
         row = carray(float_pointer(surfaces[j]), (f + 1, ROW))[f]
-        w = ONE - u[i] - v[i]
+        second, third = u[sample[i]], v[sample[i]]
+        w = ONE - second - third
         a, b, c = row[0], row[1], row[2]
-        p = w * row[3] + u[i] * row[6] + v[i] * row[9]
-        q = w * row[4] + u[i] * row[7] + v[i] * row[10]
-        r = w * row[5] + u[i] * row[8] + v[i] * row[11]
+        p = w * row[3] + second * row[6] + third * row[9]
+        q = w * row[4] + second * row[7] + third * row[10]
+        r = w * row[5] + second * row[8] + third * row[11]
         shrink = ONE / f32(math.sqrt(max(p * p + q * q + r * r, f32(1e-12))))
         p, q, r = shrink * p, shrink * q, shrink * r
         fx = pose[j, 0, 0] * a + pose[j, 0, 1] * b + pose[j, 0, 2] * c
@@ -81,56 +90,25 @@ def look(
             # At a silhouette the smoothed normal may lean away; then it is the flat one.
             sx, sy, sz = fx, fy, fz
         turn = -ONE if toward_flat > ZERO else ONE
+        fx, fy, fz, sx, sy, sz = turn * fx, turn * fy, turn * fz, turn * sx, turn * sy, turn * sz
         t = distance[i]
-        flat[i, 0], flat[i, 1], flat[i, 2] = turn * fx, turn * fy, turn * fz
-        smooth[i, 0], smooth[i, 1], smooth[i, 2] = turn * sx, turn * sy, turn * sz
+        flat[i, 0], flat[i, 1], flat[i, 2] = fx, fy, fz
+        smooth[i, 0], smooth[i, 1], smooth[i, 2] = sx, sy, sz
         points[i, 0] = origin[0] + t * dx
         points[i, 1] = origin[1] + t * dy
         points[i, 2] = origin[2] + t * dz
-
-
-@njit(cache=True, fastmath=True)
-def sun_rays(
-    face: Array,
-    instance: Array,
-    flat: Array,
-    smooth: Array,
-    points: Array,
-    sun_direction: Array,
-    surfaces: Array,
-    rows: Array,
-    starts: Array,
-    wanted: Array,
-) -> None:
-    """Where each sample's ray to the sun begins, and whether it needs one.
-
-    It begins on the viewer's side, but for leaves, which the sun shines through, on the sun's own.
-    What faces away from the sun is dark without asking.
-    """
-    for i in range(face.shape[0]):
-        f = face[i]
-        wanted[i] = 0
-        for k in range(3):
-            starts[i, k] = points[i, k]
-        if f < 0:
-            continue
-        by_face, by_normal = 0.0, 0.0
-        for k in range(3):
-            by_face += flat[i, k] * sun_direction[k]
-            by_normal += smooth[i, k] * sun_direction[k]
-        sign = 1.0
-        row = carray(float_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
-        if rows[int(row[15]), 2] > 0:
-            sign = 1.0 if by_face >= 0 else -1.0
-        elif by_face <= 0 or by_normal <= 0:
-            continue
-        wanted[i] = 1
-        for k in range(3):
-            starts[i, k] += sign * OFFSET * flat[i, k]
+        by_face = fx * sun0 + fy * sun1 + fz * sun2
+        by_normal = sx * sun0 + sy * sun1 + sz * sun2
+        if rows[int(row[15]), 2] > ZERO:
+            side[i] = 1 if by_face >= ZERO else -1
+        else:
+            side[i] = 1 if (by_face > ZERO) & (by_normal > ZERO) else 0
 
 
 @njit(cache=True, fastmath=True)
 def sky_rays(
+    first: Array,
+    sample: Array,
     face: Array,
     flat: Array,
     points: Array,
@@ -141,40 +119,47 @@ def sky_rays(
     directions: Array,
     wanted: Array,
 ) -> None:
-    """One cosine-distributed ray for every second sample each way, stratified over 4 x 4 of them.
+    """One cosine-distributed ray for every second pixel each way, stratified over 4 x 4 of them.
 
     Rays that soon fall on the street are not wanted: no sky is there.
     """
+    local = np.empty((16, 3), np.float32)
+    for cell in range(16):
+        # Low-discrepancy pair over the 16 cells of a block.
+        s = (cell + 0.5) / 16.0
+        radius, angle = math.sqrt(s), 6.2831853 * (cell * 0.618034 % 1.0)
+        local[cell, 0], local[cell, 1] = radius * math.cos(angle), radius * math.sin(angle)
+        local[cell, 2] = math.sqrt(1.0 - s)
     for y in range(height):
         for x in range(width):
-            j, i = y * width + x, 2 * y * columns + 2 * x
-            wanted[j] = face[i] >= 0
-            # Low-discrepancy pair over the 16 cells of a block.
-            cell = (x & 3) + 4 * (y & 3)
-            s = (cell + 0.5) / 16.0
-            radius, angle = math.sqrt(s), 6.2831853 * (cell * 0.618034 % 1.0)
+            j, i = y * width + x, first[2 * y * columns + 2 * x]
+            wanted[j] = face[sample[i]] >= 0
             a, b, c = flat[i, 0], flat[i, 1], flat[i, 2]
             # A basis that turns smoothly with the normal, most of all around walls and bodies:
             # neighbours then share out the same 16 directions, and their mean is even.
-            if abs(c) < 0.9:
-                shrink = 1 / math.sqrt(a * a + b * b)
-                p, q, r = -b * shrink, a * shrink, 0.0
+            p, q, r = ZERO, ZERO, ZERO
+            if abs(c) < f32(0.9):
+                shrink = ONE / f32(math.sqrt(a * a + b * b))
+                p, q = -b * shrink, a * shrink
             else:
-                shrink = 1 / math.sqrt(a * a + c * c)
-                p, q, r = c * shrink, 0.0, -a * shrink
-            dx, dy, dz = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1.0 - s)
+                shrink = ONE / f32(math.sqrt(a * a + c * c))
+                p, r = c * shrink, -a * shrink
+            cell = (x & 3) + 4 * (y & 3)
+            dx, dy, dz = local[cell, 0], local[cell, 1], local[cell, 2]
             directions[j, 0] = dx * p + dy * (b * r - c * q) + dz * a
             directions[j, 1] = dx * q + dy * (c * p - a * r) + dz * b
             directions[j, 2] = dx * r + dy * (a * q - b * p) + dz * c
             for k in range(3):
-                starts[j, k] = points[i, k] + OFFSET * flat[i, k]
-            if LEVEL < starts[j, 2] < -REACH * directions[j, 2]:
+                starts[j, k] = points[i, k] + f32(OFFSET) * flat[i, k]
+            if f32(LEVEL) < starts[j, 2] < -f32(REACH) * directions[j, 2]:
                 wanted[j] = 0
 
 
 @njit(cache=True, fastmath=True)
 def spread_open(
     seen_open: Array,
+    first: Array,
+    sample: Array,
     face: Array,
     smooth: Array,
     distance: Array,
@@ -182,41 +167,47 @@ def spread_open(
     columns: int,
     out: Array,
 ) -> None:
-    """From one yes or no at every second sample to the share of open sky at each.
+    """From one yes or no at every second pixel to the share of open sky at each spot.
 
     First the mean over 4 x 4 rays that lie on about the same surface, then between the four nearest
     means, again only across the same surface.
     """
     height, width = (rows + 1) // 2, (columns + 1) // 2
-    grid = np.empty((4, height, width), np.float32)  # normal and distance of every second sample
+    grid = np.empty((4, height, width), np.float32)  # normal and distance of every second pixel
     for y in range(height):
         for x in range(width):
-            i = 2 * y * columns + 2 * x
+            i = first[2 * y * columns + 2 * x]
             grid[0, y, x], grid[1, y, x], grid[2, y, x] = smooth[i, 0], smooth[i, 1], smooth[i, 2]
-            grid[3, y, x] = distance[i] if face[i] >= 0 else FAR_OFF
+            grid[3, y, x] = distance[i] if face[sample[i]] >= 0 else FAR_OFF
     mean = _mean_open(seen_open.reshape(height, width), grid)
     for row in range(rows):
+        y0 = row >> 1
+        y1 = min(y0 + (row & 1), height - 1)
         for column in range(columns):
-            i = row * columns + column
-            if face[i] < 0:
-                out[i] = ONE
+            x0 = column >> 1
+            x1 = min(x0 + (column & 1), width - 1)
+            p = row * columns + column
+            even = mean[y0, x0]
+            if (mean[y0, x1] == even) & (mean[y1, x0] == even) & (mean[y1, x1] == even):
+                for i in range(first[p], first[p + 1]):
+                    out[i] = even if face[sample[i]] >= 0 else ONE
                 continue
-            y, x = row >> 1, column >> 1
-            if not (row & 1 or column & 1):
-                out[i] = mean[y, x]
-                continue
-            a, b, c, t = smooth[i, 0], smooth[i, 1], smooth[i, 2], distance[i]
-            bound = ALIKE_DISTANCE * t
-            total, weight = ZERO, ZERO
-            for yy in range(y, min(y + (row & 1), height - 1) + 1):
-                for xx in range(x, min(x + (column & 1), width - 1) + 1):
-                    alike = a * grid[0, yy, xx] + b * grid[1, yy, xx] + c * grid[2, yy, xx]
-                    same = (alike > ALIKE_NORMAL) & (abs(grid[3, yy, xx] - t) < bound)
-                    near = ONE if same else f32(1e-3)
-                    if grid[3, yy, xx] < FAR_OFF:
+            for i in range(first[p], first[p + 1]):
+                if face[sample[i]] < 0:
+                    out[i] = ONE
+                    continue
+                a, b, c, t = smooth[i, 0], smooth[i, 1], smooth[i, 2], distance[i]
+                bound = ALIKE_DISTANCE * t
+                total, weight = ZERO, ZERO
+                for yy in range(y0, y1 + 1):
+                    for xx in range(x0, x1 + 1):
+                        alike = a * grid[0, yy, xx] + b * grid[1, yy, xx] + c * grid[2, yy, xx]
+                        same = (alike > ALIKE_NORMAL) & (abs(grid[3, yy, xx] - t) < bound)
+                        near = ONE if same else f32(1e-3)
+                        near = near if grid[3, yy, xx] < FAR_OFF else ZERO
                         total += near * mean[yy, xx]
                         weight += near
-            out[i] = total / weight if weight > ZERO else ONE
+                out[i] = total / weight if weight > ZERO else ONE
 
 
 @njit(cache=True, fastmath=True)
