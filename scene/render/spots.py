@@ -6,6 +6,7 @@ middle, they look as they would shaded one by one. Labels, instances and depths 
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -98,6 +99,25 @@ def _group(
         first[p] = count
         corner = (p // wide) * samples * columns + (p % wide) * samples
         left[0] = corner + label * columns + label
+        f, j, same = face[left[0]], instance[left[0]], True
+        x, y, z = f32(0), f32(0), f32(0)
+        for row in range(samples):
+            for i in range(corner + row * columns, corner + row * columns + samples):
+                same &= (face[i] == f) & (instance[i] == j)
+                t = distance[i] if f >= 0 else f32(1)
+                x += t * directions[i, 0]
+                y += t * directions[i, 1]
+                z += t * directions[i, 2]
+        if same:  # as most often
+            for row in range(samples):
+                for i in range(corner + row * columns, corner + row * columns + samples):
+                    owner[i] = count
+            length = f32(math.sqrt(x * x + y * y + z * z))
+            sample[count], share[count] = left[0], each
+            middle[count, 0], middle[count, 1], middle[count, 2] = x / length, y / length, z / length
+            away[count] = length / f32(each) if f >= 0 else distance[left[0]]
+            count += 1
+            continue
         k = 1
         for row in range(samples):
             for column in range(samples):
@@ -127,7 +147,7 @@ def _group(
                     left[rest] = i
                     rest += 1
             waiting = rest
-            length = f32(np.sqrt(x * x + y * y + z * z))
+            length = f32(math.sqrt(x * x + y * y + z * z))
             sample[count], share[count] = one, members
             middle[count, 0], middle[count, 1], middle[count, 2] = x / length, y / length, z / length
             away[count] = length / f32(members) if face[one] >= 0 else distance[one]

@@ -58,7 +58,7 @@ def free(bvh, starts, directions, wanted, columns, reach=np.inf) -> np.ndarray:
     """
     order = by_tiles(np.asarray(wanted, np.uint8), columns, len(wanted) // columns, 4, 2)
     starts, directions = np.asarray(starts, np.float32), np.asarray(directions, np.float32)
-    found = ask(bvh, starts, directions, order, reach, coherent=False)
+    found = ask(bvh, starts, directions, order, reach)
     return np.where(np.asarray(wanted, bool), found, -1)
 
 

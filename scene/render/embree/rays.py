@@ -18,9 +18,7 @@ def free(
     starts: np.ndarray,
     directions: np.ndarray,
     order: np.ndarray,
-    reach: float,
-    *,
-    coherent: bool,
+    reach: float = np.inf,
 ) -> np.ndarray:
     """Which rays get away: f32[n], 1 where nothing lies within ``reach`` metres along one of ``order``, else 0.
 
@@ -30,12 +28,10 @@ def free(
         directions: f32[n, 3] or, where all run alike, f32[1, 3].
         order: i64[m] indices of the rays that are wanted; eight in turn should be neighbours.
         reach: metres.
-        coherent: whether they run alike.
     """
     found = np.zeros(len(starts), np.float32)
     _probe(
-        bvh.scene, query_arguments(coherent=coherent), starts, directions, order,
-        np.float32(reach), found,
+        bvh.scene, query_arguments(), starts, directions, order, np.float32(reach), found,
     )  # fmt: skip
     return found
 

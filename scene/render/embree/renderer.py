@@ -63,7 +63,7 @@ class EmbreeRenderer:
                 away = sky_segments(seen, settings)
                 half = (settings.width + 1) // 2, (settings.height + 1) // 2
                 order = by_tiles(away.wanted, *half, 4, 2)
-                found = free(bvh, away.starts, away.directions, order, REACH, coherent=False)
+                found = free(bvh, away.starts, away.directions, order, REACH)
                 opened = spread(found, seen, settings)
             lap("rays")
             frames.append(expose(around, shot, rays, seen, Light(lit, opened), settings))

@@ -42,14 +42,14 @@ def sunlight(
     direction = np.ascontiguousarray(sun[None], f32)
     for asked in (_some, _others):
         spot, starts = _begin(asked(spots.first, lit, *where), seen.points, seen.flat, seen.side)
-        lit[spot] = free(bvh, starts, direction, np.arange(len(spot)), np.inf, coherent=True)
+        lit[spot] = free(bvh, starts, direction, np.arange(len(spot)))
     if settings.samples > 1:
         edge = _edges(spots.first, spots.share, lit, *where)
         spot, starts = _every_sample(
             edge, spots.first, spots.owner, rays.origin, rays.directions, seen.hits.distance,
             seen.flat, seen.side, settings.samples, settings.width,
         )  # fmt: skip
-        found = free(bvh, starts, direction, np.arange(len(spot)), np.inf, coherent=True)
+        found = free(bvh, starts, direction, np.arange(len(spot)))
         _average(edge, spot, found, lit)
     return lit
 
