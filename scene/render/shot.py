@@ -25,6 +25,8 @@ CAMERA_DRAW = 2**16
 """Tells the draw of a street's camera from the draws of its shots."""
 BRIGHTEST = 4.0
 """Radiance above which samples of a pixel count as alike, so that bright sky does not eat thin poles."""
+SKY_STEP = 2
+"""Pixels from one ray into the open to the next, each way."""
 UNBOUNDED = 1e9
 """Radiance beyond all."""
 
@@ -134,14 +136,19 @@ def visible(around: Surroundings, rays: Rays, hits: Hits, settings: RenderSettin
     return Visible(hits, spots, flat, smooth, points, side)
 
 
+def sky_grid(settings: RenderSettings) -> tuple[int, int]:
+    """Columns and rows of the pixels from which a ray goes into the open."""
+    return -(-settings.width // SKY_STEP), -(-settings.height // SKY_STEP)
+
+
 def sky_segments(seen: Visible, settings: RenderSettings) -> Segments:
-    """A ray into the open for every second pixel each way, see ``spread``."""
-    height, width = (settings.height + 1) // 2, (settings.width + 1) // 2
+    """A ray into the open for every ``SKY_STEP``-th pixel each way, see ``spread``."""
+    width, height = sky_grid(settings)
     starts, directions = (np.empty((height * width, 3), np.float32) for _ in range(2))
     wanted = np.empty(height * width, np.uint8)
     visibility.sky_rays(
         seen.spots.first, seen.spots.sample, seen.hits.face, seen.flat, seen.points,
-        settings.width, height, width, starts, directions, wanted,
+        settings.width, SKY_STEP, height, width, starts, directions, wanted,
     )  # fmt: skip
     return Segments(starts, directions, wanted)
 
@@ -151,7 +158,7 @@ def spread(free: np.ndarray, seen: Visible, settings: RenderSettings) -> np.ndar
     opened = np.empty(len(seen.points), np.float32)
     visibility.spread_open(
         free, seen.spots.first, seen.spots.sample, seen.hits.face, seen.smooth,
-        seen.spots.distance, settings.height, settings.width, opened,
+        seen.spots.distance, settings.height, settings.width, SKY_STEP, opened,
     )  # fmt: skip
     return opened
 

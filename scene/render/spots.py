@@ -73,7 +73,7 @@ def group(
     return Spots(first, sample[:m], share[:m], middle[:m], away[:m], owner)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _group(
     face: np.ndarray,
     instance: np.ndarray,
@@ -156,7 +156,7 @@ def _group(
     return count
 
 
-@njit(cache=True, fastmath=True, inline="always")
+@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def _alike(
     face: np.ndarray,
     instance: np.ndarray,

@@ -29,11 +29,13 @@ ZERO, ONE = f32(0), f32(1)
 """Compiled code computes in doubles as soon as a plain number comes near; these keep it single."""
 ALIKE_NORMAL, ALIKE_DISTANCE = f32(0.8), f32(0.06)
 """Least cosine between normals, and most distance in distances, of samples on about the same surface."""
+NEARBY = f32(0.2)
+"""What samples about as far away count that lie on another surface."""
 FAR_OFF = f32(1e9)
 """Metres to the sky, as far as occlusion goes."""
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def look(
     origin: Array,
     directions: Array,
@@ -105,7 +107,7 @@ def look(
             side[i] = 1 if (by_face > ZERO) & (by_normal > ZERO) else 0
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def sky_rays(
     first: Array,
     sample: Array,
@@ -113,13 +115,14 @@ def sky_rays(
     flat: Array,
     points: Array,
     columns: int,
+    step: int,
     height: int,
     width: int,
     starts: Array,
     directions: Array,
     wanted: Array,
 ) -> None:
-    """One cosine-distributed ray for every second pixel each way, stratified over 4 x 4 of them.
+    """One cosine-distributed ray for every ``step``-th pixel each way, stratified over 4 x 4 of them.
 
     Rays that soon fall on the street are not wanted: no sky is there.
     """
@@ -132,7 +135,7 @@ def sky_rays(
         local[cell, 2] = math.sqrt(1.0 - s)
     for y in range(height):
         for x in range(width):
-            j, i = y * width + x, first[2 * y * columns + 2 * x]
+            j, i = y * width + x, first[step * (y * columns + x)]
             wanted[j] = face[sample[i]] >= 0
             a, b, c = flat[i, 0], flat[i, 1], flat[i, 2]
             # A basis that turns smoothly with the normal, most of all around walls and bodies:
@@ -155,7 +158,7 @@ def sky_rays(
                 wanted[j] = 0
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def spread_open(
     seen_open: Array,
     first: Array,
@@ -165,27 +168,28 @@ def spread_open(
     distance: Array,
     rows: int,
     columns: int,
+    step: int,
     out: Array,
 ) -> None:
-    """From one yes or no at every second pixel to the share of open sky at each spot.
+    """From one yes or no at every ``step``-th pixel to the share of open sky at each spot.
 
     First the mean over 4 x 4 rays that lie on about the same surface, then between the four nearest
     means, again only across the same surface.
     """
-    height, width = (rows + 1) // 2, (columns + 1) // 2
-    grid = np.empty((4, height, width), np.float32)  # normal and distance of every second pixel
+    height, width = (rows + step - 1) // step, (columns + step - 1) // step
+    grid = np.empty((4, height, width), np.float32)  # normal and distance of these pixels
     for y in range(height):
         for x in range(width):
-            i = first[2 * y * columns + 2 * x]
+            i = first[step * (y * columns + x)]
             grid[0, y, x], grid[1, y, x], grid[2, y, x] = smooth[i, 0], smooth[i, 1], smooth[i, 2]
             grid[3, y, x] = distance[i] if face[sample[i]] >= 0 else FAR_OFF
     mean = _mean_open(seen_open.reshape(height, width), grid)
     for row in range(rows):
-        y0 = row >> 1
-        y1 = min(y0 + (row & 1), height - 1)
+        y0 = row // step
+        y1 = min(y0 + int(row % step > 0), height - 1)
         for column in range(columns):
-            x0 = column >> 1
-            x1 = min(x0 + (column & 1), width - 1)
+            x0 = column // step
+            x1 = min(x0 + int(column % step > 0), width - 1)
             p = row * columns + column
             even = mean[y0, x0]
             if (mean[y0, x1] == even) & (mean[y1, x0] == even) & (mean[y1, x1] == even):
@@ -203,18 +207,20 @@ def spread_open(
                     for xx in range(x0, x1 + 1):
                         alike = a * grid[0, yy, xx] + b * grid[1, yy, xx] + c * grid[2, yy, xx]
                         same = (alike > ALIKE_NORMAL) & (abs(grid[3, yy, xx] - t) < bound)
-                        near = ONE if same else f32(1e-3)
+                        close = abs(grid[3, yy, xx] - t) < bound
+                        near = ONE if same else (NEARBY if close else f32(1e-3))
                         near = near if grid[3, yy, xx] < FAR_OFF else ZERO
                         total += near * mean[yy, xx]
                         weight += near
                 out[i] = total / weight if weight > ZERO else ONE
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _mean_open(free: Array, grid: Array) -> Array:
     """Share of open sky from the 4 x 4 rays around each, of those on about the same surface.
 
-    One neighbour at a time for a whole row, which processors do eight columns at a time.
+    Others as far away count a little: among leaves hardly two rays start on one surface. One neighbour at a
+    time for a whole row, which processors do many columns at a time.
     """
     height, width = free.shape
     mean = np.empty((height, width), np.float32)
@@ -234,8 +240,8 @@ def _mean_open(free: Array, grid: Array) -> Array:
                         + grid[2, y, x] * grid[2, yy, x + dx]
                     )
                     apart = abs(grid[3, yy, x + dx] - grid[3, y, x])
-                    same = (alike > ALIKE_NORMAL) & (apart <= ALIKE_DISTANCE * grid[3, y, x])
-                    weight = ONE if same else ZERO
+                    weight = ONE if alike > ALIKE_NORMAL else NEARBY
+                    weight = weight if apart <= ALIKE_DISTANCE * grid[3, y, x] else ZERO
                     total[x] += weight * free[yy, x + dx]
                     count[x] += weight
         for x in range(width):

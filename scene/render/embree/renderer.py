@@ -21,6 +21,7 @@ from scene.render.shot import (
     Light,
     expose,
     sample_rays,
+    sky_grid,
     sky_segments,
     spread,
     surroundings,
@@ -61,8 +62,7 @@ class EmbreeRenderer:
                 lit = sunlight(bvh, rays, seen, street.sky.sun_direction, settings)
             if settings.occlusion:
                 away = sky_segments(seen, settings)
-                half = (settings.width + 1) // 2, (settings.height + 1) // 2
-                order = by_tiles(away.wanted, *half, 4, 2)
+                order = by_tiles(away.wanted, *sky_grid(settings), 4, 2)
                 found = free(bvh, away.starts, away.directions, order, REACH)
                 opened = spread(found, seen, settings)
             lap("rays")
