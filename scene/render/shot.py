@@ -103,19 +103,26 @@ def sample_rays(camera: Camera, settings: RenderSettings) -> Rays:
     return Rays(origin, directions, along, len(x), len(y), float(x[1] - x[0]))
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _fill_rays(
     x: np.ndarray, y: np.ndarray, axes: np.ndarray, directions: np.ndarray, along: np.ndarray
 ) -> None:
+    columns = x.shape[0]
+    shrink = np.empty(columns)
+    a0, a1, a2 = axes[0, 0], axes[0, 1], axes[0, 2]
     for row in range(y.shape[0]):
-        for column in range(x.shape[0]):
-            i = row * x.shape[0] + column
-            shrink = 1 / math.sqrt(x[column] ** 2 + y[row] ** 2 + 1)
-            along[i] = shrink
-            for k in range(3):
-                directions[i, k] = shrink * (
-                    x[column] * axes[0, k] + y[row] * axes[1, k] + axes[2, k]
-                )
+        base = row * columns
+        b0 = y[row] * axes[1, 0] + axes[2, 0]
+        b1 = y[row] * axes[1, 1] + axes[2, 1]
+        b2 = y[row] * axes[1, 2] + axes[2, 2]
+        for column in range(columns):
+            shrink[column] = 1 / math.sqrt(x[column] ** 2 + y[row] ** 2 + 1)
+        for column in range(columns):
+            along[base + column] = shrink[column]
+        for column in range(columns):
+            directions[base + column, 0] = shrink[column] * (x[column] * a0 + b0)
+            directions[base + column, 1] = shrink[column] * (x[column] * a1 + b1)
+            directions[base + column, 2] = shrink[column] * (x[column] * a2 + b2)
 
 
 def visible(around: Surroundings, rays: Rays, hits: Hits, settings: RenderSettings) -> Visible:

@@ -31,6 +31,8 @@ ALIKE_NORMAL, ALIKE_DISTANCE = f32(0.8), f32(0.06)
 """Least cosine between normals, and most distance in distances, of samples on about the same surface."""
 NEARBY = f32(0.2)
 """What samples about as far away count that lie on another surface."""
+BATCH = 256
+"""Spots that are looked at together."""
 FAR_OFF = f32(1e9)
 """Metres to the sky, as far as occlusion goes."""
 
@@ -61,50 +63,64 @@ def look(
     needed: in the sky, and where a surface faces away from the sun.
     """
     sun0, sun1, sun2 = sun_direction[0], sun_direction[1], sun_direction[2]
-    for i in range(sample.shape[0]):
-        f = face[sample[i]]
-        if f < 0:
-            for k in range(3):
-                flat[i, k] = smooth[i, k] = ONE if k == 2 else ZERO
-                points[i, k] = origin[k]
-            side[i] = 0
-            continue
-        j = instance[sample[i]]
-        row = carray(float_pointer(surfaces[j]), (f + 1, ROW))[f]
-        second, third = u[sample[i]], v[sample[i]]
-        w = ONE - second - third
-        a, b, c = row[0], row[1], row[2]
-        p = w * row[3] + second * row[6] + third * row[9]
-        q = w * row[4] + second * row[7] + third * row[10]
-        r = w * row[5] + second * row[8] + third * row[11]
-        shrink = ONE / f32(math.sqrt(max(p * p + q * q + r * r, f32(1e-12))))
-        p, q, r = shrink * p, shrink * q, shrink * r
-        fx = pose[j, 0, 0] * a + pose[j, 0, 1] * b + pose[j, 0, 2] * c
-        fy = pose[j, 1, 0] * a + pose[j, 1, 1] * b + pose[j, 1, 2] * c
-        fz = pose[j, 2, 0] * a + pose[j, 2, 1] * b + pose[j, 2, 2] * c
-        sx = pose[j, 0, 0] * p + pose[j, 0, 1] * q + pose[j, 0, 2] * r
-        sy = pose[j, 1, 0] * p + pose[j, 1, 1] * q + pose[j, 1, 2] * r
-        sz = pose[j, 2, 0] * p + pose[j, 2, 1] * q + pose[j, 2, 2] * r
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        toward_flat = fx * dx + fy * dy + fz * dz
-        toward_smooth = sx * dx + sy * dy + sz * dz
-        if toward_flat * toward_smooth <= ZERO:
+    # What looks things up apart from what computes, which processors do many at a time. One array for all:
+    # of several the compiler would not know that they are not the same.
+    work = np.empty((16, BATCH), np.float32)
+    fx, fy, fz, sx, sy, sz = work[0], work[1], work[2], work[3], work[4], work[5]
+    dx, dy, dz, t, x, y, z = work[6], work[7], work[8], work[9], work[10], work[11], work[12]
+    hit, clear, begins = work[13], work[14], work[15]
+    origin0, origin1, origin2 = origin[0], origin[1], origin[2]
+    for begin in range(0, sample.shape[0], BATCH):
+        count = min(BATCH, sample.shape[0] - begin)
+        for n in range(count):
+            i, at = begin + n, sample[begin + n]
+            f = face[at]
+            dx[n], dy[n], dz[n] = directions[i, 0], directions[i, 1], directions[i, 2]
+            if f < 0:
+                fx[n] = fy[n] = sx[n] = sy[n] = t[n] = hit[n] = clear[n] = ZERO
+                fz[n] = sz[n] = ONE
+                continue
+            j = instance[at]
+            row = carray(float_pointer(surfaces[j]), (f + 1, ROW))[f]
+            a, b, c = row[0], row[1], row[2]
+            w = ONE - u[at] - v[at]
+            p = w * row[3] + u[at] * row[6] + v[at] * row[9]
+            q = w * row[4] + u[at] * row[7] + v[at] * row[10]
+            r = w * row[5] + u[at] * row[8] + v[at] * row[11]
+            fx[n] = pose[j, 0, 0] * a + pose[j, 0, 1] * b + pose[j, 0, 2] * c
+            fy[n] = pose[j, 1, 0] * a + pose[j, 1, 1] * b + pose[j, 1, 2] * c
+            fz[n] = pose[j, 2, 0] * a + pose[j, 2, 1] * b + pose[j, 2, 2] * c
+            sx[n] = pose[j, 0, 0] * p + pose[j, 0, 1] * q + pose[j, 0, 2] * r
+            sy[n] = pose[j, 1, 0] * p + pose[j, 1, 1] * q + pose[j, 1, 2] * r
+            sz[n] = pose[j, 2, 0] * p + pose[j, 2, 1] * q + pose[j, 2, 2] * r
+            t[n], hit[n], clear[n] = distance[i], ONE, rows[int(row[15]), 2]
+        for n in range(count):
+            a, b, c, p, q, r = fx[n], fy[n], fz[n], sx[n], sy[n], sz[n]
+            shrink = ONE / f32(math.sqrt(max(p * p + q * q + r * r, f32(1e-12))))
+            toward_flat = a * dx[n] + b * dy[n] + c * dz[n]
+            toward_smooth = p * dx[n] + q * dy[n] + r * dz[n]
             # At a silhouette the smoothed normal may lean away; then it is the flat one.
-            sx, sy, sz = fx, fy, fz
-        turn = -ONE if toward_flat > ZERO else ONE
-        fx, fy, fz, sx, sy, sz = turn * fx, turn * fy, turn * fz, turn * sx, turn * sy, turn * sz
-        t = distance[i]
-        flat[i, 0], flat[i, 1], flat[i, 2] = fx, fy, fz
-        smooth[i, 0], smooth[i, 1], smooth[i, 2] = sx, sy, sz
-        points[i, 0] = origin[0] + t * dx
-        points[i, 1] = origin[1] + t * dy
-        points[i, 2] = origin[2] + t * dz
-        by_face = fx * sun0 + fy * sun1 + fz * sun2
-        by_normal = sx * sun0 + sy * sun1 + sz * sun2
-        if rows[int(row[15]), 2] > ZERO:
-            side[i] = 1 if by_face >= ZERO else -1
-        else:
-            side[i] = 1 if (by_face > ZERO) & (by_normal > ZERO) else 0
+            leans = toward_flat * toward_smooth <= ZERO
+            p, q, r = (
+                a if leans else shrink * p, b if leans else shrink * q, c if leans else shrink * r,
+            )  # fmt: skip
+            turn = -ONE if toward_flat * hit[n] > ZERO else ONE
+            by_face = turn * (a * sun0 + b * sun1 + c * sun2)
+            by_normal = turn * (p * sun0 + q * sun1 + r * sun2)
+            ours = ONE if by_face > ZERO else ZERO
+            plain = ours if by_normal > ZERO else ZERO
+            begins[n] = hit[n] * (ours + ours - ONE if clear[n] > ZERO else plain)
+            fx[n], fy[n], fz[n] = turn * a, turn * b, turn * c
+            sx[n], sy[n], sz[n] = turn * p, turn * q, turn * r
+            x[n] = origin0 + t[n] * dx[n]
+            y[n] = origin1 + t[n] * dy[n]
+            z[n] = origin2 + t[n] * dz[n]
+        for n in range(count):
+            i = begin + n
+            flat[i, 0], flat[i, 1], flat[i, 2] = fx[n], fy[n], fz[n]
+            smooth[i, 0], smooth[i, 1], smooth[i, 2] = sx[n], sy[n], sz[n]
+            points[i, 0], points[i, 1], points[i, 2] = x[n], y[n], z[n]
+            side[i] = np.int8(begins[n])
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")

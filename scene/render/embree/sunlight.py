@@ -36,7 +36,7 @@ def sunlight(
         settings: size and samples.
     """
     spots = seen.spots
-    lit = np.where(seen.side == 0, f32(0), UNKNOWN).astype(f32)
+    lit = _unknown(seen.side)
     of_spot = seen.hits.instance[spots.sample] if settings.samples > 1 else seen.hits.instance
     where = (of_spot, seen.flat, seen.side, settings.width, settings.height)
     direction = np.ascontiguousarray(sun[None], f32)
@@ -55,6 +55,15 @@ def sunlight(
 
 
 @njit(cache=True)
+def _unknown(side: np.ndarray) -> np.ndarray:
+    """0 where no ray begins, else ``UNKNOWN``."""
+    lit = np.empty(side.shape[0], np.float32)
+    for i in range(side.shape[0]):
+        lit[i] = f32(0) if side[i] == 0 else UNKNOWN
+    return lit
+
+
+@njit(cache=True)
 def _begin(
     spot: np.ndarray, points: np.ndarray, flat: np.ndarray, side: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -68,8 +77,8 @@ def _begin(
 
 @njit(cache=True, inline="always")
 def _alike(a: int, b: int, instance: np.ndarray, flat: np.ndarray, side: np.ndarray) -> bool:
-    """Whether two spots lie on about the same surface, and both may be lit."""
-    if (instance[a] != instance[b]) | (side[a] != side[b]) | (side[a] == 0):
+    """Whether two spots, one of which may be lit, lie on about the same surface."""
+    if instance[a] != instance[b] or side[a] != side[b]:
         return False
     return (
         flat[a, 0] * flat[b, 0] + flat[a, 1] * flat[b, 1] + flat[a, 2] * flat[b, 2] > ALIKE
@@ -108,15 +117,18 @@ def _others(
                     p = row * columns + column
                     one = first[p]
                     if (row | column) & 1 and lit[one] == UNKNOWN:
-                        value, known = UNKNOWN, True
-                        for y in range(row - (row & 1), min(row + (row & 1), rows - 1) + 1, 2):
-                            for x in range(
-                                column - (column & 1), min(column + (column & 1), columns - 1) + 1, 2
-                            ):
-                                other = first[y * columns + x]
-                                known &= _alike(one, other, instance, flat, side)
-                                known &= (value == UNKNOWN) | (lit[other] == value)
-                                value = lit[other]
+                        up, west = row & ~1, column & ~1
+                        down = up + 2 if row > up and up + 2 < rows else up
+                        east = west + 2 if column > west and west + 2 < columns else west
+                        a, b = first[up * columns + west], first[down * columns + east]
+                        value = lit[a]
+                        known = value == lit[b] and _alike(one, a, instance, flat, side)
+                        known = known and _alike(one, b, instance, flat, side)
+                        if known and up < down and west < east:
+                            a, b = first[up * columns + east], first[down * columns + west]
+                            known = value == lit[a] and value == lit[b]
+                            known = known and _alike(one, a, instance, flat, side)
+                            known = known and _alike(one, b, instance, flat, side)
                         if known:
                             lit[one] = value
                     for i in range(one, first[p + 1]):
