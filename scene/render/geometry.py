@@ -6,6 +6,7 @@ and ``world`` merges them for one that does not.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from scene.assets import catalogue
 from scene.classes import TrainId
 from scene.ground.build import GROUND_INSTANCES, ground_assets
 from scene.mesh.asset import Asset
+from scene.mesh.mesh import cross
 from scene.street.placing import FIRST_INSTANCE
 from scene.street.street import Street
 
@@ -45,16 +47,20 @@ class Shape(NamedTuple):
     surface: np.ndarray  # f32[f, ROW]
     ball: np.ndarray  # f32[4] middle and radius of a ball around it
     table: tuple[int, ...]  # addresses of surface, vertices, faces; numbers of vertices, faces
+    box: np.ndarray  # f32[8, 3] corners of a box around it
 
     @classmethod
     def of(cls, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray) -> Shape:
         """The shape of these arrays, which must be contiguous."""
         low, high = vertices.min(axis=0), vertices.max(axis=0)
         middle = (low + high) / 2
-        radius = np.linalg.norm(vertices - middle, axis=1).max()
+        radius = math.sqrt(((vertices - middle) ** 2).sum(axis=1).max())
         addresses = (int(a.ctypes.data) for a in (surface, vertices, faces))
         ball = np.append(middle, 1.0001 * radius).astype(np.float32)
-        return cls(vertices, faces, surface, ball, (*addresses, len(vertices), len(faces)))
+        ends = np.stack([low, high]).astype(np.float32)
+        box = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
+        table = (*addresses, len(vertices), len(faces))
+        return cls(vertices, faces, surface, ball, table, box)
 
     @property
     def normal(self) -> np.ndarray:
@@ -85,6 +91,7 @@ class Geometry(NamedTuple):
     balls: np.ndarray  # f32[instances, 4] middle and radius of a ball around it, in its own frame
     pose: np.ndarray  # f32[instances, 3, 4] shape -> world
     train_id: np.ndarray  # u8[instances]; instance 0 is the sky
+    boxes: np.ndarray  # f32[instances, 8, 3] corners of a box around each, in its own frame
 
     @property
     def surfaces(self) -> np.ndarray:
@@ -102,17 +109,16 @@ def shape_of(asset: Asset, tone: float = 1.0) -> Shape:
     vertices = np.ascontiguousarray(asset.mesh.vertices, np.float32)
     faces = np.ascontiguousarray(asset.mesh.faces, np.int32)
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    area = np.cross(b - a, c - a)
-    length = np.linalg.norm(area, axis=1, keepdims=True)
+    area = cross(b - a, c - a)
+    length = np.sqrt((area * area).sum(axis=1, keepdims=True))
     surface = np.empty((len(faces), ROW), np.float32)
     normal = np.divide(area, length, out=np.zeros_like(area), where=length > 0)
     # Solids are merged part by part: corners that touch are found by their place.
     places = np.round(vertices * 1e4).astype(np.int64) @ (1, 2**21, 2**42)
-    corner = np.unique(places, return_inverse=True)[1].ravel()[faces.ravel()]
+    corner = places[faces.ravel()]
     order = np.argsort(corner, kind="stable")
-    corners = np.empty((len(faces), 3, 3), np.float32)
-    _smooth(corner, order, area, normal, np.cos(np.radians(CREASE)), corners)
-    surface[:, 0:3], surface[:, 3:12] = normal, corners.reshape(-1, 9)
+    surface[:, 0:3] = normal
+    _smooth(corner, order, area, normal, math.cos(math.radians(CREASE)), surface)
     surface[:, 12:15] = np.minimum(tone * np.asarray(asset.color), 1.0)
     surface[:, 15] = asset.material
     return Shape.of(vertices, faces, surface)
@@ -125,7 +131,7 @@ def _smooth(
     area: np.ndarray,
     normal: np.ndarray,
     least: float,
-    corners: np.ndarray,
+    surface: np.ndarray,
 ) -> None:
     """Mean over the faces around each corner that bend less than the crease, by their area.
 
@@ -154,9 +160,9 @@ def _smooth(
                     y += sign * area[other, 1]
                     z += sign * area[other, 2]
             length = max((x * x + y * y + z * z) ** 0.5, 1e-20)
-            corners[face, corner, 0] = x / length
-            corners[face, corner, 1] = y / length
-            corners[face, corner, 2] = z / length
+            surface[face, 3 + 3 * corner] = x / length
+            surface[face, 4 + 3 * corner] = y / length
+            surface[face, 5 + 3 * corner] = z / length
         begin = end
 
 
@@ -211,8 +217,11 @@ def build(street: Street) -> Geometry:
 def stand(shapes: Sequence[Shape], pose: np.ndarray, train_id: np.ndarray) -> Geometry:
     """Shapes as instances 1, 2, ...; row 0 of ``pose`` f32[n, 3, 4] and ``train_id`` u8[n] is the sky's."""
     tables = np.array([(0,) * 5, *(shape.table for shape in shapes)], np.uint64)
-    balls = np.stack([np.zeros(4, np.float32), *(shape.ball for shape in shapes)])
-    return Geometry(tuple(shapes), tables, balls, pose, train_id)
+    balls = np.concatenate([np.zeros(4, np.float32), *(shape.ball for shape in shapes)])
+    boxes = np.concatenate([np.zeros((8, 3), np.float32), *(shape.box for shape in shapes)])
+    return Geometry(
+        tuple(shapes), tables, balls.reshape(-1, 4), pose, train_id, boxes.reshape(-1, 8, 3)
+    )
 
 
 class World(NamedTuple):

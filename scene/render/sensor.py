@@ -151,28 +151,39 @@ def _expose(
     out = np.empty((h, w, 3), np.float32)
     last = table.shape[0] - 1
     scale = np.float32(last / math.sqrt(MOST))
-    half, top = np.float32(0.5), np.float32(last)
+    zero, one, half, top = np.float32(0), np.float32(1), np.float32(0.5), np.float32(last)
     cy, cx = np.float32((h - 1) / 2), np.float32((w - 1) / 2)
-    corner = np.float32(1) / max(cy * cy + cx * cx, np.float32(1))
+    corner = one / max(cy * cy + cx * cx, one)
     grow = np.float32(fringe * math.sqrt(corner))
+    # The colours of a row in one line, which processors take many at a time.
+    work = np.empty((3, 3 * w), np.float32)
+    away, colored, place = work[0], work[1], work[2]
+    for x in range(w):
+        for k in range(3):
+            away[3 * x + k] = (np.float32(x) - cx) ** 2
+            colored[3 * x + k] = light[k]
+    flat, lines = radiance.reshape(h, 3 * w), out.reshape(h, 3 * w)
     for y in range(h):
         dy = np.float32(y) - cy
-        for x in range(w):
-            dx = np.float32(x) - cx
-            lens = np.float32(1) - vignette * (dx * dx + dy * dy) * corner
-            for k in range(3):
-                value = radiance[y, x, k]
-                if k == 0 and fringe > 0:
-                    sy = min(max(cy + dy * (1 - grow), np.float32(0)), np.float32(h - 1))
-                    sx = min(max(cx + dx * (1 - grow), np.float32(0)), np.float32(w - 1))
-                    y0, x0 = int(sy), int(sx)
-                    y1, x1 = min(y0 + 1, h - 1), min(x0 + 1, w - 1)
-                    fy, fx = sy - np.float32(y0), sx - np.float32(x0)
-                    upper = radiance[y0, x0, 0] * (1 - fx) + radiance[y0, x1, 0] * fx
-                    lower = radiance[y1, x0, 0] * (1 - fx) + radiance[y1, x1, 0] * fx
-                    value = np.float32(upper * (1 - fy) + lower * fy)
-                place = math.sqrt(max(value * light[k] * lens, np.float32(0))) * scale + half
-                out[y, x, k] = table[int(min(place, top))]
+        for e in range(3 * w):
+            lens = one - vignette * (dy * dy + away[e]) * corner
+            bright = math.sqrt(max(flat[y, e] * colored[e] * lens, zero)) * scale + half
+            place[e] = min(bright, top)
+        if fringe > 0:
+            for x in range(w):
+                dx = np.float32(x) - cx
+                sy = min(max(cy + dy * (1 - grow), zero), np.float32(h - 1))
+                sx = min(max(cx + dx * (1 - grow), zero), np.float32(w - 1))
+                y0, x0 = int(sy), int(sx)
+                y1, x1 = min(y0 + 1, h - 1), min(x0 + 1, w - 1)
+                fy, fx = sy - np.float32(y0), sx - np.float32(x0)
+                upper = radiance[y0, x0, 0] * (1 - fx) + radiance[y0, x1, 0] * fx
+                lower = radiance[y1, x0, 0] * (1 - fx) + radiance[y1, x1, 0] * fx
+                lens = one - vignette * (dy * dy + dx * dx) * corner
+                value = np.float32(upper * (1 - fy) + lower * fy) * light[0] * lens
+                place[3 * x] = min(math.sqrt(max(value, zero)) * scale + half, top)
+        for e in range(3 * w):
+            lines[y, e] = table[int(place[e])]
     return out
 
 
@@ -188,23 +199,34 @@ def _store(
     quarter, white = np.float32(0.25), np.float32(255)
     floor, slope = np.float32(0.2 * 255 * 255), np.float32(1.6 * 255)
     zero, half = np.float32(0), np.float32(0.5)
+    lines, stored = tones.reshape(h, 3 * w), out.reshape(h, 3 * w)
+    # The colours of a row in one line, which processors take many at a time; its ends are twice in it.
+    work = np.empty((6, 3 * w + 6), np.float32)
+    here, above, below, grey, speck = work[0], work[1], work[2], work[3], work[4]
+    done = work[5]
     for y in range(h):
-        above, below = max(y - 1, 0), min(y + 1, h - 1)
-        speck = grain[(y + row) & mask]
+        high, low = max(y - 1, 0), min(y + 1, h - 1)
+        for e in range(3 * w):
+            here[e + 3], above[e], below[e] = lines[y, e], lines[high, e], lines[low, e]
+        for k in range(3):
+            here[k], here[3 * w + 3 + k] = lines[y, k], lines[y, 3 * w - 3 + k]
+        specks = grain[(y + row) & mask]
         for x in range(w):
-            left, right = max(x - 1, 0), min(x + 1, w - 1)
-            r, g, b = tones[y, x, 0], tones[y, x, 1], tones[y, x, 2]
-            grey = np.float32(0.299) * r + np.float32(0.587) * g + np.float32(0.114) * b
+            r, g, b = here[3 * x + 3], here[3 * x + 4], here[3 * x + 5]
+            mean = np.float32(0.299) * r + np.float32(0.587) * g + np.float32(0.114) * b
+            at = (x + column) & mask
             for k in range(3):
-                value = tones[y, x, k]
-                around = (
-                    tones[above, x, k] + tones[below, x, k] + tones[y, left, k] + tones[y, right, k]
-                )
-                sharp = halo * (value - quarter * around)
-                value = grey + saturation * (value - grey) + sharp
-                value = min(max(value, zero), white)
-                value += noise * math.sqrt(floor + slope * value) * speck[(x + column) & mask, k]
-                out[y, x, k] = np.uint8(min(max(value, zero), white) + half)
+                grey[3 * x + k], speck[3 * x + k] = mean, specks[at, k]
+        for e in range(3 * w):
+            value = here[e + 3]
+            around = above[e] + below[e] + here[e] + here[e + 6]
+            sharp = halo * (value - quarter * around)
+            value = grey[e] + saturation * (value - grey[e]) + sharp
+            value = min(max(value, zero), white)
+            value += noise * math.sqrt(floor + slope * value) * speck[e]
+            done[e] = min(max(value, zero), white) + half
+        for e in range(3 * w):
+            stored[y, e] = np.uint8(np.int32(done[e]))
     return out
 
 

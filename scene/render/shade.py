@@ -1,4 +1,4 @@
-"""The shader of all renderers: sun, sky light, texture, gloss and haze for one sample at a time.
+"""The shader of all renderers: sun, sky light, texture, gloss and haze of every spot.
 
 Everything here is compiled and alike for all renderers. A compiled function calls only functions of its
 own file: the compiler's cache does not notice changes elsewhere.
@@ -24,6 +24,8 @@ BOUNCE = 0.12
 
 Array = np.ndarray
 f32 = np.float32
+BATCH, WORK = 256, 38
+"""Spots that are shaded together, and the numbers that are kept of each meanwhile."""
 ZERO, HALF, ONE = f32(0), f32(0.5), f32(1)
 """Compiled code computes in doubles as soon as a plain number comes near; these keep it single."""
 
@@ -57,40 +59,34 @@ def material_rows() -> np.ndarray:
     return np.array([[m.tile, m.gloss, m.translucency] for m in MATERIALS], np.float32)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
 def _angle(y: float, x: float) -> np.float32:
     """``atan2`` to 1e-5, without its slow exactness: a polynomial in the smaller over the larger."""
     wide, high = abs(x), abs(y)
-    steep = high > wide
-    a = (wide if steep else high) / ((high if steep else wide) + f32(1e-20))
+    a = min(wide, high) / (max(wide, high) + f32(1e-20))
     s = a * a
     r = f32(0.05265332) - s * f32(0.01172120)
     r = f32(0.99997726) + s * (
         f32(-0.33262347) + s * (f32(0.19354346) + s * (f32(-0.11643287) + s * r))
     )
     r *= a
-    if steep:
-        r = f32(math.pi / 2) - r
-    if x < ZERO:
-        r = f32(math.pi) - r
+    r = f32(math.pi / 2) - r if high > wide else r
+    r = f32(math.pi) - r if x < ZERO else r
     return -r if y < ZERO else r
 
 
-@njit(cache=True, fastmath=True)
-def _sky(x: float, y: float, z: float, panorama: Array, out: Array) -> None:
-    """Radiance of the sky along a unit direction that does not fall, see ``scene.sky.sky.panorama``."""
-    height, width = panorama.shape[0], panorama.shape[1]
-    column = (_angle(y, x) * f32(1 / math.tau) + HALF) * f32(width) - HALF
-    elevation = _angle(z, f32(math.sqrt(max(ONE - z * z, ZERO)))) * f32(2 / math.pi)
-    row = min(max(f32(height) * f32(math.sqrt(elevation)) - HALF, ZERO), f32(height) - f32(1.001))
+@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+def _sky(column: np.float32, row: np.float32, panorama: Array, n: int, out: Array) -> None:
+    """Radiance ``out[:, n]`` at a place in the panorama, see ``scene.sky.sky.panorama``."""
+    width = panorama.shape[1]
     c, r = int(column + ONE) - 1, int(row)  # cheaper than floor; column is over -1
     right, down = column - f32(c), row - f32(r)
-    c0 = c % width
-    c1 = (c0 + 1) % width
+    c0 = c + width if c < 0 else c
+    c1 = c0 + 1 if c0 + 1 < width else 0
     w00, w01 = (ONE - right) * (ONE - down), right * (ONE - down)
     w10, w11 = (ONE - right) * down, right * down
     for k in range(3):
-        out[k] = (
+        out[k, n] = (
             panorama[r, c0, k] * w00
             + panorama[r, c1, k] * w01
             + panorama[r + 1, c0, k] * w10
@@ -98,7 +94,7 @@ def _sky(x: float, y: float, z: float, panorama: Array, out: Array) -> None:
         )
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _texture(
     m: int, u: float, v: float, level: int, texels: Array, start: Array, size: Array
 ) -> np.float32:
@@ -115,8 +111,11 @@ def _texture(
     return f32(0.01) * (top * (ONE - down) + bottom * down)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def shade(
+    first: Array,
+    sample: Array,
+    share: Array,
     face: Array,
     instance: Array,
     distance: Array,
@@ -127,6 +126,7 @@ def shade(
     lit: Array,
     opened: Array,
     pixel_angle: np.float32,
+    brightest: np.float32,
     textured: bool,
     surfaces: Array,
     rows: Array,
@@ -141,78 +141,145 @@ def shade(
     wetness: np.float32,
     panorama: Array,
 ) -> Array:
-    """Linear radiance f32[n, 3] towards the camera for n samples.
+    """Linear radiance f32[pixels, 3] towards the camera: of each pixel the mean over its samples.
 
     ``lit`` is 1 where the sun is seen, ``opened`` the share of the sky that is seen, ``pixel_angle``
-    the radians between samples; the rest as in ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
+    the radians between samples, ``brightest`` what no sample goes beyond; the rest as in ``Spots``,
+    ``Hits``, ``Visible``, ``Geometry`` and ``Sky``.
+
+    Spots are taken some at a time: what looks things up one by one, then the sums of all, which
+    processors do many at a time.
     """
-    out = np.empty((face.shape[0], 3), np.float32)
-    mirrored = np.empty(3, np.float32)
+    pixels = first.shape[0] - 1
+    out = np.zeros((pixels, 3), np.float32)
     ground_light = np.empty(3, np.float32)
     for k in range(3):
         ground_light[k] = f32(BOUNCE) * (sun[k] * max(sun_direction[2], ZERO) + ambient[k])
-    for i in range(face.shape[0]):
-        f = face[i]
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        if f < 0:
-            _sky(dx, dy, max(dz, ZERO), panorama, out[i])
-            continue
-        row = carray(float_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
-        m = int(row[15])
-        nx, ny, nz = smooth[i, 0], smooth[i, 1], smooth[i, 2]
-        t = distance[i]
-        toward = dx * nx + dy * ny + dz * nz
-        steep = min(abs(toward), ONE)
-        texture = ONE
-        if textured:
+    sun0, sun1, sun2 = sun_direction[0], sun_direction[1], sun_direction[2]
+    # A wet road is rough: only standing water mirrors clouds, the rest their mean.
+    water = min(max(f32(5) * wetness - f32(4), ZERO), ONE)
+    per_sample = pixel_angle * f32(size[0])
+    per_sample *= per_sample
+    high, wide = f32(panorama.shape[0]), f32(panorama.shape[1])
+    # One array for all: of several the compiler would not know that they are not the same.
+    work = np.zeros((WORK, BATCH), np.float32)
+    dx, dy, dz, nx, ny, nz, x, y, z = (
+        work[0], work[1], work[2], work[3], work[4], work[5], work[6], work[7], work[8],
+    )  # fmt: skip
+    flat_x, flat_y, flat_z, t, light, sky_light, seen = (
+        work[9], work[10], work[11], work[12], work[13], work[14], work[15],
+    )  # fmt: skip
+    tile, gloss, through, shift, u, v, level, up, wet, clear, air = (
+        work[16], work[17], work[18], work[19], work[20], work[21], work[22], work[23], work[24],
+        work[25], work[26],
+    )  # fmt: skip
+    sky_share, texture, column, row, size_of = work[27], work[28], work[29], work[30], work[31]
+    color, mirrored = work[32:35], work[35:38]
+    material = np.empty(BATCH, np.int32)
+    pixel = 0
+    for begin in range(0, sample.shape[0], BATCH):
+        count = min(BATCH, sample.shape[0] - begin)
+        for n in range(count):
+            f, j = face[sample[begin + n]], instance[sample[begin + n]]
+            i = begin + n
+            dx[n], dy[n], dz[n] = directions[i, 0], directions[i, 1], directions[i, 2]
+            nx[n], ny[n], nz[n] = smooth[i, 0], smooth[i, 1], smooth[i, 2]
+            x[n], y[n], z[n] = points[i, 0], points[i, 1], points[i, 2]
+            flat_x[n], flat_y[n], flat_z[n] = flat[i, 0], flat[i, 1], flat[i, 2]
+            light[n], sky_light[n], size_of[n] = lit[i], opened[i], share[i]
+            t[n], seen[n], texture[n] = distance[i], ONE, ONE
+            if f < 0:
+                # All that is left of a spot in the sky is what it "mirrors".
+                t[n], seen[n] = ZERO, ZERO
+                material[n] = -1
+                tile[n], gloss[n], through[n], shift[n] = ONE, ONE, ZERO, ZERO
+                color[0, n] = color[1, n] = color[2, n] = ZERO
+                continue
+            of_face = carray(float_pointer(surfaces[j]), (f + 1, ROW))[f]
+            m = int(of_face[15])
+            material[n] = m
+            tile[n], gloss[n], through[n] = rows[m, 0], rows[m, 1], rows[m, 2]
+            shift[n] = f32(j) * f32(0.1446)  # of a tile
+            color[0, n], color[1, n], color[2, n] = of_face[12], of_face[13], of_face[14]
+        for n in range(count):
+            toward = dx[n] * nx[n] + dy[n] * ny[n] + dz[n] * nz[n]
+            steep = min(abs(toward), ONE)
             # Project along the dominant axis; instances start at different places in the texture.
-            a, b = points[i, 0], -points[i, 2]
-            if abs(flat[i, 2]) > f32(0.7):
-                b = -points[i, 1]
-            elif abs(flat[i, 0]) > abs(flat[i, 1]):
-                a = points[i, 1]
-            per_tile = ONE / rows[m, 0]
-            # Texels in a pixel, squared: each level of detail quarters it.
-            footprint = t * pixel_angle * f32(size[0]) * per_tile
-            footprint *= footprint / max(steep, f32(0.02))
-            level = 0
-            while footprint > f32(2) and level < len(size) - 1:
-                footprint *= f32(0.25)
-                level += 1
-            shift = f32(instance[i]) * f32(0.1446)  # of a tile
-            texture = _texture(m, a * per_tile + shift, b * per_tile, level, texels, start, size)
-        cosine = nx * sun_direction[0] + ny * sun_direction[1] + nz * sun_direction[2]
-        through = rows[m, 2]
-        direct = lit[i] * (max(cosine, ZERO) * (ONE - through) + f32(0.6) * abs(cosine) * through)
-        up = HALF + HALF * nz
-        gloss = rows[m, 1]
-        wet = ZERO
-        if wetness > ZERO and flat[i, 2] > f32(0.9) and points[i, 2] < f32(0.2):
-            wet = wetness
-            gloss = max(gloss, f32(0.05) * wet)
-        if gloss > ZERO:
+            level_one = flat_z[n] * flat_z[n] > f32(0.49)
+            sideways = flat_x[n] * flat_x[n] > flat_y[n] * flat_y[n]
+            per_tile = ONE / tile[n]
+            px, py, pz = x[n], y[n], z[n]
+            across = py if sideways else px
+            u[n] = (px if level_one else across) * per_tile + shift[n]
+            v[n] = -(py if level_one else pz) * per_tile
+            width = t[n] * per_tile
+            # Texels in a spot, squared: each level of detail quarters it.
+            footprint = width * width * size_of[n] * per_sample / max(steep, f32(0.02))
+            level[n] = (
+                (ONE if footprint > f32(2) else ZERO) + (ONE if footprint > f32(8) else ZERO)
+                + (ONE if footprint > f32(32) else ZERO) + (ONE if footprint > f32(128) else ZERO)
+                + (ONE if footprint > f32(512) else ZERO) + (ONE if footprint > f32(2048) else ZERO)
+                + (ONE if footprint > f32(8192) else ZERO)
+                + (ONE if footprint > f32(32768) else ZERO)
+            )  # fmt: skip
+            cosine = nx[n] * sun0 + ny[n] * sun1 + nz[n] * sun2
+            light[n] *= max(cosine, ZERO) * (ONE - through[n]) + f32(0.6) * abs(cosine) * through[n]
+            up[n] = HALF + HALF * nz[n]
+            damp = wetness if flat_z[n] > f32(0.9) else ZERO
+            damp = damp if pz < f32(0.2) else ZERO
+            damp *= seen[n]
+            wet[n] = damp
+            clear[n] = water if damp > ZERO else ONE
+            shine = max(gloss[n], f32(0.05) * damp)
             graze = ONE - steep
             graze *= graze * graze * graze * graze
-            gloss += (ONE - gloss) * graze * (f32(0.6) if wet == ZERO else f32(0.8) * wet)
-            mx, my = dx - f32(2) * toward * nx, dy - f32(2) * toward * ny
-            mz = dz - f32(2) * toward * nz
-            _sky(mx, my, abs(mz), panorama, mirrored)
+            graze *= f32(0.8) * damp if damp > ZERO else f32(0.6)
+            grown = shine + (ONE - shine) * graze
+            grown = grown if shine > ZERO else ZERO
+            gloss[n] = grown if seen[n] > ZERO else ONE
+            bounce = f32(2) * toward * seen[n]
+            mx, my, mz = dx[n] - bounce * nx[n], dy[n] - bounce * ny[n], dz[n] - bounce * nz[n]
             # Low rays meet the street's other side rather than the sky.
-            sky_share = min(max(mz * f32(3) + f32(0.1), f32(0.12)), ONE)
-            sky_share *= f32(0.3) + f32(0.7) * opened[i]
-            # A wet road is rough: only standing water mirrors clouds, the rest their mean.
-            clear = ONE if wet == ZERO else min(max(f32(5) * wet - f32(4), ZERO), ONE)
-            for k in range(3):
-                blurred = HALF * (horizon[k] + ambient[k]) * texture
-                mirrored[k] = sky_share * (
-                    min(mirrored[k], f32(2.5)) * clear + blurred * (ONE - clear)
-                )
-        air = ONE - f32(math.exp(-t / haze))
+            part = min(max(mz * f32(3) + f32(0.1), f32(0.12)), ONE)
+            part *= f32(0.3) + f32(0.7) * sky_light[n]
+            sky_share[n] = part if seen[n] > ZERO else ONE
+            mz = min(max(mz, -mz * seen[n]), ONE)
+            column[n] = (_angle(my, mx) * f32(1 / math.tau) + HALF) * wide - HALF
+            mz = max(mz, ZERO)
+            rise = _angle(mz, f32(math.sqrt(max(ONE - mz * mz, ZERO)))) * f32(2 / math.pi)
+            row[n] = min(max(high * f32(math.sqrt(rise)) - HALF, ZERO), high - f32(1.001))
+            # exp(-t / haze) by its series, of a sixteenth of it.
+            e = min(t[n] / haze, f32(16)) * f32(-1 / 16)
+            e = ONE + e * (
+                ONE + e * (HALF + e * (f32(1 / 6) + e * (f32(1 / 24) + e * f32(1 / 120))))
+            )
+            e *= e
+            e *= e
+            e *= e
+            air[n] = ONE - e * e
+        for n in range(count):
+            if (gloss[n] > ZERO) & (clear[n] > ZERO):
+                _sky(column[n], row[n], panorama, n, mirrored)
+        if textured:
+            for n in range(count):
+                if material[n] >= 0:
+                    at = min(int(level[n]), len(size) - 1)
+                    texture[n] = _texture(material[n], u[n], v[n], at, texels, start, size)
         for k in range(3):
-            albedo = min(row[12 + k] * texture, f32(0.95)) * (ONE - f32(0.45) * wet)
-            light = sun[k] * direct + opened[i] * (ambient[k] * up + ground_light[k] * (ONE - up))
-            radiance = albedo * light
-            if gloss > ZERO:
-                radiance = radiance * (ONE - gloss) + gloss * mirrored[k]
-            out[i, k] = radiance * (ONE - air) + horizon[k] * air
+            sun_k, above, below, hazy = sun[k], ambient[k], ground_light[k], horizon[k]
+            mean = HALF * (hazy + above)
+            for n in range(count):
+                blurred = mean * texture[n] * (ONE - clear[n])
+                mirror = mirrored[k, n] if seen[n] == ZERO else min(mirrored[k, n], f32(2.5))
+                mirror = sky_share[n] * (mirror * clear[n] + blurred)
+                albedo = min(color[k, n] * texture[n], f32(0.95)) * (ONE - f32(0.45) * wet[n])
+                received = sun_k * light[n] + sky_light[n] * (above * up[n] + below * (ONE - up[n]))
+                radiance = albedo * received * (ONE - gloss[n]) + gloss[n] * mirror
+                color[k, n] = min(radiance * (ONE - air[n]) + hazy * air[n], brightest)
+        for n in range(count):
+            i = begin + n
+            while i >= first[pixel + 1]:
+                pixel += 1
+            for k in range(3):
+                out[pixel, k] += share[i] * color[k, n]
     return out

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import cv2
 import numpy as np
 from numba import njit
 
@@ -18,6 +17,7 @@ from scene.render import shade, visibility
 from scene.render.geometry import Geometry
 from scene.render.protocol import Frame, RenderSettings, label_sample, pixel_rays
 from scene.render.sensor import develop, set_to, vary
+from scene.render.spots import Spots, group
 from scene.sky.sky import panorama
 from scene.street.camera import Camera, camera_axes
 from scene.street.street import Street
@@ -26,6 +26,10 @@ CAMERA_DRAW = 2**16
 """Tells the draw of a street's camera from the draws of its shots."""
 BRIGHTEST = 4.0
 """Radiance above which samples of a pixel count as alike, so that bright sky does not eat thin poles."""
+SKY_STEP = 2
+"""Pixels from one ray into the open to the next, each way."""
+UNBOUNDED = 1e9
+"""Radiance beyond all."""
 
 
 class Rays(NamedTuple):
@@ -50,27 +54,31 @@ class Hits(NamedTuple):
 
 
 class Visible(NamedTuple):
-    """What each sample sees."""
+    """What each spot is."""
 
-    hits: Hits
-    flat: np.ndarray  # f32[n, 3] normal of the face, turned towards the viewer; up for the sky
-    smooth: np.ndarray  # f32[n, 3] the same for the curved surface the face stands for
-    points: np.ndarray  # f32[n, 3] where the ray meets the face; its origin for the sky
+    hits: Hits  # of the samples
+    spots: Spots
+    flat: np.ndarray  # f32[m, 3] normal of the face, turned towards the viewer; up for the sky
+    smooth: np.ndarray  # f32[m, 3] the same for the curved surface the face stands for
+    points: np.ndarray  # f32[m, 3] where it is; the rays' origin for the sky
+    side: (
+        np.ndarray
+    )  # i8[m] of the face, on which a ray to the sun begins: 1 ours, -1 the other, 0 no ray
 
 
 class Segments(NamedTuple):
     """Rays of which only matters whether anything is in their way."""
 
     starts: np.ndarray  # f32[n, 3]
-    directions: np.ndarray  # f32[n, 3] or, where all run alike, f32[1, 3]
+    directions: np.ndarray  # f32[n, 3]
     wanted: np.ndarray  # u8[n], 0: the answer is not needed
 
 
 class Light(NamedTuple):
-    """What light reaches each sample."""
+    """What light reaches each spot."""
 
-    lit: np.ndarray  # f32[n], 1 where the sun is seen, 0 in shadow
-    opened: np.ndarray  # f32[n], share of the sky that is seen
+    lit: np.ndarray  # f32[m], 1 where the sun is seen, 0 in shadow
+    opened: np.ndarray  # f32[m], share of the sky that is seen
 
 
 class Surroundings(NamedTuple):
@@ -98,69 +106,78 @@ def sample_rays(camera: Camera, settings: RenderSettings) -> Rays:
     return Rays(origin, directions, along, len(x), len(y), float(x[1] - x[0]))
 
 
-@njit(cache=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _fill_rays(
     x: np.ndarray, y: np.ndarray, axes: np.ndarray, directions: np.ndarray, along: np.ndarray
 ) -> None:
+    columns = x.shape[0]
+    shrink = np.empty(columns)
+    a0, a1, a2 = axes[0, 0], axes[0, 1], axes[0, 2]
     for row in range(y.shape[0]):
-        for column in range(x.shape[0]):
-            i = row * x.shape[0] + column
-            shrink = 1 / math.sqrt(x[column] ** 2 + y[row] ** 2 + 1)
-            along[i] = shrink
-            for k in range(3):
-                directions[i, k] = shrink * (
-                    x[column] * axes[0, k] + y[row] * axes[1, k] + axes[2, k]
-                )
+        base = row * columns
+        b0 = y[row] * axes[1, 0] + axes[2, 0]
+        b1 = y[row] * axes[1, 1] + axes[2, 1]
+        b2 = y[row] * axes[1, 2] + axes[2, 2]
+        for column in range(columns):
+            shrink[column] = 1 / math.sqrt(x[column] ** 2 + y[row] ** 2 + 1)
+        for column in range(columns):
+            along[base + column] = shrink[column]
+        for column in range(columns):
+            directions[base + column, 0] = shrink[column] * (x[column] * a0 + b0)
+            directions[base + column, 1] = shrink[column] * (x[column] * a1 + b1)
+            directions[base + column, 2] = shrink[column] * (x[column] * a2 + b2)
 
 
-def visible(rays: Rays, geometry: Geometry, hits: Hits) -> Visible:
-    """Complete hits with normals and points."""
-    flat, smooth, points = (np.empty_like(rays.directions) for _ in range(3))
+def visible(around: Surroundings, rays: Rays, hits: Hits, settings: RenderSettings) -> Visible:
+    """Tell the spots of each pixel apart and say what they are."""
+    geometry, samples = around.geometry, settings.samples
+    surfaces = geometry.surfaces
+    spots = group(
+        hits.face, hits.instance, hits.distance, rays.directions, surfaces, geometry.pose,
+        rays.columns, samples, label_sample(samples),
+    )  # fmt: skip
+    flat, smooth, points = (np.empty((len(spots.sample), 3), np.float32) for _ in range(3))
+    side = np.empty(len(spots.sample), np.int8)
     visibility.look(
-        rays.origin, rays.directions, hits.distance, hits.instance, hits.face, hits.u, hits.v,
-        geometry.surfaces, geometry.pose, flat, smooth, points,
+        rays.origin, spots.directions, spots.distance, spots.sample, hits.instance, hits.face,
+        hits.u, hits.v, surfaces, geometry.pose, shade.material_rows(),
+        around.street.sky.sun_direction, flat, smooth, points, side,
     )  # fmt: skip
-    return Visible(hits, flat, smooth, points)
+    return Visible(hits, spots, flat, smooth, points, side)
 
 
-def sun_segments(seen: Visible, around: Surroundings) -> Segments:
-    """The rays to the sun of all samples that may see it."""
-    sun = around.street.sky.sun_direction
-    starts = np.empty_like(seen.points)
-    wanted = np.empty(len(starts), np.uint8)
-    visibility.sun_rays(
-        seen.hits.face, seen.hits.instance, seen.flat, seen.smooth, seen.points, sun,
-        around.geometry.surfaces, shade.material_rows(), starts, wanted,
-    )  # fmt: skip
-    return Segments(starts, sun[None], wanted)
+def sky_grid(settings: RenderSettings) -> tuple[int, int]:
+    """Columns and rows of the pixels from which a ray goes into the open."""
+    return -(-settings.width // SKY_STEP), -(-settings.height // SKY_STEP)
 
 
-def sky_segments(seen: Visible, rays: Rays, around: Surroundings) -> Segments:
-    """A ray into the open for every second sample each way, see ``spread``."""
-    path = around.street.ground.path
-    points = seen.points
+def sky_segments(seen: Visible, around: Surroundings, settings: RenderSettings) -> Segments:
+    """A ray into the open for every ``SKY_STEP``-th pixel each way, see ``spread``."""
+    path, points = around.street.ground.path, seen.points
     if path.slopes:  # rays that fall onto the street are found as if it were level
         below = road_height(path, points)
         points = points.copy()
         points[:, 2] -= below
-    height, width = (rays.rows + 1) // 2, (rays.columns + 1) // 2
+    width, height = sky_grid(settings)
     starts, directions = (np.empty((height * width, 3), np.float32) for _ in range(2))
     wanted = np.empty(height * width, np.uint8)
     visibility.sky_rays(
-        seen.hits.face, seen.flat, points, rays.columns, height, width,
-        starts, directions, wanted,
+        seen.spots.first, seen.spots.sample, seen.hits.face, seen.flat, points,
+        settings.width, SKY_STEP, height, width, starts, directions, wanted,
     )  # fmt: skip
     if path.slopes:
-        starts[:, 2] += below.reshape(rays.rows, rays.columns)[::2, ::2].ravel()
+        pixels = seen.spots.first[:-1].reshape(settings.height, settings.width)
+        starts[:, 2] += below[pixels[::SKY_STEP, ::SKY_STEP].ravel()]
     return Segments(starts, directions, wanted)
 
 
-def spread(free: np.ndarray, seen: Visible, rays: Rays) -> np.ndarray:
-    """Share f32[n] of open sky from ``free`` f32, 1 for each ray of ``sky_segments`` that gets away."""
+def spread(free: np.ndarray, seen: Visible, settings: RenderSettings) -> np.ndarray:
+    """Share f32[m] of open sky from ``free`` f32, 1 for each ray of ``sky_segments`` that gets away."""
     opened = np.empty(len(seen.points), np.float32)
     visibility.spread_open(
-        free, seen.hits.face, seen.smooth, seen.hits.distance, rays.rows, rays.columns, opened
-    )
+        free, seen.spots.first, seen.spots.sample, seen.hits.face, seen.smooth,
+        seen.spots.distance, settings.height, settings.width, SKY_STEP, opened,
+    )  # fmt: skip
     return opened
 
 
@@ -168,22 +185,18 @@ def radiance(
     around: Surroundings, rays: Rays, seen: Visible, light: Light, settings: RenderSettings
 ) -> np.ndarray:
     """Linear radiance f32[h, w, 3] of every pixel."""
-    sky, geometry, hits = around.street.sky, around.geometry, seen.hits
-    samples = shade.shade(
-        hits.face, hits.instance, hits.distance, rays.directions, seen.points, seen.flat,
-        seen.smooth, light.lit, light.opened, np.float32(rays.spacing), settings.textures,
+    sky, geometry, hits, spots = around.street.sky, around.geometry, seen.hits, seen.spots
+    brightest = BRIGHTEST if settings.samples > 1 else UNBOUNDED
+    image = shade.shade(
+        spots.first, spots.sample, spots.share / np.float32(settings.samples**2), hits.face,
+        hits.instance, spots.distance, spots.directions, seen.points, seen.flat, seen.smooth,
+        light.lit, light.opened, np.float32(rays.spacing * settings.samples),
+        np.float32(brightest), settings.textures,
         geometry.surfaces, shade.material_rows(), *shade.texture_levels(),
         sky.sun_direction, sky.sun, sky.ambient, sky.horizon,
         np.float32(sky.haze), np.float32(sky.wetness), around.panorama,
     )  # fmt: skip
-    image = samples.reshape(rays.rows, rays.columns, 3)
-    if settings.samples > 1:
-        image = cv2.resize(
-            np.minimum(image, BRIGHTEST),
-            (settings.width, settings.height),
-            interpolation=cv2.INTER_AREA,
-        )
-    return image
+    return image.reshape(settings.height, settings.width, 3)
 
 
 def expose(
@@ -221,7 +234,7 @@ def expose(
     axes = camera_axes(camera).astype(np.float32)
     axes[2] *= -1
     normal = np.empty((*instance.shape, 3), np.float32)
-    _turn(pixels(seen.smooth), instance, axes, normal)
+    _turn(seen.smooth, seen.spots.first, instance, axes, normal)
     return Frame(
         image=image,
         label=around.geometry.train_id[instance],
@@ -232,13 +245,16 @@ def expose(
 
 
 @njit(cache=True, fastmath=True)
-def _turn(world: np.ndarray, instance: np.ndarray, axes: np.ndarray, out: np.ndarray) -> None:
-    """Normals in the camera's frame; 0 where nothing was hit."""
-    for row in range(world.shape[0]):
-        for column in range(world.shape[1]):
+def _turn(
+    world: np.ndarray, first: np.ndarray, instance: np.ndarray, axes: np.ndarray, out: np.ndarray
+) -> None:
+    """Normals of each pixel's first spot in the camera's frame; 0 where nothing was hit."""
+    for row in range(out.shape[0]):
+        for column in range(out.shape[1]):
             seen = instance[row, column] != 0
+            i = first[row * out.shape[1] + column]
             for k in range(3):
                 value = np.float32(0)
                 for a in range(3):
-                    value += axes[k, a] * world[row, column, a]
+                    value += axes[k, a] * world[i, a]
                 out[row, column, k] = value if seen else 0

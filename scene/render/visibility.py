@@ -1,4 +1,4 @@
-"""What lies at each hit and what light can reach it: normals, points, and the rays that ask.
+"""What lies at each spot and what light can reach it: normals, points, and the rays that ask.
 
 Everything here is compiled and alike for all renderers; they only answer the rays. A compiled function calls
 only functions of its own file: the compiler's cache does not notice changes elsewhere.
@@ -29,201 +29,214 @@ ZERO, ONE = f32(0), f32(1)
 """Compiled code computes in doubles as soon as a plain number comes near; these keep it single."""
 ALIKE_NORMAL, ALIKE_DISTANCE = f32(0.8), f32(0.06)
 """Least cosine between normals, and most distance in distances, of samples on about the same surface."""
+NEARBY = f32(0.2)
+"""What samples about as far away count that lie on another surface."""
+BATCH = 256
+"""Spots that are looked at together."""
 FAR_OFF = f32(1e9)
 """Metres to the sky, as far as occlusion goes."""
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def look(
     origin: Array,
     directions: Array,
     distance: Array,
+    sample: Array,
     instance: Array,
     face: Array,
     u: Array,
     v: Array,
     surfaces: Array,
     pose: Array,
-    flat: Array,
-    smooth: Array,
-    points: Array,
-) -> None:
-    """What lies at each hit: the face's own normal, the smoothed one, both towards the viewer, the point.
-
-    Misses get an upward normal and the ray's origin.
-    """
-    for i in range(face.shape[0]):
-        f = face[i]
-        if f < 0:
-            for k in range(3):
-                flat[i, k] = smooth[i, k] = 1.0 if k == 2 else 0.0
-                points[i, k] = origin[k]
-            continue
-        j = instance[i]
-        row = carray(float_pointer(surfaces[j]), (f + 1, ROW))[f]
-        w = ONE - u[i] - v[i]
-        a, b, c = row[0], row[1], row[2]
-        p = w * row[3] + u[i] * row[6] + v[i] * row[9]
-        q = w * row[4] + u[i] * row[7] + v[i] * row[10]
-        r = w * row[5] + u[i] * row[8] + v[i] * row[11]
-        shrink = ONE / f32(math.sqrt(max(p * p + q * q + r * r, f32(1e-12))))
-        p, q, r = shrink * p, shrink * q, shrink * r
-        fx = pose[j, 0, 0] * a + pose[j, 0, 1] * b + pose[j, 0, 2] * c
-        fy = pose[j, 1, 0] * a + pose[j, 1, 1] * b + pose[j, 1, 2] * c
-        fz = pose[j, 2, 0] * a + pose[j, 2, 1] * b + pose[j, 2, 2] * c
-        sx = pose[j, 0, 0] * p + pose[j, 0, 1] * q + pose[j, 0, 2] * r
-        sy = pose[j, 1, 0] * p + pose[j, 1, 1] * q + pose[j, 1, 2] * r
-        sz = pose[j, 2, 0] * p + pose[j, 2, 1] * q + pose[j, 2, 2] * r
-        dx, dy, dz = directions[i, 0], directions[i, 1], directions[i, 2]
-        toward_flat = fx * dx + fy * dy + fz * dz
-        toward_smooth = sx * dx + sy * dy + sz * dz
-        if toward_flat * toward_smooth <= ZERO:
-            # At a silhouette the smoothed normal may lean away; then it is the flat one.
-            sx, sy, sz = fx, fy, fz
-        turn = -ONE if toward_flat > ZERO else ONE
-        t = distance[i]
-        flat[i, 0], flat[i, 1], flat[i, 2] = turn * fx, turn * fy, turn * fz
-        smooth[i, 0], smooth[i, 1], smooth[i, 2] = turn * sx, turn * sy, turn * sz
-        points[i, 0] = origin[0] + t * dx
-        points[i, 1] = origin[1] + t * dy
-        points[i, 2] = origin[2] + t * dz
-
-
-@njit(cache=True, fastmath=True)
-def sun_rays(
-    face: Array,
-    instance: Array,
-    flat: Array,
-    smooth: Array,
-    points: Array,
-    sun_direction: Array,
-    surfaces: Array,
     rows: Array,
-    starts: Array,
-    wanted: Array,
+    sun_direction: Array,
+    flat: Array,
+    smooth: Array,
+    points: Array,
+    side: Array,
 ) -> None:
-    """Where each sample's ray to the sun begins, and whether it needs one.
+    """What each spot is: the face's own normal, the smoothed one, both towards the viewer, the point.
 
-    It begins on the viewer's side, but for leaves, which the sun shines through, on the sun's own.
-    What faces away from the sun is dark without asking.
+    Misses get an upward normal and the ray's origin. ``side`` says on which side of the face a ray to the
+    sun begins: 1 the viewer's, -1 the other (leaves, which the sun shines through), 0 where none is
+    needed: in the sky, and where a surface faces away from the sun.
     """
-    for i in range(face.shape[0]):
-        f = face[i]
-        wanted[i] = 0
-        for k in range(3):
-            starts[i, k] = points[i, k]
-        if f < 0:
-            continue
-        by_face, by_normal = 0.0, 0.0
-        for k in range(3):
-            by_face += flat[i, k] * sun_direction[k]
-            by_normal += smooth[i, k] * sun_direction[k]
-        sign = 1.0
-        row = carray(float_pointer(surfaces[instance[i]]), (f + 1, ROW))[f]
-        if rows[int(row[15]), 2] > 0:
-            sign = 1.0 if by_face >= 0 else -1.0
-        elif by_face <= 0 or by_normal <= 0:
-            continue
-        wanted[i] = 1
-        for k in range(3):
-            starts[i, k] += sign * OFFSET * flat[i, k]
+    sun0, sun1, sun2 = sun_direction[0], sun_direction[1], sun_direction[2]
+    # What looks things up apart from what computes, which processors do many at a time. One array for all:
+    # of several the compiler would not know that they are not the same.
+    work = np.empty((16, BATCH), np.float32)
+    fx, fy, fz, sx, sy, sz = work[0], work[1], work[2], work[3], work[4], work[5]
+    dx, dy, dz, t, x, y, z = work[6], work[7], work[8], work[9], work[10], work[11], work[12]
+    hit, clear, begins = work[13], work[14], work[15]
+    origin0, origin1, origin2 = origin[0], origin[1], origin[2]
+    for begin in range(0, sample.shape[0], BATCH):
+        count = min(BATCH, sample.shape[0] - begin)
+        for n in range(count):
+            i, at = begin + n, sample[begin + n]
+            f = face[at]
+            dx[n], dy[n], dz[n] = directions[i, 0], directions[i, 1], directions[i, 2]
+            if f < 0:
+                fx[n] = fy[n] = sx[n] = sy[n] = t[n] = hit[n] = clear[n] = ZERO
+                fz[n] = sz[n] = ONE
+                continue
+            j = instance[at]
+            row = carray(float_pointer(surfaces[j]), (f + 1, ROW))[f]
+            a, b, c = row[0], row[1], row[2]
+            w = ONE - u[at] - v[at]
+            p = w * row[3] + u[at] * row[6] + v[at] * row[9]
+            q = w * row[4] + u[at] * row[7] + v[at] * row[10]
+            r = w * row[5] + u[at] * row[8] + v[at] * row[11]
+            fx[n] = pose[j, 0, 0] * a + pose[j, 0, 1] * b + pose[j, 0, 2] * c
+            fy[n] = pose[j, 1, 0] * a + pose[j, 1, 1] * b + pose[j, 1, 2] * c
+            fz[n] = pose[j, 2, 0] * a + pose[j, 2, 1] * b + pose[j, 2, 2] * c
+            sx[n] = pose[j, 0, 0] * p + pose[j, 0, 1] * q + pose[j, 0, 2] * r
+            sy[n] = pose[j, 1, 0] * p + pose[j, 1, 1] * q + pose[j, 1, 2] * r
+            sz[n] = pose[j, 2, 0] * p + pose[j, 2, 1] * q + pose[j, 2, 2] * r
+            t[n], hit[n], clear[n] = distance[i], ONE, rows[int(row[15]), 2]
+        for n in range(count):
+            a, b, c, p, q, r = fx[n], fy[n], fz[n], sx[n], sy[n], sz[n]
+            shrink = ONE / f32(math.sqrt(max(p * p + q * q + r * r, f32(1e-12))))
+            toward_flat = a * dx[n] + b * dy[n] + c * dz[n]
+            toward_smooth = p * dx[n] + q * dy[n] + r * dz[n]
+            # At a silhouette the smoothed normal may lean away; then it is the flat one.
+            leans = toward_flat * toward_smooth <= ZERO
+            p, q, r = (
+                a if leans else shrink * p, b if leans else shrink * q, c if leans else shrink * r,
+            )  # fmt: skip
+            turn = -ONE if toward_flat * hit[n] > ZERO else ONE
+            by_face = turn * (a * sun0 + b * sun1 + c * sun2)
+            by_normal = turn * (p * sun0 + q * sun1 + r * sun2)
+            ours = ONE if by_face > ZERO else ZERO
+            plain = ours if by_normal > ZERO else ZERO
+            begins[n] = hit[n] * (ours + ours - ONE if clear[n] > ZERO else plain)
+            fx[n], fy[n], fz[n] = turn * a, turn * b, turn * c
+            sx[n], sy[n], sz[n] = turn * p, turn * q, turn * r
+            x[n] = origin0 + t[n] * dx[n]
+            y[n] = origin1 + t[n] * dy[n]
+            z[n] = origin2 + t[n] * dz[n]
+        for n in range(count):
+            i = begin + n
+            flat[i, 0], flat[i, 1], flat[i, 2] = fx[n], fy[n], fz[n]
+            smooth[i, 0], smooth[i, 1], smooth[i, 2] = sx[n], sy[n], sz[n]
+            points[i, 0], points[i, 1], points[i, 2] = x[n], y[n], z[n]
+            side[i] = np.int8(begins[n])
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def sky_rays(
+    first: Array,
+    sample: Array,
     face: Array,
     flat: Array,
     points: Array,
     columns: int,
+    step: int,
     height: int,
     width: int,
     starts: Array,
     directions: Array,
     wanted: Array,
 ) -> None:
-    """One cosine-distributed ray for every second sample each way, stratified over 4 x 4 of them.
+    """One cosine-distributed ray for every ``step``-th pixel each way, stratified over 4 x 4 of them.
 
     Rays that soon fall on the street are not wanted: no sky is there.
     """
+    local = np.empty((16, 3), np.float32)
+    for cell in range(16):
+        # Low-discrepancy pair over the 16 cells of a block.
+        s = (cell + 0.5) / 16.0
+        radius, angle = math.sqrt(s), 6.2831853 * (cell * 0.618034 % 1.0)
+        local[cell, 0], local[cell, 1] = radius * math.cos(angle), radius * math.sin(angle)
+        local[cell, 2] = math.sqrt(1.0 - s)
     for y in range(height):
         for x in range(width):
-            j, i = y * width + x, 2 * y * columns + 2 * x
-            wanted[j] = face[i] >= 0
-            # Low-discrepancy pair over the 16 cells of a block.
-            cell = (x & 3) + 4 * (y & 3)
-            s = (cell + 0.5) / 16.0
-            radius, angle = math.sqrt(s), 6.2831853 * (cell * 0.618034 % 1.0)
+            j, i = y * width + x, first[step * (y * columns + x)]
+            wanted[j] = face[sample[i]] >= 0
             a, b, c = flat[i, 0], flat[i, 1], flat[i, 2]
             # A basis that turns smoothly with the normal, most of all around walls and bodies:
             # neighbours then share out the same 16 directions, and their mean is even.
-            if abs(c) < 0.9:
-                shrink = 1 / math.sqrt(a * a + b * b)
-                p, q, r = -b * shrink, a * shrink, 0.0
+            p, q, r = ZERO, ZERO, ZERO
+            if abs(c) < f32(0.9):
+                shrink = ONE / f32(math.sqrt(a * a + b * b))
+                p, q = -b * shrink, a * shrink
             else:
-                shrink = 1 / math.sqrt(a * a + c * c)
-                p, q, r = c * shrink, 0.0, -a * shrink
-            dx, dy, dz = radius * math.cos(angle), radius * math.sin(angle), math.sqrt(1.0 - s)
+                shrink = ONE / f32(math.sqrt(a * a + c * c))
+                p, r = c * shrink, -a * shrink
+            cell = (x & 3) + 4 * (y & 3)
+            dx, dy, dz = local[cell, 0], local[cell, 1], local[cell, 2]
             directions[j, 0] = dx * p + dy * (b * r - c * q) + dz * a
             directions[j, 1] = dx * q + dy * (c * p - a * r) + dz * b
             directions[j, 2] = dx * r + dy * (a * q - b * p) + dz * c
             for k in range(3):
-                starts[j, k] = points[i, k] + OFFSET * flat[i, k]
-            if LEVEL < starts[j, 2] < -REACH * directions[j, 2]:
+                starts[j, k] = points[i, k] + f32(OFFSET) * flat[i, k]
+            if f32(LEVEL) < starts[j, 2] < -f32(REACH) * directions[j, 2]:
                 wanted[j] = 0
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def spread_open(
     seen_open: Array,
+    first: Array,
+    sample: Array,
     face: Array,
     smooth: Array,
     distance: Array,
     rows: int,
     columns: int,
+    step: int,
     out: Array,
 ) -> None:
-    """From one yes or no at every second sample to the share of open sky at each.
+    """From one yes or no at every ``step``-th pixel to the share of open sky at each spot.
 
     First the mean over 4 x 4 rays that lie on about the same surface, then between the four nearest
     means, again only across the same surface.
     """
-    height, width = (rows + 1) // 2, (columns + 1) // 2
-    grid = np.empty((4, height, width), np.float32)  # normal and distance of every second sample
+    height, width = (rows + step - 1) // step, (columns + step - 1) // step
+    grid = np.empty((4, height, width), np.float32)  # normal and distance of these pixels
     for y in range(height):
         for x in range(width):
-            i = 2 * y * columns + 2 * x
+            i = first[step * (y * columns + x)]
             grid[0, y, x], grid[1, y, x], grid[2, y, x] = smooth[i, 0], smooth[i, 1], smooth[i, 2]
-            grid[3, y, x] = distance[i] if face[i] >= 0 else FAR_OFF
+            grid[3, y, x] = distance[i] if face[sample[i]] >= 0 else FAR_OFF
     mean = _mean_open(seen_open.reshape(height, width), grid)
     for row in range(rows):
+        y0 = row // step
+        y1 = min(y0 + int(row % step > 0), height - 1)
         for column in range(columns):
-            i = row * columns + column
-            if face[i] < 0:
-                out[i] = ONE
+            x0 = column // step
+            x1 = min(x0 + int(column % step > 0), width - 1)
+            p = row * columns + column
+            even = mean[y0, x0]
+            if (mean[y0, x1] == even) & (mean[y1, x0] == even) & (mean[y1, x1] == even):
+                for i in range(first[p], first[p + 1]):
+                    out[i] = even if face[sample[i]] >= 0 else ONE
                 continue
-            y, x = row >> 1, column >> 1
-            if not (row & 1 or column & 1):
-                out[i] = mean[y, x]
-                continue
-            a, b, c, t = smooth[i, 0], smooth[i, 1], smooth[i, 2], distance[i]
-            bound = ALIKE_DISTANCE * t
-            total, weight = ZERO, ZERO
-            for yy in range(y, min(y + (row & 1), height - 1) + 1):
-                for xx in range(x, min(x + (column & 1), width - 1) + 1):
-                    alike = a * grid[0, yy, xx] + b * grid[1, yy, xx] + c * grid[2, yy, xx]
-                    same = (alike > ALIKE_NORMAL) & (abs(grid[3, yy, xx] - t) < bound)
-                    near = ONE if same else f32(1e-3)
-                    if grid[3, yy, xx] < FAR_OFF:
+            for i in range(first[p], first[p + 1]):
+                if face[sample[i]] < 0:
+                    out[i] = ONE
+                    continue
+                a, b, c, t = smooth[i, 0], smooth[i, 1], smooth[i, 2], distance[i]
+                bound = ALIKE_DISTANCE * t
+                total, weight = ZERO, ZERO
+                for yy in range(y0, y1 + 1):
+                    for xx in range(x0, x1 + 1):
+                        alike = a * grid[0, yy, xx] + b * grid[1, yy, xx] + c * grid[2, yy, xx]
+                        same = (alike > ALIKE_NORMAL) & (abs(grid[3, yy, xx] - t) < bound)
+                        close = abs(grid[3, yy, xx] - t) < bound
+                        near = ONE if same else (NEARBY if close else f32(1e-3))
+                        near = near if grid[3, yy, xx] < FAR_OFF else ZERO
                         total += near * mean[yy, xx]
                         weight += near
-            out[i] = total / weight if weight > ZERO else ONE
+                out[i] = total / weight if weight > ZERO else ONE
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, fastmath=True, error_model="numpy")
 def _mean_open(free: Array, grid: Array) -> Array:
     """Share of open sky from the 4 x 4 rays around each, of those on about the same surface.
 
-    One neighbour at a time for a whole row, which processors do eight columns at a time.
+    Others as far away count a little: among leaves hardly two rays start on one surface. One neighbour at a
+    time for a whole row, which processors do many columns at a time.
     """
     height, width = free.shape
     mean = np.empty((height, width), np.float32)
@@ -243,8 +256,8 @@ def _mean_open(free: Array, grid: Array) -> Array:
                         + grid[2, y, x] * grid[2, yy, x + dx]
                     )
                     apart = abs(grid[3, yy, x + dx] - grid[3, y, x])
-                    same = (alike > ALIKE_NORMAL) & (apart <= ALIKE_DISTANCE * grid[3, y, x])
-                    weight = ONE if same else ZERO
+                    weight = ONE if alike > ALIKE_NORMAL else NEARBY
+                    weight = weight if apart <= ALIKE_DISTANCE * grid[3, y, x] else ZERO
                     total[x] += weight * free[yy, x + dx]
                     count[x] += weight
         for x in range(width):

@@ -132,17 +132,27 @@ def _panorama(
     """
     rows = columns // 4
     half, one, two, three = np.float32(0.5), np.float32(1), np.float32(2), np.float32(3)
+    zero = np.float32(0)
     size = clouds.shape[0]
     far = 64 * size  # keeps places on the map positive
     mask = size - 1  # the size is a power of two
     out = np.empty((rows, columns, 3), np.float32)
-    east, north = np.empty(columns, np.float32), np.empty(columns, np.float32)
+    # Row by row, and in a row what looks things up apart from what computes, which processors do many at
+    # a time. One array for all: of several the compiler would not know that they are not the same.
+    work = np.empty((14, columns), np.float32)
+    east, north, u, v, row, column, sunward, thick, slope_u, slope_v = (
+        work[0], work[1], work[2], work[3], work[4], work[5], work[6], work[7], work[8], work[9],
+    )  # fmt: skip
+    opaque, bright, glow, disc = work[10], work[11], work[12], work[13]
+    cosine, sine = np.float32(math.cos(wind)), np.float32(math.sin(wind))
+    sun0, sun1, sun2 = sun_direction[0], sun_direction[1], sun_direction[2]
     for c in range(columns):
         azimuth = -math.pi + 2 * math.pi * (c + 0.5) / columns
         east[c], north[c] = math.cos(azimuth), math.sin(azimuth)
-    cosine, sine = np.float32(math.cos(wind)), np.float32(math.sin(wind))
-    flat = np.float32(math.sqrt(sun_direction[0] ** 2 + sun_direction[1] ** 2))
-    base = np.empty(3, np.float32)
+        # Rows of the map run along the wind.
+        u[c], v[c] = east[c] * cosine + north[c] * sine, north[c] * cosine - east[c] * sine
+    flat = np.float32(math.sqrt(sun0**2 + sun1**2))
+    along, across = sun0 * cosine + sun1 * sine, sun1 * cosine - sun0 * sine
     start0, start1 = np.float32(offset[0] * size + far), np.float32(offset[1] * size + far)
     for r in range(rows):
         elevation = math.pi / 2 * ((r + 0.5) / rows) ** 2
@@ -150,62 +160,60 @@ def _panorama(
         fade = np.float32((one - up) ** 6)
         mist = np.float32(math.exp(-elevation / 0.05))  # the last three degrees are haze
         reach = np.float32(level * (1 + lift) / (up + lift) * size / scale)
-        for k in range(3):
-            base[k] = zenith[k] * (one - fade) + horizon[k] * fade
         for c in range(columns):
-            x, y = east[c], north[c]
-            toward = (x * sun_direction[0] + y * sun_direction[1]) * level + up * sun_direction[2]
-            t = max(toward, np.float32(0))
+            sunward[c] = (east[c] * sun0 + north[c] * sun1) * level + up * sun2
+            # Where the ray meets the clouds.
+            row[c], column[c] = u[c] * reach + start0, v[c] * reach + start1
+        for c in range(columns):
+            r0, c0 = int(row[c]), int(column[c])
+            fr, fc = row[c] - np.float32(r0), column[c] - np.float32(c0)
+            r0, c0 = r0 & mask, c0 & mask
+            r1, c1 = (r0 + 1) & mask, (c0 + 1) & mask
+            w00, w01 = (one - fr) * (one - fc), (one - fr) * fc
+            w10, w11 = fr * (one - fc), fr * fc
+            thick[c] = (
+                w00 * clouds[r0, c0, 0] + w01 * clouds[r0, c1, 0]
+                + w10 * clouds[r1, c0, 0] + w11 * clouds[r1, c1, 0]
+            )  # fmt: skip
+            slope_u[c] = (
+                w00 * clouds[r0, c0, 1] + w01 * clouds[r0, c1, 1]
+                + w10 * clouds[r1, c0, 1] + w11 * clouds[r1, c1, 1]
+            )  # fmt: skip
+            slope_v[c] = (
+                w00 * clouds[r0, c0, 2] + w01 * clouds[r0, c1, 2]
+                + w10 * clouds[r1, c0, 2] + w11 * clouds[r1, c1, 2]
+            )  # fmt: skip
+        for c in range(columns):
+            t = max(sunward[c], zero)
             t2 = t * t
             t8 = t2 * t2 * t2 * t2
             t32 = t8 * t8 * t8 * t8
             t128 = t32 * t32 * t32 * t32
             t512 = t128 * t128 * t128 * t128
-            glow = np.float32(0.10) * t8 + np.float32(0.16) * t32 + np.float32(0.35) * t512
-            # Where the ray meets the clouds; rows of the map run along the wind.
-            u, v = x * cosine + y * sine, y * cosine - x * sine
-            row, column = u * reach + start0, v * reach + start1
-            r0, c0 = int(row), int(column)
-            fr, fc = row - np.float32(r0), column - np.float32(c0)
-            r0, c0 = r0 & mask, c0 & mask
-            r1, c1 = (r0 + 1) & mask, (c0 + 1) & mask
-            w00, w01 = (one - fr) * (one - fc), (one - fr) * fc
-            w10, w11 = fr * (one - fc), fr * fc
-            thick = (
-                w00 * clouds[r0, c0, 0] + w01 * clouds[r0, c1, 0]
-                + w10 * clouds[r1, c0, 0] + w11 * clouds[r1, c1, 0]
-            )  # fmt: skip
-            depth = thick - (one - cover)
-            opaque = min(max(depth * crisp + half, np.float32(0)), one)
-            opaque = opaque * opaque * (three - two * opaque) * opacity
-            tone = one
-            if opaque > 0:
-                slope_u = (
-                    w00 * clouds[r0, c0, 1] + w01 * clouds[r0, c1, 1]
-                    + w10 * clouds[r1, c0, 1] + w11 * clouds[r1, c1, 1]
-                )  # fmt: skip
-                slope_v = (
-                    w00 * clouds[r0, c0, 2] + w01 * clouds[r0, c1, 2]
-                    + w10 * clouds[r1, c0, 2] + w11 * clouds[r1, c1, 2]
-                )  # fmt: skip
-                su = sun_direction[0] * cosine + sun_direction[1] * sine
-                sv = sun_direction[1] * cosine - sun_direction[0] * sine
-                # Thickness that grows outwards is the upper flank, as the plane is seen from below.
-                flank = slope_u * u + slope_v * v
-                lit = -(slope_u * su + slope_v * sv)
-                core = np.float32(0.55) * min(depth / (cover + np.float32(0.05)), one)
-                tone = one + relief * (
+            depth = thick[c] - (one - cover)
+            cloudy = min(max(depth * crisp + half, zero), one)
+            cloudy = cloudy * cloudy * (three - two * cloudy) * opacity
+            # Thickness that grows outwards is the upper flank, as the plane is seen from below.
+            flank = slope_u[c] * u[c] + slope_v[c] * v[c]
+            lit = -(slope_u[c] * along + slope_v[c] * across)
+            core = np.float32(0.55) * min(depth / (cover + np.float32(0.05)), one)
+            opaque[c] = cloudy
+            bright[c] = cloudy * (
+                one + relief * (
                     np.float32(0.55) * flank + np.float32(0.4) * flat * lit
                     + np.float32(0.35) - core
-                )  # fmt: skip
-            through = one - np.float32(0.75) * opaque
-            disc = np.float32(0)
-            if toward > DISC - np.float32(1e-4):
-                disc = min((toward - np.float32(DISC)) * np.float32(20000) + half, one)
-                disc = max(disc, np.float32(0)) * (one - opaque)
-            for k in range(3):
-                value = base[k] * (one - opaque) + cloud[k] * tone * opaque
-                value = value * (one - mist) + horizon[k] * mist
-                value += sun[k] * (glow * through + two * disc)
+                )
+            )  # fmt: skip
+            glow[c] = (one - np.float32(0.75) * cloudy) * (
+                np.float32(0.10) * t8 + np.float32(0.16) * t32 + np.float32(0.35) * t512
+            )
+            edge = min((sunward[c] - np.float32(DISC)) * np.float32(20000) + half, one)
+            disc[c] = two * max(edge, zero) * (one - cloudy)
+        for k in range(3):
+            base = zenith[k] * (one - fade) + horizon[k] * fade
+            cloud_k, hazy, sun_k = cloud[k], horizon[k] * mist, sun[k]
+            for c in range(columns):
+                value = base * (one - opaque[c]) + cloud_k * bright[c]
+                value = value * (one - mist) + hazy + sun_k * (glow[c] + disc[c])
                 out[r, c, k] = min(value, np.float32(BRIGHTEST))
     return out

@@ -9,8 +9,9 @@ from scene import AssetPool, Street, default_unit, sample_street, street_params
 from scene.assets.families import FAMILIES
 from scene.assets.library import manifest, scan
 from scene.render import Renderer, RendererError, RenderSettings, renderer
-from scene.render.embree.api import MeshBVH, SceneBVH, query_arguments
-from scene.render.embree.renderer import _by_tiles, _probe
+from scene.render.embree.api import MeshBVH, SceneBVH
+from scene.render.embree.rays import by_tiles
+from scene.render.embree.rays import free as ask
 
 SEEDS = st.integers(0, 2**32 - 1)
 UNITS = SEEDS.map(lambda seed: np.random.default_rng(seed).random(23))
@@ -55,12 +56,10 @@ def free(bvh, starts, directions, wanted, columns, reach=np.inf) -> np.ndarray:
     All on the thread that asks. The wheel's own classes start a device of Embree for each mesh, with threads;
     once they are gone, one of the threads may go on spinning, and slow down all that the process does after.
     """
-    order = _by_tiles(np.asarray(wanted, np.uint8), columns, len(wanted) // columns, 4, 2)
-    found = np.full(len(wanted), -1, np.float32)
+    order = by_tiles(np.asarray(wanted, np.uint8), columns, len(wanted) // columns, 4, 2)
     starts, directions = np.asarray(starts, np.float32), np.asarray(directions, np.float32)
-    arguments = query_arguments(coherent=False)
-    _probe(bvh.scene, arguments, starts, directions, order, np.float32(reach), found)
-    return found
+    found = ask(bvh, starts, directions, order, reach)
+    return np.where(np.asarray(wanted, bool), found, -1)
 
 
 def hits(mesh: trimesh.Trimesh, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:

@@ -3,6 +3,9 @@
 Triangles are tested in the camera's frame, by the sign of the volumes that a ray spans with their edges
 (2D homogeneous coordinates; Olano and Greer 1997). So none is ever clipped, neighbours share their edges
 without a gap, and what comes out is what a ray would find: the face, the place in it, and the distance.
+
+Near things are drawn first. Of every tile of samples is known how far the farthest thing in it is, so that
+what lies behind all of it, an instance or a face, is left out before it costs anything.
 """
 
 from __future__ import annotations
@@ -19,6 +22,7 @@ from scene.render.shade import MISS
 from scene.render.shot import Hits, Rays
 from scene.street.camera import Camera, camera_axes
 
+f32 = np.float32
 NEAR = 1e-3
 """Metres in front of the camera from which on corners are projected."""
 SLACK = 1e-2
@@ -30,7 +34,14 @@ TINY = 1e-300
 EARLY, LATE = 0.999, 0.001
 """Added to where a row enters and leaves a face, in samples, before both are rounded down."""
 
-f32 = np.float32
+TILE = 8
+"""Samples along each side of a tile."""
+REFRESH = 12_000
+"""Faces after which the tiles are looked at anew."""
+FARTHEST = f32(1e9)
+"""Closeness beyond all."""
+BEHIND = 1.001
+"""How much nearer than a face all of a tile must be to hide it: more than rounding can move either."""
 
 
 def nearest(geometry: Geometry, camera: Camera, settings: RenderSettings, rays: Rays) -> Hits:
@@ -45,10 +56,10 @@ def nearest(geometry: Geometry, camera: Camera, settings: RenderSettings, rays: 
         np.full(n, MISS, np.int32), np.zeros(n, np.int32), *(np.zeros(n, f32) for _ in range(3))
     )
     _draw(
-        _in_view(geometry, rotation, shift, x, y), geometry.tables, rotation,
+        _in_view(geometry, rotation, shift, x, y), geometry.tables, geometry.boxes, rotation,
         shift, x, y, closeness, hits.face, hits.instance, hits.u, hits.v,
     )  # fmt: skip
-    np.divide(1, closeness * rays.along, out=hits.distance, where=closeness > 0)
+    _finish(closeness, rays.along, hits.distance, hits.u, hits.v)
     return hits
 
 
@@ -71,6 +82,7 @@ def _in_view(
 def _draw(
     chosen: np.ndarray,
     tables: np.ndarray,
+    boxes: np.ndarray,
     rotation: np.ndarray,
     shift: np.ndarray,
     x: np.ndarray,
@@ -81,7 +93,7 @@ def _draw(
     u: np.ndarray,
     v: np.ndarray,
 ) -> None:
-    """Draw the chosen instances one after another, see ``nearest``."""
+    """Draw the chosen instances one after another, see ``nearest``; ``u`` and ``v`` still times ``near``."""
     columns, rows = x.shape[0], y.shape[0]
     per_column, per_row = (columns - 1) / (x[-1] - x[0]), (rows - 1) / (y[-1] - y[0])
     most = np.uint64(0)
@@ -89,9 +101,22 @@ def _draw(
         most = max(most, tables[chosen[c], 3])
     place = np.empty((3, int(most)))  # of each corner, in the camera's frame
     screen = np.empty((2, int(most)), np.float32)  # its column and row
+    box_place, box_screen = np.empty((3, 8)), np.empty((2, 8), np.float32)
+    tiles = np.zeros(((rows + TILE - 1) // TILE, (columns + TILE - 1) // TILE), np.float32)
+    strip = np.empty(tiles.shape[1] * TILE, np.float32)
+    since = 0
     for c in range(chosen.shape[0]):
         i = chosen[c]
+        if since > REFRESH:
+            _farthest(near, columns, rows, strip, tiles)
+            since = 0
+        _project(
+            boxes[i], rotation[i], shift[i], x[0], per_column, y[0], per_row, box_place, box_screen
+        )  # fmt: skip
+        if _hidden(box_place, box_screen, tiles, columns, rows):
+            continue
         corners, triangles = int(tables[i, 3]), int(tables[i, 4])
+        since += triangles
         vertices = carray(float_pointer(tables[i, 1]), (corners, 3))
         faces = carray(int_pointer(tables[i, 2]), (triangles, 3))
         _project(
@@ -101,7 +126,8 @@ def _draw(
             p, q, r = faces[f, 0], faces[f, 1], faces[f, 2]
             pz, qz, rz = place[2, p], place[2, q], place[2, r]
             left, right, top, bottom = 0, columns - 1, 0, rows - 1
-            if min(pz, qz, rz) > NEAR:
+            first = min(pz, qz, rz)
+            if first > NEAR:
                 px, qx, rx = screen[0, p], screen[0, q], screen[0, r]
                 low, high = min(px, qx, rx) - f32(SLACK), max(px, qx, rx) + f32(SLACK)
                 if high < 0 or low > right:
@@ -114,7 +140,7 @@ def _draw(
                 if high < 0 or low > bottom:
                     continue
                 top, bottom = int(max(low, f32(-1)) + f32(1)), int(min(high, f32(bottom)))
-                if top > bottom:
+                if top > bottom or _covered(tiles, first, left, right, top, bottom):
                     continue
             elif max(pz, qz, rz) <= NEAR:
                 continue
@@ -122,6 +148,67 @@ def _draw(
                 place, p, q, r, left, right, top, bottom, x, y, i, f,
                 near, face, instance, u, v,
             )  # fmt: skip
+
+
+@njit(cache=True, fastmath=True)
+def _farthest(
+    near: np.ndarray, columns: int, rows: int, strip: np.ndarray, tiles: np.ndarray
+) -> None:
+    """Set ``tiles`` to the closeness of the farthest thing in each of them; ``strip`` is room to work in."""
+    for tile in range(tiles.shape[0]):
+        strip[:] = FARTHEST
+        for row in range(tile * TILE, min(tile * TILE + TILE, rows)):
+            for column in range(columns):
+                strip[column] = min(strip[column], near[row * columns + column])
+        for t in range(tiles.shape[1]):
+            least = strip[t * TILE]
+            for k in range(1, TILE):
+                least = min(least, strip[t * TILE + k])
+            tiles[tile, t] = least
+
+
+@njit(cache=True, inline="always")
+def _covered(tiles: np.ndarray, first: float, left: int, right: int, top: int, bottom: int) -> bool:
+    """Whether all that a box of samples shows is nearer than depth ``first``."""
+    for row in range(top // TILE, bottom // TILE + 1):
+        for column in range(left // TILE, right // TILE + 1):
+            if tiles[row, column] * first < BEHIND:
+                return False
+    return True
+
+
+@njit(cache=True)
+def _hidden(
+    place: np.ndarray, screen: np.ndarray, tiles: np.ndarray, columns: int, rows: int
+) -> bool:
+    """Whether a box with these corners is outside of the view, or behind what is drawn already."""
+    first, last = place[2].min(), place[2].max()
+    if last <= NEAR:
+        return True
+    if first <= NEAR:
+        return False
+    low, high = screen[0].min() - f32(SLACK), screen[0].max() + f32(SLACK)
+    if high < 0 or low > columns - 1:
+        return True
+    left, right = int(max(low, f32(0))), int(min(high, f32(columns - 1)))
+    low, high = screen[1].min() - f32(SLACK), screen[1].max() + f32(SLACK)
+    if high < 0 or low > rows - 1:
+        return True
+    top, bottom = int(max(low, f32(0))), int(min(high, f32(rows - 1)))
+    return _covered(tiles, first, left, right, top, bottom)
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _finish(
+    near: np.ndarray, along: np.ndarray, distance: np.ndarray, u: np.ndarray, v: np.ndarray
+) -> None:
+    """From closeness to metres along each ray, and to shares of a face's corners; 0 for misses."""
+    for i in range(near.shape[0]):
+        seen = f32(1) if near[i] > f32(0) else f32(0)
+        depth = seen / max(near[i], f32(1e-9))
+        distance[i] = depth / along[i]
+        u[i] *= depth
+        v[i] *= depth
 
 
 @njit(cache=True, fastmath=True, error_model="numpy")
@@ -203,7 +290,7 @@ def _fill(
                 n = base + column
                 if (e0 >= 0) & (e1 >= 0) & (e2 >= 0) & (closeness > near[n]):
                     near[n], face[n], instance[n] = closeness, f, i
-                    u[n], v[n] = e1 / total, e2 / total
+                    u[n], v[n] = e1 * per_volume, e2 * per_volume
         return
     first, per_column = x[0], (columns - 1) / (x[-1] - x[0])
     margin = LATE / per_column
@@ -236,4 +323,4 @@ def _fill(
                 if e0 >= 0 and e1 >= 0 and e2 >= 0:
                     n = base + column
                     near[n], face[n], instance[n] = closeness, f, i
-                    u[n], v[n] = e1 / (e0 + e1 + e2), e2 / (e0 + e1 + e2)
+                    u[n], v[n] = e1 * per_volume, e2 * per_volume

@@ -37,7 +37,6 @@ from scene.render.shot import (
     sample_rays,
     sky_segments,
     spread,
-    sun_segments,
     surroundings,
     visible,
 )
@@ -127,7 +126,7 @@ def _render(street: Street, settings: RenderSettings, lap: Lap) -> list[Frame]:
         for shot, camera in enumerate(street.cameras):
             rays = sample_rays(camera, settings)
             picture = rasterizer.draw(*_view(camera, settings), rays.columns, rays.rows)
-            seen = visible(rays, geometry, _hits(picture, rays, merged))
+            seen = visible(around, rays, _hits(picture, rays, merged), settings)
             light = _light(rasterizer, around, merged, camera, rays, picture, seen, settings)
             lap("rays")
             frames.append(expose(around, shot, rays, seen, light, settings))
@@ -202,22 +201,22 @@ def _light(
     seen: Visible,
     settings: RenderSettings,
 ) -> Light:
-    """Sun and sky at each sample, from pictures instead of rays."""
+    """Sun and sky at each spot, from pictures instead of rays."""
     lit = np.ones(len(seen.points), np.float32)
     if settings.shadows:
         drawn = picture[..., 0].ravel().astype(np.int32)
-        segments = sun_segments(seen, around)
-        cast_shadows(rasterizer, merged, rays, seen, drawn, segments, lit)
+        towards = around.street.sky.sun_direction
+        cast_shadows(rasterizer, merged, rays, seen, drawn, towards, lit)
     opened = np.ones(len(seen.points), np.float32)
     if settings.occlusion:
-        segments = sky_segments(seen, rays, around)
+        segments = sky_segments(seen, around, settings)
         free = segments.wanted.astype(np.float32)
         axes = camera_axes(camera).astype(np.float32)
         _open_on_screen(
-            rays.origin, np.float32(rays.spacing), seen.hits.distance, segments.starts,
-            segments.directions, segments.wanted, axes, picture, free,
+            rays.origin, np.float32(rays.spacing), segments.starts, segments.directions,
+            segments.wanted, axes, picture, free,
         )  # fmt: skip
-        opened = spread(free, seen, rays)
+        opened = spread(free, seen, settings)
     return Light(lit, opened)
 
 
@@ -237,7 +236,6 @@ def _view(camera: Camera, settings: RenderSettings) -> tuple[np.ndarray, np.ndar
 def _open_on_screen(
     origin: np.ndarray,
     spacing: np.float32,
-    distance: np.ndarray,
     starts: np.ndarray,
     directions: np.ndarray,
     wanted: np.ndarray,
@@ -247,11 +245,13 @@ def _open_on_screen(
 ) -> None:
     """Set ``free`` to 0 where a few steps along a ray into the open pass behind something seen."""
     rows, columns = picture.shape[0], picture.shape[1]
-    width = (columns + 1) // 2
     for j in range(wanted.shape[0]):
         if not wanted[j]:
             continue
-        start = 0.004 * distance[2 * (j // width) * columns + 2 * (j % width)]
+        away = np.float32(0)
+        for k in range(3):
+            away += (starts[j, k] - origin[k]) ** 2
+        start = 0.004 * math.sqrt(away)
         for reach in STEPS:
             x, y, z = np.float32(0), np.float32(0), np.float32(0)
             for k in range(3):

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numba import njit
 
-from scene.render import visibility
 from scene.render.geometry import World
-from scene.render.shot import Rays, Segments, Visible
+from scene.render.shot import Rays, Visible
 
 if TYPE_CHECKING:
     from scene.render.opengl.raster import Rasterizer
@@ -32,15 +31,15 @@ def cast_shadows(
     rays: Rays,
     seen: Visible,
     drawn: np.ndarray,
-    segments: Segments,
+    towards: np.ndarray,
     lit: np.ndarray,
 ) -> None:
-    """Set ``lit`` f32[n] to the share of sunlight that reaches each sample.
+    """Set ``lit`` f32[m] to the share of sunlight that reaches each spot.
 
     The street is drawn from the sun once for each range of depths, just wide enough for what the
     camera sees there.
     """
-    towards = segments.directions[0].astype(np.float64)
+    towards = towards.astype(np.float64)
     across = np.cross(np.eye(3)[np.abs(towards).argmin()], towards)
     axes = np.stack([across, np.cross(towards, across), towards])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
@@ -48,10 +47,10 @@ def cast_shadows(
     size = int(np.clip(2 ** math.ceil(math.log2(1.5 * rays.columns)), 256, 2048))
     cascade = np.empty(len(lit), np.int8)
     local = np.empty((len(lit), 3), np.float32)
-    outwards = (segments.starts - seen.points) / visibility.OFFSET
-    depth = seen.hits.distance * rays.along
+    outwards = seen.side[:, None] * seen.flat
+    depth = seen.spots.distance * rays.along[seen.spots.sample]
     bounds = _seen_by_the_sun(
-        depth, segments.wanted, seen.points, axes.astype(np.float32), CASCADES, cascade, local
+        depth, seen.side, seen.points, axes.astype(np.float32), CASCADES, cascade, local
     )
     for k in np.unique(cascade[cascade >= 0]):
         low, high = bounds[k, 0] - 0.05, bounds[k, 1] + 0.05
@@ -61,7 +60,7 @@ def cast_shadows(
         projection[2, 3] = -1.0
         picture = rasterizer.draw(pose_of(axes, place), projection, size, size)
         _compare(
-            k, cascade, drawn, local, outwards, axes.astype(np.float32),
+            k, cascade, drawn[seen.spots.sample], local, outwards, axes.astype(np.float32),
             low, high, np.float32(top), picture, lit,
         )  # fmt: skip
 

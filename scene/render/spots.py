@@ -1,0 +1,199 @@
+"""What the samples of a pixel see, as few spots as can be told apart: light and shading cost per spot.
+
+With several samples a pixel most pixels see one plain surface with all of them. Shaded once, in their
+middle, they look as they would shaded one by one. Labels, instances and depths are those of samples.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import carray, njit
+
+from scene.render.address import float_pointer
+from scene.render.geometry import ROW
+
+f32 = np.float32
+ALIKE = f32(0.97)
+"""Least cosine between the normals of two faces that are shaded as one."""
+FLAT = f32(0.2)
+"""Most height over a plane, as a share of the way there, of what belongs to it."""
+THICK = f32(0.005)
+"""Metres over a plane that always belong to it."""
+
+
+class Spots(NamedTuple):
+    """Which samples are shaded as one; a pixel's first spot is that of the sample that labels it."""
+
+    first: np.ndarray  # i32[pixels + 1]: spots first[p] to first[p + 1] are those of pixel p
+    sample: np.ndarray  # i32[m] the sample by which it is seen
+    share: np.ndarray  # f32[m] how many samples it stands for
+    directions: np.ndarray  # f32[m, 3] unit, from the camera to the middle of them
+    distance: np.ndarray  # f32[m] metres; anything for the sky
+    owner: np.ndarray  # i32[n] each sample's spot
+
+
+def group(
+    face: np.ndarray,
+    instance: np.ndarray,
+    distance: np.ndarray,
+    directions: np.ndarray,
+    surfaces: np.ndarray,
+    pose: np.ndarray,
+    columns: int,
+    samples: int,
+    label: int,
+) -> Spots:
+    """Spots of ``samples`` x ``samples`` a pixel; with one sample, each is a spot.
+
+    Args:
+        face: i32[n], see ``Hits``.
+        instance: i32[n], see ``Hits``.
+        distance: f32[n], see ``Hits``.
+        directions: f32[n, 3], see ``Rays``.
+        surfaces: u64[instances], see ``Geometry``.
+        pose: f32[instances, 3, 4], see ``Geometry``.
+        columns: samples in a row.
+        samples: of a pixel, along each axis.
+        label: which of them along each axis labels the pixel.
+    """
+    n = len(face)
+    if samples == 1:
+        every = np.arange(n + 1, dtype=np.int32)
+        return Spots(every, every[:-1], np.ones(n, f32), directions, distance, every[:-1])
+    first = np.empty(n // samples**2 + 1, np.int32)
+    sample, share, middle = np.empty(n, np.int32), np.empty(n, f32), np.empty((n, 3), f32)
+    away, owner = np.empty(n, f32), np.empty(n, np.int32)
+    m = _group(
+        face, instance, distance, directions, surfaces, pose, columns, samples, label,
+        first, sample, share, middle, away, owner,
+    )  # fmt: skip
+    return Spots(first, sample[:m], share[:m], middle[:m], away[:m], owner)
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _group(
+    face: np.ndarray,
+    instance: np.ndarray,
+    distance: np.ndarray,
+    directions: np.ndarray,
+    surfaces: np.ndarray,
+    pose: np.ndarray,
+    columns: int,
+    samples: int,
+    label: int,
+    first: np.ndarray,
+    sample: np.ndarray,
+    share: np.ndarray,
+    middle: np.ndarray,
+    away: np.ndarray,
+    owner: np.ndarray,
+) -> int:
+    """Fill the spots, see ``group``; returns how many there are."""
+    wide, each = columns // samples, samples * samples
+    left = np.empty(each, np.int64)
+    count = 0
+    for p in range(first.shape[0] - 1):
+        first[p] = count
+        corner = (p // wide) * samples * columns + (p % wide) * samples
+        left[0] = corner + label * columns + label
+        f, j, same = face[left[0]], instance[left[0]], True
+        x, y, z = f32(0), f32(0), f32(0)
+        for row in range(samples):
+            for i in range(corner + row * columns, corner + row * columns + samples):
+                same &= (face[i] == f) & (instance[i] == j)
+                t = distance[i] if f >= 0 else f32(1)
+                x += t * directions[i, 0]
+                y += t * directions[i, 1]
+                z += t * directions[i, 2]
+        if same:  # as most often
+            for row in range(samples):
+                for i in range(corner + row * columns, corner + row * columns + samples):
+                    owner[i] = count
+            length = f32(math.sqrt(x * x + y * y + z * z))
+            sample[count], share[count] = left[0], each
+            middle[count, 0], middle[count, 1], middle[count, 2] = (
+                x / length,
+                y / length,
+                z / length,
+            )
+            away[count] = length / f32(each) if f >= 0 else distance[left[0]]
+            count += 1
+            continue
+        k = 1
+        for row in range(samples):
+            for column in range(samples):
+                i = corner + row * columns + column
+                if i != left[0]:
+                    left[k] = i
+                    k += 1
+        waiting = each
+        while waiting > 0:
+            # All that are like the first one leave; the others keep their order.
+            one, rest, members = left[0], 0, 1
+            owner[one] = count
+            ground = distance[one] if face[one] >= 0 else f32(1)
+            x = ground * directions[one, 0]
+            y = ground * directions[one, 1]
+            z = ground * directions[one, 2]
+            for k in range(1, waiting):
+                i = left[k]
+                if _alike(face, instance, distance, directions, surfaces, pose, one, i):
+                    t = distance[i] if face[i] >= 0 else f32(1)
+                    x += t * directions[i, 0]
+                    y += t * directions[i, 1]
+                    z += t * directions[i, 2]
+                    members += 1
+                    owner[i] = count
+                else:
+                    left[rest] = i
+                    rest += 1
+            waiting = rest
+            length = f32(math.sqrt(x * x + y * y + z * z))
+            sample[count], share[count] = one, members
+            middle[count, 0], middle[count, 1], middle[count, 2] = (
+                x / length,
+                y / length,
+                z / length,
+            )
+            away[count] = length / f32(members) if face[one] >= 0 else distance[one]
+            count += 1
+    first[first.shape[0] - 1] = count
+    return count
+
+
+@njit(cache=True, fastmath=True, error_model="numpy", inline="always")
+def _alike(
+    face: np.ndarray,
+    instance: np.ndarray,
+    distance: np.ndarray,
+    directions: np.ndarray,
+    surfaces: np.ndarray,
+    pose: np.ndarray,
+    a: int,
+    b: int,
+) -> bool:
+    """Whether samples ``a`` and ``b`` see one face, or two of one colour that about share a plane."""
+    if instance[a] != instance[b]:
+        return False
+    if face[a] == face[b]:
+        return True
+    rows = carray(float_pointer(surfaces[instance[a]]), (max(face[a], face[b]) + 1, ROW))
+    one, other = rows[face[a]], rows[face[b]]
+    if (
+        (one[12] != other[12]) | (one[13] != other[13])
+        | (one[14] != other[14]) | (one[15] != other[15])
+    ):  # fmt: skip
+        return False
+    if abs(one[0] * other[0] + one[1] * other[1] + one[2] * other[2]) < ALIKE:
+        return False
+    turn = pose[instance[a]]
+    height = apart = f32(0)
+    for k in range(3):
+        normal = turn[k, 0] * one[0] + turn[k, 1] * one[1] + turn[k, 2] * one[2]
+        step = distance[b] * directions[b, k] - distance[a] * directions[a, k]
+        height += normal * step
+        apart += step * step
+    return height * height < max(THICK * THICK, FLAT * FLAT * apart)
