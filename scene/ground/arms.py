@@ -14,8 +14,9 @@ from scene.mesh.quads import Quads, grid, quads, rectangles
 
 ARC = 12
 """Pieces of a rounded corner; even."""
-CLEAR = 9.0
-"""Metres beyond the corners within which the road has no crossings, side streets or driveways of its own."""
+CLEAR, CLEAR_STREET = 9.0, 28.0
+"""Metres beyond the corners without crossings, driveways or words of the road's own, and without side
+streets, which would run into the houses of the arms."""
 LIP = 0.05
 """Metres that the outer edges of sidewalks reach down."""
 LAP = 0.01
@@ -25,15 +26,14 @@ Array = np.ndarray
 
 def with_junction(ground: Ground, junction: Junction) -> Ground:
     """The ground with a junction, without what it had near its place."""
-    x, away = junction.x, junction.corner + CLEAR
 
-    def clear(place: float) -> bool:
-        return abs(place - x) > away
+    def clear(place: float, spare: float = CLEAR) -> bool:
+        return abs(place - junction.x) > junction.corner + spare
 
     return ground._replace(
         junction=junction,
         crosswalks=tuple(c for c in ground.crosswalks if clear(c)),
-        side_streets=tuple(s for s in ground.side_streets if clear(s[0])),
+        side_streets=tuple(s for s in ground.side_streets if clear(s[0], CLEAR_STREET)),
         driveways=tuple(d for d in ground.driveways if clear(d[0])),
         legends=tuple(mark for mark in ground.legends if clear(mark.x)),
         boxes=tuple(b for b in ground.boxes if clear(b[0]) and clear(b[1])),
