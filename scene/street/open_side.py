@@ -16,6 +16,8 @@ from scene.street.rows import carpet, run
 
 KINDS = {"park": 0.5, "water": 0.22, "field": 0.28}
 """What lies there."""
+STEEP = 2.0
+"""Per cent of slope beyond which no water lies beside the road."""
 REACH = BEHIND - 2.0
 """Metres from the centre line at which it ends."""
 RAILINGS = ("spear railings", "rails", "pedestrian guard", "bow top", "cross rails", "chain link",
@@ -29,7 +31,10 @@ SPAN = (LINE_START, LINE_END)
 
 def open_side(plot: Plot, side: float, rng: np.random.Generator) -> None:
     """Lay out one side of the road."""
-    kind = str(rng.choice(list(KINDS), p=list(KINDS.values())))
+    shares = np.array(list(KINDS.values()))
+    if plot.street.params.gradient > STEEP:
+        shares[list(KINDS).index("water")] = 0
+    kind = str(rng.choice(list(KINDS), p=shares / shares.sum()))
     edge = plot.ground.outer + 0.35
     match kind:
         case "park":

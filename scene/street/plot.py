@@ -23,6 +23,8 @@ BESIDE, BELOW = 0.35, 0.8
 """Metres beside and below the lens that are kept free."""
 STEP = 0.5
 """Metres between the places of the camera that are looked at."""
+STEEP_LIFT, BENT_LIFT, MOST_LIFT = 0.006, 0.001, 0.05
+"""Metres by which tiles are lifted for each per cent of slope and 1/km of bend, and at most."""
 BLOCK, GAP = 12.0, 14.0
 """In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart: within
 its ``SEARCH`` a shot finds a place between them."""
@@ -96,6 +98,9 @@ class Plot:
         if ref is None:
             return False
         pose = pose_at(self.ground, x, y, yaw)
+        # Tiles are flat: where the land is not, they lie on its highest points.
+        params = self.street.params
+        pose[2, 3] += min(STEEP_LIFT * params.gradient + BENT_LIFT * params.bend, MOST_LIFT)
         box = _footprint(family, ref, pose)
         if _meets(box, self._boxes[self._house], -0.05).any():
             return False
