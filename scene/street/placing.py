@@ -23,7 +23,10 @@ CROWN = 0.4
 """Share of a crown, from its middle, that is in the way of a lens: the rest is mostly air."""
 
 TILTED = frozenset(
-    {"car", "bus", "truck", "train", "bicycle", "motorcycle", "rider", "fence", "wall"}
+    {
+        *("car", "bus", "truck", "train", "bicycle", "motorcycle", "rider"),
+        *("fence", "wall", "slab", "land", "paving"),
+    }
 )
 """Families that lean with the slope of the road; all else stands upright."""
 CLEAR = 1.5
