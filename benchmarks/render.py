@@ -2,6 +2,8 @@
 
     python -m benchmarks.render --json render.json
     python -m benchmarks.render --peers     # other renderers that are installed, on the same street
+    python -m benchmarks.render --against ../before     # only: this checkout beside another one, see ``against``
+    python -m benchmarks.render --growth    # only: how cost grows with triangles, pixels and shots
 
 Streets set by eye, street building included; workers are started before the clock runs and have met the
 streets' assets once, as after the first streets of any dataset; ``starts`` says what the first ones cost.
@@ -24,6 +26,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from benchmarks import against
+from benchmarks.growth import growth
 from benchmarks.peers import PEERS, export_street, run_peer
 from benchmarks.report import Row, parser, table, write
 from scene.assets.catalogue import AssetPool
@@ -36,13 +40,6 @@ from scene.workers import WorkerPool
 SIZES = ((64, 48, 2), (128, 96, 2), (640, 320, 1), (1024, 512, 1))
 """Width, height, rays per pixel along each axis: the quick preset's two stages and the paper's sizes."""
 STAGES = ("build", "bvh", "rays", "shade", "write")
-FIRST_IMAGE = """
-import numpy as np
-from scene.attributes import default_unit
-from scene.dataset.render import render_dataset
-from scene.render import RenderSettings
-render_dataset(default_unit()[None], 0, shots=1, settings=RenderSettings(640, 320))
-"""
 
 
 def _memory(_: int) -> float:
@@ -156,7 +153,7 @@ def starts() -> list[Row]:
     """Seconds until the first image: of a new process, and of a worker beside a running one."""
     rows: list[Row] = []
     started = time.perf_counter()
-    subprocess.run([sys.executable, "-c", FIRST_IMAGE], check=True)
+    subprocess.run([sys.executable, "-c", against.FIRST_IMAGE], check=True)
     rows.append({"start": "new process to first image", "seconds": time.perf_counter() - started})
     settings = RenderSettings(64, 48)
     with WorkerPool(1) as pool:
@@ -188,6 +185,12 @@ def peers(pythons: list[str], width: int, height: int, ours_ms: float) -> list[R
     return rows
 
 
+def _report(path: Path | None, parts: dict[str, list[Row]]) -> int:
+    print("\n\n".join(table(rows) for rows in parts.values()))
+    write(path, **parts)
+    return 0
+
+
 def main() -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
@@ -204,7 +207,22 @@ def main() -> int:
     command.add_argument(
         "--peer-python", default=sys.executable, help="another Python in which some are installed"
     )
+    command.add_argument("--against", metavar="CHECKOUT", help="compare with the engine of a folder")
+    command.add_argument("--growth", action="store_true", help="measure how cost grows")
+    command.add_argument("--rounds", type=int, default=5, help="of --against and --growth")
     options = command.parse_args()
+    if options.against is not None:
+        try:
+            checkout = against.check_checkout(options.against)
+        except ValueError as error:
+            command.error(f"--against: {error}")
+        sides = {
+            "against": against.speeds(checkout, options.streets, options.rounds),
+            "starts": against.starts(checkout, min(options.rounds, 3)),
+        }
+        return _report(options.json, sides)
+    if options.growth:
+        return _report(options.json, {"growth": growth(options.rounds)})
     if options.peers and options.widths is not None and 640 not in options.widths:
         command.error("--peers compares at 640x320, which --widths leaves out")
     sizes = [size for size in SIZES if options.widths is None or size[0] in options.widths]

@@ -16,6 +16,7 @@ import numpy as np
 
 from scene.assets import library
 from scene.assets.families import FAMILIES
+from scene.cache import Arrays, kept
 from scene.classes import CLASS_NAMES
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 from scene.mesh.asset import Asset
@@ -146,8 +147,14 @@ def asset(family: str, ref: int | str) -> Asset:
 @lru_cache(maxsize=4096)
 def bounds(family: str, ref: int | str) -> np.ndarray:
     """Low and high corner f64[2, 3] of an asset in its own frame (read-only)."""
-    vertices = asset(family, ref).mesh.vertices
-    corners = np.stack([vertices.min(axis=0), vertices.max(axis=0)])
+
+    def make() -> Arrays:
+        vertices = asset(family, ref).mesh.vertices
+        return {"corners": np.stack([vertices.min(axis=0), vertices.max(axis=0)])}
+
+    built_in = isinstance(ref, int)
+    name = f"bounds-{family}-{ref}".replace(" ", "_")
+    corners = (kept(name, make) if built_in else make())["corners"]
     corners.setflags(write=False)
     return corners
 

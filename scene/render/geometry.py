@@ -15,8 +15,10 @@ import numpy as np
 from numba import njit
 
 from scene.assets import catalogue
+from scene.cache import Arrays, kept
 from scene.classes import TrainId
 from scene.ground.build import GROUND_INSTANCES, ground_assets
+from scene.look.materials import MATERIALS
 from scene.mesh.asset import Asset
 from scene.mesh.mesh import cross
 from scene.street.placing import FIRST_INSTANCE
@@ -191,10 +193,37 @@ def thinned(shape: Shape, share: float) -> Shape:
 @lru_cache(maxsize=2048)
 def asset_shape(family: str, asset: int | str, far: bool = False) -> Shape:
     """The shape of a catalogue asset, whole or, for one that stays ``far``, thinned."""
+    if isinstance(asset, str):  # a user's own: what is in its file may change
+        return _made(family, asset, far)
+
+    def make() -> Arrays:
+        shape = _made(family, asset, far)
+        return {"vertices": shape.vertices, "faces": shape.faces, "surface": shape.surface}
+
+    name = f"shape-{family}-{asset}{'-far' if far else ''}".replace(" ", "_")
+    return Shape.of(**kept(name, make, _sound))
+
+
+def _made(family: str, asset: int | str, far: bool) -> Shape:
     if far:
         return thinned(asset_shape(family, asset), THIN)
     tone = catalogue.FAMILIES[family].tone if isinstance(asset, int) else 1.0
     return shape_of(catalogue.asset(family, asset), tone)
+
+
+def _sound(found: Arrays) -> bool:
+    """Whether these are the arrays of a shape: compiled code follows their indices unasked."""
+    if set(found) != {"vertices", "faces", "surface"}:
+        return False
+    vertices, faces, surface = found["vertices"], found["faces"], found["surface"]
+    return bool(
+        (vertices.dtype, faces.dtype, surface.dtype) == (np.float32, np.int32, np.float32)
+        and vertices.ndim == 2 and vertices.shape[1] == 3 and len(vertices)
+        and faces.ndim == 2 and faces.shape[1] == 3 and surface.shape == (len(faces), ROW)
+        and len(faces) and 0 <= faces.min() and faces.max() < len(vertices)
+        and 0 <= surface[:, 15].min() and surface[:, 15].max() < len(MATERIALS)
+        and all(a.flags.c_contiguous for a in (vertices, faces, surface))
+    )  # fmt: skip
 
 
 def build(street: Street) -> Geometry:

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import carray, njit
 
+from scene.cache import kept
 from scene.look.materials import MATERIALS, textures
 from scene.render.address import float_pointer
 from scene.render.geometry import ROW
@@ -41,6 +42,10 @@ class Textures(NamedTuple):
 @cache
 def texture_levels() -> Textures:
     """The textures and their means over 2 x 2, 4 x 4, ... texels."""
+    return Textures(**kept("textures", lambda: _made()._asdict()))
+
+
+def _made() -> Textures:
     level = textures()
     levels = [level]
     while level.shape[1] > 1:

@@ -7,17 +7,20 @@ here, so that two renderers differ in visibility only.
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from scene.cache import kept
 from scene.ground.land import road_height
 from scene.render import shade, visibility
 from scene.render.geometry import Geometry
 from scene.render.protocol import Frame, RenderSettings, label_sample, pixel_rays
 from scene.render.sensor import develop, set_to, vary
 from scene.render.spots import Spots, group
+from scene.sky.clouds import cloud_relief
 from scene.sky.sky import panorama
 from scene.street.camera import Camera, camera_axes
 from scene.street.street import Street
@@ -93,7 +96,15 @@ def surroundings(street: Street, geometry: Geometry, settings: RenderSettings) -
     """Paint the street's sky, about as fine as the image will show it."""
     wide = settings.width * settings.samples * 360 / settings.fov
     columns = int(2 ** np.clip(round(math.log2(wide / 2)), 8, 10))
-    return Surroundings(street, geometry, panorama(street.sky, columns))
+    return Surroundings(street, geometry, panorama(street.sky, columns, _relief(street.sky.clouds)))
+
+
+@cache
+def _relief(clouds: str) -> np.ndarray:
+    """The cloud map of a kind, see ``cloud_relief``."""
+    relief = kept(f"clouds-{clouds}", lambda: {"relief": cloud_relief(clouds)})["relief"]
+    relief.setflags(write=False)  # as if it were made here: compiled code tells them apart
+    return relief
 
 
 def sample_rays(camera: Camera, settings: RenderSettings) -> Rays:

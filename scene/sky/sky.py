@@ -104,17 +104,19 @@ def _log_uniform(rng: np.random.Generator, ends: Range) -> float:
     return float(np.exp(rng.uniform(math.log(ends[0]), math.log(ends[1]))))
 
 
-def panorama(sky: Sky, columns: int) -> np.ndarray:
+def panorama(sky: Sky, columns: int, relief: np.ndarray | None = None) -> np.ndarray:
     """Radiance f32[columns // 4, columns, 3] of the upper half of the sky.
 
     Column c looks along azimuth -pi + 2 pi (c + 0.5) / columns (0 is +x, left positive), row r at
     elevation (pi / 2) ((r + 0.5) / rows)^2: row 0 is the horizon, where most of a street's sky is.
+    ``relief`` is ``cloud_relief(sky.clouds)``, for those who have it.
     """
+    relief = cloud_relief(sky.clouds) if relief is None else relief
     return _panorama(
         columns, sky.sun_direction, sky.sun, sky.zenith, sky.horizon, sky.cloud,
         np.float32(sky.cover), sky.cloud_offset, np.float32(sky.scale), np.float32(sky.wind),
         np.float32(sky.lift), np.float32(sky.crisp), np.float32(sky.opacity),
-        np.float32(sky.relief), cloud_relief(sky.clouds),
+        np.float32(sky.relief), relief,
     )  # fmt: skip
 
 

@@ -1,0 +1,144 @@
+"""This checkout beside another one: the same streets, rendered by both in turn.
+
+Each has a process of its own that is asked for one measurement at a time, so that whatever else the machine does
+meets both. Times are of processors, in one thread, and the least of all rounds; ``ratio`` is how many times as
+fast this checkout is, ``median`` the same of each round's pair.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from benchmarks.report import Row
+
+HERE = Path(__file__).resolve().parents[1]
+CASES = tuple(
+    (*size, shots)
+    for size in ((640, 320, 1), (240, 176, 2), (480, 360, 2), (240, 176, 1))
+    for shots in (1, 6)
+)
+"""Width, height, rays per pixel along each axis, shots per street."""
+SERVE = """
+import json, sys, time
+import cv2
+from scene.assets.catalogue import AssetPool
+from scene.dataset.render import render_street
+from scene.proposal import default_proposal, draw
+from scene.render import RenderSettings, renderer
+cv2.setNumThreads(1)
+renderer("embree")
+for line in sys.stdin:
+    width, height, samples, shots, streets = json.loads(line)
+    started = time.process_time()
+    for k, unit in enumerate(draw(default_proposal(), 0, streets)):
+        render_street(unit, 0, k, shots, RenderSettings(width, height, samples), "embree", AssetPool())
+    print((time.process_time() - started) / (streets * shots), flush=True)
+"""
+"""Answers each case with seconds per image; only what older checkouts have, too."""
+FIRST_IMAGE = """
+from scene.attributes import default_unit
+from scene.dataset.render import render_dataset
+from scene.render import RenderSettings
+render_dataset(default_unit()[None], 0, shots=1, settings=RenderSettings(640, 320))
+"""
+FIRST_STREET = """
+from scene.attributes import default_unit
+from scene.dataset.render import render_dataset
+from scene.render import RenderSettings
+render_dataset(default_unit()[None], 0, shots=1, settings=RenderSettings(64, 48), workers=1)
+"""
+
+
+def check_checkout(text: str) -> Path:
+    """The folder of a checkout; raises ValueError where it holds no engine."""
+    path = Path(text).resolve()
+    if not (path / "scene" / "render" / "__init__.py").exists():
+        raise ValueError(f"{text} is no checkout of this repository: it has no scene/render")
+    return path
+
+
+def _environment(checkout: Path) -> dict[str, str]:
+    """Compiled code lies beside its sources, not where another checkout's would be found."""
+    changed = {"PYTHONPATH": str(checkout), "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    kept = {k: v for k, v in os.environ.items() if k != "NUMBA_CACHE_DIR"}
+    return {**kept, **changed}
+
+
+def speeds(
+    checkout: Path, streets: int, rounds: int, cases: tuple[tuple[int, ...], ...] = CASES
+) -> list[Row]:
+    """One row for each case; the first round, which compiles and builds assets, does not count."""
+    servers = [
+        subprocess.Popen(
+            [sys.executable, "-c", SERVE], cwd=folder, env=_environment(folder), text=True,
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        )
+        for folder in (checkout, HERE)
+    ]  # fmt: skip
+    rows: list[Row] = []
+    try:
+        for case in cases:
+            pairs = [
+                [_ask(server, (*case, streets)) for server in servers] for _ in range(rounds + 1)
+            ]
+            there, here = zip(*pairs[1:], strict=True)
+            rows.append(
+                {
+                    "width": case[0],
+                    "height": case[1],
+                    "rays_per_pixel": case[2] ** 2,
+                    "shots": case[3],
+                    "ms_there": 1000 * min(there),
+                    "ms_here": 1000 * min(here),
+                    "ratio": min(there) / min(here),
+                    "median": statistics.median(t / h for t, h in pairs[1:]),
+                }
+            )
+    finally:
+        for server in servers:
+            server.kill()
+            server.communicate()
+    return rows
+
+
+def _ask(server: subprocess.Popen[str], case: tuple[int, ...]) -> float:
+    assert server.stdin is not None and server.stdout is not None
+    server.stdin.write(json.dumps(case) + "\n")
+    server.stdin.flush()
+    answer = server.stdout.readline()
+    if not answer:
+        raise SystemExit("the other side stopped answering; its message is above")
+    return float(answer)
+
+
+def starts(checkout: Path, rounds: int) -> list[Row]:
+    """Seconds from the start of a process, by the clock and by its processors, to what it shows first."""
+    rows: list[Row] = []
+    for name, program in (("first image", FIRST_IMAGE), ("worker's first street", FIRST_STREET)):
+        taken = [
+            [_timed(folder, program) for folder in (checkout, HERE)] for _ in range(rounds + 1)
+        ]
+        for kind, what in enumerate(("seconds", "processor seconds")):
+            there, here = (min(pair[side][kind] for pair in taken[1:]) for side in (0, 1))
+            rows.append(
+                {"start": f"{name}, {what}", "there": there, "here": here, "ratio": there / here}
+            )
+    return rows
+
+
+def _timed(folder: Path, program: str) -> tuple[float, float]:
+    """Seconds and processor seconds of a program."""
+    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
+    subprocess.run(
+        [sys.executable, "-c", program], cwd=folder, env=_environment(folder), check=True
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+    return time.perf_counter() - started, used

@@ -1,0 +1,127 @@
+"""Arrays that take long to make, kept on disk between processes: shapes of assets, textures, cloud maps.
+
+They lie in ``$SDR_JAX_CACHE``, by default ``sdr-jax`` in ``$XDG_CACHE_HOME`` or ``~/.cache``; ``off`` keeps nothing.
+Everything there may be deleted at any moment. Each version of the engine, and each state of its sources, has
+a folder of its own. Files are written whole or not at all, so that processes can share them; nothing is ever
+unpickled; what cannot be read or written is made anew, as if there were no cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+import zipfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from scene.version import ENGINE
+
+VARIABLE = "SDR_JAX_CACHE"
+MOST = 512 * 2**20
+"""Bytes that files may take in all; from there on the oldest go."""
+KEPT = 0.75
+"""Share of them that stays."""
+LOOK = 100
+"""Files that a process writes before it looks again at how much there is."""
+
+Arrays = dict[str, np.ndarray]
+_written = 0
+
+
+def kept(
+    name: str, make: Callable[[], Arrays], sound: Callable[[Arrays], bool] = lambda found: True
+) -> Arrays:
+    """The arrays of ``make()``, from disk where they are there.
+
+    Args:
+        name: of the file; the same name must always stand for the same arrays.
+        make: makes them.
+        sound: whether what was found can be used.
+    """
+    folder = _folder(os.environ.get(VARIABLE, ""), os.environ.get("XDG_CACHE_HOME", ""))
+    if folder is None:
+        return make()
+    path = folder / f"{name}.npz"
+    found = _read(path)
+    if found is None or not sound(found):
+        found = make()
+        _write(path, found)
+    return found
+
+
+@cache
+def _folder(wanted: str, caches: str) -> Path | None:
+    """Where this engine's files lie; None where none are kept."""
+    if wanted == "off":
+        return None
+    try:
+        root = Path(wanted) if wanted else Path(caches or Path.home() / ".cache") / "sdr-jax"
+        return root / f"{ENGINE}-{_sources()}"
+    except (OSError, RuntimeError):  # no home, or sources that cannot be read
+        return None
+
+
+@cache
+def _sources() -> str:
+    """What the code that makes these arrays comes to: arrays of other code are others."""
+    digest = hashlib.sha256(np.__version__.encode())
+    package = Path(__file__).parent
+    for path in sorted(package.rglob("*.py")):
+        digest.update(path.relative_to(package).as_posix().encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _read(path: Path) -> Arrays | None:
+    """The arrays of a file, or None. The file's checksums tell whether it is whole."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            return {name: file[name] for name in file.files}
+    except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, NotImplementedError):
+        return None
+
+
+def _write(path: Path, arrays: Arrays) -> None:
+    """Write a file under a name of its own and give it its name when it is whole; or do without."""
+    global _written
+    if _written < 0:  # nothing can be written here
+        return
+    temporary = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if _written % LOOK == 0:
+            _bound(path.parents[1])
+        handle, temporary = tempfile.mkstemp(".new", dir=path.parent)
+        with os.fdopen(handle, "wb") as file:
+            np.savez(file, **arrays)
+        os.replace(temporary, path)
+        _written += 1
+    except OSError:
+        _written = -1
+        if temporary is not None:
+            Path(temporary).unlink(missing_ok=True)
+
+
+def _bound(root: Path) -> None:
+    """Delete the oldest files where all take more than ``MOST`` bytes."""
+    files = []
+    for path in root.glob("*/*"):
+        try:
+            status = path.stat()
+        except OSError:  # another process was faster
+            continue
+        files.append((status.st_mtime, status.st_size, path))
+    total = sum(size for _, size, _ in files)
+    if total <= MOST:
+        return
+    for _, size, path in sorted(files):
+        if total <= KEPT * MOST:
+            return
+        try:
+            path.unlink()
+        except OSError:
+            continue
+        total -= size
