@@ -207,7 +207,9 @@ def main() -> int:
     command.add_argument(
         "--peer-python", default=sys.executable, help="another Python in which some are installed"
     )
-    command.add_argument("--against", metavar="CHECKOUT", help="compare with the engine of a folder")
+    command.add_argument(
+        "--against", metavar="CHECKOUT", help="compare with the engine of a folder"
+    )
     command.add_argument("--growth", action="store_true", help="measure how cost grows")
     command.add_argument("--rounds", type=int, default=5, help="of --against and --growth")
     options = command.parse_args()

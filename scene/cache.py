@@ -96,7 +96,7 @@ def _write(path: Path, arrays: Arrays) -> None:
             _bound(path.parents[1])
         handle, temporary = tempfile.mkstemp(".new", dir=path.parent)
         with os.fdopen(handle, "wb") as file:
-            np.savez(file, **arrays)
+            np.savez(file, **arrays)  # type: ignore[arg-type]
         os.replace(temporary, path)
         _written += 1
     except OSError:

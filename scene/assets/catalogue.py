@@ -76,6 +76,14 @@ def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | 
     return pool.first + drawn if drawn < count else own[drawn - count]
 
 
+def pick_in_season(
+    pool: AssetPool, family: str, bare: float | None, rng: np.random.Generator
+) -> int | str | None:
+    """Draw one asset of ``family`` as ``pick`` does, trees with or without leaves as ``in_season`` says."""
+    ref = pick(pool, family, rng)
+    return None if ref is None else in_season(family, ref, bare, pool, rng)
+
+
 BARE = "bare"
 """In the names of the kinds of trees without leaves."""
 

@@ -196,4 +196,4 @@ def _alike(
         step = distance[b] * directions[b, k] - distance[a] * directions[a, k]
         height += normal * step
         apart += step * step
-    return height * height < max(THICK * THICK, FLAT * FLAT * apart)
+    return bool(height * height < max(THICK * THICK, FLAT * FLAT * apart))

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets import catalogue
-from scene.assets.catalogue import in_season, pick
+from scene.assets.catalogue import pick_in_season
 from scene.ground.junction import REACH, Junction
 from scene.street.background import WOODS
 from scene.street.clearing import VEHICLES, boxes
@@ -52,7 +52,7 @@ class Arm(NamedTuple):
     def pick(self, family: str) -> int | str | None:
         """An asset of a family, in its season."""
         pool, bare = self.street.pool, self.street.params.bare_tree_share
-        return in_season(family, pick(pool, family, self.rng), bare, pool, self.rng)
+        return pick_in_season(pool, family, bare, self.rng)
 
     def put(
         self, family: str, ref: int | str, along: float, across: float, yaw: float

@@ -66,10 +66,10 @@ def line_objects(
         seed = int(rng.integers(2**31))
         yaw = _yaw(FAMILIES[family].facing, side, side == street.drive, rng)
         filled = rng.random() < probability
-        season_rng = np.random.default_rng(seed)
-        ref = in_season(family, ref, street.params.bare_tree_share, street.pool, season_rng)
         if not filled or ref is None:
             continue
+        season_rng = np.random.default_rng(seed)
+        ref = in_season(family, ref, street.params.bare_tree_share, street.pool, season_rng)
         step = STEP * (slot % 3) if FAMILIES[family].front == "right" else 0.0
         for shift in _panels(family, ref, interval):
             pose = pose_at(street.ground, x + shift, side * (distance + step), yaw)

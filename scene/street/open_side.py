@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from scene.assets.catalogue import in_season, pick
+from scene.assets.catalogue import pick_in_season
 from scene.assets.paving import PATH
 from scene.street.background import BEHIND
 from scene.street.lines import LINE_END, LINE_START
@@ -98,7 +98,7 @@ def _trees(
         x, y = float(rng.uniform(*SPAN)), float(rng.uniform(*reach))
         for _ in range(1 if rng.random() < 0.7 else 3):
             family = "tree" if rng.random() < 0.75 else "bush"
-            ref = in_season(family, pick(pool, family, rng), bare, pool, rng)
+            ref = pick_in_season(pool, family, bare, rng)
             plot.put(
                 family, ref, x, side * y, float(rng.uniform(-math.pi, math.pi)), bare=area < 300
             )
