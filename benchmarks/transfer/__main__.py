@@ -6,7 +6,11 @@ On CamVid's sequences 0016E5 and 0001TP (0006R0 is never read): nets trained on 
 default attributes, scored on real images; the same on default streets without one ingredient, paired by
 seed; nets trained on real images, scored on renders and on close-ups of single assets, which
 ``close-ups-*.png`` in ``--out`` shows; and how light each class is in both. ``--out`` remembers finished
-nets: the same command goes on, and begins anew where the engine has changed.
+nets: the same command goes on, and begins anew where the engine has changed. These nets are compact ones.
+
+    python -m benchmarks.transfer --data CAMVID --only content --width 480 --height 360 --streets 66
+
+lite0 on streets set by eye, and on the same with more in them, class by class.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ import numpy as np
 
 from benchmarks.report import Row, count, parser, table, write
 from benchmarks.transfer import tables
+from benchmarks.transfer.content import CONTENTS, content_net
 from benchmarks.transfer.ingredients import render_world
 from benchmarks.transfer.nets import (
     ATTRIBUTES,
@@ -33,6 +38,7 @@ from benchmarks.transfer.nets import (
     SEQUENCES,
     WITHOUT,
     Net,
+    engine,
     nets,
     steering_set,
 )
@@ -47,6 +53,8 @@ from shell.command import exit_code
 from shell.errors import UserError
 from shell.lines import CURE, JsonLines
 from shell.progress import Progress
+
+WITH = "with "
 
 Scores = dict[str, list[dict[str, Any]]]
 """Row -> scores of its nets, in the order of their seeds."""
@@ -75,7 +83,9 @@ def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
     command.add_argument(
         "--out", type=Path, default=Path("runs/transfer"), help="folder of finished nets"
     )
-    command.add_argument("--only", choices=PARTS, nargs="+", default=PARTS, help="these tables")
+    command.add_argument(
+        "--only", choices=PARTS, nargs="+", default=PARTS[:4], help="these tables; all but content"
+    )
     for flag, value, least, meaning in (
         ("--seeds", 3, 1, "nets of each row"),
         ("--width", default.width, 8, "pixels across, of renders and real images alike"),
@@ -106,6 +116,8 @@ def _run(options: argparse.Namespace) -> None:
     )
     real = steering_set(options.data, recipe)
     wanted = nets(recipe, real, options.only, range(options.seeds))
+    if "content" in options.only:
+        wanted += content_nets(options.data, recipe, range(options.seeds))
     with files.naming(options.out):
         options.out.mkdir(parents=True, exist_ok=True)
     scores = _train(wanted, JsonLines(options.out / "nets.jsonl"), options)
@@ -119,6 +131,20 @@ def _run(options: argparse.Namespace) -> None:
     for title, rows in found.items():
         print(f"\n{title}\n{table(rows)}")
     write(options.json, recipe=recipe._asdict(), seeds=options.seeds, **found)
+
+
+def content_nets(data: Path, recipe: Recipe, seeds: Sequence[int]) -> list[Net]:
+    """lite0 on streets with more in them, seed after seed."""
+    same = {"engine": engine(), "recipe": recipe._asdict()}
+    return [
+        Net(
+            {**same, "net": WITH + name, "seed": seed},
+            1.0,
+            (content_net, data, recipe, name, seed),
+        )
+        for seed in seeds
+        for name in CONTENTS
+    ]
 
 
 def _train(wanted: Sequence[Net], log: JsonLines, options: argparse.Namespace) -> Scores:
@@ -163,6 +189,9 @@ def summary(scores: Scores, classes: Sequence[str]) -> dict[str, list[Row]]:
     }
     if without:
         found["ingredients"] = tables.ingredient_rows(real["default"], without, classes)
+    contents = {name: real[WITH + name] for name in CONTENTS if WITH + name in real}
+    if contents:
+        found["content"] = tables.content_rows(contents, classes)
     if REAL in real:
         renders = [np.array(one["renders"]) for one in scores[REAL]]
         families = {

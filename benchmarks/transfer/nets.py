@@ -21,7 +21,7 @@ SEQUENCES = ("0001TP", "0016E5")
 BLOCKS = 5
 """Each drive is cut into so many stretches; a net trained on real images is tested on one of them."""
 ATTRIBUTES = ("random", "default")
-PARTS = ("transfer", "ingredients", "recognition", "tones")
+PARTS = ("transfer", "ingredients", "recognition", "tones", "content")
 REAL = "real"
 WITHOUT = "without "
 REAL_COST = 3.0

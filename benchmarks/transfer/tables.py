@@ -65,6 +65,27 @@ def _tones(images: np.ndarray, labels: np.ndarray, classes: int) -> np.ndarray:
     return tones
 
 
+def content_rows(contents: Mapping[str, Confusions], classes: Sequence[str]) -> list[Row]:
+    """mIoU and IoU of each class in percent, and what is gained over the first row, paired by seed."""
+    first = next(iter(contents.values()))
+    rows: list[Row] = []
+    for name, confusions in contents.items():
+        values = 100 * np.array([mean_iou(c) for c in confusions])
+        worth = values - 100 * np.array([mean_iou(c) for c in first])
+        spread = _spread(list(worth))
+        by_class = 100 * np.nanmean([iou(c) for c in confusions], axis=0)
+        rows.append(
+            {
+                "streets": name,
+                "mIoU": float(values.mean()),
+                "worth": float(worth.mean()),
+                "error": None if spread is None else spread / math.sqrt(len(worth)),
+                **dict(zip(classes, map(float, by_class), strict=True)),
+            }
+        )
+    return rows
+
+
 def ingredient_rows(
     whole: Confusions, without: Mapping[str, Confusions], classes: Sequence[str]
 ) -> list[Row]:

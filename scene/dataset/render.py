@@ -27,8 +27,12 @@ class Dataset(NamedTuple):
 
 def street_of(unit: np.ndarray, seed: int, index: int, shots: int, pool: AssetPool) -> Street:
     """The ``index``-th street of the dataset with ``seed``, from its unit attributes f32[attributes]."""
-    street_seed = int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
-    return sample_street(street_params(unit), street_seed, shots, pool)
+    return sample_street(street_params(unit), street_seed(seed, index), shots, pool)
+
+
+def street_seed(seed: int, index: int) -> int:
+    """The seed of the ``index``-th street of the dataset with ``seed``."""
+    return int(np.random.SeedSequence([seed, index]).generate_state(1)[0])
 
 
 def render_street(
