@@ -60,8 +60,9 @@ def _cost(settings: RenderSettings, shots: int, triangles: int, rounds: int) -> 
     from scene.render.embree.renderer import _asset_bvh
 
     spent = []
-    with mock.patch("scene.render.geometry.asset_shape", shape), mock.patch(
-        "scene.render.embree.renderer.asset_shape", shape
+    with (
+        mock.patch("scene.render.geometry.asset_shape", shape),
+        mock.patch("scene.render.embree.renderer.asset_shape", shape),
     ):
         _asset_bvh.cache_clear()
         for _ in range(rounds + 1):

@@ -228,9 +228,7 @@ def shade(
                 + (ONE if footprint > f32(32768) else ZERO)
             )  # fmt: skip
             cosine = nx[n] * sun0 + ny[n] * sun1 + nz[n] * sun2
-            light[n] *= (
-                max(cosine, ZERO) * (ONE - through[n]) + f32(0.6) * abs(cosine) * through[n]
-            )
+            light[n] *= max(cosine, ZERO) * (ONE - through[n]) + f32(0.6) * abs(cosine) * through[n]
             up[n] = HALF + HALF * nz[n]
             damp = wetness if flat_z[n] > f32(0.9) else ZERO
             damp = damp if pz < f32(0.2) else ZERO
@@ -257,7 +255,9 @@ def shade(
             row[n] = min(max(high * f32(math.sqrt(rise)) - HALF, ZERO), high - f32(1.001))
             # exp(-t / haze) by its series, of a sixteenth of it.
             e = min(t[n] / haze, f32(16)) * f32(-1 / 16)
-            e = ONE + e * (ONE + e * (HALF + e * (f32(1 / 6) + e * (f32(1 / 24) + e * f32(1 / 120)))))
+            e = ONE + e * (
+                ONE + e * (HALF + e * (f32(1 / 6) + e * (f32(1 / 24) + e * f32(1 / 120))))
+            )
             e *= e
             e *= e
             e *= e

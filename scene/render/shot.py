@@ -63,7 +63,9 @@ class Visible(NamedTuple):
     flat: np.ndarray  # f32[m, 3] normal of the face, turned towards the viewer; up for the sky
     smooth: np.ndarray  # f32[m, 3] the same for the curved surface the face stands for
     points: np.ndarray  # f32[m, 3] where it is; the rays' origin for the sky
-    side: np.ndarray  # i8[m] of the face, on which a ray to the sun begins: 1 ours, -1 the other, 0 no ray
+    side: (
+        np.ndarray
+    )  # i8[m] of the face, on which a ray to the sun begins: 1 ours, -1 the other, 0 no ray
 
 
 class Segments(NamedTuple):

@@ -114,7 +114,11 @@ def _group(
                     owner[i] = count
             length = f32(math.sqrt(x * x + y * y + z * z))
             sample[count], share[count] = left[0], each
-            middle[count, 0], middle[count, 1], middle[count, 2] = x / length, y / length, z / length
+            middle[count, 0], middle[count, 1], middle[count, 2] = (
+                x / length,
+                y / length,
+                z / length,
+            )
             away[count] = length / f32(each) if f >= 0 else distance[left[0]]
             count += 1
             continue
@@ -149,7 +153,11 @@ def _group(
             waiting = rest
             length = f32(math.sqrt(x * x + y * y + z * z))
             sample[count], share[count] = one, members
-            middle[count, 0], middle[count, 1], middle[count, 2] = x / length, y / length, z / length
+            middle[count, 0], middle[count, 1], middle[count, 2] = (
+                x / length,
+                y / length,
+                z / length,
+            )
             away[count] = length / f32(members) if face[one] >= 0 else distance[one]
             count += 1
     first[first.shape[0] - 1] = count
@@ -188,4 +196,4 @@ def _alike(
         step = distance[b] * directions[b, k] - distance[a] * directions[a, k]
         height += normal * step
         apart += step * step
-    return height * height < max(THICK * THICK, FLAT * FLAT * apart)
+    return bool(height * height < max(THICK * THICK, FLAT * FLAT * apart))

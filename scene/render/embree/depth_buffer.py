@@ -168,9 +168,7 @@ def _farthest(
 
 
 @njit(cache=True, inline="always")
-def _covered(
-    tiles: np.ndarray, first: float, left: int, right: int, top: int, bottom: int
-) -> bool:
+def _covered(tiles: np.ndarray, first: float, left: int, right: int, top: int, bottom: int) -> bool:
     """Whether all that a box of samples shows is nearer than depth ``first``."""
     for row in range(top // TILE, bottom // TILE + 1):
         for column in range(left // TILE, right // TILE + 1):

@@ -152,7 +152,12 @@ def _edges(
             if (share[one] < 2) | (side[one] == 0):
                 continue
             differs = False
-            for y, x in ((row - 1, column), (row + 1, column), (row, column - 1), (row, column + 1)):
+            for y, x in (
+                (row - 1, column),
+                (row + 1, column),
+                (row, column - 1),
+                (row, column + 1),
+            ):
                 if 0 <= y < rows and 0 <= x < columns:
                     other = first[y * columns + x]
                     if lit[other] != lit[one] and _alike(one, other, instance, flat, side):
