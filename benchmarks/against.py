@@ -1,8 +1,8 @@
 """This checkout beside another one: the same streets, rendered by both in turn.
 
-Each has a process of its own that is asked for one measurement at a time, so that whatever else the machine does
-meets both. Times are of processors, in one thread, and the least of all rounds; ``ratio`` is how many times as
-fast this checkout is, ``median`` the same of each round's pair.
+Each has a process of its own that is asked for one measurement at a time, so that whatever else the machine
+does meets both. Times are of processors, in one thread, and the least of all rounds; ``ratio`` is how many
+times as fast this checkout is, ``median`` the same of each round's pair.
 """
 
 from __future__ import annotations

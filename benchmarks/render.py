@@ -2,7 +2,7 @@
 
     python -m benchmarks.render --json render.json
     python -m benchmarks.render --peers     # other renderers that are installed, on the same street
-    python -m benchmarks.render --against ../before     # only: this checkout beside another one, see ``against``
+    python -m benchmarks.render --against ../before     # only: this checkout beside another one
     python -m benchmarks.render --growth    # only: how cost grows with triangles, pixels and shots
 
 Streets set by eye, street building included; workers are started before the clock runs and have met the
@@ -191,7 +191,7 @@ def _report(path: Path | None, parts: dict[str, list[Row]]) -> int:
     return 0
 
 
-def main() -> int:
+def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
     command.add_argument("--streets", type=int, default=6)
@@ -212,7 +212,7 @@ def main() -> int:
     )
     command.add_argument("--growth", action="store_true", help="measure how cost grows")
     command.add_argument("--rounds", type=int, default=5, help="of --against and --growth")
-    options = command.parse_args()
+    options = command.parse_args(arguments)
     if options.against is not None:
         try:
             checkout = against.check_checkout(options.against)

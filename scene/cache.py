@@ -1,9 +1,9 @@
 """Arrays that take long to make, kept on disk between processes: shapes of assets, textures, cloud maps.
 
-They lie in ``$SDR_JAX_CACHE``, by default ``sdr-jax`` in ``$XDG_CACHE_HOME`` or ``~/.cache``; ``off`` keeps nothing.
-Everything there may be deleted at any moment. Each version of the engine, and each state of its sources, has
-a folder of its own. Files are written whole or not at all, so that processes can share them; nothing is ever
-unpickled; what cannot be read or written is made anew, as if there were no cache.
+They lie in ``$SDR_JAX_CACHE``, by default ``sdr-jax`` in ``$XDG_CACHE_HOME`` or ``~/.cache``; ``off`` keeps
+nothing. Everything there may be deleted at any moment. Each version of the engine, and each state of its
+sources, has a folder of its own. Files are written whole or not at all, so that processes can share them;
+nothing is ever unpickled; what cannot be read or written is made anew, as if there were no cache.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import zipfile
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
@@ -78,7 +79,7 @@ def _sources() -> str:
 def _read(path: Path) -> Arrays | None:
     """The arrays of a file, or None. The file's checksums tell whether it is whole."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as raw, np.load(raw, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, KeyError, zipfile.BadZipFile, NotImplementedError):
         return None
@@ -96,7 +97,7 @@ def _write(path: Path, arrays: Arrays) -> None:
             _bound(path.parents[1])
         handle, temporary = tempfile.mkstemp(".new", dir=path.parent)
         with os.fdopen(handle, "wb") as file:
-            np.savez(file, **arrays)  # type: ignore[arg-type]
+            np.savez(file, **cast(dict[str, Any], arrays))
         os.replace(temporary, path)
         _written += 1
     except OSError:

@@ -16,6 +16,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 # Compiling a training step takes seconds, loading it a tenth of that: the next test process loads.
 os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(Path(__file__).parents[1] / ".jax_cache"))
 os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
+# Tests make what they look at, and leave the user's cache alone.
+os.environ["SDR_JAX_CACHE"] = "off"
 
 import hypothesis
 import jax

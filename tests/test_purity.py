@@ -20,6 +20,7 @@ PACKAGES = (FLOOR, *LIBRARIES, "experiments")
 SHELL = (
     "benchmarks/",
     "experiments/",
+    "scene/cache.py",  # arrays on disk between processes
     "scene/callback.py",
     "scene/check.py",
     "scene/assets/library.py",

@@ -95,6 +95,15 @@ def test_what_lies_behind_is_not_seen_and_a_floor_under_the_camera_is_up_to_the_
     np.testing.assert_allclose(hits.distance[down], -1 / rise[down], rtol=1e-3)
 
 
+def test_what_is_hidden_is_left_out_and_nothing_else():
+    places = np.random.default_rng(0).uniform((5, -9, -6), (30, 9, 6), (220, 3))
+    shapes = [shape_of(ellipsoid(p, (0.8,) * 3, GREY)) for p in places]
+    found, alone = draw(shapes)[0], [draw([one])[0] for one in shapes]
+    away = np.array([np.where(h.face >= 0, h.distance, np.inf) for h in alone])
+    first = np.where(np.isinf(away.min(axis=0)), 0, 1 + away.argmin(axis=0))
+    assert len(np.unique(first)) > 20 and (found.instance == first).all()
+
+
 def wall_ahead():
     return SceneBVH([MeshBVH(WALL.copy(), TWO.copy())], [1], PLACE[None])
 

@@ -11,8 +11,11 @@ from scene.attributes import BY_NAME
 from scene.ground.ground import plain, sample_ground
 from scene.mesh.solids import box
 from scene.render import RENDERERS, RenderSettings, check_settings, renderer
+from scene.render.embree import sunlight
+from scene.render.embree.depth_buffer import nearest
 from scene.render.geometry import SKY_INSTANCE, build
 from scene.render.protocol import label_sample, pixel_rays
+from scene.render.shot import sample_rays, surroundings, visible
 from scene.sky.sky import sample_sky
 from scene.street.camera import Camera, camera_axes
 from scene.street.placing import Placement
@@ -219,6 +222,29 @@ def test_a_shadow_falls_away_from_the_sun_and_darkens(draw):
     y = -(np.nonzero(darker)[1] + 0.5 - 48) / 48 * math.tan(math.radians(25)) * x
     # A bus is 2.8 m or so high; at this elevation its shadow reaches height / tan(0.6).
     assert -4 < y.min() < 2.5 and 8 < np.median(x) < 22
+
+
+@pytest.mark.parametrize(("samples", "most"), [(1, 0.7), (2, 0.35)])
+def test_the_light_of_few_rays_is_that_of_one_for_every_spot(samples, most, monkeypatch):
+    settings, cast, ask = QUIET._replace(width=200, height=120, samples=samples), [], sunlight.free
+    drawn = street(seed=1)._replace(sky=bare_street().sky)
+    monkeypatch.setattr(sunlight, "free", lambda *a: cast.append(len(a[3])) or ask(*a))
+    few, rays = renderer("embree").render(drawn, settings)[0], sum(cast)
+    monkeypatch.setattr(sunlight, "_others", lambda first, lit, *_: np.flatnonzero(lit < 0))
+    change = renderer("embree").render(drawn, settings)[0].image.astype(int) - few.image
+    assert rays < most * (few.instance > 0).sum() * samples**2 and rays < sum(cast) - rays
+    assert 0 < np.abs(change).mean() < 0.5 and abs(change.mean()) < 0.2
+
+
+def test_samples_are_shaded_as_one_where_they_see_one_surface():
+    drawn, settings = street(seed=1), SMALL._replace(samples=2)
+    around = surroundings(drawn, build(drawn), settings)
+    rays = sample_rays(drawn.cameras[0], settings)
+    hits = nearest(around.geometry, drawn.cameras[0], settings, rays)
+    spots = visible(around, rays, hits, settings).spots
+    assert len(spots.sample) < 0.5 * len(hits.face)
+    assert (np.add.reduceat(spots.share, spots.first[:-1]) == 4).all()
+    assert (hits.instance[spots.sample][spots.owner] == hits.instance).all()
 
 
 def test_occlusion_darkens_what_is_close_to_other_things(draw):

@@ -285,10 +285,11 @@ def _fill(
             k0, k1, k2 = b0 * y[row] + c0, b1 * y[row] + c1, b2 * y[row] + c2
             for column in range(left, right + 1):
                 e0, e1, e2 = a0 * x[column] + k0, a1 * x[column] + k1, a2 * x[column] + k2
-                total = e0 + e1 + e2
-                closeness = f32(total * per_volume)
+                if min(e0, e1, e2) < 0:
+                    continue
+                closeness = f32((e0 + e1 + e2) * per_volume)
                 n = base + column
-                if (e0 >= 0) & (e1 >= 0) & (e2 >= 0) & (closeness > near[n]):
+                if closeness > near[n]:
                     near[n], face[n], instance[n] = closeness, f, i
                     u[n], v[n] = e1 * per_volume, e2 * per_volume
         return

@@ -20,14 +20,14 @@ def free(
     order: np.ndarray,
     reach: float = np.inf,
 ) -> np.ndarray:
-    """Which rays get away: f32[n], 1 where nothing lies within ``reach`` metres along one of ``order``, else 0.
+    """Which rays get away: f32[n], 1 where nothing lies along one of ``order``, else 0.
 
     Args:
         bvh: what may be in the way.
         starts: f32[n, 3].
         directions: f32[n, 3] or, where all run alike, f32[1, 3].
         order: i64[m] indices of the rays that are wanted; eight in turn should be neighbours.
-        reach: metres.
+        reach: metres within which it would be in the way.
     """
     found = np.zeros(len(starts), np.float32)
     _probe(

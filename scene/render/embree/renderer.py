@@ -1,8 +1,8 @@
 """The default renderer, and the fast one on a CPU: a depth buffer to see, rays of Intel Embree for light.
 
-Where the sun may shine rays are cast to it, as few as will do (``sunlight``), and of every fourth pixel one into
-the open for ambient occlusion. Every asset has a bounding volume hierarchy of its own, kept for all streets in which it stands;
-a street only says where.
+Where the sun may shine rays are cast to it, as few as will do (``sunlight``), and of every fourth pixel one
+into the open for ambient occlusion. Every asset has a bounding volume hierarchy of its own, kept for all
+streets in which it stands; a street only says where.
 """
 
 from __future__ import annotations
