@@ -28,14 +28,10 @@ SIDES = (1.0, -1.0)
 class Mix(NamedTuple):
     """How likely each ingredient without an attribute of its own is, in [0, 1]."""
 
-    turning: float = (
-        0.0  # vehicles across the road's direction at side streets, drives, two other places
-    )
+    turning: float = 0.0  # vehicles across the road's direction: at side streets, drives, elsewhere
     groups: float = 0.0  # people together on 13 m of a sidewalk
     benches: float = 0.0  # people on a bench on 26 m of a sidewalk
-    crossing: float = (
-        0.0  # people on a crossing of the road; half as likely at each of three other places
-    )
+    crossing: float = 0.0  # people on a crossing; half as likely at each of three other places
     riders: float = 0.0  # cyclists in the lane, on 26 m of a roadside
     cycle_stands: float = 0.0  # a row of parked bicycles on 30 m of a sidewalk
     gardens: float = 0.0  # a front garden, on about 11 m of houses
@@ -47,7 +43,11 @@ class Mix(NamedTuple):
     stalls: float = 0.0  # a row of stalls on a side
 
 
-MIX = Mix()
+MIX = Mix(
+    turning=0.25, groups=0.18, benches=0.1, crossing=0.18, riders=0.2, cycle_stands=0.15,
+    gardens=0.2, shelters=0.15, railings=0.18, bollards=0.12, islands=0.12, scaffolds=0.05,
+    stalls=0.08,
+)  # fmt: skip
 """What streets have where nothing else is said."""
 
 

@@ -5,23 +5,34 @@ import pytest
 import trimesh
 from hypothesis import strategies as st
 
-from scene import AssetPool, Street, default_unit, sample_street, street_params
+from scene import AssetPool, Street, StreetParams, default_unit, sample_street, street_params
 from scene.assets.families import FAMILIES
 from scene.assets.library import manifest, scan
 from scene.render import Renderer, RendererError, RenderSettings, renderer
 from scene.render.embree.api import MeshBVH, SceneBVH
 from scene.render.embree.rays import by_tiles
 from scene.render.embree.rays import free as ask
+from scene.street.extras import Mix
 
 SEEDS = st.integers(0, 2**32 - 1)
 UNITS = SEEDS.map(lambda seed: np.random.default_rng(seed).random(23))
 POOL = AssetPool(0, 4)
 TINY = RenderSettings(width=48, height=32)
-DEFAULT = street_params(default_unit())
+LINES_ALONE = dict.fromkeys(
+    ("bend", "gradient", "junction_share", "parked_share", "queue_share", "open_share"), 0.0
+)
+
+
+def lines_alone(unit: np.ndarray) -> StreetParams:
+    """The parameters of a straight, level street with nothing but its lines."""
+    return street_params(unit)._replace(**LINES_ALONE)
+
+
+DEFAULT = lines_alone(default_unit())
 
 
 def street(params=DEFAULT, seed=0, shots=1, pool=POOL) -> Street:
-    return sample_street(params, seed, shots, pool)
+    return sample_street(params, seed, shots, pool, Mix())
 
 
 def units(n: int) -> np.ndarray:

@@ -57,9 +57,9 @@ def test_streets_of_neighbouring_seeds_are_not_the_same_and_the_pool_of_assets_i
 
 
 @pytest.mark.parametrize(("changes", "message"), [
-    ({"units": np.zeros((2, 22))}, "23 values"),
-    ({"units": np.zeros(23)}, r"shape \[streets, 23\]"),
-    ({"units": np.zeros((0, 23))}, r"shape \[streets, 23\]"),
+    ({"units": np.zeros((2, 22))}, r"23 \(scenex\) or"),
+    ({"units": np.zeros(23)}, r"shape \[streets, attributes\]"),
+    ({"units": np.zeros((0, 23))}, r"shape \[streets, attributes\]"),
     ({"units": np.full((2, 23), np.nan)}, "illumination_intensity is nan"),
     ({"shots": 0}, "shots per street must be 1 or more, not 0"),
     ({"settings": TINY._replace(width=2)}, "2x32 is too small"),
@@ -113,7 +113,7 @@ def test_values_out_of_range_are_clipped_and_nan_is_the_middle(compiled):
 
 def test_wrong_shapes_and_settings_are_refused_before_the_call(compiled):
     for unit, seeds in (((2, 22), (2,)), ((23,), ()), ((2, 23), (3,))):
-        with pytest.raises(ValueError, match=r"expected unit \[n, 23\] and seeds \[n\]"):
+        with pytest.raises(ValueError, match=r"expected unit|must have 23"):
             compiled(jnp.zeros(unit), jnp.zeros(seeds, jnp.uint32))
     for arguments, message in (
         ({"settings": TINY._replace(width=0)}, "0x32 is too small"),

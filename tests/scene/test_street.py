@@ -8,13 +8,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene import AssetPool, TrainId, street_params
+from scene import AssetPool, TrainId
 from scene.assets import catalogue
 from scene.ground.ground import ground_height
 from scene.street.background import BEHIND, LINES_END, VISTA_END, background
 from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
 from scene.street.placing import FIRST_INSTANCE, Placement, bounds
-from tests.scene.conftest import DEFAULT, SEEDS, UNITS, street
+from tests.scene.conftest import DEFAULT, SEEDS, UNITS, lines_alone, street
 
 LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
 
@@ -46,7 +46,7 @@ def objects(placements):
 
 @given(UNITS, SEEDS)
 def test_the_same_arguments_give_the_same_street_and_another_seed_another(unit, seed):
-    params = street_params(unit)
+    params = lines_alone(unit)
     a, b, other = (street(params, s, 2) for s in (seed, seed, seed ^ 1))
     assert same(a.placements, b.placements) and not same(a.placements, other.placements)
     assert (a.cameras, a.ground, a.seed) == (b.cameras, b.ground, b.seed)
@@ -57,7 +57,7 @@ def test_the_same_arguments_give_the_same_street_and_another_seed_another(unit, 
 
 @given(UNITS, SEEDS)
 def test_every_object_stands_on_the_ground_below_it_and_instances_have_no_gaps(unit, seed):
-    drawn = street(street_params(unit), seed)
+    drawn = street(lines_alone(unit), seed)
     for number, p in enumerate(drawn.placements, FIRST_INSTANCE):
         assert p.instance == number
         y, z = p.pose[1:3, 3]
@@ -81,7 +81,7 @@ def test_only_greenery_that_no_camera_comes_near_is_far():
 
 @given(UNITS, SEEDS)
 def test_all_objects_of_a_line_share_its_distance_on_both_sides(unit, seed):
-    params = street_params(unit)
+    params = lines_alone(unit)
     for name, placements in by_line(params, seed).items():
         y = np.array([p.pose[1, 3] for p in placements])
         distance = getattr(params, f"{name}_position")
@@ -171,7 +171,7 @@ def test_the_camera_is_on_the_right_with_its_probability(probability):
 
 @given(UNITS, SEEDS)
 def test_the_camera_drives_on_at_its_height_and_looks_where_it_should(unit, seed):
-    params = street_params(unit)
+    params = lines_alone(unit)
     drawn = street(params, seed, 5)
     for camera in drawn.cameras:
         _, y, z = camera.position
@@ -207,7 +207,7 @@ def stands(seed, params=DEFAULT):
 
 @given(SEEDS, UNITS)
 def test_it_lies_beyond_the_lines_and_is_pure_and_no_larger_than_a_street(seed, unit):
-    for stand in stands(seed, street_params(unit)):
+    for stand in stands(seed, lines_alone(unit)):
         assert stand.x >= LINES_END or abs(stand.y) >= BEHIND
         assert stand.x < VISTA_END + 60
         assert stand.family in ("building", "tree", "bush")
