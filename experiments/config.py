@@ -26,7 +26,7 @@ from shell.files import read_json
 
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes"]
-Candidate = Literal["argmax", "spread", "broad", "random"]
+Candidate = Literal["argmax", "spread", "broad", "default", "random"]
 RewardKind = Literal["miou", "mmd"]
 
 Group = Annotated[
@@ -202,9 +202,9 @@ class SearchConfig(GroupsConfig):
     """What a job that learns attributes can be told, too."""
 
     search: Search
-    candidates: tuple[Candidate, ...] = ("argmax", "spread", "broad")
-    """Ways to relax the learnt answer: argmax (best bins), spread (as wide as the policy is unsure),
-    broad (the same, at least half of each range); random (all attributes random) may stand beside them."""
+    candidates: tuple[Candidate, ...] = ("argmax", "spread", "broad", "default", "random")
+    """What may be the answer: argmax (the best found), spread (as wide as the search is unsure), broad (the
+    same, at least half of each range), default (the street set by eye) or random (all attributes random)."""
     candidate_seeds: int = 2
     """Nets that each candidate is scored with, at the final size, on the reward images."""
     ladder: bool = False

@@ -49,19 +49,23 @@ def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Rep
 
 
 def derive(report: Report) -> Report:
-    """The report with means, intervals, the gain, and what the twin shows to be recovered.
+    """The report with means, intervals, two gains, and what the twin shows to be recovered.
 
     ``random``, ``default`` and ``learnt`` also stand at the top, but not ``real``, which there says whether
     the target is real data.
     """
     rows = {row: _row(own, report["classes"]) for row, own in report["nets"].items()}
-    gain = statistics(rows["learnt"]["miou"], rows["random"]["miou"])["gain"]
+    gains = {
+        f"gain{over}": statistics(rows["learnt"]["miou"], rows[row]["miou"])["gain"]
+        or {"mean": None, "ci95": None}
+        for over, row in (("", "random"), ("_over_default", "default"))
+    }
     absent = [name for name, value in rows["random"]["per_class"].items() if value is None]
     return {
         **report,
         "rows": rows,
         **{row: rows[row] for row in rows if row != "real"},
-        "gain": gain or {"mean": None, "ci95": None},
+        **gains,
         "classes_absent_from_truth": absent,
         **({} if report["hidden_centres"] is None else {"recovery": _recovery(report)}),
     }
@@ -101,6 +105,7 @@ def text(report: Report) -> str:
     for row, entry in report["rows"].items():
         lines.append(f"  {row:8s} {_said(entry, '5.1f')}  {TRAINED_ON[row]}")
     lines.append(f"  gain     {_said(report['gain'], '+5.1f')}  learnt minus random")
+    lines.append(f"  gain     {_said(report['gain_over_default'], '+5.1f')}  learnt minus by eye")
     if report["classes_absent_from_truth"]:
         absent = ", ".join(report["classes_absent_from_truth"])
         lines.append(f"  left out of the mean, for they never occur in the truth: {absent}")

@@ -17,8 +17,8 @@ from experiments.run.context import Run, Work
 from experiments.run.ladder import Rung, climb, cost_of, ladder, mean_of, most_cost, most_nets
 from experiments.run.nets import score_nets
 from experiments.run.search import Found, SearchPlan, search
-from scene.attributes import names, space_of
-from scene.proposal import Proposal, describe, random_proposal, slide
+from scene.attributes import names
+from scene.proposal import Proposal, default_proposal, describe, random_proposal, slide
 from shell.files import write_json
 
 BROAD = 0.5
@@ -84,18 +84,20 @@ def learn(run: Run[Any]) -> Learnt:
     """
     config: SearchConfig = run.config
     found = search(run, plan_of(config), config.reward_kind)
-    proposals = {name: candidate(name, found) for name in config.candidates}
+    proposals = {name: candidate(name, found, config) for name in config.candidates}
     chosen, scores = (_climb if config.ladder else _choose)(run, proposals)
     write_json(config.out / "attributes.json", describe(proposals[chosen]))
     return Learnt(proposals[chosen], found, chosen, scores)
 
 
-def candidate(name: Candidate, found: Found) -> Proposal:
-    """One way to relax what a search found."""
+def candidate(name: Candidate, found: Found, config: SearchConfig) -> Proposal:
+    """What may be the answer: one way to relax what a search found, or streets that it knew nothing of."""
     if name == "argmax":
         return found.solution
     if name == "random":
-        return random_proposal(space_of(len(found.solution.centre)))
+        return random_proposal(config.space)
+    if name == "default":
+        return default_proposal(config.default_width, config.space)
     if name == "broad":
         return slide(found.spread.centre, np.maximum(found.spread.width, BROAD))
     return found.spread
@@ -107,8 +109,11 @@ def _choose(
     """The best candidate on the reward images, at the final size, and every one's rewards by seed."""
     config: SearchConfig = run.config
     seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
-    scores = _rewards(run, "candidate", proposals, config.final, seeds)
-    return max(config.candidates, key=lambda name: mean_of(scores[name])), scores
+    chosen = {name: proposals[name] for name in distinct(proposals)}
+    scores = _rewards(run, "candidate", chosen, config.final, seeds)
+    saved = (len(proposals) - len(chosen)) * len(seeds) * cost_of(config.final)
+    run.progress.advance(saved, replayed=True)  # twins are trained once
+    return max(chosen, key=lambda name: mean_of(scores[name])), scores
 
 
 def _rewards(

@@ -14,7 +14,7 @@ from experiments.run import ladder
 from experiments.run.context import opened
 from experiments.run.learn import BROAD, CANDIDATE_SEED, candidate, distinct, learn, work_of
 from experiments.run.search import Found
-from scene.proposal import random_proposal, slide
+from scene.proposal import default_proposal, random_proposal, slide
 
 from .conftest import Counted, Killed, lines
 
@@ -32,11 +32,14 @@ def found() -> Found:
 
 
 def test_candidates_by_hand(found):
-    assert candidate("argmax", found) is found.solution
-    assert candidate("spread", found) is found.spread
-    np.testing.assert_array_equal(candidate("random", found), random_proposal())
+    config = defaults(MainConfig, "twin", "smoke")
+    assert candidate("argmax", found, config) is found.solution
+    assert candidate("spread", found, config) is found.spread
+    np.testing.assert_array_equal(candidate("random", found, config), random_proposal())
+    by_eye = default_proposal(config.default_width)
+    np.testing.assert_array_equal(candidate("default", found, config), by_eye)
     # Half the range around 0.1 sticks out of it, and slides to [0, 0.5].
-    broad = candidate("broad", found)
+    broad = candidate("broad", found, config)
     np.testing.assert_allclose(broad.centre, np.full(23, BROAD / 2), rtol=1e-6)
     np.testing.assert_allclose(broad.width, np.full(23, BROAD), rtol=1e-6)
     # Twins hold one place.
