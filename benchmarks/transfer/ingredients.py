@@ -11,9 +11,11 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import StreetParams, street_params
 from scene.dataset.render import street_of
 from scene.ground.ground import plain, sample_ground
+from scene.ground.path import nearest
 from scene.render import RenderSettings, renderer
 from scene.sky.sky import sample_sky
 from scene.street.background import BEHIND, LINES_END
+from scene.street.placing import FIRST_INSTANCE
 from scene.street.street import Street
 from seg.classes import class_table
 
@@ -90,7 +92,10 @@ def bare_ground(street: Street, params: StreetParams) -> Street:
 
 def lines_only(street: Street, params: StreetParams) -> Street:
     """The street without what closes its horizon, which stands behind the lines."""
-    near = [p for p in street.placements if p.pose[0, 3] < LINES_END and abs(p.pose[1, 3]) < BEHIND]
+    places = np.array([p.pose[:2, 3] for p in street.placements])
+    along, away = nearest(street.ground.path, places)
+    stay = np.flatnonzero((along < LINES_END) & (away < BEHIND))
+    near = (street.placements[k]._replace(instance=i) for i, k in enumerate(stay, FIRST_INSTANCE))
     return street._replace(placements=tuple(near))
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from benchmarks.transfer import tables
 from benchmarks.transfer.__main__ import main
 from benchmarks.transfer.closeups import DISTANCE, _crossed, close_up, close_ups
+from benchmarks.transfer.content import CONTENTS, rendered
 from benchmarks.transfer.ingredients import INGREDIENTS, render_world
 from benchmarks.transfer.nets import BLOCKS, held_out, steering_set
 from benchmarks.transfer.recipe import TABLE, Recipe, units, world
@@ -76,6 +77,17 @@ def test_every_ingredient_shows_in_the_picture_and_most_leave_the_street_standin
         same = np.array_equal(found, labels)
         reshaping = ("oversampling", "markings", "background", "of the assets")
         assert same != any(word in name for word in reshaping), name
+
+
+def test_streets_with_more_in_them_are_the_same_streets_but_for_that():
+    before, lines = rendered(TINY, CONTENTS["as it was"], 3)
+    for name in ("people", "view of 80 degrees", "a little of all"):
+        images, labels = rendered(TINY, CONTENTS[name], 3)
+        assert images.shape == before.shape and not np.array_equal(labels, lines), name
+    one, other = np.diag([8, 8]), np.array([[4, 4], [0, 8]])  # IoU 1 and 1; 4/8 and 8/12
+    rows = tables.content_rows({"a": [other, other], "b": [one, other]}, ("sky", "road"))
+    assert rows[1]["worth"] == pytest.approx(100 * (1 - 7 / 12) / 2) == rows[1]["error"]
+    assert rows[0]["sky"] == pytest.approx(50) and rows[0]["worth"] == 0
 
 
 @pytest.mark.parametrize("family", ["person", "rider", "bus"])

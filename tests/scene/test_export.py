@@ -214,7 +214,7 @@ def test_too_small_a_disk_is_refused_before_anything_is_written(tmp_path, monkey
 
 
 @pytest.mark.parametrize(("changes", "message"), [
-    ({"units": np.zeros((2, 22))}, "23 values"),
+    ({"units": np.zeros((2, 22))}, "must have 23"),
     ({"images": 7}, "7 images do not fit 3 streets of 2 shots"),
     ({"images": 4}, "4 images do not fit 3 streets"),
     ({"split": "test"}, "unknown split 'test'; known: train, val"),

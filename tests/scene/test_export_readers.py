@@ -8,6 +8,7 @@ import pytest
 from PIL import Image
 
 from scene import AssetPool, RenderSettings, export_dataset, render_street
+from scene.attributes import names
 from scene.dataset.formats.layout import FORMATS
 from scene.dataset.formats.planes import ids_of
 from scene.dataset.formats.segments import LABEL_OF_TRAIN
@@ -16,7 +17,8 @@ from scene.proposal import default_proposal, draw
 SETTINGS = RenderSettings(width=160, height=96)
 POOL = AssetPool(0, 3)
 SHOTS, SEED = 2, 11
-UNITS = draw(default_proposal(), SEED, 2)
+UNITS = draw(default_proposal(space="extended"), SEED, 2)
+UNITS[:, names("extended").index("gradient")] = 0  # level streets
 STEMS = [f"scenex_{k:06d}_{shot:06d}" for k in range(2) for shot in range(SHOTS)]
 
 

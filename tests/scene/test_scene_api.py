@@ -9,7 +9,18 @@ import pytest
 import scene
 
 ROOMS = (
-    *("classes", "attributes", "version", "workers", "proposal", "look", "mesh", "sky", "ground"),
+    *(
+        "classes",
+        "attributes",
+        "version",
+        "cache",
+        "workers",
+        "proposal",
+        "look",
+        "mesh",
+        "sky",
+        "ground",
+    ),
     *("assets", "street", "render", "dataset", "preview", "check", "stats", "callback"),
 )
 """Each imports from those before it only."""
