@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from sdr_jax.critic.features import Features
+from sdr_jax.critic.features import Features, check_degrees
 from sdr_jax.space import Space
 
 SCALES = 4
@@ -81,10 +81,7 @@ def layout_of(chosen: Choices, degree: int, pair_degree: int) -> Features:
     Raises:
         ValueError: a degree out of range.
     """
-    if degree < 1:
-        raise ValueError(f"degree is {degree}, but must be at least 1")
-    if not 0 <= pair_degree <= degree:
-        raise ValueError(f"pair_degree is {pair_degree}, but must lie in [0, degree = {degree}]")
+    check_degrees(degree, pair_degree)
     basis = integrated(chosen.centre, chosen.width, degree)
     orders = np.arange(1, degree + 1, dtype=np.float32)
     own = np.tile(np.append(1 / orders**2, 0.25), (chosen.space.attributes, 1))

@@ -27,6 +27,14 @@ class Features(NamedTuple):
     variance: Float[np.ndarray, "features"]  # the prior's, up to a factor; 0 for what is not there
 
 
+def check_degrees(degree: int, pair_degree: int) -> None:
+    """Raises ValueError for numbers of cosines, of an attribute alone and in pairs, that do not fit."""
+    if degree < 1:
+        raise ValueError(f"degree is {degree}, but must be at least 1")
+    if not 0 <= pair_degree <= degree:
+        raise ValueError(f"pair_degree is {pair_degree}, but must lie in [0, degree = {degree}]")
+
+
 def features(space: Space, degree: int, pair_degree: int, interaction: float) -> Features:
     """Lays out cosine features, `sqrt(2) cos(pi m c)` of a bin's centre c, m = 1..degree.
 
@@ -45,10 +53,7 @@ def features(space: Space, degree: int, pair_degree: int, interaction: float) ->
     Raises:
         ValueError: an option out of range.
     """
-    if degree < 1:
-        raise ValueError(f"degree is {degree}, but must be at least 1")
-    if not 0 <= pair_degree <= degree:
-        raise ValueError(f"pair_degree is {pair_degree}, but must lie in [0, degree = {degree}]")
+    check_degrees(degree, pair_degree)
     if not (interaction >= 0 and np.isfinite(interaction)):
         raise ValueError(f"interaction is {interaction}, but must be 0 or more")
     orders = np.arange(1, degree + 1, dtype=np.float32)
