@@ -7,15 +7,24 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, get_args
 
 import tyro
 from tyro.constructors import PrimitiveConstructorSpec
 
 import sdr_jax
 from scene.assets.catalogue import AssetPool, check_pool
-from scene.attributes import SpaceName, names, space_of
-from scene.proposal import RELAXATION, Proposal, default_proposal, parse_proposal, random_proposal
+from scene.attributes import SpaceName, names
+from scene.proposal import (
+    RELAXATION,
+    Mixture,
+    Proposal,
+    Streets,
+    default_proposal,
+    parse_streets,
+    random_proposal,
+    space_in,
+)
 from scene.render import RenderSettings, check_settings
 from sdr_jax.registry import MethodName
 from seg.settings import TrainSettings
@@ -26,7 +35,7 @@ from shell.files import read_json
 
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes"]
-Candidate = Literal["argmax", "spread", "broad", "default", "random"]
+Candidate = Literal["argmax", "spread", "broad", "camera", "half", "seen", "default", "random"]
 RewardKind = Literal["miou", "mmd"]
 
 Group = Annotated[
@@ -106,7 +115,7 @@ class SearchOptions(Bins):
     """(100 mIoU)^2, as in the authors' code, instead of mIoU (sdr)."""
     common_random_numbers: bool = False
     """Datasets of one update share their seed, and their streets' places within the intervals."""
-    start: str = "default"
+    start: Annotated[str, tyro.conf.arg(aliases=["--start"])] = "default"
     """Where the search begins (intervals): default (by eye), random, or an attributes.json."""
     unoptimised: Literal["random", "half"] = "random"
     """What groups not optimised yet are (sdr): random (paper), or 0.5 (the authors' code)."""
@@ -202,11 +211,16 @@ class SearchConfig(GroupsConfig):
     """What a job that learns attributes can be told, too."""
 
     search: Search
-    candidates: tuple[Candidate, ...] = ("argmax", "spread", "broad", "default", "random")
+    candidates: tuple[Candidate, ...] = get_args(Candidate)
     """What may be the answer: argmax (the best found), spread (as wide as the search is unsure), broad (the
-    same, at least half of each range), default (the street set by eye) or random (all attributes random)."""
+    same, at least half of each range), camera (the best found for the camera, all else where the search
+    began), half (of the streets argmax, of the others camera), seen (the dataset with the best reward),
+    default (the street set by eye) or random (all attributes random)."""
     candidate_seeds: int = 2
     """Nets that each candidate is scored with, at the final size, on the reward images."""
+    parts: int | None = None
+    """Parts of the reward images that candidates must be good on, each for itself; by default one for each
+    sequence or city, 2 to 4."""
     ladder: bool = False
     """Score candidates on a ladder of fidelities up to the final one, the worse half leaving at each rung."""
     default_width: float = RELAXATION
@@ -256,7 +270,7 @@ def check(config: Config) -> None:
     Raises:
         UserError: a field out of range.
     """
-    for name in ("seeds", "candidate_seeds", "reward_images", "test_images"):
+    for name in ("seeds", "candidate_seeds", "parts", "reward_images", "test_images"):
         _at_least(f"--{name}", getattr(config, name, None), 1)
     for name in ("workers", "seed", "twin_seed"):
         _at_least(f"--{name}", getattr(config, name), 0)
@@ -391,23 +405,28 @@ def start_of(config: Any) -> Proposal:
         return random_proposal(config.space)
     if start == "default":
         return default_proposal(getattr(config, "default_width", RELAXATION), config.space)
-    return read_attributes("--search.start", Path(start), config.space)
+    found = read_attributes("--search.start", Path(start), config.space)
+    if isinstance(found, Mixture):
+        raise UserError(
+            f"--search.start {start} holds {len(found.shares)} components; a search starts from one"
+        )
+    return found
 
 
-def read_attributes(flag: str, path: Path, space: SpaceName) -> Proposal:
-    """The proposal in an ``attributes.json``, f32[attributes] each.
+def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:
+    """The streets in an ``attributes.json``.
 
     Raises:
         UserError: no such file, or the file of something else, such as of another space; names the flag.
     """
     try:
-        found = parse_proposal(read_json(path))
+        found = parse_streets(read_json(path))
     except OSError as error:
         raise UserError(f"{flag} {path}: {error.strerror}") from None
     except ValueError as error:
         where = "" if str(error).startswith(str(path)) else f"{path}: "
         raise UserError(f"{flag} {where}{error}") from None
-    theirs = space_of(len(found.centre))
+    theirs = space_in(found)
     if theirs != space:
         raise UserError(f"{flag} {path} holds attributes of --space {theirs}, not {space}")
     return found

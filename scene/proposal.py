@@ -1,12 +1,14 @@
 """Which streets a dataset is made from: an interval of [0, 1] per attribute, and what is drawn from it.
 
 The same idea as the search's proposals, in NumPy and drawn street by street, so that any street of a
-dataset can be made again without those before it. What ``describe`` writes, ``parse_proposal`` reads, and
-``draw`` makes the same streets of.
+dataset can be made again without those before it. A mixture takes its streets from several proposals. What
+``describe`` writes, ``parse_streets`` reads, and ``draw`` makes the same streets of.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +20,8 @@ RELAXATION = 0.15
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 UNITS_STREAM = 1
 """Third word of the seed, apart from the streams that the streets themselves draw from."""
+GOLDEN = (math.sqrt(5) - 1) / 2
+"""Its multiples fill [0, 1) evenly: the golden ratio less one."""
 
 
 class Proposal(NamedTuple):
@@ -25,6 +29,55 @@ class Proposal(NamedTuple):
 
     centre: np.ndarray  # f32[attributes], the middle of the interval
     width: np.ndarray  # f32[attributes], its length
+
+
+class Mixture(NamedTuple):
+    """Several proposals of one space, each with its share of the streets; made by `mixture`."""
+
+    shares: tuple[float, ...]  # above 0, in all 1
+    proposals: tuple[Proposal, ...]  # no two of them equal
+
+
+Streets = Proposal | Mixture
+"""What a dataset is drawn from."""
+
+
+def mixture(shares: Sequence[float], proposals: Sequence[Proposal]) -> Streets:
+    """Streets of several proposals; equal ones count as one, and one alone is itself.
+
+    Args:
+        shares: of the streets, above 0, adding up to 1 within a millionth.
+        proposals: f32[attributes] each, one for each share.
+
+    Raises:
+        ValueError: shares out of range, or proposals of different spaces.
+    """
+    if not shares or len(shares) != len(proposals):
+        raise ValueError(f"a mixture has a share for each component, 1 or more, not {len(shares)}")
+    if any(not 0 < share <= 1 for share in shares) or abs(math.fsum(shares) - 1) > 1e-6:
+        raise ValueError(
+            f"shares must be above 0 and add up to 1, not {' + '.join(f'{s:g}' for s in shares)}"
+        )
+    if len({len(proposal.centre) for proposal in proposals}) > 1:
+        raise ValueError("components are of different spaces")
+    known: dict[bytes, tuple[float, Proposal]] = {}
+    for share, proposal in zip(shares, proposals, strict=True):
+        key = np.asarray(proposal, np.float32).tobytes()
+        known[key] = known.get(key, (0.0, proposal))[0] + share, proposal
+    own, kinds = zip(*known.values(), strict=True)
+    return kinds[0] if len(kinds) == 1 else Mixture(own, kinds)
+
+
+def components(streets: Streets) -> tuple[tuple[float, Proposal], ...]:
+    """Shares and proposals; a proposal has one, itself."""
+    if isinstance(streets, Mixture):
+        return tuple(zip(*streets, strict=True))
+    return ((1.0, streets),)
+
+
+def space_in(streets: Streets) -> SpaceName:
+    """The space whose attributes are decided."""
+    return space_of(len(components(streets)[0][1].centre))
 
 
 def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
@@ -58,8 +111,16 @@ def named(name: str, space: SpaceName) -> Proposal:
     return random_proposal(space) if name == "random" else default_proposal(space=space)
 
 
-def describe(proposal: Proposal) -> dict[str, dict[str, Any]]:
-    """A proposal as ``attributes.json`` holds it: every attribute in unit and physical values."""
+def describe(streets: Streets) -> dict[str, list[dict[str, Any]]]:
+    """Streets as ``attributes.json`` holds them: shares, every attribute in unit and physical values."""
+    return {
+        "components": [
+            {"share": share, "attributes": _rows(own)} for share, own in components(streets)
+        ]
+    }
+
+
+def _rows(proposal: Proposal) -> dict[str, dict[str, Any]]:
     rows = {}
     attributes = SPACES[space_of(len(proposal.centre))]
     centres, widths = (np.asarray(part, np.float32).tolist() for part in proposal)
@@ -85,15 +146,43 @@ def shortest(value: float) -> float:
     return short if np.float32(short) == exact else float(exact)
 
 
-def parse_proposal(value: Any) -> Proposal:
-    """The proposal in a file: every attribute of a space by name, with a unit value or an interval.
+def parse_streets(value: Any) -> Streets:
+    """The streets in a file: ``components``, each with ``share`` and ``attributes``, or one's attributes.
 
-    A number is the value of all streets. An interval is ``{"centre": c, "width": w}``, or that below
-    ``"unit"``, as in the ``attributes.json`` of a run.
+    Attributes are those of a space by name, with a unit value or an interval. A number is the value of all
+    streets. An interval is ``{"centre": c, "width": w}``, or that below ``"unit"``, as in the
+    ``attributes.json`` of a run.
 
     Raises:
-        ValueError: not an object, an unknown or missing attribute, or a value outside [0, 1], by name.
+        ValueError: not an object, shares that do not add up, an unknown or missing attribute, or an interval
+            outside [0, 1], by name.
     """
+    if not isinstance(value, dict) or "components" not in value:
+        return _parsed(value)
+    rows = value["components"]
+    if not isinstance(rows, list) or not rows:
+        raise ValueError("components: expected a list of objects with share and attributes")
+    shares, proposals = [], []
+    for number, row in enumerate(rows):
+        where = f"components[{number}]"
+        if not isinstance(row, dict) or set(row) != {"share", "attributes"}:
+            raise ValueError(f"{where}: expected an object of share and attributes")
+        share = row["share"]
+        if isinstance(share, bool) or not isinstance(share, int | float):
+            raise ValueError(f"{where}: share is {share!r}, but must be a number in (0, 1]")
+        try:
+            proposals.append(_parsed(row["attributes"]))
+        except ValueError as error:
+            raise ValueError(f"{where}: {error}") from None
+        shares.append(float(share))
+    try:
+        return mixture(shares, proposals)
+    except ValueError as error:
+        raise ValueError(f"components: {error}") from None
+
+
+def _parsed(value: Any) -> Proposal:
+    """The proposal of an object of attributes."""
     if not isinstance(value, dict):
         raise ValueError("expected a JSON object of attribute names and unit values")
     known = names("extended")
@@ -126,12 +215,23 @@ def _interval(name: str, entry: Any) -> tuple[float, float]:
     return float(found[0]), float(found[1])
 
 
-def draw(proposal: Proposal, seed: int, streets: int) -> np.ndarray:
-    """Attributes f32[streets, attributes] in [0, 1); street ``k`` depends on (proposal, seed, k) only."""
-    centre, width = slide(*proposal)
-    units = np.empty((streets, len(centre)), np.float32)
-    low = centre - width / 2
-    for street in range(streets):
+def draw(streets: Streets, seed: int, count: int) -> np.ndarray:
+    """Attributes f32[count, attributes] in [0, 1); street ``k`` depends on (streets, seed, k) only."""
+    intervals = [slide(*proposal) for _, proposal in components(streets)]
+    units = np.empty((count, len(intervals[0].centre)), np.float32)
+    for street in range(count):
+        centre, width = intervals[component_of(streets, street)]
         rng = np.random.default_rng([seed, street, UNITS_STREAM])
-        units[street] = low + width * rng.random(len(centre), dtype=np.float32)
+        units[street] = centre - width / 2 + width * rng.random(len(centre), dtype=np.float32)
     return np.clip(units, 0.0, BELOW_ONE)  # rounding could reach 1
+
+
+def component_of(streets: Streets, street: int) -> int:
+    """The component that street ``k`` is drawn from.
+
+    The one in whose part of [0, 1] the fraction of (k + 1) times the golden ratio lies: so all beginnings of
+    a dataset have about the shares, whatever its seed and size.
+    """
+    point = (street + 1) * GOLDEN % 1.0
+    ends = np.cumsum([share for share, _ in components(streets)])
+    return min(int(np.searchsorted(ends, point, side="right")), len(ends) - 1)

@@ -12,7 +12,7 @@ from experiments.run.context import Run, Work
 from experiments.run.nets import paired_seeds, score_nets
 from experiments.study.form import Report, about, nets
 from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
-from scene.proposal import Proposal, default_proposal, random_proposal
+from scene.proposal import Streets, default_proposal, random_proposal
 from shell.errors import UserError, refuse_repeats
 
 IMAGES = (90, 180, 450, 900, 1350)
@@ -96,7 +96,7 @@ def scores(run: Run[AssetsConfig], _: None) -> Report:
     }
 
 
-def attributes(run: Run[AssetsConfig]) -> Proposal:
+def attributes(run: Run[AssetsConfig]) -> Streets:
     """From which the streets of all datasets are drawn."""
     if run.config.attributes == "learnt":
         return learnt_attributes(run)

@@ -15,7 +15,7 @@ from experiments.run.nets import paired_seeds, score_nets, training_sets
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
-from scene.proposal import Proposal, draw, random_proposal
+from scene.proposal import Streets, draw, random_proposal
 
 
 def plan(config: MainConfig) -> list[Work]:
@@ -35,9 +35,9 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     pictures.rewards(folder / "pictures", learnt.found, target.title, config.reward_kind)
     pictures.distributions(folder / "pictures", learnt.found, target.title)
     recipe = run.recipe(config.final)
-    sources = training_sets(run, learnt.proposal)
+    sources = training_sets(run, learnt.streets)
     rows = score_nets(run, "final", sources, recipe, paired_seeds(run))
-    export(run, recipe, learnt.proposal)
+    export(run, recipe, learnt.streets)
     datasets = {
         "random": render(recipe, random_proposal(config.space), config.seed, run.workers),
         "learnt": read_dataset(folder / "dataset"),
@@ -47,21 +47,21 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     return summary.scores(run, {row: rows[row] for row in ROWS if row in rows}, learnt)
 
 
-def export(run: Run[MainConfig], recipe: Recipe, proposal: Proposal) -> None:
+def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
     """The learnt dataset, with every label the engine knows, in ``dataset/``.
 
     ``scene.render`` makes the same from the run's ``attributes.json`` and seed.
     """
     config, fidelity = run.config, recipe.fidelity
     export_dataset(
-        draw(proposal, config.seed, fidelity.streets),
+        draw(streets, config.seed, fidelity.streets),
         config.seed,
         config.out / "dataset",
         shots=fidelity.shots,
         settings=fidelity.render_settings(),
         renderer_name=recipe.renderer,
         pool=recipe.pool,
-        proposal=proposal,
+        streets=streets,
         workers=run.workers,
     )
 

@@ -40,23 +40,18 @@ def _percent(value: float | None) -> str:
 
 def html(summary: Report) -> str:
     """The whole page, from what ``summary.json`` holds."""
-    rows, gain, attributes = summary["rows"], summary["gain"], summary["attributes"]
+    rows = summary["rows"]
     scores = [
         (TRAINED_ON[r], number(rows[r]["mean"]), _interval(rows[r]["ci95"])) for r in rows
-    ] + [("gain, learnt minus random", number(gain["mean"], "+.1f"), _interval(gain["ci95"]))]
+    ] + [
+        (f"gain, learnt minus {over}", number(gain["mean"], "+.1f"), _interval(gain["ci95"]))
+        for over, gain in (("random", summary["gain"]), ("by eye", summary["gain_over_default"]))
+    ]
     classes = [
         (name, *(_percent(rows[r]["per_class"][name]) for r in rows))
         for name in rows["random"]["per_class"]
     ]
-    learnt = [
-        (
-            name.replace("_", " "),
-            *(f"{a['physical'][key]:.4g}" for key in ("centre", "low", "high")),
-            a["physical"]["unit"],
-            a["meaning"],
-        )
-        for name, a in attributes.items()
-    ]
+    learnt = "\n".join(_component(**row) for row in summary["components"])
     warning = (
         ""
         if summary["real"]
@@ -74,12 +69,27 @@ def html(summary: Report) -> str:
 <p>mIoU in percent on {summary["test_images"]} test images, scored at {escape(summary["scored_at"])}, over
 {len(rows["random"]["miou"])} paired seeds, with 95 % intervals. {summary["evaluations"]} rewards on
 {summary["reward_images"]} images, {summary["seconds"]["total"] / 60:.0f} minutes, preset
-{escape(summary["preset"])}, relaxation "{escape(summary["chosen_candidate"])}".{escape(starts(summary))}</p>
+{escape(summary["preset"])}, answer "{escape(summary["chosen_candidate"])}".{escape(starts(summary))}</p>
 {_table(("training images", "mIoU", "95 % interval"), scores)}
 {pictures}
 <h2>IoU of each class</h2>
 {_table(("class", *(TRAINED_ON[r] for r in rows)), classes)}
 <h2>Learnt attributes</h2>
-{_table(("attribute", "centre", "from", "to", "unit", "meaning"), learnt)}
+{learnt}
 </body></html>
 """
+
+
+def _component(share: float, attributes: Report) -> str:
+    """The attributes of a share of the streets."""
+    rows = [
+        (
+            name.replace("_", " "),
+            *(f"{a['physical'][key]:.4g}" for key in ("centre", "low", "high")),
+            a["physical"]["unit"],
+            a["meaning"],
+        )
+        for name, a in attributes.items()
+    ]
+    of = "" if share == 1 else f"<p>{share:.0%} of the streets:</p>\n"
+    return of + _table(("attribute", "centre", "from", "to", "unit", "meaning"), rows)

@@ -25,7 +25,7 @@ ROWS = tuple(TRAINED_ON)
 
 
 def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Report:
-    """All that is measured; scores in percent, unit values in [0, 1]."""
+    """All that is measured; scores in percent, those of candidates by seed and part; unit values in [0, 1]."""
     config, target = run.config, run.target
     lines = run.evaluations.records + run.finals.records
     return {
@@ -39,11 +39,12 @@ def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Rep
         },
         "nets": {row: nets(outcomes) for row, outcomes in rows.items()},
         "candidates": {
-            name: [100 * v if np.isfinite(v) else None for v in values]
+            name: [[100 * v if np.isfinite(v) else None for v in own] for own in values]
             for name, values in learnt.scores.items()
         },
+        "parts": list(learnt.parts),
         "chosen_candidate": learnt.chosen,
-        "attributes": describe(learnt.proposal),
+        **describe(learnt.streets),
         "hidden_centres": None if target.twin is None else target.twin.centre.tolist(),
     }
 
@@ -84,7 +85,10 @@ def _row(own: list[Report | None], classes: list[str]) -> Report:
 def _recovery(report: Report) -> Report:
     """How far the learnt centres are from the twin's hidden ones, in unit values."""
     hidden = np.array(report["hidden_centres"])
-    learnt = np.array([report["attributes"][a.name]["unit"]["centre"] for a in ATTRIBUTES])
+    rows = [(row["share"], row["attributes"]) for row in report["components"]]
+    learnt = sum(
+        share * np.array([own[a.name]["unit"]["centre"] for a in ATTRIBUTES]) for share, own in rows
+    )
     error = np.abs(learnt - hidden)
     return {
         "learnt_error": round(float(error.mean()), 4),

@@ -17,7 +17,7 @@ from experiments.run.nets import paired_seeds
 from experiments.study.form import Report, about, nets
 from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
 from experiments.target.base import Target
-from scene.proposal import random_proposal
+from scene.proposal import Streets, random_proposal
 from shell.errors import UserError, refuse_repeats
 
 Row = Literal["scratch", "random", "learnt", "longer"]
@@ -99,7 +99,7 @@ def plan(config: PretrainConfig) -> list[Work]:
 def scores(run: Run[PretrainConfig], _: None) -> Report:
     """Train every net, or what is left of them."""
     config, images = run.config, len(run.target.reward_names)
-    proposals = {"random": random_proposal(config.space)}
+    proposals: dict[str, Streets] = {"random": random_proposal(config.space)}
     learnt = "learnt" in config.rows
     if learnt:
         proposals["learnt"] = learnt_attributes(run)

@@ -14,7 +14,7 @@ import numpy as np
 
 from experiments.reward.miou import Outcome, Recipe, attempt, scored, trained, training_set
 from experiments.reward.truth import Shared, Truth, loaded
-from scene.proposal import Proposal
+from scene.proposal import Streets
 from seg.nets.lite0 import Pyramid
 from seg.train import Params, TrainingError
 
@@ -26,7 +26,7 @@ class Start(NamedTuple):
     """What a net does before it is fine-tuned."""
 
     recipe: Recipe  # sizes, net and training, as on a rendered dataset
-    proposal: Proposal | None  # of that dataset; None begins at the fine-tuning
+    proposal: Streets | None  # of that dataset; None begins at the fine-tuning
     on_subset: bool = False  # instead train as many steps on the real images it is to be tuned on
 
 

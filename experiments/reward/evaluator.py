@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from experiments.reward.miou import Outcome, Recipe, Source, attempt, evaluate_miou
+from experiments.reward.miou import Outcome, Parts, Recipe, Source, attempt, evaluate_miou
 from experiments.reward.mmd import Reference, evaluate_mmd
 from experiments.reward.shelf import Shelf, by_target
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
@@ -80,6 +80,7 @@ class Evaluator:
         side: which of its images score.
         truth: those images, at the recipe's size; or their features, for rewards without labels.
         shelf: who renders and trains, and where they find real images.
+        parts: of those images that are scored each for itself, too; only for mIoU.
     """
 
     def __init__(
@@ -89,10 +90,12 @@ class Evaluator:
         side: Side,
         truth: Truth | Reference,
         shelf: Shelf,
+        parts: Parts = (),
     ) -> None:
         self._recipe, self._target, self._truth, self._shelf = recipe, target, truth, shelf
         self._evaluate = evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
-        self.about = about(recipe, target, side, truth)
+        self._parts = (parts,) if parts else ()
+        self.about = about(recipe, target, side, truth, parts)
 
     def key(self, source: Source, seed: int) -> str:
         """The name of an evaluation."""
@@ -118,7 +121,14 @@ class Evaluator:
             return
         recipe, truth = self._for_tasks
         tasks = [
-            (self._evaluate, recipe, self._source(jobs[index].source), int(jobs[index].seed), truth)
+            (
+                self._evaluate,
+                recipe,
+                self._source(jobs[index].source),
+                int(jobs[index].seed),
+                truth,
+                *self._parts,
+            )
             for index in work
         ]
         for number, outcome in self._shelf.workers.map(attempt, tasks):
@@ -148,7 +158,9 @@ class Evaluator:
         return self._shelf.put(source, self._recipe.fidelity.train, training=True)
 
 
-def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) -> dict[str, Any]:
+def about(
+    recipe: Recipe, target: Target, side: Side, truth: Truth | Reference, parts: Parts = ()
+) -> dict[str, Any]:
     """What all evaluations of a recipe share: a hash of what decides them, words for people."""
     names = target.reward_names if side == "reward" else target.test_names
     if isinstance(truth, Reference):
@@ -172,6 +184,8 @@ def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) 
     if kind == "miou" and by_target(fidelity.train):
         real = target.at(fidelity.height, fidelity.width).reward
         decides["statistics"] = digest_of(real.images)
+    if parts:
+        decides["parts"] = parts
     return {
         "config": digest(decides)[:16],
         "target": target.name,

@@ -13,11 +13,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from experiments.config import Fidelity
 from experiments.reward.truth import Truth, loaded
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
-from scene.proposal import Proposal, draw
+from scene.proposal import Mixture, Proposal, Streets, draw
 from scene.workers import WorkerPool
 from seg.classes import ClassTable, class_table
 from seg.metrics import iou, mean_iou
@@ -40,8 +42,11 @@ class Recipe(NamedTuple):
         return class_table(self.table)
 
 
-Source = Proposal | Truth
-"""What a net is trained on: a dataset rendered from a proposal f32[attributes], or given images."""
+Source = Proposal | Mixture | Truth
+"""What a net is trained on: a dataset rendered from proposals f32[attributes], or given images."""
+
+Parts = tuple[tuple[int, int], ...]
+"""First image of each part of the images that score, and the first after it."""
 
 
 class Outcome(NamedTuple):
@@ -53,6 +58,7 @@ class Outcome(NamedTuple):
     train_seconds: float  # training and scoring
     failed: str | None = None
     stored: bool = False  # it was known, and took no time now
+    parts: tuple[float, ...] = ()  # reward on each part of the images, where it was asked for
 
     @property
     def seconds(self) -> float:
@@ -69,14 +75,14 @@ def attempt(evaluate: Callable[..., Outcome], *arguments: Any) -> Outcome:
         return Outcome(math.nan, [], 0.0, time.perf_counter() - started, str(error))
 
 
-def render(recipe: Recipe, proposal: Proposal, seed: int, workers: int | WorkerPool = 0) -> Dataset:
-    """The dataset of a proposal and a seed; by default in this process.
+def render(recipe: Recipe, streets: Streets, seed: int, workers: int | WorkerPool = 0) -> Dataset:
+    """The dataset of streets and a seed; by default in this process.
 
     ``python -m scene.render --attributes FILE --seed SEED`` with the same sizes renders the same.
     """
     fidelity = recipe.fidelity
     return render_dataset(
-        draw(proposal, seed, fidelity.streets),
+        draw(streets, seed, fidelity.streets),
         seed,
         shots=fidelity.shots,
         settings=fidelity.render_settings(),
@@ -94,7 +100,9 @@ def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
     return Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
 
 
-def evaluate_miou(recipe: Recipe, source: Source, seed: int, truth: Truth) -> Outcome:
+def evaluate_miou(
+    recipe: Recipe, source: Source, seed: int, truth: Truth, parts: Parts = ()
+) -> Outcome:
     """Render, train, score.
 
     Args:
@@ -102,6 +110,7 @@ def evaluate_miou(recipe: Recipe, source: Source, seed: int, truth: Truth) -> Ou
         source: what to train on.
         seed: of the streets and of the net.
         truth: what to score on.
+        parts: of it that are scored each for itself, too.
 
     Raises:
         TrainingError: training diverged.
@@ -110,7 +119,8 @@ def evaluate_miou(recipe: Recipe, source: Source, seed: int, truth: Truth) -> Ou
     own = training_set(recipe, source, seed)
     rendered = 0.0 if isinstance(source, Truth) else time.perf_counter() - started
     params = trained(recipe, own, seed)
-    return scored(recipe, params, truth, rendered, time.perf_counter() - started - rendered)
+    spent = time.perf_counter() - started - rendered
+    return scored(recipe, params, truth, rendered, spent, parts)
 
 
 def trained(recipe: Recipe, own: Truth, seed: int, params: Params | None = None) -> Params:
@@ -133,17 +143,26 @@ def trained(recipe: Recipe, own: Truth, seed: int, params: Params | None = None)
 
 
 def scored(
-    recipe: Recipe, params: Params, truth: Truth, render_seconds: float, train_seconds: float
+    recipe: Recipe,
+    params: Params,
+    truth: Truth,
+    render_seconds: float,
+    train_seconds: float,
+    parts: Parts = (),
 ) -> Outcome:
     """What a trained net is worth; the time of scoring counts as training."""
     started = time.perf_counter()
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
-    images, labels, features = truth
-    confusion = score(params, images, labels, settings, classes, features=features)
+    confusions = []
+    for first, end in parts or ((0, len(truth.images)),):
+        images, labels, features = truth.between(first, end)
+        confusions.append(score(params, images, labels, settings, classes, features=features))
+    confusion = np.sum(confusions, axis=0)
     present = confusion.sum(axis=1) > 0
     class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]
     seconds = train_seconds + time.perf_counter() - started
-    return Outcome(mean_iou(confusion), class_iou, render_seconds, seconds)
+    each = tuple(mean_iou(own) for own in confusions) if parts else ()
+    return Outcome(mean_iou(confusion), class_iou, render_seconds, seconds, parts=each)
 
 
 def worker_environment() -> dict[str, str]:

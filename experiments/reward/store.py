@@ -19,6 +19,7 @@ import numpy as np
 from experiments.reward.miou import Outcome, Source
 from experiments.reward.truth import Truth
 from scene.attributes import SPACES, names
+from scene.proposal import Mixture, Proposal, components
 from shell.errors import UserError
 from shell.files import digest, write
 from shell.lines import JsonLines, Record
@@ -44,7 +45,8 @@ FIELDS: dict[str, tuple[type, ...]] = {
     "failed": (str, type(None)),
 }
 """One record. A failed evaluation says why in ``failed`` and has no reward; a net that was trained on real
-images has no proposal."""
+images has no proposal, one that was trained on a mixture has ``components`` in its place. Where parts of the
+images were scored for themselves, ``parts`` has their rewards."""
 VALUES = ("reward", "class_iou", "failed")
 """What is always the same for the same key; seconds are not."""
 
@@ -54,11 +56,15 @@ def identity(config: str, source: Source, seed: int) -> str:
 
     Args:
         config: hash of all that decides it but for the two below.
-        source: proposal f32[attributes], or the images that are trained on.
+        source: proposals f32[attributes], or the images that are trained on.
         seed: of the streets and of the net.
     """
-    real = isinstance(source, Truth)
-    arrays = source[:2] if real else np.asarray(source, np.float32)  # features follow from images
+    if isinstance(source, Truth):
+        arrays: tuple[Any, ...] = source[:2]  # features follow from images
+    elif isinstance(source, Mixture):
+        arrays = tuple(np.asarray([share, *c, *w], np.float32) for share, (c, w) in components(source))
+    else:
+        arrays = tuple(np.asarray(source, np.float32))
     return digest({"config": config, "source": digest_of(*arrays), "seed": int(seed)})
 
 
@@ -72,11 +78,10 @@ def digest_of(*arrays: np.ndarray) -> str:
 
 def record_of(key: str, source: Source, seed: int, outcome: Outcome) -> Record:
     """What is kept of an evaluation."""
-    real = isinstance(source, Truth)
-    return {
+    record: Record = {
         "key": key,
-        "centre": None if real else _floats(source[0]),
-        "width": None if real else _floats(source[1]),
+        "centre": _floats(source.centre) if isinstance(source, Proposal) else None,
+        "width": _floats(source.width) if isinstance(source, Proposal) else None,
         "seed": int(seed),
         "reward": None if outcome.failed else float(outcome.reward),
         "class_iou": outcome.class_iou,
@@ -84,6 +89,14 @@ def record_of(key: str, source: Source, seed: int, outcome: Outcome) -> Record:
         "train_seconds": round(outcome.train_seconds, 3),
         "failed": outcome.failed,
     }
+    if outcome.parts:
+        record["parts"] = [float(reward) for reward in outcome.parts]
+    if isinstance(source, Mixture):
+        record["components"] = [
+            {"share": share, "centre": _floats(centre), "width": _floats(width)}
+            for share, (centre, width) in components(source)
+        ]
+    return record
 
 
 def outcome_of(record: Record) -> Outcome:
@@ -95,6 +108,7 @@ def outcome_of(record: Record) -> Outcome:
         record["train_seconds"],
         record["failed"],
         stored=True,
+        parts=tuple(record.get("parts", ())),
     )
 
 

@@ -20,6 +20,11 @@ class Truth(NamedTuple):
     features: Pyramid | None = None
     """Of a frozen trunk, if they are known: of the images for scoring, of all their views for training."""
 
+    def between(self, first: int, end: int) -> Truth:
+        """Images from the first up to the end, of a truth that scores; nothing is copied."""
+        own = self.features and Pyramid(*(maps[first:end] for maps in self.features))
+        return Truth(self.images[first:end], self.labels[first:end], own)
+
 
 class Shared(NamedTuple):
     """A truth in folders of `experiments.reward.shelf`; what a task carries in its place."""

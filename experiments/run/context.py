@@ -16,7 +16,7 @@ from typing import Any, Generic, NamedTuple, TypeVar
 
 from experiments.config import Config, Fidelity, RewardKind
 from experiments.reward.evaluator import Evaluator, Job, Memory, Side
-from experiments.reward.miou import Outcome, Recipe, worker_environment
+from experiments.reward.miou import Outcome, Parts, Recipe, worker_environment
 from experiments.reward.mmd import FeatureNet, Reference, feature_net
 from experiments.reward.shelf import Shelf
 from experiments.reward.store import LOGS, Log, Store
@@ -94,9 +94,9 @@ class Run(Generic[AnyConfig]):
         return Truth(images.images, images.labels)
 
     def evaluator(
-        self, recipe: Recipe, side: Side = "reward", kind: RewardKind = "miou"
+        self, recipe: Recipe, side: Side = "reward", kind: RewardKind = "miou", parts: Parts = ()
     ) -> Evaluator:
-        """Scores nets of a recipe on the images of a side."""
+        """Scores nets of a recipe on the images of a side, and on each of its parts."""
         images = self.truth(recipe.fidelity, side)
         truth: Truth | Reference = images
         if kind == "mmd":
@@ -107,7 +107,7 @@ class Run(Generic[AnyConfig]):
                 own = self.recipe(self.config.reward)
                 self._net.append(feature_net(own, self.config.out, self.workers))
             truth = self._net[0].reference(images.images)
-        return Evaluator(recipe, self.target, side, truth, self.shelf)
+        return Evaluator(recipe, self.target, side, truth, self.shelf, parts)
 
     def memory(self, log: Log) -> Memory:
         """What is known already, and where new evaluations are kept: ``evaluations`` or ``finals``."""

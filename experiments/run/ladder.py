@@ -13,12 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
 
 from experiments.config import Fidelity
+from experiments.run.judge import surest
 from seg.recipes import recipe_for
 
 CONFIDENCE = 0.95
@@ -35,8 +36,8 @@ STEP_COST |= {"lite0-frozen": 8e-8, "lite0-tuned": 2e-6}
 VIEW_COST = 2.5e-7
 """The same for what a frozen trunk sees in one view of an image."""
 
-Score = Callable[[int, Sequence[str], Sequence[int]], Mapping[str, Sequence[float]]]
-"""(rung, candidates, seeds) -> rewards of every candidate, in the order of the seeds."""
+Score = Callable[[int, Sequence[str], Sequence[int]], Mapping[str, list[list[float]]]]
+"""(rung, candidates, seeds) -> rewards of every candidate by seed, one for each part of the images."""
 
 
 class Rung(NamedTuple):
@@ -103,13 +104,13 @@ def ladder(low: Fidelity, high: Fidelity, nets: int, seed: int) -> tuple[Rung, .
     return tuple(rungs)
 
 
-def hopeless(ours: Sequence[float], best: Sequence[float], confidence: float = CONFIDENCE) -> bool:
+def hopeless(ours: Any, best: Any, confidence: float = CONFIDENCE) -> bool:
     """Whether a candidate is worse than the best beyond doubt, by Student's t on paired differences.
 
     mean(d) + t(confidence, n - 1) s / sqrt(n) < 0, with d = ours - best and s its standard deviation.
 
     Args:
-        ours: rewards, one per seed.
+        ours: rewards f64[seeds parts] or f64[seeds].
         best: the best candidate's with the same seeds.
         confidence: of the one-sided interval. One pair tells nothing.
     """
@@ -121,13 +122,14 @@ def hopeless(ours: Sequence[float], best: Sequence[float], confidence: float = C
     return bool(d.mean() + half < 0)
 
 
-def mean_of(rewards: Sequence[float]) -> float:
-    """The mean of the rewards that are known; where none is, the worst."""
-    known = [reward for reward in rewards if math.isfinite(reward)]
-    return float(np.mean(known)) if known else -math.inf
+def mean_of(rewards: Any) -> float:
+    """The mean of the rewards that are known, of any shape; where none is, the worst."""
+    values = np.asarray(rewards, float)
+    known = values[np.isfinite(values)]
+    return float(known.mean()) if known.size else -math.inf
 
 
-def best_of(scores: Mapping[str, Sequence[float]], names: Sequence[str]) -> str:
+def best_of(scores: Mapping[str, Any], names: Sequence[str]) -> str:
     """The name with the highest mean; of equals the first."""
     return max(names, key=lambda name: mean_of(scores[name]))
 
@@ -153,20 +155,21 @@ def most_cost(candidates: int, rungs: Sequence[Rung]) -> float:
 
 
 def climb(
-    candidates: Sequence[str], rungs: Sequence[Rung], score: Score
-) -> tuple[str, dict[str, list[float]]]:
+    candidates: Sequence[str], rungs: Sequence[Rung], score: Score, safe: str | None = None
+) -> tuple[str, dict[str, list[list[float]]]]:
     """Send candidates up the ladder.
 
     Args:
         candidates: their names.
         rungs: from the cheapest to the final one.
         score: works out rewards.
+        safe: the candidate that never leaves, and that others must surely be better than (`judge.surest`).
 
     Returns:
-        The best, and the rewards on the last rung of those that got there; who left it early has fewer.
+        The surest, and the rewards on the last rung of those that got there; who left it early has fewer.
     """
     left = list(candidates)
-    scores: dict[str, list[float]] = {}
+    scores: dict[str, list[list[float]]] = {}
     for number, rung in enumerate(rungs):
         last = number == len(rungs) - 1
         if len(left) == 1 and not last:
@@ -181,8 +184,8 @@ def climb(
             for name in left:
                 scores[name] += found[name]
             best = scores[best_of(scores, left)]
-            left = [name for name in left if not hopeless(scores[name], best)]
+            left = [name for name in left if name == safe or not hopeless(scores[name], best)]
         if not last:
-            ranked = sorted(left, key=lambda name: -mean_of(scores[name]))
+            ranked = sorted(left, key=lambda name: (name != safe, -mean_of(scores[name])))
             left = [name for name in left if name in ranked[: kept(entered)]]
-    return best_of(scores, left), scores
+    return surest(scores, left, safe), scores

@@ -1,39 +1,56 @@
-"""Learnt attributes: a search, and the relaxation of its answer that does best at the final size.
+"""Learnt attributes: a search, and the candidate for its answer that is surely best at the final size.
 
-The cheap reward favours what is easy to learn, so the answer's relaxation is chosen at the final size,
-still on the reward images; only the chosen one ever meets the test images.
+The cheap reward favours what is easy to learn, and a search fits the images that it is scored on. So the
+answer is chosen at the final size, on parts of the reward images each for itself (`judge`); only the chosen
+one ever meets the test images.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.config import Candidate, Fidelity, SearchConfig, make_method, make_space
-from experiments.reward.miou import Source
+from experiments.config import Candidate, Fidelity, SearchConfig, make_method, make_space, start_of
+from experiments.reward.miou import Parts, Source
 from experiments.run.context import Run, Work
-from experiments.run.ladder import Rung, climb, cost_of, ladder, mean_of, most_cost, most_nets
+from experiments.run.judge import parts_of, surest
+from experiments.run.ladder import Rung, climb, cost_of, ladder, most_cost, most_nets
 from experiments.run.nets import score_nets
 from experiments.run.search import Found, SearchPlan, search
+from experiments.target.base import Target
 from scene.attributes import names
-from scene.proposal import Proposal, default_proposal, describe, random_proposal, slide
+from scene.proposal import (
+    Mixture,
+    Proposal,
+    Streets,
+    default_proposal,
+    describe,
+    mixture,
+    random_proposal,
+    slide,
+)
 from shell.files import write_json
 
 BROAD = 0.5
 """Least width of the broad candidate's intervals."""
+CAMERA = ("field_of_view", "exposure", "white_balance")
+"""Attributes of the camera, beside those whose names begin with the word."""
 CANDIDATE_SEED = 1_000_000
 """Candidates are scored with seeds that no row of the result uses."""
+SAFE: Candidate = "default"
+"""The candidate that others must surely be better than, if it is among them."""
 
 
 class Learnt(NamedTuple):
     """What was learnt, and how."""
 
-    proposal: Proposal  # f32[attributes] each
+    streets: Streets
     found: Found
     chosen: Candidate
-    scores: dict[str, list[float]]  # rewards of every candidate at the final size, by seed
+    scores: dict[str, list[list[float]]]  # rewards at the final size, by candidate, seed and part
+    parts: tuple[str, ...]  # of the reward images, in words
 
 
 def plan_of(config: SearchConfig) -> SearchPlan:
@@ -83,17 +100,44 @@ def learn(run: Run[Any]) -> Learnt:
         UserError: more than a tenth of the evaluations failed.
     """
     config: SearchConfig = run.config
+    parts, words = judged_on(run.target, config)
     found = search(run, plan_of(config), config.reward_kind)
-    proposals = {name: candidate(name, found, config) for name in config.candidates}
-    chosen, scores = (_climb if config.ladder else _choose)(run, proposals)
-    write_json(config.out / "attributes.json", describe(proposals[chosen]))
-    return Learnt(proposals[chosen], found, chosen, scores)
+    streets = {name: candidate(name, found, config) for name in config.candidates}
+    chosen, scores = (_climb if config.ladder else _choose)(run, streets, parts)
+    write_json(config.out / "attributes.json", describe(streets[chosen]))
+    return Learnt(streets[chosen], found, chosen, scores, words)
 
 
-def candidate(name: Candidate, found: Found, config: SearchConfig) -> Proposal:
-    """What may be the answer: one way to relax what a search found, or streets that it knew nothing of."""
+def judged_on(target: Target, config: SearchConfig) -> tuple[Parts, tuple[str, ...]]:
+    """The parts of the reward images that candidates are judged on, and what they are in words.
+
+    Raises:
+        UserError: fewer images than ``--parts``.
+    """
+    if config.reward_kind != "miou":
+        return (), ()
+    sequences = target.reward_sequences
+    parts = parts_of(sequences, config.parts)
+    return parts, tuple(_said(sequences[first:end]) for first, end in parts)
+
+
+def _said(sequences: Sequence[str]) -> str:
+    """A part of the reward images in words."""
+    known = list(dict.fromkeys(sequences))
+    where = known[0] if len(known) == 1 else f"{known[0]} to {known[-1]}"
+    return f"{len(sequences)} images of {where}"
+
+
+def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
+    """What may be the answer: one way to read what a search found, or streets that it knew nothing of."""
     if name == "argmax":
         return found.solution
+    if name == "seen":
+        return found.best
+    if name == "camera":
+        return camera_of(found.solution, config)
+    if name == "half":
+        return mixture((0.5, 0.5), (found.solution, camera_of(found.solution, config)))
     if name == "random":
         return random_proposal(config.space)
     if name == "default":
@@ -103,31 +147,51 @@ def candidate(name: Candidate, found: Found, config: SearchConfig) -> Proposal:
     return found.spread
 
 
+def camera_of(solution: Proposal, config: SearchConfig) -> Proposal:
+    """The camera of a solution, all else where the search began."""
+    own = [name.startswith("camera") or name in CAMERA for name in names(config.space)]
+    began = start_of(config)
+    return Proposal(*(np.where(own, a, b) for a, b in zip(solution, began, strict=True)))
+
+
+Scores = dict[str, list[list[float]]]
+"""By candidate and seed, one reward for each part of the images."""
+
+
 def _choose(
-    run: Run[Any], proposals: Mapping[Candidate, Proposal]
-) -> tuple[Candidate, dict[str, list[float]]]:
-    """The best candidate on the reward images, at the final size, and every one's rewards by seed."""
+    run: Run[Any], streets: Mapping[Candidate, Streets], parts: Parts
+) -> tuple[Candidate, Scores]:
+    """The surest candidate on the reward images, at the final size, and every one's rewards."""
     config: SearchConfig = run.config
     seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
-    chosen = {name: proposals[name] for name in distinct(proposals)}
-    scores = _rewards(run, "candidate", chosen, config.final, seeds)
-    saved = (len(proposals) - len(chosen)) * len(seeds) * cost_of(config.final)
+    chosen = {name: streets[name] for name in distinct(streets)}
+    scores = _rewards(run, "candidate", chosen, config.final, seeds, parts)
+    saved = (len(streets) - len(chosen)) * len(seeds) * cost_of(config.final)
     run.progress.advance(saved, replayed=True)  # twins are trained once
-    return max(chosen, key=lambda name: mean_of(scores[name])), scores
+    best = surest(scores, list(chosen), _safe(chosen))
+    return next(name for name in chosen if name == best), scores
+
+
+def _safe(names: Iterable[str]) -> str | None:
+    return SAFE if SAFE in names else None
 
 
 def _rewards(
     run: Run[Any],
     what: str,
-    proposals: Mapping[Candidate, Proposal],
+    streets: Mapping[Candidate, Streets],
     fidelity: Fidelity,
     seeds: Sequence[int],
-) -> dict[str, list[float]]:
-    """Every candidate's rewards on the reward images, in the order of the seeds."""
-    sources: dict[str, Source] = {name: proposal for name, proposal in proposals.items()}
+    parts: Parts,
+) -> Scores:
+    """Every candidate's rewards on the parts of the reward images, in the order of the seeds."""
+    sources: dict[str, Source] = {name: own for name, own in streets.items()}
     recipe, kind = run.recipe(fidelity), run.config.reward_kind
-    outcomes = score_nets(run, what, sources, recipe, seeds, side="reward", kind=kind)
-    return {name: [o.reward for o in own] for name, own in outcomes.items()}
+    outcomes = score_nets(run, what, sources, recipe, seeds, side="reward", kind=kind, parts=parts)
+    count = max(len(parts), 1)
+    return {
+        name: [list(o.parts) or [o.reward] * count for o in own] for name, own in outcomes.items()
+    }
 
 
 def _ladder(config: SearchConfig) -> tuple[Rung, ...]:
@@ -135,32 +199,37 @@ def _ladder(config: SearchConfig) -> tuple[Rung, ...]:
 
 
 def _climb(
-    run: Run[Any], proposals: Mapping[Candidate, Proposal]
-) -> tuple[Candidate, dict[str, list[float]]]:
-    """The best candidate, and the rewards of those that reach the top of the ladder."""
+    run: Run[Any], streets: Mapping[Candidate, Streets], parts: Parts
+) -> tuple[Candidate, Scores]:
+    """The surest candidate, and the rewards of those that reach the top of the ladder."""
     config: SearchConfig = run.config
     rungs = _ladder(config)
-    left = most_cost(len(proposals), rungs)
-    kept = distinct(proposals)
+    left = most_cost(len(streets), rungs)
+    kept = distinct(streets)
 
-    def score(number: int, names: Sequence[str], seeds: Sequence[int]) -> dict[str, list[float]]:
+    def score(number: int, names: Sequence[str], seeds: Sequence[int]) -> Scores:
         nonlocal left
-        chosen = {name: proposals[name] for name in kept if name in names}
+        chosen = {name: streets[name] for name in kept if name in names}
         fidelity = rungs[number].fidelity
         left -= len(names) * len(seeds) * cost_of(fidelity)
-        return _rewards(run, f"rung-{number + 1}", chosen, fidelity, seeds)
+        return _rewards(run, f"rung-{number + 1}", chosen, fidelity, seeds, parts)
 
-    best, scores = climb(kept, rungs, score)
+    best, scores = climb(kept, rungs, score, _safe(kept))
     run.progress.advance(left, replayed=True)  # nets of those that left early
     return next(name for name in kept if name == best), scores
 
 
-def distinct(proposals: Mapping[Candidate, Proposal]) -> list[Candidate]:
-    """Names without those that equal an earlier one: twins would hold two places on the ladder."""
-    values = {name: np.stack(proposal) for name, proposal in proposals.items()}
-    names = list(values)
-    return [
-        name
-        for k, name in enumerate(names)
-        if not any(np.array_equal(values[name], values[other]) for other in names[:k])
-    ]
+def distinct(streets: Mapping[Candidate, Streets]) -> list[Candidate]:
+    """Names without those that equal another: twins would hold two places on the ladder.
+
+    The safe candidate stays, of others the first.
+    """
+    order = sorted(streets, key=lambda name: name != SAFE)
+    known = {_bytes(streets[name]): name for name in reversed(order)}
+    return [name for name in streets if name in known.values()]
+
+
+def _bytes(streets: Streets) -> tuple:
+    if isinstance(streets, Mixture):
+        return streets.shares, *map(_bytes, streets.proposals)
+    return (np.asarray(streets, np.float32).tobytes(),)

@@ -8,11 +8,11 @@ from typing import Any
 
 from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Job, Side
-from experiments.reward.miou import Outcome, Recipe, Source
+from experiments.reward.miou import Outcome, Parts, Recipe, Source
 from experiments.reward.truth import Truth
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost
-from scene.proposal import Proposal, default_proposal, random_proposal
+from scene.proposal import Streets, default_proposal, random_proposal
 from seg import recipes
 from seg.settings import NetName
 
@@ -30,6 +30,7 @@ def score_nets(
     side: Side = "test",
     kind: RewardKind = "miou",
     once: Sequence[str] = (),
+    parts: Parts = (),
 ) -> Scores:
     """Train one net for each training set and seed, all at once, and score it.
 
@@ -42,6 +43,7 @@ def score_nets(
         side: which of the target's images score.
         kind: of the score.
         once: names of sets that the first seed is enough for.
+        parts: of the images that are scored each for itself, too.
 
     Raises:
         UserError: more than a tenth of the nets failed.
@@ -52,7 +54,7 @@ def score_nets(
     jobs = [
         Job(sources[name], seed, {"nets": what, "row": name, "seed": seed}) for name, seed in wanted
     ]
-    evaluator = run.evaluator(recipe, side, kind)
+    evaluator = run.evaluator(recipe, side, kind, parts)
 
     def say(index: int, outcome: Outcome) -> str:
         name, seed = wanted[index]
@@ -78,7 +80,7 @@ def paired_seeds(run: Run[Any]) -> list[int]:
     return [run.config.seed + k for k in range(run.config.seeds)]
 
 
-def training_sets(run: Run[Any], learnt: Proposal, **others: Source) -> dict[str, Source]:
+def training_sets(run: Run[Any], learnt: Streets, **others: Source) -> dict[str, Source]:
     """What is compared: random, default and learnt attributes, other sets, and labelled reward images."""
     config: SearchConfig = run.config
     sets: dict[str, Source] = {

@@ -44,6 +44,7 @@ class Found(NamedTuple):
 
     solution: Proposal  # the method's answer, f32[attributes of the space] each
     spread: Proposal  # the same, wide where the method is unsure
+    best: Proposal  # the dataset with the best reward
     outcomes: list[Outcome]  # in the order in which they were asked for
     rewards: np.ndarray  # f32[updates, datasets]; NaN where they failed
     baselines: np.ndarray  # f32[updates]
@@ -91,6 +92,7 @@ class _Rewards:
         self._update = 0
         self.watch = _Stopwatch()
         self.outcomes: list[Outcome] = []
+        self.asked: list[Proposal] = []
 
     def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
         """Rewards f32[n]; NaN where the evaluation failed."""
@@ -107,6 +109,7 @@ class _Rewards:
             cost = cost_of(run.config.reward)
             outcomes = run.score(self._evaluator, jobs, log=run.evaluations, cost=cost)
             self.outcomes += outcomes
+            self.asked += [Proposal(centres[k], widths[k]) for k in range(len(jobs))]
             self._update += 1
             refuse_failed(self.outcomes, self._plan.evaluations)
             return np.array([outcome.reward for outcome in outcomes], np.float32)
@@ -161,6 +164,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     return Found(
         solution,
         spread,
+        _best(rewards.asked, np.stack(by_update).ravel()),
         outcomes=rewards.outcomes,
         rewards=np.stack(by_update),
         baselines=np.array(baselines, np.float32),
@@ -169,6 +173,11 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         cpu_seconds=max(watch.cpu - rewards.watch.cpu, 0.0),
         wall_seconds=max(watch.wall - rewards.watch.wall, 0.0),
     )
+
+
+def _best(asked: Sequence[Proposal], rewards: np.ndarray) -> Proposal:
+    """The proposal with the best reward; the first, if all failed."""
+    return asked[int(np.argmax(np.where(np.isfinite(rewards), rewards, -np.inf)))]
 
 
 def _said(plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:

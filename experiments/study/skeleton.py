@@ -11,13 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Generic
 
-from experiments.config import LearntConfig, read_attributes
+from experiments.config import LearntConfig, SearchConfig, read_attributes
 from experiments.config import check as check_flags
 from experiments.run.context import AnyConfig, Run, Work, opened
-from experiments.run.learn import learn, work_of
+from experiments.run.learn import judged_on, learn, work_of
 from experiments.study.form import Form, Report, rewrite, write_report
 from experiments.target.base import Target
-from scene.proposal import Proposal
+from scene.proposal import Streets
 from shell.progress import duration
 
 
@@ -59,7 +59,13 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
         return report
     check(study, config)
     made: list[Any] = []
-    with opened(config, lambda target: made.append(study.prepare(config, target))) as run:
+
+    def prepare(target: Target) -> None:
+        if isinstance(config, SearchConfig):
+            judged_on(target, config)
+        made.append(study.prepare(config, target))
+
+    with opened(config, prepare) as run:
         run.begin(study.plan(config))
         report = write_report(study.form, study.scores(run, made[0]), config.out)
         run.progress.say(study.form.text(report))
@@ -82,7 +88,7 @@ def learnt_work(config: LearntConfig) -> list[Work]:
     return [] if config.learnt is not None else work_of(config)
 
 
-def learnt_attributes(run: Run[Any]) -> Proposal:
+def learnt_attributes(run: Run[Any]) -> Streets:
     """The attributes learnt for this target: from ``--learnt``, else by search, as the main job does.
 
     A run of the main job with the same flags and the same ``--store`` gives the same, and what one of them
@@ -93,7 +99,7 @@ def learnt_attributes(run: Run[Any]) -> Proposal:
     """
     config: LearntConfig = run.config
     if config.learnt is None:
-        return learn(run).proposal
+        return learn(run).streets
     return read_attributes("--learnt", config.learnt, config.space)
 
 

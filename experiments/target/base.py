@@ -30,6 +30,7 @@ class Target(NamedTuple):
     )
     title: str  # one line for people
     reward_names: tuple[str, ...]
+    reward_sequences: tuple[str, ...]  # of those images
     test_names: tuple[str, ...]
     at: Callable[[int, int], Split]  # (height, width) -> images and labels
     twin: TwinWorld | None = None

@@ -66,6 +66,7 @@ def _twin(config: Config, workers: WorkerPool) -> Target:
         table="cityscapes",
         title=f"the twin {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
         reward_names=tuple(n for n, _ in twin_names("train", config.reward_images)),
+        reward_sequences=tuple(s for _, s in twin_names("train", config.reward_images)),
         test_names=tuple(n for n, _ in twin_names("test", config.test_images)),
         at=at,
         twin=world,

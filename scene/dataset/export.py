@@ -25,7 +25,7 @@ from scene.dataset.plan import Plan, check_room, complete, finished, locked
 from scene.dataset.plan import settings as settings_of
 from scene.dataset.read import DESCRIPTION, pictures
 from scene.dataset.render import Dataset, check_request, street_of
-from scene.proposal import Proposal
+from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
 from scene.workers import WorkerPool, opened
 from shell.files import read_json, write, write_json
@@ -43,7 +43,7 @@ def export_dataset(
     split: str = "train",
     renderer_name: str = "embree",
     pool: AssetPool | None = None,
-    proposal: Proposal | None = None,
+    streets: Streets | None = None,
     workers: int | WorkerPool = 0,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> dict[str, Any]:
@@ -63,7 +63,7 @@ def export_dataset(
         split: ``train`` or ``val``.
         renderer_name: ``embree`` or ``opengl``.
         pool: which assets may appear.
-        proposal: what ``units`` was drawn from, for the record.
+        streets: what ``units`` was drawn from, for the record.
         workers: processes to render in; 0 renders here, a ``WorkerPool`` is used and left open.
         progress: called with (images done, images, bytes written by this call).
 
@@ -88,7 +88,7 @@ def export_dataset(
     plan = Plan(
         Path(folder), format, split, images, shots, seed, settings, renderer_name, pool
     )  # fmt: skip
-    wanted = settings_of(plan, units, proposal)
+    wanted = settings_of(plan, units, streets)
     if not complete(plan.folder, wanted):
         check_room(plan, units)
         (plan.work).mkdir(parents=True, exist_ok=True)

@@ -19,7 +19,7 @@ from scene.dataset.formats.layout import layout
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK
 from scene.dataset.render import street_of
-from scene.proposal import Proposal, describe, shortest
+from scene.proposal import Streets, describe, shortest
 from scene.render import RenderSettings, renderer
 from scene.version import ENGINE
 from shell.errors import UserError
@@ -68,10 +68,9 @@ class Plan(NamedTuple):
         return min(self.shots, self.images - street * self.shots)
 
 
-def settings(plan: Plan, units: np.ndarray, proposal: Proposal | None) -> dict[str, Any]:
+def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str, Any]:
     """All that decides the files, as ``dataset.json`` has it."""
     render = {**plan.settings._asdict(), "response": plan.settings.response._asdict()}
-    unit = {name: row["unit"] for name, row in describe(proposal).items()} if proposal else None
     return {
         "engine": ENGINE,
         "format": plan.format,
@@ -83,9 +82,19 @@ def settings(plan: Plan, units: np.ndarray, proposal: Proposal | None) -> dict[s
         "render": plain(render),
         "assets": {**plan.pool._asdict(), "own": Path(plan.pool.own).name},
         "own_assets": _own_assets(plan.own),
-        "attributes": unit,
+        "attributes": None if streets is None else _units(streets),
         "streets": [[shortest(value) for value in row] for row in units.tolist()],
     }
+
+
+def _units(streets: Streets) -> dict[str, Any]:
+    """What `scene.proposal.parse_streets` reads, without physical values; of one proposal its attributes."""
+    rows = [
+        {**row, "attributes": {name: own["unit"] for name, own in row["attributes"].items()}}
+        for row in describe(streets)["components"]
+    ]
+    attributes: dict[str, Any] = rows[0]["attributes"]
+    return {"components": rows} if len(rows) > 1 else attributes
 
 
 def _own_assets(folder: str) -> list[dict[str, Any]]:

@@ -16,7 +16,7 @@ from scene.attributes import SPACES, SpaceName
 from scene.dataset.export import export_dataset
 from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.dataset.read import DESCRIPTION
-from scene.proposal import Proposal, draw, named, parse_proposal
+from scene.proposal import Streets, draw, named, parse_streets
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.workers import WorkerError
 from shell.command import INTERRUPTED, Parser, size
@@ -59,7 +59,7 @@ def parser() -> Parser:
     return options
 
 
-def proposal(source: str, space: SpaceName) -> Proposal:
+def streets_of(source: str, space: SpaceName) -> Streets:
     """Which streets ``--attributes`` asks for.
 
     Raises:
@@ -69,7 +69,7 @@ def proposal(source: str, space: SpaceName) -> Proposal:
     if source in ("default", "random"):
         return named(source, space)
     try:
-        return parse_proposal(read_json(Path(source)))
+        return parse_streets(read_json(Path(source)))
     except ValueError as error:
         where = "" if str(error).startswith(source) else f"{source}: "
         raise ValueError(f"{where}{error}") from None
@@ -102,7 +102,7 @@ def main(arguments: list[str] | None = None) -> int:
                 raise ValueError(f"--{name} must be {least} or more, not {getattr(options, name)}")
         width, height = options.size
         settings = check_settings(RenderSettings(width, height, samples=options.samples))
-        chosen = proposal(options.attributes, options.space)
+        chosen = streets_of(options.attributes, options.space)
         found = export_dataset(
             draw(chosen, options.seed, -(-options.images // options.shots)),
             options.seed,
@@ -119,7 +119,7 @@ def main(arguments: list[str] | None = None) -> int:
                 own=options.assets,
                 use=options.asset_use,
             ),
-            proposal=chosen,
+            streets=chosen,
             workers=options.workers,
             progress=reporter(progress),
         )

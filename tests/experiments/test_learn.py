@@ -1,4 +1,4 @@
-"""The relaxation of the answer: candidates, the ladder they climb, and the same choice after a kill."""
+"""The answer: candidates, how they are judged, the ladder they climb, and the same choice after a kill."""
 
 from dataclasses import replace
 
@@ -6,15 +6,18 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
 
 from experiments.config import MainConfig, check
 from experiments.presets import PRESETS, TARGETS, defaults
 from experiments.reward.miou import Outcome
-from experiments.run import ladder
+from experiments.run import judge, ladder
 from experiments.run.context import opened
 from experiments.run.learn import BROAD, CANDIDATE_SEED, candidate, distinct, learn, work_of
 from experiments.run.search import Found
+from scene.attributes import NAMES
 from scene.proposal import default_proposal, random_proposal, slide
+from shell.errors import UserError
 
 from .conftest import Counted, Killed, lines
 
@@ -26,7 +29,7 @@ LADDER = {"ladder": True, "candidates": ("argmax", "spread", "broad", "random")}
 @pytest.fixture
 def found() -> Found:
     """A search that chose the lowest bin of ten everywhere, and is unsure."""
-    answers = slide(np.full(23, 0.05), 0.1), slide(np.full(23, 0.1), 0.2)
+    answers = (slide(np.full(23, at), width) for at, width in ((0.05, 0.1), (0.1, 0.2), (0.7, 0.1)))
     nothing = np.zeros((1, 1))
     return Found(*answers, [], nothing, nothing, nothing, nothing, 0.0, 0.0)
 
@@ -42,9 +45,76 @@ def test_candidates_by_hand(found):
     broad = candidate("broad", found, config)
     np.testing.assert_allclose(broad.centre, np.full(23, BROAD / 2), rtol=1e-6)
     np.testing.assert_allclose(broad.width, np.full(23, BROAD), rtol=1e-6)
-    # Twins hold one place.
-    proposals = {"argmax": found.solution, "spread": found.solution, "random": random_proposal()}
-    assert distinct(proposals) == ["argmax", "random"]
+    assert candidate("seen", found, config) is found.best
+    # Its camera is the one found, the rest where the search began; half of the streets are of each.
+    camera = candidate("camera", found, config)
+    own = np.array([name.startswith("camera") for name in NAMES])
+    np.testing.assert_array_equal(camera.centre, np.where(own, 0.05, by_eye.centre).astype("f4"))
+    np.testing.assert_array_equal(camera.width, np.where(own, 0.1, by_eye.width).astype("f4"))
+    half = candidate("half", found, config)
+    assert half.shares == (0.5, 0.5)
+    np.testing.assert_array_equal(half.proposals, (found.solution, camera))
+    # Twins hold one place; that of by eye, or of the first.
+    streets = {"argmax": found.solution, "spread": found.solution, "half": half, "random": camera}
+    assert distinct(streets) == ["argmax", "half", "random"]
+    assert distinct({"argmax": by_eye, "camera": half, "half": half, "default": by_eye}) == [
+        "camera",
+        "default",
+    ]
+
+
+@given(
+    st.lists(st.integers(1, 30), min_size=1, max_size=9), st.one_of(st.none(), st.integers(1, 12))
+)
+def test_parts_are_cut_between_sequences_where_there_are_enough(lengths, count):
+    names = [str(k) for k, length in enumerate(lengths) for _ in range(length)]
+    if count is not None and count > len(names):
+        with pytest.raises(UserError, match=f"--parts {count} .* {len(names)} give the reward"):
+            judge.parts_of(names, count)
+        return
+    parts = judge.parts_of(names, count)
+    assert len(parts) == (count or min(max(2, len(lengths)), 4, len(names)))
+    assert [k for part in parts for k in range(*part)] == list(range(len(names)))
+    starts = {0, *np.cumsum(lengths).tolist()}
+    if len(parts) <= len(lengths):
+        assert {first for first, _ in parts} <= starts
+    else:
+        assert starts <= {k for part in parts for k in part}
+
+
+def test_parts_by_hand():
+    camvid = ["0001TP"] * 62 + ["0016E5"] * 204
+    assert judge.parts_of(camvid) == ((0, 62), (62, 266))
+    assert judge.parts_of(camvid, 3) == ((0, 62), (62, 164), (164, 266))
+    assert judge.parts_of(["a"] * 5) == ((0, 2), (2, 5)) and judge.parts_of(["a"]) == ((0, 1),)
+
+
+def test_the_surest_by_hand():
+    safe = [[0.4, 0.2], [0.4, 0.2]]
+    # Gains .1 +- 0, and .15 +- .3 / 2 (standard error of .45, .45, -.15, -.15 is .173).
+    sure, wild = [[0.5, 0.3], [0.5, 0.3]], [[0.85, 0.05], [0.85, 0.05]]
+    uneven = [[0.9, 0.19], [0.9, 0.19]]
+    rewards = {"safe": safe, "sure": sure, "wild": wild, "uneven": uneven}
+    assert judge.surest(rewards, ["sure", "wild", "safe"], "safe") == "sure"
+    assert judge.surest(rewards, ["wild", "safe"], "safe") == "safe"
+    # On average it gains most, but it loses on the second part.
+    assert judge.surest(rewards, ["uneven", "safe"], "safe") == "safe"
+    assert judge.surest(rewards, ["uneven", "safe"]) == "uneven"
+    half = {"safe": safe, "half": [[np.nan] * 2, [0.5, 0.3]], "none": [[np.nan] * 2] * 2}
+    assert judge.surest(half, ["none", "half", "safe"], "safe") == "half"
+
+
+@given(arrays(float, (4, 3, 2), elements=st.floats(0, 1)), st.floats(-1, 1))
+def test_the_answer_is_never_below_the_safe_candidate(rewards, shift):
+    named = dict(zip("abcd", rewards, strict=True))
+    best = judge.surest(named, "abcd", "c")
+    assert np.all(judge.gains(named, "abcd", "c")[best].mean(axis=0) >= 0)
+    if shift == round(shift, 3):  # what all share does not matter; rounding decides nothing
+        moved = {name: np.round(own, 3) + shift for name, own in named.items()}
+        exact = {name: np.round(own, 3) for name, own in named.items()}
+        gain = [judge.gains(each, "abcd", "c") for each in (exact, moved)]
+        for name in "abcd":
+            np.testing.assert_allclose(gain[0][name], gain[1][name], atol=1e-9)
 
 
 def test_the_middle_by_hand():
@@ -114,7 +184,7 @@ class Scores:
             noise = np.random.default_rng(seed).normal()
             return self.worth[name] + noise + self.own * np.random.default_rng([seed, k]).normal()
 
-        return {name: [score(k, name, s) for s in seeds] for k, name in enumerate(names)}
+        return {name: [[score(k, name, s)] for s in seeds] for k, name in enumerate(names)}
 
     def nets(self):
         return sum(len(names) * len(seeds) for _, names, seeds in self.asked)
@@ -144,6 +214,14 @@ def test_without_noise_the_best_wins(order):
     assert worth[ladder.climb(tuple(worth), RUNGS, Scores(worth))[0]] == 0.4
 
 
+@given(st.sampled_from("abc"), st.floats(0, 3))
+def test_the_safe_candidate_reaches_the_top(safe, noise):
+    scores = Scores({name: 0.5 * k for k, name in enumerate("abcdefgh")}, noise)
+    best, finals = ladder.climb("abcdefgh", RUNGS, scores, safe)
+    assert safe in finals and scores.nets() <= sum(ladder.most_nets(8, RUNGS))
+    assert noise or best == "h"
+
+
 @given(st.integers(1, 9), st.floats(0, 2))
 def test_it_never_trains_more_nets_than_planned(count, noise):
     names = "abcdefghi"[:count]
@@ -156,8 +234,9 @@ def test_it_never_trains_more_nets_than_planned(count, noise):
 def job(tiny_camvid, scored_by):
     """Learns with rewards that are higher the wider a proposal is; the search is one of six updates."""
 
-    def wide(recipe, source, seed, truth) -> Outcome:
-        return Outcome(source.width.mean() / 2 + seed % 97 / 1000, [], 0.1, 0.2)
+    def wide(recipe, source, seed, truth, parts=()) -> Outcome:
+        reward = source.width.mean() / 2 + seed % 97 / 1000
+        return Outcome(reward, [], 0.1, 0.2, parts=(reward,) * len(parts))
 
     def work(**changes):
         config = replace(tiny_camvid, **changes)
@@ -176,7 +255,11 @@ def test_the_better_candidate_is_chosen_on_the_reward_images(job):
     two = {"candidate_seeds": 2, "candidates": ("argmax", "random")}
     learnt, _, config = work(**two)
     assert learnt.chosen == "random" and set(learnt.scores) == {"argmax", "random"}
-    np.testing.assert_array_equal(learnt.proposal, random_proposal())
+    np.testing.assert_array_equal(learnt.streets, random_proposal())
+    assert len(learnt.parts) == 2 and "images of" in learnt.parts[0]
+    assert all(len(parts) == 2 for own in learnt.scores.values() for parts in own)
+    kept = [line.get("parts") for line in lines(config.out / "finals.jsonl")]
+    assert all(len(parts) == 2 for parts in kept) and len(kept) == 4
     finals = {(line["seed"], line["side"]) for line in lines(config.out / "finals.jsonl")}
     assert finals == {(CANDIDATE_SEED, "reward"), (CANDIDATE_SEED + 1, "reward")}
     assert (config.out / "attributes.json").exists()
@@ -196,7 +279,7 @@ def test_candidates_climb_on_the_reward_images_of_each_size(job):
     work, scores = job
     learnt, progress, config = work(**LADDER)
     assert learnt.chosen == "random" and learnt.chosen in learnt.scores
-    for recipe, *_, truth in scores.calls:
+    for recipe, _, _, truth, *_ in scores.calls:
         assert truth.images.shape == (4, recipe.fidelity.height, recipe.fidelity.width, 3)
     first, *_, last = (recipe.fidelity for recipe, *_ in scores.calls)
     assert (first, last) == (config.reward, config.final)

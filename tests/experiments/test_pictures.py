@@ -13,7 +13,7 @@ from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL
 from seg.data import RealSet
 
 N = 4
-TARGET = Target("camvid", True, "camvid", "the title", (), (), lambda height, width: None)
+TARGET = Target("camvid", True, "camvid", "the title", (), (), (), lambda height, width: None)
 
 
 @pytest.fixture

@@ -45,7 +45,7 @@ REAL, TEST = noise(COUNT, 0), noise(3, 1)
 
 def target_of(reward: Truth) -> Target:
     sides = Split(*(RealSet((), (), side.images, side.labels) for side in (reward, TEST)))
-    return Target("camvid", True, "camvid", "", ("a",), ("b",), lambda height, width: sides)
+    return Target("camvid", True, "camvid", "", ("a",), ("s",), ("b",), lambda height, width: sides)
 
 
 def outcomes(held: Shelf, log: Path, recipe: Recipe = RECIPE) -> list[tuple]:

@@ -31,7 +31,7 @@ def outcome(miou: float, failed: str | None = None) -> Outcome:
 def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
     target = Target(
         "cityscapes" if real else "twin", real, "cityscapes", "the title", ("a", "b", "c"),
-        ("d",), lambda height, width: None, None if real else twin_world(0),
+        ("s", "s", "s"), ("d",), lambda height, width: None, None if real else twin_world(0),
     )  # fmt: skip
     rows = {row: [outcome(m) for m in values[:seeds]] for row, values in ROW_MIOU.items()}
     if failed:
@@ -42,8 +42,8 @@ def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
     evaluations, finals = (SimpleNamespace(records=log) for log in logs)
     own = {"evaluations": evaluations, "finals": finals, "progress": SimpleNamespace(elapsed=99.25)}
     run = SimpleNamespace(config=config, target=target, **own)
-    tried = {"argmax": [0.2], "spread": [0.25]}
-    learnt = Learnt(slide(np.full(23, 0.5), 0.1), None, "spread", tried)
+    tried = {"argmax": [[0.2, 0.2]], "spread": [[0.25, 0.3]]}
+    learnt = Learnt(slide(np.full(23, 0.5), 0.1), None, "spread", tried, ("3 images of s",))
     return derive(module.scores(run, rows, learnt))
 
 
@@ -73,7 +73,9 @@ def test_figures_by_hand():
     assert summary["learnt"]["per_class"]["road"] == pytest.approx(40)
     assert summary["learnt"]["per_class"]["bicycle"] is None
     assert summary["classes_absent_from_truth"] == ["bicycle"]
-    assert summary["candidates"]["spread"] == [25] and summary["chosen_candidate"] == "spread"
+    assert summary["candidates"]["spread"] == [[25, 30]]
+    assert summary["chosen_candidate"] == "spread" and summary["parts"] == ["3 images of s"]
+    assert [row["share"] for row in summary["components"]] == [1.0]
     assert summary["recovery"]["learnt_error"] == summary["recovery"]["centre_error"]
     one = made(seeds=1)
     assert one["random"]["ci95"] is None and one["gain"]["ci95"] is None

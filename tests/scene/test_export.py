@@ -29,7 +29,7 @@ ROOT = Path(__file__).resolve().parents[2]
 TINY = RenderSettings(width=64, height=48)
 UNITS = draw(random_proposal(), 5, 3)
 OPTIONS = {"units": UNITS, "shots": 2, "images": 5, "settings": TINY, "pool": AssetPool(0, 3),
-           "proposal": random_proposal()}  # fmt: skip
+           "streets": random_proposal()}  # fmt: skip
 FLAGS = ["--images", "2", "--size", "64x48", "--workers", "0", "--out"]
 
 
@@ -136,7 +136,7 @@ OTHERS = [
     ({"split": "val"}, "split = train, not val"),
     ({"pool": AssetPool(0, 3, 0.5)}, "assets.fraction = 1.0, not 0.5"),
     ({"units": UNITS[::-1]}, "other streets"),
-    ({"proposal": None}, "other attributes|attributes = "),
+    ({"streets": None}, "other attributes|attributes = "),
 ]
 
 

@@ -58,7 +58,7 @@ def test_a_file_gives_values_or_intervals():
         NAMES[1]: {"centre": 0.5, "width": 0.2},
         NAMES[2]: {"unit": {"centre": 0.9, "width": 0.4}, "physical": {}, "meaning": "x"},
     }
-    proposal = module.parse_proposal(given)
+    proposal = module.parse_streets(given)
     np.testing.assert_allclose(proposal.centre[:4], [0.25, 0.5, 0.8, 0.25], rtol=1e-6)
     np.testing.assert_allclose(proposal.width[:4], [0, 0.2, 0.4, 0], rtol=1e-6)
 
@@ -69,7 +69,7 @@ def test_what_is_described_is_read_back_to_the_same_streets(lists, seed):
     proposal = slide(np.array(centre), np.array(width))
     rough = Proposal(np.float32(centre), np.float32(width))  # sticks out of [0, 1]
     described = (json.loads(json.dumps(describe(p))) for p in (proposal, rough))
-    again, other = map(module.parse_proposal, described)
+    again, other = map(module.parse_streets, described)
     assert [part.tobytes() for part in again] == [part.tobytes() for part in proposal]
     assert draw(other, seed, 2).tobytes() == draw(rough, seed, 2).tobytes()
 
@@ -81,7 +81,7 @@ def test_numbers_are_short_and_the_same_float32(value):
 
 
 def test_a_description_says_where_the_interval_lies_in_metres():
-    row = describe(default_proposal(0.2))["camera_position_y"]  # 0.8 to 4 m, by default 1.5
+    row = describe(default_proposal(0.2))["components"][0]["attributes"]["camera_position_y"]  # 0.8 to 4 m, by default 1.5
     assert row["unit"] == {"centre": 0.21875, "width": 0.2} and row["meaning"]
     assert row["physical"] == {"centre": 1.5, "low": 1.18, "high": 1.82, "unit": "m"}
 
@@ -100,4 +100,43 @@ def test_a_description_says_where_the_interval_lies_in_metres():
 ])  # fmt: skip
 def test_what_is_wrong_in_a_file_is_named(value, message):
     with pytest.raises(ValueError, match=message):
-        module.parse_proposal(value)
+        module.parse_streets(value)
+
+
+WHOLE = {"share": 1, "attributes": VALUES}
+
+
+@pytest.mark.parametrize(("rows", "message"), [
+    ([], "components: expected a list"), ({}, "components: expected a list"),
+    ([WHOLE, {"share": 1}], r"components\[1\]: expected an object of share and attributes"),
+    ([{**WHOLE, "share": "all"}], r"components\[0\]: share is 'all'"),
+    ([{**WHOLE, "attributes": {**VALUES, "car_position": 2}}], r"components\[0\]: .*car_position is 2"),
+    ([{**WHOLE, "share": 0.5}], "add up to 1, not 0.5"),
+    ([WHOLE, WHOLE], r"add up to 1, not 1 \+ 1"),
+    ([{**WHOLE, "share": 2}, {**WHOLE, "share": -1}], "must be above 0"),
+    ([{**WHOLE, "share": np.nan}], "must be above 0"),
+    ([{**WHOLE, "share": 0.5}, {"share": 0.5, "attributes": dict.fromkeys(BOTH, 0.5)}], "different spaces"),
+])  # fmt: skip
+def test_what_is_wrong_in_a_mixture_is_named(rows, message):
+    with pytest.raises(ValueError, match=message):
+        module.parse_streets({"components": rows})
+
+
+@given(st.lists(st.floats(0.01, 1), min_size=1, max_size=4), SEEDS)
+def test_a_mixture_draws_each_component_its_share(weights, seed):
+    shares = [w / sum(weights) for w in weights]
+    parts = [slide(np.full(23, k / 10), 0.0) for k in range(len(shares))]
+    streets = module.mixture(shares, parts)
+    again = module.parse_streets(json.loads(json.dumps(describe(streets))))
+    units = draw(streets, seed, 200)
+    np.testing.assert_array_equal(draw(again, seed, 200), units)
+    np.testing.assert_array_equal(draw(streets, seed, 7), units[:7])
+    for part, share in zip(parts, shares, strict=True):
+        assert np.isclose(units[:, 0], part.centre[0]).mean() == pytest.approx(share, abs=0.02)
+
+
+def test_components_that_are_equal_are_one():
+    by_eye, other = default_proposal(), random_proposal()
+    assert module.mixture((0.5, 0.5), (by_eye, by_eye)) is by_eye
+    assert module.mixture((0.25, 0.5, 0.25), (by_eye, other, by_eye)).shares == (0.5, 0.5)
+    np.testing.assert_array_equal(draw(module.mixture((1,), (other,)), 3, 2), draw(other, 3, 2))
