@@ -142,6 +142,7 @@ def _quick(target: TargetName) -> dict[str, Any]:
         "final": Fidelity(*final, streets=50, shots=8, train=_FINAL),
         **(_others(128, 96, 160, 120) if target == "camvid" else _others(128, 64, 160, 80)),
         **({} if target == "camvid" else {"reward_images": 500}),
+        "ladder": True,
     }
 
 

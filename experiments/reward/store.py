@@ -62,7 +62,9 @@ def identity(config: str, source: Source, seed: int) -> str:
     if isinstance(source, Truth):
         arrays: tuple[Any, ...] = source[:2]  # features follow from images
     elif isinstance(source, Mixture):
-        arrays = tuple(np.asarray([share, *c, *w], np.float32) for share, (c, w) in components(source))
+        arrays = tuple(
+            np.asarray([share, *c, *w], np.float32) for share, (c, w) in components(source)
+        )
     else:
         arrays = tuple(np.asarray(source, np.float32))
     return digest({"config": config, "source": digest_of(*arrays), "seed": int(seed)})

@@ -20,7 +20,7 @@ def assets(command, tmp_path):
     """Studies on tiny CamVid, half the assets costing a little; returns report and calls."""
 
     def start(*flags):
-        def less(recipe, source, seed, truth):
+        def less(recipe, source, seed, truth, *_):
             costs = 0 if recipe.pool.fraction == 1 else 1 + seed % 2
             return formula(recipe, source, 10 * seed + 20 - costs, truth)
 

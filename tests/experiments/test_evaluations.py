@@ -18,7 +18,7 @@ from experiments.reward import evaluator as module
 from experiments.reward.evaluator import Job, about
 from experiments.reward.miou import Outcome, attempt
 from experiments.reward.mmd import Reference
-from experiments.reward.store import HEADER, LOGS, Log, Store, identity, read, record_of
+from experiments.reward.store import HEADER, LOGS, Log, Store, identity, outcome_of, read, record_of
 from experiments.reward.truth import Truth
 from experiments.run.context import Run
 from experiments.run.learn import plan_of
@@ -27,7 +27,7 @@ from experiments.run.search import search
 from experiments.store import main
 from experiments.target.base import Split, Target
 from scene.attributes import NAMES
-from scene.proposal import Proposal, default_proposal, random_proposal
+from scene.proposal import Proposal, default_proposal, mixture, random_proposal
 from scene.workers import WorkerPool
 from shell.errors import UserError
 from shell.progress import Progress
@@ -38,7 +38,9 @@ CONFIG = defaults(MainConfig, "camvid", "smoke")
 TRUTH = Truth(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
 SIDES = Split(*(SimpleNamespace(images=a, labels=b) for a, b, _ in (TRUTH, TRUTH)))
 FAILED = "the loss is nan after 50 of 200 steps"
-TARGET = Target("camvid", True, "camvid", "", ("a", "b"), ("s", "s"), ("c",), lambda height, width: SIDES)
+TARGET = Target(
+    "camvid", True, "camvid", "", ("a", "b"), ("s", "s"), ("c",), lambda height, width: SIDES
+)
 
 
 def record(key: str = "k", reward: float | None = 0.25, **others) -> dict:
@@ -81,8 +83,21 @@ def test_a_name_tells_seed_attributes_and_images(seed, value):
     real = TRUTH._replace(labels=TRUTH.labels + np.uint8(seed % 255 + 1))
     moved, units = Proposal(units, changed), Proposal(units, units)
     others = [identity("d", units, seed), identity("c", units, seed + 1)]
-    others += [identity("c", source, seed) for source in (moved, TRUTH, real)]
+    mixed = [mixture(shares, (units, moved)) for shares in ((0.5, 0.5), (0.25, 0.75))]
+    others += [identity("c", source, seed) for source in (moved, TRUTH, real, *mixed)]
     assert len(key) == 64 and len({key, *others}) == 1 + len(others)
+
+
+def test_a_mixture_is_kept_by_its_components(tmp_path):
+    streets = mixture((0.25, 0.75), (default_proposal(), random_proposal()))
+    outcome = Outcome(0.5, [0.5, None], 1.0, 2.0, parts=(0.25, 0.75))
+    kept = record_of("k", streets, 1, outcome) | {"config": "c", "engine": 1}
+    Log(tmp_path / "log").add(kept)
+    (found,) = Log(tmp_path / "log").records
+    assert found == kept and outcome_of(found) == outcome._replace(stored=True)
+    assert (found["centre"], found["width"]) == (None, None)
+    assert [row["share"] for row in found["components"]] == [0.25, 0.75]
+    assert found["components"][1] == {"share": 0.75, "centre": [0.5] * 23, "width": [1.0] * 23}
 
 
 def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypatch):

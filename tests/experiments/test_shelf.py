@@ -14,7 +14,7 @@ from experiments.reward import shelf
 from experiments.reward.evaluator import Evaluator, Job, Memory, about
 from experiments.reward.miou import Recipe, evaluate_miou, worker_environment
 from experiments.reward.shelf import ABOUT, FOLDER, Shelf
-from experiments.reward.store import Log
+from experiments.reward.store import Log, outcome_of
 from experiments.reward.truth import Truth, loaded
 from experiments.target.base import Split, Target
 from scene.assets.catalogue import AssetPool
@@ -63,6 +63,22 @@ def opened(tmp_path):
 
 def same(ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> bool:
     return all(map(np.array_equal, ours, theirs))
+
+
+def test_parts_are_scored_each_for_itself(opened, tmp_path):
+    def scorer(*parts):
+        return Evaluator(RECIPE, target_of(REAL), "test", TEST, opened(), *parts)
+
+    log, jobs = Log(tmp_path / "log"), [Job(REAL, 5, {})]
+    ((_, found),) = scorer(((0, 2), (2, 3))).map(jobs, Memory(log, None, float))
+    whole = evaluate_miou(RECIPE, REAL, 5, TEST)
+    each = [evaluate_miou(RECIPE, REAL, 5, TEST.between(*part)).reward for part in ((0, 2), (2, 3))]
+    assert (found.reward, found.class_iou) == (whole.reward, whole.class_iou)
+    assert found.parts == pytest.approx(each) and whole.parts == () and each[0] != each[1]
+    keys = {scorer(*parts).key(REAL, 5) for parts in ((), (((0, 2), (2, 3)),), (((0, 3),),))}
+    assert len(keys) == 3 and outcome_of(log.get(scorer(((0, 2), (2, 3))).key(REAL, 5))) == (
+        found._replace(stored=True)
+    )
 
 
 @pytest.mark.parametrize("workers", [0, 2])

@@ -81,7 +81,9 @@ def test_numbers_are_short_and_the_same_float32(value):
 
 
 def test_a_description_says_where_the_interval_lies_in_metres():
-    row = describe(default_proposal(0.2))["components"][0]["attributes"]["camera_position_y"]  # 0.8 to 4 m, by default 1.5
+    row = describe(default_proposal(0.2))["components"][0]["attributes"][
+        "camera_position_y"
+    ]  # 0.8 to 4 m, by default 1.5
     assert row["unit"] == {"centre": 0.21875, "width": 0.2} and row["meaning"]
     assert row["physical"] == {"centre": 1.5, "low": 1.18, "high": 1.82, "unit": "m"}
 
