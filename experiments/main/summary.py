@@ -25,7 +25,7 @@ ROWS = tuple(TRAINED_ON)
 
 
 def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Report:
-    """All that is measured; scores in percent, those of candidates by seed and part; unit values in [0, 1]."""
+    """All that is measured; scores in percent, of candidates by seed and part; unit values in [0, 1]."""
     config, target = run.config, run.target
     lines = run.evaluations.records + run.finals.records
     return {

@@ -60,7 +60,7 @@ def parts_of(sequences: Sequence[str], count: int | None = None) -> Parts:
 
 
 def gains(rewards: Rewards, names: Sequence[str], safe: str | None) -> dict[str, np.ndarray]:
-    """What candidates gain, f64[seeds parts] each, over the safe one, or where there is none over their mean."""
+    """What candidates gain, f64[seeds parts] each, over the safe one; without one, over their mean."""
     values = {name: np.asarray(rewards[name], float) for name in names}
     level = np.mean(list(values.values()), axis=0) if safe is None else values[safe]
     return {name: own - level for name, own in values.items()}
