@@ -1,12 +1,13 @@
 """Features of ordered bins, linear in whose weights a reward is modelled, and its best bins."""
 
+from functools import partial
 from itertools import combinations
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Bool, Float, Int, Key
 
 from sdr_jax.relaxation import bin_centres, bin_mask, random_bins
 from sdr_jax.space import Space
@@ -102,11 +103,10 @@ def split(layout: Features, weights: Array) -> tuple[Array, Array]:
     return alone, zeros.at[i, j].set(blocks).at[j, i].set(blocks.transpose(0, 2, 1))
 
 
-def _values(space: Space, layout: Features, alone: Array, pull: Array, attribute: Array) -> Array:
+def _values(layout: Features, there: Array, alone: Array, pull: Array, attribute: Array) -> Array:
     """A model's value of an attribute's bins, f32[bins], under the others' pull f32[degree]."""
     short = jnp.asarray(layout.basis)[attribute, :, : layout.pair_degree]
-    there = jnp.asarray(bin_mask(space))[attribute]
-    return jnp.where(there, alone[attribute] + short @ pull, -jnp.inf)
+    return jnp.where(there[attribute], alone[attribute] + short @ pull, -jnp.inf)
 
 
 def tables(
@@ -123,7 +123,8 @@ def tables(
     rows = jnp.arange(space.attributes)
     at = jnp.asarray(layout.basis)[rows, actions, : layout.pair_degree]
     pulls = jnp.einsum("ijpq,jq->ip", between, at)
-    return jax.vmap(lambda pull, row: _values(space, layout, alone, pull, row))(pulls, rows)
+    there = jnp.asarray(bin_mask(space))
+    return jax.vmap(lambda pull, row: _values(layout, there, alone, pull, row))(pulls, rows)
 
 
 def maximise(
@@ -131,6 +132,7 @@ def maximise(
     space: Space,
     layout: Features,
     weights: Float[Array, "features"],
+    allowed: Bool[Array, "attributes bins"] | None = None,
 ) -> Int[Array, "attributes"]:
     """The best bins under a model: coordinate ascent from several starts.
 
@@ -139,6 +141,7 @@ def maximise(
         space: the attribute space.
         layout: its features.
         weights: the model.
+        allowed: bins to choose from, at least one of each attribute; by default all that there are.
 
     Returns:
         Bins; a local optimum, the best of those found.
@@ -146,7 +149,8 @@ def maximise(
     alone, between = split(layout, weights)
     basis = jnp.asarray(layout.basis)[:, :, : layout.pair_degree]
     rows = jnp.arange(space.attributes)
-    first = jnp.where(jnp.asarray(bin_mask(space)), alone, -jnp.inf).argmax(axis=1)
+    there = jnp.asarray(bin_mask(space)) if allowed is None else allowed
+    first = jnp.where(there, alone, -jnp.inf).argmax(axis=1)
     random = random_bins(rng_key, space, STARTS - 1)
     starts = jnp.concatenate([first[None, :].astype(jnp.int32), random])
 
@@ -154,7 +158,7 @@ def maximise(
         def move(step: Array, actions: Array) -> Array:
             attribute = step % space.attributes
             pull = jnp.einsum("jpq,jq->p", between[attribute], basis[rows, actions])
-            values = _values(space, layout, alone, pull, attribute)
+            values = _values(layout, there, alone, pull, attribute)
             return actions.at[attribute].set(jnp.argmax(values).astype(jnp.int32))
 
         actions = jax.lax.fori_loop(0, SWEEPS * space.attributes, move, actions)
@@ -167,8 +171,17 @@ def maximise(
 
 
 def maximise_each(
-    rng_key: Key[Array, ""], space: Space, layout: Features, weights: Float[Array, "n features"]
+    rng_key: Key[Array, ""],
+    space: Space,
+    layout: Features,
+    weights: Float[Array, "n features"],
+    allowed: Bool[Array, "n attributes bins"] | None = None,
 ) -> Int[Array, "n attributes"]:
-    """The best bins under each of n models; the key is consumed."""
+    """The best bins under each of n models, of those allowed; the key is consumed."""
     keys = jax.random.split(rng_key, len(weights))
-    return jax.vmap(lambda key, one: maximise(key, space, layout, one))(keys, weights)
+    best = partial(maximise, space=space, layout=layout)
+    if allowed is None:
+        return jax.vmap(lambda key, one: best(key, weights=one))(keys, weights)
+    return jax.vmap(lambda key, one, own: best(key, weights=one, allowed=own))(
+        keys, weights, allowed
+    )

@@ -20,8 +20,15 @@ PAIRS = np.asarray([0.0, 0.1, 1.0], np.float32)
 """Prior variances of an effect, relative to the noise's, and of an interaction, relative to an effect's; the
 evidence chooses among them."""
 
-SHARES = np.asarray([0.3, 0.6, 1.0], np.float32)
-"""Shares of attributes that a data set tries anew; the others stay at the answer so far."""
+REACHES = np.asarray([0.5, 1.0, 2.0], np.float32)
+"""Data sets try so many times the reach of attributes anew; the others stay at the answer so far."""
+
+FIRST_REACH = 0.3
+"""Share of the attributes that the first data sets after the opening try anew, about."""
+
+SUCCESS, PACE = 0.25, 0.3
+"""The reach stays as it is where so many data sets are better than the model thinks the answer is (near the
+1/5 of evolution strategies), and how fast its logarithm changes with each data set."""
 
 SWEEPS = 3
 """How often the answer is gone over, attribute by attribute."""
@@ -39,6 +46,7 @@ class IntervalsState(NamedTuple):
     statistics: Statistics
     belief: Posterior  # of the weights
     answer: Int[Array, "attributes"]  # choices
+    reach: Float[Array, ""]  # share of attributes that data sets try anew, about
 
 
 def intervals(
@@ -62,8 +70,10 @@ def intervals(
     chosen by the evidence at every update.
 
     The first data sets are the start's and random ones, alternately. After them each is the answer so far
-    with a random share of its attributes changed, to what is best under a draw of the posterior (Thompson
-    sampling).
+    with some attributes changed, to what is best under a draw of the posterior (Thompson sampling) among the
+    intervals of one width, drawn for each attribute: so wide ones are tried as often as narrow ones. How
+    many are changed follows success: more where changed data sets often do better than the answer, fewer
+    where they seldom do.
 
     The answer is the start, but for the attributes of which a choice is better than the start's by more than
     `caution` standard deviations of that difference. In `spread` it must be by two.
@@ -82,7 +92,9 @@ def intervals(
     Raises:
         ValueError: an option out of range, or a start of other attributes.
 
-    Source: not in the paper; Thompson 1933; MacKay 1992, "Bayesian interpolation".
+    Source: not in the paper; Thompson 1933; MacKay 1992, "Bayesian interpolation"; for the reach, Rechenberg
+    1973, "Evolutionsstrategie", and trust regions as in Eriksson et al. 2019, "Scalable Global Optimization
+    via Local Bayesian Optimization".
     """
     del width
     if not (caution >= 0 and np.isfinite(caution)):
@@ -97,11 +109,14 @@ def intervals(
     priors = SIGNALS[:, None, None] * among * layout.variance
     stds = jnp.sqrt(jnp.asarray(priors.reshape(-1, size)))
 
-    def fitted(statistics: Statistics) -> IntervalsState:
+    scales = jnp.asarray(np.unique(chosen.width[0, :-1]))
+
+    def fitted(statistics: Statistics, reach: Array) -> IntervalsState:
         belief = regression.by_evidence(regression.centred(statistics), stds)
         moved = surely(layout, belief, began, caution)
         # Two rewards make a difference.
-        return IntervalsState(statistics, belief, jnp.where(statistics.seen > 1, moved, began))
+        answer = jnp.where(statistics.seen > 1, moved, began)
+        return IntervalsState(statistics, belief, answer, reach)
 
     def proposed(actions: Array) -> Proposal:
         rows = jnp.arange(space.attributes)
@@ -109,15 +124,21 @@ def intervals(
 
     def init(rng_key: RngKey) -> IntervalsState:
         del rng_key  # nothing is random before the first sample
-        return fitted(regression.empty(size))
+        return fitted(regression.empty(size), jnp.asarray(FIRST_REACH, jnp.float32))
 
     def sample(rng_key: RngKey, state: IntervalsState, n: int) -> tuple[Bins, Proposal]:
-        draw_key, start_key, share_key, which_key = jax.random.split(rng_key, 4)
+        draw_key, start_key, share_key, which_key, scale_key = jax.random.split(rng_key, 5)
         weights = regression.draw(draw_key, state.belief, n)
-        best = maximise_each(start_key, chosen.space, layout, weights)
-        share = jax.random.choice(share_key, jnp.asarray(SHARES), (n, 1))
-        anew = jax.random.uniform(which_key, best.shape) < share
-        changed = jnp.where(anew, best, state.answer[None, :])
+        shape = (n, space.attributes)
+        share = state.reach * jax.random.choice(share_key, jnp.asarray(REACHES), (n, 1))
+        chance = jax.random.uniform(which_key, shape)
+        # At least one, the one with the smallest number.
+        anew = (chance < share) | (chance == chance.min(axis=1, keepdims=True))
+        scale = jax.random.choice(scale_key, scales, shape)
+        own = jnp.arange(chosen.centre.shape[1])[None, None, :] == state.answer[None, :, None]
+        alike = jnp.asarray(chosen.width)[None] == scale[..., None]
+        allowed = jnp.where(anew[..., None], alike, own)
+        changed = maximise_each(start_key, chosen.space, layout, weights, allowed)
         turn = (state.statistics.seen.astype(jnp.int32) + jnp.arange(n)) % 2
         opening = jnp.where(turn[:, None] == 0, began[None, :], 0)
         actions = jnp.where(state.statistics.seen > 1, changed, opening)
@@ -127,7 +148,12 @@ def intervals(
         state: IntervalsState, actions: Bins, rewards: Rewards
     ) -> tuple[IntervalsState, Info]:
         statistics = regression.add(state.statistics, evaluate(layout, actions), rewards)
-        return fitted(statistics), plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+        expected = _value(state, evaluate(layout, state.answer[None, :])[0])
+        known = jnp.isfinite(rewards)
+        signs = jnp.where(known, (rewards > expected) - SUCCESS, 0.0)
+        step = jnp.where(state.statistics.seen > 1, PACE * signs.sum(), 0.0)
+        reach = jnp.clip(state.reach * jnp.exp(step), 1 / space.attributes, 1.0)
+        return fitted(statistics, reach), plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
 
     def solution(state: IntervalsState) -> Proposal:
         return proposed(state.answer)
@@ -141,6 +167,13 @@ def intervals(
         return shares_of_bins(space, tried)
 
     return jitted(init, sample, update, solution, probabilities, spread)
+
+
+def _value(state: IntervalsState, x: Float[Array, "features"]) -> Float[Array, ""]:
+    """The model's mean reward at features, in the rewards' own units."""
+    seen = jnp.maximum(state.statistics.seen, 1)
+    off = x - state.statistics.sums / seen
+    return state.statistics.offset + state.statistics.total / seen + off @ state.belief.mean
 
 
 def surely(
