@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from experiments.config import Fidelity
-from experiments.reward.truth import Truth, loaded
+from experiments.reward.truth import Truth, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Proposal, draw
 from scene.workers import WorkerPool
+from seg.beside import Beside
 from seg.classes import ClassTable, class_table
 from seg.metrics import iou, mean_iou
 from seg.pyramid import Statistics
@@ -40,8 +41,8 @@ class Recipe(NamedTuple):
         return class_table(self.table)
 
 
-Source = Proposal | Truth
-"""What a net is trained on: a dataset rendered from a proposal f32[attributes], or given images."""
+Source = Proposal | Truth | WithFew
+"""What a net is trained on: a dataset rendered from a proposal f32[attributes], given images, or both."""
 
 
 class Outcome(NamedTuple):
@@ -87,10 +88,10 @@ def render(recipe: Recipe, proposal: Proposal, seed: int, workers: int | WorkerP
 
 
 def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
-    """The images of a source, with labels in the classes of the recipe."""
+    """The images of a source, but for a few beside it, with labels in the classes of the recipe."""
     if isinstance(source, Truth):
         return source
-    dataset = render(recipe, source, seed)
+    dataset = render(recipe, rendered_of(source), seed)
     return Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
 
 
@@ -109,12 +110,25 @@ def evaluate_miou(recipe: Recipe, source: Source, seed: int, truth: Truth) -> Ou
     started = time.perf_counter()
     own = training_set(recipe, source, seed)
     rendered = 0.0 if isinstance(source, Truth) else time.perf_counter() - started
-    params = trained(recipe, own, seed)
+    params = trained(recipe, own, seed, beside=_beside(source))
     return scored(recipe, params, truth, rendered, time.perf_counter() - started - rendered)
 
 
-def trained(recipe: Recipe, own: Truth, seed: int, params: Params | None = None) -> Params:
-    """A net trained on a set, from the start or from other parameters.
+def _beside(source: Source) -> Beside | None:
+    if not isinstance(source, WithFew):
+        return None
+    few = source.arrays
+    return Beside(few.images, few.labels, source.share, few.features)
+
+
+def trained(
+    recipe: Recipe,
+    own: Truth,
+    seed: int,
+    params: Params | None = None,
+    beside: Beside | None = None,
+) -> Params:
+    """A net trained on a set and what is beside it, from the start or from other parameters.
 
     Raises:
         TrainingError: training diverged.
@@ -129,6 +143,7 @@ def trained(recipe: Recipe, own: Truth, seed: int, params: Params | None = None)
         params=params,
         features=own.features,
         statistics=recipe.statistics,
+        beside=beside,
     )
 
 
@@ -138,8 +153,9 @@ def scored(
     """What a trained net is worth; the time of scoring counts as training."""
     started = time.perf_counter()
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
-    images, labels, features = truth
-    confusion = score(params, images, labels, settings, classes, features=features)
+    confusion = score(
+        params, truth.images, truth.labels, settings, classes, features=truth.features
+    )
     present = confusion.sum(axis=1) > 0
     class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]
     seconds = train_seconds + time.perf_counter() - started

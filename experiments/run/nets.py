@@ -10,6 +10,7 @@ from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Job, Side
 from experiments.reward.miou import Outcome, Recipe, Source
 from experiments.reward.truth import Truth
+from experiments.run import few
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost
 from scene.proposal import Proposal, default_proposal, random_proposal
@@ -78,16 +79,29 @@ def paired_seeds(run: Run[Any]) -> list[int]:
     return [run.config.seed + k for k in range(run.config.seeds)]
 
 
-def training_sets(run: Run[Any], learnt: Proposal, **others: Source) -> dict[str, Source]:
-    """What is compared: random, default and learnt attributes, other sets, and labelled reward images."""
+def training_sets(
+    run: Run[Any], learnt: Proposal, fidelity: Fidelity | None = None, **others: Source
+) -> dict[str, Source]:
+    """What is compared.
+
+    Random, default and learnt attributes, the same beside the few labelled images if there are any, other
+    sets, and all labelled images.
+
+    Args:
+        run: the job.
+        learnt: what it has learnt.
+        fidelity: whose size real images have; by default the final one.
+        others: sets by name.
+    """
     config: SearchConfig = run.config
+    fidelity = fidelity or config.final
     sets: dict[str, Source] = {
         "random": random_proposal(config.space),
         "default": default_proposal(config.default_width, config.space),
         "learnt": learnt,
-        **others,
     }
-    return sets | ({"real": run.truth(config.final, "reward")} if run.target.labelled else {})
+    sets |= few.rows(run, sets, fidelity) | others
+    return sets | ({"real": run.truth(fidelity, "labelled")} if run.target.labelled else {})
 
 
 def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:

@@ -18,6 +18,13 @@ class Split(NamedTuple):
 
     reward: RealSet
     test: RealSet
+    few: RealSet | None = None  # join every training set, and give no reward
+    whole: RealSet | None = None  # those that give the reward and the few, as they are listed
+
+    @property
+    def labelled(self) -> RealSet:
+        """All images whose labels may be used before the result is reported."""
+        return self.reward if self.whole is None else self.whole
 
 
 class Target(NamedTuple):
@@ -34,6 +41,8 @@ class Target(NamedTuple):
     at: Callable[[int, int], Split]  # (height, width) -> images and labels
     twin: TwinWorld | None = None
     labelled: bool = True  # whether the reward images are
+    reward_sequences: tuple[str, ...] = ()  # of each reward image
+    few_names: tuple[str, ...] = ()  # images that join every training set
 
 
 def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> None:

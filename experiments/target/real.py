@@ -69,6 +69,7 @@ def real_target(name: str, config: Config, data: Path) -> Target:
         test_names=tuple(e.name for e in test),
         at=at,
         labelled=unlabelled is None,
+        reward_sequences=tuple(e.sequence for e in reward),
     )
 
 

@@ -1,4 +1,4 @@
-"""A few images beside a training set: how often they are drawn, what they weigh, what a net learns of them."""
+"""Images beside a training set: how often they are drawn, what they weigh, what a net learns of them."""
 
 from dataclasses import replace
 
