@@ -1,4 +1,4 @@
-"""``dataset/README.md`` of a run with ``--few``: how to train on the renders and on the few labelled images."""
+"""``dataset/README.md`` of a run with ``--few``: how to train on renders and labelled images."""
 
 from __future__ import annotations
 

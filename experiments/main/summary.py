@@ -23,7 +23,7 @@ TRAINED_ON = {
 }
 """What the nets of each row of the result were trained on."""
 ROWS = tuple(row for row in TRAINED_ON if row not in few.TRAINED_ON)
-"""Those of a target whose reward images have labels; without them none can be trained on. ``--few`` adds more."""
+"""Those of a target whose reward images have labels (else none is ``real``); ``--few`` adds others."""
 
 
 def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Report:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -22,8 +23,9 @@ from scene.workers import WorkerPool
 from seg.beside import Beside
 from seg.classes import ClassTable, class_table
 from seg.metrics import iou, mean_iou
-from seg.pyramid import Statistics
+from seg.pyramid import Statistics, features
 from seg.train import Params, TrainingError, score, train
+from seg.views import view_images
 
 
 class Recipe(NamedTuple):
@@ -43,6 +45,10 @@ class Recipe(NamedTuple):
 
 Source = Proposal | Truth | WithFew
 """What a net is trained on: a dataset rendered from a proposal f32[attributes], given images, or both."""
+
+
+_KEPT: dict[Any, Truth] = {}
+"""At most one rendered dataset of this process, by all that decides it."""
 
 
 class Outcome(NamedTuple):
@@ -88,11 +94,27 @@ def render(recipe: Recipe, proposal: Proposal, seed: int, workers: int | WorkerP
 
 
 def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
-    """The images of a source, but for a few beside it, with labels in the classes of the recipe."""
+    """The images of a source, but for a few beside it, with labels in the classes of the recipe.
+
+    What was rendered last beside a few images is kept, with its features: the next net may have others
+    beside it.
+    """
     if isinstance(source, Truth):
         return source
-    dataset = render(recipe, rendered_of(source), seed)
-    return Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+    proposal = rendered_of(source)
+    name = (recipe._replace(statistics=None), pickle.dumps(proposal), seed)
+    if name in _KEPT:
+        return _KEPT[name]
+    _KEPT.clear()
+    dataset = render(recipe, proposal, seed)
+    found = Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+    if isinstance(source, WithFew):
+        train = recipe.fidelity.train
+        if train.frozen:
+            maps = features(view_images(found.images, train), train.dtype)
+            found = found._replace(features=maps)
+        _KEPT[name] = found
+    return found
 
 
 def evaluate_miou(recipe: Recipe, source: Source, seed: int, truth: Truth) -> Outcome:

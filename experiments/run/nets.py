@@ -50,23 +50,39 @@ def score_nets(
     wanted = [
         (name, seed) for seed in seeds for name in sources if name not in once or seed == seeds[0]
     ]
-    jobs = [
-        Job(sources[name], seed, {"nets": what, "row": name, "seed": seed}) for name, seed in wanted
-    ]
-    evaluator = run.evaluator(recipe, side, kind)
-
-    def say(index: int, outcome: Outcome) -> str:
-        name, seed = wanted[index]
-        return f"{what}: {name}, seed {seed} | {verdict(outcome, kind)}"
-
-    # Both kinds of sets in one list of jobs, so that no worker waits; they differ in what they cost.
-    cost = sum(_cost(recipe, sources[name]) for name, _ in wanted) / max(len(wanted), 1)
-    outcomes = run.score(evaluator, jobs, log=run.finals, cost=cost, say=say)
-    refuse_failed(outcomes, len(jobs))
+    jobs = [(name, sources[name], seed) for name, seed in wanted]
+    outcomes = score_jobs(run, what, jobs, recipe, side=side, kind=kind)
     found: Scores = {name: [] for name in sources}
     for (name, _), outcome in zip(wanted, outcomes, strict=True):
         found[name].append(outcome)
     return found
+
+
+def score_jobs(
+    run: Run[Any],
+    what: str,
+    wanted: Sequence[tuple[str, Source, int]],
+    recipe: Recipe,
+    *,
+    side: Side = "test",
+    kind: RewardKind = "miou",
+) -> list[Outcome]:
+    """Train a net for every (name, training set, seed), all at once, and score it; as `score_nets`."""
+    jobs = [
+        Job(source, seed, {"nets": what, "row": name, "seed": seed})
+        for name, source, seed in wanted
+    ]
+    evaluator = run.evaluator(recipe, side, kind)
+
+    def say(index: int, outcome: Outcome) -> str:
+        name, _, seed = wanted[index]
+        return f"{what}: {name}, seed {seed} | {verdict(outcome, kind)}"
+
+    # Both kinds of sets in one list of jobs, so that no worker waits; they differ in what they cost.
+    cost = sum(_cost(recipe, source) for _, source, _ in wanted) / max(len(wanted), 1)
+    outcomes = run.score(evaluator, jobs, log=run.finals, cost=cost, say=say)
+    refuse_failed(outcomes, len(jobs))
+    return outcomes
 
 
 def _cost(recipe: Recipe, source: Source) -> float:
