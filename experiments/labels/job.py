@@ -18,6 +18,7 @@ from experiments.study.form import Report, about, nets
 from experiments.study.skeleton import Study, attributes, learnt_from, learnt_work
 from experiments.target.base import Target
 from experiments.target.few import spread
+from scene.proposal import Proposal
 from shell.errors import UserError, refuse_repeats
 
 Renders = Literal["random", "default", "learnt"]
@@ -101,7 +102,7 @@ def scores(run: Run[LabelsConfig], counts: tuple[int, ...]) -> Report:
     """Train the nets of the whole study, or what is left of them."""
     config, target = run.config, run.target
     real = run.truth(config.final, "reward")
-    proposals = {name: attributes(run, name) for name in config.rendered}
+    proposals: dict[str, Proposal] = {name: attributes(run, name) for name in config.rendered}
     chosen = {
         (count, seed): _few(target, real, count, seed)
         for count in counts

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.config import Candidate, Fidelity, SearchConfig, make_method, make_space
+from experiments.reward.miou import Source
 from experiments.run.context import Run, Work
 from experiments.run.few import beside
 from experiments.run.ladder import Rung, climb, cost_of, ladder, mean_of, most_cost, most_nets
@@ -124,7 +125,9 @@ def _rewards(
     seeds: Sequence[int],
 ) -> dict[str, list[float]]:
     """Every candidate's rewards on the reward images, in the order of the seeds."""
-    sources = {name: beside(run, fidelity, proposal) for name, proposal in proposals.items()}
+    sources: dict[str, Source] = {
+        name: beside(run, fidelity, own) for name, own in proposals.items()
+    }
     recipe, kind = run.recipe(fidelity), run.config.reward_kind
     outcomes = score_nets(run, what, sources, recipe, seeds, side="reward", kind=kind)
     return {name: [o.reward for o in own] for name, own in outcomes.items()}

@@ -57,7 +57,7 @@ def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> No
 
 def refuse_void(split: Split, where: str, labelled: bool) -> Split:
     """The split itself; raises UserError if no pixel of a side that is scored has a label."""
-    for side, images in split._asdict().items():
+    for side, images in (("reward", split.reward), ("test", split.test)):
         if (side == "test" or labelled) and np.all(images.labels == IGNORE_LABEL):
             raise UserError(f"{where}: all labels of the {side} images are void")
     return split

@@ -183,9 +183,10 @@ def test_smoke_on_the_twin_with_nets(name, start_job, tmp_path):
     code, stdout, stderr = start_job(out, *flags, experiment=name).finish()
     assert (code, stderr) == (0, "") and "NOT real data" in stdout
     report = read_json(out / f"{name}.json")
-    assert report["real"] is False and (name in TRAINED or report["records"]["rewards"] == 12)
+    assert report["real"] is False
+    assert name != "sensitivity" or report["records"]["rewards"] == 12
     nets = [row.get("final") or row for row in report.get("rows", ())]
-    assert len(nets) >= 4 * (name in TRAINED) and all(0 < row["mean"] < 100 for row in nets)
+    assert len(nets) >= 4 * (name != "sensitivity") and all(0 < row["mean"] < 100 for row in nets)
     assert (out / "attributes.json").exists() == (name in ("table", "pretrain"))
 
 
