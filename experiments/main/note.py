@@ -23,6 +23,7 @@ from seg.train import train
 config = json.loads(Path("config.json").read_text())
 final, table = config["final"], class_table("{name}")
 few = json.loads(Path("summary.json").read_text())["few_images"]
+# Where --data was relative, give it as seen from here.
 entries = [e for e in list_{name}(config["data"], "train") if e.name in few]
 real = load(entries, table, (final["height"], final["width"]))
 renders = read_dataset(Path("dataset"))

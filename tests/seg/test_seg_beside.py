@@ -64,7 +64,9 @@ def test_a_net_believes_whom_it_sees_more_often(share):
     blank = np.zeros((2, 32, 32), np.uint8)
     images = np.random.default_rng(1).integers(0, 256, (2, 32, 32, 3), dtype=np.uint8)
     params = train(0, images, blank, settings, 2, beside=Beside(images[:1], blank[:1] + 1, share))
-    assert np.mean(predict(params, images, settings, 2)) == pytest.approx(float(share > 0.5), abs=0.05)
+    assert np.mean(predict(params, images, settings, 2)) == pytest.approx(
+        float(share > 0.5), abs=0.05
+    )
 
 
 def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
