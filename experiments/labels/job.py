@@ -85,16 +85,16 @@ def counts_of(config: LabelsConfig, target: Target) -> tuple[int, ...]:
 
 def plan(config: LabelsConfig) -> list[Work]:
     """The nets on labelled images and on both, after those of a search, if there is one."""
-    seeds, final = config.seeds, config.final
-    counts = len(FIRST) + len(SHARES) if config.counts is None else len(config.counts)
-    nets = len(config.rendered) * counts * seeds
+    final, seeds = config.final, config.seeds
+    # By default it depends on the data how many numbers there are.
+    counts = (*FIRST, *SHARES) if config.counts is None else config.counts
+    some = sum(count > 0 for count in counts)
+    rendered = len(config.rendered) * len(counts)
     work = learnt_work(config) if "learnt" in config.rendered else []
-    what = f"nets on labelled images, up to {counts - 1} numbers x {seeds} seeds"
-    alone = Work(what, (counts - 1) * seeds, final, training_cost(final))
     return [
         *work,
-        Work.at(f"nets with renders, up to {counts} numbers x {seeds} seeds", nets, final),
-        alone,
+        Work.at(f"nets with renders, {rendered} sets x {seeds} seeds", rendered * seeds, final),
+        Work(f"nets without, {some} x {seeds} seeds", some * seeds, final, training_cost(final)),
     ]
 
 
