@@ -27,6 +27,7 @@ from scene.proposal import (
 )
 from scene.render import RenderSettings, check_settings
 from sdr_jax.registry import MethodName
+from seg.beside import drawn
 from seg.settings import TrainSettings
 from seg.settings import check_settings as check_train_settings
 from seg.weights import check as check_weights
@@ -231,7 +232,24 @@ class SearchConfig(GroupsConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MainConfig(SearchConfig):
+class ShareConfig:
+    """How a few labelled images join rendered ones."""
+
+    few_share: float = 0.5
+    """What part of all batches the few labelled images are, however few they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FewConfig(ShareConfig):
+    """A few labelled images beside every training set."""
+
+    few: int | float | None = None
+    """So many labelled images (or, below 1, this share of them) join every training set; then only the others
+    give the reward. A seeded choice, spread over sequences and time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MainConfig(SearchConfig, FewConfig):
     """One run of the main job. Every field is a flag."""
 
     target: Annotated[TargetName, *Unused] = "twin"
@@ -288,6 +306,8 @@ def check(config: Config) -> None:
         _check_rewards(config)
     if isinstance(config, SearchConfig):
         _check_answer(config)
+    if isinstance(config, ShareConfig):
+        _check_few(config)
 
 
 def _at_least(flag: str, value: float | None, least: int) -> None:
@@ -373,6 +393,28 @@ def _check_rewards(config: Any) -> None:
         raise UserError(f"--default-width must lie in [0, 1], not {config.default_width}")
     if config.reward_kind == "mmd" and min(config.reward.images, config.final.images) < 2:
         raise UserError("--reward-kind mmd needs fidelities of at least 2 images")
+
+
+def _check_few(config: Any) -> None:
+    few: int | float | None = getattr(config, "few", None)
+    if few is not None:
+        if isinstance(few, int):
+            _at_least("--few", few, 1)
+        elif not 0 < few <= 1:
+            raise UserError(f"--few must be a number of images or a share in (0, 1), not {few}")
+        if getattr(config, "unlabelled", None) is not None or config.reward_kind == "mmd":
+            raise UserError("--few needs rewards of labelled images: --reward-kind miou")
+    if not 0 < config.few_share < 1:
+        raise UserError(f"--few-share must lie in (0, 1), not {config.few_share}")
+    for name in ("reward", "final"):
+        train = getattr(config, name).train
+        images = train.steps * train.batch
+        if drawn(config.few_share, images) in (0, images):
+            what = "none" if config.few_share < 0.5 else "all"
+            raise UserError(
+                f"--few-share {config.few_share} makes {what} of the {images} images of "
+                f"--{name}.train.steps {train.steps} x --{name}.train.batch {train.batch} few ones"
+            )
 
 
 def _check_answer(config: SearchConfig) -> None:

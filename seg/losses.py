@@ -95,7 +95,18 @@ def class_weights(
     Returns:
         One weight per class; all 1 where every pixel is void.
     """
+    return weights_of_shares(class_shares(labels, classes, ignore))
+
+
+def class_shares(
+    labels: Integer[np.ndarray, "n h w"], classes: int, ignore: int = IGNORE_LABEL
+) -> Float[np.ndarray, " classes"]:
+    """Each class's share of the labelled pixels; 0 where every pixel is void."""
     counts = np.bincount(labels[labels != ignore].ravel(), minlength=classes)
-    share = counts / max(counts.sum(), 1)
+    return counts / max(counts.sum(), 1)
+
+
+def weights_of_shares(share: Float[np.ndarray, " classes"]) -> Float32[np.ndarray, " classes"]:
+    """`class_weights`, from the shares of the classes."""
     weights = (share + 0.01) ** -0.75
     return (weights / weights.mean()).astype(np.float32)

@@ -3,7 +3,7 @@
 What is compiled is kept for the life of the process: a worker trains hundreds of nets on data of one shape.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from typing import Any, NamedTuple
@@ -15,6 +15,7 @@ import optax
 from jaxtyping import Array, Float, Float32, Int32, PRNGKeyArray, UInt8, UInt32
 
 from seg.augment import augment, draw
+from seg.beside import picks
 from seg.losses import cross_entropy, cross_entropy_sums
 from seg.nets import net_of, normalise
 from seg.nets.lite0 import Lite0
@@ -54,18 +55,22 @@ class Plan(NamedTuple):
         return Plan(*(column[where] for column in self))
 
 
-def plan(seed: int, count: int, settings: TrainSettings) -> Plan:
-    """Draw all that is random in a training on `count` images, for a frozen trunk views; one row per update.
+def plan(
+    seed: int, counts: int | Sequence[int], settings: TrainSettings, share: float = 0.0
+) -> Plan:
+    """Draw all that is random in a training; one row per update.
 
-    The seed has 32 bits.
+    Args:
+        seed: 32 bits.
+        counts: of images, for a frozen trunk of views; of each part, where some are beside others.
+        settings: of the training.
+        share: of the second part in all batches.
     """
     rng = np.random.default_rng(seed)
-    needed = settings.steps * settings.batch
-    # Permutations, one after the other: every image is seen equally often.
-    epochs = [rng.permutation(count) for _ in range(-(-needed // count))]
-    picks = np.concatenate(epochs)[:needed].reshape(settings.steps, settings.batch)
+    parts = (counts,) if isinstance(counts, int) else tuple(counts)
+    found = picks(rng, parts, share, settings.steps * settings.batch)
     return Plan(
-        picks=picks.astype(np.int32),
+        picks=found.reshape(settings.steps, settings.batch).astype(np.int32),
         draws=draw(rng, settings.steps, settings.batch),
         lr=poly_schedule(settings.lr, settings.steps, settings.power, settings.warmup),
     )

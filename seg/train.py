@@ -17,6 +17,7 @@ from jaxtyping import Array, Int64, UInt8
 
 from seg import losses, pyramid
 from seg.batches import in_batches
+from seg.beside import Beside, Part, joined, mixed, parts_of
 from seg.classes import IGNORE_LABEL
 from seg.metrics import confusion_matrix
 from seg.nets import net_of, normalise
@@ -70,18 +71,13 @@ def _of_net(settings: TrainSettings) -> TrainSettings:
 def _started(
     state: TrainState,
     compiled: Functions,
-    images: UInt8[np.ndarray, "n h w 3"],
     settings: TrainSettings,
-    given: tuple[Pyramid | None, Statistics | None],
+    statistics: Statistics | None,
 ) -> TrainState:
     """A fresh state with what does not start at random: weights, statistics of features."""
-    maps, statistics = given
     params = state.params
     if settings.net == "lite0":
-        if statistics is None:
-            if maps is None:
-                maps = pyramid.features(images, settings.dtype)
-            statistics = pyramid.channel_statistics(maps)
+        assert statistics is not None
         mean, deviation = (jnp.array(s) for s in statistics)
         params = {**params, "head": {**params["head"], "mean": mean, "deviation": deviation}}
         if not settings.frozen:
@@ -90,6 +86,31 @@ def _started(
     if settings.weights is not None:
         params = load(settings.weights, settings.net, params)
     return compiled.resume(params)
+
+
+def _check_part(part: Part, settings: TrainSettings, classes: int) -> None:
+    _check(part.images, part.labels)
+    _check_net(part.images, settings, part.features, settings.views)
+    stray = part.labels[(part.labels >= classes) & (part.labels != IGNORE_LABEL)]
+    if stray.size:
+        raise ValueError(
+            f"label {stray.max()} is none of {classes} classes; expected "
+            f"0..{classes - 1}, or {IGNORE_LABEL} for void"
+        )
+
+
+def _statistics(parts: list[Part], settings: TrainSettings) -> Statistics:
+    """Mean and deviation of each channel over what the batches hold."""
+    maps = (part.features or pyramid.features(part.images, settings.dtype) for part in parts)
+    found = [pyramid.channel_statistics(m) for m in maps]
+    return mixed([part.share for part in parts], found)
+
+
+def _seen(part: Part, settings: TrainSettings) -> Part:
+    """A part as a frozen trunk sees it: labels and features of all views."""
+    images, labels = part.images, view_labels(part.images, part.labels, settings)
+    maps = part.features or pyramid.features(view_images(images, settings), settings.dtype)
+    return part._replace(labels=labels, features=maps)
 
 
 def _check(images: np.ndarray, labels: np.ndarray | None = None) -> None:
@@ -129,6 +150,7 @@ def train(
     *,
     features: Pyramid | None = None,
     statistics: Statistics | None = None,
+    beside: Beside | None = None,
 ) -> Params:
     """Train a net; the same arguments give the same parameters.
 
@@ -147,6 +169,8 @@ def train(
             `seg.views.view_images`; None computes them.
         statistics: for lite0 with `head_statistics` "target", what its head normalises features by, from
             `channel_statistics` of real images. They do not train.
+        beside: more images, a stated share of all batches however few they are. Class weights, and the
+            statistics of a training set, are those of what the batches hold.
 
     Returns:
         The parameters after the last step. With a frozen trunk those of the head alone: the trunk's
@@ -158,9 +182,10 @@ def train(
         TrainingError: the loss is not finite.
         WeightsError: the settings' `weights`, or lite0's, cannot be used.
     """
-    _check(images, labels)
     check_settings(settings)
-    _check_net(images, settings, features, settings.views)
+    parts = parts_of(images, labels, features, beside)
+    for part in parts:
+        _check_part(part, settings, classes)
     if (settings.head_statistics == "target") != (statistics is not None):
         raise ValueError(
             f'statistics are for head_statistics "target", and needed there; the settings say '
@@ -168,31 +193,27 @@ def train(
         )
     if not 0 <= rng_seed < 2**32:
         raise ValueError(f"rng_seed must be in 0..2**32 - 1; got {rng_seed}")
-    stray = labels[(labels >= classes) & (labels != IGNORE_LABEL)]
-    if stray.size:
-        raise ValueError(
-            f"label {stray.max()} is none of {classes} classes; expected "
-            f"0..{classes - 1}, or {IGNORE_LABEL} for void"
-        )
     compiled = functions(settings, classes)
     class_weights = np.ones(classes, np.float32)
     if settings.weighted:
-        class_weights = losses.class_weights(labels, classes)
+        shares = [part.share * losses.class_shares(part.labels, classes) for part in parts]
+        class_weights = losses.weights_of_shares(np.sum(shares, axis=0))
     seed = np.uint32(rng_seed)
-    inputs: Any = images
     if settings.frozen:
-        if features is None:
-            features = pyramid.features(view_images(images, settings), settings.dtype)
-        inputs, labels = features, view_labels(images, labels, settings)
-    rows = plan(rng_seed, len(labels), settings)
-    data = jax.device_put(Data(inputs, labels, class_weights, seed))
+        parts = [_seen(part, settings) for part in parts]
+    if settings.net == "lite0" and params is None and statistics is None:
+        statistics = _statistics(parts, settings)
+    inputs: Any = joined([p.features if settings.frozen else p.images for p in parts])
+    rows = plan(rng_seed, [len(part.labels) for part in parts], settings, parts[-1].share)
+    data = jax.device_put(Data(inputs, joined([p.labels for p in parts]), class_weights, seed))
+    del parts, inputs  # features are large, and joined ones a copy
     if params is not None:
         # The step donates its state, so work on a copy.
         state = compiled.resume(jax.tree.map(jnp.array, params))
     else:
         state = compiled.init(seed, data.images)
         if settings.weights is not None or settings.net == "lite0":
-            state = _started(state, compiled, images, settings, (features, statistics))
+            state = _started(state, compiled, settings, statistics)
     if stepwise is None:
         stepwise = jax.default_backend() == "cpu"
     for start in range(0, settings.steps, _CHUNK):

@@ -11,8 +11,7 @@ from experiments.config import Fidelity, LearntConfig, Preset, TargetName, Unuse
 from experiments.run.context import Run, Work
 from experiments.run.nets import paired_seeds, score_nets
 from experiments.study.form import Report, about, nets
-from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
-from scene.proposal import Streets, default_proposal, random_proposal
+from experiments.study.skeleton import Study, attributes, learnt_from, learnt_work
 from shell.errors import UserError, refuse_repeats
 
 IMAGES = (90, 180, 450, 900, 1350)
@@ -77,7 +76,7 @@ def plan(config: AssetsConfig) -> list[Work]:
 
 def scores(run: Run[AssetsConfig], _: None) -> Report:
     """Train the nets of the whole study, or what is left of them."""
-    config, proposal = run.config, attributes(run)
+    config, proposal = run.config, attributes(run, run.config.attributes)
     rows = []
     for images in config.images:
         fidelity = fidelity_of(config, images)
@@ -94,15 +93,6 @@ def scores(run: Run[AssetsConfig], _: None) -> Report:
         "steps": config.final.train.steps,
         "rows": rows,
     }
-
-
-def attributes(run: Run[AssetsConfig]) -> Streets:
-    """From which the streets of all datasets are drawn."""
-    if run.config.attributes == "learnt":
-        return learnt_attributes(run)
-    if run.config.attributes == "random":
-        return random_proposal(run.config.space)
-    return default_proposal(run.config.default_width, run.config.space)
 
 
 STUDY = Study(FORM, plan, scores, check)

@@ -5,8 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from experiments.config import MainConfig
-from experiments.main import page, pictures, summary
-from experiments.main.summary import ROWS
+from experiments.main import note, page, pictures, summary
 from experiments.reward.miou import Recipe, render
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
@@ -16,15 +15,19 @@ from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
 from scene.proposal import Streets, draw, random_proposal
+from shell.files import write
 
 
 def plan(config: MainConfig) -> list[Work]:
     """Rewards, candidates, and the nets of every row."""
     real = config.unlabelled is None
-    work = [*work_of(config), Work.at("nets on rendered images", 3 * config.seeds, config.final)]
+    few = config.few is not None
+    nets = 3 * (1 + few) * config.seeds
+    work = [*work_of(config), Work.at("nets on rendered images", nets, config.final)]
     if real:
         each = training_cost(config.final)
-        work.append(Work("nets on the reward images", config.seeds, config.final, each))
+        nets = (1 + few) * config.seeds
+        work.append(Work("nets on labelled images alone", nets, config.final, each))
     return work
 
 
@@ -44,12 +47,13 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     }
     test = target.at(config.final.height, config.final.width).test
     pictures.samples(folder / "pictures", target, test, datasets)
-    return summary.scores(run, {row: rows[row] for row in ROWS if row in rows}, learnt)
+    return summary.scores(run, rows, learnt)
 
 
 def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
     """The learnt dataset, with every label the engine knows, in ``dataset/``.
 
+    With ``--few`` a note beside it says how to train on it and on them.
     ``scene.render`` makes the same from the run's ``attributes.json`` and seed.
     """
     config, fidelity = run.config, recipe.fidelity
@@ -64,6 +68,8 @@ def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
         streets=streets,
         workers=run.workers,
     )
+    if run.target.few_names:
+        write(config.out / "dataset" / note.README, note.text(run))
 
 
 FORM = Form("summary", summary.derive, summary.text, {"report.html": page.html})

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Sequence
 from html import escape
 
 from experiments.main.summary import TRAINED_ON
+from experiments.run.few import words
 from experiments.study.form import Report, number, starts
 
 STYLE = """
@@ -42,7 +43,8 @@ def html(summary: Report) -> str:
     """The whole page, from what ``summary.json`` holds."""
     rows = summary["rows"]
     scores = [
-        (TRAINED_ON[r], number(rows[r]["mean"]), _interval(rows[r]["ci95"])) for r in rows
+        (words(summary, r, TRAINED_ON), number(rows[r]["mean"]), _interval(rows[r]["ci95"]))
+        for r in rows
     ] + [
         (f"gain, learnt minus {over}", number(gain["mean"], "+.1f"), _interval(gain["ci95"]))
         for over, gain in (("random", summary["gain"]), ("by eye", summary["gain_over_default"]))

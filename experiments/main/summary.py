@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from experiments.reward.miou import Outcome
+from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.learn import Learnt
 from experiments.study.form import Report, about, class_means, miou, nets, starts, statistics
@@ -17,11 +18,12 @@ TRAINED_ON = {
     "random": "random attributes",
     "default": "attributes set by eye",
     "learnt": "learnt attributes",
+    **few.TRAINED_ON,
     "real": "the reward images themselves",
 }
 """What the nets of each row of the result were trained on."""
-ROWS = tuple(TRAINED_ON)
-"""Those of a target whose reward images have labels; without them none can be trained on."""
+ROWS = tuple(row for row in TRAINED_ON if row not in few.TRAINED_ON)
+"""Those of a target whose reward images have labels (else none is ``real``); ``--few`` adds others."""
 
 
 def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Report:
@@ -30,6 +32,7 @@ def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Rep
     lines = run.evaluations.records + run.finals.records
     return {
         **about(run, config.final),
+        **few.about(run),
         "evaluations": len(run.evaluations.records),
         "failed": sum(line["failed"] is not None for line in lines),
         "seconds": {
@@ -67,6 +70,7 @@ def derive(report: Report) -> Report:
         "rows": rows,
         **{row: rows[row] for row in rows if row != "real"},
         **gains,
+        **few.gains(rows),
         "classes_absent_from_truth": absent,
         **({} if report["hidden_centres"] is None else {"recovery": _recovery(report)}),
     }
@@ -106,10 +110,17 @@ def text(report: Report) -> str:
         f"mIoU in percent on {report['test_images']} test images ({kind}), "
         f"{len(report['random']['miou'])} paired seeds, scored at {report['scored_at']}:"
     ]
+    wide = max(8, *map(len, report["rows"]))
     for row, entry in report["rows"].items():
-        lines.append(f"  {row:8s} {_said(entry, '5.1f')}  {TRAINED_ON[row]}")
-    lines.append(f"  gain     {_said(report['gain'], '+5.1f')}  learnt minus random")
-    lines.append(f"  gain     {_said(report['gain_over_default'], '+5.1f')}  learnt minus by eye")
+        lines.append(
+            f"  {row:{wide}s} {_said(entry, '5.1f')}  {few.words(report, row, TRAINED_ON)}"
+        )
+    lines.append(f"  {'gain':{wide}s} {_said(report['gain'], '+5.1f')}  learnt minus random")
+    lines.append(
+        f"  {'gain':{wide}s} {_said(report['gain_over_default'], '+5.1f')}  learnt minus by eye"
+    )
+    for other, gain in report.get("gain_beside_few", {}).items():
+        lines.append(f"  {'gain':{wide}s} {_said(gain, '+5.1f')}  few+learnt minus {other}")
     if report["classes_absent_from_truth"]:
         absent = ", ".join(report["classes_absent_from_truth"])
         lines.append(f"  left out of the mean, for they never occur in the truth: {absent}")

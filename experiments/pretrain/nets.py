@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from experiments.reward.miou import Outcome, Recipe, attempt, scored, trained, training_set
-from experiments.reward.truth import Shared, Truth, loaded
+from experiments.reward.truth import Shared, Truth, loaded, part_of
 from scene.proposal import Streets
-from seg.nets.lite0 import Pyramid
 from seg.train import Params, TrainingError
 
 SUBSET_STREAM = 3
@@ -45,17 +44,6 @@ def subsets(images: int, fractions: Sequence[float], seed: int) -> list[np.ndarr
 def chosen_images(images: int, fraction: float) -> int:
     """How many images a fraction stands for, rounded."""
     return math.floor(images * fraction + 0.5)
-
-
-def part_of(real: Truth, indices: np.ndarray) -> Truth:
-    """Some of the images, with the features of all their views."""
-    part = Truth(real.images[indices], real.labels[indices])
-    if real.features is None:
-        return part
-    count = len(real.images)
-    views = np.arange(0, len(real.features.eighth), count)[:, None]  # rows where they begin
-    rows = (views + indices).ravel()
-    return part._replace(features=Pyramid(*(maps[rows] for maps in real.features)))
 
 
 def transfer(

@@ -13,7 +13,7 @@ from experiments.reward.miou import Outcome, Parts, Recipe, Source, attempt, eva
 from experiments.reward.mmd import Reference, evaluate_mmd
 from experiments.reward.shelf import Shelf, by_target
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
-from experiments.reward.truth import Shared, Truth
+from experiments.reward.truth import Shared, Truth, WithFew, rendered_of
 from experiments.target.base import Target
 from scene.version import ENGINE
 from shell.errors import UserError
@@ -99,7 +99,16 @@ class Evaluator:
 
     def key(self, source: Source, seed: int) -> str:
         """The name of an evaluation."""
-        return identity(self.about["config"], source, seed)
+        return identity(self.about_of(source)["config"], rendered_of(source), seed)
+
+    def about_of(self, source: Source) -> dict[str, Any]:
+        """What all evaluations share that have the same few images beside them, if there are any."""
+        if not isinstance(source, WithFew):
+            return self.about
+        few = source.arrays
+        told = [self.about["config"], digest_of(few.images, few.labels), source.share]
+        also = {"few": len(few.images), "few_share": source.share}
+        return {**self.about, "config": digest(told)[:16], **also}
 
     def map(self, jobs: Sequence[Job], memory: Memory) -> Iterator[tuple[int, Outcome]]:
         """Yield (index, outcome) of every job: known ones first, the others as they come in.
@@ -139,7 +148,8 @@ class Evaluator:
                     "labelled class"
                 )
             job = jobs[index]
-            record = record_of(keys[index], job.source, job.seed, outcome) | self.about
+            record = record_of(keys[index], rendered_of(job.source), job.seed, outcome)
+            record |= self.about_of(job.source)
             yield index, memory.add(record, job.notes)
             for twin in missing[keys[index]][1:]:
                 yield twin, memory.again(keys[index], jobs[twin].notes)
@@ -153,9 +163,12 @@ class Evaluator:
         return recipe, self._shelf.put(self._truth, recipe.fidelity.train)
 
     def _source(self, source: Source) -> Source | Shared:
+        train = self._recipe.fidelity.train
+        if isinstance(source, WithFew):
+            return source._replace(few=self._shelf.put(source.arrays, train, training=True))
         if not isinstance(source, Truth):
             return source
-        return self._shelf.put(source, self._recipe.fidelity.train, training=True)
+        return self._shelf.put(source, train, training=True)
 
 
 def about(

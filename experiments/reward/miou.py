@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import pickle
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -16,15 +17,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.config import Fidelity
-from experiments.reward.truth import Truth, loaded
+from experiments.reward.truth import Truth, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Mixture, Proposal, Streets, draw
 from scene.workers import WorkerPool
+from seg.beside import Beside
 from seg.classes import ClassTable, class_table
 from seg.metrics import iou, mean_iou
-from seg.pyramid import Statistics
+from seg.pyramid import Statistics, features
 from seg.train import Params, TrainingError, score, train
+from seg.views import view_images
 
 
 class Recipe(NamedTuple):
@@ -42,11 +45,14 @@ class Recipe(NamedTuple):
         return class_table(self.table)
 
 
-Source = Proposal | Mixture | Truth
-"""What a net is trained on: a dataset rendered from proposals f32[attributes], or given images."""
+Source = Proposal | Mixture | Truth | WithFew
+"""What a net is trained on: a dataset rendered from proposals f32[attributes], given images, or both."""
 
 Parts = tuple[tuple[int, int], ...]
 """First image of each part of the images that score, and the first after it."""
+
+_KEPT: dict[Any, Truth] = {}
+"""At most one rendered dataset of this process, by all that decides it."""
 
 
 class Outcome(NamedTuple):
@@ -93,11 +99,27 @@ def render(recipe: Recipe, streets: Streets, seed: int, workers: int | WorkerPoo
 
 
 def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
-    """The images of a source, with labels in the classes of the recipe."""
+    """The images of a source, but for a few beside it, with labels in the classes of the recipe.
+
+    What was rendered last beside a few images is kept, with its features: the next net may have others
+    beside it.
+    """
     if isinstance(source, Truth):
         return source
-    dataset = render(recipe, source, seed)
-    return Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+    proposal = rendered_of(source)
+    name = (recipe._replace(statistics=None), pickle.dumps(proposal), seed)
+    if name in _KEPT:
+        return _KEPT[name]
+    _KEPT.clear()
+    dataset = render(recipe, proposal, seed)
+    found = Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+    if isinstance(source, WithFew):
+        train = recipe.fidelity.train
+        if train.frozen:
+            maps = features(view_images(found.images, train), train.dtype)
+            found = found._replace(features=maps)
+        _KEPT[name] = found
+    return found
 
 
 def evaluate_miou(
@@ -118,13 +140,26 @@ def evaluate_miou(
     started = time.perf_counter()
     own = training_set(recipe, source, seed)
     rendered = 0.0 if isinstance(source, Truth) else time.perf_counter() - started
-    params = trained(recipe, own, seed)
+    params = trained(recipe, own, seed, beside=_beside(source))
     spent = time.perf_counter() - started - rendered
     return scored(recipe, params, truth, rendered, spent, parts)
 
 
-def trained(recipe: Recipe, own: Truth, seed: int, params: Params | None = None) -> Params:
-    """A net trained on a set, from the start or from other parameters.
+def _beside(source: Source) -> Beside | None:
+    if not isinstance(source, WithFew):
+        return None
+    few = source.arrays
+    return Beside(few.images, few.labels, source.share, few.features)
+
+
+def trained(
+    recipe: Recipe,
+    own: Truth,
+    seed: int,
+    params: Params | None = None,
+    beside: Beside | None = None,
+) -> Params:
+    """A net trained on a set and what is beside it, from the start or from other parameters.
 
     Raises:
         TrainingError: training diverged.
@@ -139,6 +174,7 @@ def trained(recipe: Recipe, own: Truth, seed: int, params: Params | None = None)
         params=params,
         features=own.features,
         statistics=recipe.statistics,
+        beside=beside,
     )
 
 
@@ -155,8 +191,8 @@ def scored(
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
     confusions = []
     for first, end in parts or ((0, len(truth.images)),):
-        images, labels, features = truth.between(first, end)
-        confusions.append(score(params, images, labels, settings, classes, features=features))
+        images, labels, maps, _ = truth.between(first, end)
+        confusions.append(score(params, images, labels, settings, classes, features=maps))
     confusion = np.sum(confusions, axis=0)
     present = confusion.sum(axis=1) > 0
     class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]

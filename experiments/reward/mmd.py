@@ -87,7 +87,7 @@ def train_features(recipe: Recipe) -> Any:
     own = recipe.fidelity.train
     # Compact whatever the recipe trains, with the settings that suit it.
     settings = TrainSettings(steps=own.steps, batch=own.batch)
-    images, labels, _ = training_set(recipe, random_proposal(), SEED)
+    images, labels, *_ = training_set(recipe, random_proposal(), SEED)
     params = train(SEED, images, labels, settings, len(recipe.classes.classes))
     return jax.tree.map(np.asarray, params)
 

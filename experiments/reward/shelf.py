@@ -68,7 +68,11 @@ class Shelf:
             UserError: files that are damaged, or of other images or another trunk.
         """
         if self._root is None:
-            return truth
+            return truth._replace(origin=None)
+        if truth.origin is not None:
+            held = self.put(truth.origin[0], train, training=training)
+            assert isinstance(held, Shared)
+            return held._replace(picked=truth.origin[1])
         source = digest_of(truth.images, truth.labels)
         held = Shared(str(self._root / source[:16]))
         self._keep(Path(held.images), {"images": source}, lambda part: _write_truth(part, truth))
@@ -159,8 +163,9 @@ def _features_of(
     held: Shared, start: int, stop: int, train: TrainSettings, training: bool
 ) -> Pyramid:
     """Features of some of the images; runs in a worker."""
-    images, labels, _ = held.load()
-    return _features(Truth(images[start:stop], labels[start:stop]), train, training)
+    whole = held.load()
+    part = Truth(whole.images[start:stop], whole.labels[start:stop])
+    return _features(part, train, training)
 
 
 def _statistics(held: Truth | Shared, train: TrainSettings) -> Statistics:

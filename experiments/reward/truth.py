@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,6 +20,8 @@ class Truth(NamedTuple):
     labels: np.ndarray  # u8[n, h, w]
     features: Pyramid | None = None
     """Of a frozen trunk, if they are known: of the images for scoring, of all their views for training."""
+    origin: tuple[Truth, tuple[int, ...]] | None = None
+    """The images of which these are some, by index, if files are to hold all of them once."""
 
     def between(self, first: int, end: int) -> Truth:
         """Images from the first up to the end, of a truth that scores; nothing is copied."""
@@ -26,23 +29,58 @@ class Truth(NamedTuple):
         return Truth(self.images[first:end], self.labels[first:end], own)
 
 
+def part_of(real: Truth, indices: Sequence[int] | np.ndarray) -> Truth:
+    """Some of the images, with the features of all their views."""
+    picked = np.asarray(indices)
+    part = Truth(real.images[picked], real.labels[picked], origin=(real, tuple(picked.tolist())))
+    if real.features is None:
+        return part
+    count = len(real.images)
+    views = np.arange(0, len(real.features.eighth), count)[:, None]  # rows where they begin
+    rows = (views + picked).ravel()
+    return part._replace(features=Pyramid(*(maps[rows] for maps in real.features)))
+
+
 class Shared(NamedTuple):
     """A truth in folders of `experiments.reward.shelf`; what a task carries in its place."""
 
     images: str  # folder of images and labels
     features: str | None = None  # folder of their features
+    picked: tuple[int, ...] | None = None  # of the images, by index; by default all
 
     def load(self) -> Truth:
-        """The truth, its files mapped into memory; once per process.
+        """The truth, its files mapped into memory, once per process; what is picked of it is copied.
 
         Raises:
             UserError: a file is missing or cut off.
         """
-        return _load(self)
+        whole = _load(self._replace(picked=None))
+        return whole if self.picked is None else part_of(whole, self.picked)
+
+
+class WithFew(NamedTuple):
+    """A rendered dataset, and a few labelled images, so often that they are a share of all batches."""
+
+    rendered: Any  # the proposal that it is rendered from
+    few: Truth | Shared
+    share: float
+
+    @property
+    def arrays(self) -> Truth:
+        """The few images."""
+        found: Truth = loaded(self.few)
+        return found
+
+
+def rendered_of(source: Any) -> Any:
+    """A source without the few images beside it."""
+    return source.rendered if isinstance(source, WithFew) else source
 
 
 def loaded(value: Any) -> Any:
-    """A truth that is shared as arrays, anything else as it is."""
+    """A truth that is shared as arrays, also beside a dataset, anything else as it is."""
+    if isinstance(value, WithFew):
+        return value._replace(few=loaded(value.few))
     return value.load() if isinstance(value, Shared) else value
 
 

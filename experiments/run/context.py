@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from typing import Any, Generic, NamedTuple, TypeVar
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from experiments.config import Config, Fidelity, RewardKind
 from experiments.reward.evaluator import Evaluator, Job, Memory, Side
@@ -88,8 +88,8 @@ class Run(Generic[AnyConfig]):
         assets = config.pool._replace(**pool)
         return Recipe(fidelity, self.target.table, config.renderer, assets)
 
-    def truth(self, fidelity: Fidelity, side: Side) -> Truth:
-        """The target's labelled images of a side, at a fidelity's size."""
+    def truth(self, fidelity: Fidelity, side: Side | Literal["few", "labelled"]) -> Truth:
+        """The target's labelled images of a side, at a fidelity's size; the few, or all but the test's."""
         images = getattr(self.target.at(fidelity.height, fidelity.width), side)
         return Truth(images.images, images.labels)
 

@@ -15,6 +15,7 @@ import numpy as np
 from experiments.config import Candidate, Fidelity, SearchConfig, make_method, make_space, start_of
 from experiments.reward.miou import Parts, Source
 from experiments.run.context import Run, Work
+from experiments.run.few import beside
 from experiments.run.judge import parts_of, surest
 from experiments.run.ladder import Rung, climb, cost_of, ladder, most_cost, most_nets
 from experiments.run.nets import score_nets
@@ -185,7 +186,7 @@ def _rewards(
     parts: Parts,
 ) -> Scores:
     """Every candidate's rewards on the parts of the reward images, in the order of the seeds."""
-    sources: dict[str, Source] = {name: own for name, own in streets.items()}
+    sources: dict[str, Source] = {name: beside(run, fidelity, own) for name, own in streets.items()}
     recipe, kind = run.recipe(fidelity), run.config.reward_kind
     outcomes = score_nets(run, what, sources, recipe, seeds, side="reward", kind=kind, parts=parts)
     count = max(len(parts), 1)

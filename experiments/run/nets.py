@@ -10,6 +10,7 @@ from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Job, Side
 from experiments.reward.miou import Outcome, Parts, Recipe, Source
 from experiments.reward.truth import Truth
+from experiments.run import few
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost
 from scene.proposal import Streets, default_proposal, random_proposal
@@ -51,23 +52,40 @@ def score_nets(
     wanted = [
         (name, seed) for seed in seeds for name in sources if name not in once or seed == seeds[0]
     ]
-    jobs = [
-        Job(sources[name], seed, {"nets": what, "row": name, "seed": seed}) for name, seed in wanted
-    ]
-    evaluator = run.evaluator(recipe, side, kind, parts)
-
-    def say(index: int, outcome: Outcome) -> str:
-        name, seed = wanted[index]
-        return f"{what}: {name}, seed {seed} | {verdict(outcome, kind)}"
-
-    # Both kinds of sets in one list of jobs, so that no worker waits; they differ in what they cost.
-    cost = sum(_cost(recipe, sources[name]) for name, _ in wanted) / max(len(wanted), 1)
-    outcomes = run.score(evaluator, jobs, log=run.finals, cost=cost, say=say)
-    refuse_failed(outcomes, len(jobs))
+    jobs = [(name, sources[name], seed) for name, seed in wanted]
+    outcomes = score_jobs(run, what, jobs, recipe, side=side, kind=kind, parts=parts)
     found: Scores = {name: [] for name in sources}
     for (name, _), outcome in zip(wanted, outcomes, strict=True):
         found[name].append(outcome)
     return found
+
+
+def score_jobs(
+    run: Run[Any],
+    what: str,
+    wanted: Sequence[tuple[str, Source, int]],
+    recipe: Recipe,
+    *,
+    side: Side = "test",
+    kind: RewardKind = "miou",
+    parts: Parts = (),
+) -> list[Outcome]:
+    """Train a net for every (name, training set, seed), all at once, and score it; as `score_nets`."""
+    jobs = [
+        Job(source, seed, {"nets": what, "row": name, "seed": seed})
+        for name, source, seed in wanted
+    ]
+    evaluator = run.evaluator(recipe, side, kind, parts)
+
+    def say(index: int, outcome: Outcome) -> str:
+        name, _, seed = wanted[index]
+        return f"{what}: {name}, seed {seed} | {verdict(outcome, kind)}"
+
+    # Both kinds of sets in one list of jobs, so that no worker waits; they differ in what they cost.
+    cost = sum(_cost(recipe, source) for _, source, _ in wanted) / max(len(wanted), 1)
+    outcomes = run.score(evaluator, jobs, log=run.finals, cost=cost, say=say)
+    refuse_failed(outcomes, len(jobs))
+    return outcomes
 
 
 def _cost(recipe: Recipe, source: Source) -> float:
@@ -80,16 +98,29 @@ def paired_seeds(run: Run[Any]) -> list[int]:
     return [run.config.seed + k for k in range(run.config.seeds)]
 
 
-def training_sets(run: Run[Any], learnt: Streets, **others: Source) -> dict[str, Source]:
-    """What is compared: random, default and learnt attributes, other sets, and labelled reward images."""
+def training_sets(
+    run: Run[Any], learnt: Streets, fidelity: Fidelity | None = None, **others: Source
+) -> dict[str, Source]:
+    """What is compared.
+
+    Random, default and learnt attributes, the same beside the few labelled images if there are any, other
+    sets, and all labelled images.
+
+    Args:
+        run: the job.
+        learnt: what it has learnt.
+        fidelity: whose size real images have; by default the final one.
+        others: sets by name.
+    """
     config: SearchConfig = run.config
+    fidelity = fidelity or config.final
     sets: dict[str, Source] = {
         "random": random_proposal(config.space),
         "default": default_proposal(config.default_width, config.space),
         "learnt": learnt,
-        **others,
     }
-    return sets | ({"real": run.truth(config.final, "reward")} if run.target.labelled else {})
+    sets |= few.rows(run, sets, fidelity) | others
+    return sets | ({"real": run.truth(fidelity, "labelled")} if run.target.labelled else {})
 
 
 def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> Fidelity:

@@ -12,8 +12,9 @@ import numpy as np
 import sdr_jax
 from experiments.config import RewardKind, SearchOptions
 from experiments.reward.evaluator import Job
-from experiments.reward.miou import Outcome
+from experiments.reward.miou import Outcome, Source
 from experiments.run.context import REWARD_NAMES, Run, in_words, refuse_failed
+from experiments.run.few import beside
 from experiments.run.ladder import cost_of
 from scene.attributes import SpaceName, names
 from scene.proposal import Proposal, random_proposal
@@ -100,7 +101,7 @@ class _Rewards:
             centres, widths = embed(self._plan.space, self._plan.subset, asked.proposals)
             actions, seeds = np.asarray(asked.actions).tolist(), asked.seeds.tolist()
             jobs = [
-                Job(Proposal(centres[k], widths[k]), seed, self._notes(k, actions[k]))
+                Job(self._source(Proposal(centres[k], widths[k])), seed, self._notes(k, actions[k]))
                 for k, seed in enumerate(seeds)
             ]
             for job in jobs:
@@ -113,6 +114,9 @@ class _Rewards:
             self._update += 1
             refuse_failed(self.outcomes, self._plan.evaluations)
             return np.array([outcome.reward for outcome in outcomes], np.float32)
+
+    def _source(self, proposal: Proposal) -> Source:
+        return beside(self._run, self._run.config.reward, proposal)
 
     def _notes(self, dataset: int, actions: list[Any]) -> dict[str, Any]:
         place = {"search": self._plan.name, "update": self._update, "dataset": dataset}

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 
 from experiments import presets
-from experiments.config import Fidelity, LearntConfig, Preset, TargetName, check_net
+from experiments.config import FewConfig, Fidelity, LearntConfig, Preset, TargetName, check_net
 from experiments.reward.truth import Truth
 from experiments.run.context import Run, Work
+from experiments.run.few import about as few_images
+from experiments.run.few import images_of
 from experiments.run.ladder import training_cost
 from experiments.run.nets import paired_seeds, score_nets, training_sets, with_net
 from experiments.study.form import Report, about, nets
@@ -31,7 +33,7 @@ OTHERS = ("gta5", "synthia", "kitti")
 
 
 @dataclass(frozen=True, kw_only=True)
-class TableConfig(LearntConfig):
+class TableConfig(LearntConfig, FewConfig):
     """One table. Every field is a flag."""
 
     nets: tuple[NetName, ...] = ("compact",)
@@ -101,13 +103,15 @@ def others(config: TableConfig, target: Target) -> dict[str, Truth]:
 def plan(config: TableConfig) -> list[Work]:
     """The nets of the table, after those of the search."""
     work, seeds = learnt_work(config), config.seeds
-    given = 1 + sum(getattr(config, layout) is not None for layout in OTHERS)
+    few = config.few is not None
+    given = 1 + few + sum(getattr(config, layout) is not None for layout in OTHERS)
+    sets = RENDERED * (1 + few)
     for name in config.nets:
         fidelity = fidelity_of(config, name)
-        rendered = f"nets, {RENDERED} rendered sets x {seeds} seeds"
+        rendered = f"nets, {sets} rendered sets x {seeds} seeds"
         real = f"nets, {given} sets of images x {seeds} seeds"
         work += [
-            Work.at(rendered, RENDERED * seeds, fidelity),
+            Work.at(rendered, sets * seeds, fidelity),
             Work(real, given * seeds, fidelity, training_cost(fidelity)),
         ]
     return work
@@ -116,17 +120,18 @@ def plan(config: TableConfig) -> list[Work]:
 def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
     """Train the nets of the whole table, or what is left of them."""
     config = run.config
-    sources = training_sets(run, learnt_attributes(run), **given)
+    learnt = learnt_attributes(run)
     rows: list[dict[str, Any]] = []
     for name in config.nets:
         fidelity = fidelity_of(config, name)
         recipe, seeds = run.recipe(fidelity), paired_seeds(run)
+        sources = training_sets(run, learnt, fidelity, **given)
         outcomes = score_nets(run, f"table, {name}", sources, recipe, seeds)
         rows += [
             {
                 "net": name,
                 "trained_on": row,
-                "images": len(source.images) if isinstance(source, Truth) else fidelity.images,
+                "images": images_of(source, fidelity),
                 "steps": fidelity.train.steps,
                 "nets": nets(outcomes[row]),
             }
@@ -137,6 +142,7 @@ def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
         **about(run, config.final),
         "starts": [start for start in starts if start],
         "learnt_from": learnt_from(config),
+        **few_images(run),
         "rows": rows,
     }
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from experiments.run import few
 from experiments.study.figure import plt, png
 from experiments.study.form import (
     Form,
@@ -30,6 +31,7 @@ TRAINED_ON = {
     "random": "SceneX, random attributes",
     "default": "SceneX, attributes set by eye",
     "learnt": "SceneX, learnt attributes",
+    **few.TRAINED_ON,
     "gta5": "GTA5",
     "synthia": "SYNTHIA",
     "kitti": "KITTI",

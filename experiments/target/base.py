@@ -18,6 +18,13 @@ class Split(NamedTuple):
 
     reward: RealSet
     test: RealSet
+    few: RealSet | None = None  # join every training set, and give no reward
+    whole: RealSet | None = None  # those that give the reward and the few, as they are listed
+
+    @property
+    def labelled(self) -> RealSet:
+        """All images whose labels may be used before the result is reported."""
+        return self.reward if self.whole is None else self.whole
 
 
 class Target(NamedTuple):
@@ -35,6 +42,7 @@ class Target(NamedTuple):
     at: Callable[[int, int], Split]  # (height, width) -> images and labels
     twin: TwinWorld | None = None
     labelled: bool = True  # whether the reward images are
+    few_names: tuple[str, ...] = ()  # images that join every training set
 
 
 def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> None:
@@ -49,7 +57,7 @@ def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> No
 
 def refuse_void(split: Split, where: str, labelled: bool) -> Split:
     """The split itself; raises UserError if no pixel of a side that is scored has a label."""
-    for side, images in split._asdict().items():
+    for side, images in (("reward", split.reward), ("test", split.test)):
         if (side == "test" or labelled) and np.all(images.labels == IGNORE_LABEL):
             raise UserError(f"{where}: all labels of the {side} images are void")
     return split

@@ -6,6 +6,7 @@ from functools import lru_cache
 
 from experiments.config import Config
 from experiments.target.base import Split, Target, refuse_void
+from experiments.target.few import with_few
 from experiments.target.real import real_target
 from experiments.target.twin import ASSETS, FIRST_ASSET, twin_names, twin_split, twin_world
 from scene.workers import WorkerPool
@@ -13,7 +14,7 @@ from shell.errors import UserError
 
 
 def named_target(config: Config, workers: WorkerPool) -> Target:
-    """What ``--target`` and ``--data`` say.
+    """What ``--target``, ``--data`` and ``--few`` say.
 
     Raises:
         UserError: no data where they are needed, data for the twin, or what neither can do.
@@ -22,12 +23,12 @@ def named_target(config: Config, workers: WorkerPool) -> Target:
     if config.target == "twin":
         if config.data is not None:
             raise UserError("--target twin takes no --data; --target camvid or cityscapes does")
-        return _twin(config, workers)
+        return with_few(_twin(config, workers), config)
     if config.data is None:
         if config.target == "camvid":
             raise UserError("CamVid needs its folder: --data DIR (or the variable CAMVID_DIR)")
         raise UserError("Cityscapes needs its folder: --data DIR; or use --target twin")
-    return real_target(config.target, config, config.data)
+    return with_few(real_target(config.target, config, config.data), config)
 
 
 def _twin(config: Config, workers: WorkerPool) -> Target:

@@ -66,10 +66,10 @@ def real_target(name: str, config: Config, data: Path) -> Target:
         table=name,
         title=f"{name}, {len(reward)} {kind} for the reward, {where}, {len(test)} images{note}",
         reward_names=tuple(e.name for e in reward),
-        reward_sequences=tuple(e.sequence for e in reward),
         test_names=tuple(e.name for e in test),
         at=at,
         labelled=unlabelled is None,
+        reward_sequences=tuple(e.sequence for e in reward),
     )
 
 

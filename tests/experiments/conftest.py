@@ -24,7 +24,7 @@ from experiments.pretrain import tuning
 from experiments.pretrain.nets import Start
 from experiments.reward import evaluator
 from experiments.reward.miou import Outcome, Recipe, Source
-from experiments.reward.truth import Truth
+from experiments.reward.truth import Truth, WithFew, rendered_of
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from scene.proposal import describe, slide
@@ -100,11 +100,12 @@ def never(*task: Any) -> Any:
 
 
 def formula(recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = ()) -> Outcome:
-    """Worth more with buildings far off, or with more real images; a little noise by seed."""
+    """Worth more with buildings far off, or with (more) real images; a little noise by seed."""
     if isinstance(source, Truth):
         right = 800 + len(source.images)
     else:
-        right = 500 + int(400 * source.centre[NAMES.index("building_position")])
+        right = 500 + int(400 * rendered_of(source).centre[NAMES.index("building_position")])
+        right += 100 * len(source.arrays.images) if isinstance(source, WithFew) else 0
     # Of 2000 pixels of each class so many are right, the others taken for the next class.
     iou = (right + seed % 50) / (4000 - right - seed % 50)
     return Outcome(iou, [iou] * len(recipe.classes.classes), 0.5, 1.5, parts=(iou,) * len(parts))

@@ -36,7 +36,7 @@ from .conftest import diverge, formula, lines, never, untimed
 
 CONFIG = defaults(MainConfig, "camvid", "smoke")
 TRUTH = Truth(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
-SIDES = Split(*(SimpleNamespace(images=a, labels=b) for a, b, _ in (TRUTH, TRUTH)))
+SIDES = Split(*(SimpleNamespace(images=a, labels=b) for a, b, *_ in (TRUTH, TRUTH)))
 FAILED = "the loss is nan after 50 of 200 steps"
 TARGET = Target(
     "camvid", True, "camvid", "", ("a", "b"), ("s", "s"), ("c",), lambda height, width: SIDES

@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from experiments.config import Fidelity
-from experiments.pretrain.nets import part_of
 from experiments.reward import shelf
 from experiments.reward.evaluator import Evaluator, Job, Memory, about
 from experiments.reward.miou import Recipe, evaluate_miou, worker_environment
 from experiments.reward.shelf import ABOUT, FOLDER, Shelf
 from experiments.reward.store import Log, outcome_of
-from experiments.reward.truth import Truth, loaded
+from experiments.reward.truth import Truth, loaded, part_of
 from experiments.target.base import Split, Target
 from scene.assets.catalogue import AssetPool
 from scene.workers import WorkerPool

@@ -1,0 +1,1 @@
+"""What a few labelled images are worth, alone and beside renders."""

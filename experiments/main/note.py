@@ -1,0 +1,51 @@
+"""``dataset/README.md`` of a run with ``--few``: how to train on renders and labelled images."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from experiments.run.context import Run
+
+README = "README.md"
+CODE = """
+In Python, in the run's folder:
+```python
+import json
+from pathlib import Path
+
+from scene.dataset.export import read_dataset
+from seg.beside import Beside
+from seg.classes import class_table
+from seg.data import list_{name}, load
+from seg.settings import TrainSettings
+from seg.train import train
+
+config = json.loads(Path("config.json").read_text())
+final, table = config["final"], class_table("{name}")
+few = json.loads(Path("summary.json").read_text())["few_images"]
+# Where --data was relative, give it as seen from here.
+entries = [e for e in list_{name}(config["data"], "train") if e.name in few]
+real = load(entries, table, (final["height"], final["width"]))
+renders = read_dataset(Path("dataset"))
+params = train(
+    config["seed"], renders.images, table.from_train_id[renders.labels],
+    TrainSettings(**final["train"]), len(table.classes),
+    beside=Beside(real.images, real.labels, config["few_share"]),
+)
+```
+"""
+
+
+def text(run: Run[Any]) -> str:
+    """The note, in Markdown."""
+    target, share = run.target, run.config.few_share
+    names = target.few_names
+    code = CODE.replace("{name}", target.name)
+    return (
+        f"# Renders to train on beside {len(names)} labelled images\n"
+        f"These {run.config.final.images} rendered images were searched for beside {len(names)} labelled "
+        f"images of {target.name}, which are not in this folder. Train on both: {100 * share:g} % of "
+        "every batch from the labelled images, each of them as often as the others, and the rest from here. "
+        f"`summary.json` of the run says what that is worth (row `few+learnt`).\n\n"
+        f"The labelled images: {', '.join(names)}.\n" + (code if target.real else "")
+    )

@@ -1,0 +1,125 @@
+"""A few labelled images of the reward side that join every training set, and then give no reward."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from experiments.config import Config
+from experiments.target.base import Split, Target
+from seg.classes import IGNORE_LABEL, class_table
+from seg.data import RealSet
+from shell.errors import UserError
+
+STREAM = 5
+"""Second word of the seed that chooses images, apart from all others."""
+
+
+def with_few(target: Target, config: Config) -> Target:
+    """The target with ``--few`` of its labelled images apart from those that give the reward.
+
+    Raises:
+        UserError: there are not so many, or none is left on one of the sides.
+    """
+    few: int | float | None = getattr(config, "few", None)
+    if few is None:
+        return target
+    names, sequences = target.reward_names, target.reward_sequences
+    picked = spread(names, sequences, count_of(few, len(names), target.name), config.seed)
+    others = np.setdiff1d(np.arange(len(names)), picked)
+
+    @lru_cache(maxsize=1)
+    def at(height: int, width: int) -> Split:
+        whole, test, *_ = target.at(height, width)
+        split = Split(_part(whole, others), test, _part(whole, picked), whole)
+        _refuse_void(split, few, target)
+        return split
+
+    of = Counter(sequences[k] for k in picked)
+    told = ", ".join(f"{sequence} {count}" for sequence, count in sorted(of.items()))
+    where = told if len(of) <= 8 else f"{len(of)} sequences"
+    return target._replace(
+        title=f"{target.title}; {len(picked)} of the {len(names)} ({where}) join every training set "
+        "instead of giving the reward",
+        reward_names=tuple(names[k] for k in others),
+        reward_sequences=tuple(sequences[k] for k in others),
+        few_names=tuple(names[k] for k in picked),
+        at=at,
+    )
+
+
+def count_of(few: int | float, images: int, name: str) -> int:
+    """How many images ``--few`` stands for: a number, or a share of them.
+
+    Raises:
+        UserError: more than there are, none, or all.
+    """
+    count = few if isinstance(few, int) else math.floor(few * images + 0.5)
+    there = f"{images} labelled images of {name}"
+    if count > images:
+        raise UserError(
+            f"--few {few} is more than the {there}; {images - 1} leave one for the reward"
+        )
+    if count == images:
+        raise UserError(
+            f"--few {few} selects all {there}, and none is left for the reward; "
+            f"{images - 1} leave one"
+        )
+    if count < 1:
+        raise UserError(
+            f"--few {few} selects none of the {there}; {1 / images:.2g} or more selects one"
+        )
+    return count
+
+
+def spread(names: Sequence[str], sequences: Sequence[str], count: int, seed: int) -> np.ndarray:
+    """Indices of some images, ascending: in turn from each sequence, and spread over its time.
+
+    Args:
+        names: of all images; within a sequence they sort by time.
+        sequences: of each image.
+        count: how many to choose, at most all.
+        seed: of the choice.
+    """
+    rng = np.random.default_rng([seed, STREAM])
+    order = sorted(range(len(names)), key=lambda k: (sequences[k], names[k]))
+    drives = [[k for k in order if sequences[k] == own] for own in sorted(set(sequences))]
+    quota = [0] * len(drives)
+    turn = rng.permutation(len(drives)).tolist()
+    while sum(quota) < count:
+        open_ = [k for k in turn if quota[k] < len(drives[k])]
+        for k in open_[: count - sum(quota)]:
+            quota[k] += 1
+    chosen: list[int] = []
+    for drive, own in zip(drives, quota, strict=True):
+        # One image out of each of so many equal stretches of time.
+        places = (np.arange(own) + rng.random()) * len(drive) / max(own, 1)
+        chosen += [drive[int(place)] for place in places]
+    return np.sort(np.array(chosen, np.int64))
+
+
+def _part(whole: RealSet, picked: np.ndarray) -> RealSet:
+    names, sequences = (tuple(column[k] for k in picked) for column in whole[:2])
+    return RealSet(names, sequences, whole.images[picked], whole.labels[picked])
+
+
+def _refuse_void(split: Split, few: int | float | None, target: Target) -> None:
+    """Raise UserError for a sequence of which the few show nothing that nets tell apart."""
+    assert split.few is not None
+    classes = len(class_table(target.table).classes)
+    if np.all(split.reward.labels == IGNORE_LABEL):
+        raise UserError(
+            f"--few {few}: the {len(split.reward.labels)} images left for the reward show none of the "
+            f"{classes} classes of {target.table}"
+        )
+    for sequence in sorted(set(split.few.sequences)):
+        own = np.array(split.few.sequences) == sequence
+        if np.all(split.few.labels[own] == IGNORE_LABEL):
+            raise UserError(
+                f"--few {few}: the {own.sum()} images chosen of sequence {sequence} show none of the "
+                f"{classes} classes of {target.table}; leave them out of the data, or label them"
+            )

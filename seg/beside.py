@@ -1,0 +1,112 @@
+"""Images beside a training set: a few that are drawn so often that they are a share of all batches."""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float32, Int, UInt8
+
+from seg.nets.lite0 import Pyramid
+from seg.pyramid import Statistics
+
+
+class Beside(NamedTuple):
+    """A few images, such as labelled real ones beside rendered ones."""
+
+    images: UInt8[np.ndarray, "n h w 3"]  # RGB, of the size of the others
+    labels: UInt8[np.ndarray, "n h w"]
+    share: float  # of the images of all batches, in (0, 1)
+    features: Pyramid | None = None  # of all their views, for a frozen trunk, if they are known
+
+
+class Part(NamedTuple):
+    """One part of what a net is trained on."""
+
+    share: float  # of the images of all batches
+    images: UInt8[np.ndarray, "n h w 3"]
+    labels: UInt8[np.ndarray, "n h w"]
+    features: Pyramid | None
+
+
+def parts_of(
+    images: UInt8[np.ndarray, "n h w 3"],
+    labels: UInt8[np.ndarray, "n h w"],
+    features: Pyramid | None,
+    beside: Beside | None,
+) -> list[Part]:
+    """A training set and, if there are some, the images beside it.
+
+    Raises:
+        ValueError: a share that is none or all, or images of two sizes.
+    """
+    if beside is None:
+        return [Part(1.0, images, labels, features)]
+    if not 0 < beside.share < 1:
+        raise ValueError(
+            f"the share of images beside others must lie in (0, 1); got {beside.share}"
+        )
+    ours, theirs = images.shape[1:], beside.images.shape[1:]
+    if ours != theirs:
+        raise ValueError(f"images beside others must be of their size {ours}; got {theirs}")
+    few = Part(beside.share, beside.images, beside.labels, beside.features)
+    return [Part(1 - beside.share, images, labels, features), few]
+
+
+def drawn(share: float, images: int) -> int:
+    """How many of the images of all batches are beside the others: their share, rounded."""
+    return int(np.floor(images * share + 0.5))
+
+
+def picks(
+    rng: np.random.Generator, counts: Sequence[int], share: float, needed: int
+) -> Int[np.ndarray, " needed"]:
+    """The images of all updates, one after the other.
+
+    Those of one part come in permutations, so that each of them is seen equally often. Those beside the
+    others (the second count) are spread evenly: every batch has their share, rounded up or down.
+
+    Args:
+        rng: consumed.
+        counts: images of each part; indices of the second one begin behind the first.
+        share: of the second part.
+        needed: images in all.
+    """
+    if len(counts) == 1:
+        return _epochs(rng, counts[0], needed)
+    second = np.diff(np.floor(np.arange(needed + 1) * share + 0.5)) > 0
+    found = np.empty(needed, np.int64)
+    found[~second] = _epochs(rng, counts[0], int(np.sum(~second)))
+    found[second] = counts[0] + _epochs(rng, counts[1], int(np.sum(second)))
+    return found
+
+
+def _epochs(rng: np.random.Generator, count: int, needed: int) -> np.ndarray:
+    epochs = [rng.permutation(count) for _ in range(-(-needed // count))]
+    return np.concatenate([np.zeros(0, np.int64), *epochs])[:needed]
+
+
+def joined(parts: Sequence[Any]) -> Any:
+    """Arrays (or pyramids) of all parts, one behind the other."""
+    if len(parts) == 1:
+        return parts[0]
+    if isinstance(parts[0], Pyramid):
+        return Pyramid(*(np.concatenate(maps) for maps in zip(*parts, strict=True)))
+    return np.concatenate(parts)
+
+
+def mixed(shares: Sequence[float], found: Sequence[Statistics]) -> Statistics:
+    """Mean and deviation of each channel over parts that count by their shares.
+
+    m = sum_k s_k m_k, v = sum_k s_k (v_k + m_k^2) - m^2.
+    """
+    if len(found) == 1:
+        return found[0]
+    weights = np.array(shares, np.float64)[:, None]
+    means, deviations = (np.stack(column).astype(np.float64) for column in zip(*found, strict=True))
+    mean = (weights * means).sum(0)
+    variance = (weights * (deviations**2 + means**2)).sum(0) - mean**2
+    return _single(mean), _single(np.maximum(np.sqrt(np.maximum(variance, 0)), 1e-3))
+
+
+def _single(values: np.ndarray) -> Float32[np.ndarray, " channels"]:
+    return values.astype(np.float32)

@@ -1,0 +1,174 @@
+"""A few labelled images beside every training set: which, what is trained on them, and what they are not."""
+
+import re
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from experiments.main import summary
+from experiments.reward import miou
+from experiments.reward.evaluator import Evaluator, Job, Memory
+from experiments.reward.miou import evaluate_miou
+from experiments.reward.shelf import FOLDER, Shelf
+from experiments.reward.store import Log
+from experiments.reward.truth import Truth, WithFew, part_of
+from experiments.run.few import TRAINED_ON
+from experiments.target.few import spread
+from experiments.target.named import named_target
+from scene.proposal import default_proposal, random_proposal
+from scene.workers import WorkerPool
+from shell.files import read_json
+
+from .conftest import Counted, lines, main_job, never
+from .test_shelf import REAL, RECIPE, TEST, target_of
+from .test_target import flat
+
+POOL = WorkerPool(0)
+
+
+@given(st.lists(st.integers(1, 30), min_size=1, max_size=5), st.integers(0, 99), st.data())
+def test_the_few_are_spread_over_sequences_and_their_time(sizes, seed, data):
+    names = [f"{n:04d}" for size in sizes for n in range(size)]
+    sequences = [f"s{k}" for k, size in enumerate(sizes) for _ in range(size)]
+    count = data.draw(st.integers(0, len(names)))
+    order = np.random.default_rng(seed).permutation(len(names))  # files in any order
+    shuffled = [names[k] for k in order], [sequences[k] for k in order]
+    chosen = spread(*shuffled, count, seed)
+    assert len(set(chosen.tolist())) == count and list(chosen) == sorted(chosen)
+    np.testing.assert_array_equal(chosen, spread(*shuffled, count, seed))
+    of = Counter(shuffled[1][k] for k in chosen)
+    most = max(of.values(), default=0)
+    for k, size in enumerate(sizes):  # none has less than another that is not used up
+        assert of[f"s{k}"] >= min(size, most - 1)
+        times = sorted(int(shuffled[0][i]) for i in chosen if shuffled[1][i] == f"s{k}")
+        steps = np.diff(times)
+        assert all(abs(step - size / len(times)) < 1 for step in steps)
+
+
+def test_the_few_give_no_reward(tiny_camvid):
+    whole = named_target(tiny_camvid, POOL)
+    target = named_target(replace(tiny_camvid, few=2), POOL)
+    assert [name[0] for name in target.few_names] == ["A", "B"]
+    assert sorted(target.reward_names + target.few_names) == sorted(whole.reward_names)
+    assert "2 of the 4 (A 1, B 1) join every training set" in target.title
+    split, all_ = target.at(12, 16), whole.at(12, 16).reward
+    for part, names in ((split.reward, target.reward_names), (split.few, target.few_names)):
+        assert part.names == names
+        for name, image, label in zip(names, part.images, part.labels, strict=True):
+            k = all_.names.index(name)
+            assert np.array_equal(image, all_.images[k]) and np.array_equal(label, all_.labels[k])
+    assert split.labelled.names == all_.names and split.test.names == target.test_names
+    found = {named_target(replace(tiny_camvid, few=0.5, seed=s), POOL).few_names for s in range(9)}
+    assert len(found) > 1 and {len(names) for names in found} == {2}
+
+
+@pytest.mark.parametrize(("flags", "words"), [
+    (("--few", "9"), "--few 9 is more than the 4 labelled images of camvid; 3 leave one"),
+    (("--few", "4"), "--few 4 selects all 4 labelled images of camvid, and none is left"),
+    (("--few", "1.0"), "--few 1.0 selects all 4 labelled images"),
+    (("--few", "0.1"), "--few 0.1 selects none of the 4 labelled images of camvid; 0.25 or more"),
+    (("--few", "0"), "--few must be 1 or more, not 0"),
+    (("--few", "1.5"), "--few must be a number of images or a share in (0, 1), not 1.5"),
+    (("--few", "nan"), "a share in (0, 1), not nan"),
+    (("--few", "2", "--reward-kind", "mmd"), "--few needs rewards of labelled images"),
+    (("--few", "2", "--few-share", "0"), "--few-share must lie in (0, 1), not 0"),
+    (("--few", "2", "--few-share", "0.01"), "0.01 makes none of the 48 images of --reward.train.steps 12"),
+    (("--few", "2", "--few-share", "0.995"), "makes all of the 48 images"),
+])  # fmt: skip
+def test_bad_input_is_one_line(flags, words, camvid, tmp_path, error_line):
+    out = tmp_path / "run"
+    assert main_job("camvid", "--data", str(camvid), "--out", str(out), *flags) == 2
+    assert words in error_line() and not out.exists()
+
+
+@pytest.mark.parametrize(("few", "sequence", "words"), [
+    (2, "A", "--few 2: the 1 images chosen of sequence A show none of the 11 classes of camvid"),
+    (3, "AB", "all labels of the reward images are void"),
+])  # fmt: skip
+def test_a_sequence_without_classes_is_refused(few, sequence, words, camvid, tmp_path, error_line):
+    for path in camvid.glob(f"trainannot/[{sequence}]_*.png"):
+        flat(11)(path)
+    flags = ("--data", str(camvid), "--out", str(tmp_path / "run"), "--few", str(few))
+    assert main_job("camvid", *flags) == 2
+    assert words in error_line(begun=True) and not (tmp_path / "run").exists()
+
+
+def scorer(shelf: Shelf) -> Evaluator:
+    return Evaluator(RECIPE, target_of(REAL), "test", TEST, shelf)
+
+
+def test_an_evaluation_is_named_by_its_few():
+    key = scorer(Shelf(POOL)).key
+    few, other = part_of(REAL, [1, 2]), part_of(REAL, [1, 3])
+    ours, by_eye = random_proposal(), default_proposal()
+    sources = [ours, few, *(WithFew(ours, part, 0.5) for part in (few, other))]
+    sources += [WithFew(ours, few, 0.3), WithFew(by_eye, few, 0.5)]
+    keys = [key(source, 1) for source in sources]
+    assert len(set(keys)) == len(keys)
+    again = Truth(few.images.copy(), few.labels.copy())
+    assert key(WithFew(ours, again, 0.5), 1) == keys[2] and key(again, 1) == keys[1]
+    about = scorer(Shelf(POOL)).about_of
+    configs = {about(source)["config"] for source in sources}
+    assert len(configs) == 4 and about(sources[2])["few"] == 2  # none, two sets, two shares
+
+
+def test_nets_share_files_and_renders_and_are_those_of_arrays(tmp_path, monkeypatch):
+    few = [part_of(REAL, picked) for picked in ([3, 17, 24], [5])]
+    sources = [WithFew(default_proposal(), part, 0.5) for part in few] + [default_proposal()]
+    plain = []
+    for source in sources:
+        miou._KEPT.clear()
+        plain.append(evaluate_miou(RECIPE, source, 5, TEST).reward)
+    assert len(set(plain)) == 3
+    miou._KEPT.clear()
+    rendered = Counted(miou.render)
+    monkeypatch.setattr(miou, "render", rendered)
+    jobs = [Job(source, 5, {}) for source in sources]
+    memory = Memory(Log(tmp_path / "log"), None, float)
+    found = dict(scorer(Shelf(POOL, tmp_path / "run")).map(jobs, memory))
+    assert [found[k].reward for k in range(3)] == plain and len(rendered.calls) == 1
+    # Images and features of those scored on, and of all that the few were chosen from.
+    assert len(list((tmp_path / "run" / FOLDER).iterdir())) == 4
+    monkeypatch.setattr(miou, "render", never)
+    evaluate_miou(RECIPE, sources[1], 5, TEST)
+    with pytest.raises(AssertionError, match="known"):
+        evaluate_miou(RECIPE, sources[1], 6, TEST)
+
+
+def test_a_job_searches_beside_the_few_and_says_what_they_are_worth(
+    camvid, tmp_path, scored_by, monkeypatch
+):
+    scores = Counted()
+    scored_by(scores)
+    flags = ("--few", "2", "--few-share", "0.4", "--candidates", "argmax", "--data", str(camvid))
+    out = tmp_path / "run"
+    assert main_job("camvid", "--out", str(out), *flags) == 0
+    seen = [source for _, source, _, truth in scores.calls]
+    assert all(isinstance(source, WithFew) and source.share == 0.4 for source in seen[:12])
+    sizes = [len(s.images) if isinstance(s, Truth) else isinstance(s, WithFew) for s in seen[13:21]]
+    assert sizes == [False, False, False, 2, True, True, True, 4]
+    assert [len(truth.images) for *_, truth in scores.calls[:13]] == [2] * 13
+    report = read_json(out / "summary.json")
+    assert list(report["rows"]) == ["random", "default", "learnt", *TRAINED_ON, "real"]
+    assert len(report["few_images"]) == 2 and report["few_share"] == 0.4
+    ours, theirs = (report["rows"][row]["miou"] for row in ("few+learnt", "few"))
+    gain = report["gain_beside_few"]["few"]["mean"]
+    assert gain == pytest.approx(np.subtract(ours, theirs).mean()) and gain != 0
+    said = summary.text(report)
+    assert "the 2 and learnt attributes" in said and "few+learnt minus few+default" in said
+    assert "all 4 labelled images" in said and "all 4 labelled" in (out / "report.html").read_text()
+    configs = {line["config"] for line in lines(out / "evaluations.jsonl")}
+    assert len(configs) == 1 and lines(out / "evaluations.jsonl")[0]["few"] == 2
+    # The dataset's note says how to train on both, and what it says runs.
+    note = (out / "dataset" / "README.md").read_text()
+    assert "beside 2 labelled images" in note and "40 % of every batch" in note
+    (code,) = re.findall(r"```python\n(.*?)```", note, flags=re.DOTALL)
+    monkeypatch.chdir(out)
+    scope: dict = {}
+    exec(compile(code, "README.md", "exec"), scope)
+    assert list(scope["real"].names) == report["few_images"]
+    assert len(scope["renders"].images) == 6 and "params" in scope

@@ -1,0 +1,97 @@
+"""The curve over labelled images: what each net sees, and how many labels renders are worth, by hand."""
+
+import math
+
+import numpy as np
+import pytest
+
+from experiments.labels.job import counts_of, defaults
+from experiments.labels.report import FORM, reached
+from experiments.reward.truth import Truth, WithFew
+from experiments.target.base import Target
+from shell.files import read_json
+
+from .conftest import Counted
+
+CURVE = ((7, 14, 28), (20.0, 30.0, 35.0))
+
+
+@pytest.mark.parametrize(("value", "labels"), [
+    (30.0, 14), (25.0, 7 * math.sqrt(2)), (32.5, 14 * math.sqrt(2)), (10.0, 7), (99.0, 28),
+])  # fmt: skip
+def test_where_a_curve_reaches_a_value(value, labels):
+    assert reached(*CURVE, value) == pytest.approx(labels)
+    assert reached((7, 14, 28), (20.0, 18.0, 22.0), 21.0) == pytest.approx(14 * 2**0.75)  # at last
+
+
+def report(alone, beside):
+    """Scores of two seeds each: by number of labels, alone and beside renders."""
+    rows = [
+        {"labels": n, "renders": name, "nets": [{"miou": v + d, "class_iou": []} for d in (-1, 1)]}
+        for name, own in (("none", alone), ("default", beside))
+        for n, v in own.items()
+    ]
+    about = {"note": "some", "scored_at": "8x8", "test_images": 1, "seeds": 2, "reward_images": 28}
+    about |= {"net": "lite0", "few_share": 0.5, "rendered_images": 6, "learnt_from": None}
+    return FORM.derive({**about, "target": "camvid", "real": True, "rows": rows})
+
+
+def test_labels_that_renders_are_worth_by_hand():
+    found = report({7: 20, 14: 30, 28: 35}, {0: 25, 14: 34, 28: 36})
+    alone, with_ = found["worth"]
+    assert alone["labels"] == pytest.approx(7 * math.sqrt(2)) and alone["bound"] == ""
+    assert with_["labels"] == pytest.approx(14 * 2**0.8) and with_["beside"] == 14
+    assert alone["ci95"] == pytest.approx([alone["labels"]] * 2)  # seeds differ alike in all rows
+    by = {(row["labels"], row["renders"]): row for row in found["rows"]}
+    assert by[14, "default"]["renders_add"]["mean"] == pytest.approx(4)
+    assert by[0, "default"]["renders_add"] is None and by[14, "none"]["renders_add"] is None
+    assert by[14, "default"]["of_all"] == pytest.approx(100 * 34 / 35)
+    text = FORM.text(found)
+    assert "alone are worth 10 labelled images" in text
+    assert "| 14 | attributes set by eye | 34.0 |" in text and "+4.0" in text
+    low, high = report({7: 20, 14: 30}, {0: 5, 14: 40})["worth"]
+    assert (low["labels"], low["bound"], high["labels"], high["bound"]) == (
+        7,
+        "at most",
+        14,
+        "at least",
+    )
+
+
+def test_nets_that_failed_are_left_out():
+    found = report({7: 20, 14: 30, 28: 35}, {0: 25, 14: 34})
+    for row in found["rows"]:
+        if row["labels"] == 14 and row["renders"] == "none":
+            row["nets"] = [None, None]
+    again = FORM.derive(found)
+    assert [entry["labels"] for entry in again["worth"]] == [None, None]
+    assert "2 nets failed" in FORM.text(again) and "worth" not in FORM.text(again)
+    assert FORM.figures["labels.png"](again).startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(("images", "counts"), [
+    (266, (0, 7, 14, 27, 67, 133, 266)), (20, (0, 2, 5, 7, 10, 14, 20)), (4, (0, 1, 2, 4)),
+])  # fmt: skip
+def test_numbers_are_what_the_data_allow(images, counts):
+    names = tuple(map(str, range(images)))
+    target = Target("camvid", True, "camvid", "", names, names, (), never_at)
+    assert counts_of(defaults("camvid", "quick"), target) == counts
+
+
+def never_at(height: int, width: int):
+    raise AssertionError("no pixel is needed to count")
+
+
+def test_every_net_sees_its_labels_and_pairs_share_them(command, tmp_path):
+    scores = Counted()
+    assert command("labels", tmp_path / "run", evaluate=scores) == 0
+    calls = [(source, seed) for _, source, seed, _ in scores.calls]
+    beside = {(len(s.arrays.images), seed): s for s, seed in calls if isinstance(s, WithFew)}
+    alone = {(len(s.images), seed): s for s, seed in calls if isinstance(s, Truth)}
+    assert set(beside) == set(alone) == {(2, 0), (2, 1), (4, 0), (4, 1)} and len(calls) == 2 + 4 + 4
+    for place, few in alone.items():
+        np.testing.assert_array_equal(beside[place].arrays.images, few.images)
+    found = read_json(tmp_path / "run" / "labels.json")
+    rows = [(row["labels"], row["renders"]) for row in found["rows"]]
+    assert rows == [(0, "default"), *((n, r) for n in (2, 4) for r in ("none", "default"))]
+    assert found["learnt_from"] is None and found["few_share"] == 0.5

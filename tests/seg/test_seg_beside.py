@@ -1,0 +1,96 @@
+"""Images beside a training set: how often they are drawn, what they weigh, what a net learns of them."""
+
+from dataclasses import replace
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from seg import TrainSettings, predict
+from seg.beside import Beside, drawn, mixed, picks
+from seg.losses import class_shares, class_weights, weights_of_shares
+from seg.pyramid import channel_statistics, features
+from seg.step import plan
+from seg.train import train
+from seg.views import view_images
+
+FROZEN = TrainSettings(net="lite0", steps=3, batch=4, warmup=0)
+RNG = np.random.default_rng(0)
+IMAGES = RNG.integers(0, 256, (6, 48, 64, 3), dtype=np.uint8)
+LABELS = RNG.integers(0, 3, (6, 48, 64), dtype=np.uint8)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.99), st.integers(1, 40), st.integers(1, 40))
+def test_every_batch_holds_the_share_and_every_image_its_part(seed, share, ours, few):
+    steps, batch = 30, 4
+    found = picks(np.random.default_rng(seed), (ours, few), share, steps * batch)
+    beside = found.reshape(steps, batch) >= ours
+    assert set(beside.sum(1)) <= {np.floor(share * batch), np.ceil(share * batch)}
+    assert beside.sum() == drawn(share, steps * batch) and abs(beside.sum() - share * 120) <= 0.5
+    counts = np.bincount(found, minlength=ours + few)
+    for part in (counts[:ours], counts[ours:]):
+        assert len(part) in (ours, few) and np.ptp(part) <= 1
+
+
+def test_a_set_with_none_beside_it_is_drawn_as_ever():
+    settings = TrainSettings(steps=5, batch=4)
+    one, same = plan(7, 6, settings), plan(7, [6], settings, 1.0)
+    np.testing.assert_array_equal(one.picks, same.picks)
+    rng = np.random.default_rng(7)
+    whole = np.concatenate([rng.permutation(6) for _ in range(4)])[:20]
+    np.testing.assert_array_equal(one.picks.ravel(), whole)
+
+
+def test_parts_that_count_by_their_size_are_the_whole():
+    maps = features(IMAGES)
+    parts = [type(maps)(*(m[where] for m in maps)) for where in (slice(0, 4), slice(4, 6))]
+    found = mixed([4 / 6, 2 / 6], [channel_statistics(part) for part in parts])
+    for ours, whole in zip(found, channel_statistics(maps), strict=True):
+        np.testing.assert_allclose(ours, whole, rtol=2e-3, atol=2e-5)
+    one = channel_statistics(parts[1])
+    np.testing.assert_allclose(mixed([0.5, 0.5], [one, one])[1], one[1], rtol=1e-5)
+    shares = [class_shares(part, 3) for part in (LABELS[:4], LABELS[4:])]
+    np.testing.assert_allclose(
+        weights_of_shares(shares[0] * 4 / 6 + shares[1] * 2 / 6), class_weights(LABELS, 3)
+    )
+
+
+@pytest.mark.parametrize("share", [0.1, 0.9])
+def test_a_net_believes_whom_it_sees_more_often(share):
+    """Both sets show the same images and call them by different names."""
+    settings = TrainSettings(steps=40, batch=10, warmup=2, lr=1e-2, weighted=False)
+    blank = np.zeros((2, 32, 32), np.uint8)
+    images = np.random.default_rng(1).integers(0, 256, (2, 32, 32, 3), dtype=np.uint8)
+    params = train(0, images, blank, settings, 2, beside=Beside(images[:1], blank[:1] + 1, share))
+    assert np.mean(predict(params, images, settings, 2)) == pytest.approx(
+        float(share > 0.5), abs=0.05
+    )
+
+
+def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
+    few = Beside(IMAGES[4:], LABELS[4:], 0.5)
+    computed = train(0, IMAGES[:4], LABELS[:4], FROZEN, 3, beside=few)
+    views = [features(view_images(part, FROZEN)) for part in (IMAGES[:4], IMAGES[4:])]
+    given_ = train(
+        0, IMAGES[:4], LABELS[:4], FROZEN, 3, features=views[0], beside=few._replace(features=views[1])
+    )  # fmt: skip
+    jax.tree.map(np.testing.assert_array_equal, computed, given_)
+    mean, _ = mixed([0.5, 0.5], [channel_statistics(view) for view in views])
+    np.testing.assert_array_equal(computed["head"]["mean"], mean)
+    alone = train(0, IMAGES[:4], LABELS[:4], FROZEN, 3)
+    assert not np.array_equal(alone["head"]["mix"]["kernel"], computed["head"]["mix"]["kernel"])
+
+
+@pytest.mark.parametrize(("change", "message"), [
+    ({"share": 0.0}, r"must lie in \(0, 1\); got 0"),
+    ({"share": 1.0}, r"must lie in \(0, 1\); got 1"),
+    ({"images": IMAGES[:2, :40]}, r"of their size \(48, 64, 3\); got \(40, 64, 3\)"),
+    ({"labels": LABELS[:2] + 3}, "label 5 is none of 3 classes"),
+    ({"labels": LABELS[:1]}, "one per pixel"),
+])  # fmt: skip
+def test_what_cannot_stand_beside_is_refused(change, message):
+    few = Beside(IMAGES[:2], LABELS[:2], 0.5)._replace(**change)
+    with pytest.raises(ValueError, match=message):
+        train(0, IMAGES, LABELS, replace(FROZEN, net="compact"), 3, beside=few)
