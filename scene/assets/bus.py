@@ -99,6 +99,8 @@ _LIVERIES: tuple[Color, ...] = (
 _PATTERNS = ("plain", "skirt", "band", "two-tone", "swoop", "rear")
 _FLOOR = 0.32
 """Height of the lower edge of the body, m."""
+OUT = 0.04
+"""Metres by which wheels stand out from it."""
 
 
 def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
@@ -236,7 +238,7 @@ def _running_gear(p: BusParams) -> list[Asset]:
     half, radius = p.width / 2, p.wheel_radius
     parts = []
     for x in _axles(p):
-        parts.append(axle(x, half + 0.03, radius, 0.3, p.rim))
+        parts.append(axle(x, half + OUT, radius, 0.3, p.rim))
         parts += [arch(x, y, radius, radius + 0.09, 10) for y in (half + 0.02, -half - 0.02)]
     return parts
 

@@ -145,7 +145,7 @@ def truck(params: TruckParams) -> Asset:
     rim = STEEL if p.seed % 3 else (0.5, 0.5, 0.49)
     wheels = [
         axle(nose - x, half + out, p.wheel_radius, 0.32, rim)
-        for x, out in zip(p.axles, (0.01, -0.02, -0.02, -0.02), strict=False)
+        for x, out in zip(p.axles, (0.03, -0.02, -0.02, -0.02), strict=False)
     ]
     front = nose - p.axles[0]
     arches = [arch(front, y, p.wheel_radius, p.wheel_radius + 0.1, 10) for y in (half, -half)]

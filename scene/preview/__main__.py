@@ -4,6 +4,7 @@ python -m scene.preview --out sheet.png                          # streets set b
 python -m scene.preview --attributes random --renderer opengl --out sheet.png
 python -m scene.preview --sweep car_interval --out sweep.png     # one attribute from 0 to 1
 python -m scene.preview --sweep all --out sweeps.jpg             # all attributes
+python -m scene.preview --theme all --out themes.jpg             # junctions, bends, parked rows, ...
 python -m scene.preview --asset car --count 24 --out cars.png    # assets of one class
 python -m scene.preview --asset all --out assets.jpg             # some of every class
 python -m scene.preview --asset car --assets DIR --asset-use own --out mine.png
@@ -25,6 +26,7 @@ from scene.attributes import SPACES
 from scene.preview.closeup import all_classes, class_page
 from scene.preview.layout import Studio
 from scene.preview.streets import all_sweeps, contact_sheet, sweep
+from scene.preview.themes import THEMES, all_themes, theme_page
 from scene.proposal import draw, named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from shell.command import Parser, size
@@ -34,9 +36,11 @@ QUALITY = 88
 """Of JPEG."""
 MOST = 400
 """Pictures on one page."""
-SIZES = {"streets": (320, 240), "sweep": (320, 160), "sweep all": (224, 112),
-         "asset": (240, 180), "asset all": (200, 140)}  # fmt: skip
-"""Pixels of each picture where --size does not say."""
+SIZES = {"streets": (320, 240), "sweep": (320, 160), "sweep all": (224, 112), "theme": (480, 360),
+         "theme all": (480, 360), "asset": (240, 180), "asset all": (200, 140)}  # fmt: skip
+"""Pixels of each picture where --size does not say; themes are shown at two thirds of it."""
+BOTH = "both"
+"""In place of a renderer: all of them, one below the other."""
 
 
 def parser() -> Parser:
@@ -45,10 +49,11 @@ def parser() -> Parser:
     line.add_argument("--out", type=Path, required=True, help="PNG or JPEG file to write")
     what = line.add_mutually_exclusive_group()
     what.add_argument("--sweep", metavar="ATTRIBUTE", help="an attribute from 0 to 1; or 'all'")
+    what.add_argument("--theme", metavar="THEME", help=f"{', '.join(THEMES)}; or 'all'")
     what.add_argument("--asset", metavar="CLASS", help="assets of a class or family; or 'all'")
     line.add_argument("--attributes", choices=("default", "random"), default="default")
     line.add_argument("--space", choices=SPACES, default="scenex", help="attributes of the streets")
-    line.add_argument("--renderer", choices=RENDERERS, default="embree")
+    line.add_argument("--renderer", choices=(*RENDERERS, BOTH), default="embree")
     line.add_argument("--streets", type=int, default=3)
     line.add_argument("--shots", type=int, default=4, help="images per street")
     line.add_argument("--steps", type=int, default=7, help="values of a sweep")
@@ -78,8 +83,11 @@ def page(options: argparse.Namespace) -> np.ndarray:
     if options.seed < 0:
         raise ValueError(f"--seed must be 0 or more, not {options.seed}")
     pool = check_pool(AssetPool(0, None, options.asset_fraction, options.assets, options.asset_use))
-    mode = "sweep" if options.sweep else "asset" if options.asset else "streets"
-    everything = "all" in (options.sweep, options.asset)
+    modes = {name: getattr(options, name) for name in ("sweep", "theme", "asset")}
+    mode = next((name for name, wanted in modes.items() if wanted), "streets")
+    everything = "all" in modes.values()
+    if options.renderer == BOTH and mode != "theme":
+        raise ValueError(f"--renderer {BOTH} goes with --theme only")
     width, height = options.size or SIZES[f"{mode} all" if everything else mode]
     settings = check_settings(RenderSettings(width, height, samples=2))
     columns = options.columns or (8 if everything else min(options.count, 6))
@@ -88,6 +96,12 @@ def page(options: argparse.Namespace) -> np.ndarray:
         if everything:
             return all_sweeps(options.steps, options.seed, studio)
         return sweep(options.sweep, options.steps, options.seed, studio)
+    if mode == "theme":
+        names = RENDERERS if options.renderer == BOTH else (options.renderer,)
+        studios = [studio._replace(renderer=name) for name in names]
+        if everything:
+            return all_themes(options.streets, options.seed, studios)
+        return theme_page(options.theme, options.streets, options.seed, studios)
     if mode == "asset":
         studio = studio._replace(settings=settings._replace(samples=3))
         if everything:

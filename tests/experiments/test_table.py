@@ -10,6 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from experiments.reward.truth import WithFew
 from experiments.run.nets import with_net
 from experiments.study.stats import mean_ci95, paired_gain
 from experiments.table.job import defaults, fidelity_of
@@ -74,6 +75,24 @@ def test_data_sets_of_others_are_cut_and_told_in_the_target_s_classes(table, gta
     assert set(np.unique(gta.labels).tolist()) <= {*range(11), IGNORE_LABEL}
     assert table(tmp_path / "all", "--gta5", str(gta5), "--all-images") == 0
     assert read_json(tmp_path / "all" / "table.json")["rows"][3]["images"] == 7
+
+
+def test_a_few_labelled_images_add_rows(table, tmp_path):
+    seen = Counted()
+    assert table(tmp_path / "run", "--few", "2", evaluate=seen) == 0
+    rows = read_json(tmp_path / "run" / "table.json")["rows"]
+    few = [(row["trained_on"], row["images"]) for row in rows[3:]]
+    assert few == [
+        ("few", 2),
+        *((f"few+{name}", 8) for name in ("random", "default", "learnt")),
+        ("real", 4),
+    ]
+    beside = [source for _, source, *_ in seen.calls if isinstance(source, WithFew)]
+    assert len(beside) == 6 and {source.share for source in beside} == {0.5}
+    assert (
+        "| compact | the few and learnt attributes | 8 |"
+        in (tmp_path / "run" / "table.md").read_text()
+    )
 
 
 @given(st.integers(0, 2**32 - 1))

@@ -1,11 +1,13 @@
 """What moves: people, how they walk and what they wear, their fit on machines, and vehicles."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scene.assets import bicycle, car, motorcycle, person, rider
+from scene.assets import bicycle, bus, car, motorcycle, person, rider, truck
 from scene.assets.families import FAMILIES
 from scene.assets.parts import wheel
 from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, shell
@@ -13,9 +15,10 @@ from scene.assets.parts.carried import CARRIED, carried
 from scene.assets.parts.head import HAIRDOS, HATS, head
 from scene.assets.parts.human import FOREARM, HAND, UPPER_ARM, Body, bend
 from scene.assets.parts.skin import mirrored, revolve, sheet, slab, twin_sheets, weld
+from scene.assets.parts.vehicle import SHALLOW
 from scene.assets.parts.wardrobe import STYLES, sample_outfit
 from scene.look.materials import MATERIALS
-from tests.scene.conftest import SEEDS, make, mirror
+from tests.scene.conftest import SEEDS, cast, make, mirror
 
 RED = (0.5, 0.0, 0.0)
 BONE = st.floats(0.2, 0.5)
@@ -135,6 +138,27 @@ def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family):
             end = (middle[:, 0] > 0) == ahead
             assert {names[i] for i in asset.material[end]} >= {"rubber", "lamp"}
         assert (asset.material == names.index("glass")).any()
+
+
+@pytest.mark.parametrize("family", ["bus", "truck"])
+def test_nothing_stands_before_the_rims_of_large_vehicles(family):
+    module = {"bus": bus, "truck": truck}[family]
+    for kind, seed in product(module.KINDS, (3, 4)):
+        params = FAMILIES[family].sample(np.random.default_rng(seed), kind)
+        front = bus._axles(params)[0] if family == "bus" else params.length / 2 - params.axles[0]
+        triangles = FAMILIES[family].build(params).mesh.triangles
+        turn = np.arange(8) * np.pi / 4 + 0.1
+        reach = 0.25 * params.wheel_radius  # between the hub and the holes
+        for x, z in np.column_stack([np.cos(turn), np.sin(turn)]) * reach:
+            start = np.array([front + x, 3.0, params.wheel_radius + z])
+            away, _ = cast(start, np.array([[0.0, -1.0, 0.0]]), triangles)
+            assert 3 - away.min() == pytest.approx(rim(family, params), abs=1e-3), kind
+
+
+def rim(family, params):
+    """Where the floors of a vehicle's front rims are, metres from its middle."""
+    out, width = (bus.OUT, 0.3) if family == "bus" else (0.03, 0.32)
+    return params.width / 2 + out - SHALLOW * width
 
 
 @pytest.mark.parametrize("family", ["bicycle", "motorcycle"])

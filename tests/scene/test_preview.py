@@ -10,13 +10,15 @@ import trimesh
 from scene import CLASS_NAMES, RenderSettings, TrainId, colorize, renderer
 from scene.assets.catalogue import asset, bounds, surfaces
 from scene.assets.families import FAMILIES
-from scene.attributes import BY_NAME
+from scene.attributes import BY_NAME, NAMES
 from scene.preview.__main__ import main
 from scene.preview.closeup import SKIES, asset_street, fit, named_sky, surface_street
 from scene.preview.layout import CAPTION, Studio, captioned, grid, stack, tile
 from scene.preview.streets import sweep
+from scene.preview.themes import THEMES, VIEW, themed
 from scene.street.camera import camera_axes
-from tests.scene.conftest import POOL
+from scene.street.extras import Mix
+from tests.scene.conftest import POOL, chosen
 
 SMALL = RenderSettings(64, 48, samples=1)
 ROW = 32 + CAPTION
@@ -110,6 +112,27 @@ def test_pages_are_written(line, file, height, columns, tmp_path):
     assert out.read_bytes().startswith({".jpg": b"\xff\xd8", ".png": b"\x89PNG"}[out.suffix])
 
 
+@pytest.mark.parametrize("theme", THEMES.values(), ids=THEMES)
+def test_a_theme_gives_each_street_what_it_says_and_leaves_the_rest(theme):
+    rows = themed(theme, 3, 4)
+    wanted = {**VIEW, **theme.attributes}
+    for k, (name, row) in enumerate(BY_NAME.items()):
+        if name in wanted:
+            assert row.physical(rows[0, k]) == pytest.approx(wanted[name], abs=1e-5)
+        assert (np.ptp(rows[:, k]) > 0) == (k < len(NAMES) and name not in wanted)
+    assert set(theme.mix) <= set(Mix._fields)
+
+
+def test_a_theme_is_shown_by_both_renderers(tmp_path):
+    chosen("opengl")
+    line = "--theme islands --renderer both --streets 2 --size 48x36"
+    assert main(["--out", str(tmp_path / "page.png"), *line.split()]) == 0
+    page = cv2.imread(str(tmp_path / "page.png"))
+    assert page.shape == (2 * (24 + CAPTION), 2 * 32, 3)
+    first, second = (page[k * (24 + CAPTION) + CAPTION :][:24].astype(int) for k in range(2))
+    assert 0 < np.abs(first - second).mean() < 20
+
+
 @pytest.fixture
 def folder(shelf):
     """One box of our own, to stand for a bus."""
@@ -130,6 +153,8 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, cap
 
 @pytest.mark.parametrize(("flags", "message"), [
     ("--sweep hats", "unknown attribute 'hats'; known: illumination_intensity"),
+    ("--theme hats", "unknown theme 'hats'; known: islands, bends"),
+    ("--renderer both", "--renderer both goes with --theme only"),
     ("--asset boat", "no assets of class 'boat'; known: building"),
     ("--size 48", "must look like 640x320, not '48'"),
     ("--size 0x32", "0x32 is too small"),

@@ -55,6 +55,10 @@ def mudguard(
     return loft(np.array(edges), color, "paint", closed=False, caps=False)
 
 
+SHALLOW = 0.03
+"""Depth of the rims of lorries and buses, as a share of their width."""
+
+
 def axle(
     x: float,
     half_width: float,
@@ -65,9 +69,12 @@ def axle(
     rim_share: float = 0.6,
     sides: int = 14,
 ) -> Asset:
-    """A wheel on either side, outer faces at ``half_width``; without ``rim`` a dark disc (rails)."""
+    """A wheel on either side, outer faces at ``half_width``; without ``rim`` a dark disc (rails).
+
+    Rims are shallow, or the side of the body, which has no opening for a wheel, would stand before them.
+    """
     style = "cap" if rim is None else "steel"
-    one = Wheel(radius, width, style, 8, rim_share, TYRE if rim is None else rim)
+    one = Wheel(radius, width, style, 8, rim_share, TYRE if rim is None else rim, SHALLOW)
     return wheels(one, (x,), half_width, sides=sides)
 
 

@@ -24,6 +24,7 @@ class Wheel(NamedTuple):
     spokes: int = 5
     rim_share: float = 0.66  # of the radius
     color: Color = STEEL
+    dish: float = 0.18  # how deep the rim's floor lies, as a share of the width
 
 
 @lru_cache(maxsize=8)  # a lorry has the same one on every axle
@@ -31,7 +32,7 @@ def wheel(w: Wheel, *, sides: int = 14) -> Asset:
     """The wheel standing on z = 0 at x = 0, its outer face in y = 0, looking towards +y."""
     r, rim = w.radius, w.rim_share * w.radius
     tread = [(rim, 0.0), (0.93 * r, -0.004), (r, -0.16 * w.width), (r, -0.9 * w.width)]
-    dish = -0.18 * w.width
+    dish = -w.dish * w.width
     floor = w.color if w.style in ("cap", "steel") else BLACK
     parts = [
         revolve(tread[::-1], TYRE, "rubber", sides=sides),
