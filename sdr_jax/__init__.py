@@ -13,9 +13,9 @@ One that comes from elsewhere, at its own time: `AskTell`; from a program: `pyth
 from sdr_jax.ask_tell import AskTell, Trial
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import DataSets, HostReward, host_reward
-from sdr_jax.critic.actor_critic import actor_critic
-from sdr_jax.critic.intervals import intervals
-from sdr_jax.critic.linear import linear
+from sdr_jax.surrogate.surrogate import surrogate
+from sdr_jax.surrogate.intervals import intervals
+from sdr_jax.surrogate.linear import linear
 from sdr_jax.method import Info, Method
 from sdr_jax.policy import Policy
 from sdr_jax.registry import METHODS, MethodName
@@ -57,7 +57,7 @@ __all__ = [
     "RewardFn",
     "Space",
     "Trial",
-    "actor_critic",
+    "surrogate",
     "attribute_descent",
     "cma_es",
     "draw",

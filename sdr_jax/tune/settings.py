@@ -24,7 +24,7 @@ class Settings:
 
     attributes: tuple[Attribute, ...]
     groups: tuple[tuple[str, ...], ...] | None = None  # by name, in their order; None: one of all
-    method: str = "actor_critic"
+    method: str = "surrogate"
     method_options: dict[str, Any] = field(default_factory=dict)
     evaluations: int = 200  # in all, a multiple of the next
     datasets_per_update: int = 8  # scored between two updates, and so at most at once

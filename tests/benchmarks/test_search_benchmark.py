@@ -80,7 +80,7 @@ def test_a_table_is_projected_to_the_bins_of_the_centres() -> None:
         assert problem.true_value(proposal) == table[place]
     both = sdr_jax.relax(problem.space, np.asarray([[0, 3], [1, 0]]))
     assert problem.reward(jax.random.key(0), both).tolist() == [3.0, 4.0]
-    assert evaluate("actor_critic", problem, 20, 0) == 7.0
+    assert evaluate("surrogate", problem, 20, 0) == 7.0
 
 
 def test_recommendations_on_the_way_are_those_of_shorter_searches() -> None:

@@ -197,7 +197,7 @@ def test_a_method_is_made_with_its_own_options(name: str) -> None:
 
 
 BAD = {
-    "actor_critic": dict(temperature=[0.0, np.nan], degree=[0], pair_degree=[10]),
+    "surrogate": dict(temperature=[0.0, np.nan], degree=[0], pair_degree=[10]),
     "sdr": dict(updates_per_group=[0], unoptimised=["zero"], baseline=["none"]),
     "attribute_descent": dict(repeats=[0], unoptimised=["zero"]),
     "gaussian": dict(std=[0.0]),
@@ -218,7 +218,7 @@ def test_bad_options_are_refused(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "options", "culprit"), [
-    ("magic", {}, "unknown method 'magic'; known are actor_critic, sdr"),
+    ("magic", {}, "unknown method 'magic'; known are surrogate, sdr"),
     ("pbil", dict(speed=1), "pbil has no option 'speed'; known: rate"),
     ("random_search", dict(speed=1), "known: none"),
     ("sdr", dict(baseline="none"), "must be one of ema, ema_current"),

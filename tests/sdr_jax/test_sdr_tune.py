@@ -239,7 +239,7 @@ def test_the_folder_of_another_run_is_refused(runs, change, field) -> None:
     (A + "max = 1", "'a': key 'max' is unknown; known: name, bins"),
     ('groups = [["a", "b", "c"]]\n' + TWO, "unknown attribute(s) in the groups: 'c'"),
     ('groups = ["a", "b"]\n' + TWO, "groups must be lists of names"),
-    ('method = "magic"\n' + TWO, "method 'magic' is unknown; known: actor_critic"),
+    ('method = "magic"\n' + TWO, "method 'magic' is unknown; known: surrogate"),
     ("evaluation = 5\n" + TWO, "key 'evaluation' is unknown; known: attributes"),
     ("evaluations = 20\n" + TWO, "multiple of datasets_per_update = 8, such as 16 or 24"),
     ("evaluations = 0\n" + TWO, "evaluations is 0, but must be at least 1"),

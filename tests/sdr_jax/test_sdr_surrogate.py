@@ -1,4 +1,4 @@
-"""The critic, its features, and the methods that follow a model of the reward."""
+"""The model of effects, its features, and the methods that follow a model of the reward."""
 
 from functools import partial
 from itertools import product
@@ -11,24 +11,24 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import Method, Proposal, actor_critic, linear, run_on_host, space
-from sdr_jax.critic import critic, regression
-from sdr_jax.critic.actor_critic import follow, stratified
-from sdr_jax.critic.choices import choices, integrated, layout_of, scales
-from sdr_jax.critic.features import Features, evaluate, features, maximise, tables
+from sdr_jax import Method, Proposal, surrogate, linear, run_on_host, space
+from sdr_jax.surrogate import effects, regression
+from sdr_jax.surrogate.surrogate import follow, stratified
+from sdr_jax.surrogate.choices import choices, integrated, layout_of, scales
+from sdr_jax.surrogate.features import Features, evaluate, features, maximise, tables
 from sdr_jax.relaxation import bin_mask
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
 LAYOUT = features(SPACE, 3, 2, 0.5)
-MODEL = critic.make_critic(SPACE, 3, 2)
-METHODS = {"actor_critic": actor_critic(SPACE), "linear": linear(SPACE)}
+MODEL = effects.make_effects(SPACE, 3, 2)
+METHODS = {"surrogate": surrogate(SPACE), "linear": linear(SPACE)}
 
 BEST_OF = jax.jit(lambda key, weights: maximise(key, SPACE, LAYOUT, weights))
 TABLES = jax.jit(lambda weights, actions: tables(SPACE, LAYOUT, weights, actions))
-WAYS = critic.observe, critic.posterior, critic.best_bins, critic.mean_model, critic.values
+WAYS = effects.observe, effects.posterior, effects.best_bins, effects.mean_model, effects.values
 OBSERVE, POSTERIOR, BEST, MEAN, VALUES = (jax.jit(partial(way, MODEL)) for way in WAYS)
-DRAW_BEST = jax.jit(lambda key, belief: critic.draw_best(key, MODEL, belief, 200))
+DRAW_BEST = jax.jit(lambda key, belief: effects.draw_best(key, MODEL, belief, 200))
 STRATIFIED = jax.jit(lambda key, p: stratified(key, SPACE, p, 7))
 seeds = st.integers(0, 2**32 - 1)
 
@@ -42,17 +42,17 @@ def some(seed: int, n: int = 16) -> tuple[np.ndarray, np.ndarray]:
     return actions, (40 + rewards).astype(np.float32)
 
 
-def observed(updates: int) -> critic.CriticState:
-    state = critic.init_critic(MODEL)
+def observed(updates: int) -> effects.EffectsState:
+    state = effects.init_effects(MODEL)
     for seed in range(updates):
         state = OBSERVE(state, *some(seed))
     return state
 
 
-def fit(model: critic.Critic, actions: np.ndarray, rewards: np.ndarray) -> regression.Posterior:
-    observe, posterior = (jax.jit(partial(of, model)) for of in (critic.observe, critic.posterior))
+def fit(model: effects.Effects, actions: np.ndarray, rewards: np.ndarray) -> regression.Posterior:
+    observe, posterior = (jax.jit(partial(of, model)) for of in (effects.observe, effects.posterior))
     evaluations = actions.astype(np.int32), rewards.astype(np.float32)
-    return posterior(observe(critic.init_critic(model), *evaluations))
+    return posterior(observe(effects.init_effects(model), *evaluations))
 
 
 def random_policy(seed: int) -> np.ndarray:
@@ -129,7 +129,7 @@ def test_the_posterior_is_that_of_the_textbook() -> None:
 
 
 def test_failed_rewards_make_no_difference_to_what_is_known() -> None:
-    (actions, rewards), start = some(1), critic.init_critic(MODEL)
+    (actions, rewards), start = some(1), effects.init_effects(MODEL)
     once = OBSERVE(start, actions, rewards)
     kept = np.arange(16) % 3 != 0
     with_holes = OBSERVE(start, actions, np.where(kept, rewards, np.nan).astype(np.float32))
@@ -169,10 +169,10 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
 def test_what_all_attributes_bend_is_learnt_before_each_one_is() -> None:
     """Twelve attributes, twenty noisy rewards: hardly any is known alone, yet all keep off the ends."""
     names, rng = [f"x{i}" for i in range(12)], np.random.default_rng(0)
-    model = critic.make_critic(space(names, groups=[[name] for name in names]))
+    model = effects.make_effects(space(names, groups=[[name] for name in names]))
     actions = rng.integers(0, 10, (20, 12))
     rewards = -(((actions + 0.5) / 10 - 0.5) ** 2).sum(axis=1) + 0.1 * rng.normal(size=20)
-    best = np.asarray(critic.best_bins(model, fit(model, actions, rewards)))
+    best = np.asarray(effects.best_bins(model, fit(model, actions, rewards)))
     assert np.mean((best == 0) | (best == 9)) < 0.2
 
 
@@ -188,9 +188,9 @@ def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
 def test_interactions_are_as_fine_as_their_number_allows() -> None:
     for n, size, expected in ((23, 3, 1), (8, 10, 3), (4, 4, 3), (8, 2, 1), (3, 10, 9)):
         names = [f"x{i}" for i in range(n)]
-        assert critic.make_critic(space(names, bins=size)).layout.pair_degree == expected
+        assert effects.make_effects(space(names, bins=size)).layout.pair_degree == expected
         apart = space(names, bins=size, groups=[[name] for name in names])
-        assert len(critic.make_critic(apart).layout.pairs) == 0
+        assert len(effects.make_effects(apart).layout.pairs) == 0
 
 
 @settings(max_examples=20)
@@ -217,13 +217,13 @@ def test_every_stratified_action_is_drawn_from_the_policy() -> None:
 def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> None:
     """Two attributes that do not interact: the objective's gradient, by autodiff."""
     alone = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
-    model, rng = critic.make_critic(alone), np.random.default_rng(0)
+    model, rng = effects.make_effects(alone), np.random.default_rng(0)
     actions = rng.integers(0, alone.bins, (30, 2))
     rewards = 0.3 * actions[:, 0] - 0.1 * (actions[:, 1] - 3) ** 2 + 0.3 * rng.normal(size=30)
     belief, start = fit(model, actions, rewards), jnp.zeros(2, jnp.int32)
     followed = jax.jit(lambda tau: follow(model, belief, start, tau), static_argnums=0)
     logits = np.asarray(followed(1.0))
-    q = np.asarray(critic.mean_model(model, belief).alone)
+    q = np.asarray(effects.mean_model(model, belief).alone)
     for attribute, count in enumerate(alone.bins):
         own, table = logits[attribute, :count], q[attribute, :count]
         tau = np.ptp(table) / np.ptp(own)
@@ -252,7 +252,7 @@ def test_an_effect_is_found_and_what_has_none_stays_wide(method: Method) -> None
     np.testing.assert_allclose(method.solution(state).centre[1], 0.7, atol=1e-6)
     a, b, c, d = np.asarray(method.spread(state).width)
     assert b == pytest.approx(0.2, abs=0.15) and np.mean([a, c, d]) > 0.6
-    if method is METHODS["actor_critic"]:  # the other has no policy
+    if method is METHODS["surrogate"]:  # the other has no policy
         entropy = np.asarray(record.info.entropy)
         assert entropy[0] == pytest.approx(np.log([3, 5, 2, 4]).sum(), rel=1e-5)
         assert entropy[-1] < entropy[0] - 1

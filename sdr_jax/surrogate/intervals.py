@@ -8,10 +8,10 @@ import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float, Int
 
-from sdr_jax.critic import regression
-from sdr_jax.critic.choices import Start, choices, layout_of
-from sdr_jax.critic.features import Features, evaluate, maximise_each
-from sdr_jax.critic.regression import Posterior, Statistics
+from sdr_jax.surrogate import regression
+from sdr_jax.surrogate.choices import Start, choices, layout_of
+from sdr_jax.surrogate.features import Features, evaluate, maximise_each
+from sdr_jax.surrogate.regression import Posterior, Statistics
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
 from sdr_jax.space import Proposal, Space, Width
 

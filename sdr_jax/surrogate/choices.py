@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from sdr_jax.critic.features import Features, check_degrees
+from sdr_jax.surrogate.features import Features, check_degrees
 from sdr_jax.space import Space
 
 SCALES = 4

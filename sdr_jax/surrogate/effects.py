@@ -1,4 +1,4 @@
-"""The critic: a Bayesian model of the reward over bins, with the structure of the groups.
+"""A Bayesian model of the reward over bins: effects of attributes, and of pairs within groups.
 
     r(a) = b + sum_i f_i(a_i) + sum_{i<j in a group} g_ij(a_i, a_j) + noise
 
@@ -15,9 +15,9 @@ import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax.critic import features, regression
-from sdr_jax.critic.features import Features
-from sdr_jax.critic.regression import Posterior, Statistics
+from sdr_jax.surrogate import features, regression
+from sdr_jax.surrogate.features import Features
+from sdr_jax.surrogate.regression import Posterior, Statistics
 from sdr_jax.space import Space
 
 PAIR_FEATURES = 256
@@ -36,7 +36,7 @@ NOISE_SHARE, NOISE_WEIGHT = 0.3, 4.0
 """Prior of the noise: its share of the rewards' variance, and the evaluations that is worth."""
 
 
-class Critic(NamedTuple):
+class Effects(NamedTuple):
     """The model (constants): cosine features, and which effect each belongs to.
 
     Effects are the attributes, then the pairs, then the curvature that all attributes share.
@@ -49,8 +49,8 @@ class Critic(NamedTuple):
     bend: Float[np.ndarray, "features"]  # the layout's features that the curvature adds up
 
 
-class CriticState(NamedTuple):
-    """What the critic has learnt."""
+class EffectsState(NamedTuple):
+    """What the model has learnt."""
 
     statistics: Statistics
     scales: Float[Array, "effects"]  # prior variance of each effect; 0 before the first rewards
@@ -58,13 +58,13 @@ class CriticState(NamedTuple):
 
 
 class Model(NamedTuple):
-    """One function of the bins: the critic's mean, or a draw from its posterior."""
+    """One function of the bins: the posterior's mean, or a draw from its posterior."""
 
     alone: Float[Array, "*draws attributes bins"]  # f_i
     between: Float[Array, "*draws attributes attributes degree degree"]  # of cosines, symmetric
 
 
-def make_critic(space: Space, degree: int = 9, pair_degree: int | None = None) -> Critic:
+def make_effects(space: Space, degree: int = 9, pair_degree: int | None = None) -> Effects:
     """Lays the model out.
 
     f_i is a cosine series over the bins' values, g_ij a product of two shorter ones. Beside its own,
@@ -102,7 +102,7 @@ def make_critic(space: Space, degree: int = 9, pair_degree: int | None = None) -
     if degree > 1:
         bend[second] = layout.variance[second] > 0
     shared = (variance * bend).max(initial=0)
-    return Critic(
+    return Effects(
         space,
         layout,
         np.append(effect, effects).astype(np.int32),
@@ -111,20 +111,20 @@ def make_critic(space: Space, degree: int = 9, pair_degree: int | None = None) -
     )
 
 
-def init_critic(model: Critic) -> CriticState:
-    """A critic that has seen nothing."""
+def init_effects(model: Effects) -> EffectsState:
+    """A model that has seen nothing."""
     effects = int(model.effect.max()) + 1
     zero = jnp.zeros((), jnp.float32)
     scales = jnp.zeros(effects, jnp.float32)
-    return CriticState(regression.empty(len(model.effect)), scales, zero)
+    return EffectsState(regression.empty(len(model.effect)), scales, zero)
 
 
 def observe(
-    model: Critic,
-    state: CriticState,
+    model: Effects,
+    state: EffectsState,
     actions: Int[Array, "n attributes"],
     rewards: Float[Array, "n"],
-) -> CriticState:
+) -> EffectsState:
     """Counts evaluations in, and takes one step towards the scales of most evidence.
 
     The step is one of expectation maximisation, from where the last update left them. An effect's
@@ -136,18 +136,18 @@ def observe(
     data = regression.centred(statistics)
     variance = data.square / data.freedom
     fresh = state.noise <= 0
-    state = CriticState(
+    state = EffectsState(
         statistics,
         jnp.where(fresh, SIGNAL * variance * _first_scales(model), state.scales),
         jnp.where(fresh, (1 - SIGNAL) * variance, state.noise),
     )
     stepped = _maximise_evidence(model, state)
     enough = statistics.seen > 1  # two rewards make a difference
-    zeros = CriticState(statistics, jnp.zeros_like(state.scales), jnp.zeros_like(state.noise))
+    zeros = EffectsState(statistics, jnp.zeros_like(state.scales), jnp.zeros_like(state.noise))
     return jax.tree.map(lambda a, b: jnp.where(enough, a, b), stepped, zeros)
 
 
-def posterior(model: Critic, state: CriticState) -> Posterior:
+def posterior(model: Effects, state: EffectsState) -> Posterior:
     """The belief about the weights; that of the prior before two rewards are known."""
     scales = jnp.where(state.noise > 0, state.scales, 1.0)
     noise = jnp.where(state.noise > 0, state.noise, 1.0)
@@ -155,18 +155,18 @@ def posterior(model: Critic, state: CriticState) -> Posterior:
     return regression.posterior(regression.centred(state.statistics), std, jnp.sqrt(noise))[0]
 
 
-def mean_model(model: Critic, belief: Posterior) -> Model:
+def mean_model(model: Effects, belief: Posterior) -> Model:
     """The posterior's mean."""
     return _model(model, belief.mean)
 
 
-def draw_models(rng_key: Key[Array, ""], model: Critic, belief: Posterior, n: int) -> Model:
+def draw_models(rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int) -> Model:
     """Draws from the posterior, stacked on a leading axis; the key is consumed."""
     return jax.vmap(partial(_model, model))(regression.draw(rng_key, belief, n))
 
 
 def values(
-    model: Critic, function: Model, probabilities: Float[Array, "attributes bins"]
+    model: Effects, function: Model, probabilities: Float[Array, "attributes bins"]
 ) -> Float[Array, "attributes bins"]:
     """Expected reward of each bin of each attribute, the others left to the policy.
 
@@ -188,14 +188,14 @@ def values(
     return function.alone + jnp.einsum("abp,ap->ab", short, pulls)
 
 
-def best_bins(model: Critic, belief: Posterior) -> Int[Array, "attributes"]:
+def best_bins(model: Effects, belief: Posterior) -> Int[Array, "attributes"]:
     """The bins of the highest mean: coordinate ascent from a few starts."""
     weights = _plain(model, belief.mean)
     return features.maximise(jax.random.key(0), model.space, model.layout, weights)
 
 
 def draw_best(
-    rng_key: Key[Array, ""], model: Critic, belief: Posterior, n: int
+    rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int
 ) -> Int[Array, "n attributes"]:
     """The best bins of each of n models drawn from the posterior; the key is consumed."""
     weights_key, start_key = jax.random.split(rng_key)
@@ -203,16 +203,16 @@ def draw_best(
     return features.maximise_each(start_key, model.space, model.layout, weights)
 
 
-def _plain(model: Critic, weights: Array) -> Array:
+def _plain(model: Effects, weights: Array) -> Array:
     """Weights of the layout's features alone: the shared curvature is handed out."""
     return weights[:-1] + weights[-1] * model.bend
 
 
-def _model(model: Critic, weights: Array) -> Model:
+def _model(model: Effects, weights: Array) -> Model:
     return Model(*features.split(model.layout, _plain(model, weights)))
 
 
-def _first_scales(model: Critic) -> Float[np.ndarray, "effects"]:
+def _first_scales(model: Effects) -> Float[np.ndarray, "effects"]:
     attributes, pairs = model.space.attributes, len(model.layout.pairs)
     share = PAIR_SHARE if pairs else 0.0
     own = np.full(attributes, (1 - share) / attributes)
@@ -220,7 +220,7 @@ def _first_scales(model: Critic) -> Float[np.ndarray, "effects"]:
     return np.concatenate([own, interactions, own[:1]]).astype(np.float32)
 
 
-def _maximise_evidence(model: Critic, state: CriticState) -> CriticState:
+def _maximise_evidence(model: Effects, state: EffectsState) -> EffectsState:
     """One step of expectation maximisation of scales and noise."""
     attributes, pairs = model.space.attributes, len(model.layout.pairs)
     data = regression.centred(state.statistics)
@@ -251,4 +251,4 @@ def _maximise_evidence(model: Critic, state: CriticState) -> CriticState:
     )
     variance = data.square / data.freedom
     noise = (misfit + NOISE_WEIGHT * NOISE_SHARE * variance) / (data.freedom + NOISE_WEIGHT)
-    return CriticState(state.statistics, scales, jnp.maximum(noise, 1e-4 * variance))
+    return EffectsState(state.statistics, scales, jnp.maximum(noise, 1e-4 * variance))
