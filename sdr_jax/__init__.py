@@ -13,9 +13,6 @@ One that comes from elsewhere, at its own time: `AskTell`; from a program: `pyth
 from sdr_jax.ask_tell import AskTell, Trial
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import DataSets, HostReward, host_reward
-from sdr_jax.surrogate.surrogate import surrogate
-from sdr_jax.surrogate.intervals import intervals
-from sdr_jax.surrogate.linear import linear
 from sdr_jax.method import Info, Method
 from sdr_jax.policy import Policy
 from sdr_jax.registry import METHODS, MethodName
@@ -41,6 +38,9 @@ from sdr_jax.run import (
 )
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Proposal, Space, draw, space
+from sdr_jax.surrogate.intervals import intervals
+from sdr_jax.surrogate.linear import linear
+from sdr_jax.surrogate.surrogate import surrogate
 
 __all__ = [
     "METHODS",
@@ -57,7 +57,6 @@ __all__ = [
     "RewardFn",
     "Space",
     "Trial",
-    "surrogate",
     "attribute_descent",
     "cma_es",
     "draw",
@@ -83,5 +82,6 @@ __all__ = [
     "slide",
     "space",
     "squared_percent",
+    "surrogate",
     "tpe",
 ]

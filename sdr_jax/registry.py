@@ -7,9 +7,6 @@ from typing import Any, Literal, NamedTuple
 import optax
 
 from sdr_jax.baseline import ema, leave_one_out
-from sdr_jax.surrogate.surrogate import surrogate
-from sdr_jax.surrogate.intervals import intervals
-from sdr_jax.surrogate.linear import linear
 from sdr_jax.method import Method
 from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.rivals.attribute_descent import attribute_descent
@@ -21,6 +18,9 @@ from sdr_jax.rivals.random_search import random_search
 from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Space, Width
+from sdr_jax.surrogate.intervals import intervals
+from sdr_jax.surrogate.linear import linear
+from sdr_jax.surrogate.surrogate import surrogate
 
 MethodName = Literal[
     "surrogate",

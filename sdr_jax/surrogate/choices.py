@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from sdr_jax.surrogate.features import Features, check_degrees
 from sdr_jax.space import Space
+from sdr_jax.surrogate.features import Features, check_degrees
 
 SCALES = 4
 """Widths 1, 1/2, 1/4, 1/8: 1 + 3 + 7 + 15 intervals, each overlapping its neighbours by half."""

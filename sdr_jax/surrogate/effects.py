@@ -15,10 +15,10 @@ import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float, Int, Key
 
+from sdr_jax.space import Space
 from sdr_jax.surrogate import features, regression
 from sdr_jax.surrogate.features import Features
 from sdr_jax.surrogate.regression import Posterior, Statistics
-from sdr_jax.space import Space
 
 PAIR_FEATURES = 256
 """About as many features do all interactions together get, which decides how fine they are."""

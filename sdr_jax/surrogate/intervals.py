@@ -8,12 +8,12 @@ import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float, Int
 
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
+from sdr_jax.space import Proposal, Space, Width
 from sdr_jax.surrogate import regression
 from sdr_jax.surrogate.choices import Start, choices, layout_of
 from sdr_jax.surrogate.features import Features, evaluate, maximise_each
 from sdr_jax.surrogate.regression import Posterior, Statistics
-from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
-from sdr_jax.space import Proposal, Space, Width
 
 SIGNALS = np.geomspace(0.003, 30, 7).astype(np.float32)
 PAIRS = np.asarray([0.0, 0.1, 1.0], np.float32)

@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import Method, Proposal, surrogate, linear, run_on_host, space
+from sdr_jax import Method, Proposal, linear, run_on_host, space, surrogate
+from sdr_jax.relaxation import bin_mask
 from sdr_jax.surrogate import effects, regression
-from sdr_jax.surrogate.surrogate import follow, stratified
 from sdr_jax.surrogate.choices import choices, integrated, layout_of, scales
 from sdr_jax.surrogate.features import Features, evaluate, features, maximise, tables
-from sdr_jax.relaxation import bin_mask
+from sdr_jax.surrogate.surrogate import follow, stratified
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
@@ -50,7 +50,9 @@ def observed(updates: int) -> effects.EffectsState:
 
 
 def fit(model: effects.Effects, actions: np.ndarray, rewards: np.ndarray) -> regression.Posterior:
-    observe, posterior = (jax.jit(partial(of, model)) for of in (effects.observe, effects.posterior))
+    observe, posterior = (
+        jax.jit(partial(of, model)) for of in (effects.observe, effects.posterior)
+    )
     evaluations = actions.astype(np.int32), rewards.astype(np.float32)
     return posterior(observe(effects.init_effects(model), *evaluations))
 
