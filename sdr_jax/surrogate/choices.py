@@ -1,59 +1,71 @@
 """Intervals of several widths as what may be chosen for an attribute, and how a model sees an interval."""
 
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
+from sdr_jax.relaxation import bin_centres, bin_mask, ordered
 from sdr_jax.space import Space
-from sdr_jax.surrogate.features import Features, check_degrees
-
-SCALES = 4
-"""Widths 1, 1/2, 1/4, 1/8: 1 + 3 + 7 + 15 intervals, each overlapping its neighbours by half."""
+from sdr_jax.surrogate.effects import Effects, effects_of
+from sdr_jax.surrogate.features import affordable, check_degrees, lay_out, own_variances
 
 NARROW = 1 / 16
 """Narrower intervals are alike to the model."""
-
-MOST_PAIRS = 700
-"""Features of pairs; spaces that would have more get fewer cosines for each, or no pairs."""
-
 
 Start = tuple[Float[np.ndarray, "attributes"], Float[np.ndarray, "attributes"]]
 """Centre and width of every attribute's interval where a search begins."""
 
 
 class Choices(NamedTuple):
-    """What may be chosen for each attribute (constants); the last choice is where the search starts."""
+    """What may be chosen for each attribute (constants)."""
 
     space: Space  # the attributes with their choices in place of bins
-    centre: Float[np.ndarray, "attributes choices"]
-    width: Float[np.ndarray, "attributes choices"]
+    centre: Float[np.ndarray, "attributes choices"]  # 0.5 beyond an attribute's choices
+    width: Float[np.ndarray, "attributes choices"]  # ... and 1
+    began: Int[np.ndarray, "attributes"]  # the choice where the search begins
 
 
-def scales(count: int = SCALES) -> tuple[np.ndarray, np.ndarray]:
-    """Centres and widths f32[intervals] of intervals of widths 1, 1/2, ..., half a width apart."""
-    widths = [2.0**-k for k in range(count)]
-    pairs = [(w / 2 * (k + 1), w) for w in widths for k in range(round(2 / w) - 1)]
-    centre, width = np.asarray(pairs, np.float32).T
-    return centre, width
+def runs(bins: int, in_order: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Centres and widths f32[intervals] of runs of 1, 2, 4, ... of so many bins, and of all of them.
+
+    Runs of more than one overlap their neighbours by half; the last ends where the range does. Bins
+    without an order are taken one by one, or all.
+    """
+    found = {(0, bins)}  # first bin, how many
+    length = 1
+    while length < bins and (in_order or length == 1):
+        last = bins - length
+        found |= {(first, length) for first in (*range(0, last, max(length // 2, 1)), last)}
+        length *= 2
+    first, many = np.asarray(sorted(found, key=lambda run: (-run[1], run[0])), np.float32).T
+    return (first + many / 2) / bins, many / bins
 
 
-def choices(space: Space, start: Start, count: int = SCALES) -> Choices:
-    """The intervals of all scales for each attribute, and after them the start's own.
+def choices(space: Space, start: Start) -> Choices:
+    """The runs of bins of each attribute, and after them the start's own interval if it is none of them.
 
     Args:
-        space: the attributes and their groups; its bins play no part.
+        space: the attributes, their bins and groups.
         start: where the search begins.
-        count: of scales.
     """
-    common = scales(count)
-    centre, width = (
-        np.concatenate([np.tile(own, (space.attributes, 1)), np.asarray(first)[:, None]], axis=1)
-        for own, first in zip(common, start, strict=True)
-    )
-    sizes = (centre.shape[1],) * space.attributes
-    return Choices(Space(space.names, sizes, space.groups), centre, width)
+    rows, began = [], []
+    for attribute, bins in enumerate(space.bins):
+        centre, width = runs(bins, attribute not in space.unordered)
+        first = np.float32([part[attribute] for part in start])
+        alike = np.all(np.abs(np.stack([centre, width]) - first[:, None]) < 1e-5, axis=0)
+        if not alike.any():
+            centre, width = np.append(centre, first[0]), np.append(width, first[1])
+            alike = np.append(alike, True)
+        rows.append((centre, width))
+        began.append(int(np.argmax(alike)))
+    sizes = tuple(len(centre) for centre, _ in rows)
+    padded = [np.full((space.attributes, max(sizes)), fill, np.float32) for fill in (0.5, 1.0)]
+    for attribute, row in enumerate(rows):
+        for part, own in zip(padded, row, strict=True):
+            part[attribute, : len(own)] = own
+    chosen = Space(space.names, sizes, space.groups, space.unordered)
+    return Choices(chosen, *padded, np.asarray(began, np.int32))
 
 
 def integrated(
@@ -75,24 +87,40 @@ def integrated(
     return np.concatenate([cosines, narrow], axis=-1).astype(np.float32)
 
 
-def layout_of(chosen: Choices, degree: int, pair_degree: int) -> Features:
-    """The features of choices; their prior variance is 1 / m^2, the narrowness' 1 / 4, a pair's 1 / (m l)^2.
+def covered(
+    bins: int, centre: Float[np.ndarray, "*batch"], width: Float[np.ndarray, "*batch"]
+) -> Float[np.ndarray, "*batch bins"]:
+    """How much of intervals lies in each of so many bins."""
+    edges = np.arange(bins + 1) / bins
+    width = np.maximum(np.asarray(width), 1e-6)[..., None]
+    filled = np.diff(np.clip((edges - np.asarray(centre)[..., None]) / width + 0.5, 0, 1))
+    return filled / filled.sum(axis=-1, keepdims=True)
+
+
+def make_effects(
+    space: Space, chosen: Choices, degree: int, pair_degree: int | None = None
+) -> Effects:
+    """Lays the model over choices out: `effects.make_effects` with features integrated over intervals.
+
+    Beside the second cosine, what being narrow is worth is shared by all attributes. Bins without an order
+    have their features' means over what an interval covers of them.
 
     Raises:
         ValueError: a degree out of range.
     """
-    check_degrees(degree, pair_degree)
-    basis = integrated(chosen.centre, chosen.width, degree)
-    orders = np.arange(1, degree + 1, dtype=np.float32)
-    own = np.tile(np.append(1 / orders**2, 0.25), (chosen.space.attributes, 1))
-    pairs = [pair for group in chosen.space.groups for pair in combinations(group, 2)]
-    while pair_degree and len(pairs) * pair_degree**2 > MOST_PAIRS:
-        pair_degree -= 1
-    pairs = pairs if pair_degree else []
-    products = np.tile(np.outer(own[0, :pair_degree], own[0, :pair_degree]).ravel(), len(pairs))
-    return Features(
-        basis,
-        np.asarray(pairs, np.int32).reshape(-1, 2),
-        pair_degree,
-        np.concatenate([own.ravel(), products]).astype(np.float32),
-    )
+    check_degrees(degree, 0 if pair_degree is None else pair_degree)
+    own = own_variances(space, degree)
+    columns = own.shape[1]
+    basis = integrated(chosen.centre, chosen.width, columns)
+    for attribute in space.unordered:
+        bins = space.bins[attribute]
+        at = bin_centres(space)[attribute, :bins, None]
+        cosines = np.sqrt(2) * np.cos(np.pi * at * np.arange(1, columns + 1))
+        shares = covered(bins, chosen.centre[attribute], chosen.width[attribute])
+        basis[attribute, :, :columns] = shares @ cosines
+    there = np.append(own > 0, ordered(space)[:, None], axis=1)
+    basis = basis * there[:, None, :] * bin_mask(chosen.space)[:, :, None]
+    own = np.append(own, 0.25 * ordered(space)[:, None], axis=1)
+    pairs = affordable(space, degree) if pair_degree is None else pair_degree
+    layout = lay_out(chosen.space, basis, own, pairs)
+    return effects_of(chosen.space, layout, columns=(1, columns) if columns > 1 else (columns,))

@@ -5,40 +5,35 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float, Int
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
+from sdr_jax.relaxation import random_bins
 from sdr_jax.space import Proposal, Space, Width
-from sdr_jax.surrogate import regression
-from sdr_jax.surrogate.choices import Start, choices, layout_of
-from sdr_jax.surrogate.features import Features, evaluate, maximise_each
-from sdr_jax.surrogate.regression import Posterior, Statistics
-
-SIGNALS = np.geomspace(0.003, 30, 7).astype(np.float32)
-PAIRS = np.asarray([0.0, 0.1, 1.0], np.float32)
-"""Prior variances of an effect, relative to the noise's, and of an interaction, relative to an effect's; the
-evidence chooses among them."""
+from sdr_jax.surrogate import effects
+from sdr_jax.surrogate import memory as memories
+from sdr_jax.surrogate.choices import Start, choices, make_effects
+from sdr_jax.surrogate.features import maximise_each
+from sdr_jax.surrogate.regression import Posterior
+from sdr_jax.surrogate.surely import surely
 
 SHARES = np.asarray([0.3, 0.6, 1.0], np.float32)
 """Shares of attributes that a data set tries anew; the others stay at the answer so far."""
-
-SWEEPS = 3
-"""How often the answer is gone over, attribute by attribute."""
 
 SURE = 2.0
 """Standard deviations by which a move must pay to be in `spread`."""
 
 DRAWS = 64
-"""Draws from the posterior behind `probabilities`."""
+"""Data sets behind `probabilities`."""
 
 
 class IntervalsState(NamedTuple):
     """What the regression has learnt."""
 
-    statistics: Statistics
+    seen: effects.EffectsState
     belief: Posterior  # of the weights
     answer: Int[Array, "attributes"]  # choices
+    memory: memories.Memory
 
 
 def intervals(
@@ -47,34 +42,36 @@ def intervals(
     *,
     start: tuple[tuple[float, ...], tuple[float, ...]] | None = None,
     caution: float = 0.3,
-    degree: int = 6,
-    pair_degree: int = 2,
+    degree: int = 9,
+    pair_degree: int | None = None,
 ) -> Method:
     """Which attributes to narrow, and to what, by a Bayesian regression on what intervals have in them.
 
-    Actions are intervals of [0, 1] of widths 1 to 1/8 (`choices`), or the attribute's own in `start`; bins
-    and their relaxation play no part. The reward of a data set is modelled as linear in its density,
+    Actions are intervals: runs of an attribute's bins, from single ones to all of them (`choices.runs`), or
+    its own in `start`; relaxation plays no part. The reward of a data set is modelled as linear in its
+    density,
 
         y = b + sum_i w_i . phi(c_i, w_i) + sum_{i<j in a group} phi(i) W_ij phi(j) + noise
 
     with cosines integrated over the interval and one term for its narrowness (`choices.integrated`), so
-    data sets of any width teach one model. How large effects and interactions are, beside the noise, is
-    chosen by the evidence at every update.
+    data sets of any width teach one model. How large each effect, each interaction and the noise are is
+    learnt by evidence (`effects.py`).
 
-    The first data sets are the start's and random ones, alternately. After them each is the answer so far
-    with a random share of its attributes changed, to what is best under a draw of the posterior (Thompson
-    sampling).
+    The first data set is the start's, the second random attributes, further ones of that update have half of
+    their attributes at the start and half at any choice. From then on each is the answer so far with a random
+    share of its attributes changed, to what is best under a draw of the posterior (Thompson sampling). Where
+    repeats show that rewards have no noise, nothing is tried twice (`memory.py`).
 
     The answer is the start, but for the attributes of which a choice is better than the start's by more than
     `caution` standard deviations of that difference. In `spread` it must be by two.
 
     Args:
-        space: the attributes, and the groups whose members may interact.
+        space: the attributes, their bins, and the groups whose members may interact.
         width: plays no part.
         start: centres and widths of where to begin; by default random attributes.
         caution: see above, 0 or more; 0 moves wherever it pays on average.
         degree: cosines per attribute.
-        pair_degree: cosines per attribute in interactions; fewer, or none, where groups are large.
+        pair_degree: cosines per attribute in interactions; by default see `effects.make_effects`.
 
     Returns:
         The method, for any number of updates; `entropy` in its info is NaN.
@@ -87,102 +84,57 @@ def intervals(
     del width
     if not (caution >= 0 and np.isfinite(caution)):
         raise ValueError(f"caution is {caution}, but must be 0 or more")
-    first = _checked(space, start)
-    chosen = choices(space, first)
-    layout = layout_of(chosen, degree, pair_degree)
-    own = space.attributes * layout.basis.shape[2]
-    size = len(layout.variance)
-    began = jnp.full(space.attributes, chosen.centre.shape[1] - 1, jnp.int32)
-    among = np.where(np.arange(size) < own, 1.0, PAIRS[:, None]).astype(np.float32)
-    priors = SIGNALS[:, None, None] * among * layout.variance
-    stds = jnp.sqrt(jnp.asarray(priors.reshape(-1, size)))
+    chosen = choices(space, _checked(space, start))
+    model = make_effects(space, chosen, degree, pair_degree)
+    began = jnp.asarray(chosen.began)
 
-    def fitted(statistics: Statistics) -> IntervalsState:
-        belief = regression.by_evidence(regression.centred(statistics), stds)
-        moved = surely(layout, belief, began, caution)
-        # Two rewards make a difference.
-        return IntervalsState(statistics, belief, jnp.where(statistics.seen > 1, moved, began))
+    def fitted(seen: effects.EffectsState, memory: memories.Memory) -> IntervalsState:
+        belief = effects.posterior(model, seen)
+        moved = jnp.where(seen.noise > 0, surely(model, belief, chosen.began, caution), began)
+        answer = jnp.where(memories.exact(memory), memories.best(memory), moved)
+        return IntervalsState(seen, belief, answer, memory)
 
     def proposed(actions: Array) -> Proposal:
         rows = jnp.arange(space.attributes)
-        return Proposal(*(jnp.asarray(part)[rows, actions] for part in chosen[1:]))
+        return Proposal(*(jnp.asarray(part)[rows, actions] for part in chosen[1:3]))
 
     def init(rng_key: RngKey) -> IntervalsState:
         del rng_key  # nothing is random before the first sample
-        return fitted(regression.empty(size))
+        return fitted(effects.init_effects(model), memories.empty(space.attributes))
 
     def sample(rng_key: RngKey, state: IntervalsState, n: int) -> tuple[Bins, Proposal]:
-        draw_key, start_key, share_key, which_key = jax.random.split(rng_key, 4)
-        weights = regression.draw(draw_key, state.belief, n)
-        best = maximise_each(start_key, chosen.space, layout, weights)
+        draw_key, start_key, share_key, which_key, open_key = jax.random.split(rng_key, 5)
+        weights = effects.draw_plain(draw_key, model, state.belief, n)
+        best = maximise_each(start_key, chosen.space, model.layout, weights)
         share = jax.random.choice(share_key, jnp.asarray(SHARES), (n, 1))
-        anew = jax.random.uniform(which_key, best.shape) < share
-        changed = jnp.where(anew, best, state.answer[None, :])
-        turn = (state.statistics.seen.astype(jnp.int32) + jnp.arange(n)) % 2
-        opening = jnp.where(turn[:, None] == 0, began[None, :], 0)
-        actions = jnp.where(state.statistics.seen > 1, changed, opening)
+        chance = jax.random.uniform(which_key, best.shape)
+        changed = jnp.where(chance < share, best, state.answer[None, :])
+        mixed = jnp.where(chance < 0.5, random_bins(open_key, chosen.space, n), began[None, :])
+        turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)[:, None]
+        opening = jnp.where(turn == 0, began[None, :], jnp.where(turn == 1, 0, mixed))
+        actions = jnp.where(state.seen.noise > 0, changed, opening)
+        actions = memories.untried(state.memory, chosen.space, model.layout, weights, actions)
         return actions, proposed(actions)
 
     def update(
         state: IntervalsState, actions: Bins, rewards: Rewards
     ) -> tuple[IntervalsState, Info]:
-        statistics = regression.add(state.statistics, evaluate(layout, actions), rewards)
-        return fitted(statistics), plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+        seen = effects.observe(model, state.seen, actions, rewards)
+        memory = memories.remember(state.memory, actions, rewards)
+        return fitted(seen, memory), plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
 
     def solution(state: IntervalsState) -> Proposal:
         return proposed(state.answer)
 
     def spread(state: IntervalsState) -> Proposal:
-        moved = surely(layout, state.belief, began, max(SURE, caution))
-        return proposed(jnp.where(state.statistics.seen > 1, moved, began))
+        moved = surely(model, state.belief, chosen.began, max(SURE, caution))
+        return proposed(jnp.where(state.seen.noise > 0, moved, began))
 
     def probabilities(state: IntervalsState) -> Float[Array, "attributes bins"]:
         _, tried = sample(jax.random.key(1), state, DRAWS)
         return shares_of_bins(space, tried)
 
     return jitted(init, sample, update, solution, probabilities, spread)
-
-
-def surely(
-    layout: Features, belief: Posterior, began: Int[Array, "attributes"], caution: float
-) -> Int[Array, "attributes"]:
-    """Where it began, but for the attributes that a move surely helps.
-
-    Attribute after attribute, the others where they then are: the choice a of the largest
-
-        E[f(a) - f(start)] - caution * std[f(a) - f(start)]
-
-    under the posterior of the model f; that of the start itself is 0.
-    """
-    basis = jnp.asarray(layout.basis)
-    attributes, _, degree = basis.shape
-    first, second = (jnp.asarray(own) for own in layout.pairs.T)
-    short = layout.pair_degree
-
-    def difference(attribute: Array, actions: Array) -> Array:
-        """Features f32[choices, features] of an attribute's choices less those of where it began."""
-        change = basis[attribute] - basis[attribute, began[attribute]][None, :]
-        alone = jnp.zeros((change.shape[0], attributes, degree)).at[:, attribute].set(change)
-        at = basis[jnp.arange(attributes), actions, :short]
-        mine = change[:, :short]
-        one = (first == attribute)[:, None] * at[second]
-        other = (second == attribute)[:, None] * at[first]
-        pairs = jnp.einsum("cp,jq->cjpq", mine, one) + jnp.einsum("jp,cq->cjpq", other, mine)
-        return jnp.concatenate(
-            [alone.reshape(len(change), -1), pairs.reshape(len(change), -1)], axis=1
-        )
-
-    def move(step: Array, actions: Array) -> Array:
-        attribute = step % attributes
-        changes = difference(attribute, actions)
-        whitened = solve_triangular(belief.factor, (belief.scale[None, :] * changes).T, lower=True)
-        std = jnp.linalg.norm(whitened, axis=0)
-        bound = changes @ belief.mean - caution * std
-        best = jnp.argmax(bound).astype(jnp.int32)
-        better = jnp.where(bound[best] > 0, best, began[attribute])
-        return actions.at[attribute].set(better)
-
-    return jax.lax.fori_loop(0, SWEEPS * attributes, move, began)
 
 
 def shares_of_bins(space: Space, proposals: Proposal) -> Float[Array, "attributes bins"]:

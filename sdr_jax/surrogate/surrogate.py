@@ -12,6 +12,8 @@ from sdr_jax.policy import entropy
 from sdr_jax.relaxation import UNDECIDED, bin_mask, check_relaxation, moments, relax
 from sdr_jax.space import Proposal, Space, Width
 from sdr_jax.surrogate import effects
+from sdr_jax.surrogate import memory as memories
+from sdr_jax.surrogate.features import maximise_each
 from sdr_jax.surrogate.regression import Posterior
 
 SWEEPS = 4
@@ -27,7 +29,8 @@ class SurrogateState(NamedTuple):
     seen: effects.EffectsState
     belief: Posterior  # of the weights
     logits: Float[Array, "attributes bins"]  # minus infinity for bins an attribute lacks
-    best: Int[Array, "attributes"]  # bins of the model's highest mean, -1 before two rewards
+    best: Int[Array, "attributes"]  # bins of the answer, -1 before two rewards
+    memory: memories.Memory
 
 
 def surrogate(
@@ -53,12 +56,13 @@ def surrogate(
     alternate with new expectations. Groups say which attributes may interact, not in which order to
     learn: all are learnt at once.
 
-    Policies of independent attributes cannot say "both or neither". So every second data set is not
-    drawn from them, but the best of a model drawn from the posterior (Thompson sampling). Draws
-    from the policies are stratified.
+    Policies of independent attributes cannot say "both or neither". So every second data set, counted
+    over all updates, is not drawn from them, but the best of a model drawn from the posterior (Thompson
+    sampling). Draws from the policies are stratified. Where repeats show that rewards have no noise, nothing
+    is tried twice (`memory.py`).
 
-    The answer holds the bins of the model's highest mean, not of the luckiest draw. `spread` has the
-    moments of the policy: what drowns in the noise stays wide.
+    The answer holds the bins of the model's highest mean, not of the luckiest draw; of rewards without
+    noise it is the best seen. `spread` has the moments of the policy: what drowns in the noise stays wide.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
@@ -88,14 +92,19 @@ def surrogate(
         undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
         seen = effects.init_effects(model)
         belief = effects.posterior(model, seen)
-        return SurrogateState(seen, belief, jnp.asarray(level), undecided)
+        return SurrogateState(
+            seen, belief, jnp.asarray(level), undecided, memories.empty(space.attributes)
+        )
 
     def sample(rng_key: RngKey, state: SurrogateState, n: int) -> tuple[Bins, Proposal]:
-        policy_key, draw_key = jax.random.split(rng_key)
+        policy_key, draw_key, start_key = jax.random.split(rng_key, 3)
         actions = stratified(policy_key, space, jax.nn.softmax(state.logits), n)
-        believed = effects.draw_best(draw_key, model, state.belief, n)
-        second = (jnp.arange(n) % 2 == 1) & (state.seen.noise > 0)
+        drawn = effects.draw_plain(draw_key, model, state.belief, n)
+        believed = maximise_each(start_key, space, model.layout, drawn)
+        turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)
+        second = (turn % 2 == 1) & (state.seen.noise > 0)
         actions = jnp.where(second[:, None], believed, actions)
+        actions = memories.untried(state.memory, space, model.layout, drawn, actions)
         return actions, relax(space, actions, width)
 
     def update(
@@ -106,12 +115,15 @@ def surrogate(
         belief = effects.posterior(model, seen)
         best = effects.best_bins(model, belief)
         logits = follow(model, belief, best, temperature)
+        memory = memories.remember(state.memory, actions, rewards)
         known = seen.noise > 0
+        best = jnp.where(memories.exact(memory), memories.best(memory), best)
         next_state = SurrogateState(
             seen,
             belief,
             jnp.where(known, logits, state.logits),
             jnp.where(known, best, state.best),
+            memory,
         )
         return next_state, info
 
