@@ -26,6 +26,16 @@ def slide(
     return Proposal(jnp.clip(centre, width / 2, 1 - width / 2), width)
 
 
+def snap(space: Space, proposal: Proposal) -> Proposal:
+    """Puts attributes without an order at the value that their centre lies in; others stay."""
+    bins = jnp.asarray(space.bins, jnp.float32)
+    value = (jnp.clip(jnp.floor(proposal.centre * bins), 0, bins - 1) + 0.5) / bins
+    return Proposal(
+        jnp.where(ordered(space), proposal.centre, value),
+        jnp.where(ordered(space), proposal.width, 1 / bins),
+    )
+
+
 def check_relaxation(space: Space, width: Width, unoptimised: str) -> None:
     """Raises ValueError if `relax` cannot work with these options."""
     if unoptimised not in UNOPTIMISED:

@@ -14,8 +14,15 @@ import sdr_jax
 from sdr_jax import Method, Proposal, linear, run_on_host, space, surrogate
 from sdr_jax.relaxation import bin_mask
 from sdr_jax.surrogate import effects, regression
-from sdr_jax.surrogate.choices import choices, integrated, layout_of, scales
-from sdr_jax.surrogate.features import Features, evaluate, features, maximise, tables
+from sdr_jax.surrogate.choices import choices, integrated, runs
+from sdr_jax.surrogate.features import (
+    Features,
+    evaluate,
+    features,
+    maximise,
+    maximise_each,
+    tables,
+)
 from sdr_jax.surrogate.surrogate import follow, stratified
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
@@ -28,7 +35,14 @@ BEST_OF = jax.jit(lambda key, weights: maximise(key, SPACE, LAYOUT, weights))
 TABLES = jax.jit(lambda weights, actions: tables(SPACE, LAYOUT, weights, actions))
 WAYS = effects.observe, effects.posterior, effects.best_bins, effects.mean_model, effects.values
 OBSERVE, POSTERIOR, BEST, MEAN, VALUES = (jax.jit(partial(way, MODEL)) for way in WAYS)
-DRAW_BEST = jax.jit(lambda key, belief: effects.draw_best(key, MODEL, belief, 200))
+
+
+@jax.jit
+def DRAW_BEST(key, belief):
+    weights = effects.draw_plain(key, MODEL, belief, 200)
+    return maximise_each(key, SPACE, MODEL.layout, weights)
+
+
 STRATIFIED = jax.jit(lambda key, p: stratified(key, SPACE, p, 7))
 seeds = st.integers(0, 2**32 - 1)
 
@@ -110,7 +124,7 @@ def test_the_layout_by_hand() -> None:
     assert MODEL.effect.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 4, 5]
     np.testing.assert_allclose(np.bincount(MODEL.effect, weights=MODEL.variance)[:5], 1, rtol=1e-6)
     # Two bins have no second cosine to share.
-    assert np.flatnonzero(MODEL.bend).tolist() == [1, 4, 10]
+    assert np.flatnonzero(MODEL.shared[:, 0]).tolist() == [1, 4, 10]
 
 
 def test_the_posterior_is_that_of_the_textbook() -> None:
@@ -188,7 +202,7 @@ def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
 
 
 def test_interactions_are_as_fine_as_their_number_allows() -> None:
-    for n, size, expected in ((23, 3, 1), (8, 10, 3), (4, 4, 3), (8, 2, 1), (3, 10, 9)):
+    for n, size, expected in ((39, 3, 0), (23, 3, 1), (8, 10, 3), (4, 4, 3), (8, 2, 1), (3, 10, 9)):
         names = [f"x{i}" for i in range(n)]
         assert effects.make_effects(space(names, bins=size)).layout.pair_degree == expected
         apart = space(names, bins=size, groups=[[name] for name in names])
@@ -272,17 +286,33 @@ def test_interactions_within_a_group_are_learnt(method: Method) -> None:
     assert float(reward(jax.random.key(0), Proposal(centre[None], centre[None]))[0]) > 0.12
 
 
-PAIR = sdr_jax.space(["a", "b"], 2)
+PAIR = sdr_jax.space(["a", "b"], [8, 8])
 BEGAN = ((0.5, 0.3), (1.0, 0.2))
 
 
-def test_intervals_of_all_scales_by_hand():
-    centre, width = scales(3)
-    assert len(centre) == 1 + 3 + 7 and set(width) == {1.0, 0.5, 0.25}
-    np.testing.assert_allclose(centre[width == 0.5], [0.25, 0.5, 0.75])
-    chosen = choices(PAIR, tuple(np.float32(part) for part in BEGAN))
-    assert chosen.centre.shape == (2, 27) and chosen.space.bins == (27, 27)
-    np.testing.assert_allclose([chosen.centre[:, -1], chosen.width[:, -1]], BEGAN)
+def test_runs_of_bins_by_hand():
+    centre, width = runs(10)
+    assert [np.isclose(width, k / 10).sum() for k in (10, 8, 4, 2, 1)] == [1, 2, 4, 9, 10]
+    np.testing.assert_allclose(centre[np.isclose(width, 0.4)], [0.2, 0.4, 0.6, 0.8])
+    np.testing.assert_allclose(runs(2), [[0.5, 0.25, 0.75], [1, 0.5, 0.5]])
+    np.testing.assert_allclose(runs(3, in_order=False)[1], [1, *[1 / 3] * 3])
+
+
+@given(st.lists(st.integers(2, 12), min_size=1, max_size=4), st.integers(0, 99))
+def test_choices_differ_and_hold_the_start_once(bins, seed):
+    rng = np.random.default_rng(seed)
+    names = [f"x{k}" for k in range(len(bins))]
+    width = rng.choice([0.2, 1.0], len(bins))
+    start = rng.uniform(width / 2, 1 - width / 2), width
+    chosen = choices(space(names, bins, unordered=names[1:]), start)
+    rows = np.arange(len(bins))
+    found = np.stack([part[rows, chosen.began] for part in (chosen.centre, chosen.width)])
+    np.testing.assert_allclose(found, start, atol=1e-5)
+    for attribute, count in enumerate(chosen.space.bins):
+        own = np.stack([chosen.centre[attribute, :count], chosen.width[attribute, :count]])
+        assert len(np.unique(own.round(5), axis=1).T) == count
+        assert (own[:, 0] == [0.5, 1]).all()
+        assert np.all(own[0] - own[1] / 2 > -1e-6) and np.all(own[0] + own[1] / 2 < 1 + 1e-6)
 
 
 @given(st.floats(0, 1), st.floats(0.01, 1))
@@ -308,8 +338,8 @@ def told(method, value, updates=12, noise=0.0):
 def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     method = sdr_jax.registry.make("intervals", PAIR, start=BEGAN)
     _, first = method.sample(jax.random.key(0), method.init(jax.random.key(0)), 4)
-    np.testing.assert_allclose(first.centre, [BEGAN[0], [0.5, 0.5]] * 2)  # and random attributes
-    np.testing.assert_allclose(first.width, [BEGAN[1], [1, 1]] * 2)
+    np.testing.assert_allclose(first.centre[:2], [BEGAN[0], [0.5, 0.5]])  # and random attributes
+    np.testing.assert_allclose(first.width[:2], [BEGAN[1], [1, 1]])
     # Only the first matters, and is best at its high end.
     state = told(method, lambda centre, width: centre[:, 0], noise=0.05)
     centre, width = (np.asarray(part) for part in method.solution(state))
@@ -322,7 +352,7 @@ def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     unsure = method.spread(told(method, lambda c, w: 0 * c[:, 0], noise=1.0))
     np.testing.assert_allclose(np.stack(unsure), BEGAN, atol=1e-6)
     p = np.asarray(method.probabilities(state))
-    assert p.shape == (2, 2) and p[0, 1] > 0.7
+    assert p.shape == (2, 8) and p[0, 6:].sum() > 0.4
 
 
 def test_narrow_intervals_lose_where_variety_pays():
@@ -333,17 +363,10 @@ def test_narrow_intervals_lose_where_variety_pays():
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"caution": -1.0}, "caution is -1"), ({"degree": 0}, "degree is 0"),
-    ({"pair_degree": 7}, r"pair_degree is 7, but must lie in \[0, degree = 6\]"),
+    ({"pair_degree": 10}, r"pair_degree is 10, but must lie in \[0, degree = 9\]"),
     ({"start": ((0.5,), (1.0,))}, "start has 1 attributes, not the 2"),
     ({"start": ((0.1, 0.5), (1.0, 0.2))}, r"an interval that is not in \[0, 1\]"),
 ])  # fmt: skip
 def test_intervals_refuse_what_cannot_work(options, message):
     with pytest.raises(ValueError, match=message):
         sdr_jax.registry.make("intervals", PAIR, **options)
-
-
-def test_a_large_group_has_fewer_interactions_and_stays_cheap():
-    wide = sdr_jax.space([f"a{k}" for k in range(100)], 2)
-    assert len(layout_of(choices(wide, (np.full(100, 0.5), np.ones(100))), 6, 2).pairs) == 0
-    small = sdr_jax.space([f"a{k}" for k in range(30)], 2)
-    assert layout_of(choices(small, (np.full(30, 0.5), np.ones(30))), 6, 2).pair_degree == 1
