@@ -80,6 +80,11 @@ def evaluated(layout: Features, actions: np.ndarray) -> np.ndarray:
     return np.asarray(evaluate(layout, jnp.asarray(actions)), np.float64)
 
 
+def columns_of(model: effects.Effects, actions: np.ndarray) -> np.ndarray:
+    x = evaluated(model.layout, actions)
+    return np.concatenate([x, x @ model.shared], axis=1)
+
+
 def columns(actions: np.ndarray) -> np.ndarray:
     x = evaluated(MODEL.layout, actions)
     return np.concatenate([x, x[:, [1, 4, 7, 10]] @ np.asarray([[1], [1], [0], [1]])], axis=1)
@@ -142,6 +147,31 @@ def test_the_posterior_is_that_of_the_textbook() -> None:
     draws = np.asarray(regression.draw(jax.random.key(0), belief, 20_000))[:, there]
     expected = np.linalg.inv(precision)
     np.testing.assert_allclose(np.cov(draws.T), expected, atol=0.05 * np.diag(expected).max())
+
+
+def test_a_step_towards_the_evidence_by_hand() -> None:
+    """Of expectation maximisation, in double precision: the posterior's spread counts, and kinds pull."""
+    (actions, rewards), state = some(0), observed(1)
+    x, y = columns(actions), rewards.astype(np.float64)
+    x, y = x - x.mean(axis=0), y - y.mean()
+    variance = y @ y / 15
+    first = (
+        0.7 * variance * np.asarray([*[0.7 / 4] * 4, 0.3, 0.7 / 4])
+    )  # four attributes, a pair, shared
+    prior = MODEL.variance * first[MODEL.effect]
+    there = prior > 0
+    precision = x[:, there].T @ x[:, there] / (0.3 * variance) + np.diag(1 / prior[there])
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ x[:, there].T @ y / (0.3 * variance)
+    squares = (mean**2 + np.diag(covariance)) / MODEL.variance[there]
+    of = MODEL.effect[there]
+    kind = squares[of < 4].mean(), squares[of == 4].mean()
+    own = [(squares[of == k].sum() + 4 * kind[k == 4]) / (np.sum(of == k) + 4) for k in range(5)]
+    np.testing.assert_allclose(state.scales, [*own, kind[0]], rtol=2e-3)
+    left = np.sum((y - x[:, there] @ mean) ** 2)
+    left += np.trace(x[:, there] @ covariance @ x[:, there].T)
+    noise = (left + 4 * 0.3 * variance) / (15 + 4)
+    assert float(state.noise) == pytest.approx(noise, rel=2e-3)
 
 
 def test_failed_rewards_make_no_difference_to_what_is_known() -> None:
@@ -254,6 +284,44 @@ def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> N
     twice, mask = np.asarray(followed(2.0)), bin_mask(alone)
     np.testing.assert_allclose(twice[mask], logits[mask] / 2, rtol=1e-4, atol=1e-5)
     assert np.all(np.isneginf(logits[~mask]))
+
+
+def test_the_temperature_is_the_posteriors_spread_of_the_bins() -> None:
+    """The policy of an attribute by itself is softmax(Q / tau), tau from the covariance in closed form."""
+    alone = space(["a"], bins=6)
+    model, rng = effects.make_effects(alone), np.random.default_rng(1)
+    method = surrogate(alone)
+    actions = rng.integers(0, 6, (12, 1)).astype(np.int32)
+    rewards = (0.1 * actions[:, 0] + 0.5 * rng.normal(size=12)).astype(np.float32)
+    state, _ = method.update(method.init(jax.random.key(0)), actions, rewards)
+    belief = fit(model, actions, rewards)
+    basis = columns_of(model, np.arange(6)[:, None])
+    basis -= basis.mean(axis=0)
+    covariance = np.asarray(regression.covariance(belief), np.float64)
+    tau = np.sqrt(np.mean(np.einsum("kf,fg,kg->k", basis, covariance, basis)))
+    q = basis @ np.asarray(belief.mean)
+    logits = np.asarray(state.logits)[0]
+    assert np.ptp(q) / np.ptp(logits) == pytest.approx(tau, rel=0.35)  # of 32 draws
+    assert np.argmax(logits) == np.argmax(q)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_every_second_data_set_is_a_thompson_draw_whatever_the_updates_hold(n: int) -> None:
+    """a and d go together, at either end: the policy is at one, draws of the model at both."""
+    method = METHODS["surrogate"]
+    state = method.init(jax.random.key(0))
+    for seed in range(3):
+        state, _ = method.update(state, *some(seed))
+    ends: dict[int, list[bool]] = {0: [], 1: []}
+    for seen in range(2):
+        statistics = state.seen.statistics._replace(seen=jnp.float32(48 + seen))
+        later = state._replace(seen=state.seen._replace(statistics=statistics))
+        for key in range(60 // n):
+            actions, _ = method.sample(jax.random.key(key), later, n)
+            for k, a in enumerate(np.asarray(actions)[:, 0]):
+                ends[(seen + k) % 2].append(a >= 1)
+    policy, thompson = (np.mean(ends[k]) for k in (0, 1))
+    assert abs(policy - 0.5) > 0.4 and 0.1 < thompson < 0.9
 
 
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
