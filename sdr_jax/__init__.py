@@ -7,6 +7,7 @@
     method.solution(state)  # centre and width of every attribute
 
 A reward that must leave JAX, such as rendering images and training on them: `host_reward`.
+Attributes whose values have no order: `space(["car", "weather"], bins=[10, 3], unordered=["weather"])`.
 One that comes from elsewhere, at its own time: `AskTell`; from a program: `python -m sdr_jax.tune`.
 """
 
@@ -38,9 +39,9 @@ from sdr_jax.run import (
 )
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Proposal, Space, draw, space
-from sdr_jax.surrogate.intervals import intervals
-from sdr_jax.surrogate.linear import linear
-from sdr_jax.surrogate.surrogate import surrogate
+from sdr_jax.models.intervals import intervals
+from sdr_jax.models.linear import linear
+from sdr_jax.models.surrogate import surrogate
 
 __all__ = [
     "METHODS",

@@ -18,9 +18,9 @@ from sdr_jax.rivals.random_search import random_search
 from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Space, Width
-from sdr_jax.surrogate.intervals import intervals
-from sdr_jax.surrogate.linear import linear
-from sdr_jax.surrogate.surrogate import surrogate
+from sdr_jax.models.intervals import intervals
+from sdr_jax.models.linear import linear
+from sdr_jax.models.surrogate import surrogate
 
 MethodName = Literal[
     "surrogate",

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 import sdr_jax
 from sdr_jax import Method, Proposal, linear, run_on_host, space, surrogate
 from sdr_jax.relaxation import bin_mask
-from sdr_jax.surrogate import effects, regression
-from sdr_jax.surrogate.choices import choices, integrated, runs
-from sdr_jax.surrogate.features import (
+from sdr_jax.models import effects, memory, regression
+from sdr_jax.models.choices import choices, integrated, runs
+from sdr_jax.models.features import (
     Features,
     evaluate,
     features,
@@ -23,7 +23,7 @@ from sdr_jax.surrogate.features import (
     maximise_each,
     tables,
 )
-from sdr_jax.surrogate.surrogate import follow, stratified
+from sdr_jax.models.surrogate import follow, stratified
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
@@ -438,3 +438,47 @@ def test_narrow_intervals_lose_where_variety_pays():
 def test_intervals_refuse_what_cannot_work(options, message):
     with pytest.raises(ValueError, match=message):
         sdr_jax.registry.make("intervals", PAIR, **options)
+
+
+def test_repeats_tell_whether_rewards_have_noise_by_hand() -> None:
+    remember = jax.jit(memory.remember)
+    held = memory.empty(2)
+    a, b = [0, 1], [1, 1]
+    held = remember(held, jnp.asarray([a, b, a]), jnp.asarray([1.0, 2.0, jnp.nan]))
+    assert (int(held.seen), int(held.same), bool(memory.exact(held))) == (2, 0, False)
+    again = remember(held, jnp.asarray([a, a]), jnp.ones(2))  # each like the first, and like each other
+    assert (int(again.seen), int(again.same), bool(memory.exact(again))) == (4, 3, True)
+    assert again.best.tolist() == b
+    noisy = remember(again, jnp.asarray([b]), jnp.asarray([1.9]))
+    assert int(noisy.differ) == 1 and not memory.exact(noisy)
+
+
+@pytest.mark.parametrize("name", ["surrogate", "intervals"])
+def test_without_noise_nothing_is_tried_twice_while_there_is_something_new(name: str) -> None:
+    small = space(["a", "b", "c"], [2, 3, 2], unordered=["b"])
+    method = sdr_jax.registry.make(name, small)
+    table = np.random.default_rng(0).normal(size=36)  # of all intervals
+    tried: list[tuple[float, ...]] = []
+    state = method.init(jax.random.key(0))
+    repeats = []
+    for t in range(12):
+        actions, _ = method.sample(jax.random.key(t), state, 3)
+        rows = [tuple(row) for row in np.asarray(actions).tolist()]
+        repeats.append(sum(row in tried or row in rows[:k] for k, row in enumerate(rows)))
+        tried += rows
+        rewards = [table[int(np.dot(row, [12, 3, 1])) % 36] for row in rows]
+        state, _ = method.update(state, actions, jnp.asarray(rewards, jnp.float32))
+        if memory.exact(state.memory) and len(set(tried)) < 9:
+            actions, _ = method.sample(jax.random.key(t + 1), state, 3)
+            new = {tuple(row) for row in np.asarray(actions).tolist()}
+            assert len(new) == 3 and not new & set(tried)
+    assert memory.exact(state.memory) and len(set(tried)) >= 12
+
+
+def test_values_without_an_order_have_no_neighbours() -> None:
+    """One-hot features by another name: the prior's covariance is the same for any two of them."""
+    apart = space(["a", "b"], [5, 4], unordered=["a"])
+    layout = features(apart, 2, 1, 1.0)
+    prior = layout.basis[0] * layout.variance[:4] @ layout.basis[0].T
+    np.testing.assert_allclose(prior, 5 * np.eye(5) - 1, atol=1e-4)
+    np.testing.assert_allclose(layout.variance[4:8], [1, 1 / 4, 0, 0])  # the other has an order

@@ -11,10 +11,10 @@ from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_in
 from sdr_jax.policy import entropy
 from sdr_jax.relaxation import UNDECIDED, bin_mask, check_relaxation, moments, relax
 from sdr_jax.space import Proposal, Space, Width
-from sdr_jax.surrogate import effects
-from sdr_jax.surrogate import memory as memories
-from sdr_jax.surrogate.features import maximise_each
-from sdr_jax.surrogate.regression import Posterior
+from sdr_jax.models import effects
+from sdr_jax.models import memory as memories
+from sdr_jax.models.features import maximise_each
+from sdr_jax.models.regression import Posterior
 
 SWEEPS = 4
 """Natural-gradient steps of the policy in every update."""
@@ -117,7 +117,7 @@ def surrogate(
         logits = follow(model, belief, best, temperature)
         memory = memories.remember(state.memory, actions, rewards)
         known = seen.noise > 0
-        best = jnp.where(memories.exact(memory), memories.best(memory), best)
+        best = jnp.where(memories.exact(memory), memory.best, best)
         next_state = SurrogateState(
             seen,
             belief,

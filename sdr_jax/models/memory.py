@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from sdr_jax.space import Space
-from sdr_jax.surrogate.features import Features, tables
+from sdr_jax.models.features import Features, tables
 
 CAPACITY = 256
 """Evaluations remembered, the latest."""
@@ -27,13 +27,16 @@ class Memory(NamedTuple):
     seen: Int[Array, ""]  # evaluations with a reward
     same: Int[Array, ""]  # pairs of equal actions with equal rewards
     differ: Int[Array, ""]  # ... with different ones
+    best: Int[Array, "attributes"]  # what got the highest reward of all
+    highest: Float[Array, ""]  # that reward
 
 
 def empty(attributes: int) -> Memory:
     """Nothing tried yet."""
     zero = jnp.zeros((), jnp.int32)
     actions = jnp.zeros((CAPACITY, attributes), jnp.int32)
-    return Memory(actions, jnp.full(CAPACITY, -jnp.inf, jnp.float32), zero, zero, zero)
+    none = jnp.full(CAPACITY, -jnp.inf, jnp.float32)
+    return Memory(actions, none, zero, zero, zero, actions[0], none[0])
 
 
 def remember(
@@ -49,23 +52,22 @@ def remember(
     alike = got[None, :] == rewards[:, None]
     place = (memory.seen + jnp.cumsum(known) - 1) % CAPACITY
     place = jnp.where(known, place, CAPACITY)  # out of bounds, and dropped
+    top = jnp.argmax(got[CAPACITY:])
+    better = got[CAPACITY + top] > memory.highest
     return Memory(
         memory.actions.at[place].set(actions, mode="drop"),
         memory.rewards.at[place].set(rewards, mode="drop"),
         memory.seen + known.sum(dtype=jnp.int32),
         memory.same + jnp.sum(again & alike, dtype=jnp.int32),
         memory.differ + jnp.sum(again & ~alike, dtype=jnp.int32),
+        jnp.where(better, actions[top], memory.best),
+        jnp.where(better, got[CAPACITY + top], memory.highest),
     )
 
 
 def exact(memory: Memory) -> Bool[Array, ""]:
     """Whether rewards seem to have no noise."""
     return (memory.same >= REPEATS) & (memory.differ == 0)
-
-
-def best(memory: Memory) -> Int[Array, "attributes"]:
-    """What got the highest reward."""
-    return memory.actions[jnp.argmax(memory.rewards)]
 
 
 def untried(
