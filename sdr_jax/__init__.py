@@ -15,6 +15,9 @@ from sdr_jax.ask_tell import AskTell, Trial
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import DataSets, HostReward, host_reward
 from sdr_jax.method import Info, Method
+from sdr_jax.models.intervals import intervals
+from sdr_jax.models.linear import linear
+from sdr_jax.models.surrogate import surrogate
 from sdr_jax.policy import Policy
 from sdr_jax.registry import METHODS, MethodName
 from sdr_jax.reinforce import reinforce_loss
@@ -39,9 +42,6 @@ from sdr_jax.run import (
 )
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Proposal, Space, draw, space
-from sdr_jax.models.intervals import intervals
-from sdr_jax.models.linear import linear
-from sdr_jax.models.surrogate import surrogate
 
 __all__ = [
     "METHODS",

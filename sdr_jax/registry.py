@@ -8,6 +8,9 @@ import optax
 
 from sdr_jax.baseline import ema, leave_one_out
 from sdr_jax.method import Method
+from sdr_jax.models.intervals import intervals
+from sdr_jax.models.linear import linear
+from sdr_jax.models.surrogate import surrogate
 from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.rivals.attribute_descent import attribute_descent
 from sdr_jax.rivals.cma_es import cma_es
@@ -18,9 +21,6 @@ from sdr_jax.rivals.random_search import random_search
 from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Space, Width
-from sdr_jax.models.intervals import intervals
-from sdr_jax.models.linear import linear
-from sdr_jax.models.surrogate import surrogate
 
 MethodName = Literal[
     "surrogate",

@@ -5,10 +5,10 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from sdr_jax.relaxation import bin_centres, bin_mask, ordered
-from sdr_jax.space import Space
 from sdr_jax.models.effects import Effects, effects_of
 from sdr_jax.models.features import affordable, check_degrees, lay_out, own_variances
+from sdr_jax.relaxation import bin_centres, bin_mask, ordered
+from sdr_jax.space import Space
 
 NARROW = 1 / 16
 """Narrower intervals are alike to the model."""

@@ -13,11 +13,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax.relaxation import ordered
-from sdr_jax.space import Space
 from sdr_jax.models import features, regression
 from sdr_jax.models.features import Features
 from sdr_jax.models.regression import Posterior, Statistics
+from sdr_jax.relaxation import ordered
+from sdr_jax.space import Space
 
 SIGNAL = 0.7
 """Share of the first rewards' variance that is taken for signal, before the evidence speaks."""

@@ -8,14 +8,14 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
-from sdr_jax.relaxation import random_bins
-from sdr_jax.space import Proposal, Space, Width
 from sdr_jax.models import effects
 from sdr_jax.models import memory as memories
 from sdr_jax.models.choices import Start, choices, make_effects
 from sdr_jax.models.features import maximise_each
 from sdr_jax.models.regression import Posterior
 from sdr_jax.models.surely import surely
+from sdr_jax.relaxation import random_bins
+from sdr_jax.space import Proposal, Space, Width
 
 SHARES = np.asarray([0.3, 0.6, 1.0], np.float32)
 """Shares of attributes that a data set tries anew; the others stay at the answer so far."""
@@ -87,10 +87,6 @@ def intervals(
     chosen = choices(space, _checked(space, start))
     model = make_effects(space, chosen, degree, pair_degree)
     began = jnp.asarray(chosen.began)
-    from sdr_jax.relaxation import bin_mask
-    bm = bin_mask(chosen.space)
-    if __import__("os").environ.get("MODE", "").find("N") >= 0:
-        bm = bm * (chosen.width < 0.15)
 
     def fitted(seen: effects.EffectsState, memory: memories.Memory) -> IntervalsState:
         belief = effects.posterior(model, seen)
@@ -116,15 +112,6 @@ def intervals(
         mixed = jnp.where(chance < 0.5, random_bins(open_key, chosen.space, n), began[None, :])
         turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)[:, None]
         opening = jnp.where(turn == 0, began[None, :], jnp.where(turn == 1, 0, mixed))
-        import os
-        mode = os.environ.get("MODE", "A")
-        if "D" in mode:
-            from sdr_jax.models.surrogate import follow, stratified
-            logits = follow(model, state.belief, state.answer, float(os.environ.get("TAU", 1)))
-            pol = stratified(open_key, chosen.space, jax.nn.softmax(logits), n)
-            changed = jnp.where(turn % 2 == 0, pol, changed)
-        if "R" in mode:
-            opening = jnp.where(turn == 0, began[None, :], stratified(open_key, chosen.space, jnp.asarray(bm / bm.sum(1, keepdims=True), jnp.float32), n))
         actions = jnp.where(state.seen.noise > 0, changed, opening)
         actions = memories.untried(state.memory, chosen.space, model.layout, weights, actions)
         return actions, proposed(actions)

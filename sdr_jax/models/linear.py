@@ -8,11 +8,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
-from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, random_bins, relax, uniform
-from sdr_jax.space import Proposal, Space, Width
 from sdr_jax.models import regression
 from sdr_jax.models.features import evaluate, features, maximise, maximise_each, tables
 from sdr_jax.models.regression import Posterior, Statistics
+from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, random_bins, relax, uniform
+from sdr_jax.space import Proposal, Space, Width
 
 SIGNALS = np.geomspace(0.003, 30, 7).astype(np.float32)
 """Prior variances of an effect, relative to the noise's, among which the evidence chooses."""

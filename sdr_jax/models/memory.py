@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from sdr_jax.space import Space
 from sdr_jax.models.features import Features, tables
+from sdr_jax.space import Space
 
 CAPACITY = 256
 """Evaluations remembered, the latest."""

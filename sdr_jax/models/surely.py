@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from sdr_jax.relaxation import bin_mask
 from sdr_jax.models import regression
 from sdr_jax.models.effects import Effects, plain
 from sdr_jax.models.features import Features
 from sdr_jax.models.regression import Posterior
+from sdr_jax.relaxation import bin_mask
 
 SWEEPS = 3
 """How often all attributes are gone over."""

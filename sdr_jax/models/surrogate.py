@@ -8,13 +8,13 @@ import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
-from sdr_jax.policy import entropy
-from sdr_jax.relaxation import UNDECIDED, bin_mask, check_relaxation, moments, relax
-from sdr_jax.space import Proposal, Space, Width
 from sdr_jax.models import effects
 from sdr_jax.models import memory as memories
 from sdr_jax.models.features import maximise_each
 from sdr_jax.models.regression import Posterior
+from sdr_jax.policy import entropy
+from sdr_jax.relaxation import UNDECIDED, bin_mask, check_relaxation, moments, relax
+from sdr_jax.space import Proposal, Space, Width
 
 SWEEPS = 4
 """Natural-gradient steps of the policy in every update."""

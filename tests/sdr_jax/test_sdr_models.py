@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 
 import sdr_jax
 from sdr_jax import Method, Proposal, linear, run_on_host, space, surrogate
-from sdr_jax.relaxation import bin_mask
 from sdr_jax.models import effects, memory, regression
 from sdr_jax.models.choices import choices, integrated, runs
 from sdr_jax.models.features import (
@@ -24,6 +23,7 @@ from sdr_jax.models.features import (
     tables,
 )
 from sdr_jax.models.surrogate import follow, stratified
+from sdr_jax.relaxation import bin_mask
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
@@ -446,7 +446,9 @@ def test_repeats_tell_whether_rewards_have_noise_by_hand() -> None:
     a, b = [0, 1], [1, 1]
     held = remember(held, jnp.asarray([a, b, a]), jnp.asarray([1.0, 2.0, jnp.nan]))
     assert (int(held.seen), int(held.same), bool(memory.exact(held))) == (2, 0, False)
-    again = remember(held, jnp.asarray([a, a]), jnp.ones(2))  # each like the first, and like each other
+    again = remember(
+        held, jnp.asarray([a, a]), jnp.ones(2)
+    )  # each like the first, and like each other
     assert (int(again.seen), int(again.same), bool(memory.exact(again))) == (4, 3, True)
     assert again.best.tolist() == b
     noisy = remember(again, jnp.asarray([b]), jnp.asarray([1.9]))
