@@ -28,11 +28,12 @@ def slide(
 
 def snap(space: Space, proposal: Proposal) -> Proposal:
     """Puts attributes without an order at the value that their centre lies in; others stay."""
-    bins = jnp.asarray(space.bins, jnp.float32)
+    shape = proposal.centre.shape
+    bins = jnp.broadcast_to(jnp.asarray(space.bins, jnp.float32), shape)
+    in_order = jnp.broadcast_to(ordered(space), shape)
     value = (jnp.clip(jnp.floor(proposal.centre * bins), 0, bins - 1) + 0.5) / bins
     return Proposal(
-        jnp.where(ordered(space), proposal.centre, value),
-        jnp.where(ordered(space), proposal.width, 1 / bins),
+        jnp.where(in_order, proposal.centre, value), jnp.where(in_order, proposal.width, 1 / bins)
     )
 
 
