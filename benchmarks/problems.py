@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import sdr_jax
-from benchmarks import recorded
+from benchmarks import foreign, recorded
 
 GRID = 400
 """Cells that [0, 1] is cut into; functions are constant on each."""
@@ -187,6 +187,10 @@ PROBLEMS: dict[str, Callable[[int], Problem]] = {
     "plateau": plateau,
     "weak-signal": weak_signal,
     "camvid": lambda seed: recorded.camvid(),
+    "products": lambda seed: foreign.products(seed, grouped_space()),
+    "ridge": lambda seed: foreign.ridge(seed, grouped_space()),
+    "categories": foreign.categories,
+    "binary": foreign.binary,
 }
 """Name -> the problem's instance of a seed."""
 

@@ -7,7 +7,7 @@
 
 Each line is one reward of the quick recipe: bins of all 23 attributes, and the mIoU on sequences 0016E5
 and 0001TP, in percent, of a net trained on 96 images of 64x48 rendered with them. The adaptive ones come
-first (`actor_critic` at temperatures 0.7 and 1, 288 each), then 128 at random. The surrogate is a Gaussian
+first (method `surrogate` at temperatures 0.7 and 1, 288 each), then 128 at random. What answers is a Gaussian
 process, another kind of model than any of the methods has: Matern 5/2 over all attributes at once, a
 length scale for each. Scales, size and noise are those of the highest evidence.
 """

@@ -30,7 +30,7 @@ from benchmarks.report import Row, parser, table, write
 from experiments.reward.miou import worker_environment
 from sdr_jax.registry import METHODS, make
 
-DEFAULT = "actor_critic"
+DEFAULT = "surrogate"
 """The method that a user of the experiments gets."""
 
 LONG = ("tpe",)

@@ -101,17 +101,17 @@ class Bins:
 
 @dataclass(frozen=True)
 class SearchOptions(Bins):
-    """How any method searches. The paper's values are those of the ``paper`` preset."""
+    """How any method searches. Under every preset ``sdr`` estimates its gradient as the paper does."""
 
     datasets_per_update: int = 4
     """Datasets that each update renders, trains on and scores."""
     learning_rate: float = 1e-2
     """Of Adam (sdr)."""
-    baseline: Literal["ema", "ema_current", "leave_one_out"] = "leave_one_out"
+    baseline: Literal["ema", "ema_current", "leave_one_out"] = "ema"
     """What a reward is compared with (sdr): earlier rewards (paper), those and itself (the authors' code),
     or the update's other rewards."""
-    normalise: bool = True
-    """Divide advantages by their size (sdr)."""
+    normalise: bool = False
+    """Divide advantages by their size (sdr; not in the paper)."""
     squared_reward: bool = False
     """(100 mIoU)^2, as in the authors' code, instead of mIoU (sdr)."""
     common_random_numbers: bool = False
@@ -126,7 +126,7 @@ class SearchOptions(Bins):
 class MethodOptions(SearchOptions):
     """Which method searches, and how."""
 
-    method: Annotated[MethodName, tyro.conf.arg(aliases=["--method"])] = "actor_critic"
+    method: Annotated[MethodName, tyro.conf.arg(aliases=["--method"])] = "surrogate"
     """The search method; ``sdr`` is the paper's."""
 
 

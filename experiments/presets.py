@@ -152,13 +152,7 @@ def _paper(target: TargetName) -> dict[str, Any]:
     final = Fidelity(width, height, 45, 10, samples=1, train=replace(net, steps=20_000))
     return {
         "groups": _groups(target),
-        "search": Search(
-            method="sdr",
-            updates_per_group=50,
-            datasets_per_update=1,
-            baseline="ema",
-            normalise=False,
-        ),
+        "search": Search(method="sdr", updates_per_group=50, datasets_per_update=1),
         "reward": Fidelity(width, height, 18, 10, samples=1, train=net),
         "final": final,
         "compact": replace(final, train=RECIPES["compact"]),

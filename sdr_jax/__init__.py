@@ -7,16 +7,17 @@
     method.solution(state)  # centre and width of every attribute
 
 A reward that must leave JAX, such as rendering images and training on them: `host_reward`.
+Attributes whose values have no order: `space(["car", "weather"], bins=[10, 3], unordered=["weather"])`.
 One that comes from elsewhere, at its own time: `AskTell`; from a program: `python -m sdr_jax.tune`.
 """
 
 from sdr_jax.ask_tell import AskTell, Trial
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import DataSets, HostReward, host_reward
-from sdr_jax.critic.actor_critic import actor_critic
-from sdr_jax.critic.intervals import intervals
-from sdr_jax.critic.linear import linear
 from sdr_jax.method import Info, Method
+from sdr_jax.models.intervals import intervals
+from sdr_jax.models.linear import linear
+from sdr_jax.models.surrogate import surrogate
 from sdr_jax.policy import Policy
 from sdr_jax.registry import METHODS, MethodName
 from sdr_jax.reinforce import reinforce_loss
@@ -57,7 +58,6 @@ __all__ = [
     "RewardFn",
     "Space",
     "Trial",
-    "actor_critic",
     "attribute_descent",
     "cma_es",
     "draw",
@@ -83,5 +83,6 @@ __all__ = [
     "slide",
     "space",
     "squared_percent",
+    "surrogate",
     "tpe",
 ]

@@ -7,10 +7,10 @@ from typing import Any, Literal, NamedTuple
 import optax
 
 from sdr_jax.baseline import ema, leave_one_out
-from sdr_jax.critic.actor_critic import actor_critic
-from sdr_jax.critic.intervals import intervals
-from sdr_jax.critic.linear import linear
 from sdr_jax.method import Method
+from sdr_jax.models.intervals import intervals
+from sdr_jax.models.linear import linear
+from sdr_jax.models.surrogate import surrogate
 from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.rivals.attribute_descent import attribute_descent
 from sdr_jax.rivals.cma_es import cma_es
@@ -23,7 +23,7 @@ from sdr_jax.sdr import sdr
 from sdr_jax.space import Space, Width
 
 MethodName = Literal[
-    "actor_critic",
+    "surrogate",
     "sdr",
     "random_attributes",
     "random_search",
@@ -98,7 +98,7 @@ def _random_attributes(space: Space, width: Width = None) -> Method:
 
 
 METHODS: dict[str, Entry] = {
-    "actor_critic": Entry(actor_critic, n=5),
+    "surrogate": Entry(surrogate, n=5),
     "sdr": Entry(_sdr, budgeted=True),
     "random_attributes": Entry(_random_attributes),
     "random_search": Entry(random_search),

@@ -26,6 +26,17 @@ def slide(
     return Proposal(jnp.clip(centre, width / 2, 1 - width / 2), width)
 
 
+def snap(space: Space, proposal: Proposal) -> Proposal:
+    """Puts attributes without an order at the value that their centre lies in; others stay."""
+    shape = proposal.centre.shape
+    bins = jnp.broadcast_to(jnp.asarray(space.bins, jnp.float32), shape)
+    in_order = jnp.broadcast_to(ordered(space), shape)
+    value = (jnp.clip(jnp.floor(proposal.centre * bins), 0, bins - 1) + 0.5) / bins
+    return Proposal(
+        jnp.where(in_order, proposal.centre, value), jnp.where(in_order, proposal.width, 1 / bins)
+    )
+
+
 def check_relaxation(space: Space, width: Width, unoptimised: str) -> None:
     """Raises ValueError if `relax` cannot work with these options."""
     if unoptimised not in UNOPTIMISED:
@@ -40,11 +51,10 @@ def check_relaxation(space: Space, width: Width, unoptimised: str) -> None:
 
 
 def bin_widths(space: Space, width: Width) -> Float[Array, "attributes"]:
-    """The width of each attribute's relaxed bin: `width`, or by default 1 / K."""
+    """The width of each attribute's relaxed bin: `width`, or by default 1 / K, as of unordered values."""
     default = 1 / np.asarray(space.bins, np.float32)
-    return jnp.broadcast_to(
-        jnp.asarray(default if width is None else width, jnp.float32), (space.attributes,)
-    )
+    given = default if width is None else np.asarray(width, np.float32)
+    return jnp.asarray(np.where(ordered(space), np.broadcast_to(given, default.shape), default))
 
 
 def relax(
@@ -55,8 +65,8 @@ def relax(
 ) -> Proposal:
     """Turns bins into intervals: `centre = (k + 0.5) / K`, `width = 1 / K`.
 
-    With these defaults the bins tile [0, 1]. The paper publishes neither the shape nor the width of
-    the variance it injects; a uniform over the bin is ours.
+    With these defaults the bins tile [0, 1]; bins without an order always do. The paper publishes
+    neither the shape nor the width of the variance it injects; a uniform over the bin is ours.
 
     Args:
         space: the attribute space.
@@ -82,6 +92,11 @@ def relax(
     if unoptimised == "random":
         widths = jnp.where(decided, widths, 1.0)
     return slide(centre, widths)
+
+
+def ordered(space: Space) -> Bool[np.ndarray, "attributes"]:
+    """Which attributes have neighbouring bins that are alike."""
+    return ~np.isin(np.arange(space.attributes), space.unordered)
 
 
 def bin_mask(space: Space) -> Bool[np.ndarray, "attributes bins"]:
@@ -122,7 +137,8 @@ def moments(
         centre = sum_k p_k c_k,   width = sqrt(12 sum_k p_k (c_k - centre)^2 + w^2)
 
     with c_k the bins' centres and w their (relaxed) width, slid into [0, 1]. Uniform distributions
-    give all of [0, 1], certain ones their relaxed bin.
+    give all of [0, 1], certain ones their relaxed bin. Bins without an order have no moments: the
+    likeliest, where it is likelier than all others together, or else all of [0, 1].
 
     Args:
         space: the attributes and their bins.
@@ -135,4 +151,14 @@ def moments(
     middle = jnp.asarray(bin_centres(space))
     mean = jnp.sum(probabilities * middle, axis=1)
     variance = jnp.sum(probabilities * (middle - mean[:, None]) ** 2, axis=1)
-    return slide(mean, jnp.sqrt(12 * variance + bin_widths(space, width) ** 2))
+    own = bin_widths(space, width)
+    wide = jnp.sqrt(12 * variance + own**2)
+    certain = jnp.max(probabilities, axis=1) > 0.5
+    likeliest = jnp.take_along_axis(middle, jnp.argmax(probabilities, axis=1)[:, None], axis=1)[
+        :, 0
+    ]
+    in_order = ordered(space)
+    return slide(
+        jnp.where(in_order, mean, jnp.where(certain, likeliest, 0.5)),
+        jnp.where(in_order, wide, jnp.where(certain, own, 1.0)),
+    )

@@ -28,11 +28,14 @@ class Space:
         names: one unique name per attribute.
         bins: how many bins each attribute is cut into (the paper's K, which may differ), >= 2.
         groups: a partition of the attributes' indices; groups are optimised in this order.
+        unordered: indices of attributes whose bins are values without an order, none of which is nearer to
+            another (a weather): models do not take neighbours for alike, and relaxation keeps them apart.
     """
 
     names: tuple[str, ...]
     bins: tuple[int, ...]
     groups: tuple[tuple[int, ...], ...]
+    unordered: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
         """Validates; see `space` for what is refused."""
@@ -56,6 +59,10 @@ class Space:
         missing = [name for index, name in enumerate(self.names) if index not in members]
         if missing:
             raise ValueError(f"in no group: {', '.join(map(repr, missing))}")
+        if not set(self.unordered) <= set(range(len(self.names))):
+            raise ValueError(
+                f"unordered are {self.unordered}, of only {len(self.names)} attributes"
+            )
 
     @property
     def attributes(self) -> int:
@@ -72,6 +79,7 @@ def space(
     names: Sequence[str],
     bins: int | Sequence[int] = 10,
     groups: Sequence[Sequence[str]] | None = None,
+    unordered: Sequence[str] = (),
 ) -> Space:
     """Builds a `Space` from names.
 
@@ -80,6 +88,7 @@ def space(
         bins: the number of bins of all attributes, or one number for each.
         groups: the partition into groups, by name, in the order in which they will be optimised.
             By default all attributes are one group: nothing but their joint optimum will do.
+        unordered: names of attributes whose bins have no order.
 
     Returns:
         The space.
@@ -93,14 +102,16 @@ def space(
     names = tuple(names)
     per_attribute = (bins,) * len(names) if isinstance(bins, int) else tuple(bins)
     groups = (names,) if groups is None else groups
-    unknown = [name for group in groups for name in group if name not in names]
-    if unknown:
-        raise ValueError(
-            f"unknown attribute(s) in the groups: {', '.join(map(repr, unknown))}; "
-            f"known are {', '.join(names)}"
-        )
+    for where, given in (("the groups", sum(map(tuple, groups), ())), ("unordered", unordered)):
+        unknown = [name for name in given if name not in names]
+        if unknown:
+            raise ValueError(
+                f"unknown attribute(s) in {where}: {', '.join(map(repr, unknown))}; "
+                f"known are {', '.join(names)}"
+            )
     indices = tuple(tuple(names.index(name) for name in group) for group in groups)
-    return Space(names, per_attribute, indices)
+    without_order = tuple(index for index, name in enumerate(names) if name in unordered)
+    return Space(names, per_attribute, indices, without_order)
 
 
 class Proposal(NamedTuple):

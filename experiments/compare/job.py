@@ -39,7 +39,7 @@ class CompareConfig(SearchesConfig):
 
     evaluations: int = 48
     methods: tuple[MethodName, ...] = (
-        RANDOM, "random_search", "attribute_descent", "sdr", "actor_critic",
+        RANDOM, "random_search", "attribute_descent", "sdr", "surrogate",
     )  # fmt: skip
     """The search methods."""
     subsets: tuple[Group, ...] = tuple(POSITIONS[:count] for count in (3, 5, 7))

@@ -32,7 +32,8 @@ def cma_es(
     """Covariance matrix adaptation with margin: a Gaussian over all attributes, rounded to bins.
 
     The margin keeps the probability of leaving a bin from vanishing, on which plain CMA-ES gets
-    stuck. The answer is the bins that the mean lies in; groups play no part. A generation is filled
+    stuck. Bins without an order are taken in the order given. The answer is the bins that the mean lies in;
+    groups play no part. A generation is filled
     over as many updates as it takes, n of any size.
 
     This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.

@@ -10,9 +10,18 @@ from jax.scipy.special import ndtr, ndtri
 from jaxtyping import Array, Float
 
 from sdr_jax.baseline import Baseline, leave_one_out
+from sdr_jax.coordinate_descent import choose
 from sdr_jax.method import Info, Method, Rewards, RngKey, Values, jitted
 from sdr_jax.reinforce import Learner, Rule, init_learner, learn
-from sdr_jax.relaxation import bin_mask, bin_widths, check_relaxation, slide
+from sdr_jax.relaxation import (
+    bin_mask,
+    bin_widths,
+    check_relaxation,
+    moments,
+    ordered,
+    slide,
+    snap,
+)
 from sdr_jax.space import Proposal, Space, Width
 
 OPTIMIZER = optax.adam(0.1)
@@ -41,8 +50,8 @@ def gaussian(
         z ~ N(mean, std^2),   value = 1 / (1 + exp(-z))
 
     The logit keeps values inside [0, 1] without clipping, whose gradient would vanish. A proposal
-    is the value, relaxed like a bin. The answer is the value of the mean. Groups play no part: all
-    attributes are learnt at once, as in the original.
+    is the value, relaxed like a bin; bins without an order are taken in the order given. The answer is
+    the value of the mean. Groups play no part: all attributes are learnt at once, as in the original.
 
     Args:
         space: the attributes; their bins set the width of proposals only.
@@ -77,7 +86,8 @@ def gaussian(
         mean, log_std = state.params
         noise = jax.random.normal(rng_key, (n, space.attributes))
         actions = mean[None, :] + jnp.exp(log_std)[None, :] * noise
-        return actions, slide(jax.nn.sigmoid(actions), jnp.broadcast_to(widths, actions.shape))
+        relaxed = slide(jax.nn.sigmoid(actions), jnp.broadcast_to(widths, actions.shape))
+        return actions, snap(space, relaxed)
 
     def update(state: Learner, actions: Values, rewards: Rewards) -> tuple[Learner, Info]:
         def policy(params: GaussianParams) -> tuple[Array, Array]:
@@ -87,13 +97,16 @@ def gaussian(
         return learn(rule, state, policy, rewards)
 
     def solution(state: Learner) -> Proposal:
-        return slide(jax.nn.sigmoid(state.params.mean), widths)
+        return snap(space, slide(jax.nn.sigmoid(state.params.mean), widths))
 
     def spread(state: Learner) -> Proposal:
         mean, log_std = state.params
         logits = mean[:, None] + jnp.exp(log_std)[:, None] * QUANTILES[None, :]
         values = jax.nn.sigmoid(logits)
-        return slide(values.mean(axis=1), jnp.sqrt(12 * values.var(axis=1) + widths**2))
+        wide = slide(values.mean(axis=1), jnp.sqrt(12 * values.var(axis=1) + widths**2))
+        return choose(
+            jnp.asarray(ordered(space)), wide, moments(space, probabilities(state), width)
+        )
 
     def probabilities(state: Learner) -> Float[Array, "attributes bins"]:
         mean, log_std = state.params

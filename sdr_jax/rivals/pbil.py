@@ -126,11 +126,18 @@ def _rank_weights(rewards: Array, elite: float) -> Array:
 
 
 def _kernel(space: Space, smoothing: float) -> Float[np.ndarray, "attributes bins bins"]:
-    """Where a bin's probability goes: a Gaussian over the bins, mirrored at both borders."""
+    """Where a bin's probability goes: a Gaussian over the bins, mirrored at both borders.
+
+    Of bins without an order all gain alike, together the share `smoothing`.
+    """
     kernel = np.zeros((space.attributes, space.max_bins, space.max_bins), np.float32)
     for attribute, count in enumerate(space.bins):
         if smoothing == 0:
             kernel[attribute, :count, :count] = np.eye(count)
+            continue
+        if attribute in space.unordered:
+            moved = min(smoothing, 1.0)
+            kernel[attribute, :count, :count] = (1 - moved) * np.eye(count) + moved / count
             continue
         value = (np.arange(count) + 0.5) / count
         total = np.zeros((count, count))

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey
-from sdr_jax.relaxation import UNDECIDED, moments, uniform
+from sdr_jax.relaxation import UNDECIDED, moments, ordered, uniform
 from sdr_jax.rivals import host
 from sdr_jax.space import Proposal, Space, Width
 
@@ -33,11 +33,12 @@ def tpe(
     width: Width = None,
     *,
     startup: int = 10,
-    multivariate: bool = False,
+    multivariate: bool = True,
 ) -> Method:
     """Models the good and the other evaluations apart, and proposes where good ones are denser.
 
-    Bins are ordered integers, so neighbours share evidence. The n data sets of an update are asked
+    Bins are ordered integers, so neighbours share evidence, or categories where they have no order.
+    Options are the library's own defaults. The n data sets of an update are asked
     one after the other, those pending counted as poor (the library's constant liar), which spreads
     them. The answer is the best data set seen, as the library gives it: under noise partly the
     luckiest. Groups play no part.
@@ -54,7 +55,7 @@ def tpe(
         space: the attributes and their bins.
         width: of the relaxed bins, see `relax`.
         startup: evaluations at random before the model is used.
-        multivariate: model attributes jointly instead of each alone.
+        multivariate: model attributes jointly (the library's default from 5.0 on), or each alone.
 
     Returns:
         The method, for any number of updates.
@@ -73,7 +74,9 @@ def tpe(
     keys = [str(index) for index in range(space.attributes)]
     choices = {
         key: optuna.distributions.IntDistribution(0, count - 1)
-        for key, count in zip(keys, space.bins, strict=True)
+        if in_order
+        else optuna.distributions.CategoricalDistribution(range(count))
+        for key, count, in_order in zip(keys, space.bins, ordered(space), strict=True)
     }
 
     def new_study() -> Any:

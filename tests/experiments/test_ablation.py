@@ -20,7 +20,7 @@ from .conftest import ROOT, lines
 
 @pytest.mark.parametrize("preset", PRESETS)
 @pytest.mark.parametrize("target", TARGETS)
-@pytest.mark.parametrize("method", ["sdr", "actor_critic"])
+@pytest.mark.parametrize("method", ["sdr", "surrogate"])
 def test_every_variant_has_the_whole_budget(target, preset, method):
     config = defaults(target, preset)
     config = replace(config, search=replace(config.search, method=method))

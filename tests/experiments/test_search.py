@@ -121,7 +121,7 @@ def test_a_log_of_another_run_is_refused(config, run):
         run(config)
 
 
-@pytest.mark.parametrize("method", ["sdr", "actor_critic", "gaussian", "random_search"])
+@pytest.mark.parametrize("method", ["sdr", "surrogate", "gaussian", "random_search"])
 def test_a_failed_evaluation_is_recorded_and_left_out(tiny_camvid, run, method):
     options = replace(tiny_camvid.search, method=method, updates_per_group=2)
     config = replace(tiny_camvid, search=options)

@@ -16,8 +16,9 @@ from sdr_jax import METHODS, Method, MethodName, Proposal, relax, run, run_on_ho
 from sdr_jax.registry import make, options_of
 from sdr_jax.relaxation import bin_mask
 
-# Numbers of bins that differ, two included; groups of one and of several.
-SPACE = space(list("abcde"), bins=[3, 5, 2, 10, 7], groups=[["b", "a"], ["d"], ["c", "e"]])
+# Numbers of bins that differ, two included; groups of one and of several; one without an order.
+GROUPS = [["b", "a"], ["d"], ["c", "e"]]
+SPACE = space(list("abcde"), bins=[3, 5, 2, 10, 7], groups=GROUPS, unordered=["a"])
 TARGET = jnp.asarray([0.9, 0.1, 0.25, 0.65, 0.3])
 
 # Not Adam for SDR, which makes whole steps of the rounding of gradients near zero.
@@ -190,14 +191,18 @@ def test_the_table_has_every_method_by_its_name_and_its_options_are_plain_values
 def test_a_method_is_made_with_its_own_options(name: str) -> None:
     method = make(name, SPACE, 0.2, **{k: v for k, v in options_of(name).items() if v is not None})
     _, proposals = method.sample(jax.random.key(1), method.init(jax.random.key(0)), 3)
-    decided = np.asarray(proposals.width) < 1
-    np.testing.assert_allclose(np.asarray(proposals.width)[decided], 0.2, rtol=1e-6)
-    assert decided.any() == (name not in ("random_attributes", "intervals"))  # it has no bins
+    width = np.asarray(proposals.width)
+    if name not in ("random_attributes", "intervals"):  # they relax nothing
+        own = np.tile([1 / 3, 0.2, 0.2, 0.2, 0.2], (3, 1))
+        np.testing.assert_allclose(width[width < 1], own[width < 1], rtol=1e-6)
+        assert np.any(width < 1)
+    a = np.asarray(proposals.centre)[:, 0][width[:, 0] < 1]  # has no order, so no value between
+    assert set(np.round(3 * a - 0.5, 5)) <= {0, 1, 2}
     assert method.traced == (name not in ("cma_es", "tpe"))
 
 
 BAD = {
-    "actor_critic": dict(temperature=[0.0, np.nan], degree=[0], pair_degree=[10]),
+    "surrogate": dict(temperature=[0.0, np.nan], degree=[0], pair_degree=[10]),
     "sdr": dict(updates_per_group=[0], unoptimised=["zero"], baseline=["none"]),
     "attribute_descent": dict(repeats=[0], unoptimised=["zero"]),
     "gaussian": dict(std=[0.0]),
@@ -218,7 +223,7 @@ def test_bad_options_are_refused(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "options", "culprit"), [
-    ("magic", {}, "unknown method 'magic'; known are actor_critic, sdr"),
+    ("magic", {}, "unknown method 'magic'; known are surrogate, sdr"),
     ("pbil", dict(speed=1), "pbil has no option 'speed'; known: rate"),
     ("random_search", dict(speed=1), "known: none"),
     ("sdr", dict(baseline="none"), "must be one of ema, ema_current"),

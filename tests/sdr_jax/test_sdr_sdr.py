@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from sdr_jax import Method, ema, leave_one_out, relax, sdr, space, squared_percent
 from sdr_jax.coordinate_descent import Descent, active, begin, begun, concat, descend, lay_out
+from sdr_jax.registry import make
 from sdr_jax.relaxation import moments
 from sdr_jax.sdr import SdrState
 
@@ -165,3 +166,27 @@ def test_too_few_known_rewards_teach_nothing_but_groups_move_on(known: int, base
     jax.tree.map(np.testing.assert_array_equal, state.learners, before.learners)
     assert (state.descent.updates, np.flatnonzero(state.descent.fixed >= 0)) == (2, [1])
     assert np.isnan(info.reward_mean) == (known == 0)
+
+
+@pytest.mark.parametrize("method", [sdr(SPACE), make("sdr", SPACE)], ids=["function", "registry"])
+def test_the_papers_numbers(method: Method) -> None:
+    """256 hidden units; Adam's first step is its rate, 0.01; a baseline that forgets a tenth an update."""
+    state = method.init(jax.random.key(0))
+    assert state.learners.params["params"]["Dense_0"]["kernel"].shape[2] == 256
+    actions = jnp.asarray([[0, 1, 0, 0], [1, 3, 1, 2]])
+    moved, _ = method.update(state, actions, jnp.asarray([0.0, 1.0]))
+    steps = jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b)), moved.learners, state.learners)
+    largest = max(map(float, jax.tree.leaves(steps.params)))
+    assert largest == pytest.approx(0.01, rel=0.01)
+    seen = []
+    for reward in (0.0, 1.0, 1.0):
+        state, info = method.update(state, actions, jnp.full(2, reward))
+        seen.append(float(info.baseline))
+    np.testing.assert_allclose(seen, [0, 0, 0.1], atol=1e-6)
+
+
+def test_the_first_policy_is_flax_s_and_not_uniform() -> None:
+    """Which the docstring says: the likeliest of ten bins has about 0.18."""
+    ten = sdr(space([f"x{k}" for k in range(7)]))
+    likeliest = [np.max(ten.probabilities(ten.init(jax.random.key(k))), axis=1) for k in range(8)]
+    assert np.mean(likeliest) == pytest.approx(0.18, abs=0.03)

@@ -34,6 +34,7 @@ def test_a_space_is_built_from_names() -> None:
     (dict(names=NAMES, groups=[["car", "tree"], ["tree", "fence"]]), "'tree'"),
     (dict(names=NAMES, groups=[["car", "tree"]]), "'fence'"),
     (dict(names=NAMES, groups=[NAMES, []]), "a group needs"),
+    (dict(names=NAMES, unordered=["weather"]), "in unordered: 'weather'; known are car"),
 ])  # fmt: skip
 def test_a_bad_space_is_refused_by_name(arguments: dict, culprit: str) -> None:
     with pytest.raises(ValueError, match=culprit):
@@ -84,6 +85,20 @@ def test_bins_their_entropy_and_moments_by_hand() -> None:
     np.testing.assert_allclose(everything, [[0.5] * 3, [1] * 3], atol=1e-6)
     certain = moments(SMALL, jax.nn.one_hot(jnp.asarray([1, 4, 0]), 5), 0.1)
     np.testing.assert_allclose(certain, relax(SMALL, jnp.asarray([1, 4, 0]), 0.1), atol=1e-6)
+
+
+@given(st.integers(0, 4), st.floats(0, 1), seeds)
+def test_values_without_an_order_are_one_or_all_whatever_the_width(value, share, seed) -> None:
+    apart = space(["a", "b"], bins=5, unordered=["b"])
+    centre, width = relax(apart, jnp.asarray([value, value]), 0.7)
+    np.testing.assert_allclose([centre[1], width[1]], [(value + 0.5) / 5, 0.2], atol=1e-6)
+    assert float(width[0]) == pytest.approx(0.7)
+    rest = np.random.default_rng(seed).dirichlet(np.ones(5), 2)
+    p = (1 - share) * rest + share * np.eye(5)[value]
+    left = np.asarray(moments(apart, jnp.asarray(p, jnp.float32), 0.7))[:, 1]
+    likeliest = p[1].argmax()
+    sure = p[1].max() > 0.5
+    np.testing.assert_allclose(left, [(likeliest + 0.5) / 5, 0.2] if sure else [0.5, 1], atol=1e-6)
 
 
 @given(seeds)

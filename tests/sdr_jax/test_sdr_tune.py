@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,8 +81,12 @@ def runs(tmp_path: Path, capsys: pytest.CaptureFixture) -> Runs:
 def test_physical_values_worked_out_by_hand() -> None:
     assert physical(Attribute("a", low=-8.0, high=8.0), 0.25) == -4
     assert physical(Attribute("a", low=0.01, high=100.0, log=True), 0.5) == 1
-    both = (Attribute("x", low=10.0, high=30.0), Attribute("y"))
-    told = describe(both, Proposal(np.float32([0.35, 0.5]), np.float32([0.1, 1.0])))
+    road = Attribute("road", 3, values=("dry", "wet", "snow"))
+    some = (Attribute("x", low=10.0, high=30.0), Attribute("y"), road, replace(road, name="all"))
+    units = np.float32([0.35, 0.5, 0.5, 0.5]), np.float32([0.1, 1.0, 1 / 3, 1])
+    told = describe(some, Proposal(*units))
+    assert told.pop("road")["values"] == ["wet"]
+    assert told.pop("all") == {"unit": {"centre": 0.5, "width": 1.0}, "values": [*road.values]}
     assert told == {
         "x": {"unit": {"centre": 0.35, "width": 0.1}, "centre": 17.0, "low": 16.0, "high": 18.0},
         "y": {"unit": {"centre": 0.5, "width": 1.0}, "centre": 0.5, "low": 0.0, "high": 1.0},
@@ -236,10 +241,15 @@ def test_the_folder_of_another_run_is_refused(runs, change, field) -> None:
     (A + "low = 3\nhigh = 3", "low is 3 and high is 3, but low must"),
     (A + "low = nan\nhigh = 3", "low is nan, but must be a number"),
     (A + "low = 0\nhigh = 3\nlog = true", "low is 0, but must be above"),
+    (A + 'values = ["dry"]', "'a': values is ['dry'], but must be two texts or more"),
+    (A + "values = [1, 2]", "values is [1, 2], but must be two texts or more"),
+    (A + "values = 3", "values is 3, but must be a list"),
+    (A + 'values = ["x", "x"]', "'a': values has a text twice"),
+    (A + 'values = ["x", "y"]\nbins = 2', "have no order, so bins means nothing"),
     (A + "max = 1", "'a': key 'max' is unknown; known: name, bins"),
     ('groups = [["a", "b", "c"]]\n' + TWO, "unknown attribute(s) in the groups: 'c'"),
     ('groups = ["a", "b"]\n' + TWO, "groups must be lists of names"),
-    ('method = "magic"\n' + TWO, "method 'magic' is unknown; known: actor_critic"),
+    ('method = "magic"\n' + TWO, "method 'magic' is unknown; known: surrogate"),
     ("evaluation = 5\n" + TWO, "key 'evaluation' is unknown; known: attributes"),
     ("evaluations = 20\n" + TWO, "multiple of datasets_per_update = 8, such as 16 or 24"),
     ("evaluations = 0\n" + TWO, "evaluations is 0, but must be at least 1"),

@@ -1,5 +1,6 @@
 """Features of ordered bins, linear in whose weights a reward is modelled, and its best bins."""
 
+import math
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple
@@ -9,11 +10,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
-from sdr_jax.relaxation import bin_centres, bin_mask, random_bins
+from sdr_jax.relaxation import bin_centres, bin_mask, ordered, random_bins
 from sdr_jax.space import Space
 
 STARTS = 8
 """Where coordinate ascent starts: at the best of each attribute alone, the others at random."""
+
+PAIR_FEATURES = 256
+"""About as many features do all interactions together get, which decides how fine they are."""
+
+MOST_PAIRS = 700
+"""Spaces with more pairs of attributes in groups are modelled without interactions."""
 
 SWEEPS = 4
 """How often coordinate ascent goes round all attributes."""
@@ -40,11 +47,13 @@ def features(space: Space, degree: int, pair_degree: int, interaction: float) ->
     """Lays out cosine features, `sqrt(2) cos(pi m c)` of a bin's centre c, m = 1..degree.
 
     Over an attribute's bins these are orthogonal and have mean zero. Their prior variance is
-    1 / m^2; that of a product of two `interaction` / (m^2 l^2).
+    1 / m^2; that of a product of two `interaction` / (m^2 l^2). Of K bins without an order all K - 1
+    cosines are there, with prior variance 1 each: no two bins are then more alike than others, as in
+    one-hot features.
 
     Args:
         space: the attributes, their bins, and the groups whose members interact.
-        degree: cosines per attribute; those beyond its bins less one are left out.
+        degree: cosines per attribute in order; those beyond its bins less one are left out.
         pair_degree: cosines of each attribute of a pair, at most `degree`; 0 for no pairs.
         interaction: see above.
 
@@ -57,14 +66,33 @@ def features(space: Space, degree: int, pair_degree: int, interaction: float) ->
     check_degrees(degree, pair_degree)
     if not (interaction >= 0 and np.isfinite(interaction)):
         raise ValueError(f"interaction is {interaction}, but must be 0 or more")
-    orders = np.arange(1, degree + 1, dtype=np.float32)
-    there = orders[None, :] < np.asarray(space.bins)[:, None]  # [attributes degree]
+    own = own_variances(space, degree)
+    orders = np.arange(1, own.shape[1] + 1)
     basis = np.sqrt(2) * np.cos(np.pi * bin_centres(space)[:, :, None] * orders[None, None, :])
-    basis = basis * there[:, None, :] * bin_mask(space)[:, :, None]
+    basis = basis * (own > 0)[:, None, :] * bin_mask(space)[:, :, None]
+    return lay_out(space, basis, own, pair_degree, interaction)
+
+
+def own_variances(space: Space, degree: int) -> Float[np.ndarray, "attributes columns"]:
+    """Prior variances of attributes' own cosines; 0 for those that an attribute lacks."""
+    in_order, bins = ordered(space)[:, None], np.asarray(space.bins)[:, None]
+    finest = max([degree, *(space.bins[attribute] - 1 for attribute in space.unordered)])
+    orders = np.arange(1, finest + 1, dtype=np.float32)[None, :]
+    there = (orders < bins) & ((orders <= degree) | ~in_order)
+    return there * np.where(in_order, 1 / orders**2, 1.0).astype(np.float32)
+
+
+def lay_out(
+    space: Space,
+    basis: Float[np.ndarray, "attributes bins columns"],
+    own: Float[np.ndarray, "attributes columns"],
+    pair_degree: int,
+    interaction: float = 1.0,
+) -> Features:
+    """The features of a basis and its prior variances, with products of two within groups."""
     pairs = [pair for group in space.groups for pair in combinations(group, 2)]
     if pair_degree == 0:
         pairs = []
-    own = there / orders[None, :] ** 2
     i, j = np.asarray(pairs, np.int32).reshape(-1, 2).T
     products = own[i, :pair_degree, None] * own[j, None, :pair_degree]
     variance = np.concatenate([own.ravel(), interaction * products.ravel()])
@@ -74,6 +102,17 @@ def features(space: Space, degree: int, pair_degree: int, interaction: float) ->
         pair_degree,
         variance.astype(np.float32),
     )
+
+
+def affordable(space: Space, degree: int) -> int:
+    """Cosines of each attribute in interactions: as many as leave these about 256 features, or none.
+
+    Without interactions a model of many attributes in one group is about as good, and far cheaper.
+    """
+    pairs = sum(len(group) * (len(group) - 1) // 2 for group in space.groups)
+    if pairs > MOST_PAIRS:
+        return 0
+    return min(degree, max(space.bins) - 1, max(1, math.isqrt(PAIR_FEATURES // max(pairs, 1))))
 
 
 def evaluate(layout: Features, actions: Int[Array, "n attributes"]) -> Float[Array, "n features"]:

@@ -1,4 +1,4 @@
-"""SDR carried on: the policy over bins follows a critic that learns from every evaluation."""
+"""SDR carried on: the policy over bins follows a model that learns from every evaluation."""
 
 from typing import NamedTuple
 
@@ -7,9 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax.critic import critic as critics
-from sdr_jax.critic.regression import Posterior
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
+from sdr_jax.models import effects
+from sdr_jax.models import memory as memories
+from sdr_jax.models.features import maximise_each
+from sdr_jax.models.regression import Posterior
 from sdr_jax.policy import entropy
 from sdr_jax.relaxation import UNDECIDED, bin_mask, check_relaxation, moments, relax
 from sdr_jax.space import Proposal, Space, Width
@@ -18,19 +20,20 @@ SWEEPS = 4
 """Natural-gradient steps of the policy in every update."""
 
 DRAWS = 32
-"""Draws from the critic's posterior, whose spread sets the temperatures."""
+"""Draws from the model's posterior, whose spread sets the temperatures."""
 
 
-class ActorCriticState(NamedTuple):
+class SurrogateState(NamedTuple):
     """A policy, and what it follows."""
 
-    critic: critics.CriticState
-    belief: Posterior  # the critic's
+    seen: effects.EffectsState
+    belief: Posterior  # of the weights
     logits: Float[Array, "attributes bins"]  # minus infinity for bins an attribute lacks
-    best: Int[Array, "attributes"]  # bins of the critic's highest mean, -1 before two rewards
+    best: Int[Array, "attributes"]  # bins of the answer, -1 before two rewards
+    memory: memories.Memory
 
 
-def actor_critic(
+def surrogate(
     space: Space,
     width: Width = None,
     *,
@@ -41,31 +44,32 @@ def actor_critic(
     """SDR whose policy gradient comes from a model of the reward instead of from single rewards.
 
     As in SDR, each attribute has a softmax policy over its bins, data sets are drawn from it and
-    relaxed. But where REINFORCE throws a reward away after one noisy step, a Bayesian critic keeps
-    all of them (`critic.py`: smooth in every attribute, pairwise within groups, its scales learnt by
+    relaxed. But where REINFORCE throws a reward away after one noisy step, a Bayesian model keeps
+    all of them (`effects.py`: smooth in every attribute, pairwise within groups, its scales learnt by
     evidence), and the gradient of what it expects of the policy is exact. The policy maximises
 
-        E_pi[r_critic] + sum_i tau_i H(pi_i),   tau_i = temperature * std_i
+        E_pi[r_model] + sum_i tau_i H(pi_i),   tau_i = temperature * std_i
 
     where std_i is the posterior's standard deviation of the differences between i's bins: so an
-    attribute keeps exploring until the critic is surer of them than they differ. The natural
+    attribute keeps exploring until the model is surer of them than they differ. The natural
     gradient in the logits is `Q_i - tau_i log pi_i`; steps of 1 / tau_i, which are `logits = Q / tau`,
     alternate with new expectations. Groups say which attributes may interact, not in which order to
     learn: all are learnt at once.
 
-    Policies of independent attributes cannot say "both or neither". So every second data set is not
-    drawn from them, but the best of a model drawn from the posterior (Thompson sampling). Draws
-    from the policies are stratified.
+    Policies of independent attributes cannot say "both or neither". So every second data set, counted
+    over all updates, is not drawn from them, but the best of a model drawn from the posterior (Thompson
+    sampling). Draws from the policies are stratified. Where repeats show that rewards have no noise, nothing
+    is tried twice (`memory.py`).
 
-    The answer holds the bins of the critic's highest mean, not of the luckiest draw. `spread` has the
-    moments of the policy: what drowns in the noise stays wide.
+    The answer holds the bins of the model's highest mean, not of the luckiest draw; of rewards without
+    noise it is the best seen. `spread` has the moments of the policy: what drowns in the noise stays wide.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
         width: of the relaxed bins, see `relax`.
         temperature: above 0; higher explores longer.
-        degree: see `make_critic`.
-        pair_degree: see `make_critic`.
+        degree: see `make_effects`.
+        pair_degree: see `make_effects`.
 
     Returns:
         The method, for any number of updates.
@@ -79,64 +83,72 @@ def actor_critic(
     check_relaxation(space, width, "random")
     if not (temperature > 0 and np.isfinite(temperature)):
         raise ValueError(f"temperature is {temperature}, but must be above 0")
-    model = critics.make_critic(space, degree, pair_degree)
+    model = effects.make_effects(space, degree, pair_degree)
     there = bin_mask(space)
     level = np.where(there, 0.0, -np.inf).astype(np.float32)
 
-    def init(rng_key: RngKey) -> ActorCriticState:
+    def init(rng_key: RngKey) -> SurrogateState:
         del rng_key  # nothing is random before the first sample
         undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
-        critic = critics.init_critic(model)
-        belief = critics.posterior(model, critic)
-        return ActorCriticState(critic, belief, jnp.asarray(level), undecided)
+        seen = effects.init_effects(model)
+        belief = effects.posterior(model, seen)
+        return SurrogateState(
+            seen, belief, jnp.asarray(level), undecided, memories.empty(space.attributes)
+        )
 
-    def sample(rng_key: RngKey, state: ActorCriticState, n: int) -> tuple[Bins, Proposal]:
-        policy_key, draw_key = jax.random.split(rng_key)
+    def sample(rng_key: RngKey, state: SurrogateState, n: int) -> tuple[Bins, Proposal]:
+        policy_key, draw_key, start_key = jax.random.split(rng_key, 3)
         actions = stratified(policy_key, space, jax.nn.softmax(state.logits), n)
-        believed = critics.draw_best(draw_key, model, state.belief, n)
-        second = (jnp.arange(n) % 2 == 1) & (state.critic.noise > 0)
+        drawn = effects.draw_plain(draw_key, model, state.belief, n)
+        believed = maximise_each(start_key, space, model.layout, drawn)
+        turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)
+        second = (turn % 2 == 1) & (state.seen.noise > 0)
         actions = jnp.where(second[:, None], believed, actions)
+        actions = memories.untried(state.memory, space, model.layout, drawn, actions)
         return actions, relax(space, actions, width)
 
     def update(
-        state: ActorCriticState, actions: Bins, rewards: Rewards
-    ) -> tuple[ActorCriticState, Info]:
+        state: SurrogateState, actions: Bins, rewards: Rewards
+    ) -> tuple[SurrogateState, Info]:
         info = plain_info(rewards, entropy(state.logits, jnp.ones(space.attributes, bool)))
-        critic = critics.observe(model, state.critic, actions, rewards)
-        belief = critics.posterior(model, critic)
-        best = critics.best_bins(model, belief)
+        seen = effects.observe(model, state.seen, actions, rewards)
+        belief = effects.posterior(model, seen)
+        best = effects.best_bins(model, belief)
         logits = follow(model, belief, best, temperature)
-        known = critic.noise > 0
-        next_state = ActorCriticState(
-            critic,
+        memory = memories.remember(state.memory, actions, rewards)
+        known = seen.noise > 0
+        best = jnp.where(memories.exact(memory), memory.best, best)
+        next_state = SurrogateState(
+            seen,
             belief,
             jnp.where(known, logits, state.logits),
             jnp.where(known, best, state.best),
+            memory,
         )
         return next_state, info
 
-    def probabilities(state: ActorCriticState) -> Float[Array, "attributes bins"]:
+    def probabilities(state: SurrogateState) -> Float[Array, "attributes bins"]:
         return jax.nn.softmax(state.logits)
 
-    def solution(state: ActorCriticState) -> Proposal:
+    def solution(state: SurrogateState) -> Proposal:
         return relax(space, state.best, width)
 
-    def spread(state: ActorCriticState) -> Proposal:
+    def spread(state: SurrogateState) -> Proposal:
         return moments(space, jax.nn.softmax(state.logits), width)
 
     return jitted(init, sample, update, solution, probabilities, spread)
 
 
 def follow(
-    model: critics.Critic,
+    model: effects.Effects,
     belief: Posterior,
     start: Int[Array, "attributes"],
     temperature: float,
 ) -> Float[Array, "attributes bins"]:
-    """Moves a policy to where a critic's expected reward plus entropy is highest.
+    """Moves a policy to where a model's expected reward plus entropy is highest.
 
     Args:
-        model: the critic.
+        model: the constants.
         belief: what it believes.
         start: bins from which to begin, as if they were certain: with interactions there may be
             several maxima, and the policy belongs at the best.
@@ -147,13 +159,13 @@ def follow(
     """
     there = jnp.asarray(bin_mask(model.space))
     sizes = jnp.asarray(model.space.bins, jnp.float32)[:, None]
-    mean = critics.mean_model(model, belief)
+    mean = effects.mean_model(model, belief)
     # A fixed key: the same evaluations give the same temperatures.
-    draws = critics.draw_models(jax.random.key(0), model, belief, DRAWS)
+    draws = effects.draw_models(jax.random.key(0), model, belief, DRAWS)
     probabilities = jax.nn.one_hot(start, model.space.max_bins)
     for _ in range(SWEEPS):
-        q = critics.values(model, mean, probabilities)
-        drawn = jax.vmap(lambda one: critics.values(model, one, probabilities))(draws)  # noqa: B023
+        q = effects.values(model, mean, probabilities)
+        drawn = jax.vmap(lambda one: effects.values(model, one, probabilities))(draws)  # noqa: B023
         error = jnp.where(there[None], drawn - q[None], 0.0)
         error = error - error.sum(axis=2, keepdims=True) / sizes[None]
         variance = jnp.where(there[None], error**2, 0.0).sum(axis=2) / sizes[None, :, 0]

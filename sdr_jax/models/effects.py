@@ -1,27 +1,23 @@
-"""The critic: a Bayesian model of the reward over bins, with the structure of the groups.
+"""A Bayesian model of the reward over bins: effects of attributes, and of pairs within groups.
 
     r(a) = b + sum_i f_i(a_i) + sum_{i<j in a group} g_ij(a_i, a_j) + noise
 
 Under policies that choose each attribute's bin independently, its expectation is exact: no sampling.
 """
 
-import math
 from functools import partial
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax.critic import features, regression
-from sdr_jax.critic.features import Features
-from sdr_jax.critic.regression import Posterior, Statistics
+from sdr_jax.models import features, regression
+from sdr_jax.models.features import Features
+from sdr_jax.models.regression import Posterior, Statistics
+from sdr_jax.relaxation import ordered
 from sdr_jax.space import Space
-
-PAIR_FEATURES = 256
-"""About as many features do all interactions together get, which decides how fine they are."""
 
 SIGNAL = 0.7
 """Share of the first rewards' variance that is taken for signal, before the evidence speaks."""
@@ -36,21 +32,21 @@ NOISE_SHARE, NOISE_WEIGHT = 0.3, 4.0
 """Prior of the noise: its share of the rewards' variance, and the evaluations that is worth."""
 
 
-class Critic(NamedTuple):
-    """The model (constants): cosine features, and which effect each belongs to.
+class Effects(NamedTuple):
+    """The model (constants): features, and which effect each belongs to.
 
-    Effects are the attributes, then the pairs, then the curvature that all attributes share.
+    Effects are the attributes, then the pairs, then what all attributes share.
     """
 
     space: Space
     layout: Features
-    effect: Int[np.ndarray, "features"]  # one more than the layout has: the shared curvature
+    effect: Int[np.ndarray, "features"]  # more than the layout has: the shared ones
     variance: Float[np.ndarray, "features"]  # prior's, relative to the effect's scale
-    bend: Float[np.ndarray, "features"]  # the layout's features that the curvature adds up
+    shared: Float[np.ndarray, "layout shared"]  # the layout's features that each shared one adds up
 
 
-class CriticState(NamedTuple):
-    """What the critic has learnt."""
+class EffectsState(NamedTuple):
+    """What the model has learnt."""
 
     statistics: Statistics
     scales: Float[Array, "effects"]  # prior variance of each effect; 0 before the first rewards
@@ -58,14 +54,14 @@ class CriticState(NamedTuple):
 
 
 class Model(NamedTuple):
-    """One function of the bins: the critic's mean, or a draw from its posterior."""
+    """One function of the bins: the posterior's mean, or a draw from its posterior."""
 
     alone: Float[Array, "*draws attributes bins"]  # f_i
     between: Float[Array, "*draws attributes attributes degree degree"]  # of cosines, symmetric
 
 
-def make_critic(space: Space, degree: int = 9, pair_degree: int | None = None) -> Critic:
-    """Lays the model out.
+def make_effects(space: Space, degree: int = 9, pair_degree: int | None = None) -> Effects:
+    """Lays the model over bins out.
 
     f_i is a cosine series over the bins' values, g_ij a product of two shorter ones. Beside its own,
     every f_i has a second cosine in common with all others: attributes tend to be best well inside
@@ -75,7 +71,7 @@ def make_critic(space: Space, degree: int = 9, pair_degree: int | None = None) -
         space: the attributes, their bins, and the groups whose members may interact.
         degree: cosines per attribute; those beyond its bins less one are left out.
         pair_degree: cosines of each attribute in interactions, 0 for none; by default as many as
-            leave all interactions together about 256 features, at least 1.
+            leave all interactions together about 256 features, at least 1, and none in large groups.
 
     Returns:
         The model.
@@ -83,71 +79,74 @@ def make_critic(space: Space, degree: int = 9, pair_degree: int | None = None) -
     Raises:
         ValueError: an option out of range.
     """
-    pairs = sum(len(group) * (len(group) - 1) // 2 for group in space.groups)
     if pair_degree is None:
-        finest = max(space.bins) - 1
-        pair_degree = min(degree, finest, max(1, math.isqrt(PAIR_FEATURES // max(pairs, 1))))
+        pair_degree = features.affordable(space, degree)
     layout = features.features(space, degree, pair_degree, 1.0)
-    effects = space.attributes + len(layout.pairs)
+    return effects_of(space, layout, columns=(1,) if degree > 1 else ())
+
+
+def effects_of(space: Space, layout: Features, columns: tuple[int, ...]) -> Effects:
+    """The model of a layout; `columns` of attributes in order have a weight in common beside their own."""
+    attributes, _, degree = layout.basis.shape
+    effects = attributes + len(layout.pairs)
     effect = np.concatenate(
         [
-            np.repeat(np.arange(space.attributes), degree),
-            np.repeat(np.arange(space.attributes, effects), pair_degree**2),
+            np.repeat(np.arange(attributes), degree),
+            np.repeat(np.arange(attributes, effects), layout.pair_degree**2),
         ]
     )
     totals = np.bincount(effect, weights=layout.variance, minlength=effects)
     variance = layout.variance / totals[effect]
-    bend = np.zeros(len(effect), np.float32)
-    second = slice(1, space.attributes * degree, degree)
-    if degree > 1:
-        bend[second] = layout.variance[second] > 0
-    shared = (variance * bend).max(initial=0)
-    return Critic(
+    shared = np.zeros((len(effect), len(columns)), np.float32)
+    for place, column in enumerate(columns):
+        rows = np.flatnonzero(ordered(space)) * degree + column
+        shared[rows, place] = layout.variance[rows] > 0
+    of_shared = (variance[:, None] * shared).max(axis=0, initial=0)
+    return Effects(
         space,
         layout,
-        np.append(effect, effects).astype(np.int32),
-        np.append(variance, shared).astype(np.float32),
-        bend,
+        np.append(effect, np.arange(effects, effects + len(columns))).astype(np.int32),
+        np.append(variance, of_shared).astype(np.float32),
+        shared,
     )
 
 
-def init_critic(model: Critic) -> CriticState:
-    """A critic that has seen nothing."""
-    effects = int(model.effect.max()) + 1
+def init_effects(model: Effects) -> EffectsState:
+    """A model that has seen nothing."""
     zero = jnp.zeros((), jnp.float32)
-    scales = jnp.zeros(effects, jnp.float32)
-    return CriticState(regression.empty(len(model.effect)), scales, zero)
+    scales = jnp.zeros(len(_first_scales(model)), jnp.float32)
+    return EffectsState(regression.empty(len(model.effect)), scales, zero)
 
 
 def observe(
-    model: Critic,
-    state: CriticState,
+    model: Effects,
+    state: EffectsState,
     actions: Int[Array, "n attributes"],
     rewards: Float[Array, "n"],
-) -> CriticState:
+) -> EffectsState:
     """Counts evaluations in, and takes one step towards the scales of most evidence.
 
     The step is one of expectation maximisation, from where the last update left them. An effect's
     scale is pulled towards the mean of its kind, so that none dies by chance.
     """
     x = features.evaluate(model.layout, actions)
-    x = jnp.concatenate([x, (x @ model.bend)[:, None]], axis=1)
+    x = jnp.concatenate([x, x @ model.shared], axis=1)
     statistics = regression.add(state.statistics, x, rewards)
     data = regression.centred(statistics)
     variance = data.square / data.freedom
     fresh = state.noise <= 0
-    state = CriticState(
+    state = EffectsState(
         statistics,
         jnp.where(fresh, SIGNAL * variance * _first_scales(model), state.scales),
         jnp.where(fresh, (1 - SIGNAL) * variance, state.noise),
     )
     stepped = _maximise_evidence(model, state)
     enough = statistics.seen > 1  # two rewards make a difference
-    zeros = CriticState(statistics, jnp.zeros_like(state.scales), jnp.zeros_like(state.noise))
+    zeros = EffectsState(statistics, jnp.zeros_like(state.scales), jnp.zeros_like(state.noise))
     return jax.tree.map(lambda a, b: jnp.where(enough, a, b), stepped, zeros)
 
 
-def posterior(model: Critic, state: CriticState) -> Posterior:
+def posterior(model: Effects, state: EffectsState) -> Posterior:
     """The belief about the weights; that of the prior before two rewards are known."""
     scales = jnp.where(state.noise > 0, state.scales, 1.0)
     noise = jnp.where(state.noise > 0, state.noise, 1.0)
@@ -155,18 +154,18 @@ def posterior(model: Critic, state: CriticState) -> Posterior:
     return regression.posterior(regression.centred(state.statistics), std, jnp.sqrt(noise))[0]
 
 
-def mean_model(model: Critic, belief: Posterior) -> Model:
+def mean_model(model: Effects, belief: Posterior) -> Model:
     """The posterior's mean."""
     return _model(model, belief.mean)
 
 
-def draw_models(rng_key: Key[Array, ""], model: Critic, belief: Posterior, n: int) -> Model:
+def draw_models(rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int) -> Model:
     """Draws from the posterior, stacked on a leading axis; the key is consumed."""
     return jax.vmap(partial(_model, model))(regression.draw(rng_key, belief, n))
 
 
 def values(
-    model: Critic, function: Model, probabilities: Float[Array, "attributes bins"]
+    model: Effects, function: Model, probabilities: Float[Array, "attributes bins"]
 ) -> Float[Array, "attributes bins"]:
     """Expected reward of each bin of each attribute, the others left to the policy.
 
@@ -188,46 +187,55 @@ def values(
     return function.alone + jnp.einsum("abp,ap->ab", short, pulls)
 
 
-def best_bins(model: Critic, belief: Posterior) -> Int[Array, "attributes"]:
+def value(
+    model: Effects, state: EffectsState, belief: Posterior, actions: Int[Array, "attributes"]
+) -> Float[Array, ""]:
+    """The mean reward of actions under a belief, in the rewards' own units."""
+    statistics = state.statistics
+    count = jnp.maximum(statistics.seen, 1)
+    x = features.evaluate(model.layout, actions[None, :])[0]
+    off = jnp.append(x, x @ model.shared) - statistics.sums / count
+    return statistics.offset + statistics.total / count + off @ belief.mean
+
+
+def best_bins(model: Effects, belief: Posterior) -> Int[Array, "attributes"]:
     """The bins of the highest mean: coordinate ascent from a few starts."""
-    weights = _plain(model, belief.mean)
+    weights = plain(model, belief.mean)
     return features.maximise(jax.random.key(0), model.space, model.layout, weights)
 
 
-def draw_best(
-    rng_key: Key[Array, ""], model: Critic, belief: Posterior, n: int
-) -> Int[Array, "n attributes"]:
-    """The best bins of each of n models drawn from the posterior; the key is consumed."""
-    weights_key, start_key = jax.random.split(rng_key)
-    weights = jax.vmap(partial(_plain, model))(regression.draw(weights_key, belief, n))
-    return features.maximise_each(start_key, model.space, model.layout, weights)
+def draw_plain(
+    rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: int
+) -> Float[Array, "n layout"]:
+    """Weights of the layout's features, drawn from the posterior; the key is consumed."""
+    return jax.vmap(partial(plain, model))(regression.draw(rng_key, belief, n))
 
 
-def _plain(model: Critic, weights: Array) -> Array:
-    """Weights of the layout's features alone: the shared curvature is handed out."""
-    return weights[:-1] + weights[-1] * model.bend
+def plain(model: Effects, weights: Array) -> Array:
+    """Weights of the layout's features alone: what is shared is handed out."""
+    own = len(model.shared)
+    return weights[:own] + model.shared @ weights[own:]
 
 
-def _model(model: Critic, weights: Array) -> Model:
-    return Model(*features.split(model.layout, _plain(model, weights)))
+def _model(model: Effects, weights: Array) -> Model:
+    return Model(*features.split(model.layout, plain(model, weights)))
 
 
-def _first_scales(model: Critic) -> Float[np.ndarray, "effects"]:
+def _first_scales(model: Effects) -> Float[np.ndarray, "effects"]:
     attributes, pairs = model.space.attributes, len(model.layout.pairs)
     share = PAIR_SHARE if pairs else 0.0
     own = np.full(attributes, (1 - share) / attributes)
     interactions = np.full(pairs, share / max(pairs, 1))
-    return np.concatenate([own, interactions, own[:1]]).astype(np.float32)
+    shared = np.repeat(own[:1], model.shared.shape[1])
+    return np.concatenate([own, interactions, shared]).astype(np.float32)
 
 
-def _maximise_evidence(model: Critic, state: CriticState) -> CriticState:
+def _maximise_evidence(model: Effects, state: EffectsState) -> EffectsState:
     """One step of expectation maximisation of scales and noise."""
     attributes, pairs = model.space.attributes, len(model.layout.pairs)
     data = regression.centred(state.statistics)
     belief = posterior(model, state)
-    inverse = solve_triangular(belief.factor, jnp.eye(len(model.effect)), lower=True)
-    covariance = belief.scale[:, None] * (inverse.T @ inverse) * belief.scale[None, :]
-
+    covariance = regression.covariance(belief)
     there = model.variance > 0
     relative = np.where(there, model.variance, 1)
     squares = jnp.where(there, (belief.mean**2 + jnp.diag(covariance)) / relative, 0.0)
@@ -240,8 +248,9 @@ def _maximise_evidence(model: Critic, state: CriticState) -> CriticState:
             jnp.full(pairs, sums[interactions].sum() / max(counts[interactions].sum(), 1)),
         ]
     )
-    scales = (sums[:-1] + SHRINK * kinds) / (counts[:-1] + SHRINK)
-    scales = jnp.append(scales, kinds[0])  # what is shared is as large as what each has
+    scales = (sums[: len(kinds)] + SHRINK * kinds) / (counts[: len(kinds)] + SHRINK)
+    # What is shared is as large as what each has.
+    scales = jnp.append(scales, jnp.full(model.shared.shape[1], kinds[0]))
 
     misfit = (
         data.square
@@ -251,4 +260,4 @@ def _maximise_evidence(model: Critic, state: CriticState) -> CriticState:
     )
     variance = data.square / data.freedom
     noise = (misfit + NOISE_WEIGHT * NOISE_SHARE * variance) / (data.freedom + NOISE_WEIGHT)
-    return CriticState(state.statistics, scales, jnp.maximum(noise, 1e-4 * variance))
+    return EffectsState(state.statistics, scales, jnp.maximum(noise, 1e-4 * variance))

@@ -1,4 +1,4 @@
-"""The critic, its features, and the methods that follow a model of the reward."""
+"""The model of effects, its features, and the methods that follow a model of the reward."""
 
 from functools import partial
 from itertools import product
@@ -11,24 +11,38 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import Method, Proposal, actor_critic, linear, run_on_host, space
-from sdr_jax.critic import critic, regression
-from sdr_jax.critic.actor_critic import follow, stratified
-from sdr_jax.critic.choices import choices, integrated, layout_of, scales
-from sdr_jax.critic.features import Features, evaluate, features, maximise, tables
+from sdr_jax import Method, Proposal, linear, run_on_host, space, surrogate
+from sdr_jax.models import effects, memory, regression
+from sdr_jax.models.choices import choices, integrated, runs
+from sdr_jax.models.features import (
+    Features,
+    evaluate,
+    features,
+    maximise,
+    maximise_each,
+    tables,
+)
+from sdr_jax.models.surrogate import follow, stratified
 from sdr_jax.relaxation import bin_mask
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
 LAYOUT = features(SPACE, 3, 2, 0.5)
-MODEL = critic.make_critic(SPACE, 3, 2)
-METHODS = {"actor_critic": actor_critic(SPACE), "linear": linear(SPACE)}
+MODEL = effects.make_effects(SPACE, 3, 2)
+METHODS = {"surrogate": surrogate(SPACE), "linear": linear(SPACE)}
 
 BEST_OF = jax.jit(lambda key, weights: maximise(key, SPACE, LAYOUT, weights))
 TABLES = jax.jit(lambda weights, actions: tables(SPACE, LAYOUT, weights, actions))
-WAYS = critic.observe, critic.posterior, critic.best_bins, critic.mean_model, critic.values
+WAYS = effects.observe, effects.posterior, effects.best_bins, effects.mean_model, effects.values
 OBSERVE, POSTERIOR, BEST, MEAN, VALUES = (jax.jit(partial(way, MODEL)) for way in WAYS)
-DRAW_BEST = jax.jit(lambda key, belief: critic.draw_best(key, MODEL, belief, 200))
+
+
+@jax.jit
+def DRAW_BEST(key, belief):
+    weights = effects.draw_plain(key, MODEL, belief, 200)
+    return maximise_each(key, SPACE, MODEL.layout, weights)
+
+
 STRATIFIED = jax.jit(lambda key, p: stratified(key, SPACE, p, 7))
 seeds = st.integers(0, 2**32 - 1)
 
@@ -42,17 +56,19 @@ def some(seed: int, n: int = 16) -> tuple[np.ndarray, np.ndarray]:
     return actions, (40 + rewards).astype(np.float32)
 
 
-def observed(updates: int) -> critic.CriticState:
-    state = critic.init_critic(MODEL)
+def observed(updates: int) -> effects.EffectsState:
+    state = effects.init_effects(MODEL)
     for seed in range(updates):
         state = OBSERVE(state, *some(seed))
     return state
 
 
-def fit(model: critic.Critic, actions: np.ndarray, rewards: np.ndarray) -> regression.Posterior:
-    observe, posterior = (jax.jit(partial(of, model)) for of in (critic.observe, critic.posterior))
+def fit(model: effects.Effects, actions: np.ndarray, rewards: np.ndarray) -> regression.Posterior:
+    observe, posterior = (
+        jax.jit(partial(of, model)) for of in (effects.observe, effects.posterior)
+    )
     evaluations = actions.astype(np.int32), rewards.astype(np.float32)
-    return posterior(observe(critic.init_critic(model), *evaluations))
+    return posterior(observe(effects.init_effects(model), *evaluations))
 
 
 def random_policy(seed: int) -> np.ndarray:
@@ -62,6 +78,11 @@ def random_policy(seed: int) -> np.ndarray:
 
 def evaluated(layout: Features, actions: np.ndarray) -> np.ndarray:
     return np.asarray(evaluate(layout, jnp.asarray(actions)), np.float64)
+
+
+def columns_of(model: effects.Effects, actions: np.ndarray) -> np.ndarray:
+    x = evaluated(model.layout, actions)
+    return np.concatenate([x, x @ model.shared], axis=1)
 
 
 def columns(actions: np.ndarray) -> np.ndarray:
@@ -108,7 +129,7 @@ def test_the_layout_by_hand() -> None:
     assert MODEL.effect.tolist() == [0, 0, 0, 1, 1, 1, 2, 2, 2, 3, 3, 3, 4, 4, 4, 4, 5]
     np.testing.assert_allclose(np.bincount(MODEL.effect, weights=MODEL.variance)[:5], 1, rtol=1e-6)
     # Two bins have no second cosine to share.
-    assert np.flatnonzero(MODEL.bend).tolist() == [1, 4, 10]
+    assert np.flatnonzero(MODEL.shared[:, 0]).tolist() == [1, 4, 10]
 
 
 def test_the_posterior_is_that_of_the_textbook() -> None:
@@ -128,8 +149,33 @@ def test_the_posterior_is_that_of_the_textbook() -> None:
     np.testing.assert_allclose(np.cov(draws.T), expected, atol=0.05 * np.diag(expected).max())
 
 
+def test_a_step_towards_the_evidence_by_hand() -> None:
+    """Of expectation maximisation, in double precision: the posterior's spread counts, and kinds pull."""
+    (actions, rewards), state = some(0), observed(1)
+    x, y = columns(actions), rewards.astype(np.float64)
+    x, y = x - x.mean(axis=0), y - y.mean()
+    variance = y @ y / 15
+    first = (
+        0.7 * variance * np.asarray([*[0.7 / 4] * 4, 0.3, 0.7 / 4])
+    )  # four attributes, a pair, shared
+    prior = MODEL.variance * first[MODEL.effect]
+    there = prior > 0
+    precision = x[:, there].T @ x[:, there] / (0.3 * variance) + np.diag(1 / prior[there])
+    covariance = np.linalg.inv(precision)
+    mean = covariance @ x[:, there].T @ y / (0.3 * variance)
+    squares = (mean**2 + np.diag(covariance)) / MODEL.variance[there]
+    of = MODEL.effect[there]
+    kind = squares[of < 4].mean(), squares[of == 4].mean()
+    own = [(squares[of == k].sum() + 4 * kind[k == 4]) / (np.sum(of == k) + 4) for k in range(5)]
+    np.testing.assert_allclose(state.scales, [*own, kind[0]], rtol=2e-3)
+    left = np.sum((y - x[:, there] @ mean) ** 2)
+    left += np.trace(x[:, there] @ covariance @ x[:, there].T)
+    noise = (left + 4 * 0.3 * variance) / (15 + 4)
+    assert float(state.noise) == pytest.approx(noise, rel=2e-3)
+
+
 def test_failed_rewards_make_no_difference_to_what_is_known() -> None:
-    (actions, rewards), start = some(1), critic.init_critic(MODEL)
+    (actions, rewards), start = some(1), effects.init_effects(MODEL)
     once = OBSERVE(start, actions, rewards)
     kept = np.arange(16) % 3 != 0
     with_holes = OBSERVE(start, actions, np.where(kept, rewards, np.nan).astype(np.float32))
@@ -169,10 +215,10 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
 def test_what_all_attributes_bend_is_learnt_before_each_one_is() -> None:
     """Twelve attributes, twenty noisy rewards: hardly any is known alone, yet all keep off the ends."""
     names, rng = [f"x{i}" for i in range(12)], np.random.default_rng(0)
-    model = critic.make_critic(space(names, groups=[[name] for name in names]))
+    model = effects.make_effects(space(names, groups=[[name] for name in names]))
     actions = rng.integers(0, 10, (20, 12))
     rewards = -(((actions + 0.5) / 10 - 0.5) ** 2).sum(axis=1) + 0.1 * rng.normal(size=20)
-    best = np.asarray(critic.best_bins(model, fit(model, actions, rewards)))
+    best = np.asarray(effects.best_bins(model, fit(model, actions, rewards)))
     assert np.mean((best == 0) | (best == 9)) < 0.2
 
 
@@ -186,11 +232,11 @@ def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
 
 
 def test_interactions_are_as_fine_as_their_number_allows() -> None:
-    for n, size, expected in ((23, 3, 1), (8, 10, 3), (4, 4, 3), (8, 2, 1), (3, 10, 9)):
+    for n, size, expected in ((39, 3, 0), (23, 3, 1), (8, 10, 3), (4, 4, 3), (8, 2, 1), (3, 10, 9)):
         names = [f"x{i}" for i in range(n)]
-        assert critic.make_critic(space(names, bins=size)).layout.pair_degree == expected
+        assert effects.make_effects(space(names, bins=size)).layout.pair_degree == expected
         apart = space(names, bins=size, groups=[[name] for name in names])
-        assert len(critic.make_critic(apart).layout.pairs) == 0
+        assert len(effects.make_effects(apart).layout.pairs) == 0
 
 
 @settings(max_examples=20)
@@ -217,13 +263,13 @@ def test_every_stratified_action_is_drawn_from_the_policy() -> None:
 def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> None:
     """Two attributes that do not interact: the objective's gradient, by autodiff."""
     alone = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
-    model, rng = critic.make_critic(alone), np.random.default_rng(0)
+    model, rng = effects.make_effects(alone), np.random.default_rng(0)
     actions = rng.integers(0, alone.bins, (30, 2))
     rewards = 0.3 * actions[:, 0] - 0.1 * (actions[:, 1] - 3) ** 2 + 0.3 * rng.normal(size=30)
     belief, start = fit(model, actions, rewards), jnp.zeros(2, jnp.int32)
     followed = jax.jit(lambda tau: follow(model, belief, start, tau), static_argnums=0)
     logits = np.asarray(followed(1.0))
-    q = np.asarray(critic.mean_model(model, belief).alone)
+    q = np.asarray(effects.mean_model(model, belief).alone)
     for attribute, count in enumerate(alone.bins):
         own, table = logits[attribute, :count], q[attribute, :count]
         tau = np.ptp(table) / np.ptp(own)
@@ -240,6 +286,44 @@ def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> N
     assert np.all(np.isneginf(logits[~mask]))
 
 
+def test_the_temperature_is_the_posteriors_spread_of_the_bins() -> None:
+    """The policy of an attribute by itself is softmax(Q / tau), tau from the covariance in closed form."""
+    alone = space(["a"], bins=6)
+    model, rng = effects.make_effects(alone), np.random.default_rng(1)
+    method = surrogate(alone)
+    actions = rng.integers(0, 6, (12, 1)).astype(np.int32)
+    rewards = (0.1 * actions[:, 0] + 0.5 * rng.normal(size=12)).astype(np.float32)
+    state, _ = method.update(method.init(jax.random.key(0)), actions, rewards)
+    belief = fit(model, actions, rewards)
+    basis = columns_of(model, np.arange(6)[:, None])
+    basis -= basis.mean(axis=0)
+    covariance = np.asarray(regression.covariance(belief), np.float64)
+    tau = np.sqrt(np.mean(np.einsum("kf,fg,kg->k", basis, covariance, basis)))
+    q = basis @ np.asarray(belief.mean)
+    logits = np.asarray(state.logits)[0]
+    assert np.ptp(q) / np.ptp(logits) == pytest.approx(tau, rel=0.35)  # of 32 draws
+    assert np.argmax(logits) == np.argmax(q)
+
+
+@pytest.mark.parametrize("n", [1, 2, 5])
+def test_every_second_data_set_is_a_thompson_draw_whatever_the_updates_hold(n: int) -> None:
+    """a and d go together, at either end: the policy is at one, draws of the model at both."""
+    method = METHODS["surrogate"]
+    state = method.init(jax.random.key(0))
+    for seed in range(3):
+        state, _ = method.update(state, *some(seed))
+    ends: dict[int, list[bool]] = {0: [], 1: []}
+    for seen in range(2):
+        statistics = state.seen.statistics._replace(seen=jnp.float32(48 + seen))
+        later = state._replace(seen=state.seen._replace(statistics=statistics))
+        for key in range(60 // n):
+            actions, _ = method.sample(jax.random.key(key), later, n)
+            for k, a in enumerate(np.asarray(actions)[:, 0]):
+                ends[(seen + k) % 2].append(a >= 1)
+    policy, thompson = (np.mean(ends[k]) for k in (0, 1))
+    assert abs(policy - 0.5) > 0.4 and 0.1 < thompson < 0.9
+
+
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 def test_an_effect_is_found_and_what_has_none_stays_wide(method: Method) -> None:
     """Only b matters, and noise hides the rest."""
@@ -252,7 +336,7 @@ def test_an_effect_is_found_and_what_has_none_stays_wide(method: Method) -> None
     np.testing.assert_allclose(method.solution(state).centre[1], 0.7, atol=1e-6)
     a, b, c, d = np.asarray(method.spread(state).width)
     assert b == pytest.approx(0.2, abs=0.15) and np.mean([a, c, d]) > 0.6
-    if method is METHODS["actor_critic"]:  # the other has no policy
+    if method is METHODS["surrogate"]:  # the other has no policy
         entropy = np.asarray(record.info.entropy)
         assert entropy[0] == pytest.approx(np.log([3, 5, 2, 4]).sum(), rel=1e-5)
         assert entropy[-1] < entropy[0] - 1
@@ -270,17 +354,33 @@ def test_interactions_within_a_group_are_learnt(method: Method) -> None:
     assert float(reward(jax.random.key(0), Proposal(centre[None], centre[None]))[0]) > 0.12
 
 
-PAIR = sdr_jax.space(["a", "b"], 2)
+PAIR = sdr_jax.space(["a", "b"], [8, 8])
 BEGAN = ((0.5, 0.3), (1.0, 0.2))
 
 
-def test_intervals_of_all_scales_by_hand():
-    centre, width = scales(3)
-    assert len(centre) == 1 + 3 + 7 and set(width) == {1.0, 0.5, 0.25}
-    np.testing.assert_allclose(centre[width == 0.5], [0.25, 0.5, 0.75])
-    chosen = choices(PAIR, tuple(np.float32(part) for part in BEGAN))
-    assert chosen.centre.shape == (2, 27) and chosen.space.bins == (27, 27)
-    np.testing.assert_allclose([chosen.centre[:, -1], chosen.width[:, -1]], BEGAN)
+def test_runs_of_bins_by_hand():
+    centre, width = runs(10)
+    assert [np.isclose(width, k / 10).sum() for k in (10, 8, 4, 2, 1)] == [1, 2, 4, 9, 10]
+    np.testing.assert_allclose(centre[np.isclose(width, 0.4)], [0.2, 0.4, 0.6, 0.8])
+    np.testing.assert_allclose(runs(2), [[0.5, 0.25, 0.75], [1, 0.5, 0.5]])
+    np.testing.assert_allclose(runs(3, in_order=False)[1], [1, *[1 / 3] * 3])
+
+
+@given(st.lists(st.integers(2, 12), min_size=1, max_size=4), st.integers(0, 99))
+def test_choices_differ_and_hold_the_start_once(bins, seed):
+    rng = np.random.default_rng(seed)
+    names = [f"x{k}" for k in range(len(bins))]
+    width = rng.choice([0.2, 1.0], len(bins))
+    start = rng.uniform(width / 2, 1 - width / 2), width
+    chosen = choices(space(names, bins, unordered=names[1:]), start)
+    rows = np.arange(len(bins))
+    found = np.stack([part[rows, chosen.began] for part in (chosen.centre, chosen.width)])
+    np.testing.assert_allclose(found, start, atol=1e-5)
+    for attribute, count in enumerate(chosen.space.bins):
+        own = np.stack([chosen.centre[attribute, :count], chosen.width[attribute, :count]])
+        assert len(np.unique(own.round(5), axis=1).T) == count
+        assert (own[:, 0] == [0.5, 1]).all()
+        assert np.all(own[0] - own[1] / 2 > -1e-6) and np.all(own[0] + own[1] / 2 < 1 + 1e-6)
 
 
 @given(st.floats(0, 1), st.floats(0.01, 1))
@@ -306,8 +406,8 @@ def told(method, value, updates=12, noise=0.0):
 def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     method = sdr_jax.registry.make("intervals", PAIR, start=BEGAN)
     _, first = method.sample(jax.random.key(0), method.init(jax.random.key(0)), 4)
-    np.testing.assert_allclose(first.centre, [BEGAN[0], [0.5, 0.5]] * 2)  # and random attributes
-    np.testing.assert_allclose(first.width, [BEGAN[1], [1, 1]] * 2)
+    np.testing.assert_allclose(first.centre[:2], [BEGAN[0], [0.5, 0.5]])  # and random attributes
+    np.testing.assert_allclose(first.width[:2], [BEGAN[1], [1, 1]])
     # Only the first matters, and is best at its high end.
     state = told(method, lambda centre, width: centre[:, 0], noise=0.05)
     centre, width = (np.asarray(part) for part in method.solution(state))
@@ -320,7 +420,7 @@ def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     unsure = method.spread(told(method, lambda c, w: 0 * c[:, 0], noise=1.0))
     np.testing.assert_allclose(np.stack(unsure), BEGAN, atol=1e-6)
     p = np.asarray(method.probabilities(state))
-    assert p.shape == (2, 2) and p[0, 1] > 0.7
+    assert p.shape == (2, 8) and p[0, 6:].sum() > 0.4
 
 
 def test_narrow_intervals_lose_where_variety_pays():
@@ -331,7 +431,7 @@ def test_narrow_intervals_lose_where_variety_pays():
 
 @pytest.mark.parametrize(("options", "message"), [
     ({"caution": -1.0}, "caution is -1"), ({"degree": 0}, "degree is 0"),
-    ({"pair_degree": 7}, r"pair_degree is 7, but must lie in \[0, degree = 6\]"),
+    ({"pair_degree": 10}, r"pair_degree is 10, but must lie in \[0, degree = 9\]"),
     ({"start": ((0.5,), (1.0,))}, "start has 1 attributes, not the 2"),
     ({"start": ((0.1, 0.5), (1.0, 0.2))}, r"an interval that is not in \[0, 1\]"),
 ])  # fmt: skip
@@ -340,8 +440,47 @@ def test_intervals_refuse_what_cannot_work(options, message):
         sdr_jax.registry.make("intervals", PAIR, **options)
 
 
-def test_a_large_group_has_fewer_interactions_and_stays_cheap():
-    wide = sdr_jax.space([f"a{k}" for k in range(100)], 2)
-    assert len(layout_of(choices(wide, (np.full(100, 0.5), np.ones(100))), 6, 2).pairs) == 0
-    small = sdr_jax.space([f"a{k}" for k in range(30)], 2)
-    assert layout_of(choices(small, (np.full(30, 0.5), np.ones(30))), 6, 2).pair_degree == 1
+def test_repeats_tell_whether_rewards_have_noise_by_hand() -> None:
+    remember = jax.jit(memory.remember)
+    held = memory.empty(2)
+    a, b = [0, 1], [1, 1]
+    held = remember(held, jnp.asarray([a, b, a]), jnp.asarray([1.0, 2.0, jnp.nan]))
+    assert (int(held.seen), int(held.same), bool(memory.exact(held))) == (2, 0, False)
+    again = remember(
+        held, jnp.asarray([a, a]), jnp.ones(2)
+    )  # each like the first, and like each other
+    assert (int(again.seen), int(again.same), bool(memory.exact(again))) == (4, 3, True)
+    assert again.best.tolist() == b
+    noisy = remember(again, jnp.asarray([b]), jnp.asarray([1.9]))
+    assert int(noisy.differ) == 1 and not memory.exact(noisy)
+
+
+@pytest.mark.parametrize("name", ["surrogate", "intervals"])
+def test_without_noise_nothing_is_tried_twice_while_there_is_something_new(name: str) -> None:
+    small = space(["a", "b", "c"], [2, 3, 2], unordered=["b"])
+    method = sdr_jax.registry.make(name, small)
+    table = np.random.default_rng(0).normal(size=36)  # of all intervals
+    tried: list[tuple[float, ...]] = []
+    state = method.init(jax.random.key(0))
+    repeats = []
+    for t in range(12):
+        actions, _ = method.sample(jax.random.key(t), state, 3)
+        rows = [tuple(row) for row in np.asarray(actions).tolist()]
+        repeats.append(sum(row in tried or row in rows[:k] for k, row in enumerate(rows)))
+        tried += rows
+        rewards = [table[int(np.dot(row, [12, 3, 1])) % 36] for row in rows]
+        state, _ = method.update(state, actions, jnp.asarray(rewards, jnp.float32))
+        if memory.exact(state.memory) and len(set(tried)) < 9:
+            actions, _ = method.sample(jax.random.key(t + 1), state, 3)
+            new = {tuple(row) for row in np.asarray(actions).tolist()}
+            assert len(new) == 3 and not new & set(tried)
+    assert memory.exact(state.memory) and len(set(tried)) >= 12
+
+
+def test_values_without_an_order_have_no_neighbours() -> None:
+    """One-hot features by another name: the prior's covariance is the same for any two of them."""
+    apart = space(["a", "b"], [5, 4], unordered=["a"])
+    layout = features(apart, 2, 1, 1.0)
+    prior = layout.basis[0] * layout.variance[:4] @ layout.basis[0].T
+    np.testing.assert_allclose(prior, 5 * np.eye(5) - 1, atol=1e-4)
+    np.testing.assert_allclose(layout.variance[4:8], [1, 1 / 4, 0, 0])  # the other has an order

@@ -7,10 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from sdr_jax.critic import regression
-from sdr_jax.critic.features import evaluate, features, maximise, maximise_each, tables
-from sdr_jax.critic.regression import Posterior, Statistics
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
+from sdr_jax.models import regression
+from sdr_jax.models.features import evaluate, features, maximise, maximise_each, tables
+from sdr_jax.models.regression import Posterior, Statistics
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, random_bins, relax, uniform
 from sdr_jax.space import Proposal, Space, Width
 

@@ -107,6 +107,12 @@ def posterior(
     return Posterior(std * whitened, factor, std), whitened
 
 
+def covariance(belief: Posterior) -> Float[Array, "features features"]:
+    """Of the weights."""
+    inverse = solve_triangular(belief.factor, jnp.eye(len(belief.scale)), lower=True)
+    return belief.scale[:, None] * (inverse.T @ inverse) * belief.scale[None, :]
+
+
 def by_evidence(data: Centred, stds: Float[Array, "k features"]) -> Posterior:
     """The posterior under the most likely of several priors, the noise integrated out.
 

@@ -1,0 +1,130 @@
+"""Intervals of several widths as what may be chosen for an attribute, and how a model sees an interval."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from sdr_jax.models.effects import Effects, effects_of
+from sdr_jax.models.features import affordable, check_degrees, lay_out, own_variances
+from sdr_jax.relaxation import bin_centres, bin_mask, ordered
+from sdr_jax.space import Space
+
+NARROW = 1 / 16
+"""Narrower intervals are alike to the model."""
+
+Start = tuple[Float[np.ndarray, "attributes"], Float[np.ndarray, "attributes"]]
+"""Centre and width of every attribute's interval where a search begins."""
+
+
+class Choices(NamedTuple):
+    """What may be chosen for each attribute (constants)."""
+
+    space: Space  # the attributes with their choices in place of bins
+    centre: Float[np.ndarray, "attributes choices"]  # 0.5 beyond an attribute's choices
+    width: Float[np.ndarray, "attributes choices"]  # ... and 1
+    began: Int[np.ndarray, "attributes"]  # the choice where the search begins
+    scale: Int[np.ndarray, "attributes choices"]  # which of an attribute's widths; -1 beyond them
+
+
+def runs(bins: int, in_order: bool = True) -> tuple[np.ndarray, np.ndarray]:
+    """Centres and widths f32[intervals] of runs of 1, 2, 4, ... of so many bins, and of all of them.
+
+    Runs of more than one overlap their neighbours by half; the last ends where the range does. Bins
+    without an order are taken one by one, or all.
+    """
+    found = {(0, bins)}  # first bin, how many
+    length = 1
+    while length < bins and (in_order or length == 1):
+        last = bins - length
+        found |= {(first, length) for first in (*range(0, last, max(length // 2, 1)), last)}
+        length *= 2
+    first, many = np.asarray(sorted(found, key=lambda run: (-run[1], run[0])), np.float32).T
+    return (first + many / 2) / bins, many / bins
+
+
+def choices(space: Space, start: Start) -> Choices:
+    """The runs of bins of each attribute, and after them the start's own interval if it is none of them.
+
+    Args:
+        space: the attributes, their bins and groups.
+        start: where the search begins.
+    """
+    rows, began = [], []
+    for attribute, bins in enumerate(space.bins):
+        centre, width = runs(bins, attribute not in space.unordered)
+        first = np.float32([part[attribute] for part in start])
+        alike = np.all(np.abs(np.stack([centre, width]) - first[:, None]) < 1e-5, axis=0)
+        if not alike.any():
+            centre, width = np.append(centre, first[0]), np.append(width, first[1])
+            alike = np.append(alike, True)
+        rows.append((centre, width))
+        began.append(int(np.argmax(alike)))
+    sizes = tuple(len(centre) for centre, _ in rows)
+    padded = [np.full((space.attributes, max(sizes)), fill, np.float32) for fill in (0.5, 1.0)]
+    for attribute, row in enumerate(rows):
+        for part, own in zip(padded, row, strict=True):
+            part[attribute, : len(own)] = own
+    scale = np.full((space.attributes, max(sizes)), -1, np.int32)
+    for attribute, (_, width) in enumerate(rows):
+        scale[attribute, : len(width)] = np.unique(width.round(6), return_inverse=True)[1]
+    chosen = Space(space.names, sizes, space.groups, space.unordered)
+    return Choices(chosen, *padded, np.asarray(began, np.int32), scale)
+
+
+def integrated(
+    centre: Float[np.ndarray, "*batch"] | float,
+    width: Float[np.ndarray, "*batch"] | float,
+    degree: int,
+) -> Float[np.ndarray, "*batch features"]:
+    """What a model linear in the density sees of an interval, `degree` + 1 numbers.
+
+        sqrt(2) E[cos(pi m x)] = sqrt(2) cos(pi m c) sinc(m w / 2),   m = 1..degree,   and  -log2(w) / 4
+
+    for x uniform on [c - w/2, c + w/2], sinc(t) = sin(pi t) / (pi t). All are 0 for the whole of [0, 1]. The
+    last says how narrow the interval is, whatever lies in it.
+    """
+    m = np.arange(1, degree + 1)
+    centre, width = np.asarray(centre)[..., None], np.asarray(width)[..., None]
+    cosines = np.sqrt(2) * np.cos(np.pi * m * centre) * np.sinc(m * width / 2)
+    narrow = -np.log2(np.clip(width, NARROW, 1.0)) / 4
+    return np.concatenate([cosines, narrow], axis=-1).astype(np.float32)
+
+
+def covered(
+    bins: int, centre: Float[np.ndarray, "*batch"], width: Float[np.ndarray, "*batch"]
+) -> Float[np.ndarray, "*batch bins"]:
+    """How much of intervals lies in each of so many bins."""
+    edges = np.arange(bins + 1) / bins
+    width = np.maximum(np.asarray(width), 1e-6)[..., None]
+    filled = np.diff(np.clip((edges - np.asarray(centre)[..., None]) / width + 0.5, 0, 1))
+    return filled / filled.sum(axis=-1, keepdims=True)
+
+
+def make_effects(
+    space: Space, chosen: Choices, degree: int, pair_degree: int | None = None
+) -> Effects:
+    """Lays the model over choices out: `effects.make_effects` with features integrated over intervals.
+
+    Beside the second cosine, what being narrow is worth is shared by all attributes. Bins without an order
+    have their features' means over what an interval covers of them.
+
+    Raises:
+        ValueError: a degree out of range.
+    """
+    check_degrees(degree, 0 if pair_degree is None else pair_degree)
+    own = own_variances(space, degree)
+    columns = own.shape[1]
+    basis = integrated(chosen.centre, chosen.width, columns)
+    for attribute in space.unordered:
+        bins = space.bins[attribute]
+        at = bin_centres(space)[attribute, :bins, None]
+        cosines = np.sqrt(2) * np.cos(np.pi * at * np.arange(1, columns + 1))
+        shares = covered(bins, chosen.centre[attribute], chosen.width[attribute])
+        basis[attribute, :, :columns] = shares @ cosines
+    there = np.append(own > 0, ordered(space)[:, None], axis=1)
+    basis = basis * there[:, None, :] * bin_mask(chosen.space)[:, :, None]
+    own = np.append(own, 0.25 * ordered(space)[:, None], axis=1)
+    pairs = affordable(space, degree) if pair_degree is None else pair_degree
+    layout = lay_out(chosen.space, basis, own, pairs)
+    return effects_of(chosen.space, layout, columns=(1, columns) if columns > 1 else (columns,))

@@ -1,0 +1,188 @@
+"""A search over intervals that leaves each attribute where it began unless moving it surely pays."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
+from sdr_jax.models import effects
+from sdr_jax.models import memory as memories
+from sdr_jax.models.choices import Start, choices, make_effects
+from sdr_jax.models.features import maximise_each
+from sdr_jax.models.regression import Posterior
+from sdr_jax.models.surely import surely
+from sdr_jax.relaxation import random_bins
+from sdr_jax.space import Proposal, Space, Width
+
+REACHES = np.asarray([0.5, 1.0, 2.0], np.float32)
+"""Data sets try so many times the reach of attributes anew; the others stay at the answer so far."""
+
+FIRST_REACH = 0.3
+"""Share of the attributes that the first data sets after the opening try anew, about."""
+
+SUCCESS, PACE = 0.25, 0.3
+"""The reach stays as it is where so many data sets are better than the model thinks the answer is (near the
+1/5 of evolution strategies), and how fast its logarithm changes with each data set."""
+
+SURE = 2.0
+"""Standard deviations by which a move must pay to be in `spread`."""
+
+DRAWS = 64
+"""Data sets behind `probabilities`."""
+
+
+class IntervalsState(NamedTuple):
+    """What the regression has learnt."""
+
+    seen: effects.EffectsState
+    belief: Posterior  # of the weights
+    answer: Int[Array, "attributes"]  # choices
+    memory: memories.Memory
+    reach: Float[Array, ""]  # share of attributes that data sets try anew, about
+
+
+def intervals(
+    space: Space,
+    width: Width = None,
+    *,
+    start: tuple[tuple[float, ...], tuple[float, ...]] | None = None,
+    caution: float = 0.3,
+    degree: int = 9,
+    pair_degree: int | None = None,
+) -> Method:
+    """Which attributes to narrow, and to what, by a Bayesian regression on what intervals have in them.
+
+    Actions are intervals: runs of an attribute's bins, from single ones to all of them (`choices.runs`), or
+    its own in `start`; relaxation plays no part. The reward of a data set is modelled as linear in its
+    density,
+
+        y = b + sum_i w_i . phi(c_i, w_i) + sum_{i<j in a group} phi(i) W_ij phi(j) + noise
+
+    with cosines integrated over the interval and one term for its narrowness (`choices.integrated`), so
+    data sets of any width teach one model. How large each effect, each interaction and the noise are is
+    learnt by evidence (`effects.py`).
+
+    The first data sets are the start's and, in turn, random attributes; where the start is random itself,
+    half of its attributes at any choice. From then on each is the answer so far with some attributes changed,
+    to what is best under a draw of the posterior (Thompson sampling) among the intervals of one width, drawn
+    for each attribute: so wide ones are tried as often as narrow ones. How many are changed follows success:
+    more where changed data sets often do better than the answer, fewer where they seldom do. Where
+    repeats show that rewards have no noise, nothing is tried twice (`memory.py`).
+
+    The answer is the start, but for the attributes of which a choice is better than the start's by more than
+    `caution` standard deviations of that difference. In `spread` it must be by two.
+
+    Args:
+        space: the attributes, their bins, and the groups whose members may interact.
+        width: plays no part.
+        start: centres and widths of where to begin; by default random attributes.
+        caution: see above, 0 or more; 0 moves wherever it pays on average.
+        degree: cosines per attribute.
+        pair_degree: cosines per attribute in interactions; by default see `effects.make_effects`.
+
+    Returns:
+        The method, for any number of updates; `entropy` in its info is NaN.
+
+    Raises:
+        ValueError: an option out of range, or a start of other attributes.
+
+    Source: not in the paper; Thompson 1933; MacKay 1992, "Bayesian interpolation"; for the reach, Rechenberg
+    1973, "Evolutionsstrategie", and trust regions as in Eriksson et al. 2019, "Scalable Global Optimization
+    via Local Bayesian Optimization".
+    """
+    del width
+    if not (caution >= 0 and np.isfinite(caution)):
+        raise ValueError(f"caution is {caution}, but must be 0 or more")
+    chosen = choices(space, _checked(space, start))
+    model = make_effects(space, chosen, degree, pair_degree)
+    began, scale_of = jnp.asarray(chosen.began), jnp.asarray(chosen.scale)
+    scales = scale_of.max(axis=1) + 1
+
+    def fitted(seen: effects.EffectsState, memory: memories.Memory, reach: Array) -> IntervalsState:
+        belief = effects.posterior(model, seen)
+        moved = jnp.where(seen.noise > 0, surely(model, belief, chosen.began, caution), began)
+        answer = jnp.where(memories.exact(memory), memory.best, moved)
+        return IntervalsState(seen, belief, answer, memory, reach)
+
+    def proposed(actions: Array) -> Proposal:
+        rows = jnp.arange(space.attributes)
+        return Proposal(*(jnp.asarray(part)[rows, actions] for part in chosen[1:3]))
+
+    def init(rng_key: RngKey) -> IntervalsState:
+        del rng_key  # nothing is random before the first sample
+        memory, reach = memories.empty(space.attributes), jnp.asarray(FIRST_REACH, jnp.float32)
+        return fitted(effects.init_effects(model), memory, reach)
+
+    def sample(rng_key: RngKey, state: IntervalsState, n: int) -> tuple[Bins, Proposal]:
+        draw_key, start_key, share_key, which_key, scale_key, open_key = jax.random.split(
+            rng_key, 6
+        )
+        weights = effects.draw_plain(draw_key, model, state.belief, n)
+        share = state.reach * jax.random.choice(share_key, jnp.asarray(REACHES), (n, 1))
+        chance = jax.random.uniform(which_key, (n, space.attributes))
+        # At least one, the one with the smallest number.
+        anew = (chance < share) | (chance == chance.min(axis=1, keepdims=True))
+        scale = jnp.floor(jax.random.uniform(scale_key, chance.shape) * scales[None, :])
+        alike = scale_of[None] == scale[..., None]
+        own = jnp.arange(scale_of.shape[1])[None, None, :] == state.answer[None, :, None]
+        allowed = jnp.where(anew[..., None], alike, own)
+        changed = maximise_each(start_key, chosen.space, model.layout, weights, allowed)
+        turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)[:, None]
+        mixed = jnp.where(chance < 0.5, random_bins(open_key, chosen.space, n), began[None, :])
+        other = jnp.zeros_like(began)[None, :] if chosen.began.any() else mixed
+        opening = jnp.where(turn % 2 == 0, began[None, :], other)
+        actions = jnp.where(state.seen.noise > 0, changed, opening)
+        actions = memories.untried(state.memory, chosen.space, model.layout, weights, actions)
+        return actions, proposed(actions)
+
+    def update(
+        state: IntervalsState, actions: Bins, rewards: Rewards
+    ) -> tuple[IntervalsState, Info]:
+        seen = effects.observe(model, state.seen, actions, rewards)
+        memory = memories.remember(state.memory, actions, rewards)
+        expected = effects.value(model, state.seen, state.belief, state.answer)
+        signs = jnp.where(jnp.isfinite(rewards), (rewards > expected) - SUCCESS, 0.0)
+        step = jnp.where(state.seen.noise > 0, PACE * signs.sum(), 0.0)
+        reach = jnp.clip(state.reach * jnp.exp(step), 1 / space.attributes, 1.0)
+        return fitted(seen, memory, reach), plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+
+    def solution(state: IntervalsState) -> Proposal:
+        return proposed(state.answer)
+
+    def spread(state: IntervalsState) -> Proposal:
+        moved = surely(model, state.belief, chosen.began, max(SURE, caution))
+        return proposed(jnp.where(state.seen.noise > 0, moved, began))
+
+    def probabilities(state: IntervalsState) -> Float[Array, "attributes bins"]:
+        _, tried = sample(jax.random.key(1), state, DRAWS)
+        return shares_of_bins(space, tried)
+
+    return jitted(init, sample, update, solution, probabilities, spread)
+
+
+def shares_of_bins(space: Space, proposals: Proposal) -> Float[Array, "attributes bins"]:
+    """How much of each bin streets of n proposals f32[n attributes] fill, rows adding up to 1."""
+    bins = jnp.asarray(space.bins, jnp.float32)[:, None]
+    edges = jnp.arange(space.max_bins + 1)[None, :] / bins
+    width = jnp.maximum(proposals.width, 1e-4)[..., None]
+    below = (edges[None] - proposals.centre[..., None]) / width + 0.5
+    filled = jnp.diff(jnp.clip(below, 0.0, 1.0), axis=-1).mean(axis=0)
+    filled = jnp.where(jnp.arange(space.max_bins)[None, :] < bins, filled, 0.0)
+    return filled / filled.sum(axis=1, keepdims=True)
+
+
+def _checked(space: Space, start: tuple[tuple[float, ...], tuple[float, ...]] | None) -> Start:
+    """The start, by default random attributes; raises ValueError where it does not fit the space."""
+    if start is None:
+        return np.full(space.attributes, 0.5, np.float32), np.ones(space.attributes, np.float32)
+    centre, width = (np.asarray(part, np.float32) for part in start)
+    if centre.shape != (space.attributes,) or width.shape != centre.shape:
+        raise ValueError(
+            f"start has {centre.size} attributes, not the {space.attributes} of the space"
+        )
+    if not np.all((centre - width / 2 >= -1e-6) & (centre + width / 2 <= 1 + 1e-6) & (width >= 0)):
+        raise ValueError("start has an interval that is not in [0, 1]")
+    return centre, width
