@@ -72,7 +72,7 @@ def products(seed: int, space: sdr_jax.Space) -> Scaled:
     def raw(centre: jax.Array, width: jax.Array) -> jax.Array:
         half = jnp.maximum(width, 1e-3)[:, terms] / 2
         middle = jnp.clip(centre[:, terms], half, 1 - half)
-        rows, columns = (index[None] for index in np.indices(terms.shape))
+        rows, columns = np.indices(terms.shape)[:, None]
 
         def integral(at: jax.Array) -> jax.Array:
             cell = jnp.clip((at * GRID).astype(int), 0, GRID - 1)

@@ -53,7 +53,7 @@ def choices(space: Space, start: Start) -> Choices:
     rows, began = [], []
     for attribute, bins in enumerate(space.bins):
         centre, width = runs(bins, attribute not in space.unordered)
-        first = np.float32([part[attribute] for part in start])
+        first = np.asarray([part[attribute] for part in start], np.float32)
         alike = np.all(np.abs(np.stack([centre, width]) - first[:, None]) < 1e-5, axis=0)
         if not alike.any():
             centre, width = np.append(centre, first[0]), np.append(width, first[1])
@@ -69,7 +69,7 @@ def choices(space: Space, start: Start) -> Choices:
     for attribute, (_, width) in enumerate(rows):
         scale[attribute, : len(width)] = np.unique(width.round(6), return_inverse=True)[1]
     chosen = Space(space.names, sizes, space.groups, space.unordered)
-    return Choices(chosen, *padded, np.asarray(began, np.int32), scale)
+    return Choices(chosen, padded[0], padded[1], np.asarray(began, np.int32), scale)
 
 
 def integrated(
