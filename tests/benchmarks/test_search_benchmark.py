@@ -44,7 +44,7 @@ def test_random_attributes_are_worth_0_and_no_bins_more_than_100(name: str) -> N
     assert evaluate("random_attributes", problem, 1, 0) == pytest.approx(0, abs=1e-3)
     actions = random_bins(jax.random.key(0), problem.space, 2000)
     proposals = sdr_jax.relax(problem.space, actions)
-    assert float(problem.reward(jax.random.key(0), proposals).max()) < 100 + 5 * problem.noise
+    assert float(problem.reward(jax.random.key(0), proposals).max()) < 100.01 + 5 * problem.noise
 
 
 def test_a_product_by_hand() -> None:
