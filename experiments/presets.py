@@ -128,7 +128,9 @@ def _quick(target: TargetName) -> dict[str, Any]:
     if target == "twin":
         return {
             "groups": _groups(target),
-            "search": Search(updates_per_group=5, datasets_per_update=4, relaxation=0.3),
+            "search": Search(
+                method="intervals", updates_per_group=5, datasets_per_update=4, relaxation=0.3
+            ),
             "reward": Fidelity(128, 64, streets=12, shots=6, samples=1, train=_REWARD),
             "final": Fidelity(192, 96, streets=30, shots=6, samples=1, train=_FINAL),
             **_others(96, 48, 160, 80),
@@ -137,7 +139,9 @@ def _quick(target: TargetName) -> dict[str, Any]:
     reward, final = ((240, 176), (480, 360)) if target == "camvid" else ((256, 128), (640, 320))
     return {
         "groups": _groups(target),
-        "search": Search(updates_per_group=4, datasets_per_update=8, relaxation=0.3),
+        "search": Search(
+            method="intervals", updates_per_group=4, datasets_per_update=8, relaxation=0.3
+        ),
         "reward": Fidelity(*reward, streets=12, shots=8, samples=1, train=_REWARD),
         "final": Fidelity(*final, streets=50, shots=8, train=_FINAL),
         **(_others(128, 96, 160, 120) if target == "camvid" else _others(128, 64, 160, 80)),

@@ -21,11 +21,15 @@ REACHES = np.asarray([0.5, 1.0, 2.0], np.float32)
 """Data sets try so many times the reach of attributes anew; the others stay at the answer so far."""
 
 FIRST_REACH = 0.3
-"""Share of the attributes that the first data sets after the opening try anew, about."""
+"""Share of the attributes that the first data sets after the opening try anew, about, where the search starts
+from something; of random attributes all."""
 
-SUCCESS, PACE = 0.25, 0.3
-"""The reach stays as it is where so many data sets are better than the model thinks the answer is (near the
-1/5 of evolution strategies), and how fast its logarithm changes with each data set."""
+SUCCESS, PACE = 0.2, 0.3
+"""The reach stays as it is where so many data sets are better than the model thinks the answer is (the 1/5 of
+evolution strategies), and how fast its logarithm changes with each data set."""
+
+ONE_WIDTH = 0.5
+"""How often an attribute that is tried anew has its width drawn, rather than the best interval of all."""
 
 SURE = 2.0
 """Standard deviations by which a move must pay to be in `spread`."""
@@ -67,9 +71,9 @@ def intervals(
 
     The first data sets are the start's and, in turn, random attributes; where the start is random itself,
     half of its attributes at any choice. From then on each is the answer so far with some attributes changed,
-    to what is best under a draw of the posterior (Thompson sampling) among the intervals of one width, drawn
-    for each attribute: so wide ones are tried as often as narrow ones. How many are changed follows success:
-    more where changed data sets often do better than the answer, fewer where they seldom do. Where
+    to what is best under a draw of the posterior (Thompson sampling), half of them among the intervals of one
+    width, drawn for each: so wide ones are tried, too. How many are changed follows success: more where
+    changed data sets often do better than the answer, fewer where they seldom do. Where
     repeats show that rewards have no noise, nothing is tried twice (`memory.py`).
 
     The answer is the start, but for the attributes of which a choice is better than the start's by more than
@@ -113,20 +117,24 @@ def intervals(
 
     def init(rng_key: RngKey) -> IntervalsState:
         del rng_key  # nothing is random before the first sample
-        memory, reach = memories.empty(space.attributes), jnp.asarray(FIRST_REACH, jnp.float32)
+        memory = memories.empty(space.attributes)
+        reach = jnp.asarray(FIRST_REACH if chosen.began.any() else 1.0, jnp.float32)
         return fitted(effects.init_effects(model), memory, reach)
 
     def sample(rng_key: RngKey, state: IntervalsState, n: int) -> tuple[Bins, Proposal]:
-        draw_key, start_key, share_key, which_key, scale_key, open_key = jax.random.split(
-            rng_key, 6
-        )
+        keys = jax.random.split(rng_key, 7)
+        draw_key, start_key, share_key, which_key, width_key, scale_key, open_key = keys
         weights = effects.draw_plain(draw_key, model, state.belief, n)
         share = state.reach * jax.random.choice(share_key, jnp.asarray(REACHES), (n, 1))
         chance = jax.random.uniform(which_key, (n, space.attributes))
         # At least one, the one with the smallest number.
         anew = (chance < share) | (chance == chance.min(axis=1, keepdims=True))
         scale = jnp.floor(jax.random.uniform(scale_key, chance.shape) * scales[None, :])
-        alike = scale_of[None] == scale[..., None]
+        alike = jnp.where(
+            jax.random.uniform(width_key, chance.shape)[..., None] < ONE_WIDTH,
+            scale_of[None] == scale[..., None],
+            scale_of[None] >= 0,
+        )
         own = jnp.arange(scale_of.shape[1])[None, None, :] == state.answer[None, :, None]
         allowed = jnp.where(anew[..., None], alike, own)
         changed = maximise_each(start_key, chosen.space, model.layout, weights, allowed)

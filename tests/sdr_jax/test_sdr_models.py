@@ -484,3 +484,26 @@ def test_values_without_an_order_have_no_neighbours() -> None:
     prior = layout.basis[0] * layout.variance[:4] @ layout.basis[0].T
     np.testing.assert_allclose(prior, 5 * np.eye(5) - 1, atol=1e-4)
     np.testing.assert_allclose(layout.variance[4:8], [1, 1 / 4, 0, 0])  # the other has an order
+
+
+def reached(rewards: list[float]) -> tuple[float, np.ndarray]:
+    """The reach, and the share of attributes that data sets change, after updates with such rewards."""
+    many = space([str(k) for k in range(24)], 8)
+    method = sdr_jax.registry.make("intervals", many, start=((0.25,) * 24, (0.2,) * 24))
+    state = method.init(jax.random.key(0))
+    for k, reward in enumerate([0.0, 0.1, *rewards]):
+        actions, _ = method.sample(jax.random.key(k), state, 8)
+        got = np.where(np.arange(8) % 2, -1.0, 1.0) if k == 0 else np.full(8, reward)
+        state, _ = method.update(state, actions, jnp.asarray(got, jnp.float32))
+    actions, proposals = method.sample(jax.random.key(99), state, 64)
+    changed = np.asarray(actions) != np.asarray(state.answer)
+    return float(state.reach), changed.mean(axis=1), np.asarray(proposals.width)[changed]
+
+
+def test_data_sets_reach_as_far_as_succeeds():
+    better, far, widths = reached([5.0, 10.0, 20.0, 40.0])
+    worse, near, _ = reached([-5.0, -10.0, -20.0, -40.0])
+    assert better > 0.9 and far.mean() > 0.5
+    assert worse < 0.1 and 1 / 24 <= near.min() and near.mean() < 0.2
+    # Intervals of all widths are tried: 1, 2, 4 or 8 bins, or the start's own.
+    assert min(np.isclose(widths, k).mean() for k in (1 / 8, 1 / 4, 1 / 2, 1)) > 0.05
