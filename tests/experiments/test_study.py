@@ -24,9 +24,8 @@ from shell.files import read_json
 
 from .conftest import ROOT, Counted, Killed, lines, never, study, transferred
 
-TRAINED = ("table", "pretrain", "assets", "ablation", "compare")  # their rows are of nets
-NEW = ("labels",)  # with no report in docs/ yet
-STUDIES = (*TRAINED, *NEW, "fidelity", "sensitivity")
+TRAINED = ("table", "pretrain", "assets", "ablation", "compare", "labels")  # their rows are of nets
+STUDIES = (*TRAINED, "fidelity", "sensitivity")
 FORM = Form(
     "some", lambda report: {**report, "mean": float(np.mean(report["scores"]))},
     lambda report: f"{report['mean']}", {"some.png": lambda report: b"picture"},
@@ -176,7 +175,7 @@ def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", (*TRAINED, *NEW, "sensitivity"))
+@pytest.mark.parametrize("name", (*TRAINED, "sensitivity"))
 def test_smoke_on_the_twin_with_nets(name, start_job, tmp_path):
     out = tmp_path / "run"
     flags = ("--preset", "smoke", "--workers", "1")
