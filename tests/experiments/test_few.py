@@ -147,7 +147,7 @@ def test_a_job_searches_beside_the_few_and_says_what_they_are_worth(
     flags = ("--few", "2", "--few-share", "0.4", "--candidates", "argmax", "--data", str(camvid))
     out = tmp_path / "run"
     assert main_job("camvid", "--out", str(out), *flags) == 0
-    seen = [source for _, source, _, truth in scores.calls]
+    seen = [source for _, source, *_ in scores.calls]
     assert all(isinstance(source, WithFew) and source.share == 0.4 for source in seen[:12])
     sizes = [len(s.images) if isinstance(s, Truth) else isinstance(s, WithFew) for s in seen[13:21]]
     assert sizes == [False, False, False, 2, True, True, True, 4]

@@ -24,7 +24,7 @@ def found() -> Found:
     rewards = rng.random((6, 2)).astype(np.float32)
     rewards[2, 0] = np.nan  # it failed
     baselines, groups = np.full(6, 0.4, np.float32), np.repeat(np.arange(3), 2)
-    return Found(half, half, [], rewards, baselines, groups, probabilities, 0.0, 0.0)
+    return Found(half, half, half, [], rewards, baselines, groups, probabilities, 0.0, 0.0)
 
 
 def test_colours_are_the_tables():
