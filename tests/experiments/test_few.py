@@ -151,7 +151,7 @@ def test_a_job_searches_beside_the_few_and_says_what_they_are_worth(
     assert all(isinstance(source, WithFew) and source.share == 0.4 for source in seen[:12])
     sizes = [len(s.images) if isinstance(s, Truth) else isinstance(s, WithFew) for s in seen[13:21]]
     assert sizes == [False, False, False, 2, True, True, True, 4]
-    assert [len(truth.images) for *_, truth in scores.calls[:13]] == [2] * 13
+    assert [len(task[3].images) for task in scores.calls[:13]] == [2] * 13
     report = read_json(out / "summary.json")
     assert list(report["rows"]) == ["random", "default", "learnt", *TRAINED_ON, "real"]
     assert len(report["few_images"]) == 2 and report["few_share"] == 0.4
