@@ -1,4 +1,4 @@
-"""Which candidate is the answer: surely better than the street set by eye, and on every part of the images.
+"""Which candidate is the answer: surely better than the street set by eye, and no worse on any part.
 
 A search fits its reward images. So its candidates are scored on parts of them, by sequence or city, with
 several seeds, and the lower end of what they gain over the street set by eye decides.
@@ -18,7 +18,7 @@ from shell.errors import UserError
 FEWEST, MOST = 2, 4
 """Parts, where nobody says how many."""
 ERRORS = 1.0
-"""Standard errors below the mean gain where its lower end is."""
+"""Standard errors below the mean gain where its lower end is, and what a part may lose."""
 
 Rewards = Mapping[str, Sequence[Sequence[float]]]
 """By candidate and seed, one for each part of the images; NaN where training failed."""
@@ -67,7 +67,7 @@ def gains(rewards: Rewards, names: Sequence[str], safe: str | None) -> dict[str,
 
 
 def surest(rewards: Rewards, names: Sequence[str], safe: str | None = None) -> str:
-    """The candidate whose gain has the highest lower end, and that loses on no part.
+    """The candidate whose gain has the highest lower end, and that surely loses on no part.
 
     The lower end is mean(d) - s / sqrt(n), d = gain on a part with a seed, s its standard deviation; that
     of one d alone is d. The safe candidate's is 0.
@@ -93,7 +93,9 @@ def surest(rewards: Rewards, names: Sequence[str], safe: str | None = None) -> s
 
 
 def _loses(gain: np.ndarray) -> bool:
-    """Whether the mean gain on any part is negative."""
-    known = np.isfinite(gain)
-    sums = np.where(known, gain, 0.0).sum(axis=0)
-    return bool((sums < 0).any())
+    """Whether the mean gain on any part is negative, by more than its error over two or more seeds."""
+    known = gain[np.isfinite(gain).all(axis=1)]
+    if not len(known):
+        return False
+    variance = known.var(axis=0, ddof=1).mean() if len(known) > 1 else 0.0
+    return bool((known.mean(axis=0) < -ERRORS * math.sqrt(variance / len(known))).any())
