@@ -20,9 +20,8 @@ from scene.proposal import (
     Mixture,
     Proposal,
     Streets,
-    default_proposal,
+    named,
     parse_streets,
-    random_proposal,
     space_in,
 )
 from scene.render import RenderSettings, check_settings
@@ -443,10 +442,8 @@ def make_space(config: Any) -> sdr_jax.Space:
 def start_of(config: Any) -> Proposal:
     """Where the configuration's search begins, f32[attributes of the space] each."""
     start = config.search.start
-    if start == "random":
-        return random_proposal(config.space)
-    if start == "default":
-        return default_proposal(getattr(config, "default_width", RELAXATION), config.space)
+    if start in ("random", "default"):
+        return named(start, config.space, getattr(config, "default_width", RELAXATION))
     found = read_attributes("--search.start", Path(start), config.space)
     if isinstance(found, Mixture):
         raise UserError(

@@ -106,9 +106,9 @@ def default_proposal(width: float = RELAXATION, space: SpaceName = "scenex") -> 
     return slide(centre, widths)
 
 
-def named(name: str, space: SpaceName) -> Proposal:
-    """The proposal ``random`` or, around the street set by eye, ``default``."""
-    return random_proposal(space) if name == "random" else default_proposal(space=space)
+def named(name: str, space: SpaceName, width: float = RELAXATION) -> Proposal:
+    """The proposal ``random``, or ``default``: intervals of one ``width`` around the street set by eye."""
+    return random_proposal(space) if name == "random" else default_proposal(width, space)
 
 
 def describe(streets: Streets) -> dict[str, list[dict[str, Any]]]:

@@ -26,10 +26,9 @@ from scene.proposal import (
     Mixture,
     Proposal,
     Streets,
-    default_proposal,
     describe,
     mixture,
-    random_proposal,
+    named,
     slide,
 )
 from shell.files import write_json
@@ -139,10 +138,8 @@ def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
         return camera_of(found.solution, config)
     if name == "half":
         return mixture((0.5, 0.5), (found.solution, camera_of(found.solution, config)))
-    if name == "random":
-        return random_proposal(config.space)
-    if name == "default":
-        return default_proposal(config.default_width, config.space)
+    if name in ("random", "default"):
+        return named(name, config.space, config.default_width)
     if name == "broad":
         return slide(found.spread.centre, np.maximum(found.spread.width, BROAD))
     return found.spread

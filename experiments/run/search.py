@@ -100,8 +100,9 @@ class _Rewards:
         with self.watch:
             centres, widths = embed(self._plan.space, self._plan.subset, asked.proposals)
             actions, seeds = np.asarray(asked.actions).tolist(), asked.seeds.tolist()
+            proposals = [Proposal(*each) for each in zip(centres, widths, strict=True)]
             jobs = [
-                Job(self._source(Proposal(centres[k], widths[k])), seed, self._notes(k, actions[k]))
+                Job(self._source(proposals[k]), seed, self._notes(k, actions[k]))
                 for k, seed in enumerate(seeds)
             ]
             for job in jobs:
@@ -110,7 +111,7 @@ class _Rewards:
             cost = cost_of(run.config.reward)
             outcomes = run.score(self._evaluator, jobs, log=run.evaluations, cost=cost)
             self.outcomes += outcomes
-            self.asked += [Proposal(centres[k], widths[k]) for k in range(len(jobs))]
+            self.asked += proposals
             self._update += 1
             refuse_failed(self.outcomes, self._plan.evaluations)
             return np.array([outcome.reward for outcome in outcomes], np.float32)

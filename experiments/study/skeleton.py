@@ -17,7 +17,7 @@ from experiments.run.context import AnyConfig, Run, Work, opened
 from experiments.run.learn import judged_on, learn, work_of
 from experiments.study.form import Form, Report, rewrite, write_report
 from experiments.target.base import Target
-from scene.proposal import Streets, default_proposal, random_proposal
+from scene.proposal import Streets, named
 from shell.progress import duration
 
 
@@ -107,9 +107,7 @@ def attributes(run: Run[Any], name: str) -> Streets:
     """From which streets are drawn: ``random``, ``default`` (set by eye), or ``learnt``."""
     if name == "learnt":
         return learnt_attributes(run)
-    if name == "random":
-        return random_proposal(run.config.space)
-    return default_proposal(run.config.default_width, run.config.space)
+    return named(name, run.config.space, run.config.default_width)
 
 
 def learnt_from(config: LearntConfig) -> str:

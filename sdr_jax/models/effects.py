@@ -129,9 +129,7 @@ def observe(
     The step is one of expectation maximisation, from where the last update left them. An effect's
     scale is pulled towards the mean of its kind, so that none dies by chance.
     """
-    x = features.evaluate(model.layout, actions)
-    x = jnp.concatenate([x, x @ model.shared], axis=1)
-    statistics = regression.add(state.statistics, x, rewards)
+    statistics = regression.add(state.statistics, _evaluate(model, actions), rewards)
     data = regression.centred(statistics)
     variance = data.square / data.freedom
     fresh = state.noise <= 0
@@ -144,6 +142,12 @@ def observe(
     enough = statistics.seen > 1  # two rewards make a difference
     zeros = EffectsState(statistics, jnp.zeros_like(state.scales), jnp.zeros_like(state.noise))
     return jax.tree.map(lambda a, b: jnp.where(enough, a, b), stepped, zeros)
+
+
+def _evaluate(model: Effects, actions: Array) -> Array:
+    """The features of actions i32[n attributes], those that are shared behind the layout's."""
+    x = features.evaluate(model.layout, actions)
+    return jnp.concatenate([x, x @ model.shared], axis=1)
 
 
 def posterior(model: Effects, state: EffectsState) -> Posterior:
@@ -193,8 +197,7 @@ def value(
     """The mean reward of actions under a belief, in the rewards' own units."""
     statistics = state.statistics
     count = jnp.maximum(statistics.seen, 1)
-    x = features.evaluate(model.layout, actions[None, :])[0]
-    off = jnp.append(x, x @ model.shared) - statistics.sums / count
+    off = _evaluate(model, actions[None, :])[0] - statistics.sums / count
     return statistics.offset + statistics.total / count + off @ belief.mean
 
 

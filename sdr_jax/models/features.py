@@ -1,7 +1,6 @@
 """Features of ordered bins, linear in whose weights a reward is modelled, and its best bins."""
 
 import math
-from functools import partial
 from itertools import combinations
 from typing import NamedTuple
 
@@ -218,9 +217,5 @@ def maximise_each(
 ) -> Int[Array, "n attributes"]:
     """The best bins under each of n models, of those allowed; the key is consumed."""
     keys = jax.random.split(rng_key, len(weights))
-    best = partial(maximise, space=space, layout=layout)
-    if allowed is None:
-        return jax.vmap(lambda key, one: best(key, weights=one))(keys, weights)
-    return jax.vmap(lambda key, one, own: best(key, weights=one, allowed=own))(
-        keys, weights, allowed
-    )
+    best = jax.vmap(lambda key, one, own: maximise(key, space, layout, one, own))
+    return best(keys, weights, allowed)
