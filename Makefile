@@ -1,5 +1,6 @@
 # `make demo` and `make test` do all the set-up themselves, in .venv, without root.
 OUT ?= runs/demo
+DATA ?= $(CAMVID_DIR)
 TWIN_SEED ?= 0
 PYTHON ?=
 ARGS ?=
@@ -8,11 +9,12 @@ JOBS ?= 2
 # Commands run from the root, so that a checkout in a path with spaces works.
 BIN := .venv/bin
 
-.PHONY: help setup demo test nightly lint format clean
+.PHONY: help setup demo test results nightly lint format clean
 
 help:
 	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN_SEED=N (0)'
 	@echo 'make test      the tests, without the slow ones; ARGS="-k name" goes to pytest; JOBS=N (2) at a time'
+	@echo 'make results   every result of docs/results.md, from this commit; DATA=CAMVID ($$CAMVID_DIR); hours'
 	@echo 'make nightly   all tests'
 	@echo 'make lint      ruff (rules, format) and mypy'
 	@echo 'make format    let ruff rewrite the code'
@@ -30,6 +32,9 @@ demo: setup
 
 test: setup
 	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow" $(ARGS)
+
+results: setup
+	@$(BIN)/python -m experiments.results --data "$(DATA)" --docs docs
 
 nightly: setup
 	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile $(ARGS)

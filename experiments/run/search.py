@@ -33,6 +33,7 @@ class SearchPlan(NamedTuple):
     datasets: int  # per update
     updates: int
     options: SearchOptions
+    seed: int  # of the search, and of the datasets that it asks for
 
     @property
     def evaluations(self) -> int:
@@ -141,7 +142,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     evaluation is left out of its update.
 
     Args:
-        run: its reward's fidelity and seed are the search's.
+        run: its reward's fidelity is the search's.
         plan: what searches, and how long.
         kind: of the rewards.
 
@@ -150,7 +151,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     """
     rewards, watch = _Rewards(run, plan, kind), _Stopwatch()
     reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
-    key = jax.random.key(run.config.seed)
+    key = jax.random.key(plan.seed)
     steps = sdr_jax.drive(key, plan.search, reward_fn, plan.updates, plan.datasets)
     history: list[tuple] = []
     for update in range(plan.updates):

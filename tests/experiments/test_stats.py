@@ -8,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from experiments.study.stats import Estimate, bootstrap, mean_ci95, paired_gain, welch
+from experiments.study.stats import Estimate, bootstrap, crossed, mean_ci95, paired_gain, welch
 
+SHAPES = ((5, 1), (1, 3), (5, 3))
 values = st.lists(st.floats(-100, 100), min_size=2, max_size=12)
 
 
@@ -47,6 +48,28 @@ def test_gain_changes_sign_with_the_order(ours, data):
     back, (lower, higher) = paired_gain(theirs, ours)
     assert (back, lower, higher) == pytest.approx((-mean, -high, -low), abs=1e-9)
     assert mean == pytest.approx(np.mean(ours) - np.mean(theirs), abs=1e-9)
+
+
+def test_intervals_over_searches_and_seeds_by_hand():
+    # Mean squares 54 of searches, 26 of seeds, 2 of the rest: 78 / 6 = 13 is the mean's variance.
+    mean, (low, high) = crossed([[0, 4, 8], [6, 12, 12]])
+    degrees = 78**2 / (54**2 / 1 + 26**2 / 2 + 2**2 / 2)
+    assert mean == 7 and high - 7 == 7 - low
+    assert high - 7 == pytest.approx(stats.t.ppf(0.975, degrees) * math.sqrt(13))
+    # Searches alike: what is left is the seeds' own variance. One search, or one seed: Student's t.
+    assert crossed([[1, 2, 6], [1, 2, 6]])[1] == pytest.approx(mean_ci95([1, 2, 6])[1])
+    assert crossed([[1, 2, 6]]) == crossed([[1], [2], [6]]) == mean_ci95([1, 2, 6])
+    assert crossed([[5, 5], [5, 5]]) == (5, [5, 5]) and crossed([[5]]) == (5, None)
+
+
+@pytest.mark.parametrize("spreads", [(1, 1, 1), (2, 0, 0.5), (0, 2, 0.5), (0, 0, 1)])
+def test_intervals_over_both_hold_the_truth_as_often_as_they_say(spreads):
+    rng, held = np.random.default_rng(0), 0
+    for _ in range(400):
+        parts = [s * rng.normal(size=shape) for s, shape in zip(spreads, SHAPES, strict=True)]
+        low, high = crossed(sum(parts))[1]
+        held += low <= 0 <= high
+    assert held >= 370  # 380 on average, or more where chance alone tells searches apart
 
 
 def test_welch_by_hand():

@@ -25,7 +25,7 @@ from shell.files import read_json
 from .conftest import ROOT, Counted, Killed, lines, never, study, transferred
 
 TRAINED = ("table", "pretrain", "assets", "ablation", "compare", "labels")  # their rows are of nets
-STUDIES = (*TRAINED, "fidelity", "sensitivity")
+STUDIES = (*TRAINED, "searches", "fidelity", "sensitivity")
 FORM = Form(
     "some", lambda report: {**report, "mean": float(np.mean(report["scores"]))},
     lambda report: f"{report['mean']}", {"some.png": lambda report: b"picture"},
@@ -55,6 +55,7 @@ def test_presets_are_sound(name, target, preset):
     ("assets", (3,), ""),
     ("labels", (3,), "--learnt FILE --renders default learnt"),
     ("ablation", (3, 3), "--variants full no_positions"),  # within a search, and within the nets
+    ("searches", (6, 30), "--methods random_search --few 2"),  # within a search, and in the next one
     ("fidelity", (7,), ""),
     ("sensitivity", (5,), ""),
 ])  # fmt: skip
@@ -126,6 +127,9 @@ def test_a_recorded_report_is_derived_anew(name, tmp_path):
     ("labels", ("--counts", "1", "2", "-1"), "--counts must be 0 or more, not -1"),
     ("labels", ("--renders", "random", "--learnt", "FILE"), "is of no use with --renders random"),
     ("labels", ("--few-share", "1"), "--few-share must lie in (0, 1), not 1"),
+    ("searches", ("--searches", "0"), "--searches must be 1 or more, not 0"),
+    ("searches", ("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
+    ("searches", ("--methods", "random_attributes"), "searches for nothing"),
     ("table", ("--few", "4"), "--few 4 selects all 4 labelled images of camvid"),
     ("ablation", ("--variants", "full", "full"), "--variants full full names one of them twice"),
     ("ablation", ("--variants", "no_groups"), "--variants must hold full"),
