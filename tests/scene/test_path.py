@@ -48,9 +48,8 @@ def test_what_stands_in_a_shaped_street_stands_on_its_ground_and_out_of_the_arms
     line, beside = (to_world(ground.path, along, y) for y in (0.0, 1.0))
     left = ((places - line) * (beside - line)).sum(axis=1)
     near = (away < STRIP - 1) & (along > -38) & (along < 340)
-    for k, (p, low, high) in enumerate(
-        zip(drawn.placements, *boxes(ground, standing), strict=True)
-    ):
+    boxed = zip(drawn.placements, *boxes(ground, standing), strict=True)
+    for k, (p, low, high) in enumerate(boxed):
         assert np.linalg.det(p.pose[:3, :3]) == pytest.approx(1)
         if near[k] and p.family != "building":  # houses go down to the lowest ground below them
             height = ground_height(ground, float(left[k]), float(along[k]))
