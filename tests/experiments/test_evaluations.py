@@ -147,14 +147,6 @@ def test_lines_come_back_behind_a_header(tmp_path):
     assert again.get("other") is None and again.where("failed") == f"{path}: line 3"
 
 
-@pytest.mark.parametrize("whole", range(2))
-def test_a_kill_while_writing_loses_at_most_the_last_line(whole, tmp_path):
-    path, texts = tmp_path / "store.jsonl", [json.dumps(r) + "\n" for r in (HEADER, record())]
-    path.write_text("".join(texts[:whole]) + '{"half": ')
-    Store(path).add(record())
-    assert path.read_text() == "".join(texts)
-
-
 def add_many(path: Path, name: str) -> None:
     store = Store(path)
     for k in range(20):

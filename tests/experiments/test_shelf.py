@@ -3,6 +3,7 @@
 import shutil
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -75,9 +76,8 @@ def test_parts_are_scored_each_for_itself(opened, tmp_path):
     assert (found.reward, found.class_iou) == (whole.reward, whole.class_iou)
     assert found.parts == pytest.approx(each) and whole.parts == () and each[0] != each[1]
     keys = {scorer(*parts).key(REAL, 5) for parts in ((), (((0, 2), (2, 3)),), (((0, 3),),))}
-    assert len(keys) == 3 and outcome_of(log.get(scorer(((0, 2), (2, 3))).key(REAL, 5))) == (
-        found._replace(stored=True)
-    )
+    kept = outcome_of(log.get(scorer(((0, 2), (2, 3))).key(REAL, 5)))
+    assert len(keys) == 3 and kept == found._replace(stored=True)
 
 
 @pytest.mark.parametrize("workers", [0, 2])
@@ -142,9 +142,8 @@ def test_files_of_others_and_damaged_ones_are_refused(part, name, change, compla
         path.write_bytes(path.read_bytes()[:-1] + change)
     with pytest.raises(UserError) as caught:
         opened().put(TEST, TRAIN)
-    assert all(
-        said in str(caught.value) for said in (str(path), complaint, f"remove {path.parent}")
-    )
+    said = str(caught.value)
+    assert str(path) in said and complaint in said and f"remove {path.parent}" in said
 
 
 def test_a_command_ends_with_exit_code_2(command, learnt_file, tmp_path, error_line):
@@ -160,15 +159,10 @@ def test_a_command_ends_with_exit_code_2(command, learnt_file, tmp_path, error_l
 def test_heads_may_normalise_by_the_images_that_give_the_reward(opened, tmp_path):
     train = replace(TRAIN, head_statistics="target")
     own = RECIPE._replace(fidelity=replace(RECIPE.fidelity, train=train))
-    names = [
-        about(recipe, target_of(reward), "test", TEST)["config"]
-        for recipe in (RECIPE, own)
-        for reward in (REAL, noise(COUNT, 2))
-    ]
+    targets = target_of(REAL), target_of(noise(COUNT, 2))
+    names = [about(r, t, "test", TEST)["config"] for r, t in product((RECIPE, own), targets)]
     assert names[0] == names[1] and len(set(names)) == 3
-    found = [
-        outcomes(held, tmp_path / f"{k}", own)
-        for k, held in enumerate((opened(), Shelf(WorkerPool(0))))
-    ]
+    found = outcomes(opened(), tmp_path / "files", own)
+    assert found == outcomes(Shelf(WorkerPool(0)), tmp_path / "arrays", own)
     own = own._replace(statistics=channel_statistics(features(REAL.images)))
-    assert found[0] == found[1] and found[0][0][1] == evaluate_miou(own, REAL, 5, TEST).reward
+    assert found[0][1] == evaluate_miou(own, REAL, 5, TEST).reward

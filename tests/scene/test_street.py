@@ -144,11 +144,11 @@ def test_neighbours_are_an_interval_apart_give_or_take_the_jitter(seed, interval
 @pytest.mark.parametrize("probability", [0.0, 0.3, 1.0])
 def test_building_slots_and_the_camera_s_side_have_their_probability(probability):
     params = DEFAULT._replace(building_probability=probability)
-    counts = [len(by_line(params, seed)["building"]) for seed in range(100)]
+    counts = [len(by_line(params, seed)["building"]) for seed in range(40)]
     slots = 2 * (LINE_END - LINE_START) / DEFAULT.building_interval
     assert np.mean(counts) / slots == pytest.approx(probability, abs=0.04)
     params = DEFAULT._replace(camera_position_probability=probability)
-    right = [street(params, s).cameras[0].position[1] < 0 for s in range(150)]
+    right = [street(params, s).cameras[0].position[1] < 0 for s in range(60)]
     assert abs(np.mean(right) - probability) <= 0.15 * (probability == 0.3)
 
 

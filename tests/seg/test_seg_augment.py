@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import seg.augment
@@ -27,35 +27,28 @@ def augmented(rng, images, labels, **switches):
     return augment(*given, TrainSettings(**switches), jax.random.key(0))
 
 
-def test_mirror_by_hand():
+def test_mirror_and_blur_by_hand():
     images = jnp.arange(6.0).reshape(2, 1, 3, 1)
     labels = jnp.arange(6, dtype=jnp.uint8).reshape(2, 1, 3)
     flipped, flipped_labels = mirrored(images, labels, jnp.array([0.4, 0.6]))
     np.testing.assert_array_equal(flipped[:, 0, :, 0], [[2, 1, 0], [3, 4, 5]])
     np.testing.assert_array_equal(flipped_labels[:, 0], [[2, 1, 0], [3, 4, 5]])
+    spot = np.zeros((1, 3, 3, 1), np.float32)
+    spot[0, 1, 1] = 16
+    spread = blurred(jnp.asarray(spot), jnp.ones(1))[0, :, :, 0]
+    np.testing.assert_allclose(spread, [[1, 2, 1], [2, 4, 2], [1, 2, 1]])
+    np.testing.assert_allclose(blurred(jnp.asarray(spot), jnp.zeros(1)), spot)
+    flat = jnp.full((2, 5, 6, 3), 0.7)  # borders, too
+    np.testing.assert_allclose(blurred(flat, jnp.array([0.4, 1.0])), flat, atol=1e-6)
 
 
+@settings(max_examples=8)
 @given(seeds)
-def test_labels_stay_aligned_with_images(seed):
+def test_images_stay_in_range_and_labels_aligned_and_untouched_by_colour(seed):
     rng, images, labels = random_batch(seed)
     images[..., 0] = 20 * labels  # red tells the class
     x, y = augmented(rng, images, labels, colour=False, blur=False)
     np.testing.assert_array_equal(np.round(np.asarray(x[..., 0]) * 255), 20 * np.asarray(y, int))
-
-
-@given(seeds)
-def test_the_middle_of_every_draw_changes_no_colour(seed):
-    _, images, labels = random_batch(seed)
-    x = jnp.asarray(images, jnp.float32) / 255
-    middle = jnp.full((4, DRAWS), 0.5)
-    np.testing.assert_allclose(coloured(x, middle), x, atol=2e-4)
-    np.testing.assert_allclose(mixed(x, middle), x, atol=1e-6)
-    np.testing.assert_array_equal(scaled(x, jnp.asarray(labels), middle)[1], labels)
-    np.testing.assert_allclose(scaled(x, jnp.asarray(labels), middle)[0], x, atol=1e-5)
-
-
-@given(seeds)
-def test_images_stay_in_range_and_labels_untouched_by_colour(seed):
     rng, images, labels = random_batch(seed)
     x, y = augmented(rng, images, labels, mirror=False, mix=True, noise=True)
     assert x.shape == images.shape and x.dtype == jnp.float32
@@ -66,21 +59,16 @@ def test_images_stay_in_range_and_labels_untouched_by_colour(seed):
     np.testing.assert_array_equal(y, labels)
 
 
-def test_blur_by_hand():
-    spot = np.zeros((1, 3, 3, 1), np.float32)
-    spot[0, 1, 1] = 16
-    spread = blurred(jnp.asarray(spot), jnp.ones(1))[0, :, :, 0]
-    np.testing.assert_allclose(spread, [[1, 2, 1], [2, 4, 2], [1, 2, 1]])
-    np.testing.assert_allclose(blurred(jnp.asarray(spot), jnp.zeros(1)), spot)
-    flat = jnp.full((2, 5, 6, 3), 0.7)  # borders, too
-    np.testing.assert_allclose(blurred(flat, jnp.array([0.4, 1.0])), flat, atol=1e-6)
-
-
-def test_draws_are_the_same_for_the_same_seed():
-    first, second = (draw(np.random.default_rng(3), 5, 2) for _ in range(2))
-    np.testing.assert_array_equal(first, second)
-    assert first.shape == (5, 2, DRAWS) and first.dtype == np.float32
-    assert first.mean() == pytest.approx(0.5, abs=0.1)
+@settings(max_examples=8)
+@given(seeds)
+def test_the_middle_of_every_draw_changes_no_colour(seed):
+    _, images, labels = random_batch(seed)
+    x = jnp.asarray(images, jnp.float32) / 255
+    middle = jnp.full((4, DRAWS), 0.5)
+    np.testing.assert_allclose(coloured(x, middle), x, atol=2e-4)
+    np.testing.assert_allclose(mixed(x, middle), x, atol=1e-6)
+    np.testing.assert_array_equal(scaled(x, jnp.asarray(labels), middle)[1], labels)
+    np.testing.assert_allclose(scaled(x, jnp.asarray(labels), middle)[0], x, atol=1e-5)
 
 
 def test_scaling_by_hand():
@@ -98,6 +86,7 @@ def test_scaling_by_hand():
     assert 2.5 / 16 < x[0, 0, 0, 0] < 5 / 16
 
 
+@settings(max_examples=8)
 @given(seeds)
 def test_scaled_labels_stay_with_their_pixels(seed):
     """Big flat squares: away from borders, picture and label tell the same."""
@@ -111,7 +100,7 @@ def test_scaled_labels_stay_with_their_pixels(seed):
     np.testing.assert_allclose(np.asarray(x[..., 0])[~inside], seg.augment.GREY, atol=1e-5)
 
 
-def test_mixing_keeps_grey_and_noise_has_its_size():
+def test_mixing_keeps_grey_noise_has_its_size_and_draws_repeat():
     grey = jnp.full((2, 32, 32, 3), 0.5)
     draws = jnp.asarray(draw(np.random.default_rng(0), 2))
     np.testing.assert_allclose(mixed(grey, draws), grey)
@@ -121,6 +110,10 @@ def test_mixing_keeps_grey_and_noise_has_its_size():
     x = noisy(jax.random.key(0), grey, jnp.array([0.0, 1.0]))
     np.testing.assert_array_equal(x[0], grey[0])
     assert 0.035 < float(jnp.std(x[1])) < 0.045
+    first, second = (draw(np.random.default_rng(3), 5, 2) for _ in range(2))
+    np.testing.assert_array_equal(first, second)
+    assert first.shape == (5, 2, DRAWS) and first.dtype == np.float32
+    assert first.mean() == pytest.approx(0.5, abs=0.1)
 
 
 def test_views_are_the_images_then_augmented_ones():

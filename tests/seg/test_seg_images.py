@@ -55,29 +55,18 @@ def test_truncated_files(tmp_path, mode, extension, keep):
         read_image(path) if mode == "RGB" else read_label(path, CAMVID_11)
 
 
-def test_a_jpeg_with_bytes_after_its_end_is_read(tmp_path):
-    path = tmp_path / "image.jpg"
-    Image.new("RGB", (9, 7), (40, 50, 60)).save(path)
-    path.write_bytes(path.read_bytes() + b"camera notes")
-    assert read_image(path).shape == (7, 9, 3)
-
-
-@pytest.mark.parametrize("read", [read_image, lambda path: read_label(path, CAMVID_11)])
-def test_files_that_are_no_images(tmp_path, read):
-    path = tmp_path / "notes.png"
-    path.write_text("not an image")
-    with pytest.raises(DataError, match=r"notes\.png: not a readable image"):
-        read(path)
-    with pytest.raises(DataError, match=r"gone\.png: cannot be read \(No such file"):
-        read(tmp_path / "gone.png")
-
-
 @pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA"])
-def test_labels_in_colours(tmp_path, mode):
+def test_files_that_are_no_images_and_labels_in_colours(tmp_path, mode):
     path = tmp_path / "label.png"
     Image.new(mode, (3, 2)).save(path)
     with pytest.raises(DataError, match=rf"label\.png: a label of mode {mode}.*one channel"):
         read_label(path, CAMVID_11)
+    path.write_text("not an image")
+    for read in (read_image, lambda path: read_label(path, CAMVID_11)):
+        with pytest.raises(DataError, match=r"label\.png: not a readable image"):
+            read(path)
+        with pytest.raises(DataError, match=r"gone\.png: cannot be read \(No such file"):
+            read(tmp_path / "gone.png")
 
 
 @pytest.mark.parametrize(("value", "dtype", "table", "message"), [
@@ -92,7 +81,7 @@ def test_values_outside_the_table(tmp_path, value, dtype, table, message):
         read_label(path, table)
 
 
-def test_images_of_all_sizes_in_all_folders_come_sorted(tmp_path):
+def test_images_of_all_sizes_come_sorted_and_jpegs_with_bytes_after_their_end(tmp_path):
     write_image(tmp_path / "b" / "1.png", 0, (6, 8))
     write_image(tmp_path / "a" / "2.jpg", 1, (12, 16))
     (tmp_path / "notes.txt").write_text("no image")
@@ -102,6 +91,10 @@ def test_images_of_all_sizes_in_all_folders_come_sorted(tmp_path):
     assert images.shape == (2, 3, 4, 3) and images.dtype == np.uint8
     whole = read_image(paths[1]).reshape(3, 2, 4, 2, 3)
     assert np.abs(images[1] - whole.mean(axis=(1, 3))).max() <= 0.5  # the mean of each area
+    path = tmp_path / "image.jpg"
+    Image.new("RGB", (9, 7), (40, 50, 60)).save(path)
+    path.write_bytes(path.read_bytes() + b"camera notes")
+    assert read_image(path).shape == (7, 9, 3)
 
 
 def test_bad_folders_are_named(tmp_path):

