@@ -23,6 +23,7 @@ SHELL = (
     "scene/cache.py",  # arrays on disk between processes
     "scene/callback.py",
     "scene/check.py",
+    "scene/cluster.py",
     "scene/assets/library.py",
     "scene/dataset/",
     "scene/mesh/file.py",

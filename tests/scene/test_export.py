@@ -95,7 +95,7 @@ def test_cut_short_anywhere_it_ends_alike(unbroken, format, writes, tmp_path, mo
 
 def test_finished_streets_are_not_rendered_again(tmp_path, monkeypatch):
     rendered = []
-    real = export._export_street
+    real = export._draw_street
 
     def street(plan, index, unit):
         if index == 2 and len(rendered) == 2:
@@ -104,7 +104,7 @@ def test_finished_streets_are_not_rendered_again(tmp_path, monkeypatch):
         rendered.append(index)
         return real(plan, index, unit)
 
-    monkeypatch.setattr(export, "_export_street", street)
+    monkeypatch.setattr(export, "_draw_street", street)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "a")
     # A file that lost its end, as when the power goes, is made again.
