@@ -81,9 +81,8 @@ class Cluster(Workers):
     def close(self) -> None:
         """Drop the work under way, and leave the cluster as it was but for the copies of files."""
         with suppress(Exception):  # the scheduler may be gone
-            for name in self._plugins:
-                self._client.unregister_worker_plugin(name)
-        self._plugins = []
+            while self._plugins and self._client.status == "running":
+                self._client.unregister_worker_plugin(self._plugins.pop())
         with suppress(Exception):
             self._client.close(timeout=2)
 

@@ -20,6 +20,7 @@ from typing import Any, Literal, TypeVar
 
 import cv2
 
+from shell.cores import Cores
 from shell.errors import UserError
 
 ExecutorName = Literal["processes", "dask"]
@@ -53,6 +54,10 @@ class Workers:
 
     def close(self) -> None:
         """Stop at once; work under way is dropped."""
+
+    def cpu_share(self) -> float | None:
+        """Stop, and say what share of their cores was used since they opened; None where nobody knows."""
+        return None
 
     def share(self, path: str) -> str:
         """What tasks call a file or folder of this machine; its content is not to change any more."""
@@ -158,6 +163,12 @@ class WorkerPool(Workers):
         self.workers = workers
         self._environment = environment or {}
         self._executors: dict[bool, ProcessPoolExecutor] = {}
+        self._cores = Cores()
+
+    def cpu_share(self) -> float:
+        """Stop, and say what share of their cores was used since they opened, this process included."""
+        self.close()  # what children have used is known when they have ended
+        return self._cores.share(self.workers)
 
     def close(self) -> None:
         """Stop the processes at once; work under way is dropped."""
