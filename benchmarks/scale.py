@@ -131,10 +131,11 @@ def dataset_plan(images: int, costs: Export, workers: int) -> Row:
 
 def search_plan(number: int, datasets: int, reward: float, update: float, workers: int) -> Row:
     """Hours of a search whose updates ask for some data sets each and then wait for their method."""
-    updates = math.ceil(number / datasets)
+    full, rest = divmod(number, datasets)
+    rounds = full * math.ceil(datasets / workers) + math.ceil(rest / workers)
     parts = {
         "workers": number * reward / workers,
-        "updates, one after the other": updates * (math.ceil(datasets / workers) * reward + update),
+        "updates, one after the other": rounds * reward + math.ceil(number / datasets) * update,
     }
     what = f"{number:,} rewards, {datasets} an update"
     return _planned(what, workers, parts)

@@ -28,7 +28,7 @@ def test_on_a_cluster_it_ends_as_on_this_machine(unbroken, start_job, tmp_path_f
                 victim.kill()
                 wait_for_lines(job.process, out / "evaluations.jsonl", 6)
                 cluster.scheduler.kill()
-            found.append(job.finish())
+            found.append(job.finish(timeout=900))
         finally:
             cluster.stop()
     (code, _, stderr), (end, stdout, nothing) = found
