@@ -30,7 +30,7 @@ from experiments.config import Fidelity, MainConfig
 from experiments.presets import defaults
 from experiments.reward.miou import Recipe, attempt, evaluate_miou, worker_environment
 from experiments.reward.truth import Truth
-from experiments.run.ladder import cost_of
+from experiments.run.ladder import cost_of, training_cost
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.export import export_dataset
@@ -129,13 +129,26 @@ def dataset_plan(images: int, costs: Export, workers: int) -> Row:
     return _planned(f"{images:,} images", workers, parts)
 
 
-def search_plan(number: int, datasets: int, reward: float, update: float, workers: int) -> Row:
+class Reward(NamedTuple):
+    """What a reward costs, and what an update of the method."""
+
+    render: float  # seconds of a worker
+    train: float
+    update: float  # of the main process
+
+
+def search_plan(number: int, datasets: int, costs: Reward, workers: int) -> Row:
     """Hours of a search whose updates ask for some data sets each and then wait for their method."""
+
+    def update(asked: int) -> float:
+        if asked < workers:  # all of them render each
+            return asked * costs.render / workers + costs.train + costs.update
+        return math.ceil(asked / workers) * (costs.render + costs.train) + costs.update
+
     full, rest = divmod(number, datasets)
-    rounds = full * math.ceil(datasets / workers) + math.ceil(rest / workers)
     parts = {
-        "workers": number * reward / workers,
-        "updates, one after the other": rounds * reward + math.ceil(number / datasets) * update,
+        "workers": number * (costs.render + costs.train) / workers,
+        "updates, one after the other": full * update(datasets) + (update(rest) if rest else 0.0),
     }
     what = f"{number:,} rewards, {datasets} an update"
     return _planned(what, workers, parts)
@@ -189,12 +202,13 @@ def main(arguments: list[str] | None = None) -> int:
         command.error(str(error))
     paper = defaults(MainConfig, "cityscapes", "paper").reward
     update = update_seconds(8)
-    reward, known = cost_of(paper), cost_of(fidelity)
+    train = training_cost(paper)
+    reward = Reward(cost_of(paper) - train, train, update)
     rows = measured(f"images of {options.size[0]}x{options.size[1]}", images)
     rows += measured(f"rewards of --preset {options.preset}", nets)
     plan = [dataset_plan(IMAGES, alone, workers) for workers in PLANNED]
     plan += [
-        search_plan(REWARDS, datasets, reward, update, workers)
+        search_plan(REWARDS, datasets, reward, workers)
         for datasets in (1, 8, 64)
         for workers in PLANNED
     ]
@@ -203,8 +217,9 @@ def main(arguments: list[str] | None = None) -> int:
         "image, main process s": alone.main,
         "image, bytes": alone.size,
         "reward here, worker s": own,
-        "reward here by cost_of, s": known,
-        "paper's reward by cost_of, s": reward,
+        "reward here by cost_of, s": cost_of(fidelity),
+        "paper's reward by cost_of, rendering, s": reward.render,
+        "paper's reward by cost_of, training, s": reward.train,
         "paper's update of 8, s": update,
     }
     units: list[Row] = [{"cost": name, "value": value} for name, value in costs_of.items()]

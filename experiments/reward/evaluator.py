@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict
@@ -10,12 +11,22 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from experiments.reward.miou import Outcome, Parts, Recipe, Source, attempt, evaluate_miou, prepared
+from experiments.reward.miou import (
+    Outcome,
+    Parts,
+    Recipe,
+    Source,
+    attempt,
+    evaluate_miou,
+    prepared,
+    rendered_set,
+)
 from experiments.reward.mmd import Reference, evaluate_mmd
 from experiments.reward.shelf import Shelf, by_target, sent
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
 from experiments.reward.truth import Shared, Truth, WithFew, rendered_of
 from experiments.target.base import Target
+from scene.proposal import Mixture, Proposal
 from scene.version import ENGINE
 from scene.workers import Workers
 from shell.errors import UserError
@@ -199,15 +210,30 @@ def evaluated(
     if not work:
         return
     tasks = [asked[index][0].task(asked[index][1]) for index in work]
+    rendered = [0.0] * len(tasks)
+    if len(tasks) < workers.workers and not begun:  # else some would have nothing to do
+        tasks, rendered = zip(*(_rendered_by_all(task, workers) for task in tasks), strict=True)
     own = {number: begun[keys[k]] for number, k in enumerate(work) if begun and keys[k] in begun}
     results = workers.map(attempt, tasks, net=True, first=prepared, behind=bool(begun), begun=own)
     for number, outcome in results:
         index = work[number]
         evaluator, job = asked[index]
         key = keys[index]
+        outcome = outcome._replace(render_seconds=outcome.render_seconds + rendered[number])
         yield index, key, evaluator.keep(key, job, outcome, memory)
         for twin in missing[key][1:]:
             yield twin, key, memory.again(key, asked[twin][1].notes)
+
+
+def _rendered_by_all(task: tuple, workers: Workers) -> tuple[tuple, float]:
+    """A task with its training set, rendered street by street by all workers, and their core seconds."""
+    evaluate, recipe, source, seed, truth, *parts = task
+    if isinstance(truth, Reference) or not isinstance(source, Proposal | Mixture):
+        return task, 0.0
+    started = time.perf_counter()
+    own = rendered_set(recipe, source, seed, workers)
+    busy = min(workers.workers, recipe.fidelity.streets)
+    return (evaluate, recipe, own, seed, truth, *parts), busy * (time.perf_counter() - started)
 
 
 def about(

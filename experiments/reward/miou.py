@@ -122,6 +122,12 @@ def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers =
     )
 
 
+def rendered_set(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Truth:
+    """The images of streets and a seed, with labels in the classes of the recipe."""
+    dataset = render(recipe, streets, seed, workers)
+    return Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+
+
 def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
     """The images of a source, but for a few beside it, with labels in the classes of the recipe.
 
@@ -135,8 +141,7 @@ def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
     if name in _KEPT:
         return _KEPT[name]
     _KEPT.clear()
-    dataset = render(recipe, proposal, seed)
-    found = Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+    found = rendered_set(recipe, proposal, seed)
     if isinstance(source, WithFew):
         train = recipe.fidelity.train
         if train.frozen:

@@ -18,6 +18,7 @@ from experiments.reward.store import Log, outcome_of
 from experiments.reward.truth import Truth, loaded, part_of
 from experiments.target.base import Split, Target
 from scene.assets.catalogue import AssetPool
+from scene.proposal import default_proposal
 from scene.workers import WorkerPool
 from seg import pyramid
 from seg.data import RealSet
@@ -85,7 +86,16 @@ def test_outcomes_and_keys_are_those_of_arrays(workers, tmp_path):
     plain, told = outcomes(Shelf(WorkerPool(0)), tmp_path / "plain"), []
     assert plain[0][1] == evaluate_miou(RECIPE, REAL, 5, TEST).reward != plain[1][1]
     with WorkerPool(workers, worker_environment()) as pool:
-        assert outcomes(Shelf(pool, tmp_path / "run", told.append), tmp_path / "log") == plain
+        held = Shelf(pool, tmp_path / "run", told.append)
+        assert outcomes(held, tmp_path / "log") == plain
+        # A single set is rendered by all workers, and the same.
+        streets, two = default_proposal(), replace(RECIPE.fidelity, streets=2)
+        recipe = RECIPE._replace(fidelity=two)
+        scorer = Evaluator(recipe, target_of(REAL), "test", TEST, held)
+        memory = Memory(Log(tmp_path / "log"), None, float)
+        ((_, found),) = scorer.map([Job(streets, 5, {})], memory)
+        alone = evaluate_miou(recipe, streets, 5, TEST)
+        assert (found.reward, found.class_iou) == (alone.reward, alone.class_iou)
     done = [line.rpartition(": ")[2] for line in told]
     assert done[0] == "3 of 3" and done[2:] == ["25 of 25"]
 
