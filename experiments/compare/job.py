@@ -154,7 +154,7 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
         begin(run, lists(), seeds)  # nets on what is found already fill the gaps of this search
         found[each.name] = search(run, each)
     scored = score_lists(run, lists(), seeds)
-    workers = max(config.workers, 1)
+    workers = max(run.workers.workers, 1)
     return {
         **about(run, config.final),
         "evaluations": config.evaluations,
@@ -167,7 +167,9 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
                 "attributes": len(row.subset),
                 "subset": row.title,
                 "method": row.method,
-                "search": _search(config, found[row.name], row) if row.name in found else None,
+                "search": _search(config, found[row.name], row, workers)
+                if row.name in found
+                else None,
                 "budgets": [{"miou": miou(nets(at[row.name]))} for at in scored],
             }
             for row in rows(config)
@@ -175,8 +177,7 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
     }
 
 
-def _search(config: CompareConfig, found: Found, row: Row) -> Report:
-    workers = max(config.workers, 1)
+def _search(config: CompareConfig, found: Found, row: Row, workers: int) -> Report:
     core = core_seconds(found)
     cpu, wall = round(found.cpu_seconds, 2), round(found.wall_seconds, 2)
     pairs = zip(names(config.space), *(part.tolist() for part in found.solution), strict=True)

@@ -31,7 +31,8 @@ def surroundings():
     import cv2
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-    return cores, cv2.getNumThreads(), os.environ.get("SCENE_TEST"), os.getpid()
+    gpu = os.environ.get("CUDA_VISIBLE_DEVICES")
+    return cores, cv2.getNumThreads(), gpu, os.environ.get("SCENE_TEST"), os.getpid()
 
 
 def sleep(seconds):
@@ -62,11 +63,14 @@ def test_work_of_a_killed_worker_is_done_again_but_of_one_killed_twice_is_an_err
         assert list(pool.map(square, [(3,)])) == [(0, 9)]  # and it can be used again
 
 
-def test_workers_have_one_core_and_their_environment_and_leaving_early_drops_the_work():
-    with WorkerPool(1, {"SCENE_TEST": "yes"}) as pool:
-        [(_, (cores, threads, value, pid))] = pool.map(surroundings, [()])
-        assert (cores, threads, value) == (1, 1, "yes") and pid != os.getpid()
-        assert list(pool.map(surroundings, [()])) == [(0, (1, 1, "yes", pid))]  # long-lived
+def test_workers_have_one_core_one_gpu_their_environment_and_leaving_early_drops_the_work():
+    with WorkerPool(1, {"SCENE_TEST": "yes", "CUDA_VISIBLE_DEVICES": "5,7"}) as pool:
+        [(_, (*own, pid))] = pool.map(surroundings, [()])
+        assert own == [1, 1, "5", "yes"] and pid != os.getpid()
+        assert list(pool.map(surroundings, [()])) == [(0, (*own, pid))]  # long-lived
+        behind = pool.begin(os.getpriority, os.PRIO_PROCESS, 0)
+        assert list(pool.map(square, [(3,)], begun={0: behind})) == [(0, 19)]
+        assert 0 < pool.cpu_share() < 2
     assert "SCENE_TEST" not in os.environ
     started = time.monotonic()
     with WorkerPool(1) as pool:
