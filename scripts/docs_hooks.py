@@ -7,6 +7,7 @@ from typing import Any
 
 from latex2mathml.converter import convert
 from mkdocs.config.defaults import MkDocsConfig
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
@@ -40,7 +41,15 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
     if here == "reference/commands.md":
         markdown += _commands()
     linked = LINK.sub(lambda found: _link(found, source, here), markdown)
-    return MATH.sub(lambda found: convert(found[1].strip(), display="block"), linked)
+    return MATH.sub(_equation, linked)
+
+
+def _equation(found: re.Match[str]) -> str:
+    """MathML of a block of LaTeX."""
+    equation = convert(found[1].strip(), display="block")
+    if "\\" in equation:
+        raise PluginError(f"latex2mathml does not know all of {found[1].strip()}")
+    return equation
 
 
 def _link(found: re.Match[str], source: str, here: str) -> str:
