@@ -25,6 +25,8 @@ PAGES = {source: page for page, source in ELSEWHERE.items()}
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)#:\s]+)(#[^)\s]*)?\)")
 MATH = re.compile(r"^```math\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 
+FETCHED = re.compile(r'<(?:link|script|img|iframe)\b[^>]*?(?:href|src)="(?:https?:)?//[^"]*"')
+
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Adds the pages from elsewhere."""
@@ -42,6 +44,14 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         markdown += _commands()
     linked = LINK.sub(lambda found: _link(found, source, here), markdown)
     return MATH.sub(_equation, linked)
+
+
+def on_post_page(output: str, page: Page, **_: Any) -> str:
+    """Refuses a page that would fetch something from elsewhere."""
+    fetched = FETCHED.search(output)
+    if fetched:
+        raise PluginError(f"{page.file.src_uri} needs a network: {fetched[0]}")
+    return output
 
 
 def _equation(found: re.Match[str]) -> str:

@@ -38,7 +38,8 @@ def blocks(page: str, python: bool) -> list[str]:
 def commands(page: str) -> list[tuple[str, ...]]:
     """Words of each command, without its comment and what stands before it."""
     lines = "\n".join(blocks(page, python=False)).replace("\\\n", " ").splitlines()
-    bare = (re.sub(r"^([A-Z_]+=\S+ )+|^\.venv/bin/", "", line) for line in lines)
+    plain = (re.sub(r"\$\([^)]*\)", "OUTPUT", line) for line in lines)
+    bare = (re.sub(r"^([A-Z_]+=\S+ )+|^\.venv/bin/", "", line) for line in plain)
     return [
         tuple(shlex.split(line, comments=True))
         for line in bare
