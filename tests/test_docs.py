@@ -13,8 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tyro
 
-import experiments.cli
 from experiments.__main__ import COMMANDS
 from tests.conftest import ROOT
 
@@ -78,17 +78,18 @@ def test_the_examples_of_a_simulator_learn_and_go_on(tmp_path, monkeypatch):
 @pytest.fixture
 def only_parsed(monkeypatch):
     """Commands end, with code 0, when their arguments are parsed."""
-    parse, main = argparse.ArgumentParser.parse_args, experiments.cli.main
+    parse, cli = argparse.ArgumentParser.parse_args, tyro.cli
 
     def parse_only(self, *arguments, **options):
         parse(self, *arguments, **options)
         sys.exit(0)
 
-    def main_only(name, defaults, work, *more, **options):
-        return main(name, defaults, lambda config: None, *more, **options)
+    def cli_only(*arguments, **options):
+        found = cli(*arguments, **options)
+        return found if options.get("return_unknown_args") else sys.exit(0)
 
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
-    monkeypatch.setattr(experiments.cli, "main", main_only)
+    monkeypatch.setattr(tyro, "cli", cli_only)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)])
