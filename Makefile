@@ -9,7 +9,7 @@ JOBS ?= 2
 # Commands run from the root, so that a checkout in a path with spaces works.
 BIN := .venv/bin
 
-.PHONY: help setup demo test results nightly lint format clean
+.PHONY: help setup demo test results nightly lint docs format clean
 
 help:
 	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN_SEED=N (0)'
@@ -17,6 +17,7 @@ help:
 	@echo 'make results   every result of docs/results.md, from this commit; DATA=CAMVID ($$CAMVID_DIR); hours'
 	@echo 'make nightly   all tests'
 	@echo 'make lint      ruff (rules, format) and mypy'
+	@echo 'make docs      the pages, into site/; a warning is an error'
 	@echo 'make format    let ruff rewrite the code'
 	@echo 'make setup     make .venv and install into it (the others do this when needed); PYTHON=...'
 	@echo 'make clean     remove caches and .venv; runs/ stays'
@@ -44,11 +45,15 @@ lint: setup
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
+docs: setup
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
+	@echo 'Open site/index.html'
+
 format: setup
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
 clean:
-	rm -rf .venv build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis .jax_cache
+	rm -rf .venv build dist site .pytest_cache .mypy_cache .ruff_cache .hypothesis .jax_cache
 	rm -rf -- *.egg-info
 	find . -name __pycache__ -type d -not -path './runs/*' -prune -exec rm -rf {} +

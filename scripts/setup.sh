@@ -74,7 +74,7 @@ if [ "$usable" = no ]; then
 fi
 
 : >"$busy" 2>/dev/null || fail "cannot write to .venv: check its permissions and the free space"
-say "setup: installing the project and its requirements into .venv: about 370 MB to fetch and 1.5 GB on disk, one to five minutes the first time"
+say "setup: installing the project and its requirements into .venv: about 400 MB to fetch and 1.6 GB on disk, one to five minutes the first time"
 .venv/bin/python -m pip install --quiet --no-input --disable-pip-version-check \
     -c constraints.txt -e '.[test]' </dev/null ||
     fail "pip could not install the requirements (its message is above); the same command tries again from a clean .venv"

@@ -1,0 +1,119 @@
+"""What README and pages show works as it stands there: Python is run, commands are parsed.
+
+One rule for all: a ```python block is run, page by page from top to bottom, in an empty folder; in every
+other block a line that begins with `sdr-jax`, `python -m` or `make` is parsed by the command that it names.
+"""
+
+import argparse
+import re
+import runpy
+import shlex
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import tyro
+
+from experiments.__main__ import COMMANDS
+from tests.conftest import ROOT
+
+PAGES = {
+    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
+    for path in (
+        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
+        *sorted((ROOT / "docs").rglob("*.md")),
+        *sorted((ROOT / "examples").rglob("*.md")),
+    )
+}
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+SLOW = ("docs/engine.md", "docs/tutorial.md")
+SIMULATOR = "docs/howto/simulator.md"
+
+
+def blocks(page: str, python: bool) -> list[str]:
+    return [text for kind, text in FENCE.findall(PAGES[page]) if (kind == "python") == python]
+
+
+def commands(page: str) -> list[tuple[str, ...]]:
+    """Words of each command, without its comment and what stands before it."""
+    lines = "\n".join(blocks(page, python=False)).replace("\\\n", " ").splitlines()
+    plain = (re.sub(r"\$\([^)]*\)", "OUTPUT", line) for line in lines)
+    bare = (re.sub(r"^([A-Z_]+=\S+ )+|^\.venv/bin/", "", line) for line in plain)
+    return [
+        tuple(shlex.split(line, comments=True))
+        for line in bare
+        if re.match(r"(sdr-jax|python -m|make) ", line)
+    ]
+
+
+def ran(page: str, first: int = 0) -> dict:
+    """The names that a page's blocks, from the first or a later one on, leave."""
+    scope: dict = {"__name__": page}
+    for block in blocks(page, python=True)[first:]:
+        exec(compile(block, page, "exec"), scope)
+    return scope
+
+
+WITH_PYTHON = [page for page in PAGES if blocks(page, python=True) and page != SIMULATOR]
+
+
+@pytest.mark.parametrize("page", [
+    pytest.param(page, marks=pytest.mark.slow if page in SLOW else ()) for page in WITH_PYTHON
+])  # fmt: skip
+def test_python_runs(page, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert ran(page)
+
+
+def test_the_examples_of_a_simulator_learn_and_go_on(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    learnt = np.asarray(ran(SIMULATOR)["learnt"].centre)
+    assert np.abs(learnt - [0.85, 0.25, 0.45]).max() < 0.25
+    history = Path("history.jsonl").read_text()
+    assert ran(SIMULATOR, first=-1)["search"].updates == 10
+    assert Path("history.jsonl").read_text() == history
+
+
+@pytest.fixture
+def only_parsed(monkeypatch):
+    """Commands end, with code 0, when their arguments are parsed."""
+    parse, cli = argparse.ArgumentParser.parse_args, tyro.cli
+
+    def parse_only(self, *arguments, **options):
+        parse(self, *arguments, **options)
+        sys.exit(0)
+
+    def cli_only(*arguments, **options):
+        found = cli(*arguments, **options)
+        return found if options.get("return_unknown_args") else sys.exit(0)
+
+    monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
+    monkeypatch.setattr(tyro, "cli", cli_only)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if commands(page)])
+def test_commands_are_real(page, only_parsed, monkeypatch, capsys):
+    for words in commands(page):
+        if words[0] == "make":
+            assert f"\n{words[1]}:" in (ROOT / "Makefile").read_text(), words
+            continue
+        first = 1 if words[0] == "sdr-jax" else 2
+        if words[first].startswith("--"):
+            continue
+        module = COMMANDS[words[1]] if first == 1 else words[2]
+        monkeypatch.setattr(sys, "argv", [module, *words[first + 1 :]])
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_module(module, run_name="__main__", alter_sys=True)
+        assert ended.value.code == 0, f"{' '.join(words)}\n{capsys.readouterr().err}"
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_nothing_escapes(page):
+    text = PAGES[page]
+    assert {kind for kind, _ in FENCE.findall(text)} <= {"", "python", "json", "math"}
+    assert len(re.findall(r"^```", text, re.MULTILINE)) == 2 * len(FENCE.findall(text))
+    assert not re.findall(r"RESULTS_|LIMITS$|TODO", text, flags=re.MULTILINE)
+    for module in re.findall(r"python -m ([a-z_]+\.[a-z_.]+[a-z])\b", text):
+        path = ROOT / module.replace(".", "/")
+        assert path.with_suffix(".py").exists() or (path / "__main__.py").exists(), module

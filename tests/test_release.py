@@ -1,0 +1,62 @@
+"""What is released: one version, one command for all others, and a wheel that works by itself."""
+
+import os
+import re
+import shutil
+import sys
+import tomllib
+from subprocess import run
+
+import pytest
+
+from experiments.__main__ import COMMANDS, PACKAGES, clashes, path_of, text
+from tests.conftest import ROOT
+
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+def test_the_command_has_all_commands():
+    own = {path_of(module) for module in COMMANDS.values()} | {path_of("experiments")}
+    files = {path for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
+    assert own == {path for path in files if '\nif __name__ == "__main__":' in path.read_text()}
+    assert all(re.search(rf"^  {name} +\w.*\w{{3}}", text(), re.MULTILINE) for name in COMMANDS)
+
+
+def test_a_package_of_another_distribution_is_named():
+    (line,) = clashes({"scene": ["sdr-jax", "scenery"], "seg": ["sdr-jax"], "other": ["x"]})
+    assert line.startswith("scenery") and "'scene'" in line
+
+
+def test_the_version_is_the_same_everywhere():
+    assert f"\nversion: {PROJECT['version']}\n" in (ROOT / "CITATION.cff").read_text()
+    assert (
+        re.findall(r"^## ([\d.]+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[0]
+        == (PROJECT["version"])
+    )
+
+
+@pytest.mark.slow
+def test_the_wheel_works_outside_the_checkout(tmp_path):
+    tree, site = tmp_path / "tree", tmp_path / "site"
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, tree / package)
+    for name in ("pyproject.toml", "README.md", "LICENSE"):
+        shutil.copy(ROOT / name, tree)
+
+    def done(*words: object) -> str:
+        environment = {**os.environ, "PYTHONPATH": str(site)}
+        ran = run([*map(str, words)], cwd=tmp_path, env=environment, capture_output=True, text=True)
+        assert ran.returncode == 0, ran.stderr
+        return ran.stdout
+
+    done(sys.executable, "-m", "build", "--wheel", "--no-isolation", "--outdir", tmp_path, tree)
+    (wheel,) = tmp_path.glob(f"sdr_jax-{PROJECT['version']}-*.whl")
+    done(sys.executable, "-m", "pip", "install", "--no-deps", "--target", site, wheel)
+    assert {path.parent.name for path in site.glob("*/py.typed")} == {*PACKAGES}
+    shutil.rmtree(tree)
+    where = "import experiments.__main__ as m; print(m.__file__)"
+    assert done(sys.executable, "-c", where).startswith(str(site))
+    assert "  camvid " in done(site / "bin" / "sdr-jax", "--help")
+    flags = "--images 2 --size 64x48 --shots 1 --workers 1 --out streets".split()
+    assert "2 images in" in done(site / "bin" / "sdr-jax", "render", *flags)
+    assert (tmp_path / "streets" / "dataset.json").is_file()
