@@ -50,7 +50,11 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     test = target.at(config.final.height, config.final.width).test
     pictures.samples(folder / "pictures", target, test, datasets)
     (rows,) = score_lists(run, [final], seeds)
-    return summary.scores(run, rows, learnt)
+    share = run.workers.cpu_share()
+    return {
+        **summary.scores(run, rows, learnt),
+        "cpu_share": None if share is None else round(share, 3),
+    }
 
 
 def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:

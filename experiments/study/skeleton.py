@@ -67,10 +67,8 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
 
     with opened(config, prepare) as run:
         run.begin(study.plan(config))
-        found = study.scores(run, made[0])
+        report = write_report(study.form, study.scores(run, made[0]), config.out)
         share = run.workers.cpu_share()
-        found["cpu_share"] = None if share is None else round(share, 3)
-        report = write_report(study.form, found, config.out)
         run.progress.say(study.form.text(report))
         if share is not None:
             run.progress.say(f"{share:.0%} of {max(config.workers, 1)} core(s) were busy")

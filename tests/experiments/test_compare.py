@@ -27,9 +27,8 @@ def compare(command):
 
 
 def report_of(out) -> dict:
-    """What is in ``compare.json``, without the seconds of the method itself and of the cores."""
+    """What is in ``compare.json``, without the seconds of the method itself."""
     report = read_json(out / "compare.json")
-    assert 0 < report.pop("cpu_share") < 3
     for row in report["rows"]:
         if row["search"] is not None:
             assert row["search"].pop("method_seconds")["cpu"] >= 0
