@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 from experiments.reward.miou import Outcome, Parts, Recipe, Source, attempt, evaluate_miou
 from experiments.reward.mmd import Reference, evaluate_mmd
+from experiments.reward.seen import Seen
 from experiments.reward.shelf import Shelf, by_target
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
 from experiments.reward.truth import Shared, Truth, WithFew, rendered_of
@@ -29,6 +30,7 @@ class Job(NamedTuple):
     source: Source
     seed: int  # of the streets and of the net
     notes: dict[str, Any]  # what the run's log says of it, beside what it came to
+    seen: Seen | None = None  # where the net leaves what it saw, if anywhere
 
 
 class Memory(NamedTuple):
@@ -93,7 +95,9 @@ class Evaluator:
         parts: Parts = (),
     ) -> None:
         self._recipe, self._target, self._truth, self._shelf = recipe, target, truth, shelf
-        self._evaluate = evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
+        self._evaluate: Callable[..., Outcome] = (
+            evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
+        )
         self._parts = (parts,) if parts else ()
         self.about = about(recipe, target, side, truth, parts)
 
@@ -131,7 +135,7 @@ class Evaluator:
         recipe, truth = self._for_tasks
         tasks = [
             (
-                self._evaluate,
+                self._leaving(jobs[index], keys[index]),
                 recipe,
                 self._source(jobs[index].source),
                 int(jobs[index].seed),
@@ -153,6 +157,12 @@ class Evaluator:
             yield index, memory.add(record, job.notes)
             for twin in missing[keys[index]][1:]:
                 yield twin, memory.again(keys[index], jobs[twin].notes)
+
+    def _leaving(self, job: Job, key: str) -> Callable[..., Outcome]:
+        """What evaluates a job, and leaves what its net saw where that is asked for."""
+        if job.seen is None:
+            return self._evaluate
+        return partial(self._evaluate, seen=job.seen.of(key))
 
     @cached_property
     def _for_tasks(self) -> tuple[Recipe, Truth | Shared | Reference]:

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.config import Fidelity
+from experiments.reward.seen import Seen, Sight, leave, picked, sight
 from experiments.reward.truth import Truth, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
@@ -25,8 +26,9 @@ from scene.workers import WorkerPool
 from seg.beside import Beside
 from seg.classes import ClassTable, class_table
 from seg.metrics import iou, mean_iou
+from seg.nets.lite0 import Pyramid
 from seg.pyramid import Statistics, features
-from seg.train import Params, TrainingError, score, train
+from seg.train import Params, TrainingError, predict, score, train
 from seg.views import view_images
 
 
@@ -123,7 +125,13 @@ def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
 
 
 def evaluate_miou(
-    recipe: Recipe, source: Source, seed: int, truth: Truth, parts: Parts = ()
+    recipe: Recipe,
+    source: Source,
+    seed: int,
+    truth: Truth,
+    parts: Parts = (),
+    *,
+    seen: Seen | None = None,
 ) -> Outcome:
     """Render, train, score.
 
@@ -133,6 +141,7 @@ def evaluate_miou(
         seed: of the streets and of the net.
         truth: what to score on.
         parts: of it that are scored each for itself, too.
+        seen: where the net leaves what it saw there, if anywhere; it changes no outcome.
 
     Raises:
         TrainingError: training diverged.
@@ -142,7 +151,7 @@ def evaluate_miou(
     rendered = 0.0 if isinstance(source, Truth) else time.perf_counter() - started
     params = trained(recipe, own, seed, beside=_beside(source))
     spent = time.perf_counter() - started - rendered
-    return scored(recipe, params, truth, rendered, spent, parts)
+    return scored(recipe, params, truth, rendered, spent, parts, seen)
 
 
 def _beside(source: Source) -> Beside | None:
@@ -185,6 +194,7 @@ def scored(
     render_seconds: float,
     train_seconds: float,
     parts: Parts = (),
+    seen: Seen | None = None,
 ) -> Outcome:
     """What a trained net is worth; the time of scoring counts as training."""
     started = time.perf_counter()
@@ -197,8 +207,23 @@ def scored(
     present = confusion.sum(axis=1) > 0
     class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]
     seconds = train_seconds + time.perf_counter() - started
+    if seen is not None:
+        leave(seen, _sight(recipe, params, truth, confusion, seen.predictions))
     each = tuple(mean_iou(own) for own in confusions) if parts else ()
     return Outcome(mean_iou(confusion), class_iou, render_seconds, seconds, parts=each)
+
+
+def _sight(
+    recipe: Recipe, params: Params, truth: Truth, confusion: np.ndarray, predictions: bool
+) -> Sight:
+    """What a net is to leave: its counts, and predictions if they are asked for."""
+    if not predictions:
+        return Sight(confusion)
+    settings, chosen = recipe.fidelity.train, picked(len(truth.images))
+    images, labels = truth.images[chosen], truth.labels[chosen]
+    maps = truth.features and Pyramid(*(own[chosen] for own in truth.features))
+    found = predict(params, images, settings, len(confusion), features=maps)
+    return sight(confusion, chosen, labels, found)
 
 
 def worker_environment() -> dict[str, str]:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Job, Side
 from experiments.reward.miou import Outcome, Parts, Recipe, Source
+from experiments.reward.seen import Seen
 from experiments.reward.truth import Truth
 from experiments.run import few
 from experiments.run.context import Run, refuse_failed, verdict
@@ -32,6 +34,7 @@ def score_nets(
     kind: RewardKind = "miou",
     once: Sequence[str] = (),
     parts: Parts = (),
+    seen: Path | None = None,
 ) -> Scores:
     """Train one net for each training set and seed, all at once, and score it.
 
@@ -45,6 +48,7 @@ def score_nets(
         kind: of the score.
         once: names of sets that the first seed is enough for.
         parts: of the images that are scored each for itself, too.
+        seen: folder where nets leave what they saw, those of the first seed with predictions.
 
     Raises:
         UserError: more than a tenth of the nets failed.
@@ -53,7 +57,7 @@ def score_nets(
         (name, seed) for seed in seeds for name in sources if name not in once or seed == seeds[0]
     ]
     jobs = [(name, sources[name], seed) for name, seed in wanted]
-    outcomes = score_jobs(run, what, jobs, recipe, side=side, kind=kind, parts=parts)
+    outcomes = score_jobs(run, what, jobs, recipe, side=side, kind=kind, parts=parts, seen=seen)
     found: Scores = {name: [] for name in sources}
     for (name, _), outcome in zip(wanted, outcomes, strict=True):
         found[name].append(outcome)
@@ -69,10 +73,16 @@ def score_jobs(
     side: Side = "test",
     kind: RewardKind = "miou",
     parts: Parts = (),
+    seen: Path | None = None,
 ) -> list[Outcome]:
     """Train a net for every (name, training set, seed), all at once, and score it; as `score_nets`."""
     jobs = [
-        Job(source, seed, {"nets": what, "row": name, "seed": seed})
+        Job(
+            source,
+            seed,
+            {"nets": what, "row": name, "seed": seed},
+            None if seen is None else Seen(seen, predictions=seed == wanted[0][2]),
+        )
         for name, source, seed in wanted
     ]
     evaluator = run.evaluator(recipe, side, kind, parts)
