@@ -30,10 +30,13 @@ NETS, PICTURES, INDEX = "nets", "pictures", "seen.json"
 
 
 def search(folder: Path, found: Found) -> None:
-    """The policy after every update, f32[updates, attributes, bins]."""
-    data = io.BytesIO()
-    np.save(data, found.probabilities)
-    _write(folder, "probabilities.npy", data.getvalue())
+    """The policy after every update, f32[updates, attributes, bins], and what a model expected before it."""
+    kept = {"probabilities": found.probabilities, "expected": found.expected}
+    for name, values in kept.items():
+        if values is not None:
+            data = io.BytesIO()
+            np.save(data, values)
+            _write(folder, f"{name}.npy", data.getvalue())
 
 
 def show(run: Run[Any], test: RealSet, sets: Mapping[str, Truth]) -> None:
@@ -64,7 +67,7 @@ def colorize(labels: np.ndarray, table: ClassTable) -> np.ndarray:
     return palette[labels]
 
 
-def shares(labels: np.ndarray, classes: int) -> dict[str, list[float | None]]:
+def shares(labels: np.ndarray, classes: int) -> dict[str, Any]:
     """How much of the labelled pixels is of each class, and how far down the image these lie on average.
 
     Args:
@@ -72,7 +75,8 @@ def shares(labels: np.ndarray, classes: int) -> dict[str, list[float | None]]:
         classes: of the table.
 
     Returns:
-        ``pixels`` in percent, and ``row``: 0 at the top, 100 at the bottom, None for classes that are absent.
+        How many ``images``; ``pixels`` in percent; ``row``, 0 at the top, 100 at the bottom, None for classes
+        that are absent.
     """
     height = labels.shape[1]
     lines = 256 * np.arange(height)[:, None]
@@ -83,6 +87,7 @@ def shares(labels: np.ndarray, classes: int) -> dict[str, list[float | None]]:
     pixels, middles = counts.sum(axis=0), (np.arange(height) + 0.5) / height
     rows = (counts * middles[:, None]).sum(axis=0) / np.maximum(pixels, 1)
     return {
+        "images": len(labels),
         "pixels": [round(100 * float(v), 4) for v in pixels / max(int(pixels.sum()), 1)],
         "row": [round(100 * float(v), 2) if p else None for v, p in zip(rows, pixels, strict=True)],
     }

@@ -153,7 +153,7 @@ def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
             "type": "heatmap", "x": own, "y": own[::-1], "z": np.round(percent, 2).tolist(),
             "text": [[f"{v:.0f}" if v >= 1 else "" for v in line] for line in percent],
             "texttemplate": "%{text}", "textfont": {"size": 10.5, "color": "@ink"}, "xgap": 1, "ygap": 1,
-            "colorscale": [[0, "@sheet"], [0.02, "@learnt/0.12"], [1, "@learnt/0.75"]],
+            "colorscale": [[0, "@learnt/0"], [0.02, "@learnt/0.08"], [1, "@learnt/0.75"]],
             "zmin": 0, "zmax": 100, "showscale": False,
             "hovertemplate": "%{z:.1f} % of %{y} taken for %{x}<extra></extra>",
         }  # fmt: skip
@@ -183,7 +183,8 @@ def shares(seen: Report) -> Figure:
             data.append(
                 {
                     "x": values, "y": [names[k] for k in order], "xaxis": f"x{axis}", "yaxis": "y",
-                    "type": "scatter", "mode": "markers", "name": NAMES[row], "showlegend": not axis,
+                    "type": "scatter", "mode": "markers", "name": f"{NAMES[row]}, {own['images']} images",
+                    "showlegend": not axis,
                     "legendgroup": row, "marker": {"color": colour(row), "size": 8, "opacity": 0.85},
                     "hovertemplate": f"%{{y}}, {NAMES[row]}: {hover}<extra></extra>",
                 }

@@ -103,7 +103,7 @@ def _summary(path: Path) -> Report:
         )
     try:
         return summary.derive(_object(file))
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise UserError(f"{file} does not hold what a run writes ({error!r})") from None
 
 

@@ -31,8 +31,9 @@ def matters(records: Sequence[Record], target: str, space: SpaceName) -> Report:
     r2 = found["r2"]
     known = r2["value"] is not None and r2["value"] >= NOTHING
     fit = "" if r2["value"] is None else f"Cross-validated R² {r2['value']:.2f}. "
+    said = verdict(r2) if known else "These rewards say nothing about any single attribute."
     return {
-        "said": fit + verdict(r2).replace("**", ""),
+        "said": fit + said,
         "rewards": len(chosen.rewards),
         "attributes": found["attributes"] if known else [],
     }

@@ -31,7 +31,7 @@ from sdr_jax import refuse_failures
 from seg.weights import described
 from shell import folder
 from shell.errors import UserError
-from shell.progress import Progress, duration
+from shell.progress import Progress, Stage, duration
 
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
 FREE_FIELDS = ("out", "workers", "store")
@@ -144,7 +144,9 @@ class Run(Generic[AnyConfig]):
         label = "" if self.target.real else "twin, not real | "
         lines = self.evaluations.records + self.finals.records
         elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
-        self.progress = Progress(sum(work.cost for work in plan), elapsed, label)
+        stages = [Stage(work.what, work.nets, work.cost) for work in plan]
+        total, workers = sum(work.cost for work in plan), max(self.config.workers, 1)
+        self.progress = Progress(total, elapsed, label, stages=stages, workers=workers)
         self.progress.say(plan_text(plan, self.config.workers))
         shared = "" if self.store is None else f" | {self.store.path} holds {len(self.store)}"
         self.progress.say(f"Folder: {self.config.out}{shared}")

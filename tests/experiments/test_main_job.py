@@ -59,7 +59,7 @@ def test_the_run_folder_is_complete(unbroken):
     assert len(pictures) == 4 * 6 * 2 + 6 * (2 + 4) and len([*out.glob("nets/*.npz")]) == 4 * 2
     assert {Image.open(path).size for path in pictures} == {(64, 32)}
     kept = {p.name for p in (out / "pictures").iterdir()} - {p.name for p in pictures}
-    assert kept == {"matters.json", "probabilities.npy", "seen.json"}
+    assert kept == {"expected.npy", "matters.json", "probabilities.npy", "seen.json"}
     found, rendered = read_cityscapes(out / "dataset", "train"), read_dataset(out / "dataset")
     assert found.images.shape == (6, 32, 64, 3) and found.names[0] == "scenex_000000_000000"
     np.testing.assert_array_equal(found.images, rendered.images)
