@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from experiments.report.html import Figure
-from experiments.study.form import Report, miou, number, statistics
+from experiments.study.form import Report, number, statistics
 
 NAMES = {
     "random": "random",
@@ -164,7 +164,8 @@ def confusion(seen: Report, order: Sequence[str]) -> Figure | None:
             },
             "yaxis": {"showgrid": False, "title": {"text": "true class", "standoff": 10}, "ticksuffix": " "},
         }  # fmt: skip
-        views.append({"label": NAMES[row], "data": [trace], "layout": layout})
+        nets = seen["confusion"][row]["nets"]
+        views.append({"label": f"{NAMES[row]}, {nets} nets", "data": [trace], "layout": layout})
     return {"views": views} if views else None
 
 
@@ -198,7 +199,7 @@ def shares(seen: Report) -> Figure:
         },
         "xaxis2": {
             "domain": [0.6, 1], "anchor": "y", "range": [0, 100], "zeroline": False,
-            "title": {"text": "mean height in the image: 0 top, 100 bottom"},
+            "title": {"text": "mean place in the image, %: 0 top, 100 bottom"},
         },
         "yaxis": {"ticksuffix": "  "},
     }  # fmt: skip
@@ -209,9 +210,3 @@ def ordered(report: Report) -> list[str]:
     """The rows as they are told: those beside few labels first, where there are any."""
     found = [row for row in NAMES if row in report["rows"]]
     return sorted(found, key=lambda row: not row.startswith("few"))
-
-
-def best_net(report: Report, row: str) -> float | None:
-    """The highest mIoU of a row's nets."""
-    known = [v for v in miou(report["nets"][row]) if v is not None]
-    return max(known, default=None)

@@ -71,7 +71,7 @@ def read(path: Path, report: Report | None = None) -> Kept:
         what = "no such folder" if not path.is_dir() else f"no run folder; it holds no {CONFIG}"
         raise UserError(f"{path}: {what}; name the --out of a run")
     if report is None:
-        report = _summary(path)
+        report = _summary(path, config)
     logs = [JsonLines(path / name).lines for name in LOGS]
     index, matters = path / PICTURES / INDEX, path / PICTURES / FILE
     return Kept(
@@ -87,8 +87,8 @@ def read(path: Path, report: Report | None = None) -> Kept:
     )
 
 
-def _summary(path: Path) -> Report:
-    """The run's scores, and all that follows from them."""
+def _summary(path: Path, config: dict[str, Any]) -> Report:
+    """The run's scores, and all that follows from them; older runs tell their seed in the configuration."""
     file = path / SUMMARY
     if not file.exists():
         for other in sorted(path.glob("*.json")):
@@ -102,7 +102,7 @@ def _summary(path: Path) -> Report:
             f"{path} holds no {SUMMARY}: that run is not at its end; its command goes on with it"
         )
     try:
-        return summary.derive(_object(file))
+        return summary.derive({"seed": config.get("seed"), **_object(file)})
     except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
         raise UserError(f"{file} does not hold what a run writes ({error!r})") from None
 

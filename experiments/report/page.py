@@ -90,7 +90,7 @@ def result(run: Kept) -> Section:
         "Result",
         _cards(run)
         + plot(figures.rows(report, order), 46 * len(order) + 60)
-        + table(("trained on", "mIoU, %", "95 % interval"), rows),
+        + folded("As a table, with gains", table(("trained on", "mIoU, %", "95 % interval"), rows)),
         f"Mean IoU in percent on {report['test_images']} test images, {seeds(report)} paired seeds. Thick "
         f"lines are 95 % intervals over seeds, small marks single nets.{also}",
     )
@@ -133,7 +133,7 @@ def search(run: Kept) -> Section:
         else ""
     )
     body = plot(searching.curve(run), 380) + _judged(run)
-    note = f"{count} rewards of {method}, each a net trained from scratch on a dataset of its own.{model}"
+    note = f"{count} rewards of {method}, each of a fresh net on a dataset of its own.{model}"
     return Section("search", "Search", body, note)
 
 

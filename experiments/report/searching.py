@@ -89,7 +89,8 @@ def policy(run: Kept) -> tuple[Figure, int] | None:
         return None
     lines = -(-len(attributes) // COLUMNS)
     height = lines * SMALL + 30
-    data, titles = [], []
+    data: list[dict] = []
+    titles: list[dict] = []
     layout: dict[str, Any] = {"annotations": titles, "margin": {"l": 8, "r": 8, "t": 18, "b": 8}}
     for k, attribute in enumerate(attributes):
         line, column = divmod(k, COLUMNS)
