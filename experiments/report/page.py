@@ -42,7 +42,10 @@ def head(run: Kept) -> str:
     asked = [
         ("Reward", f"{report['reward_images']} images, {len(run.evaluations)} evaluations"),
         ("Reported on", f"{report['test_images']} other images at {report['scored_at']}"),
-        ("Labels beside renders", f"{count} images, {report['few_share']:.0%} of every batch")
+        (
+            "Labels beside renders",
+            f"{count} images, {100 * report['few_share']:.0f} % of every batch",
+        )
         if count
         else ("Labels beside renders", "none"),
         ("Search", f"{options.get('method', '?')}, space {config.get('space', 'scenex')}"),
@@ -102,7 +105,10 @@ def _cards(run: Kept) -> str:
     rows, beside = report["rows"], report.get("gain_beside_few")
     if beside:
         shown = [("few+learnt", f"{len(report['few_images'])} labels and learnt streets")]
-        gains = [(f"over {words(report, k, TRAINED_ON)}", gain) for k, gain in beside.items()]
+        gains = [
+            (f"over {words(report, row, TRAINED_ON)}", beside[row])
+            for row in ("few", "few+default")
+        ]
     else:
         shown = [("learnt", "learnt streets")]
         gains = [
@@ -112,7 +118,7 @@ def _cards(run: Kept) -> str:
     if "real" in rows:
         shown.append(("real", words(report, "real", TRAINED_ON)))
     told = [(number(rows[row]["mean"]), "% mIoU", what, rows[row]) for row, what in shown]
-    told[1:1] = [(number(gain["mean"], "+.1f"), "points", what, gain) for what, gain in gains[:3]]
+    told[1:1] = [(number(gain["mean"], "+.1f"), "points", what, gain) for what, gain in gains]
     return '<div class="cards">' + "".join(
         f'<div class="card"><b>{value or "–"} <small>{unit}</small></b><span>{text(what)}<br>'
         f"95 %: {figures.said(entry)}</span></div>"

@@ -44,7 +44,7 @@ def attributes(run: Kept) -> Section:
                 text(first["meaning"]),
             ]
         )
-    shares = [f"{c['share']:.0%} of streets" for c in components]
+    shares = [f"{100 * c['share']:.0f} % of streets" for c in components]
     heads = ["learnt, from – to"] if len(shares) == 1 else shares
     body = _key(hidden is not None) + table(
         ("attribute", "range", *heads, "by eye", "unit", "meaning"), rows, "attributes"
