@@ -7,7 +7,7 @@ from typing import Any
 
 from experiments.main.pictures import PICTURES
 from experiments.report import searching
-from experiments.report.figures import NAMES
+from experiments.report.figures import NAMES, ordered
 from experiments.report.html import Section, missing, picture, plot, table, text
 from experiments.report.kept import Kept
 from experiments.study.form import Report, words
@@ -156,7 +156,7 @@ def worst(run: Kept) -> Section:
     if found is None:
         return Section(*title, missing(f"No predictions: {OLD[0].lower()}{OLD[1:]}"))
     folder, images = run.path / PICTURES, found["images"]
-    rows = [row for row in NAMES if images and row in images[0]["predictions"]]
+    rows = [row for row in ordered(run.summary) if images and row in images[0]["predictions"]]
     head = "".join(f"<h3>{text(name)}</h3>" for name in ("image", "truth", *map(NAMES.get, rows)))
     body = "".join(
         picture(folder / image["image"], image["name"], text(image["name"]))
