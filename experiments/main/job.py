@@ -14,7 +14,7 @@ from experiments.reward.truth import Truth
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.learn import learn, work_of
-from experiments.run.nets import paired_seeds, score_nets, training_sets
+from experiments.run.nets import Nets, begin, paired_seeds, score_lists, training_sets
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
@@ -38,15 +38,19 @@ def plan(config: MainConfig) -> list[Work]:
 def scores(run: Run[MainConfig], _: Any) -> Report:
     """Do the whole job, or what is left of it."""
     config, target, folder = run.config, run.target, run.config.out
+    recipe, seeds = run.recipe(config.final), paired_seeds(run)
+    # What the search does not decide fills its gaps; what it does, those of the export.
+    nets = (folder / pictures.NETS).absolute()  # workers may be elsewhere
+    begin(run, [Nets("final", training_sets(run, None), recipe, nets)], seeds)
     learnt = learn(run)
+    final = Nets("final", training_sets(run, learnt.streets), recipe, nets)
+    begin(run, [final], seeds)
     pictures.search(folder / pictures.PICTURES, learnt.found)
-    recipe = run.recipe(config.final)
-    sources = training_sets(run, learnt.streets)
-    nets = folder / pictures.NETS
-    rows = score_nets(run, "final", sources, recipe, paired_seeds(run), seen=nets)
     export(run, recipe, learnt.streets)
     test = target.at(config.final.height, config.final.width).test
-    pictures.show(run, test, _shown(run, recipe))
+    shown = _shown(run, recipe)
+    (rows,) = score_lists(run, [final], seeds)
+    pictures.show(run, test, shown)
     told = matters(run.evaluations.records, target.name, config.space)
     write_json(folder / pictures.PICTURES / FILE, told)
     return summary.scores(run, rows, learnt)

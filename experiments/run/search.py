@@ -105,15 +105,16 @@ class _Rewards:
             centres, widths = embed(self._plan.space, self._plan.subset, asked.proposals)
             actions, seeds = np.asarray(asked.actions).tolist(), asked.seeds.tolist()
             proposals = [Proposal(*each) for each in zip(centres, widths, strict=True)]
+            cost = cost_of(self._run.config.reward)
             jobs = [
-                Job(self._source(proposals[k]), seed, self._notes(k, actions[k]))
+                Job(self._source(proposals[k]), seed, self._notes(k, actions[k]), cost)
                 for k, seed in enumerate(seeds)
             ]
             for job in jobs:
                 self._refuse_another(job)
             run = self._run
-            cost = cost_of(run.config.reward)
-            outcomes = run.score(self._evaluator, jobs, log=run.evaluations, cost=cost)
+            nets = [(self._evaluator, job) for job in jobs]
+            outcomes = run.score(nets, log=run.evaluations)
             self.outcomes += outcomes
             self.asked += proposals
             self._update += 1

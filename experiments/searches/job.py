@@ -12,7 +12,7 @@ from experiments.run import few
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.learn import Learnt, learn, plan_of, work_of
-from experiments.run.nets import paired_seeds, score_nets
+from experiments.run.nets import Nets, begin, paired_seeds, score_lists
 from experiments.searches.report import FORM
 from experiments.study.form import Report, about, nets
 from experiments.study.searches import core_seconds, rewards
@@ -97,28 +97,33 @@ def plan(config: ManyConfig) -> list[Work]:
 
 def scores(run: Run[ManyConfig], _: Any) -> Report:
     """Do all searches, one after the other, and train their nets; or what is left of it."""
-    config = run.config
-    answers = {
-        name: Answer(own.search.method, own.seed, learn(run, own, name))
-        for name, own in searches(config).items()
-    }
-    streets: dict[str, Source] = {
-        name: named(name, config.space, config.default_width) for name in ("random", "default")
-    }
-    streets |= {name: answer.learnt.streets for name, answer in answers.items()}
-    sets: dict[str, Source] = dict(streets)
-    if config.few is not None:
-        beside = few.rows(run, streets, config.final)
-        sets = {name.removeprefix(f"{few.FEW}+"): own for name, own in beside.items()}
-    sets["real"] = run.truth(config.final, "labelled")
-    scored = score_nets(run, "searches", sets, run.recipe(config.final), paired_seeds(run))
+    config, seeds = run.config, paired_seeds(run)
+    answers: dict[str, Answer] = {}
+
+    def trained() -> Nets:
+        streets: dict[str, Source] = {
+            name: named(name, config.space, config.default_width) for name in ("random", "default")
+        }
+        streets |= {name: answer.learnt.streets for name, answer in answers.items()}
+        sets: dict[str, Source] = dict(streets)
+        if config.few is not None:
+            beside = few.rows(run, streets, config.final)
+            sets = {name.removeprefix(f"{few.FEW}+"): own for name, own in beside.items()}
+        sets["real"] = run.truth(config.final, "labelled")
+        return Nets("searches", sets, run.recipe(config.final))
+
+    for name, own in searches(config).items():
+        begin(run, [trained()], seeds)  # nets on what is found already fill the gaps of this search
+        answers[name] = Answer(own.search.method, own.seed, learn(run, own, name))
+    final = trained()
+    (scored,) = score_lists(run, [final], seeds)
     return {
         **about(run, config.final),
         **few.about(run),
         "rewards_at": config.reward.size,
         "evaluations": plan_of(config).evaluations,
         "space": config.space,
-        "baselines": {name: nets(scored[name]) for name in sets if name not in answers},
+        "baselines": {name: nets(scored[name]) for name in final.sources if name not in answers},
         "searches": [
             {
                 "method": answer.method,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, get_args
 
 from scene.assets.catalogue import USES, AssetPool
 from scene.attributes import SPACES, SpaceName
@@ -18,7 +18,7 @@ from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.dataset.read import DESCRIPTION
 from scene.proposal import Streets, draw, named, parse_streets
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
-from scene.workers import WorkerError
+from scene.workers import ExecutorName, WorkerError, workers_of
 from shell.command import INTERRUPTED, Parser, size
 from shell.files import read_json
 
@@ -49,6 +49,13 @@ def parser() -> Parser:
     add("--split", choices=SPLITS, default="train", help="what the dataset calls its images")
     add("--seed", type=int, default=0)
     add("--workers", type=int, default=2, help="processes; the files do not depend on it")
+    add(
+        "--executor",
+        choices=get_args(ExecutorName),
+        default="processes",
+        help="who renders: processes of this machine, or a Dask cluster, see docs/cluster.md",
+    )
+    add("--scheduler", metavar="ADDRESS", help="of the cluster, such as tcp://10.0.0.1:8786")
     add("--shots", type=int, default=6, help="images per street")
     add("--samples", type=int, default=2, help="rays per pixel along each axis")
     add("--renderer", choices=RENDERERS, default="embree")
@@ -103,26 +110,29 @@ def main(arguments: list[str] | None = None) -> int:
         width, height = options.size
         settings = check_settings(RenderSettings(width, height, samples=options.samples))
         chosen = streets_of(options.attributes, options.space)
-        found = export_dataset(
-            draw(chosen, options.seed, -(-options.images // options.shots)),
-            options.seed,
-            options.out,
-            shots=options.shots,
-            settings=settings,
-            images=options.images,
-            format=options.format,
-            split=options.split,
-            renderer_name=options.renderer,
-            pool=AssetPool(
-                size=options.asset_count,
-                fraction=options.asset_fraction,
-                own=options.assets,
-                use=options.asset_use,
-            ),
-            streets=chosen,
-            workers=options.workers,
-            progress=reporter(progress),
-        )
+        with workers_of(options.executor, options.workers, options.scheduler) as workers:
+            if workers.dashboard is not None:
+                progress.say(f"Dashboard: {workers.dashboard}")
+            found = export_dataset(
+                draw(chosen, options.seed, -(-options.images // options.shots)),
+                options.seed,
+                options.out,
+                shots=options.shots,
+                settings=settings,
+                images=options.images,
+                format=options.format,
+                split=options.split,
+                renderer_name=options.renderer,
+                pool=AssetPool(
+                    size=options.asset_count,
+                    fraction=options.asset_fraction,
+                    own=options.assets,
+                    use=options.asset_use,
+                ),
+                streets=chosen,
+                workers=workers,
+                progress=reporter(progress),
+            )
     except (ValueError, OSError, RendererError, WorkerError) as error:
         command.fail(error)
     except KeyboardInterrupt:
