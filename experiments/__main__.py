@@ -28,6 +28,7 @@ COMMANDS = {
     "sensitivity": "experiments.sensitivity",
     "fidelity": "experiments.fidelity",
     "results": "experiments.results",
+    "report": "experiments.report",
     "store": "experiments.store",
     "render": "scene.render",
     "check": "scene.check",

@@ -51,6 +51,9 @@ SampleFn = Callable[[RngKey, State, int], tuple[Real[Array, "n attributes"], Pro
 UpdateFn = Callable[[State, Real[Array, "n attributes"], Rewards], tuple[State, Info]]
 ProposalFn = Callable[[State], Proposal]
 ProbabilitiesFn = Callable[[State], Float[Array, "attributes bins"]]
+ExpectsFn = Callable[
+    [State, Real[Array, "n attributes"]], tuple[Float[Array, "n"], Float[Array, "n"]]
+]
 
 
 class Method(NamedTuple):
@@ -73,6 +76,9 @@ class Method(NamedTuple):
     probabilities: ProbabilitiesFn  # of the bins `sample` would use; 0 for those an attribute lacks
     updates: int | None  # how many updates the method takes; None for any number
     traced: bool = True  # False for a host adapter, which is not to be jitted
+    expects: ExpectsFn | None = None
+    """Mean and standard deviation of the reward of actions, as the method's model sees it, NaN before it has
+    learnt anything; for reports, None without a model."""
 
 
 def jitted(
@@ -83,6 +89,7 @@ def jitted(
     probabilities: ProbabilitiesFn,
     spread: ProposalFn | None = None,
     updates: int | None = None,
+    expects: ExpectsFn | None = None,
 ) -> Method:
     """The method of these functions, each jitted; without a `spread`, that is the solution."""
     answer = jax.jit(solution)
@@ -94,4 +101,5 @@ def jitted(
         spread=answer if spread is None else jax.jit(spread),
         probabilities=jax.jit(probabilities),
         updates=updates,
+        expects=None if expects is None else jax.jit(expects),
     )

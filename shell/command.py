@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shlex
 import sys
 from collections.abc import Callable
 from typing import NoReturn
@@ -39,6 +40,11 @@ class Parser(argparse.ArgumentParser):
         if isinstance(error, OSError) and error.filename and error.strerror:
             self.error(f"{error.filename}: {error.strerror}")
         self.error(str(error))
+
+
+def given() -> str:
+    """The command that this process was started with, as one would type it."""
+    return shlex.join(["python", *sys.orig_argv[1:]])
 
 
 def size(text: str) -> tuple[int, int]:

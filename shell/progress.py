@@ -1,12 +1,13 @@
-"""How far a job is and how long it will take: a live bar on a terminal, plain lines elsewhere."""
+"""How far a job is and how long it will take: live bars on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
 import sys
 import time
-from typing import TextIO
+from collections.abc import Iterable, Sequence
+from typing import NamedTuple, TextIO
 
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.progress import BarColumn, TextColumn
 from rich.progress import Progress as Bar
 from rich.text import Text
@@ -21,6 +22,26 @@ def duration(seconds: float) -> str:
     return f"{seconds / 3600:.1f} h"
 
 
+class Stage(NamedTuple):
+    """Nets of one kind; a job goes through its stages in order."""
+
+    what: str
+    nets: int
+    units: float  # of work, all of them
+
+
+class _Board(Bar):
+    """Bars, and a line below them."""
+
+    below = ""
+
+    def get_renderables(self) -> Iterable[RenderableType]:
+        """What is drawn."""
+        yield self.make_tasks_table(self.tasks)
+        if self.below:
+            yield Text(self.below, no_wrap=True, overflow="ellipsis")
+
+
 class Progress:
     """Counts work in units of about equal cost.
 
@@ -29,20 +50,35 @@ class Progress:
         elapsed: seconds spent by earlier sessions.
         label: what every line of progress says before anything else.
         stream: where to print; by default standard output.
+        stages: of the work, in their order; on a terminal each has a bar of its own.
+        workers: that work at once, each on a core.
+
+    Attributes:
+        standing: how the job stands, such as its best reward; on a terminal it is always in sight.
     """
 
     def __init__(
-        self, total: float, elapsed: float = 0.0, label: str = "", stream: TextIO | None = None
+        self,
+        total: float,
+        elapsed: float = 0.0,
+        label: str = "",
+        stream: TextIO | None = None,
+        *,
+        stages: Sequence[Stage] = (),
+        workers: int = 1,
     ) -> None:
         self._total, self._label, self._before = total, label, elapsed
+        self._stages, self._workers = stages, workers
+        self.standing = ""
         self._done = self._worked = 0.0
+        self._nets = 0
         self._started = time.perf_counter()
         self._stream = stream or sys.stdout
         self._console = Console(file=self._stream)
         # Rich draws nothing on terminals without a cursor, and would draw into files if told to force it.
         terminal = self._console.is_terminal and not self._console.is_dumb_terminal
         self._live = terminal and self._stream.isatty()
-        self._bar: Bar | None = None
+        self._bar: _Board | None = None
 
     @property
     def elapsed(self) -> float:
@@ -62,6 +98,7 @@ class Progress:
         self._done += units
         if not replayed:
             self._worked += units
+            self._nets += 1
 
     def say(self, text: str) -> None:
         """Print a line that stays."""
@@ -80,11 +117,40 @@ class Progress:
             return
         if self._bar is None:
             line_of = TextColumn("{task.percentage:3.0f} % {task.description}", markup=False)
-            self._bar = Bar(BarColumn(20), line_of, console=self._console)
+            self._bar = _Board(BarColumn(20), line_of, console=self._console)
             self._bar.add_task("", total=1.0)
+            for stage in self._stages:
+                self._bar.add_task("", total=stage.units)
             self._bar.start()
         line = self._label + " | ".join([*left, text])  # narrow terminals cut the end off
-        self._bar.update(self._bar.task_ids[0], completed=share, description=line)
+        first, *others = self._bar.task_ids
+        self._bar.below = " | ".join(self._facts())
+        for task, (stage, done) in zip(others, self._by_stage(), strict=True):
+            nets = (
+                f"{stage.what}, {stage.nets * done / (stage.units or 1):.0f} of {stage.nets} nets"
+            )
+            self._bar.update(task, completed=done, description=nets)
+        self._bar.update(first, completed=share, description=line)
+
+    def _by_stage(self) -> Iterable[tuple[Stage, float]]:
+        """The units done of each stage: those before it are full."""
+        left = self._done
+        for stage in self._stages:
+            done = min(max(left, 0.0), stage.units)
+            left -= stage.units
+            yield stage, done
+
+    def _facts(self) -> list[str]:
+        """What stands below the bars of stages: pace, cost, how the job stands."""
+        found = [self.standing] if self.standing else []
+        if self._stages and self._worked > 0:
+            spent = time.perf_counter() - self._started
+            cpu = spent / self._worked * self._total * self._workers
+            found[:0] = [
+                f"{60 * self._nets / max(spent, 1e-9):.3g} nets a minute",
+                f"about {duration(cpu)} of CPU in all",
+            ]
+        return found
 
     def close(self) -> None:
         """Leave the last line as it is; what is printed next begins on a line of its own."""

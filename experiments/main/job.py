@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from experiments.config import MainConfig
-from experiments.main import note, page, pictures, summary
+from experiments.main import note, pictures, summary
+from experiments.report import page
+from experiments.report.matters import FILE, matters
 from experiments.reward.miou import Recipe, render
+from experiments.reward.truth import Truth
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.learn import learn, work_of
@@ -14,8 +18,8 @@ from experiments.run.nets import Nets, begin, paired_seeds, score_lists, trainin
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
-from scene.proposal import Streets, draw, random_proposal
-from shell.files import write
+from scene.proposal import Streets, default_proposal, draw, random_proposal
+from shell.files import write, write_json
 
 
 def plan(config: MainConfig) -> list[Work]:
@@ -36,25 +40,43 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     config, target, folder = run.config, run.target, run.config.out
     recipe, seeds = run.recipe(config.final), paired_seeds(run)
     # What the search does not decide fills its gaps; what it does, those of the export.
-    begin(run, [Nets("final", training_sets(run, None), recipe)], seeds)
+    nets = (folder / pictures.NETS).absolute()  # workers may be elsewhere
+    begin(run, [Nets("final", training_sets(run, None), recipe, nets)], seeds)
     learnt = learn(run)
-    final = Nets("final", training_sets(run, learnt.streets), recipe)
+    final = Nets("final", training_sets(run, learnt.streets), recipe, nets)
     begin(run, [final], seeds)
-    pictures.rewards(folder / "pictures", learnt.found, target.title, config.reward_kind)
-    pictures.distributions(folder / "pictures", learnt.found, target.title)
+    pictures.search(folder / pictures.PICTURES, learnt.found)
     export(run, recipe, learnt.streets)
-    datasets = {
-        "random": render(recipe, random_proposal(config.space), config.seed, run.workers),
-        "learnt": read_dataset(folder / "dataset"),
-    }
     test = target.at(config.final.height, config.final.width).test
-    pictures.samples(folder / "pictures", target, test, datasets)
+    shown = _shown(run, recipe)
     (rows,) = score_lists(run, [final], seeds)
+    pictures.show(run, test, shown)
+    told = matters(run.evaluations.records, target.name, config.space)
+    write_json(folder / pictures.PICTURES / FILE, told)
     share = run.workers.cpu_share()
     return {
         **summary.scores(run, rows, learnt),
         "cpu_share": None if share is None else round(share, 3),
     }
+
+
+def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, Truth]:
+    """Streets of each kind with their labels: some by chance and by eye, all learnt ones, the real images."""
+    config, fidelity = run.config, recipe.fidelity
+    some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
+    sets = {
+        name: render(recipe._replace(fidelity=some), streets, config.seed, run.workers)
+        for name, streets in (
+            ("random", random_proposal(config.space)),
+            ("default", default_proposal(config.default_width, config.space)),
+        )
+    }
+    sets["learnt"] = read_dataset(config.out / "dataset")
+    found = {
+        name: Truth(own.images, recipe.classes.from_train_id[own.labels])
+        for name, own in sets.items()
+    }
+    return found | ({"real": run.truth(fidelity, "labelled")} if run.target.labelled else {})
 
 
 def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
@@ -79,6 +101,6 @@ def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
         write(config.out / "dataset" / note.README, note.text(run))
 
 
-FORM = Form("summary", summary.derive, summary.text, {"report.html": page.html})
+FORM = Form("summary", summary.derive, summary.text, {}, {"report.html": page.html})
 MAIN = Study(FORM, plan, scores)
 """What ``experiments.cityscapes`` and ``experiments.camvid`` do."""

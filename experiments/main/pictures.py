@@ -1,123 +1,172 @@
-"""Pictures of a run: what it trains on beside what it must be good on, rewards, distributions."""
+"""What a run's report shows beside figures: streets, the images that nets are worst on, confusions.
+
+``pictures/`` holds images as JPEG and labels as PNG in the colours of their classes; ``seen.json``, written
+last, says what is what.
+"""
 
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import cv2
 import numpy as np
-from matplotlib.figure import Figure
+from PIL import Image
 
-from experiments.config import RewardKind
-from experiments.run.context import REWARD_NAMES
+from experiments.reward.seen import Seen, Sight, look
+from experiments.reward.truth import Truth
+from experiments.run.context import Run
 from experiments.run.search import Found
-from experiments.study.figure import plt, png
-from experiments.target.base import Target
-from scene.attributes import SPACES, space_of
-from scene.dataset.render import Dataset
 from seg.classes import ClassTable, class_table
 from seg.data import RealSet
-from shell.files import naming, write
+from shell.files import naming, write, write_json
+from shell.lines import Record
 
-COLUMNS = 6
+SHOWN = 6
+"""Streets of each set, and test images."""
+NETS, PICTURES, INDEX = "nets", "pictures", "seen.json"
+"""Of the run folder: what nets left; what is shown; the file that says what is what."""
 
 
-def _save(figure: Figure, folder: Path, name: str) -> None:
-    _write(folder, name, png(figure, tight=True))
+def search(folder: Path, found: Found) -> None:
+    """The policy after every update, f32[updates, attributes, bins], and what a model expected before it."""
+    kept = {"probabilities": found.probabilities, "expected": found.expected}
+    for name, values in kept.items():
+        if values is not None:
+            data = io.BytesIO()
+            np.save(data, values)
+            _write(folder, f"{name}.npy", data.getvalue())
 
 
-def _write(folder: Path, name: str, data: bytes) -> None:
-    with naming(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-    write(folder / name, data)
+def show(run: Run[Any], test: RealSet, sets: Mapping[str, Truth]) -> None:
+    """Write all pictures, and the file that says what is what.
+
+    Args:
+        run: its final nets are done.
+        test: what they were scored on.
+        sets: what some were trained on, by row, labels in the target's classes.
+    """
+    folder, table = run.config.out / PICTURES, class_table(run.target.table)
+    sights = _sights(run.config.out / NETS, run.finals.records)
+    index = {
+        "classes": list(table.classes),
+        "colors": table.colors.tolist(),
+        "streets": {name: _streets(folder, name, own, table) for name, own in sets.items()},
+        "shares": {name: shares(own.labels, len(table.classes)) for name, own in sets.items()},
+        "confusion": {row: _confusion(own) for row, own in sights.items()},
+        "worst": _worst(folder, test, sights, table),
+    }
+    write_json(folder / INDEX, index)
 
 
 def colorize(labels: np.ndarray, table: ClassTable) -> np.ndarray:
-    """Labels u8[..., h, w] of a class table as RGB; void is black."""
+    """Labels u8[*shape] of a class table as RGB; void is black."""
     palette = np.zeros((256, 3), np.uint8)
     palette[: len(table.colors)] = table.colors
     return palette[labels]
 
 
-def samples(folder: Path, target: Target, test: RealSet, datasets: dict[str, Dataset]) -> None:
-    """Target, random and learnt images, their labels below each, in one picture."""
-    table = class_table(target.table)
-    pairs = [("target", test.images, test.labels)]
-    pairs += [(name, d.images, table.from_train_id[d.labels]) for name, d in datasets.items()]
-    tall = test.images.shape[1] / test.images.shape[2]
-    figure, axes = plt.subplots(
-        len(pairs), 1, figsize=(2.2 * COLUMNS, len(pairs) * (4.4 * tall + 0.3)), squeeze=False,
-        layout="constrained",
-    )  # fmt: skip
-    for axis, (name, images, labels) in zip(axes[:, 0], pairs, strict=True):
-        pick = np.linspace(0, len(images) - 1, min(COLUMNS, len(images))).astype(int)
-        rows = [
-            np.concatenate(list(row), axis=1)
-            for row in (images[pick], colorize(labels[pick], table))
-        ]
-        axis.imshow(_enlarge(np.concatenate(rows)))
-        axis.set_axis_off()
-        axis.set_title(name, loc="left")
-    figure.suptitle(target.title)
-    _save(figure, folder, "images.png")
+def shares(labels: np.ndarray, classes: int) -> dict[str, Any]:
+    """How much of the labelled pixels is of each class, and how far down the image these lie on average.
 
+    Args:
+        labels: u8[n, h, w], 255 for void.
+        classes: of the table.
 
-def _enlarge(image: np.ndarray) -> np.ndarray:
-    scale = max(1, 1600 // image.shape[1])
-    return cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_NEAREST)
-
-
-def rewards(folder: Path, found: Found, title: str, kind: RewardKind = "miou") -> None:
-    """Reward of every evaluation, the baseline, and where one group ends and the next begins."""
-    n = found.rewards.shape[1]
-    scale, unit = (100, ", %") if kind == "miou" else (1, "")
-    every = scale * found.rewards.ravel()
-    figure, axis = plt.subplots(figsize=(9, 4))
-    axis.plot(np.arange(len(every)), every, ".", ms=4, color="0.6", label="reward")
-    axis.plot(np.fmax.accumulate(every), color="tab:green", lw=1, label="best so far")
-    middles = np.arange(len(found.rewards)) * n + (n - 1) / 2
-    axis.plot(
-        middles,
-        scale * np.nanmean(found.rewards, axis=1),
-        color="tab:blue",
-        lw=1,
-        label="update's mean",
-    )
-    if np.isfinite(found.baselines).any() and np.nanmax(found.baselines) <= 1:
-        axis.plot(middles, scale * found.baselines, color="tab:orange", lw=1.5, label="baseline")
-    for border in np.flatnonzero(np.diff(found.groups)) + 1:
-        axis.axvline(border * n - 0.5, color="0.8", lw=0.8)
-    named = f"{REWARD_NAMES[kind]} on the reward images{unit}"
-    axis.set(xlabel="evaluation", ylabel=named, title=title)
-    axis.legend(loc="lower right", fontsize=8)
-    _save(figure, folder, "reward.png")
-
-
-def distributions(folder: Path, found: Found, title: str) -> None:
-    """The policy's distribution over the bins of each attribute, update by update.
-
-    The numbers are kept beside the picture, f32[updates, attributes, bins].
+    Returns:
+        How many ``images``; ``pixels`` in percent; ``row``, 0 at the top, 100 at the bottom, None for classes
+        that are absent.
     """
+    height = labels.shape[1]
+    lines = 256 * np.arange(height)[:, None]
+    counts = np.zeros(256 * height, np.int64)
+    for image in labels:
+        counts += np.bincount((lines + image).ravel(), minlength=256 * height)
+    counts = counts.reshape(height, 256)[:, :classes]
+    pixels, middles = counts.sum(axis=0), (np.arange(height) + 0.5) / height
+    rows = (counts * middles[:, None]).sum(axis=0) / np.maximum(pixels, 1)
+    return {
+        "images": len(labels),
+        "pixels": [round(100 * float(v), 4) for v in pixels / max(int(pixels.sum()), 1)],
+        "row": [round(100 * float(v), 2) if p else None for v, p in zip(rows, pixels, strict=True)],
+    }
+
+
+def _sights(folder: Path, records: Sequence[Record]) -> dict[str, list[Sight]]:
+    """What the final nets of each row left, in the order of the seeds, as far as they did."""
+    found: dict[str, dict[int, Sight]] = {}
+    for line in records:
+        if line.get("nets") == "final" and (own := look(Seen(folder).of(line["key"]))) is not None:
+            found.setdefault(line["row"], {})[line["seed"]] = own
+    return {row: [own[seed] for seed in sorted(own)] for row, own in found.items()}
+
+
+def _confusion(sights: Sequence[Sight]) -> dict[str, Any]:
+    """Pixels over all nets of a row; row: true class."""
+    total = np.sum([own.confusion for own in sights], axis=0)
+    return {"nets": len(sights), "pixels": total.tolist()}
+
+
+def _streets(folder: Path, name: str, own: Truth, table: ClassTable) -> list[dict[str, str]]:
+    """Some images of a set, spread evenly, with their labels."""
+    chosen = np.linspace(0, len(own.images) - 1, min(SHOWN, len(own.images))).astype(int)
+    return [
+        {
+            "image": _jpeg(folder, f"{name}-{k}", own.images[i]),
+            "labels": _png(folder, f"{name}-{k}-labels", colorize(own.labels[i], table)),
+        }
+        for k, i in enumerate(chosen)
+    ]
+
+
+def _worst(
+    folder: Path, test: RealSet, sights: Mapping[str, Sequence[Sight]], table: ClassTable
+) -> dict[str, Any] | None:
+    """The test images that the first net on learnt streets is worst at, and every row's predictions there."""
+    first = {row: own[0] for row, own in sights.items() if own[0].predictions is not None}
+    judge = next((row for row in ("few+learnt", "learnt", *first) if row in first), None)
+    if judge is None:
+        return None
+    chosen, miou = first[judge].picked, first[judge].miou
+    assert chosen is not None and miou is not None
+    order = [k for k in np.argsort(miou, kind="stable")[:SHOWN] if np.isfinite(miou[k])]
+    images = [
+        {
+            "name": test.names[chosen[k]],
+            "image": _jpeg(folder, f"worst-{n}", test.images[chosen[k]]),
+            "labels": _png(folder, f"worst-{n}-labels", colorize(test.labels[chosen[k]], table)),
+            "predictions": {
+                row: {
+                    "image": _png(folder, f"worst-{n}-{row}", colorize(own.predictions[k], table)),
+                    "miou": round(100 * float(own.miou[k]), 2),
+                }
+                for row, own in first.items()
+                if own.predictions is not None and own.miou is not None
+            },
+        }
+        for n, k in enumerate(order)
+    ]
+    return {"by": judge, "of": len(chosen), "images": images}
+
+
+def _jpeg(folder: Path, name: str, image: np.ndarray) -> str:
+    return _save(folder, f"{name}.jpg", image, quality=90)
+
+
+def _png(folder: Path, name: str, image: np.ndarray) -> str:
+    return _save(folder, f"{name}.png", image, optimize=True)
+
+
+def _save(folder: Path, name: str, image: np.ndarray, **options: Any) -> str:
+    """Write u8[h, w, 3] in the format that the name says; returns the name."""
     data = io.BytesIO()
-    np.save(data, found.probabilities)
-    _write(folder, "probabilities.npy", data.getvalue())
-    attributes = SPACES[space_of(found.probabilities.shape[1])]
-    rows = -(-len(attributes) // 6)
-    figure, axes = plt.subplots(rows, 6, figsize=(16, 2.25 * rows), sharex=True)
-    for index, axis in enumerate(axes.flat):
-        if index >= len(attributes):
-            axis.set_axis_off()
-            continue
-        attribute = attributes[index]
-        image = found.probabilities[:, index].T
-        axis.imshow(image, aspect="auto", origin="lower", vmin=0, vmax=1, cmap="viridis",
-                    extent=(0, len(found.rewards), 0, 1))  # fmt: skip
-        axis.set_title(attribute.name.replace("_", " "), fontsize=8)
-        ticks = (0.0, 0.5, 1.0)
-        axis.set_yticks(ticks, [f"{attribute.physical(t):.3g}" for t in ticks], fontsize=6)
-        axis.tick_params(axis="x", labelsize=6)
-    figure.supxlabel("policy update", fontsize=9)
-    figure.suptitle(title, fontsize=10)
-    figure.tight_layout()
-    _save(figure, folder, "attributes.png")
+    Image.fromarray(image).save(data, {"jpg": "JPEG"}.get(name[-3:], "PNG"), **options)
+    _write(folder, name, data.getvalue())
+    return name
+
+
+def _write(folder: Path, name: str, data: bytes) -> None:
+    with naming(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+    write(folder / name, data, sync=False)

@@ -13,6 +13,7 @@ from experiments.run.learn import Learnt
 from experiments.study.form import Report, about, class_means, miou, nets, starts, statistics
 from scene.attributes import ATTRIBUTES
 from scene.proposal import describe
+from shell.command import given
 
 TRAINED_ON = {
     "random": "random attributes",
@@ -34,6 +35,7 @@ def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Rep
         **about(run, config.final),
         **few.about(run),
         "seed": config.seed,
+        "command": given(),
         "evaluations": len(run.evaluations.records),
         "failed": sum(line["failed"] is not None for line in lines),
         "seconds": {

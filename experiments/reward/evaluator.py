@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import asdict
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
@@ -22,6 +22,7 @@ from experiments.reward.miou import (
     rendered_set,
 )
 from experiments.reward.mmd import Reference, evaluate_mmd
+from experiments.reward.seen import Seen
 from experiments.reward.shelf import Shelf, by_target, sent
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
 from experiments.reward.truth import Shared, Truth, WithFew, rendered_of
@@ -43,6 +44,7 @@ class Job(NamedTuple):
     seed: int  # of the streets and of the net
     notes: dict[str, Any]  # what the run's log says of it, beside what it came to
     cost: float = 0.0  # CPU seconds, about; the longest begin first
+    seen: Seen | None = None  # where the net leaves what it saw, if anywhere
 
 
 class Memory(NamedTuple):
@@ -112,7 +114,9 @@ class Evaluator:
         parts: Parts = (),
     ) -> None:
         self._recipe, self._target, self._truth, self._shelf = recipe, target, truth, shelf
-        self._evaluate = evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
+        self._evaluate: Callable[..., Outcome] = (
+            evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
+        )
         self._parts = (parts,) if parts else ()
         self.about = about(recipe, target, side, truth, parts)
 
@@ -139,7 +143,7 @@ class Evaluator:
         """Arguments of `attempt`."""
         recipe, truth = self._for_tasks
         source = self._source(job.source)
-        return (self._evaluate, recipe, source, int(job.seed), truth, *self._parts)
+        return (self._leaving(job), recipe, source, int(job.seed), truth, *self._parts)
 
     def keep(self, key: str, job: Job, outcome: Outcome, memory: Memory) -> Outcome:
         """Keep what a job came to.
@@ -154,6 +158,12 @@ class Evaluator:
             )
         record = record_of(key, rendered_of(job.source), job.seed, outcome)
         return memory.add(record | self.about_of(job.source), job.notes)
+
+    def _leaving(self, job: Job) -> Callable[..., Outcome]:
+        """What evaluates a job, and leaves what its net saw where that is asked for."""
+        if job.seen is None:
+            return self._evaluate
+        return partial(self._evaluate, seen=job.seen.of(self.key(job.source, job.seed)))
 
     @cached_property
     def _for_tasks(self) -> tuple[Recipe, Truth | Shared | Reference]:

@@ -11,12 +11,14 @@ import os
 import pickle
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from experiments.config import Fidelity
+from experiments.reward.seen import Seen, Sight, leave, picked, sight
 from experiments.reward.truth import Shared, Truth, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
@@ -25,8 +27,9 @@ from scene.workers import Workers
 from seg.beside import Beside
 from seg.classes import ClassTable, class_table
 from seg.metrics import iou, mean_iou
+from seg.nets.lite0 import Pyramid
 from seg.pyramid import Statistics, features
-from seg.train import Params, TrainingError, score, train
+from seg.train import Params, TrainingError, predict, score, train
 from seg.views import view_images
 
 
@@ -80,7 +83,8 @@ def prepared(
     evaluate: Callable[..., Outcome], recipe: Recipe, source: Any, seed: int, *_: Any
 ) -> Any:
     """What of an evaluation needs no GPU: the rendered set, if it is of the kind that trains on one."""
-    if evaluate is not evaluate_miou or isinstance(source, Truth | Shared):
+    named = getattr(evaluate, "func", evaluate)  # below what says where the net leaves what it saw
+    if named is not evaluate_miou or isinstance(source, Truth | Shared):
         return None
     started = time.perf_counter()
     own = training_set(recipe, loaded(source), seed)
@@ -158,6 +162,8 @@ def evaluate_miou(
     truth: Truth,
     parts: Parts = (),
     ready: Rendered | None = None,
+    *,
+    seen: Seen | None = None,
 ) -> Outcome:
     """Render, train, score.
 
@@ -168,6 +174,7 @@ def evaluate_miou(
         truth: what to score on.
         parts: of it that are scored each for itself, too.
         ready: the set, if it was rendered elsewhere.
+        seen: where the net leaves what it saw there, if anywhere; it changes no outcome.
 
     Raises:
         TrainingError: training diverged.
@@ -179,7 +186,7 @@ def evaluate_miou(
     began = time.perf_counter()
     params = trained(recipe, own, seed, beside=_beside(source))
     spent = time.perf_counter() - began
-    return scored(recipe, params, truth, rendered, spent, parts)
+    return scored(recipe, params, truth, rendered, spent, parts, seen)
 
 
 def _beside(source: Source) -> Beside | None:
@@ -222,6 +229,7 @@ def scored(
     render_seconds: float,
     train_seconds: float,
     parts: Parts = (),
+    seen: Seen | None = None,
 ) -> Outcome:
     """What a trained net is worth; the time of scoring counts as training."""
     started = time.perf_counter()
@@ -234,8 +242,27 @@ def scored(
     present = confusion.sum(axis=1) > 0
     class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]
     seconds = train_seconds + time.perf_counter() - started
+    if seen is not None:
+        found = _sight(recipe, params, truth, confusion, seen.predictions)
+        with suppress(
+            OSError
+        ):  # a worker elsewhere may not see the folder; the report says what is missing
+            leave(seen, found)
     each = tuple(mean_iou(own) for own in confusions) if parts else ()
     return Outcome(mean_iou(confusion), class_iou, render_seconds, seconds, parts=each)
+
+
+def _sight(
+    recipe: Recipe, params: Params, truth: Truth, confusion: np.ndarray, predictions: bool
+) -> Sight:
+    """What a net is to leave: its counts, and predictions if they are asked for."""
+    if not predictions:
+        return Sight(confusion)
+    settings, chosen = recipe.fidelity.train, picked(len(truth.images))
+    images, labels = truth.images[chosen], truth.labels[chosen]
+    maps = truth.features and Pyramid(*(own[chosen] for own in truth.features))
+    found = predict(params, images, settings, len(confusion), features=maps)
+    return sight(confusion, chosen, labels, found)
 
 
 def worker_environment() -> dict[str, str]:

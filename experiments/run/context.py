@@ -33,7 +33,7 @@ from sdr_jax import refuse_failures
 from seg.weights import described
 from shell import folder
 from shell.errors import UserError
-from shell.progress import Progress, duration
+from shell.progress import Progress, Stage, duration
 
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
 FREE_FIELDS = ("out", "workers", "executor", "scheduler", "store")
@@ -157,7 +157,9 @@ class Run(Generic[AnyConfig]):
         label = "" if self.target.real else "twin, not real | "
         lines = self.evaluations.records + self.finals.records
         elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
-        self.progress = Progress(sum(work.cost for work in plan), elapsed, label)
+        stages = [Stage(work.what, work.nets, work.cost) for work in plan]
+        total, workers = sum(work.cost for work in plan), max(self.workers.workers, 1)
+        self.progress = Progress(total, elapsed, label, stages=stages, workers=workers)
         self.progress.say(plan_text(plan, self.workers.workers))
         if self.workers.dashboard is not None:
             self.progress.say(f"Dashboard: {self.workers.dashboard}")

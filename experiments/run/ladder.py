@@ -148,10 +148,10 @@ def most_nets(candidates: int, rungs: Sequence[Rung]) -> list[int]:
     return nets
 
 
-def most_cost(candidates: int, rungs: Sequence[Rung]) -> float:
-    """The whole ladder in the units of ``cost_of``, if nobody leaves early."""
-    nets = most_nets(candidates, rungs)
-    return sum(n * cost_of(rung.fidelity) for n, rung in zip(nets, rungs, strict=True))
+def most_cost(candidates: int, rungs: Sequence[Rung], first: int = 0) -> float:
+    """The ladder from a rung on, in the units of ``cost_of``, if nobody leaves early."""
+    pairs = list(zip(most_nets(candidates, rungs), rungs, strict=True))
+    return sum(nets * cost_of(rung.fidelity) for nets, rung in pairs[first:])
 
 
 def climb(

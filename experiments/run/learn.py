@@ -193,6 +193,10 @@ class _Judge:
             nonlocal left
             chosen = [name for name in kept if name in names]
             fidelity = rungs[number].fidelity
+            ahead = left - most_cost(len(self.streets), rungs, number)
+            if ahead > 0:  # nets of those that left early on the rungs below
+                self.run.progress.advance(ahead, replayed=True)
+                left -= ahead
             left -= len(names) * len(seeds) * cost_of(fidelity)
             return self._rewards(f"rung-{number + 1}", chosen, fidelity, seeds)
 

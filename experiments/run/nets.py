@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from experiments.config import Fidelity, RewardKind, SearchConfig
 from experiments.reward.evaluator import Evaluator, Job, Side
 from experiments.reward.miou import Outcome, Parts, Recipe, Source
+from experiments.reward.seen import Seen
 from experiments.reward.truth import Truth
 from experiments.run import few
 from experiments.run.context import Run, net_said, refuse_failed
@@ -27,6 +29,8 @@ class Nets(NamedTuple):
     what: str  # they are, in the run folder and in progress, such as "table, compact"
     sources: Mapping[str, Source]  # training sets by name, proposals or images
     recipe: Recipe  # sizes, net, training and assets
+    seen: Path | None = None
+    """Folder where they leave what they saw, those of the first seed with predictions."""
 
 
 class Net(NamedTuple):
@@ -37,6 +41,7 @@ class Net(NamedTuple):
     source: Source
     recipe: Recipe
     seed: int  # of streets and net
+    seen: Seen | None = None  # where it leaves what it saw, if anywhere
 
 
 def score_nets(
@@ -124,7 +129,14 @@ def score_each(
 
 def _each(lists: Sequence[Nets], seeds: Sequence[int]) -> list[Net]:
     return [
-        Net(nets.what, name, source, nets.recipe, seed)
+        Net(
+            nets.what,
+            name,
+            source,
+            nets.recipe,
+            seed,
+            None if nets.seen is None else Seen(nets.seen, predictions=seed == seeds[0]),
+        )
         for nets in lists
         for seed in seeds
         for name, source in nets.sources.items()
@@ -145,7 +157,7 @@ def _asked(
         if net.what not in evaluators:
             evaluators[net.what] = run.evaluator(net.recipe, side, kind, parts)
         notes = {"nets": net.what, "row": net.row, "seed": net.seed}
-        job = Job(net.source, net.seed, notes, _cost(net.recipe, net.source))
+        job = Job(net.source, net.seed, notes, _cost(net.recipe, net.source), net.seen)
         asked.append((evaluators[net.what], job))
     return asked
 

@@ -54,6 +54,9 @@ class Found(NamedTuple):
     probabilities: np.ndarray  # f32[updates, attributes of the subset, bins], after each update
     cpu_seconds: float  # of the method itself, compiling included
     wall_seconds: float
+    expected: np.ndarray | None = None
+    """f32[updates, datasets, 2]: mean and standard deviation that the method's model gave each reward before
+    it was made, NaN before it knew any; None without a model."""
 
 
 def embed(space: SpaceName, subset: Sequence[str], proposals: Any) -> Proposal:
@@ -155,14 +158,19 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     key = jax.random.key(plan.seed)
     steps = sdr_jax.drive(key, plan.search, reward_fn, plan.updates, plan.datasets)
     history: list[tuple] = []
+    foreseen: list[np.ndarray] = []
+    state: Any = None  # before the first update nothing is expected
     for update in range(plan.updates):
         with watch:
+            before = state
             state, record = next(steps)
+            foreseen += _foreseen(plan.search, before, record)
             info = jax.device_get(record.info)
             probabilities = np.asarray(plan.search.probabilities(state))
         history.append(
             (np.asarray(record.rewards), float(info.baseline), int(info.group), probabilities)
         )
+        run.progress.standing = _standing(kind, history)
         run.progress.update(_said(plan, kind, update, history))
     with watch:
         solution = embed(plan.space, plan.subset, jax.device_get(plan.search.solution(state)))
@@ -179,12 +187,28 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         probabilities=np.stack(distributions),
         cpu_seconds=max(watch.cpu - rewards.watch.cpu, 0.0),
         wall_seconds=max(watch.wall - rewards.watch.wall, 0.0),
+        expected=np.stack(foreseen) if foreseen else None,
     )
+
+
+def _foreseen(method: sdr_jax.Method, before: Any, record: sdr_jax.Record) -> list[np.ndarray]:
+    """What the method's model expected of an update before it, f32[datasets, 2]; nothing without a model."""
+    if method.expects is None:
+        return []
+    if before is None:
+        return [np.full((len(record.rewards), 2), np.nan, np.float32)]
+    return [np.stack(method.expects(before, record.actions), axis=-1)]
 
 
 def _best(asked: Sequence[Proposal], rewards: np.ndarray) -> Proposal:
     """The proposal with the best reward; the first, if all failed."""
     return asked[int(np.argmax(np.where(np.isfinite(rewards), rewards, -np.inf)))]
+
+
+def _standing(kind: RewardKind, history: Sequence[tuple]) -> str:
+    """The best reward so far, in words."""
+    known = [float(np.nanmax(rewards)) for rewards, *_ in history if not np.isnan(rewards).all()]
+    return f"best {REWARD_NAMES[kind]} {in_words(kind, max(known))}" if known else ""
 
 
 def _said(plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:

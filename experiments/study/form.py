@@ -31,6 +31,7 @@ class Form(NamedTuple):
     derive: Callable[[Report], Report]  # adds all that follows from the scores; twice is as once
     text: Callable[[Report], str]  # the table, in Markdown
     figures: Mapping[str, Callable[[Report], bytes | str]]  # by file name
+    pages: Mapping[str, Callable[[Report, Path], str]] = {}  # of what else the folder holds, too
 
 
 def write_report(form: Form, scores: Report, folder: Path) -> Report:
@@ -39,6 +40,8 @@ def write_report(form: Form, scores: Report, folder: Path) -> Report:
     write(folder / f"{form.name}.md", form.text(report) + "\n")
     for name, draw in form.figures.items():
         write(folder / name, draw(report))
+    for name, lay_out in form.pages.items():
+        write(folder / name, lay_out(report, folder))
     write_json(folder / f"{form.name}.json", report)
     return report
 

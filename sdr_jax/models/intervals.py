@@ -168,7 +168,10 @@ def intervals(
         _, tried = sample(jax.random.key(1), state, DRAWS)
         return shares_of_bins(space, tried)
 
-    return jitted(init, sample, update, solution, probabilities, spread)
+    def expects(state: IntervalsState, actions: Bins) -> tuple[Rewards, Rewards]:
+        return effects.expected(model, state.seen, state.belief, actions)
+
+    return jitted(init, sample, update, solution, probabilities, spread, expects=expects)
 
 
 def shares_of_bins(space: Space, proposals: Proposal) -> Float[Array, "attributes bins"]:

@@ -136,7 +136,10 @@ def surrogate(
     def spread(state: SurrogateState) -> Proposal:
         return moments(space, jax.nn.softmax(state.logits), width)
 
-    return jitted(init, sample, update, solution, probabilities, spread)
+    def expects(state: SurrogateState, actions: Bins) -> tuple[Rewards, Rewards]:
+        return effects.expected(model, state.seen, state.belief, actions)
+
+    return jitted(init, sample, update, solution, probabilities, spread, expects=expects)
 
 
 def follow(

@@ -94,12 +94,14 @@ class Killed(BaseException):
     """Stands for the end of the process."""
 
 
-def never(*task: Any) -> Any:
+def never(*task: Any, **options: Any) -> Any:
     """Stands for work that must not be done."""
     raise AssertionError("this was known")
 
 
-def formula(recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = ()) -> Outcome:
+def formula(
+    recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = (), seen: Any = None
+) -> Outcome:
     """Worth more with buildings far off, or with (more) real images; a little noise by seed."""
     if isinstance(source, Truth):
         right = 800 + len(source.images)
@@ -111,7 +113,7 @@ def formula(recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = 
     return Outcome(iou, [iou] * len(recipe.classes.classes), 0.5, 1.5, parts=(iou,) * len(parts))
 
 
-def diverge(*task: Any) -> Any:
+def diverge(*task: Any, **options: Any) -> Any:
     """Stands for training that fails."""
     raise TrainingError("the loss is nan after 50 of 200 steps")
 
@@ -123,11 +125,11 @@ class Counted:
         self.evaluate, self.limit, self.failing = evaluate, limit, failing
         self.calls: list[Any] = []
 
-    def __call__(self, *task: Any) -> Any:
+    def __call__(self, *task: Any, **options: Any) -> Any:
         if len(self.calls) == self.limit:
             raise Killed
         self.calls.append(task)
-        return (diverge if len(self.calls) in self.failing else self.evaluate)(*task)
+        return (diverge if len(self.calls) in self.failing else self.evaluate)(*task, **options)
 
 
 @pytest.fixture

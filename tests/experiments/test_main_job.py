@@ -43,13 +43,13 @@ def test_output_says_that_the_twin_is_not_real_and_the_run_folder_is_complete(un
     out, _ = unbroken
     assert {p.name for p in out.iterdir()} == {
         "attributes.json", "config.json", "dataset", "evaluations.jsonl", "finals.jsonl", "lock",
-        "pictures", "report.html", "shared", "summary.json", "summary.md",
+        "nets", "pictures", "report.html", "shared", "summary.json", "summary.md",
     }  # fmt: skip
-    assert {p.name for p in (out / "pictures").iterdir()} == {
-        "attributes.png", "images.png", "probabilities.npy", "reward.png",
-    }  # fmt: skip
-    for path in out.glob("pictures/*.png"):
-        assert min(Image.open(path).size) > 200
+    pictures = [*out.glob("pictures/*.png"), *out.glob("pictures/*.jpg")]
+    assert len(pictures) == 4 * 6 * 2 + 6 * (2 + 4) and len([*out.glob("nets/*.npz")]) == 4 * 2
+    assert {Image.open(path).size for path in pictures} == {(64, 32)}
+    kept = {p.name for p in (out / "pictures").iterdir()} - {p.name for p in pictures}
+    assert kept == {"expected.npy", "matters.json", "probabilities.npy", "seen.json"}
     found, rendered = read_cityscapes(out / "dataset", "train"), read_dataset(out / "dataset")
     assert found.images.shape == (6, 32, 64, 3) and found.names[0] == "scenex_000000_000000"
     np.testing.assert_array_equal(found.images, rendered.images)

@@ -1,14 +1,12 @@
 """The answer in figures: keys that scripts rely on, percent, physical values."""
 
 from types import SimpleNamespace
-from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 
 from experiments.config import MainConfig
 from experiments.main import summary as module
-from experiments.main.page import html
 from experiments.main.summary import derive, text
 from experiments.presets import defaults
 from experiments.reward.miou import Outcome
@@ -99,17 +97,3 @@ def test_a_net_that_failed_is_left_out_and_told():
     assert [*random["miou"], random["mean"]] == [None, pytest.approx(20), pytest.approx(20)]
     assert summary["failed"] == 1 and summary["gain"] == {"mean": pytest.approx(30), "ci95": None}
     assert "1 evaluations failed in training and are left out" in text(summary)
-    assert "20.0" in html(summary)
-
-
-def test_the_report_shows_the_figures_and_says_that_the_twin_is_not_real():
-    page = html(made())
-    assert "not a result on real data" in page and "not a result" not in html(made(real=True))
-    parser = ElementTree.fromstring("<body>" + page.split("<body>")[1].split("</html>")[0])
-    cells = [[c.text for c in row] for row in parser.iter("tr")]
-    assert ["learnt attributes", "40.0", "-87.1 to 167.1"] in cells
-    assert ["gain, learnt minus random", "+25.0", "-38.5 to 88.5"] in cells
-    assert ["car position", "7.5", "6.85", "8.15", "m"] in [row[:5] for row in cells]
-    assert [class_table("cityscapes").classes[-1]] + ["not in the truth"] * 4 in cells
-    page = html(made() | {"note": "<script>"})  # what it is told is escaped
-    assert "<script>" not in page and "&lt;script&gt;" in page

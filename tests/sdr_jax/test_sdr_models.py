@@ -198,6 +198,21 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
         np.testing.assert_allclose(actual - actual[0], exact - exact[0], atol=1e-3)
 
 
+def test_the_expected_reward_and_its_spread_are_those_of_the_weights_posterior() -> None:
+    state, actions = observed(12), jnp.asarray(EVERY[:7])
+    belief = effects.posterior(MODEL, state)
+    mean, std = effects.expected(MODEL, state, belief, actions)
+    sums, covariance = np.asarray(state.statistics.sums), np.asarray(regression.covariance(belief))
+    off = columns(EVERY[:7]) - sums / float(state.statistics.seen)
+    variance = np.einsum("nf,fg,ng->n", off, covariance, off) + float(state.noise)
+    np.testing.assert_allclose(std, np.sqrt(variance), rtol=1e-3)
+    one = [effects.value(MODEL, state, belief, each) for each in actions]
+    np.testing.assert_allclose(mean, one, rtol=1e-5)
+    nothing = effects.init_effects(MODEL)
+    blank = effects.expected(MODEL, nothing, effects.posterior(MODEL, nothing), actions)
+    assert np.isnan(blank).all()
+
+
 def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
     belief = POSTERIOR(observed(3))
 

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import pytest
 
 from shell import progress
-from shell.progress import Progress, duration
+from shell.progress import Progress, Stage, duration
 
 
 @pytest.fixture
@@ -115,3 +115,21 @@ def test_a_narrow_terminal_cuts_the_end_off_a_line(clock, terminal):
     told.close()
     said, bar = terminal.visible()
     assert said == "y" * 99 and " 50 % twin | 60 s left | xxx" in bar and len(bar) <= 80
+
+
+def test_on_a_terminal_every_stage_has_a_bar_and_the_pace_is_told(clock, terminal):
+    stages = [Stage("rewards", 4, 8.0), Stage("final nets", 2, 2.0)]
+    told = Progress(total=10, stream=terminal, stages=stages, workers=2)
+    clock.now += 20
+    for _ in range(4):
+        told.advance(2)
+    told.advance(1)
+    told.standing = "best mIoU 20.4"
+    told.update("net 5")
+    told.close()
+    whole, rewards, finals, pace = (line.rstrip() for line in terminal.visible()[-4:])
+    assert whole.endswith(" 90 % 2 s left | net 5")
+    assert rewards.endswith("100 % rewards, 4 of 4 nets")
+    assert finals.endswith(" 50 % final nets, 1 of 2 nets")
+    # Five nets in 20 s; 10 of 9 units, two cores.
+    assert pace == "15 nets a minute | about 44 s of CPU in all | best mIoU 20.4"

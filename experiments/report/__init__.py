@@ -1,0 +1,1 @@
+"""A run on one page: what its folder holds as plots, tables and pictures that need no network."""

@@ -1,0 +1,133 @@
+"""What a finished run left in its folder, for reports."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from experiments.main import summary
+from experiments.main.pictures import INDEX, PICTURES
+from experiments.report.matters import FILE
+from experiments.reward.store import LOGS
+from experiments.study.form import Report
+from scene.attributes import SPACES, Attribute, space_of
+from shell.errors import UserError
+from shell.files import read_json
+from shell.folder import CONFIG
+from shell.lines import JsonLines, Record
+
+SUMMARY = "summary.json"
+
+
+class Kept(NamedTuple):
+    """A run; what an older one did not leave is None."""
+
+    path: Path
+    summary: Report  # derived
+    config: dict[str, Any]
+    evaluations: list[Record]  # rewards of the search
+    finals: list[Record]  # all other nets
+    seen: dict[str, Any] | None  # what `experiments.main.pictures` shows
+    probabilities: np.ndarray | None  # f32[updates, attributes, bins]
+    expected: (
+        np.ndarray | None
+    )  # f32[updates, datasets, 2], what the model held of each reward before it
+
+    matters: Report | None  # see `experiments.report.matters`
+
+    @property
+    def attributes(self) -> tuple[Attribute, ...]:
+        """Those that were searched."""
+        return SPACES[space_of(len(self.summary["components"][0]["attributes"]))]
+
+    @property
+    def percent(self) -> bool:
+        """Whether rewards are mIoU, told in percent."""
+        return bool(self.config.get("reward_kind", "miou") == "miou")
+
+    @property
+    def rewards(self) -> np.ndarray:
+        """Of the search, f64[n] as they were made, in percent if they are mIoU; NaN where they failed."""
+        found = [line["reward"] for line in self.evaluations]
+        values = np.array([np.nan if v is None else v for v in found], float)
+        return values * (100 if self.percent else 1)
+
+
+def read(path: Path, report: Report | None = None) -> Kept:
+    """What a run folder holds.
+
+    Args:
+        path: the folder.
+        report: in place of its ``summary.json``, which a run writes last.
+
+    Raises:
+        UserError: it is no folder of a finished run of the main job, with what it is instead.
+    """
+    config = _object(path / CONFIG) if (path / CONFIG).is_file() else None
+    if config is None:
+        what = "no such folder" if not path.is_dir() else f"no run folder; it holds no {CONFIG}"
+        raise UserError(f"{path}: {what}; name the --out of a run")
+    if report is None:
+        report = _summary(path, config)
+    logs = [JsonLines(path / name).lines for name in LOGS]
+    index, matters = path / PICTURES / INDEX, path / PICTURES / FILE
+    return Kept(
+        path,
+        report,
+        config,
+        logs[0],
+        logs[1],
+        _object(index) if index.exists() else None,
+        _array(path / PICTURES / "probabilities.npy", 3),
+        _array(path / PICTURES / "expected.npy", 3),
+        _object(matters) if matters.exists() else None,
+    )
+
+
+def _summary(path: Path, config: dict[str, Any]) -> Report:
+    """The run's scores, and all that follows from them; older runs tell their seed in the configuration."""
+    file = path / SUMMARY
+    if not file.exists():
+        for other in sorted(path.glob("*.json")):
+            study = _object(other).get("study")
+            if study:
+                raise UserError(
+                    f"{path} is a run of experiments.{study}, whose report is {study}.md; name one of "
+                    "experiments.camvid or experiments.cityscapes"
+                )
+        raise UserError(
+            f"{path} holds no {SUMMARY}: that run is not at its end; its command goes on with it"
+        )
+    try:
+        return summary.derive({"seed": config.get("seed"), **_object(file)})
+    except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+        raise UserError(f"{file} does not hold what a run writes ({error!r})") from None
+
+
+def _object(path: Path) -> dict[str, Any]:
+    found = read_json(path)
+    if not isinstance(found, dict):
+        raise UserError(f"{path} is no JSON object")
+    return found
+
+
+def _array(path: Path, axes: int) -> np.ndarray | None:
+    """Numbers in a file; None where there is none, or another's."""
+    try:
+        found = np.load(path)
+    except (OSError, ValueError, EOFError):
+        return None
+    return found if isinstance(found, np.ndarray) and found.ndim == axes else None
+
+
+def label_of(run: Kept, runs: Sequence[Kept]) -> str:
+    """A short name of a run among others: of its folder, with folders above it where two are alike."""
+    paths = [other.path.resolve().parts for other in runs]
+    own = run.path.resolve().parts
+    for count in range(1, len(own)):
+        if sum(parts[-count:] == own[-count:] for parts in paths) == 1:
+            return "/".join(own[-count:])
+    return str(run.path)

@@ -1,0 +1,88 @@
+"use strict";
+// Draws the plots in the colours of the page, and again when these change.
+const root = document.documentElement;
+const night = matchMedia("(prefers-color-scheme: dark)");
+
+function kept(value) {  // what the reader chose; pages opened from a file may not be allowed to keep it
+  try {
+    if (value !== undefined) localStorage.setItem("theme", value);
+    return localStorage.getItem("theme");
+  } catch { return value; }
+}
+
+function colour(name) {  // "@learnt" or "@learnt/0.2"
+  const [variable, share] = name.slice(1).split("/");
+  const hex = getComputedStyle(root).getPropertyValue("--" + variable).trim();
+  if (share === undefined) return hex;
+  const parts = [1, 3, 5].map((at) => parseInt(hex.slice(at, at + 2), 16));
+  return `rgba(${parts.join(",")},${share})`;
+}
+
+function coloured(value) {
+  if (typeof value === "string") return value.startsWith("@") ? colour(value) : value;
+  if (Array.isArray(value)) return value.map(coloured);
+  if (value === null || typeof value !== "object") return value;
+  return Object.fromEntries(Object.entries(value).map(([key, own]) => [key, coloured(own)]));
+}
+
+function dressed(layout, height) {
+  const axis = { gridcolor: "@grid", zerolinecolor: "@line", linecolor: "@line", automargin: true, ticks: "" };
+  const found = {
+    height, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", colorway: ["@learnt"],
+    font: { family: getComputedStyle(document.body).fontFamily, size: 12.5, color: "@soft" },
+    margin: { l: 8, r: 16, t: 8, b: 8 }, hovermode: "closest", showlegend: false,
+    hoverlabel: { bgcolor: "@paper", bordercolor: "@line", font: { color: "@ink" } },
+    xaxis: {}, yaxis: {}, ...layout,
+    legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom", font: { color: "@soft" }, ...layout.legend },
+  };
+  for (const key of Object.keys(found)) {
+    if (!/^[xy]axis\d*$/.test(key)) continue;
+    found[key] = { ...axis, ...found[key] };
+    if (found[key].title) found[key].title = { font: { size: 12.5 }, ...found[key].title };
+  }
+  return coloured(found);
+}
+
+function draw(figure) {
+  const told = JSON.parse(figure.querySelector("script").textContent);
+  const view = told.views ? told.views[Number(figure.dataset.view || 0)] : told;
+  const height = parseInt(figure.style.getPropertyValue("--height"), 10);
+  const options = { responsive: true, displaylogo: false, displayModeBar: "hover",
+    modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"] };
+  Plotly.react(figure.querySelector(":scope > div:not(.views)"), coloured(view.data),
+    dressed(view.layout, height), options);
+}
+
+function offer(figure) {  // one button for each view
+  const told = JSON.parse(figure.querySelector("script").textContent);
+  if (!told.views || told.views.length < 2) return;
+  const bar = document.createElement("div");
+  bar.className = "views";
+  told.views.forEach((view, number) => {
+    const button = document.createElement("button");
+    button.textContent = view.label;
+    button.setAttribute("aria-pressed", number === 0);
+    button.onclick = () => {
+      figure.dataset.view = number;
+      for (const other of bar.children) other.setAttribute("aria-pressed", other === button);
+      draw(figure);
+    };
+    bar.append(button);
+  });
+  figure.prepend(bar);
+}
+
+const plots = [...document.querySelectorAll(".plot")];
+const button = document.getElementById("theme");
+
+function dress() {
+  const theme = kept() || (night.matches ? "dark" : "light");
+  root.dataset.theme = theme;
+  button.textContent = theme === "dark" ? "Light" : "Dark";
+  plots.forEach(draw);
+}
+
+button.onclick = () => { kept(root.dataset.theme === "dark" ? "light" : "dark"); dress(); };
+night.addEventListener("change", dress);
+plots.forEach(offer);
+dress();

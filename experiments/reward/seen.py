@@ -1,0 +1,81 @@
+"""What a net saw in the images that score it: which class it took for which, and its predictions.
+
+A file of the run folder for each net, named by its evaluation: the log says which row and seed that is. So
+logs stay small, and a net that two rows share leaves it once.
+"""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import Any, NamedTuple
+from zipfile import BadZipFile
+
+import numpy as np
+
+from seg.metrics import confusion_matrix, mean_iou
+from shell.files import naming, write
+
+MOST = 128
+"""Images of which predictions are kept, spread evenly over all."""
+
+
+class Seen(NamedTuple):
+    """Where a net leaves it."""
+
+    path: Path  # the folder; as a net is told, its file
+    predictions: bool = False  # of up to ``MOST`` images, too
+
+    def of(self, key: str) -> Seen:
+        """The file of an evaluation."""
+        return self._replace(path=self.path / f"{key[:16]}.npz")
+
+
+class Sight(NamedTuple):
+    """What is in a file."""
+
+    confusion: np.ndarray  # i64[classes, classes], pixels; row: true class
+    picked: np.ndarray | None = None  # i32[n], the images with predictions
+    miou: np.ndarray | None = None  # f32[n], of each of them alone, in [0, 1]; NaN if all is void
+    predictions: np.ndarray | None = None  # u8[n, h, w]
+
+
+def picked(images: int) -> np.ndarray:
+    """Indices of at most ``MOST`` images, the first and the last among them."""
+    return np.unique(np.linspace(0, images - 1, min(MOST, images)).round().astype(np.int32))
+
+
+def sight(
+    confusion: np.ndarray, chosen: np.ndarray, labels: np.ndarray, predictions: np.ndarray
+) -> Sight:
+    """What is kept of a net with its predictions.
+
+    Args:
+        confusion: i64[classes, classes], over all images.
+        chosen: i32[n], those that were predicted.
+        labels: u8[n, h, w], their truth.
+        predictions: u8[n, h, w].
+    """
+    pairs = zip(labels, predictions, strict=True)
+    own = [confusion_matrix(truth, found, len(confusion)) for truth, found in pairs]
+    miou = np.array([mean_iou(one) if one.any() else np.nan for one in own], np.float32)
+    return Sight(confusion, chosen, miou, predictions)
+
+
+def leave(seen: Seen, found: Sight) -> None:
+    """Write the file, whole or not at all."""
+    arrays: dict[str, Any] = {k: v for k, v in found._asdict().items() if v is not None}
+    data = io.BytesIO()
+    np.savez_compressed(data, **arrays)
+    with naming(seen.path.parent):
+        seen.path.parent.mkdir(parents=True, exist_ok=True)
+    write(seen.path, data.getvalue())
+
+
+def look(seen: Seen) -> Sight | None:
+    """What is in the file; None where there is none that can be read, as of a net from ``--store``."""
+    try:
+        with np.load(io.BytesIO(seen.path.read_bytes())) as found:
+            return Sight(**{name: found[name] for name in found.files if name in Sight._fields})
+    except (OSError, ValueError, EOFError, TypeError, BadZipFile):
+        return None

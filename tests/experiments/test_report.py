@@ -1,0 +1,204 @@
+"""The page of a run: one file that loads nothing, whose figures are those of summary.json."""
+
+import io
+import json
+import re
+import shutil
+import struct
+import sys
+from base64 import b64decode
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import plotly.graph_objects as go
+import pytest
+from PIL import Image
+
+from experiments.main.summary import ROWS
+from experiments.report.__main__ import main
+from experiments.report.figures import NAMES
+from experiments.reward.seen import Seen, look
+from seg.metrics import iou
+from shell.files import read_json, write_json
+
+from .conftest import lines
+
+
+class Page(HTMLParser):
+    """What a browser would find in a page."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self.tags, self.texts, self.rows, self.plots = [("", {})], [], [], []
+        self.cell = False
+        self.feed(path.read_text(encoding="utf-8"))
+
+    def handle_starttag(self, tag, attributes):
+        self.tags.append((tag, dict(attributes)))
+        if tag == "tr":
+            self.rows.append([])
+        elif tag in ("td", "th"):
+            self.rows[-1].append("")
+            self.cell = True
+
+    def handle_endtag(self, tag):
+        self.cell = self.cell and tag not in ("td", "th")
+
+    def handle_data(self, data):
+        tag, attributes = self.tags[-1]
+        if attributes.get("type") == "application/json":
+            self.plots.append(json.loads(data))
+        elif tag not in ("script", "style"):
+            self.texts.append(data)
+            if self.cell:
+                self.rows[-1][-1] += data
+
+    @property
+    def text(self) -> str:
+        return " ".join(self.texts)
+
+
+@pytest.fixture
+def run(unbroken, tmp_path) -> Path:
+    """A copy of the folder of a whole tiny run."""
+    return shutil.copytree(unbroken[0], tmp_path / "run", ignore=lambda *_: ["dataset", "shared"])
+
+
+def test_the_page_is_one_file_that_loads_nothing_and_its_pictures_decode(run):
+    page = Page(run / "report.html")
+    (policy,) = [
+        a["content"] for t, a in page.tags if a.get("http-equiv", "").startswith("Content")
+    ]
+    assert policy.startswith("default-src 'none'") and "http" not in policy
+    named = [a.get(k) for t, a in page.tags for k in ("src", "href", "data", "srcset") if a.get(k)]
+    assert all(name.startswith(("data:image/", "#")) for name in named)
+    assert not [t for t, _ in page.tags if t in ("link", "iframe", "object", "embed", "base")]
+    shown = [b64decode(name.partition(",")[2]) for name in named if name.startswith("data:")]
+    assert len(shown) == 4 * 6 * 2 + 6 * (2 + 4)  # streets with labels; worst images, predictions
+    assert {Image.open(io.BytesIO(data)).size for data in shown} == {(64, 32)}
+    style = (run / "report.html").read_text().split("<style>")[1].split("</style>")[0]
+    assert "url(" not in style and "@import" not in style
+
+
+def test_the_figures_are_those_of_the_summary(run):
+    summary, page = read_json(run / "summary.json"), Page(run / "report.html")
+    assert "not a result on real data" in page.text and "experiments.cityscapes" in page.text
+    for row in ROWS:
+        entry = summary["rows"][row]
+        said = [f"{entry['mean']:.1f}", "{:.1f} to {:.1f}".format(*entry["ci95"])]
+        assert any(cells[1:] == said for cells in page.rows)
+        means = [t["x"] for t in page.plots[0]["data"] if t["y"] == [NAMES[row]]]
+        assert means == [[entry["mean"]]]
+    (rewards,) = [
+        t for plot in page.plots for t in plot.get("data", ()) if t.get("name") == "reward"
+    ]
+    logged = [100 * line["reward"] for line in lines(run / "evaluations.jsonl")]
+    assert rewards["y"] == pytest.approx(logged)
+    for plot in page.plots:  # the library knows all that they ask for, but colours of the page
+        for view in plot.get("views", [plot]):
+            plain = json.loads(re.sub(r'"@[\w/.]+"', '"#123456"', json.dumps(view)))
+            go.Figure(data=plain["data"], layout=plain["layout"])
+
+
+def test_confusions_and_predictions_are_those_of_the_nets_that_were_scored(run):
+    summary, seen = (read_json(run / name) for name in ("summary.json", "pictures/seen.json"))
+    finals = [line for line in lines(run / "finals.jsonl") if line["nets"] == "final"]
+    found = {line["key"]: look(Seen(run / "nets").of(line["key"])) for line in finals}
+    for line in finals:
+        wanted = [np.nan if v is None else v for v in line["class_iou"]]
+        np.testing.assert_allclose(iou(found[line["key"]].confusion), wanted)
+        assert (found[line["key"]].predictions is None) == (line["seed"] != 0)
+    for row in ROWS:
+        total = sum(found[line["key"]].confusion for line in finals if line["row"] == row)
+        assert seen["confusion"][row] == {"nets": 2, "pixels": total.tolist()}
+    first = found[next(f["key"] for f in finals if (f["row"], f["seed"]) == ("learnt", 0))]
+    told = [image["predictions"]["learnt"]["miou"] for image in seen["worst"]["images"]]
+    assert told == pytest.approx(sorted(100 * first.miou)[:6], abs=0.01)
+    assert seen["worst"]["of"] == summary["test_images"] == 8
+
+
+def test_a_page_is_made_anew_from_the_folder_and_of_an_older_run_without_what_it_lacks(run, capsys):
+    page = run / "report.html"
+    before = page.read_bytes()
+    page.unlink()
+    assert main([str(run)]) == 0 and capsys.readouterr().out == f"{page}\n"
+    assert page.read_bytes() == before
+    for name in ("nets", "pictures"):
+        shutil.rmtree(run / name)
+    assert main([str(run), "--out", str(run / "old.html")]) == 0
+    old = Page(run / "old.html")
+    assert "left no confusion matrices" in old.text and "No predictions" in old.text
+    assert "Centres of what the search proposed" in old.text
+    assert not [t for t, _ in old.tags if t == "img"] and len(old.plots) >= 5
+
+
+def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
+    summary = read_json(run / "summary.json")
+    own = {f"few+{row}": summary["nets"][row] for row in ("random", "default", "learnt")}
+    summary["nets"] = {**summary["nets"], "few": summary["nets"]["random"], **own}
+    write_json(run / "summary.json", summary | {
+        "few_images": ["a", "b"], "few_share": 0.5, "note": "<script>alert(1)</script>",
+    })  # fmt: skip
+    assert main([str(run)]) == 0
+    page = Page(run / "report.html")
+    assert page.plots[0]["data"][-1]["y"] == ["few labels"]  # the last is drawn at the top
+    assert "beside 2 labelled images" in page.text
+    assert "<script>alert" not in (run / "report.html").read_text()
+
+
+def test_several_runs_lie_side_by_side(run, tmp_path):
+    other = shutil.copytree(run, tmp_path / "other")
+    config = read_json(other / "config.json")
+    write_json(other / "config.json", config | {"seed": 7})
+    assert main([str(run), str(other), "--out", str(tmp_path / "both.html")]) == 0
+    page, summary = Page(tmp_path / "both.html"), read_json(run / "summary.json")
+    mean = f"{summary['rows']['learnt']['mean']:.1f}"
+    (row,) = [cells for cells in page.rows if cells[0] == "learnt"]
+    assert len(row) == 3 and all(cell.startswith(mean) for cell in row[1:])
+    assert ["seed", "0", "7"] in page.rows
+    names = [t["name"] for t in page.plots[1]["data"] if t["mode"] == "lines"]
+    assert names == ["run", "other"]
+
+
+@pytest.mark.parametrize(("left", "complaint"), [
+    (None, "no such folder; name the --out of a run"),
+    ({}, "it holds no config.json"),
+    ({"config.json": {}}, "that run is not at its end"),
+    ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of experiments.labels, whose report"),
+    ({"config.json": [], "summary.json": {}}, "config.json is no JSON object"),
+    ({"config.json": {}, "summary.json": {"nets": 3}}, "does not hold what a run writes"),
+])  # fmt: skip
+def test_a_folder_that_is_no_finished_run_is_refused(left, complaint, tmp_path, error_line):
+    folder = tmp_path / "folder"
+    if left is not None:
+        folder.mkdir()
+        for name, value in left.items():
+            write_json(folder / name, value)
+    assert main([str(folder)]) == 2
+    said = error_line()
+    assert str(folder) in said and complaint in said
+    assert left is None or not (folder / "report.html").exists()
+
+
+def test_tensorboard_gets_every_reward(run, tmp_path, error_line, monkeypatch, capsys):
+    from tensorboardX.proto.event_pb2 import Event
+
+    flags = [str(run), "--tensorboard", str(tmp_path / "events")]
+    assert main(flags) == 0
+    (file,) = (tmp_path / "events" / "run").iterdir()
+    data, scalars = file.read_bytes(), {}
+    while data:  # length, its checksum, an event, its checksum
+        (length,) = struct.unpack("<Q", data[:8])
+        for value in Event.FromString(data[12 : 12 + length]).summary.value:
+            scalars.setdefault(value.tag, []).append(value.simple_value)
+        data = data[16 + length :]
+    rewards = [100 * line["reward"] for line in lines(run / "evaluations.jsonl")]
+    assert scalars["search/reward"] == pytest.approx(rewards)
+    assert scalars["miou/learnt"] == pytest.approx(
+        read_json(run / "summary.json")["learnt"]["miou"]
+    )
+    capsys.readouterr()
+    assert main(flags) == 2 and "holds events already" in error_line()
+    monkeypatch.setitem(sys.modules, "tensorboardX", None)
+    assert main(flags) == 2 and "pip install -e '.[tensorboard]'" in error_line()
