@@ -40,7 +40,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     config, target, folder = run.config, run.target, run.config.out
     recipe, seeds = run.recipe(config.final), paired_seeds(run)
     # What the search does not decide fills its gaps; what it does, those of the export.
-    nets = (folder / pictures.NETS).absolute()  # workers may be elsewhere
+    nets = folder / pictures.NETS
     begin(run, [Nets("final", training_sets(run, None), recipe, nets)], seeds)
     learnt = learn(run)
     final = Nets("final", training_sets(run, learnt.streets), recipe, nets)

@@ -22,7 +22,7 @@ from experiments.reward.miou import (
     rendered_set,
 )
 from experiments.reward.mmd import Reference, evaluate_mmd
-from experiments.reward.seen import Seen
+from experiments.reward.seen import Seen, leave
 from experiments.reward.shelf import Shelf, by_target, sent
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
 from experiments.reward.truth import Shared, Truth, WithFew, rendered_of
@@ -44,7 +44,7 @@ class Job(NamedTuple):
     seed: int  # of the streets and of the net
     notes: dict[str, Any]  # what the run's log says of it, beside what it came to
     cost: float = 0.0  # CPU seconds, about; the longest begin first
-    seen: Seen | None = None  # where the net leaves what it saw, if anywhere
+    seen: Seen | None = None  # where it is kept what the net saw, if anywhere
 
 
 class Memory(NamedTuple):
@@ -143,7 +143,7 @@ class Evaluator:
         """Arguments of `attempt`."""
         recipe, truth = self._for_tasks
         source = self._source(job.source)
-        return (self._leaving(job), recipe, source, int(job.seed), truth, *self._parts)
+        return (self._seeing(job), recipe, source, int(job.seed), truth, *self._parts)
 
     def keep(self, key: str, job: Job, outcome: Outcome, memory: Memory) -> Outcome:
         """Keep what a job came to.
@@ -156,14 +156,16 @@ class Evaluator:
                 f"the score is {outcome.reward}: the images that score must hold at least one "
                 "labelled class"
             )
+        if job.seen is not None and outcome.sight is not None:
+            leave(job.seen.of(key), outcome.sight)
         record = record_of(key, rendered_of(job.source), job.seed, outcome)
         return memory.add(record | self.about_of(job.source), job.notes)
 
-    def _leaving(self, job: Job) -> Callable[..., Outcome]:
-        """What evaluates a job, and leaves what its net saw where that is asked for."""
+    def _seeing(self, job: Job) -> Callable[..., Outcome]:
+        """What evaluates a job, and tells what its net saw where that is asked for."""
         if job.seen is None:
             return self._evaluate
-        return partial(self._evaluate, seen=job.seen.of(self.key(job.source, job.seed)))
+        return partial(self._evaluate, sees=job.seen.predictions)
 
     @cached_property
     def _for_tasks(self) -> tuple[Recipe, Truth | Shared | Reference]:

@@ -11,14 +11,13 @@ import os
 import pickle
 import time
 from collections.abc import Callable
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from experiments.config import Fidelity
-from experiments.reward.seen import Seen, Sight, leave, picked, sight
+from experiments.reward.seen import Sight, picked, sight
 from experiments.reward.truth import Shared, Truth, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
@@ -68,6 +67,7 @@ class Outcome(NamedTuple):
     failed: str | None = None
     stored: bool = False  # it was known, and took no time now
     parts: tuple[float, ...] = ()  # reward on each part of the images, where it was asked for
+    sight: Sight | None = None  # what the net saw, where it was asked for and was not known before
 
     @property
     def seconds(self) -> float:
@@ -163,7 +163,7 @@ def evaluate_miou(
     parts: Parts = (),
     ready: Rendered | None = None,
     *,
-    seen: Seen | None = None,
+    sees: bool | None = None,
 ) -> Outcome:
     """Render, train, score.
 
@@ -174,7 +174,7 @@ def evaluate_miou(
         truth: what to score on.
         parts: of it that are scored each for itself, too.
         ready: the set, if it was rendered elsewhere.
-        seen: where the net leaves what it saw there, if anywhere; it changes no outcome.
+        sees: whether the outcome tells what the net saw: True with predictions, False the counts alone.
 
     Raises:
         TrainingError: training diverged.
@@ -186,7 +186,7 @@ def evaluate_miou(
     began = time.perf_counter()
     params = trained(recipe, own, seed, beside=_beside(source))
     spent = time.perf_counter() - began
-    return scored(recipe, params, truth, rendered, spent, parts, seen)
+    return scored(recipe, params, truth, rendered, spent, parts, sees)
 
 
 def _beside(source: Source) -> Beside | None:
@@ -229,7 +229,7 @@ def scored(
     render_seconds: float,
     train_seconds: float,
     parts: Parts = (),
-    seen: Seen | None = None,
+    sees: bool | None = None,
 ) -> Outcome:
     """What a trained net is worth; the time of scoring counts as training."""
     started = time.perf_counter()
@@ -242,20 +242,15 @@ def scored(
     present = confusion.sum(axis=1) > 0
     class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]
     seconds = train_seconds + time.perf_counter() - started
-    if seen is not None:
-        found = _sight(recipe, params, truth, confusion, seen.predictions)
-        with suppress(
-            OSError
-        ):  # a worker elsewhere may not see the folder; the report says what is missing
-            leave(seen, found)
+    found = None if sees is None else _sight(recipe, params, truth, confusion, sees)
     each = tuple(mean_iou(own) for own in confusions) if parts else ()
-    return Outcome(mean_iou(confusion), class_iou, render_seconds, seconds, parts=each)
+    return Outcome(mean_iou(confusion), class_iou, render_seconds, seconds, parts=each, sight=found)
 
 
 def _sight(
     recipe: Recipe, params: Params, truth: Truth, confusion: np.ndarray, predictions: bool
 ) -> Sight:
-    """What a net is to leave: its counts, and predictions if they are asked for."""
+    """What a net saw: its counts, and predictions if they are asked for."""
     if not predictions:
         return Sight(confusion)
     settings, chosen = recipe.fidelity.train, picked(len(truth.images))

@@ -21,9 +21,9 @@ MOST = 128
 
 
 class Seen(NamedTuple):
-    """Where a net leaves it."""
+    """Where it is kept."""
 
-    path: Path  # the folder; as a net is told, its file
+    path: Path  # the folder, or the file of a net
     predictions: bool = False  # of up to ``MOST`` images, too
 
     def of(self, key: str) -> Seen:

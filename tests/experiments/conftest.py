@@ -100,7 +100,7 @@ def never(*task: Any, **options: Any) -> Any:
 
 
 def formula(
-    recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = (), seen: Any = None
+    recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = (), sees: Any = None
 ) -> Outcome:
     """Worth more with buildings far off, or with (more) real images; a little noise by seed."""
     if isinstance(source, Truth):
