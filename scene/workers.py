@@ -18,6 +18,11 @@ from typing import Any
 
 import cv2
 
+from shell.memory import refuse_larger
+
+PROCESS = 100_000_000
+"""Bytes of a worker that has done nothing yet, at least."""
+
 
 class WorkerError(RuntimeError):
     """Workers died twice over the same work."""
@@ -103,6 +108,11 @@ class WorkerPool:
             ready, _ = wait(left, return_when=FIRST_COMPLETED)
             for future in ready:
                 yield left.pop(future), future.result()
+
+
+def refuse_many_workers(flag: str, workers: int) -> None:
+    """Raise UserError if so many processes need more memory than there is; names the flag."""
+    refuse_larger(flag, workers, lambda count: count * PROCESS, "processes")
 
 
 @contextmanager

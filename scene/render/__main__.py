@@ -19,15 +19,19 @@ from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.dataset.read import DESCRIPTION
 from scene.proposal import Streets, draw, named, parse_streets
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
-from scene.workers import WorkerError
+from scene.render.protocol import refuse_large_images, refuse_many_shots
+from scene.workers import WorkerError, refuse_many_workers
 from shell.command import Parser, exit_code, size
 from shell.files import read_json
+from shell.memory import refuse_larger
 
 if TYPE_CHECKING:
     from shell.progress import Progress
 
 MOST_IMAGES = 10_000_000
 """More are a slip of the hand."""
+STREET = 2000
+"""Bytes that are kept of a street until all are rendered, at least: its attributes."""
 
 
 def parser() -> Parser:
@@ -101,6 +105,10 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
             raise ValueError(f"--{name} must be {least} or more, not {getattr(options, name)}")
     width, height = options.size
     settings = check_settings(RenderSettings(width, height, samples=options.samples))
+    refuse_many_workers("--workers", options.workers)
+    refuse_large_images("--samples", settings)
+    refuse_many_shots("--shots", options.shots, settings)
+    refuse_larger("--images", options.images, lambda n: n * STREET // options.shots, "streets")
     chosen = streets_of(options.attributes, options.space)
     return export_dataset(
         draw(chosen, options.seed, -(-options.images // options.shots)),
