@@ -25,6 +25,8 @@ SHELL = (
     "scene/check.py",
     "scene/assets/library.py",
     "scene/dataset/",
+    "scene/mesh/beside.py",
+    "scene/mesh/bombs.py",
     "scene/mesh/file.py",
     "scene/render/",
     "scene/stats.py",

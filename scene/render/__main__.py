@@ -16,7 +16,7 @@ from scene.assets.catalogue import USES, AssetPool
 from scene.attributes import SPACES, SpaceName
 from scene.dataset.export import export_dataset
 from scene.dataset.formats.layout import FORMATS, SPLITS
-from scene.dataset.read import DESCRIPTION
+from scene.dataset.read import DESCRIPTION, MOST_IMAGES
 from scene.proposal import Streets, draw, named, parse_streets
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
@@ -28,8 +28,6 @@ from shell.memory import refuse_larger
 if TYPE_CHECKING:
     from shell.progress import Progress
 
-MOST_IMAGES = 10_000_000
-"""More are a slip of the hand."""
 STREET = 2000
 """Bytes that are kept of a street until all are rendered, at least: its attributes."""
 
