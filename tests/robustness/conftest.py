@@ -19,7 +19,7 @@ import numpy as np
 import pytest
 
 from tests.conftest import ROOT
-from tests.experiments.conftest import TINY, camvid, scored_by  # noqa: F401
+from tests.experiments.conftest import TINY, camvid, command, scored_by  # noqa: F401
 from tests.experiments.test_main_job import SCORES, files_of
 
 TIMES = int(os.environ.get("ROBUST_TIMES", "2"))
@@ -83,10 +83,10 @@ class Program:
 
     def start(self, out: Path, *flags: str) -> subprocess.Popen:
         """In a process group of its own."""
-        command = [sys.executable, *(word.replace("OUT", str(out)) for word in self.command)]
-        split = command.index("--") if "--" in command else len(command)
+        words = [sys.executable, *(word.replace("OUT", str(out)) for word in self.command)]
+        split = words.index("--") if "--" in words else len(words)
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
-        whole = [*command[:split], *flags, *command[split:]]
+        whole = [*words[:split], *flags, *words[split:]]
         environment = {k: v for k, v in os.environ.items() if k != "CAMVID_DIR"}
         return subprocess.Popen(
             whole,

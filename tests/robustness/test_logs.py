@@ -4,34 +4,35 @@ import json
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import sdr_jax
 from shell.errors import UserError
-from tests.experiments.conftest import formula, main_job
 from tests.robustness.conftest import TIMES
 
 LOGS = ("evaluations.jsonl", "finals.jsonl", "store.jsonl")
 
 
 @pytest.fixture
-def job(camvid, scored_by) -> Callable[[Path], int]:
-    """A whole job with formulas in the place of nets, its store in its folder's parent; the exit code."""
-    scored_by(formula)
+def job(command) -> Callable[[Path], int]:
+    """Searches and final nets by formula, with a store beside the folder; the exit code."""
 
     def run(out: Path) -> int:
-        store = ("--store", str(out.with_name("store.jsonl")))
-        flags = ("--data", str(camvid), "--candidates", "argmax", *store)
-        return main_job("camvid", *flags, "--out", str(out))
+        flags = ("--methods", "random_search", "--subsets", "car_position", "--evaluations", "4")
+        return command("compare", out, *flags, "--store", str(out.with_name("store.jsonl")))
 
     return run
 
 
-def answer(out: Path) -> tuple[bytes, object]:
-    rows = json.loads((out / "summary.json").read_text())["rows"]
-    return (out / "attributes.json").read_bytes(), rows
+def answer(out: Path) -> dict[str, Any]:
+    """The report, without the seconds of the method itself."""
+    report: dict[str, Any] = json.loads((out / "compare.json").read_text())
+    for row in report["rows"]:
+        (row["search"] or {}).pop("method_seconds", None)
+    return report
 
 
 @pytest.mark.parametrize("log", LOGS)
