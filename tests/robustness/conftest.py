@@ -181,4 +181,6 @@ def end(process: subprocess.Popen) -> None:
         os.killpg(process.pid, signal.SIGKILL)
     except ProcessLookupError:
         pass
-    process.communicate()
+    process.wait()
+    if process.stderr is not None:
+        process.stderr.close()
