@@ -1,5 +1,6 @@
 # `make demo` and `make test` do all the set-up themselves, in .venv, without root.
 OUT ?= runs/demo
+DATA ?= $(CAMVID_DIR)
 TWIN_SEED ?= 0
 PYTHON ?=
 ARGS ?=
@@ -9,11 +10,12 @@ TIMES ?= 20
 # Commands run from the root, so that a checkout in a path with spaces works.
 BIN := .venv/bin
 
-.PHONY: help setup demo test nightly robust lint format clean
+.PHONY: help setup demo test results nightly robust lint format clean
 
 help:
 	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN_SEED=N (0)'
 	@echo 'make test      the tests, without the slow ones; ARGS="-k name" goes to pytest; JOBS=N (2) at a time'
+	@echo 'make results   every result of docs/results.md, from this commit; DATA=CAMVID ($$CAMVID_DIR); hours'
 	@echo 'make nightly   all tests but the next'
 	@echo 'make robust    kills, full disks, damaged and hostile files: a table of what is survived; TIMES=N (20)'
 	@echo 'make lint      ruff (rules, format) and mypy'
@@ -32,6 +34,9 @@ demo: setup
 
 test: setup
 	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow and not robust" $(ARGS)
+
+results: setup
+	@$(BIN)/python -m experiments.results --data "$(DATA)" --docs docs
 
 nightly: setup
 	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not robust" $(ARGS)

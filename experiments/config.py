@@ -25,6 +25,7 @@ from scene.proposal import (
     space_in,
 )
 from scene.render import RenderSettings, check_settings
+from scene.workers import ExecutorName
 from sdr_jax.registry import MethodName
 from seg.beside import drawn
 from seg.settings import TrainSettings
@@ -159,6 +160,10 @@ class Config:
     """What renders."""
     workers: int = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
     """Processes, one core each; 0 works in the main process."""
+    executor: ExecutorName = "processes"
+    """Who works: processes of this machine, or a Dask cluster (see docs/cluster.md)."""
+    scheduler: str | None = None
+    """Address of the cluster's scheduler, such as tcp://10.0.0.1:8786; its workers stand in for --workers."""
     reward_images: int | None = None
     """At most so many real images for the reward (a seeded choice); by default all."""
     test_images: int | None = None

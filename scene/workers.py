@@ -1,7 +1,8 @@
-"""A pool of long-lived worker processes whose death is survived once.
+"""Long-lived worker processes whose death is survived once, behind ``concurrent.futures.Executor``.
 
 Used for rendering, and by the experiments for whole rewards. Results come back as they are ready, with
-the index of their task, so that progress can be shown and answers do not depend on the order.
+the index of their task, so that progress can be shown and answers do not depend on the order. `WorkerPool`
+has processes of this machine, ``scene.cluster.Cluster`` those of a Dask cluster.
 """
 
 from __future__ import annotations
@@ -10,16 +11,23 @@ import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from typing import Any
+from pathlib import Path
+from typing import Any, Literal, TypeVar
 
 import cv2
 
+from shell.cores import Cores
+from shell.errors import UserError
 from shell.memory import refuse_larger
 
+ExecutorName = Literal["processes", "dask"]
+Self = TypeVar("Self", bound="Workers")
+LEAST_URGENT = 19
+"""How nice processes are that work behind the others, where the system knows such a thing."""
 PROCESS = 100_000_000
 """Bytes of a worker that has done nothing yet, at least."""
 
@@ -28,37 +36,60 @@ class WorkerError(RuntimeError):
     """Workers died twice over the same work."""
 
 
-class WorkerPool:
-    """``workers`` processes, one core each, started when first needed.
+class Workers:
+    """Tasks for an executor. With 0 workers they run in this process, which tests and debuggers like.
 
-    With 0 workers the tasks run in this process, which tests and debuggers like.
+    Work is urgent, or *behind* all that is urgent: it fills the time for which others leave a core idle.
     """
 
-    def __init__(self, workers: int, environment: dict[str, str] | None = None) -> None:
-        if workers < 0:
-            raise ValueError(f"workers must be 0 or more, not {workers}")
-        self.workers = workers
-        self._environment = environment or {}
-        self._executor: ProcessPoolExecutor | None = None
+    workers: int
+    """How many work at once."""
+    dashboard: str | None = None
+    """A page that shows them at work, if there is one."""
+    _patience: float | None = None
+    """Seconds after which a wait looks whether the workers are still there."""
 
-    def __enter__(self) -> WorkerPool:
+    def __enter__(self: Self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
-        """Stop the processes at once; work under way is dropped."""
-        if self._executor is not None:
-            for process in list((self._executor._processes or {}).values()):
-                process.terminate()
-            self._executor.shutdown(wait=True, cancel_futures=True)
-            self._executor = None
+        """Stop at once; work under way is dropped."""
+
+    def cpu_share(self) -> float | None:
+        """Stop, and say what share of their cores was used since they opened; None where nobody knows."""
+        return None
+
+    def share(self, path: str) -> str:
+        """What tasks call a file or folder of this machine; its content is not to change any more."""
+        return path
+
+    def begin(self, function: Callable[..., Any], *task: Any, first: Any = None) -> Future | None:
+        """A net behind all that is urgent, for ``map`` to wait for; None with 0 workers."""
+        return self._submit(function, task, True, first, True) if self.workers else None
 
     def map(
-        self, function: Callable[..., Any], tasks: Sequence[tuple]
+        self,
+        function: Callable[..., Any],
+        tasks: Sequence[tuple],
+        *,
+        net: bool = False,
+        first: Callable[..., Any] | None = None,
+        behind: bool = False,
+        begun: Mapping[int, Future] | None = None,
     ) -> Iterator[tuple[int, Any]]:
         """Yield (index, ``function(*tasks[index])``) as results come in.
+
+        Args:
+            function: of a module; so is ``first``.
+            tasks: its arguments.
+            net: whether it trains or applies one, and wants a GPU where there are some.
+            first: what of it wants none. On a cluster with GPUs it is a task of its own, for
+                ``function(*task, ready=first(*task))``.
+            behind: whether all that is urgent comes before.
+            begun: tasks by index that `begin` was given.
 
         Raises:
             WorkerError: a process died, and died again when the work was repeated.
@@ -69,45 +100,130 @@ class WorkerPool:
                 yield index, function(*task)
             return
         done: set[int] = set()
+        futures = dict(begun or {})
         try:
             for attempt in range(2):
+                for index, task in enumerate(tasks):
+                    if index not in done and index not in futures:
+                        futures[index] = self._submit(function, task, net, first, behind)
                 try:
-                    for index, result in self._attempt(function, tasks, done):
+                    for index, result in self._results(futures):
                         done.add(index)
                         yield index, result
                     return
                 except BrokenProcessPool as error:
-                    self.close()
+                    self._drop(futures.values())
+                    futures = {}
                     if attempt:
                         raise WorkerError(
                             f"a worker process died twice with {len(tasks) - len(done)} tasks left "
                             "(out of memory, or killed?); try fewer --workers"
                         ) from error
         except BaseException:
-            self.close()
+            self._drop(futures.values())
             raise
 
-    def _attempt(
-        self, function: Callable[..., Any], tasks: Sequence[tuple], done: set[int]
-    ) -> Iterator[tuple[int, Any]]:
-        if self._executor is None:
+    def _results(self, futures: dict[int, Future]) -> Iterator[tuple[int, Any]]:
+        """Empties the dictionary: what was taken from here is nowhere else."""
+        left = {future: index for index, future in futures.items()}
+        while left:
+            ready, _ = wait(left, timeout=self._patience, return_when=FIRST_COMPLETED)
+            if not ready:
+                self._refuse_lost()
+            while ready:
+                future = ready.pop()
+                index = left.pop(future)
+                del futures[index]
+                yield index, self.result(future)
+
+    def _submit(
+        self, function: Callable[..., Any], task: tuple, net: bool, first: Any, behind: bool
+    ) -> Future:
+        raise NotImplementedError
+
+    def result(self, future: Future) -> Any:
+        """The result of what has ended."""
+        return future.result()
+
+    def _drop(self, futures: Iterable[Future]) -> None:
+        """Forget work that is under way."""
+        self.close()
+
+    def _refuse_lost(self) -> None:
+        """Raise an error if no answer will ever come."""
+
+
+class WorkerPool(Workers):
+    """``workers`` processes of this machine, one core each, and as many behind them, when needed.
+
+    Those behind are the least urgent to the system: they have a core while nobody else wants it. Where there
+    are GPUs, each process sees one.
+    """
+
+    def __init__(self, workers: int, environment: dict[str, str] | None = None) -> None:
+        if workers < 0:
+            raise ValueError(f"workers must be 0 or more, not {workers}")
+        self.workers = workers
+        self._environment = environment or {}
+        self._executors: dict[bool, ProcessPoolExecutor] = {}
+        self._cores = Cores()
+
+    def cpu_share(self) -> float:
+        """Stop, and say what share of their cores was used since they opened, this process included."""
+        self.close()  # what children have used is known when they have ended
+        return self._cores.share(self.workers)
+
+    def close(self) -> None:
+        """Stop the processes at once; work under way is dropped."""
+        for executor in self._executors.values():
+            for process in list((executor._processes or {}).values()):
+                process.terminate()
+            executor.shutdown(wait=True, cancel_futures=True)
+        self._executors = {}
+
+    def _submit(
+        self, function: Callable[..., Any], task: tuple, net: bool, first: Any, behind: bool
+    ) -> Future:
+        with _inherited(self._environment):  # processes start with a task
+            return self._executor(behind).submit(function, *task)
+
+    def _executor(self, behind: bool) -> Executor:
+        if behind not in self._executors:
             context = multiprocessing.get_context("spawn")
-            self._executor = ProcessPoolExecutor(
+            self._executors[behind] = ProcessPoolExecutor(
                 self.workers,
                 mp_context=context,
                 initializer=_start,
-                initargs=(context.Value("i", 0),),
+                initargs=(context.Value("i", 0), LEAST_URGENT if behind else 0),
             )
-        with _inherited(self._environment):
-            left: dict[Future, int] = {
-                self._executor.submit(function, *task): index
-                for index, task in enumerate(tasks)
-                if index not in done
-            }
-        while left:
-            ready, _ = wait(left, return_when=FIRST_COMPLETED)
-            for future in ready:
-                yield left.pop(future), future.result()
+        return self._executors[behind]
+
+
+def workers_of(
+    executor: ExecutorName,
+    workers: int,
+    scheduler: str | None = None,
+    environment: dict[str, str] | None = None,
+) -> Workers:
+    """The workers that ``--executor``, ``--workers`` and ``--scheduler`` ask for.
+
+    Raises:
+        UserError: a scheduler for processes, none for a cluster, or one that does not answer; the extra
+            ``dask`` is not installed.
+    """
+    if executor == "processes":
+        if scheduler is not None:
+            raise UserError("--scheduler is for --executor dask")
+        return WorkerPool(workers, environment)
+    if scheduler is None:
+        raise UserError("--executor dask needs --scheduler ADDRESS, which 'dask scheduler' prints")
+    try:
+        from scene.cluster import Cluster
+    except ImportError as error:
+        raise UserError(
+            f"--executor dask needs the extra dask: pip install -e '.[dask]' ({error})"
+        ) from None
+    return Cluster(scheduler, environment)
 
 
 def refuse_many_workers(flag: str, workers: int) -> None:
@@ -116,9 +232,9 @@ def refuse_many_workers(flag: str, workers: int) -> None:
 
 
 @contextmanager
-def opened(workers: int | WorkerPool) -> Iterator[WorkerPool]:
-    """A new pool of so many processes, closed in the end; or the pool itself, which is left open."""
-    if isinstance(workers, WorkerPool):
+def opened(workers: int | Workers) -> Iterator[Workers]:
+    """A new pool of so many processes, closed in the end; or the workers themselves, which are left open."""
+    if isinstance(workers, Workers):
         yield workers
         return
     with WorkerPool(workers) as pool:
@@ -147,8 +263,8 @@ def _inherited(environment: dict[str, str]) -> Iterator[None]:
                 os.environ[name] = value
 
 
-def _start(counter: Any) -> None:
-    """Give each worker one core of its own, leave Ctrl-C to the parent, and end with it."""
+def _start(counter: Any, nice: int) -> None:
+    """Give each worker one core and one GPU of its own, leave Ctrl-C to the parent, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with counter.get_lock():
@@ -158,6 +274,19 @@ def _start(counter: Any) -> None:
     if hasattr(os, "sched_setaffinity"):
         cores = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {cores[number % len(cores)]})
+    if nice and hasattr(os, "nice"):
+        os.nice(nice)
+    gpus = _gpus()
+    if gpus:
+        os.environ["CUDA_VISIBLE_DEVICES"] = gpus[number % len(gpus)]
+
+
+def _gpus() -> list[str]:
+    """NVIDIA's GPUs that this process may use, as CUDA_VISIBLE_DEVICES names them."""
+    named = os.environ.get("CUDA_VISIBLE_DEVICES")
+    if named is not None:
+        return [name for name in named.split(",") if name]
+    return [str(k) for k, _ in enumerate(Path("/proc/driver/nvidia/gpus").glob("*"))]
 
 
 def _end_with_parent() -> None:

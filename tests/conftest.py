@@ -1,10 +1,11 @@
 """What every test shares: JAX on the CPU, checked shapes, one hypothesis profile, the real data."""
 
 import errno
+import json
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from subprocess import DEVNULL, Popen, run
@@ -75,6 +76,47 @@ def camvid_dir() -> Path:
     if not path.is_dir():
         pytest.fail(f"CAMVID_DIR={value} is not a folder; unset it to skip these tests")
     return path
+
+
+class DaskCluster:
+    """A scheduler on loopback and its workers, each a process of its own."""
+
+    def __init__(self, folder: Path) -> None:
+        pytest.importorskip("distributed")
+        self._folder, self.workers = folder, []
+        file = folder / "scheduler.json"
+        self.scheduler = self._dask("scheduler", "--port", "0", "--scheduler-file", str(file))
+        wait_for_lines(self.scheduler, file, 2)
+        time.sleep(0.2)
+        self.address = json.loads(file.read_text())["address"]
+
+    def start(self, *resources: str) -> Popen:
+        """Starts a worker, which announces itself when it can."""
+        own = ["--resources", *resources] if resources else []
+        flags = ("--nthreads", "1", "--no-nanny", "--local-directory", str(self._folder), *own)
+        self.workers.append(self._dask("worker", self.address, *flags))
+        return self.workers[-1]
+
+    def _dask(self, *command: str) -> Popen:
+        environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+        full = [sys.executable, "-m", "dask", *command, "--host", "127.0.0.1", "--no-dashboard"]
+        quiet = {"stdin": DEVNULL, "stdout": DEVNULL, "stderr": DEVNULL}
+        return Popen(full, cwd=self._folder, env=environment, **quiet)
+
+    def stop(self) -> None:
+        """Ends all of them, at once."""
+        for process in (*self.workers, self.scheduler):
+            process.kill()
+            process.wait()
+
+
+@pytest.fixture
+def dask_cluster(tmp_path_factory: pytest.TempPathFactory) -> Iterator[DaskCluster]:
+    """A scheduler with one worker."""
+    cluster = DaskCluster(tmp_path_factory.mktemp("dask"))
+    cluster.start()
+    yield cluster
+    cluster.stop()
 
 
 @pytest.fixture

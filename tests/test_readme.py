@@ -29,13 +29,10 @@ def test_the_example_of_the_optimiser_runs_and_learns(capsys):
     assert capsys.readouterr().out.strip().startswith("[")
 
 
-def test_files_and_modules_it_names_exist():
+def test_files_and_modules_it_names_exist_and_no_placeholder_is_left():
     for path in re.findall(r"\]\(([^)#:]+)\)", README):
         assert (ROOT / path).exists(), path
     for module in re.findall(r"python -m ([\w.]+)", README):
         path = ROOT / module.replace(".", "/")
         assert path.with_suffix(".py").exists() or (path / "__main__.py").exists(), module
-
-
-def test_no_placeholder_is_left():
     assert not re.findall(r"RESULTS_|LIMITS$|TODO", README, flags=re.MULTILINE)

@@ -15,7 +15,7 @@ from experiments.presets import DENSITIES, ENVIRONMENT, POSITIONS
 from experiments.reward.miou import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
-from experiments.run.nets import paired_seeds, score_nets
+from experiments.run.nets import Nets, begin, paired_seeds, score_lists
 from experiments.run.search import Found, SearchPlan, search
 from experiments.study.form import Report, about, nets
 from experiments.study.searches import core_seconds, rewards
@@ -130,13 +130,21 @@ def plan(config: AblationConfig) -> list[Work]:
 
 def scores(run: Run[AblationConfig], _: Any) -> Report:
     """Do the whole ablation, or what is left of it; all searches begin with the same key."""
-    config = run.config
-    found = {variant: search(run, each) for variant, each in searches(config).items()}
-    answers: dict[str, Source] = {
-        variant: found[variant].solution if variant in found else random_proposal(config.space)
-        for variant in config.variants
-    }
-    scored = score_nets(run, "ablation", answers, run.recipe(config.final), paired_seeds(run))
+    config, seeds = run.config, paired_seeds(run)
+    found: dict[Variant, Found] = {}
+
+    def lists() -> list[Nets]:
+        answers: dict[str, Source] = {
+            variant: found[variant].solution if variant in found else random_proposal(config.space)
+            for variant in config.variants
+            if variant == RANDOM or variant in found
+        }
+        return [Nets("ablation", answers, run.recipe(config.final))]
+
+    for variant, each in searches(config).items():
+        begin(run, lists(), seeds)  # nets on what is found already fill the gaps of this search
+        found[variant] = search(run, each)
+    (scored,) = score_lists(run, lists(), seeds)
     return {
         **about(run, config.final),
         "method": config.search.method,

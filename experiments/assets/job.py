@@ -9,7 +9,7 @@ from experiments import presets
 from experiments.assets.report import FORM
 from experiments.config import Fidelity, LearntConfig, Preset, TargetName, Unused, refuse_shares
 from experiments.run.context import Run, Work
-from experiments.run.nets import paired_seeds, score_nets
+from experiments.run.nets import Nets, paired_seeds, score_lists
 from experiments.study.form import Report, about, nets
 from experiments.study.skeleton import Study, attributes, learnt_from, learnt_work
 from shell.errors import UserError, refuse_repeats
@@ -77,15 +77,19 @@ def plan(config: AssetsConfig) -> list[Work]:
 def scores(run: Run[AssetsConfig], _: None) -> Report:
     """Train the nets of the whole study, or what is left of them."""
     config, proposal = run.config, attributes(run, run.config.attributes)
-    rows = []
+    places, lists = [], []
     for images in config.images:
         fidelity = fidelity_of(config, images)
         for fraction in config.fractions:
             recipe = run.recipe(fidelity, fraction=fraction)
             what = f"{images} images, {100 * fraction:g} % of the assets"
-            outcomes = score_nets(run, what, {"nets": proposal}, recipe, paired_seeds(run))
-            place = {"images": images, "streets": fidelity.streets, "fraction": fraction}
-            rows.append({**place, "nets": nets(outcomes["nets"])})
+            lists.append(Nets(what, {"nets": proposal}, recipe))
+            places.append({"images": images, "streets": fidelity.streets, "fraction": fraction})
+    found = score_lists(run, lists, paired_seeds(run))
+    rows = [
+        {**place, "nets": nets(outcomes["nets"])}
+        for place, outcomes in zip(places, found, strict=True)
+    ]
     return {
         **about(run, config.final),
         "learnt_from": learnt_from(config),

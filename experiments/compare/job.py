@@ -13,7 +13,7 @@ from experiments.reward.miou import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.ladder import fidelities
-from experiments.run.nets import paired_seeds, score_nets
+from experiments.run.nets import Nets, begin, paired_seeds, score_lists
 from experiments.run.search import Found, SearchPlan, search
 from experiments.study.form import Report, about, miou, nets
 from experiments.study.searches import core_seconds, rewards
@@ -137,17 +137,24 @@ def plan(config: CompareConfig) -> list[Work]:
 
 def scores(run: Run[CompareConfig], _: Any) -> Report:
     """Do the whole comparison, or what is left of it."""
-    config = run.config
-    found = {each.name: search(run, each) for each in searches(config)}
-    answers: dict[str, Source] = {
-        row.name: found[row.name].solution if row.name in found else random_proposal(config.space)
-        for row in rows(config)
-    }
-    scored = [
-        score_nets(run, words(fidelity), answers, run.recipe(fidelity), paired_seeds(run))
-        for fidelity in budgets(config)
-    ]
-    workers = max(config.workers, 1)
+    config, seeds = run.config, paired_seeds(run)
+    found: dict[str, Found] = {}
+
+    def lists() -> list[Nets]:
+        answers: dict[str, Source] = {
+            row.name: found[row.name].solution
+            if row.name in found
+            else random_proposal(config.space)
+            for row in rows(config)
+            if row.method == RANDOM or row.name in found
+        }
+        return [Nets(words(at), answers, run.recipe(at)) for at in budgets(config)]
+
+    for each in searches(config):
+        begin(run, lists(), seeds)  # nets on what is found already fill the gaps of this search
+        found[each.name] = search(run, each)
+    scored = score_lists(run, lists(), seeds)
+    workers = max(run.workers.workers, 1)
     return {
         **about(run, config.final),
         "evaluations": config.evaluations,
@@ -160,7 +167,9 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
                 "attributes": len(row.subset),
                 "subset": row.title,
                 "method": row.method,
-                "search": _search(config, found[row.name], row) if row.name in found else None,
+                "search": _search(config, found[row.name], row, workers)
+                if row.name in found
+                else None,
                 "budgets": [{"miou": miou(nets(at[row.name]))} for at in scored],
             }
             for row in rows(config)
@@ -168,8 +177,7 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
     }
 
 
-def _search(config: CompareConfig, found: Found, row: Row) -> Report:
-    workers = max(config.workers, 1)
+def _search(config: CompareConfig, found: Found, row: Row, workers: int) -> Report:
     core = core_seconds(found)
     cpu, wall = round(found.cpu_seconds, 2), round(found.wall_seconds, 2)
     pairs = zip(names(config.space), *(part.tolist() for part in found.solution), strict=True)

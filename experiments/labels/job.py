@@ -13,7 +13,7 @@ from experiments.reward.miou import Source
 from experiments.reward.truth import Truth, WithFew, part_of
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
-from experiments.run.nets import paired_seeds, score_jobs
+from experiments.run.nets import Net, paired_seeds, score_each
 from experiments.study.form import Report, about, nets
 from experiments.study.skeleton import Study, attributes, learnt_from, learnt_work
 from experiments.target.base import Target
@@ -125,11 +125,12 @@ def scores(run: Run[LabelsConfig], counts: tuple[int, ...]) -> Report:
         for count in reversed(counts)
         if count or renders != ALONE
     ]
+    recipe = run.recipe(config.final)
     jobs = [
-        (f"{count} labels, {renders}", source(renders, count, seed), seed)
+        Net("labels", f"{count} labels, {renders}", source(renders, count, seed), recipe, seed)
         for renders, count, seed in wanted
     ]
-    outcomes = score_jobs(run, "labels", jobs, run.recipe(config.final))
+    outcomes = score_each(run, jobs)
     found = dict(zip(wanted, outcomes, strict=True))
     rows = []
     for count in counts:

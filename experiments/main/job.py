@@ -10,7 +10,7 @@ from experiments.reward.miou import Recipe, render
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.learn import learn, work_of
-from experiments.run.nets import paired_seeds, score_nets, training_sets
+from experiments.run.nets import Nets, begin, paired_seeds, score_lists, training_sets
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
@@ -34,12 +34,14 @@ def plan(config: MainConfig) -> list[Work]:
 def scores(run: Run[MainConfig], _: Any) -> Report:
     """Do the whole job, or what is left of it."""
     config, target, folder = run.config, run.target, run.config.out
+    recipe, seeds = run.recipe(config.final), paired_seeds(run)
+    # What the search does not decide fills its gaps; what it does, those of the export.
+    begin(run, [Nets("final", training_sets(run, None), recipe)], seeds)
     learnt = learn(run)
+    final = Nets("final", training_sets(run, learnt.streets), recipe)
+    begin(run, [final], seeds)
     pictures.rewards(folder / "pictures", learnt.found, target.title, config.reward_kind)
     pictures.distributions(folder / "pictures", learnt.found, target.title)
-    recipe = run.recipe(config.final)
-    sources = training_sets(run, learnt.streets)
-    rows = score_nets(run, "final", sources, recipe, paired_seeds(run))
     export(run, recipe, learnt.streets)
     datasets = {
         "random": render(recipe, random_proposal(config.space), config.seed, run.workers),
@@ -47,6 +49,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     }
     test = target.at(config.final.height, config.final.width).test
     pictures.samples(folder / "pictures", target, test, datasets)
+    (rows,) = score_lists(run, [final], seeds)
     return summary.scores(run, rows, learnt)
 
 

@@ -33,6 +33,7 @@ def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Rep
     return {
         **about(run, config.final),
         **few.about(run),
+        "seed": config.seed,
         "evaluations": len(run.evaluations.records),
         "failed": sum(line["failed"] is not None for line in lines),
         "seconds": {
@@ -71,6 +72,13 @@ def derive(report: Report) -> Report:
         **{row: rows[row] for row in rows if row != "real"},
         **gains,
         **few.gains(rows),
+        "searches": [
+            {
+                "seed": report["seed"],
+                "learnt": rows["learnt"]["mean"],
+                "chosen_candidate": report["chosen_candidate"],
+            }
+        ],
         "classes_absent_from_truth": absent,
         **({} if report["hidden_centres"] is None else {"recovery": _recovery(report)}),
     }

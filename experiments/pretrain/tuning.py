@@ -11,6 +11,7 @@ import numpy as np
 from experiments.pretrain.nets import Start, subsets, transfer
 from experiments.reward.evaluator import about
 from experiments.reward.miou import Outcome, Recipe
+from experiments.reward.shelf import sent
 from experiments.reward.store import identity, record_of
 from experiments.reward.truth import Truth, part_of
 from experiments.run.context import Run, refuse_failed, verdict
@@ -68,13 +69,14 @@ def tuned(
         else:
             found[net] = known
             run.progress.advance(cost[row], replayed=True)
-    work = list(missing.values())
+    order = sorted(missing, key=lambda each: -cost[each[0]] * len(missing[each]))  # longest first
+    work = [missing[each] for each in order]
     parts = [
-        (starts[row], seed, [chosen[seed][net.fraction] for net in nets])
-        for (row, seed), nets in missing.items()
+        (starts[row], seed, [chosen[seed][net.fraction] for net in missing[row, seed]])
+        for row, seed in order
     ]
     tasks = _tasks(run, fine, real, truth, parts) if parts else []
-    for index, outcomes in run.workers.map(transfer, tasks):
+    for index, outcomes in run.workers.map(transfer, tasks, net=True):
         row, _, seed = work[index][0]
         for net, outcome in zip(work[index], outcomes, strict=True):
             record = record_of(keys[net], real, seed, outcome) | shared[row]
@@ -96,10 +98,11 @@ def _tasks(
     """Arguments of `transfer` for every start, seed and list of subsets, real images in files."""
     shelf, train = run.shelf, fine.fidelity.train
     own, scoring = shelf.put(real, train, training=True), shelf.put(truth, train)
-    fine = shelf.normalised(fine, run.target)
+    fine = sent(shelf.normalised(fine, run.target), run.workers)
     tasks = []
     for start, seed, chosen in parts:
-        recipe = start.recipe._replace(statistics=fine.statistics)  # of the same size
+        recipe = sent(start.recipe, run.workers)
+        recipe = recipe._replace(statistics=fine.statistics)  # of the same size
         tasks.append((start._replace(recipe=recipe), fine, seed, own, chosen, scoring))
     return tasks
 

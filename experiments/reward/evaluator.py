@@ -3,19 +3,32 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import asdict
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from experiments.reward.miou import Outcome, Parts, Recipe, Source, attempt, evaluate_miou
+from experiments.reward.miou import (
+    Outcome,
+    Parts,
+    Recipe,
+    Source,
+    attempt,
+    evaluate_miou,
+    prepared,
+    rendered_set,
+)
 from experiments.reward.mmd import Reference, evaluate_mmd
-from experiments.reward.shelf import Shelf, by_target
+from experiments.reward.shelf import Shelf, by_target, sent
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
 from experiments.reward.truth import Shared, Truth, WithFew, rendered_of
 from experiments.target.base import Target
+from scene.proposal import Mixture, Proposal
 from scene.version import ENGINE
+from scene.workers import Workers
 from shell.errors import UserError
 from shell.files import digest, folder_digest
 from shell.lines import Record
@@ -29,6 +42,7 @@ class Job(NamedTuple):
     source: Source
     seed: int  # of the streets and of the net
     notes: dict[str, Any]  # what the run's log says of it, beside what it came to
+    cost: float = 0.0  # CPU seconds, about; the longest begin first
 
 
 class Memory(NamedTuple):
@@ -42,6 +56,11 @@ class Memory(NamedTuple):
         """Read what other runs have added to the store."""
         if self.store is not None:
             self.store.refresh()
+
+    def knows(self, key: str) -> bool:
+        """Whether an evaluation is known already."""
+        stored = self.store is not None and self.store.get(key) is not None
+        return stored or self.log.get(key) is not None
 
     def get(self, key: str, notes: dict[str, Any]) -> Outcome | None:
         """What is known of an evaluation; what is known from the store enters the log, with these notes."""
@@ -111,56 +130,40 @@ class Evaluator:
         return {**self.about, "config": digest(told)[:16], **also}
 
     def map(self, jobs: Sequence[Job], memory: Memory) -> Iterator[tuple[int, Outcome]]:
-        """Yield (index, outcome) of every job: known ones first, the others as they come in.
+        """Yield (index, outcome) of every job; see `evaluated`."""
+        asked = [(self, job) for job in jobs]
+        for index, _, outcome in evaluated(asked, memory, self._shelf.workers):
+            yield index, outcome
+
+    def task(self, job: Job) -> tuple:
+        """Arguments of `attempt`."""
+        recipe, truth = self._for_tasks
+        source = self._source(job.source)
+        return (self._evaluate, recipe, source, int(job.seed), truth, *self._parts)
+
+    def keep(self, key: str, job: Job, outcome: Outcome, memory: Memory) -> Outcome:
+        """Keep what a job came to.
 
         Raises:
             UserError: the truth holds no class.
         """
-        keys = [self.key(job.source, job.seed) for job in jobs]
-        memory.refresh()
-        missing: dict[str, list[int]] = {}  # several jobs of one call may be the same
-        for index, key in enumerate(keys):
-            known = memory.get(key, jobs[index].notes)
-            if known is None:
-                missing.setdefault(key, []).append(index)
-            else:
-                yield index, known
-        work = [indices[0] for indices in missing.values()]
-        if not work:
-            return
-        recipe, truth = self._for_tasks
-        tasks = [
-            (
-                self._evaluate,
-                recipe,
-                self._source(jobs[index].source),
-                int(jobs[index].seed),
-                truth,
-                *self._parts,
+        if outcome.failed is None and not math.isfinite(outcome.reward):
+            raise UserError(
+                f"the score is {outcome.reward}: the images that score must hold at least one "
+                "labelled class"
             )
-            for index in work
-        ]
-        for number, outcome in self._shelf.workers.map(attempt, tasks):
-            index = work[number]
-            if outcome.failed is None and not math.isfinite(outcome.reward):
-                raise UserError(
-                    f"the score is {outcome.reward}: the images that score must hold at least one "
-                    "labelled class"
-                )
-            job = jobs[index]
-            record = record_of(keys[index], rendered_of(job.source), job.seed, outcome)
-            record |= self.about_of(job.source)
-            yield index, memory.add(record, job.notes)
-            for twin in missing[keys[index]][1:]:
-                yield twin, memory.again(keys[index], jobs[twin].notes)
+        record = record_of(key, rendered_of(job.source), job.seed, outcome)
+        return memory.add(record | self.about_of(job.source), job.notes)
 
     @cached_property
     def _for_tasks(self) -> tuple[Recipe, Truth | Shared | Reference]:
         """Recipe and truth as workers want them."""
+        workers = self._shelf.workers
         if isinstance(self._truth, Reference):
-            return self._recipe, self._truth
+            truth = self._truth._replace(net=workers.share(self._truth.net))
+            return sent(self._recipe, workers), truth
         recipe = self._shelf.normalised(self._recipe, self._target)
-        return recipe, self._shelf.put(self._truth, recipe.fidelity.train)
+        return sent(recipe, workers), self._shelf.put(self._truth, recipe.fidelity.train)
 
     def _source(self, source: Source) -> Source | Shared:
         train = self._recipe.fidelity.train
@@ -169,6 +172,68 @@ class Evaluator:
         if not isinstance(source, Truth):
             return source
         return self._shelf.put(source, train, training=True)
+
+
+Asked = Sequence[tuple[Evaluator, Job]]
+"""Nets of several recipes, each with who scores it."""
+
+
+def evaluated(
+    asked: Asked,
+    memory: Memory,
+    workers: Workers,
+    begun: Mapping[str, Future] | None = None,
+) -> Iterator[tuple[int, str, Outcome]]:
+    """Yield (index, key, outcome) of every job: known ones first, the others as they come in.
+
+    All that are missing are one list, the longest first.
+
+    Args:
+        asked: what to train, and who scores it.
+        memory: what is known, and where new outcomes are kept.
+        workers: who train.
+        begun: by key, nets that train already, behind all others; so do then those asked for.
+
+    Raises:
+        UserError: the truth holds no class.
+    """
+    keys = [evaluator.key(job.source, job.seed) for evaluator, job in asked]
+    memory.refresh()
+    missing: dict[str, list[int]] = {}  # several jobs of one call may be the same
+    for index, key in enumerate(keys):
+        known = memory.get(key, asked[index][1].notes)
+        if known is None:
+            missing.setdefault(key, []).append(index)
+        else:
+            yield index, key, known
+    work = sorted((indices[0] for indices in missing.values()), key=lambda k: -asked[k][1].cost)
+    if not work:
+        return
+    tasks = [asked[index][0].task(asked[index][1]) for index in work]
+    rendered = [0.0] * len(tasks)
+    if len(tasks) < workers.workers and not begun:  # else some would have nothing to do
+        tasks, rendered = zip(*(_rendered_by_all(task, workers) for task in tasks), strict=True)
+    own = {number: begun[keys[k]] for number, k in enumerate(work) if begun and keys[k] in begun}
+    results = workers.map(attempt, tasks, net=True, first=prepared, behind=bool(begun), begun=own)
+    for number, outcome in results:
+        index = work[number]
+        evaluator, job = asked[index]
+        key = keys[index]
+        outcome = outcome._replace(render_seconds=outcome.render_seconds + rendered[number])
+        yield index, key, evaluator.keep(key, job, outcome, memory)
+        for twin in missing[key][1:]:
+            yield twin, key, memory.again(key, asked[twin][1].notes)
+
+
+def _rendered_by_all(task: tuple, workers: Workers) -> tuple[tuple, float]:
+    """A task with its training set, rendered street by street by all workers, and their core seconds."""
+    evaluate, recipe, source, seed, truth, *parts = task
+    if isinstance(truth, Reference) or not isinstance(source, Proposal | Mixture):
+        return task, 0.0
+    started = time.perf_counter()
+    own = rendered_set(recipe, source, seed, workers)
+    busy = min(workers.workers, recipe.fidelity.streets)
+    return (evaluate, recipe, own, seed, truth, *parts), busy * (time.perf_counter() - started)
 
 
 def about(

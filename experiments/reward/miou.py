@@ -17,11 +17,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.config import Fidelity
-from experiments.reward.truth import Truth, WithFew, loaded, rendered_of
+from experiments.reward.truth import Shared, Truth, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Mixture, Proposal, Streets, draw
-from scene.workers import WorkerPool
+from scene.workers import Workers
 from seg.beside import Beside
 from seg.classes import ClassTable, class_table
 from seg.metrics import iou, mean_iou
@@ -72,16 +72,40 @@ class Outcome(NamedTuple):
         return self.render_seconds + self.train_seconds
 
 
-def attempt(evaluate: Callable[..., Outcome], *arguments: Any) -> Outcome:
-    """Evaluate, with shared images as arrays; training that diverges is an outcome, too."""
+Rendered = tuple[Truth, float]
+"""A training set, and the seconds that rendering it took."""
+
+
+def prepared(
+    evaluate: Callable[..., Outcome], recipe: Recipe, source: Any, seed: int, *_: Any
+) -> Any:
+    """What of an evaluation needs no GPU: the rendered set, if it is of the kind that trains on one."""
+    if evaluate is not evaluate_miou or isinstance(source, Truth | Shared):
+        return None
     started = time.perf_counter()
+    own = training_set(recipe, loaded(source), seed)
+    return own, time.perf_counter() - started
+
+
+def attempt(
+    evaluate: Callable[..., Outcome], *arguments: Any, ready: Rendered | None = None
+) -> Outcome:
+    """Evaluate, with shared images as arrays; training that diverges is an outcome, too.
+
+    Args:
+        evaluate: `evaluate_miou`, or another one.
+        arguments: of it.
+        ready: what `prepared` has made of them.
+    """
+    started = time.perf_counter()
+    known = {} if ready is None else {"ready": ready}
     try:
-        return evaluate(*map(loaded, arguments))
+        return evaluate(*map(loaded, arguments), **known)
     except TrainingError as error:
         return Outcome(math.nan, [], 0.0, time.perf_counter() - started, str(error))
 
 
-def render(recipe: Recipe, streets: Streets, seed: int, workers: int | WorkerPool = 0) -> Dataset:
+def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Dataset:
     """The dataset of streets and a seed; by default in this process.
 
     ``python -m scene.render --attributes FILE --seed SEED`` with the same sizes renders the same.
@@ -98,6 +122,12 @@ def render(recipe: Recipe, streets: Streets, seed: int, workers: int | WorkerPoo
     )
 
 
+def rendered_set(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Truth:
+    """The images of streets and a seed, with labels in the classes of the recipe."""
+    dataset = render(recipe, streets, seed, workers)
+    return Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+
+
 def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
     """The images of a source, but for a few beside it, with labels in the classes of the recipe.
 
@@ -111,8 +141,7 @@ def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
     if name in _KEPT:
         return _KEPT[name]
     _KEPT.clear()
-    dataset = render(recipe, proposal, seed)
-    found = Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+    found = rendered_set(recipe, proposal, seed)
     if isinstance(source, WithFew):
         train = recipe.fidelity.train
         if train.frozen:
@@ -123,7 +152,12 @@ def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
 
 
 def evaluate_miou(
-    recipe: Recipe, source: Source, seed: int, truth: Truth, parts: Parts = ()
+    recipe: Recipe,
+    source: Source,
+    seed: int,
+    truth: Truth,
+    parts: Parts = (),
+    ready: Rendered | None = None,
 ) -> Outcome:
     """Render, train, score.
 
@@ -133,15 +167,18 @@ def evaluate_miou(
         seed: of the streets and of the net.
         truth: what to score on.
         parts: of it that are scored each for itself, too.
+        ready: the set, if it was rendered elsewhere.
 
     Raises:
         TrainingError: training diverged.
     """
     started = time.perf_counter()
-    own = training_set(recipe, source, seed)
-    rendered = 0.0 if isinstance(source, Truth) else time.perf_counter() - started
+    own, rendered = ready or (training_set(recipe, source, seed), 0.0)
+    if ready is None and not isinstance(source, Truth):
+        rendered = time.perf_counter() - started
+    began = time.perf_counter()
     params = trained(recipe, own, seed, beside=_beside(source))
-    spent = time.perf_counter() - started - rendered
+    spent = time.perf_counter() - began
     return scored(recipe, params, truth, rendered, spent, parts)
 
 

@@ -20,13 +20,15 @@ import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 
 from experiments.reward.miou import Outcome, Recipe, render, training_set
+from experiments.reward.shelf import sent
 from scene.proposal import Proposal, random_proposal
-from scene.workers import WorkerPool
+from scene.workers import Workers
 from seg.features import features
 from seg.mmd import mmd2
 from seg.train import TrainingError, TrainSettings, train
 from shell.errors import UserError
 from shell.files import write
+from shell.sent import here
 
 FILE = "feature-net.npz"
 """The net's parameters, in the run folder."""
@@ -64,7 +66,7 @@ class FeatureNet(NamedTuple):
         return Reference(found, str(self.path), source.hexdigest())
 
 
-def feature_net(recipe: Recipe, folder: Path, workers: WorkerPool) -> FeatureNet:
+def feature_net(recipe: Recipe, folder: Path, workers: Workers) -> FeatureNet:
     """The net of a run folder, trained if there is none yet.
 
     Raises:
@@ -73,7 +75,7 @@ def feature_net(recipe: Recipe, folder: Path, workers: WorkerPool) -> FeatureNet
     path = folder / FILE
     if not path.exists():
         try:
-            ((_, params),) = workers.map(train_features, [(recipe,)])
+            ((_, params),) = workers.map(train_features, [(sent(recipe, workers),)], net=True)
         except TrainingError as error:
             raise UserError(f"--reward-kind mmd: {error}") from None
         data = io.BytesIO()
@@ -105,7 +107,7 @@ def evaluate_mmd(recipe: Recipe, source: Proposal, seed: int, real: Reference) -
 @lru_cache(maxsize=1)
 def _load(path: str) -> Any:
     try:
-        with np.load(path) as file:
+        with np.load(here(path)) as file:
             return unflatten_dict(dict(file), sep="/")
     except (ValueError, EOFError, OSError, BadZipFile) as error:
         raise UserError(f"{path} cannot be read ({error}); remove it to train it anew") from None

@@ -23,7 +23,7 @@ from experiments.reward.miou import Recipe
 from experiments.reward.store import digest_of
 from experiments.reward.truth import Shared, Truth, loaded, removable
 from experiments.target.base import Target
-from scene.workers import WorkerPool
+from scene.workers import Workers
 from seg.nets.lite0 import Pyramid
 from seg.pyramid import Statistics, channel_statistics, features
 from seg.settings import TrainSettings
@@ -48,7 +48,7 @@ class Shelf:
 
     def __init__(
         self,
-        workers: WorkerPool,
+        workers: Workers,
         run: Path | None = None,
         say: Callable[[str], None] = lambda text: None,
     ) -> None:
@@ -74,8 +74,9 @@ class Shelf:
             assert isinstance(held, Shared)
             return held._replace(picked=truth.origin[1])
         source = digest_of(truth.images, truth.labels)
-        held = Shared(str(self._root / source[:16]))
-        self._keep(Path(held.images), {"images": source}, lambda part: _write_truth(part, truth))
+        folder = self._root / source[:16]
+        self._keep(folder, {"images": source}, lambda part: _write_truth(part, truth))
+        held = Shared(self.workers.share(str(folder)))
         if not train.frozen:
             return held
         views = _views(train, training)
@@ -90,7 +91,7 @@ class Shelf:
             self._compute(part, count, tasks)
 
         self._keep(folder, told, fill)
-        return held._replace(features=str(folder))
+        return held._replace(features=self.workers.share(str(folder)))
 
     def normalised(self, recipe: Recipe, target: Target) -> Recipe:
         """The recipe with the statistics that its head normalises features by, where those are the target's.
@@ -103,7 +104,7 @@ class Shelf:
         real = target.at(fidelity.height, fidelity.width).reward
         trunk = replace(fidelity.train, trunk="frozen")  # as a tuned one begins
         held = self.put(Truth(real.images, real.labels), trunk)
-        ((_, found),) = self.workers.map(_statistics, [(held, trunk)])
+        ((_, found),) = self.workers.map(_statistics, [(held, trunk)], net=True)
         return recipe._replace(statistics=found)
 
     def _compute(self, part: Path, count: int, tasks: list[tuple]) -> None:
@@ -111,7 +112,7 @@ class Shelf:
         files: dict[str, tuple[IO[bytes], int]] = {}
         done = 0
         try:
-            for index, maps in self.workers.map(_features_of, tasks):
+            for index, maps in self.workers.map(_features_of, tasks, net=True):
                 _, start, stop, *_ = tasks[index]
                 views = len(maps.eighth) // (stop - start)
                 for name, m in maps._asdict().items():
@@ -137,6 +138,15 @@ class Shelf:
                 files = {path.name: _file_digest(path) for path in sorted(part.iterdir())}
                 write_json(part / ABOUT, {**told, "files": files})
         self._checked.add(folder)
+
+
+def sent(recipe: Recipe, workers: Workers) -> Recipe:
+    """A recipe whose files workers find: own assets, weights."""
+    fidelity, own = recipe.fidelity, recipe.pool.own
+    if fidelity.train.weights is not None:
+        weights = workers.share(fidelity.train.weights)
+        fidelity = replace(fidelity, train=replace(fidelity.train, weights=weights))
+    return recipe._replace(fidelity=fidelity, pool=recipe.pool._replace(own=workers.share(own)))
 
 
 def by_target(train: TrainSettings) -> bool:

@@ -11,6 +11,7 @@ import numpy as np
 
 from seg.nets.lite0 import Pyramid
 from shell.errors import UserError
+from shell.sent import here
 
 
 class Truth(NamedTuple):
@@ -99,7 +100,7 @@ def _load(shared: Shared) -> Truth:
 
 
 def _mapped(folder: str, name: str) -> np.ndarray:
-    path = Path(folder) / f"{name}.npy"
+    path = here(folder) / f"{name}.npy"
     try:
         return np.asarray(np.load(path, mmap_mode="r"))
     except (OSError, ValueError, EOFError) as error:

@@ -2,7 +2,8 @@
 
     with opened(config) as run:
         run.begin([Work.at("nets", count, config.final)])
-        outcomes = run.score(run.evaluator(run.recipe(config.final), "test"), jobs, ...)
+        evaluator = run.evaluator(run.recipe(config.final), "test")
+        outcomes = run.score([(evaluator, job) for job in jobs], log=run.finals)
 
 A job that is started again does what is left: everything that was scored is in its folder.
 """
@@ -15,18 +16,19 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 from experiments.config import Config, Fidelity, RewardKind
-from experiments.reward.evaluator import Evaluator, Job, Memory, Side
+from experiments.reward.evaluator import Asked, Evaluator, Job, Memory, Side, evaluated
 from experiments.reward.miou import Outcome, Parts, Recipe, worker_environment
 from experiments.reward.mmd import FeatureNet, Reference, feature_net
 from experiments.reward.shelf import Shelf
 from experiments.reward.store import LOGS, Log, Store
 from experiments.reward.truth import Truth
+from experiments.run.ahead import Ahead
 from experiments.run.ladder import cost_of
 from experiments.target.base import Target
 from experiments.target.named import named_target
 from scene.render import RendererError, renderer
 from scene.version import ENGINE
-from scene.workers import WorkerPool
+from scene.workers import Workers, workers_of
 from sdr_jax import refuse_failures
 from seg.weights import described
 from shell import folder
@@ -34,7 +36,7 @@ from shell.errors import UserError
 from shell.progress import Progress, duration
 
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
-FREE_FIELDS = ("out", "workers", "store")
+FREE_FIELDS = ("out", "workers", "executor", "scheduler", "store")
 """Fields that may differ when a job is continued."""
 REWARD_NAMES: dict[RewardKind, str] = {"miou": "mIoU", "mmd": "-MMD^2"}
 """What each ``--reward-kind`` is."""
@@ -67,7 +69,7 @@ class Run(Generic[AnyConfig]):
 
     config: AnyConfig
     target: Target
-    workers: WorkerPool
+    workers: Workers
     evaluations: Log
     """Rewards of searches, one line each, as they are made."""
     finals: Log
@@ -77,10 +79,13 @@ class Run(Generic[AnyConfig]):
     progress: Progress
     shelf: Shelf = field(init=False)
     """The workers, and real images in files that they share."""
+    ahead: Ahead = field(init=False)
+    """Final nets that train before anybody waits for them."""
     _net: list[FeatureNet] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.shelf = Shelf(self.workers, self.config.out, lambda text: self.progress.update(text))
+        self.ahead = Ahead(self.workers, self.memory(self.finals))
 
     def recipe(self, fidelity: Fidelity, **pool: Any) -> Recipe:
         """How nets are made at a fidelity; fields of the pool of assets may be changed."""
@@ -115,29 +120,37 @@ class Run(Generic[AnyConfig]):
 
     def score(
         self,
-        evaluator: Evaluator,
-        jobs: Sequence[Job],
+        asked: Asked,
         *,
         log: Log,
-        cost: float,
         say: Callable[[int, Outcome], str] | None = None,
     ) -> list[Outcome]:
         """Train and score a net for every job; a failed one is an outcome with its reason.
 
         Args:
-            evaluator: of these nets.
-            jobs: what to train on, with which seeds.
+            asked: what to train on, with which seeds, and who scores it.
             log: where evaluations are kept: ``evaluations`` or ``finals``.
-            cost: of one net, in the units of the progress.
             say: what progress says about a new outcome; the job's index is the first argument.
         """
         found: dict[int, Outcome] = {}
-        for index, outcome in evaluator.map(jobs, self.memory(log)):
+        self._gather()
+        begun = self.ahead.take(asked)
+        for index, key, outcome in evaluated(asked, self.memory(log), self.workers, begun):
             found[index] = outcome
-            self.progress.advance(cost, replayed=outcome.stored)
+            if key in self.ahead.counted:
+                self.ahead.counted.remove(key)
+            else:
+                self.progress.advance(asked[index][1].cost, replayed=outcome.stored)
             if say is not None and not outcome.stored:
                 self.progress.update(say(index, outcome))
-        return [found[index] for index in range(len(jobs))]
+            self._gather()
+        return [found[index] for index in range(len(asked))]
+
+    def _gather(self) -> None:
+        """Keep and tell what nets have come to that nobody waits for yet."""
+        for job, outcome in self.ahead.ended():
+            self.progress.advance(job.cost)
+            self.progress.update(net_said(job, outcome))
 
     def begin(self, plan: Sequence[Work]) -> None:
         """Say what is about to be done and how long it takes, and count it from here."""
@@ -145,7 +158,9 @@ class Run(Generic[AnyConfig]):
         lines = self.evaluations.records + self.finals.records
         elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
         self.progress = Progress(sum(work.cost for work in plan), elapsed, label)
-        self.progress.say(plan_text(plan, self.config.workers))
+        self.progress.say(plan_text(plan, self.workers.workers))
+        if self.workers.dashboard is not None:
+            self.progress.say(f"Dashboard: {self.workers.dashboard}")
         shared = "" if self.store is None else f" | {self.store.path} holds {len(self.store)}"
         self.progress.say(f"Folder: {self.config.out}{shared}")
         if lines:
@@ -172,6 +187,12 @@ def verdict(outcome: Outcome, kind: RewardKind = "miou") -> str:
     if outcome.failed:
         return "failed"
     return f"{REWARD_NAMES[kind]} {in_words(kind, outcome.reward)}"
+
+
+def net_said(job: Job, outcome: Outcome, kind: RewardKind = "miou") -> str:
+    """What progress says about a net that is none of a search."""
+    notes = job.notes
+    return f"{notes['nets']}: {notes['row']}, seed {notes['seed']} | {verdict(outcome, kind)}"
 
 
 def plan_text(plan: Sequence[Work], workers: int) -> str:
@@ -209,7 +230,8 @@ def opened(
     except RendererError as error:
         raise UserError(str(error)) from None
     plain = {"engine": ENGINE, **asdict(config)}
-    with WorkerPool(config.workers, worker_environment()) as workers:
+    environment = worker_environment()
+    with workers_of(config.executor, config.workers, config.scheduler, environment) as workers:
         target = named_target(config, workers)
         folder.refuse_foreign(config.out, plain, FREE_FIELDS)
         if refuse is not None:

@@ -8,6 +8,7 @@ one ever meets the test images.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -53,8 +54,8 @@ class Learnt(NamedTuple):
     parts: tuple[str, ...]  # of the reward images, in words
 
 
-def plan_of(config: SearchConfig) -> SearchPlan:
-    """The search of a configuration.
+def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
+    """The search of a configuration, under a name that no other search of its run has.
 
     Raises:
         UserError: an option out of range.
@@ -63,7 +64,7 @@ def plan_of(config: SearchConfig) -> SearchPlan:
     method = make_method(config, options.method, make_space(config), options.updates_per_group)
     updates = options.updates_per_group * len(config.groups)
     return SearchPlan(
-        "search",
+        name,
         config.space,
         options.method,
         method,
@@ -71,6 +72,7 @@ def plan_of(config: SearchConfig) -> SearchPlan:
         options.datasets_per_update,
         updates,
         options,
+        config.seed,
     )
 
 
@@ -90,21 +92,27 @@ def work_of(config: SearchConfig) -> list[Work]:
     ]
 
 
-def learn(run: Run[Any]) -> Learnt:
-    """Search, choose a relaxation, and leave what was learnt in ``attributes.json``.
+def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> Learnt:
+    """Search, choose a candidate, and leave what was learnt in the run folder.
 
     Args:
-        run: its configuration is a `SearchConfig`.
+        run: the job.
+        config: of the search, where that is not the job's: of another method or seed.
+        name: of the search, where a job has several; its file is ``attributes/NAME.json`` rather than
+            ``attributes.json``.
 
     Raises:
         UserError: more than a tenth of the evaluations failed.
     """
-    config: SearchConfig = run.config
+    config = config or run.config
     parts, words = judged_on(run.target, config)
-    found = search(run, plan_of(config), config.reward_kind)
-    streets = {name: candidate(name, found, config) for name in config.candidates}
-    chosen, scores = (_climb if config.ladder else _choose)(run, streets, parts)
-    write_json(config.out / "attributes.json", describe(streets[chosen]))
+    found = search(run, plan_of(config, name or "search"), config.reward_kind)
+    streets = {each: candidate(each, found, config) for each in config.candidates}
+    judge = _Judge(run, config, streets, parts, f"{name}, " if name else "")
+    chosen, scores = judge.climb() if config.ladder else judge.choose()
+    file = config.out / (f"attributes/{name}.json" if name else "attributes.json")
+    file.parent.mkdir(exist_ok=True)
+    write_json(file, describe(streets[chosen]))
     return Learnt(streets[chosen], found, chosen, scores, words)
 
 
@@ -156,65 +164,67 @@ Scores = dict[str, list[list[float]]]
 """By candidate and seed, one reward for each part of the images."""
 
 
-def _choose(
-    run: Run[Any], streets: Mapping[Candidate, Streets], parts: Parts
-) -> tuple[Candidate, Scores]:
-    """The surest candidate on the reward images, at the final size, and every one's rewards."""
-    config: SearchConfig = run.config
-    seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
-    chosen = {name: streets[name] for name in distinct(streets)}
-    scores = _rewards(run, "candidate", chosen, config.final, seeds, parts)
-    saved = (len(streets) - len(chosen)) * len(seeds) * cost_of(config.final)
-    run.progress.advance(saved, replayed=True)  # twins are trained once
-    best = surest(scores, list(chosen), _safe(chosen))
-    return next(name for name in chosen if name == best), scores
+@dataclass(frozen=True)
+class _Judge:
+    """Scores candidates on the parts of the reward images."""
+
+    run: Run[Any]
+    config: SearchConfig
+    streets: Mapping[Candidate, Streets]
+    parts: Parts
+    prefix: str  # of what the log calls the nets
+
+    def choose(self) -> tuple[Candidate, Scores]:
+        """The surest candidate at the final size, and every one's rewards."""
+        config, names = self.config, distinct(self.streets)
+        seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
+        scores = self._rewards("candidate", names, config.final, seeds)
+        saved = (len(self.streets) - len(names)) * len(seeds) * cost_of(config.final)
+        self.run.progress.advance(saved, replayed=True)  # twins are trained once
+        best = surest(scores, names, _safe(names))
+        return next(name for name in names if name == best), scores
+
+    def climb(self) -> tuple[Candidate, Scores]:
+        """The surest candidate, and the rewards of those that reach the top of the ladder."""
+        rungs, kept = _ladder(self.config), distinct(self.streets)
+        left = most_cost(len(self.streets), rungs)
+
+        def score(number: int, names: Sequence[str], seeds: Sequence[int]) -> Scores:
+            nonlocal left
+            chosen = [name for name in kept if name in names]
+            fidelity = rungs[number].fidelity
+            left -= len(names) * len(seeds) * cost_of(fidelity)
+            return self._rewards(f"rung-{number + 1}", chosen, fidelity, seeds)
+
+        best, scores = climb(kept, rungs, score, _safe(kept))
+        self.run.progress.advance(left, replayed=True)  # nets of those that left early
+        return next(name for name in kept if name == best), scores
+
+    def _rewards(
+        self, what: str, names: Sequence[Candidate], fidelity: Fidelity, seeds: Sequence[int]
+    ) -> Scores:
+        """Rewards of candidates on every part, in the order of the seeds."""
+        run, kind = self.run, self.config.reward_kind
+        sources: dict[str, Source] = {
+            name: beside(run, fidelity, self.streets[name]) for name in names
+        }
+        outcomes = score_nets(
+            run, f"{self.prefix}{what}", sources, run.recipe(fidelity), seeds,
+            side="reward", kind=kind, parts=self.parts,
+        )  # fmt: skip
+        count = max(len(self.parts), 1)
+        return {
+            name: [list(o.parts) or [o.reward] * count for o in own]
+            for name, own in outcomes.items()
+        }
 
 
 def _safe(names: Iterable[str]) -> str | None:
     return SAFE if SAFE in names else None
 
 
-def _rewards(
-    run: Run[Any],
-    what: str,
-    streets: Mapping[Candidate, Streets],
-    fidelity: Fidelity,
-    seeds: Sequence[int],
-    parts: Parts,
-) -> Scores:
-    """Every candidate's rewards on the parts of the reward images, in the order of the seeds."""
-    sources: dict[str, Source] = {name: beside(run, fidelity, own) for name, own in streets.items()}
-    recipe, kind = run.recipe(fidelity), run.config.reward_kind
-    outcomes = score_nets(run, what, sources, recipe, seeds, side="reward", kind=kind, parts=parts)
-    count = max(len(parts), 1)
-    return {
-        name: [list(o.parts) or [o.reward] * count for o in own] for name, own in outcomes.items()
-    }
-
-
 def _ladder(config: SearchConfig) -> tuple[Rung, ...]:
     return ladder(config.reward, config.final, config.candidate_seeds, config.seed)
-
-
-def _climb(
-    run: Run[Any], streets: Mapping[Candidate, Streets], parts: Parts
-) -> tuple[Candidate, Scores]:
-    """The surest candidate, and the rewards of those that reach the top of the ladder."""
-    config: SearchConfig = run.config
-    rungs = _ladder(config)
-    left = most_cost(len(streets), rungs)
-    kept = distinct(streets)
-
-    def score(number: int, names: Sequence[str], seeds: Sequence[int]) -> Scores:
-        nonlocal left
-        chosen = {name: streets[name] for name in kept if name in names}
-        fidelity = rungs[number].fidelity
-        left -= len(names) * len(seeds) * cost_of(fidelity)
-        return _rewards(run, f"rung-{number + 1}", chosen, fidelity, seeds, parts)
-
-    best, scores = climb(kept, rungs, score, _safe(kept))
-    run.progress.advance(left, replayed=True)  # nets of those that left early
-    return next(name for name in kept if name == best), scores
 
 
 def distinct(streets: Mapping[Candidate, Streets]) -> list[Candidate]:

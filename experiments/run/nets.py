@@ -1,17 +1,17 @@
-"""Nets of named training sets, each scored with the same seeds."""
+"""Nets of named training sets, each scored with the same seeds; nets of all kinds are one list of jobs."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from experiments.config import Fidelity, RewardKind, SearchConfig
-from experiments.reward.evaluator import Job, Side
+from experiments.reward.evaluator import Evaluator, Job, Side
 from experiments.reward.miou import Outcome, Parts, Recipe, Source
 from experiments.reward.truth import Truth
 from experiments.run import few
-from experiments.run.context import Run, refuse_failed, verdict
+from experiments.run.context import Run, net_said, refuse_failed
 from experiments.run.ladder import cost_of, training_cost
 from scene.proposal import Streets, default_proposal, random_proposal
 from seg import recipes
@@ -19,6 +19,24 @@ from seg.settings import NetName
 
 Scores = dict[str, list[Outcome]]
 """By name of the training set, outcomes in the order of the seeds; those of nets that failed among them."""
+
+
+class Nets(NamedTuple):
+    """Nets of one recipe, one for each training set and seed."""
+
+    what: str  # they are, in the run folder and in progress, such as "table, compact"
+    sources: Mapping[str, Source]  # training sets by name, proposals or images
+    recipe: Recipe  # sizes, net, training and assets
+
+
+class Net(NamedTuple):
+    """One net."""
+
+    what: str  # as above
+    row: str  # name of the training set
+    source: Source
+    recipe: Recipe
+    seed: int  # of streets and net
 
 
 def score_nets(
@@ -37,8 +55,8 @@ def score_nets(
 
     Args:
         run: the job.
-        what: these nets are, in the run folder and in progress, such as "table, compact".
-        sources: training sets by name, proposals or images.
+        what: these nets are, in the run folder and in progress.
+        sources: training sets by name.
         recipe: sizes, net, training and assets.
         seeds: of streets and nets; the k-th of every set share one.
         side: which of the target's images score.
@@ -50,42 +68,86 @@ def score_nets(
         UserError: more than a tenth of the nets failed.
     """
     wanted = [
-        (name, seed) for seed in seeds for name in sources if name not in once or seed == seeds[0]
-    ]
-    jobs = [(name, sources[name], seed) for name, seed in wanted]
-    outcomes = score_jobs(run, what, jobs, recipe, side=side, kind=kind, parts=parts)
+        net for net in _each([Nets(what, sources, recipe)], seeds)
+        if net.row not in once or net.seed == seeds[0]
+    ]  # fmt: skip
+    outcomes = score_each(run, wanted, side=side, kind=kind, parts=parts)
     found: Scores = {name: [] for name in sources}
-    for (name, _), outcome in zip(wanted, outcomes, strict=True):
-        found[name].append(outcome)
+    for net, outcome in zip(wanted, outcomes, strict=True):
+        found[net.row].append(outcome)
     return found
 
 
-def score_jobs(
+def score_lists(run: Run[Any], lists: Sequence[Nets], seeds: Sequence[int]) -> list[Scores]:
+    """The nets of several recipes, all at once, scored on the test images; otherwise as `score_nets`."""
+    wanted = _each(lists, seeds)
+    outcomes = iter(score_each(run, wanted))
+    found = []
+    for nets in lists:
+        own: Scores = {name: [] for name in nets.sources}
+        for _ in seeds:
+            for name in nets.sources:
+                own[name].append(next(outcomes))
+        found.append(own)
+    return found
+
+
+def begin(run: Run[Any], lists: Sequence[Nets], seeds: Sequence[int]) -> None:
+    """Begin nets on rendered sets that `score_nets` or `score_lists` are asked for later.
+
+    Those on real images alone are short, and fill the last gaps then.
+    """
+    asked = _asked(run, [net for net in _each(lists, seeds) if not isinstance(net.source, Truth)])
+    run.ahead.begin(asked)
+
+
+def score_each(
     run: Run[Any],
-    what: str,
-    wanted: Sequence[tuple[str, Source, int]],
-    recipe: Recipe,
+    wanted: Sequence[Net],
     *,
     side: Side = "test",
     kind: RewardKind = "miou",
     parts: Parts = (),
 ) -> list[Outcome]:
-    """Train a net for every (name, training set, seed), all at once, and score it; as `score_nets`."""
-    jobs = [
-        Job(source, seed, {"nets": what, "row": name, "seed": seed})
-        for name, source, seed in wanted
-    ]
-    evaluator = run.evaluator(recipe, side, kind, parts)
+    """Train every net, all at once, and score it; as `score_nets`."""
+    asked = _asked(run, wanted, side, kind, parts)
 
     def say(index: int, outcome: Outcome) -> str:
-        name, _, seed = wanted[index]
-        return f"{what}: {name}, seed {seed} | {verdict(outcome, kind)}"
+        return net_said(asked[index][1], outcome, kind)
 
-    # Both kinds of sets in one list of jobs, so that no worker waits; they differ in what they cost.
-    cost = sum(_cost(recipe, source) for _, source, _ in wanted) / max(len(wanted), 1)
-    outcomes = run.score(evaluator, jobs, log=run.finals, cost=cost, say=say)
-    refuse_failed(outcomes, len(jobs))
+    outcomes = run.score(asked, log=run.finals, say=say)
+    for what in dict.fromkeys(net.what for net in wanted):
+        own = [o for net, o in zip(wanted, outcomes, strict=True) if net.what == what]
+        refuse_failed(own, len(own))
     return outcomes
+
+
+def _each(lists: Sequence[Nets], seeds: Sequence[int]) -> list[Net]:
+    return [
+        Net(nets.what, name, source, nets.recipe, seed)
+        for nets in lists
+        for seed in seeds
+        for name, source in nets.sources.items()
+    ]
+
+
+def _asked(
+    run: Run[Any],
+    wanted: Sequence[Net],
+    side: Side = "test",
+    kind: RewardKind = "miou",
+    parts: Parts = (),
+) -> list[tuple[Evaluator, Job]]:
+    """Jobs of nets, with who scores them: one for each kind of nets."""
+    evaluators: dict[str, Evaluator] = {}
+    asked = []
+    for net in wanted:
+        if net.what not in evaluators:
+            evaluators[net.what] = run.evaluator(net.recipe, side, kind, parts)
+        notes = {"nets": net.what, "row": net.row, "seed": net.seed}
+        job = Job(net.source, net.seed, notes, _cost(net.recipe, net.source))
+        asked.append((evaluators[net.what], job))
+    return asked
 
 
 def _cost(recipe: Recipe, source: Source) -> float:
@@ -99,7 +161,7 @@ def paired_seeds(run: Run[Any]) -> list[int]:
 
 
 def training_sets(
-    run: Run[Any], learnt: Streets, fidelity: Fidelity | None = None, **others: Source
+    run: Run[Any], learnt: Streets | None, fidelity: Fidelity | None = None, **others: Source
 ) -> dict[str, Source]:
     """What is compared.
 
@@ -108,7 +170,7 @@ def training_sets(
 
     Args:
         run: the job.
-        learnt: what it has learnt.
+        learnt: what it has learnt; None leaves out what it decides.
         fidelity: whose size real images have; by default the final one.
         others: sets by name.
     """
@@ -117,8 +179,9 @@ def training_sets(
     sets: dict[str, Source] = {
         "random": random_proposal(config.space),
         "default": default_proposal(config.default_width, config.space),
-        "learnt": learnt,
     }
+    if learnt is not None:
+        sets["learnt"] = learnt
     sets |= few.rows(run, sets, fidelity) | others
     return sets | ({"real": run.truth(fidelity, "labelled")} if run.target.labelled else {})
 

@@ -43,7 +43,15 @@ def plan(
             )
         datasets = fitting
     return SearchPlan(
-        name, config.space, method, made, subset, datasets, evaluations // datasets, options
+        name,
+        config.space,
+        method,
+        made,
+        subset,
+        datasets,
+        evaluations // datasets,
+        options,
+        config.seed,
     )
 
 

@@ -33,6 +33,7 @@ class SearchPlan(NamedTuple):
     datasets: int  # per update
     updates: int
     options: SearchOptions
+    seed: int  # of the search, and of the datasets that it asks for
 
     @property
     def evaluations(self) -> int:
@@ -101,15 +102,16 @@ class _Rewards:
             centres, widths = embed(self._plan.space, self._plan.subset, asked.proposals)
             actions, seeds = np.asarray(asked.actions).tolist(), asked.seeds.tolist()
             proposals = [Proposal(*each) for each in zip(centres, widths, strict=True)]
+            cost = cost_of(self._run.config.reward)
             jobs = [
-                Job(self._source(proposals[k]), seed, self._notes(k, actions[k]))
+                Job(self._source(proposals[k]), seed, self._notes(k, actions[k]), cost)
                 for k, seed in enumerate(seeds)
             ]
             for job in jobs:
                 self._refuse_another(job)
             run = self._run
-            cost = cost_of(run.config.reward)
-            outcomes = run.score(self._evaluator, jobs, log=run.evaluations, cost=cost)
+            nets = [(self._evaluator, job) for job in jobs]
+            outcomes = run.score(nets, log=run.evaluations)
             self.outcomes += outcomes
             self.asked += proposals
             self._update += 1
@@ -141,7 +143,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     evaluation is left out of its update.
 
     Args:
-        run: its reward's fidelity and seed are the search's.
+        run: its reward's fidelity is the search's.
         plan: what searches, and how long.
         kind: of the rewards.
 
@@ -150,7 +152,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     """
     rewards, watch = _Rewards(run, plan, kind), _Stopwatch()
     reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
-    key = jax.random.key(run.config.seed)
+    key = jax.random.key(plan.seed)
     steps = sdr_jax.drive(key, plan.search, reward_fn, plan.updates, plan.datasets)
     history: list[tuple] = []
     for update in range(plan.updates):

@@ -119,8 +119,9 @@ def record(run: Run[SensitivityConfig]) -> Records:
     config = run.config
     evaluator = run.evaluator(run.recipe(config.reward))
     own, first = evaluator.about["config"], SENSITIVITY_SEED + config.seed
+    cost = cost_of(config.reward)
     jobs = [
-        Job(proposal, first + k, {"nets": "sensitivity"})
+        Job(proposal, first + k, {"nets": "sensitivity"}, cost)
         for k, proposal in enumerate(random_bins(config, config.evaluations))
     ]
     # Rewards that other runs have made at this fidelity count, too.
@@ -131,13 +132,12 @@ def record(run: Run[SensitivityConfig]) -> Records:
         if key not in drawn
     )
     wanted = jobs[: max(config.evaluations - others, 0)]
-    cost = cost_of(config.reward)
     run.progress.advance(cost * (len(jobs) - len(wanted)), replayed=True)
 
     def said(index: int, outcome: Outcome) -> str:
         return f"reward {index + 1}/{len(wanted)} | {verdict(outcome)}"
 
-    outcomes = run.score(evaluator, wanted, log=run.finals, cost=cost, say=said)
+    outcomes = run.score([(evaluator, job) for job in wanted], log=run.finals, say=said)
     refuse_failed(outcomes, len(wanted))
     return choose(_known(run).values(), run.target.name, config.space, own, str(config.out))
 

@@ -68,8 +68,13 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
 
     with opened(config, prepare) as run:
         run.begin(study.plan(config))
-        report = write_report(study.form, study.scores(run, made[0]), config.out)
+        found = study.scores(run, made[0])
+        share = run.workers.cpu_share()
+        found["cpu_share"] = None if share is None else round(share, 3)
+        report = write_report(study.form, found, config.out)
         run.progress.say(study.form.text(report))
+        if share is not None:
+            run.progress.say(f"{share:.0%} of {max(config.workers, 1)} core(s) were busy")
         note = "" if run.target.real else " (the twin, not real data)"
         file = config.out / f"{study.form.name}.json"
         run.progress.say(f"Done in {duration(run.progress.elapsed)}{note}: {file}")

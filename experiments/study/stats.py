@@ -30,6 +30,46 @@ def paired_gain(ours: Sequence[float], theirs: Sequence[float]) -> tuple[float, 
     return mean_ci95([a - b for a, b in zip(ours, theirs, strict=True)])
 
 
+def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | None]:
+    """Mean over searches and seeds, and its 95 % interval when both would be others.
+
+    The values are y_ij = m + a_i + b_j + e_ij, searches a, seeds b and the rest e each drawn at random. With
+    the mean squares A, B and E of the two-way analysis of variance,
+
+        var(mean) = max(A, B, E, A + B - E) / (I J)
+
+    (the largest: where chance makes A or B less than E, E is what they estimate), with Student's t of
+    Satterthwaite's degrees of freedom. Where there is one search or one seed, the interval is over the other
+    alone: None where both are one.
+
+    Args:
+        values: one row for each of the I searches, with a value for each of the same J seeds.
+
+    Source: Satterthwaite (1946), "An approximate distribution of estimates of variance components".
+    """
+    y = np.asarray(values, float)
+    searches, seeds = y.shape
+    if min(searches, seeds) == 1:
+        return mean_ci95(y.ravel().tolist())
+    mean = float(y.mean())
+    rows, columns = y.mean(axis=1, keepdims=True), y.mean(axis=0, keepdims=True)
+    free = np.array([searches - 1, seeds - 1, (searches - 1) * (seeds - 1)])
+    squares = np.array([
+        seeds * ((rows - mean) ** 2).sum(),
+        searches * ((columns - mean) ** 2).sum(),
+        ((y - rows - columns + mean) ** 2).sum(),
+    ]) / free  # fmt: skip
+    a, b, e = squares
+    whole = a + b - e
+    if whole >= squares.max():
+        degrees = whole**2 / (squares**2 / free).sum() if whole > 0 else float(free.min())
+    else:
+        degrees = float(free[squares.argmax()])
+    variance = max(whole, squares.max()) / y.size
+    half = float(stats.t.ppf(0.975, max(degrees, 1.0)) * math.sqrt(variance))
+    return mean, [mean - half, mean + half]
+
+
 class Welch(NamedTuple):
     """Welch's t-test of two sets of repeats."""
 

@@ -15,11 +15,12 @@ from experiments.run.context import Run, Work
 from experiments.run.few import about as few_images
 from experiments.run.few import images_of
 from experiments.run.ladder import training_cost
-from experiments.run.nets import paired_seeds, score_nets, training_sets, with_net
+from experiments.run.nets import Nets, begin, paired_seeds, score_lists, training_sets, with_net
 from experiments.study.form import Report, about, nets
 from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
 from experiments.table.report import FORM
 from experiments.target.base import Target
+from scene.proposal import Streets
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data.folders import read_folders
 from seg.settings import VGG_NETS, NetName
@@ -119,14 +120,24 @@ def plan(config: TableConfig) -> list[Work]:
 
 def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
     """Train the nets of the whole table, or what is left of them."""
-    config = run.config
-    learnt = learnt_attributes(run)
+    config, seeds = run.config, paired_seeds(run)
+
+    def lists(learnt: Streets | None) -> list[Nets]:
+        found = []
+        for name in config.nets:
+            fidelity = fidelity_of(config, name)
+            sources = training_sets(run, learnt, fidelity, **given)
+            found.append(Nets(f"table, {name}", sources, run.recipe(fidelity)))
+        return found
+
+    if config.learnt is None:
+        begin(run, lists(None), seeds)
+    trained = lists(learnt_attributes(run))
     rows: list[dict[str, Any]] = []
-    for name in config.nets:
-        fidelity = fidelity_of(config, name)
-        recipe, seeds = run.recipe(fidelity), paired_seeds(run)
-        sources = training_sets(run, learnt, fidelity, **given)
-        outcomes = score_nets(run, f"table, {name}", sources, recipe, seeds)
+    for name, own, outcomes in zip(
+        config.nets, trained, score_lists(run, trained, seeds), strict=True
+    ):
+        fidelity = own.recipe.fidelity
         rows += [
             {
                 "net": name,
@@ -135,7 +146,7 @@ def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
                 "steps": fidelity.train.steps,
                 "nets": nets(outcomes[row]),
             }
-            for row, source in sources.items()
+            for row, source in own.sources.items()
         ]
     starts = [described(fidelity_of(config, name).train) for name in config.nets]
     return {

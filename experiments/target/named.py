@@ -9,11 +9,11 @@ from experiments.target.base import Split, Target, refuse_void
 from experiments.target.few import with_few
 from experiments.target.real import real_target
 from experiments.target.twin import ASSETS, FIRST_ASSET, twin_names, twin_split, twin_world
-from scene.workers import WorkerPool
+from scene.workers import Workers
 from shell.errors import UserError
 
 
-def named_target(config: Config, workers: WorkerPool) -> Target:
+def named_target(config: Config, workers: Workers) -> Target:
     """What ``--target``, ``--data`` and ``--few`` say.
 
     Raises:
@@ -31,7 +31,7 @@ def named_target(config: Config, workers: WorkerPool) -> Target:
     return with_few(real_target(config.target, config, config.data), config)
 
 
-def _twin(config: Config, workers: WorkerPool) -> Target:
+def _twin(config: Config, workers: Workers) -> Target:
     """The embedded stand-in; see ``twin``."""
     if config.holdout or config.test_split:
         raise UserError("--holdout and --test-split need --data: the twin has no such names")

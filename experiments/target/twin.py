@@ -16,7 +16,7 @@ from scene.attributes import NAMES, default_unit
 from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
 from scene.render.sensor import CameraResponse
-from scene.workers import WorkerPool
+from scene.workers import Workers
 from seg.classes import class_table
 from seg.data import RealSet
 
@@ -82,7 +82,7 @@ def twin_split(
     *,
     images: int | None,
     renderer: str,
-    workers: WorkerPool,
+    workers: Workers,
     assets: int = ASSETS,
 ) -> RealSet:
     """Render one split, ``train`` (for the reward) or ``test``, at ``size`` (height, width).

@@ -25,6 +25,7 @@ from scene.classes import CLASS_NAMES
 from scene.mesh.asset import Asset, rotate, translate
 from scene.mesh.file import SUFFIXES, MeshError, read_mesh
 from shell.errors import UserError
+from shell.sent import here
 
 MANIFEST = "assets.csv"
 REQUIRED = ("file", "author", "licence", "source")
@@ -68,7 +69,7 @@ def manifest(folder: str) -> tuple[Row, ...]:
         LibraryError: no folder, no manifest, a column, author or licence missing, a row without its
             file, a file without its row, an unknown sub-folder, no mesh file at all.
     """
-    root = Path(folder)
+    root = here(folder)
     if not root.is_dir():
         raise LibraryError(f"{root} is {'not a folder' if root.exists() else 'not there'}")
     files = _mesh_files(root)
@@ -89,7 +90,7 @@ def scan(folder: str) -> dict[str, tuple[str, ...]]:
     """Absolute paths of a folder's mesh files by family."""
     found: dict[str, tuple[str, ...]] = {}
     for row in manifest(folder):
-        path = Path(folder).resolve() / row.file
+        path = here(folder).resolve() / row.file
         family = FOLDERS[_plain(path.parent.name)]
         found[family] = (*found.get(family, ()), str(path))
     return found

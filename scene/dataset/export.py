@@ -27,8 +27,11 @@ from scene.dataset.read import DESCRIPTION, pictures
 from scene.dataset.render import Dataset, check_request, street_of
 from scene.proposal import Streets
 from scene.render import RenderSettings, renderer
-from scene.workers import WorkerPool, opened
+from scene.workers import Workers, opened
 from shell.files import read_json, write, write_json
+
+Files = list[tuple[str, str, bytes]]
+"""Path in the folder, name while it is being written, content."""
 
 
 def export_dataset(
@@ -44,7 +47,7 @@ def export_dataset(
     renderer_name: str = "embree",
     pool: AssetPool | None = None,
     streets: Streets | None = None,
-    workers: int | WorkerPool = 0,
+    workers: int | Workers = 0,
     progress: Callable[[int, int, int], None] | None = None,
 ) -> dict[str, Any]:
     """Render streets into a folder, with every label the engine knows.
@@ -64,7 +67,7 @@ def export_dataset(
         renderer_name: ``embree`` or ``opengl``.
         pool: which assets may appear.
         streets: what ``units`` was drawn from, for the record.
-        workers: processes to render in; 0 renders here, a ``WorkerPool`` is used and left open.
+        workers: processes to render in; 0 renders here, ``Workers`` are used and left open.
         progress: called with (images done, images, bytes written by this call).
 
     Returns:
@@ -114,7 +117,7 @@ def _export(
     plan: Plan,
     units: np.ndarray,
     wanted: dict[str, Any],
-    workers: int | WorkerPool,
+    workers: int | Workers,
     progress: Callable[[int, int, int], None] | None,
 ) -> None:
     """The work itself, in a folder that nobody else writes to."""
@@ -132,10 +135,14 @@ def _export(
     done, written = sum(plan.shots_of(street) for street in done_before), 0
     if progress is not None:
         progress(done, plan.images, written)
-    tasks = [(plan, k, unit) for k, unit in enumerate(units) if k not in done_before]
     with opened(workers) as processes:
-        for position, size in processes.map(_export_street, tasks):
-            done, written = done + plan.shots_of(tasks[position][1]), written + size
+        own = plan.pool._replace(own=processes.share(plan.pool.own))
+        sent = plan._replace(pool=own)
+        tasks = [(sent, k, unit) for k, unit in enumerate(units) if k not in done_before]
+        for position, (files, record) in processes.map(_draw_street, tasks):
+            street = tasks[position][1]
+            written += _write_street(plan, street, files, record)
+            done += plan.shots_of(street)
             if progress is not None:
                 progress(done, plan.images, written)
     left = set(finished(plan, range(len(units))))
@@ -147,27 +154,32 @@ def _export(
     _summarize(plan, len(units))
 
 
-def _export_street(plan: Plan, index: int, unit: np.ndarray) -> int:
-    """Render one street and write its files, then its record; the bytes written."""
-    kind_of, scratch = layout(plan.format), plan.work / "parts"
+def _draw_street(plan: Plan, index: int, unit: np.ndarray) -> tuple[Files, dict[str, Any]]:
+    """The files of one street, and its record; runs in a worker, which need not see the folder."""
+    kind_of = layout(plan.format)
     street = street_of(unit, plan.seed, index, plan.shots, plan.pool)
     frames = renderer(plan.renderer).render(street, plan.settings)
     placed = Counter(CLASS_NAMES[p.train_id] for p in street.placements)
     record: dict[str, Any] = {"placed": dict(sorted(placed.items())), "images": []}
-    total = 0
+    all_files: Files = []
     for shot in range(plan.shots_of(index)):
         name = stem(index, shot)
         files, known = shot_files(frames[shot], street.cameras[shot], plan.settings, kind_of)
         paths = kind_of.paths(plan.split, name)
-        # A power cut may cost what is not synced; what is shorter than its record is rendered again.
-        sizes = [
-            write(plan.folder / paths[k], files[k], scratch / f"{name}.{k}", sync=False)
-            for k in files
-        ]
+        all_files += [(paths[k], f"{name}.{k}", files[k]) for k in files]
+        sizes = [len(files[k]) for k in files]
         record["images"].append({"stem": name, "bytes": sizes, **known})
-        total += sum(sizes)
+    return all_files, record
+
+
+def _write_street(plan: Plan, index: int, files: Files, record: dict[str, Any]) -> int:
+    """Write a street's files, then its record; the bytes of the files."""
+    scratch = plan.work / "parts"
+    for path, part, content in files:
+        # A power cut may cost what is not synced; what is shorter than its record is rendered again.
+        write(plan.folder / path, content, scratch / part, sync=False)
     write_json(plan.record(index), record)
-    return total
+    return sum(len(content) for _, _, content in files)
 
 
 def _summarize(plan: Plan, streets: int) -> None:

@@ -15,7 +15,7 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import check_unit, street_params
 from scene.render import Frame, RenderSettings, check_settings, renderer
 from scene.street.street import Street, sample_street
-from scene.workers import WorkerPool, opened
+from scene.workers import Workers, opened
 
 
 class Dataset(NamedTuple):
@@ -82,7 +82,7 @@ def render_dataset(
     settings: RenderSettings,
     renderer_name: str = "embree",
     pool: AssetPool | None = None,
-    workers: int | WorkerPool = 0,
+    workers: int | Workers = 0,
     progress: Callable[[int, int], None] | None = None,
 ) -> Dataset:
     """Render ``len(units) * shots`` images.
@@ -94,7 +94,7 @@ def render_dataset(
         settings: size and quality.
         renderer_name: ``embree`` or ``opengl``.
         pool: which assets may appear.
-        workers: processes to render in; 0 renders here, a ``WorkerPool`` is used and left open.
+        workers: processes to render in; 0 renders here, ``Workers`` are used and left open.
         progress: called with (streets done, streets).
 
     Raises:
@@ -106,8 +106,9 @@ def render_dataset(
     pool = pool or AssetPool()
     n, h, w = len(units) * shots, settings.height, settings.width
     images, labels = np.empty((n, h, w, 3), np.uint8), np.empty((n, h, w), np.uint8)
-    tasks = [(u, seed, i, shots, settings, renderer_name, pool) for i, u in enumerate(units)]
     with opened(workers) as processes:
+        pool = pool._replace(own=processes.share(pool.own))
+        tasks = [(u, seed, i, shots, settings, renderer_name, pool) for i, u in enumerate(units)]
         for done, (i, result) in enumerate(processes.map(_images_and_labels, tasks), start=1):
             images[i * shots : (i + 1) * shots], labels[i * shots : (i + 1) * shots] = result
             if progress is not None:

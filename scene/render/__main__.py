@@ -10,7 +10,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, get_args
 
 from scene.assets.catalogue import USES, AssetPool
 from scene.attributes import SPACES, SpaceName
@@ -20,7 +20,7 @@ from scene.dataset.read import DESCRIPTION, MOST_IMAGES
 from scene.proposal import Streets, draw, named, parse_streets
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
-from scene.workers import WorkerError, refuse_many_workers
+from scene.workers import ExecutorName, WorkerError, refuse_many_workers, workers_of
 from shell.command import Parser, exit_code, size
 from shell.files import read_json
 from shell.memory import refuse_larger
@@ -52,6 +52,13 @@ def parser() -> Parser:
     add("--split", choices=SPLITS, default="train", help="what the dataset calls its images")
     add("--seed", type=int, default=0)
     add("--workers", type=int, default=2, help="processes; the files do not depend on it")
+    add(
+        "--executor",
+        choices=get_args(ExecutorName),
+        default="processes",
+        help="who renders: processes of this machine, or a Dask cluster, see docs/cluster.md",
+    )
+    add("--scheduler", metavar="ADDRESS", help="of the cluster, such as tcp://10.0.0.1:8786")
     add("--shots", type=int, default=6, help="images per street")
     add("--samples", type=int, default=2, help="rays per pixel along each axis")
     add("--renderer", choices=RENDERERS, default="embree")
@@ -108,26 +115,29 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     refuse_many_shots("--shots", options.shots, settings)
     refuse_larger("--images", options.images, lambda n: n * STREET // options.shots, "streets")
     chosen = streets_of(options.attributes, options.space)
-    return export_dataset(
-        draw(chosen, options.seed, -(-options.images // options.shots)),
-        options.seed,
-        options.out,
-        shots=options.shots,
-        settings=settings,
-        images=options.images,
-        format=options.format,
-        split=options.split,
-        renderer_name=options.renderer,
-        pool=AssetPool(
-            size=options.asset_count,
-            fraction=options.asset_fraction,
-            own=options.assets,
-            use=options.asset_use,
-        ),
-        streets=chosen,
-        workers=options.workers,
-        progress=reporter(progress),
-    )
+    with workers_of(options.executor, options.workers, options.scheduler) as workers:
+        if workers.dashboard is not None:
+            progress.say(f"Dashboard: {workers.dashboard}")
+        return export_dataset(
+            draw(chosen, options.seed, -(-options.images // options.shots)),
+            options.seed,
+            options.out,
+            shots=options.shots,
+            settings=settings,
+            images=options.images,
+            format=options.format,
+            split=options.split,
+            renderer_name=options.renderer,
+            pool=AssetPool(
+                size=options.asset_count,
+                fraction=options.asset_fraction,
+                own=options.assets,
+                use=options.asset_use,
+            ),
+            streets=chosen,
+            workers=workers,
+            progress=reporter(progress),
+        )
 
 
 def main(arguments: list[str] | None = None) -> int:

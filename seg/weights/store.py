@@ -21,6 +21,7 @@ from seg.weights.normalisation import Normalisation, from_bgr
 from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import CONVS, LAYERS, PARTS, layers, scheme_of
 from shell.files import write
+from shell.sent import here
 
 _MARK = "normalisation"
 _SOURCE = "source"
@@ -126,7 +127,7 @@ def load(path: str | Path, net_name: str, params: Any) -> Any:
         WeightsError: no such file, not one of `convert`, a layer is missing or has another shape, or the
             net has no VGG16 in it.
     """
-    path = Path(path)
+    path = here(path)
     if net_name not in _OF_NET:
         raise WeightsError(
             f"{path}: the net {net_name} has no VGG16 in it; only {' and '.join(_OF_NET)} have"

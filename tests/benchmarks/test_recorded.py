@@ -21,7 +21,7 @@ def made(n: int = 80, noise: float = 0.2) -> tuple[np.ndarray, np.ndarray]:
     return bins, 20 + 3 * np.sin(4 * centre[:, 0]) + noise * rng.normal(size=n)
 
 
-def test_it_finds_the_function_the_noise_and_what_does_not_matter() -> None:
+def test_it_finds_the_function_the_noise_and_means_over_wide_intervals() -> None:
     surrogate = recorded.fit(SPACE, *made())
     assert surrogate.noise == pytest.approx(0.2, rel=0.4)
     assert surrogate.lengths[1] > 2 * surrogate.lengths[0]
@@ -29,9 +29,6 @@ def test_it_finds_the_function_the_noise_and_what_does_not_matter() -> None:
         proposal = sdr_jax.Proposal(jnp.asarray([centre, 0.5]), jnp.full(2, recorded.WIDTH))
         wanted = 20 + 3 * np.sin(4 * centre)
         assert surrogate.true_value(proposal) == pytest.approx(wanted, abs=0.25)
-
-
-def test_a_wide_interval_is_worth_the_mean_over_it() -> None:
     surrogate = recorded.fit(SPACE, *made())
     everything = sdr_jax.Proposal(jnp.full(2, 0.5), jnp.ones(2))
     wanted = 20 + 3 * np.sin(4 * np.linspace(0.15, 0.85, 400)).mean()

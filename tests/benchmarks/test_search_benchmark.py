@@ -21,7 +21,7 @@ TWO = sdr_jax.space(["a", "b"], bins=[2, 4])
 
 
 @pytest.mark.parametrize("name", KNOWN)
-def test_values_are_means_over_the_intervals(name: str) -> None:
+def test_values_are_means_over_the_intervals_from_0_to_100(name: str) -> None:
     problem = PROBLEMS[name](3)
     size = problem.space.attributes
     assert tuple(map(len, problem.space.groups)) == GROUPS or name in FOREIGN[2:]
@@ -33,10 +33,6 @@ def test_values_are_means_over_the_intervals(name: str) -> None:
     sampled = np.asarray(problem.reward(jax.random.key(1), points))
     error = (50 if name == "ridge" else 5) * sampled.std() / np.sqrt(len(sampled))  # of 64 points
     assert problem.true_value(proposal) == pytest.approx(sampled.mean(), abs=error)
-
-
-@pytest.mark.parametrize("name", KNOWN)
-def test_random_attributes_are_worth_0_and_no_bins_more_than_100(name: str) -> None:
     problem = PROBLEMS[name](1)
     size = problem.space.attributes
     everything = sdr_jax.relax(problem.space, jnp.full(size, -1))
@@ -110,22 +106,11 @@ def test_the_command_line_writes_rows(tmp_path, capsys) -> None:
 
 @pytest.mark.parametrize(("call", "culprit"), [
     (("simulated_annealing", 50), "unknown method 'simulated_annealing'"),
-    (("gaussian", 1), "evaluations is 1"),
-    (("pbil", 0), "evaluations is 0"),
+    (("gaussian", 1), "evaluations is 1"), (("pbil", 0), "evaluations is 0"),
 ])  # fmt: skip
 def test_bad_calls_are_refused(call: tuple, culprit: str) -> None:
     with pytest.raises(ValueError, match=culprit):
         evaluate(call[0], PROBLEMS["smooth"](0), call[1], 0)
-
-
-def test_a_missing_extra_is_an_error_not_a_missing_row(monkeypatch) -> None:
-    def missing(space: sdr_jax.Space, width: None) -> sdr_jax.Method:
-        raise ImportError("tpe needs the package optuna: pip install 'sdr-jax[search]'")
-
-    monkeypatch.setitem(METHODS, "tpe", METHODS["tpe"]._replace(build=missing))
-    other = sdr_jax.space(["a"], bins=3)  # methods of known spaces are kept
-    with pytest.raises(ImportError, match="optuna"):
-        evaluate("tpe", SimpleNamespace(space=other), 4, 0)
 
 
 VALUES = {
@@ -140,7 +125,7 @@ COURSE = {
 }
 
 
-def test_ranks_are_means_over_columns_and_differences_to_the_best_rival_are_paired() -> None:
+def test_ranks_differences_to_the_best_rival_and_evaluations_needed_by_hand(tmp_path) -> None:
     # First column: ours 4, random 2, tpe 1; second: tpe 7, the others 4 each.
     assert mean_ranks(VALUES) == {"ours": 1.75, "tpe": 2.0, "random_search": 2.25}
     first, second = behind(VALUES, "ours", (50, 100))
@@ -149,9 +134,6 @@ def test_ranks_are_means_over_columns_and_differences_to_the_best_rival_are_pair
     assert (second["best rival"], second["difference"]) == ("tpe", -3.0)
     assert second["in se"] == pytest.approx(-3.0)
     assert behind(VALUES, "nobody", (50, 100)) == []
-
-
-def test_evaluations_needed_count_from_where_the_value_stays_and_are_drawn(tmp_path) -> None:
     rows = {row["method"]: row["p"] for row in needed(COURSE, VALUES, (10, 20))}
     assert rows == {"random_search": 20, "ours": 10, "tpe": 20}
     plot(COURSE, str(tmp_path / "search.png"), "ours")

@@ -42,13 +42,10 @@ def camvid(tmp_path):
     return root
 
 
-def test_the_drive_that_results_are_reported_on_is_never_read(camvid):
+def test_the_drive_that_results_are_reported_on_is_never_read_and_the_others_must_be_there(camvid):
     found = steering_set(camvid, TINY)
     assert found.names == ("0001TP_1", "0001TP_2", "0016E5_0", "0016E5_1")
     assert found.images.shape == (4, 24, 32, 3)
-
-
-def test_a_folder_without_one_of_the_drives_is_refused(camvid):
     for path in camvid.rglob("0016E5_*"):
         path.unlink()
     write_image(camvid, "val", "0001TP_9")
@@ -111,13 +108,19 @@ def test_a_box_on_the_line_is_crossed_and_a_box_above_it_is_not(ends, share, hal
     assert _crossed(boxes, start, end).tolist() == [True, False]
 
 
-def test_worth_is_paired_by_seed():
+def test_worth_and_recognition_by_hand():
     good, bad = np.diag([4, 4, 4]), np.array([[4, 0, 0], [0, 2, 2], [0, 2, 2]])
     (row,) = tables.ingredient_rows([good, bad], {"haze": [bad, bad]}, CLASSES)
     # Road and car fall from 1 to 2/6: mIoU from 1 to 5/9.
     assert row["worth"] == row["error"] == pytest.approx(100 * (4 / 9) / 2)
     assert row["without"] == "haze" and row["gains"].startswith(("road +33.3", "car +33.3"))
     assert tables.ingredient_rows([good], {"haze": [bad]}, CLASSES)[0]["error"] is None
+    real, renders = np.diag([2, 2, 2]), np.array([[4, 0, 0], [1, 3, 0], [0, 9, 1]])
+    rows = {r["class"]: r for r in tables.recognition_rows([real], [renders], CLASSES)}
+    columns = ("real recall", "render recall", "render IoU", "taken for")
+    car = [rows["car"][name] for name in columns]
+    assert car == [100, 10, pytest.approx(10), "road 90"]
+    assert rows["mean"]["render recall"] == pytest.approx((100 + 75 + 10) / 3)
 
 
 def test_tones_are_medians_beside_the_road_s_and_few_pixels_do_not_count():
@@ -132,15 +135,6 @@ def test_tones_are_medians_beside_the_road_s_and_few_pixels_do_not_count():
     assert [row["class"] for row in rows] == [*CLASSES]
     assert [row["renders"] for row in rows[:2]] == pytest.approx([60, 120])
     assert rows[0]["renders / road"] == pytest.approx(0.5) and math.isnan(rows[2]["renders"])
-
-
-def test_recognition_by_hand():
-    real, renders = np.diag([2, 2, 2]), np.array([[4, 0, 0], [1, 3, 0], [0, 9, 1]])
-    rows = {r["class"]: r for r in tables.recognition_rows([real], [renders], CLASSES)}
-    columns = ("real recall", "render recall", "render IoU", "taken for")
-    car = [rows["car"][name] for name in columns]
-    assert car == [100, 10, pytest.approx(10), "road 90"]
-    assert rows["mean"]["render recall"] == pytest.approx((100 + 75 + 10) / 3)
 
 
 def test_only_another_engine_trains_again(camvid, tmp_path, capsys, monkeypatch):
@@ -163,8 +157,7 @@ def test_only_another_engine_trains_again(camvid, tmp_path, capsys, monkeypatch)
 
 @pytest.mark.parametrize(("change", "complaint"), [
     (["--data", "nowhere"], "nowhere: no such folder"),
-    (["--seeds", "0"], "from 1 on, not '0'"),
-    (["--steps", "many"], "from 1 on, not 'many'"),
+    (["--seeds", "0"], "from 1 on, not '0'"), (["--steps", "many"], "from 1 on, not 'many'"),
     (["--only", "looks"], "invalid choice"),
     (["--json", "nowhere/t.json"], "no place for a file"),
     (["--out", "{data}/train.txt"], "train.txt"),

@@ -2,6 +2,8 @@
 
 import json
 import math
+import os
+import signal
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -16,13 +18,15 @@ from experiments.config import MainConfig
 from experiments.presets import defaults
 from experiments.reward import evaluator as module
 from experiments.reward.evaluator import Job, about
-from experiments.reward.miou import Outcome, attempt
+from experiments.reward.miou import Outcome, attempt, worker_environment
 from experiments.reward.mmd import Reference
 from experiments.reward.store import HEADER, LOGS, Log, Store, identity, outcome_of, read, record_of
 from experiments.reward.truth import Truth
+from experiments.run import ahead
 from experiments.run.context import Run
+from experiments.run.ladder import cost_of, training_cost
 from experiments.run.learn import plan_of
-from experiments.run.nets import score_nets
+from experiments.run.nets import Nets, begin, score_nets
 from experiments.run.search import search
 from experiments.store import main
 from experiments.target.base import Split, Target
@@ -58,11 +62,12 @@ def jobs(*seeds: int) -> list[Job]:
 def a_run(tmp_path):
     """Opens runs on the target above, without their folders' guards."""
 
-    def opened(out="run", store=None, **changes) -> Run[MainConfig]:
+    def opened(out="run", store=None, pool=None, **changes) -> Run[MainConfig]:
         config = replace(CONFIG, out=tmp_path / out, **changes)
         config.out.mkdir(exist_ok=True)
         logs = [Log(config.out / name) for name in LOGS]
-        return Run(config, TARGET, WorkerPool(0), *logs, store and Store(store), Progress(1))
+        pool = pool or WorkerPool(0)
+        return Run(config, TARGET, pool, *logs, store and Store(store), Progress(1))
 
     return opened
 
@@ -70,7 +75,7 @@ def a_run(tmp_path):
 def evaluate(run: Run[MainConfig], *seeds: int) -> list[Outcome]:
     """Outcomes of jobs, in their order."""
     evaluator = run.evaluator(run.recipe(run.config.reward))
-    return run.score(evaluator, jobs(*seeds), log=run.finals, cost=1.0)
+    return run.score([(evaluator, job) for job in jobs(*seeds)], log=run.finals)
 
 
 @given(st.integers(0, 2**31 - 1), st.floats(0, 1, width=32))
@@ -145,14 +150,6 @@ def test_lines_come_back_behind_a_header(tmp_path):
     again = Store(path)
     assert again.records == store.records == other.records
     assert again.get("other") is None and again.where("failed") == f"{path}: line 3"
-
-
-@pytest.mark.parametrize("whole", range(2))
-def test_a_kill_while_writing_loses_at_most_the_last_line(whole, tmp_path):
-    path, texts = tmp_path / "store.jsonl", [json.dumps(r) + "\n" for r in (HEADER, record())]
-    path.write_text("".join(texts[:whole]) + '{"half": ')
-    Store(path).add(record())
-    assert path.read_text() == "".join(texts)
 
 
 def add_many(path: Path, name: str) -> None:
@@ -262,18 +259,44 @@ def test_rows_are_paired_and_scored_once_on_the_test_images(a_run, scored_by, ca
     run = a_run()
     found = nets(run)
     rows = [(r["nets"], r["side"], r["row"], r["seed"]) for r in run.finals.records]
-    names = ["random", "default", "real", "random", "real", "random", "real"]
-    seeds = [5, 5, 5, 6, 6, 7, 7]
+    names = ["random", "default", "random", "random", "real", "real", "real"]
+    seeds = [5, 5, 6, 7, 5, 6, 7]  # the longest first
     assert rows == [("final", "test", *row) for row in zip(names, seeds, strict=True)]
     wanted = [formula(run.recipe(CONFIG.final), TRUTH, seed, TRUTH).reward for seed in (5, 6, 7)]
     assert [outcome.reward for outcome in found["real"]] == wanted
     told = capsys.readouterr().out.splitlines()
-    assert len(told) == 7 and f"final: real, seed 6 | mIoU {100 * wanted[1]:.1f}" in told[4]
+    assert len(told) == 7 and f"final: real, seed 6 | mIoU {100 * wanted[1]:.1f}" in told[5]
     scored_by(never)
     again = nets(a_run())
     for name, own in again.items():
         assert [o.reward for o in own] == [o.reward for o in found[name]]
     assert [len(own) for own in again.values()] == [3, 1, 3] and capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize("killed", [False, True])
+def test_nets_begun_ahead_are_made_once_with_the_same_values(killed, a_run, scored_by, monkeypatch):
+    scored_by(formula)
+    plain = nets(a_run())
+    monkeypatch.setattr(ahead, "LEAST", 0.0)
+    with WorkerPool(1, worker_environment()) as pool:
+        run = a_run("ahead", pool=pool)
+        sets = Nets("final", {"random": random_proposal(), "real": TRUTH}, run.recipe(CONFIG.final))
+        begin(run, [sets], [5, 6])
+        behind = list(pool._executors[True]._processes)
+        if killed:
+            os.kill(behind[0], signal.SIGKILL)
+        evaluate(run, 1, 2)  # urgent
+        found = nets(run)
+    assert {name: [o.reward for o in own] for name, own in found.items()} == {
+        name: [o.reward for o in own] for name, own in plain.items()
+    }
+    done = [
+        (line["nets"], line["row"], line["seed"]) for line in run.finals.records if "nets" in line
+    ]
+    assert len(done) == len(set(done)) == 7
+    costs = [line["row"] == "real" for line in run.finals.records if "nets" in line]
+    full, real = cost_of(CONFIG.final), training_cost(CONFIG.final)
+    assert run.progress._done == pytest.approx(sum(real if own else full for own in costs))
 
 
 def test_more_than_a_tenth_failed_ends_it(a_run, scored_by, capsys):

@@ -15,8 +15,6 @@ from experiments.reward.mmd import FILE, FeatureNet, evaluate_mmd, feature_net
 from experiments.reward.shelf import Shelf
 from experiments.reward.store import Log
 from experiments.reward.truth import Truth
-from experiments.run.context import opened
-from experiments.run.learn import learn, work_of
 from experiments.target.base import Split, Target
 from experiments.target.named import named_target
 from scene.attributes import NAMES
@@ -81,7 +79,10 @@ def test_a_folder_without_labels_gives_the_reward_from_the_command_line(camvid, 
     assert main_job("camvid", *flags) == 2
     assert "--unlabelled needs --reward-kind mmd" in capsys.readouterr().err
     assert main_job("camvid", *flags, "--reward-kind", "mmd") == 0
-    assert "3 images without labels for the reward" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "3 images without labels for the reward" in said and "-MMD^2" in said
+    assert (out / FILE).exists()
+    assert all(line["class_iou"] == [] for line in lines(out / "evaluations.jsonl"))
     summary = read_json(out / "summary.json")
     assert list(summary["rows"]) == ["random", "default", "learnt"]
     assert summary["reward_images"] == 3
@@ -90,40 +91,33 @@ def test_a_folder_without_labels_gives_the_reward_from_the_command_line(camvid, 
     assert "the reward images themselves" not in (out / "report.html").read_text()
 
 
-def test_where_labels_are_or_images_would_be_reported_on(tiny_twin, tiny_camvid, camvid, tmp_path):
+def test_what_cannot_work_is_refused(
+    tiny_twin, tiny_camvid, camvid, tmp_path, config, recipe, net, monkeypatch
+):
     twin = replace(tiny_twin, unlabelled=tmp_path, reward_kind="mmd")
     with pytest.raises(UserError, match="--unlabelled needs --data"):
         named_target(twin, WorkerPool(0))
     both = replace(tiny_camvid, unlabelled=camvid / "test", reward_kind="mmd")
     with pytest.raises(UserError, match="are among the reward images"):
         named_target(both, WorkerPool(0))
+    squared = replace(config, search=replace(config.search, squared_reward=True))
+    with pytest.raises(UserError, match="squared-reward needs --reward-kind miou"):
+        check(squared)
+    single = replace(config, reward=replace(config.reward, streets=1))
+    with pytest.raises(UserError, match="at least 2 images"):
+        check(single)
+    with pytest.raises(UserError, match="at least 2 reward images"):
+        net.reference(unlabelled(16, 16, 1).images)
+    (tmp_path / FILE).write_bytes(b"no zip")
+    with pytest.raises(UserError, match="remove it to train it anew"):
+        FeatureNet(tmp_path / FILE, 11).reference(unlabelled(16, 16).images)
+
+    monkeypatch.setattr(module, "train_features", diverge)
+    with pytest.raises(UserError, match="--reward-kind mmd: the loss is nan"):
+        feature_net(recipe, tmp_path / "new", WorkerPool(0))
 
 
-@pytest.mark.slow
-def test_search_and_candidates_need_no_label(config, camvid, capsys):
-    config = replace(config, data=camvid, unlabelled=camvid / "train")
-    check(config)
-    with opened(config) as run:
-        run.begin(work_of(config))
-        learnt = learn(run)
-    assert learnt.found.rewards.shape == (1, 2) and np.isfinite(learnt.found.rewards).all()
-    assert learnt.chosen in learnt.scores and set(learnt.scores) <= set(config.candidates)
-    assert (config.out / FILE).exists()
-    assert all(line["class_iou"] == [] for line in lines(config.out / "evaluations.jsonl"))
-    said = capsys.readouterr().out
-    assert "-MMD^2" in said and "mIoU" not in said
-
-
-def test_the_net_is_trained_once(recipe, net, monkeypatch):
-    monkeypatch.setattr(module, "train_features", None)
-    again = feature_net(recipe, net.path.parent, WorkerPool(0))
-    images = unlabelled(16, 16).images
-    one, other = again.reference(images), net.reference(images)
-    assert one.source == other.source and one.features.shape == (6, 120)
-    assert net.reference(images[::-1]).source != one.source
-
-
-def test_a_dataset_is_nearest_to_itself(recipe, net):
+def test_a_dataset_is_nearest_to_itself_by_a_net_that_is_trained_once(recipe, net, monkeypatch):
     own = render(recipe, random_proposal(), 0).images
     others = unlabelled(recipe.fidelity.height, recipe.fidelity.width).images
     sides = [net.reference(images) for images in (own, others)]
@@ -132,6 +126,12 @@ def test_a_dataset_is_nearest_to_itself(recipe, net):
     # Unbiased, a set against itself is below 0: what pairs leave out is k(x, x).
     x = net.reference(own).features
     assert rewards[0] == pytest.approx(-mmd2(x, x)) and rewards[0] > 0
+    monkeypatch.setattr(module, "train_features", None)
+    again = feature_net(recipe, net.path.parent, WorkerPool(0))
+    images = unlabelled(16, 16).images
+    one, other = again.reference(images), net.reference(images)
+    assert one.source == other.source and one.features.shape == (6, 120)
+    assert net.reference(images[::-1]).source != one.source
 
 
 def test_kinds_of_rewards_are_kept_apart(recipe, net, tmp_path):
@@ -148,21 +148,3 @@ def test_kinds_of_rewards_are_kept_apart(recipe, net, tmp_path):
     ((_, first),) = evaluator.map(jobs, memory)
     ((_, again),) = evaluator.map(jobs, memory)
     assert again.stored and not first.stored and again.reward == first.reward
-
-
-def test_what_cannot_work_is_refused(config, recipe, net, tmp_path, monkeypatch):
-    squared = replace(config, search=replace(config.search, squared_reward=True))
-    with pytest.raises(UserError, match="squared-reward needs --reward-kind miou"):
-        check(squared)
-    single = replace(config, reward=replace(config.reward, streets=1))
-    with pytest.raises(UserError, match="at least 2 images"):
-        check(single)
-    with pytest.raises(UserError, match="at least 2 reward images"):
-        net.reference(unlabelled(16, 16, 1).images)
-    (tmp_path / FILE).write_bytes(b"no zip")
-    with pytest.raises(UserError, match="remove it to train it anew"):
-        FeatureNet(tmp_path / FILE, 11).reference(unlabelled(16, 16).images)
-
-    monkeypatch.setattr(module, "train_features", diverge)
-    with pytest.raises(UserError, match="--reward-kind mmd: the loss is nan"):
-        feature_net(recipe, tmp_path / "new", WorkerPool(0))

@@ -42,13 +42,10 @@ def test_smaller_subsets_lie_within_larger_ones(seed, images):
     np.testing.assert_array_equal(subsets(images, [0.25], seed)[0], found[2])
 
 
-def test_subsets_by_hand():
+def test_subsets_and_the_fine_tuning_by_hand():
     assert chosen_images(367, 0.05) == 18 and chosen_images(8, 0.0625) == 1  # halves go up
     assert chosen_images(8, 0.06) == 0
     assert not np.array_equal(subsets(100, [0.1], 0)[0], subsets(100, [0.1], 1)[0])
-
-
-def test_fine_tuning_is_a_third_unless_told():
     config = defaults("camvid", "quick")
     fine = fine_fidelity(config).train
     assert fine == replace(config.final.train, steps=100, lr=0.01 / 3)
@@ -97,17 +94,11 @@ def test_a_net_is_pre_trained_once_and_fine_tuned_on_every_subset(way):
     ("scratch", [(3, [2], None), (3, [0, 2], None)]),
     ("longer", [(20, [2], None), (3, [2], "net 1"), (20, [0, 2], None), (3, [0, 2], "net 3")]),
 ])  # fmt: skip
-def test_other_nets_see_real_images_only(way, row, trained):
+def test_other_nets_see_real_images_only_and_one_that_diverges_is_an_outcome(way, row, trained):
     assert way(row)[1] == trained
-
-
-def test_training_that_diverges_is_an_outcome(way):
-    way.diverges = 20
-    outcomes, done = way("random")
-    lost = ["the loss is nan after 50 of 200 steps"] * 2
-    assert [o.failed for o in outcomes] == lost and len(done) == 1
-    way.diverges = 3
-    assert [o.failed for o in way("scratch")[0]] == lost
+    way.diverges = trained[0][0]
+    outcomes, _ = way(row)
+    assert [o.failed for o in outcomes] == ["the loss is nan after 50 of 200 steps"] * 2
 
 
 def test_a_measurement_leaves_its_figures(pretrain, tmp_path):

@@ -53,26 +53,21 @@ def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_
     assert "Continuing: 0 rewards and 2 other nets are done" in text and f"{store} holds 0" in text
 
 
-def test_out_is_a_file_or_holds_another_run_or_is_in_use(fails, tiny_camvid, camvid):
+def test_a_folder_in_use_and_a_missing_renderer(fails, tiny_camvid, camvid, monkeypatch, tmp_path):
     assert "is a file; it must be a folder" in fails(camvid / "train" / "A_1.png")
     with opened(tiny_camvid):
         assert "in use by another run" in fails(tiny_camvid.out)
     with opened(replace(tiny_camvid, out=tiny_camvid.out / "other", seed=4)):
         assert "seed = 4, not 0" in fails(tiny_camvid.out / "other")
-
-
-def test_a_run_of_another_engine_is_refused_by_name(fails, tiny_camvid, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr(context, "ENGINE", 0)
-        with opened(tiny_camvid):
+        with opened(replace(tiny_camvid, out=tiny_camvid.out / "old")):
             pass
-    assert f"engine = 0, not {context.ENGINE}" in fails(tiny_camvid.out)
+    assert f"engine = 0, not {context.ENGINE}" in fails(tiny_camvid.out / "old")
 
-
-def test_a_missing_renderer_is_the_users_to_mend(fails, tmp_path, monkeypatch):
     def missing(name: str):
         raise RendererError("EGL is missing;\ninstall libegl1")
 
     monkeypatch.setattr(context, "renderer", missing)
-    assert "EGL is missing; install libegl1" in fails(tmp_path / "run")
-    assert not (tmp_path / "run").exists()
+    assert "EGL is missing; install libegl1" in fails(tmp_path / "new")
+    assert not (tmp_path / "new").exists()

@@ -40,7 +40,7 @@ def found() -> dict:
     return summarize(synthetic(300))
 
 
-def test_what_was_put_in_comes_first(found):
+def test_what_was_put_in_comes_first_and_best_values_are_physical(found):
     rows = {row["name"]: row for row in found["attributes"]}
     ranked = list(rows)
     assert ranked[0] == NAMES[HUMP] and set(ranked[:4]) == set(MATTER)
@@ -52,9 +52,6 @@ def test_what_was_put_in_comes_first(found):
     assert rows[NAMES[LEFT]]["total"]["ci95"][0] > 10
     assert found["r2"]["value"] > 0.7 and found["r2"]["ci95"][0] > 0.5
     assert found["noise"]["model"] == pytest.approx(0.5, abs=0.2)
-
-
-def test_best_values_are_physical(found):
     row = next(row for row in found["attributes"] if row["name"] == NAMES[HUMP])
     assert row["best"] == pytest.approx(7.5, abs=0.8) and row["unit"] == "m"  # 1 to 14 m
     assert row["range90"][0] > 5.5 and row["range90"][1] < 9.5
@@ -71,7 +68,7 @@ def test_pure_noise_is_said_to_be_nothing():
     assert found["r2"]["value"] < 0.05 and "nothing is known" in text({"note": "noise", **found})
 
 
-def test_shares_by_hand():
+def test_shares_by_hand_and_draws_of_what_is_not_there_lie_around_zero():
     layout = model.lay_out(3)
     own, both = 3 * DEGREE, len(PAIR_ORDERS)
     assert layout.effects == 6 and len(layout.effect) == own + 3 * both
@@ -84,9 +81,6 @@ def test_shares_by_hand():
     np.testing.assert_allclose(found.drawn, [found.effects])  # one draw does not vary
     np.testing.assert_allclose(model.totals(layout, found.effects), [0.9, 0.1, 0.4])
     assert found.signal == pytest.approx(10)
-
-
-def test_draws_of_what_is_not_there_lie_around_zero():
     layout = model.lay_out(3)
     expected = np.zeros(len(layout.effect))
     expected[0] = 1

@@ -8,21 +8,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from experiments.study.stats import Estimate, bootstrap, mean_ci95, paired_gain, welch
+from experiments.study.stats import Estimate, bootstrap, crossed, mean_ci95, paired_gain, welch
 
-values = st.lists(st.floats(-100, 100), min_size=2, max_size=12)
+SHAPES = ((5, 1), (1, 3), (5, 3))
 
 
-def test_interval_by_hand():
+def test_intervals_and_paired_gains_by_hand():
     # 1 2 3 4 5: s^2 = 2.5, s / sqrt(5) = sqrt(0.5); t(0.975, 4) = 2.7764 from a printed table.
     half = 2.7764 * math.sqrt(0.5)
     assert mean_ci95([1, 2, 3, 4, 5]) == (3, pytest.approx([3 - half, 3 + half], abs=1e-4))
     # Two values a and b: s / sqrt(2) = |a - b| / 2, t(0.975, 1) = 12.706.
     assert mean_ci95([10, 12])[1] == pytest.approx([11 - 12.706, 11 + 12.706], abs=1e-3)
     assert mean_ci95([7.0]) == (7.0, None)  # one value has none
-
-
-def test_gain_is_paired():
     # The pairs differ by exactly 2, however far they lie apart from each other.
     assert paired_gain([12, 22, 32], [10, 20, 30]) == (2, [2, 2])
     assert paired_gain([7.0], [5.0]) == (2.0, None)
@@ -30,26 +27,42 @@ def test_gain_is_paired():
         paired_gain([1, 2, 3], [1, 2])
 
 
-@given(values, st.floats(-50, 50), st.floats(0.1, 10))
-def test_interval_shifts_and_scales_with_the_values(x, shift, scale):
-    mean, (low, high) = mean_ci95(x)
-    assert low <= mean <= high
-    moved, (lower, higher) = mean_ci95([scale * v + shift for v in x])
-    wanted = np.array([mean, low, high]) * scale + shift
-    np.testing.assert_allclose([moved, lower, higher], wanted, rtol=1e-6, atol=1e-6)
-    assert mean_ci95(list(reversed(x)))[1] == pytest.approx([low, high])
+@given(st.lists(st.tuples(st.floats(-100, 100), st.floats(-100, 100)), min_size=2, max_size=12))
+def test_the_interval_is_that_of_scipy_and_a_gain_that_of_the_differences(pairs):
+    ours, theirs = np.transpose(pairs)
+    mean, interval = mean_ci95(ours.tolist())
+    wanted = stats.t.interval(0.95, len(ours) - 1, ours.mean(), stats.sem(ours))
+    assert mean == pytest.approx(ours.mean(), abs=1e-9)
+    if np.ptp(ours) > 1e-6:
+        assert interval == pytest.approx(wanted, rel=1e-6, abs=1e-6)
+    mean, interval = mean_ci95((ours - theirs).tolist())
+    gain, found = paired_gain(ours.tolist(), theirs.tolist())
+    assert [gain, *found] == pytest.approx([mean, *interval], abs=1e-9)
 
 
-@given(values, st.data())
-def test_gain_changes_sign_with_the_order(ours, data):
-    theirs = data.draw(st.lists(st.floats(-100, 100), min_size=len(ours), max_size=len(ours)))
-    mean, (low, high) = paired_gain(ours, theirs)
-    back, (lower, higher) = paired_gain(theirs, ours)
-    assert (back, lower, higher) == pytest.approx((-mean, -high, -low), abs=1e-9)
-    assert mean == pytest.approx(np.mean(ours) - np.mean(theirs), abs=1e-9)
+def test_intervals_over_searches_and_seeds_by_hand():
+    # Mean squares 54 of searches, 26 of seeds, 2 of the rest: 78 / 6 = 13 is the mean's variance.
+    mean, (low, high) = crossed([[0, 4, 8], [6, 12, 12]])
+    degrees = 78**2 / (54**2 / 1 + 26**2 / 2 + 2**2 / 2)
+    assert mean == 7 and high - 7 == 7 - low
+    assert high - 7 == pytest.approx(stats.t.ppf(0.975, degrees) * math.sqrt(13))
+    # Searches alike: what is left is the seeds' own variance. One search, or one seed: Student's t.
+    assert crossed([[1, 2, 6], [1, 2, 6]])[1] == pytest.approx(mean_ci95([1, 2, 6])[1])
+    assert crossed([[1, 2, 6]]) == crossed([[1], [2], [6]]) == mean_ci95([1, 2, 6])
+    assert crossed([[5, 5], [5, 5]]) == (5, [5, 5]) and crossed([[5]]) == (5, None)
 
 
-def test_welch_by_hand():
+@pytest.mark.parametrize("spreads", [(1, 1, 1), (2, 0, 0.5), (0, 2, 0.5), (0, 0, 1)])
+def test_intervals_over_both_hold_the_truth_as_often_as_they_say(spreads):
+    rng, held = np.random.default_rng(0), 0
+    for _ in range(400):
+        parts = [s * rng.normal(size=shape) for s, shape in zip(spreads, SHAPES, strict=True)]
+        low, high = crossed(sum(parts))[1]
+        held += low <= 0 <= high
+    assert held >= 370  # 380 on average, or more where chance alone tells searches apart
+
+
+def test_welch_and_the_bootstrap_by_hand():
     # Means 2 and 7, variances 1 and 20 / 3: t = -5 / sqrt(1 / 3 + 5 / 3).
     found = welch([1, 2, 3], [4, 6, 8, 10])
     assert found.difference == pytest.approx(-5) and found.t == pytest.approx(-5 / math.sqrt(2))
@@ -61,9 +74,6 @@ def test_welch_by_hand():
     assert welch([1, 2, 3], [101, 102, 103]).stars == "**"
     assert welch([1, 2, 3], [2, 3, 4]).stars == ""
     assert welch([1], [2, 3]) is None and welch([1, 1], [2, 2]) is None
-
-
-def test_the_bootstrap_by_hand():
     # Sets that hold 3 and 5: the statistic knows the counts, and so never varies.
     found = bootstrap((3, 5), lambda a, b: float(10 * len(a) + len(b) + (b.max() > 4)), 0)
     assert found == Estimate(35, [35, 35])

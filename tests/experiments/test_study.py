@@ -25,7 +25,7 @@ from shell.files import read_json
 from .conftest import ROOT, Counted, Killed, lines, never, study, transferred
 
 TRAINED = ("table", "pretrain", "assets", "ablation", "compare", "labels")  # their rows are of nets
-STUDIES = (*TRAINED, "fidelity", "sensitivity")
+STUDIES = (*TRAINED, "searches", "fidelity", "sensitivity")
 FORM = Form(
     "some", lambda report: {**report, "mean": float(np.mean(report["scores"]))},
     lambda report: f"{report['mean']}", {"some.png": lambda report: b"picture"},
@@ -52,11 +52,10 @@ def test_presets_are_sound(name, target, preset):
 @pytest.mark.parametrize(("name", "counts", "flags"), [
     ("table", (3,), "--learnt FILE"),
     ("pretrain", (3,), "--learnt FILE"),  # between the scores of one net
-    ("assets", (3,), ""),
-    ("labels", (3,), "--learnt FILE --renders default learnt"),
+    ("assets", (3,), ""), ("labels", (3,), "--learnt FILE --renders default learnt"),
     ("ablation", (3, 3), "--variants full no_positions"),  # within a search, and within the nets
-    ("fidelity", (7,), ""),
-    ("sensitivity", (5,), ""),
+    ("searches", (6, 30), "--methods random_search --few 2"),  # within a search, and in the next one
+    ("fidelity", (7,), ""), ("sensitivity", (5,), ""),
 ])  # fmt: skip
 def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
     name, counts, flags, command, tmp_path, learnt_file, monkeypatch, capsys
@@ -126,6 +125,9 @@ def test_a_recorded_report_is_derived_anew(name, tmp_path):
     ("labels", ("--counts", "1", "2", "-1"), "--counts must be 0 or more, not -1"),
     ("labels", ("--renders", "random", "--learnt", "FILE"), "is of no use with --renders random"),
     ("labels", ("--few-share", "1"), "--few-share must lie in (0, 1), not 1"),
+    ("searches", ("--searches", "0"), "--searches must be 1 or more, not 0"),
+    ("searches", ("--methods", "sdr", "sdr"), "--methods sdr sdr names one of them twice"),
+    ("searches", ("--methods", "random_attributes"), "searches for nothing"),
     ("table", ("--few", "4"), "--few 4 selects all 4 labelled images of camvid"),
     ("ablation", ("--variants", "full", "full"), "--variants full full names one of them twice"),
     ("ablation", ("--variants", "no_groups"), "--variants must hold full"),
@@ -160,8 +162,7 @@ def test_bad_input_is_one_line(name, flags, complaint, command, tmp_path, error_
 @pytest.mark.parametrize(("name", "flags"), [
     ("table", ("--nets", "resnet")),
     ("table", ("--unlabelled", ".")),  # rows need labels
-    ("pretrain", ("--rows", "imagenet")),
-    ("pretrain", ("--default-width", "0.5")),
+    ("pretrain", ("--rows", "imagenet")), ("pretrain", ("--default-width", "0.5")),
     ("assets", ("--asset-fraction", "0.5")),
     ("ablation", ("--variants", "no_fog")), ("ablation", ("--learnt", "x.json")),
     ("ablation", ("--reward-kind", "mmd")), ("ablation", ("--candidates", "argmax")),
@@ -175,14 +176,18 @@ def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, tmp_path
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", (*TRAINED, "sensitivity"))
+@pytest.mark.parametrize("name", (*TRAINED, "sensitivity", "fidelity"))
 def test_smoke_on_the_twin_with_nets(name, start_job, tmp_path):
     out = tmp_path / "run"
     flags = ("--preset", "smoke", "--workers", "1")
-    code, stdout, stderr = start_job(out, *flags, experiment=name).finish()
+    mmd = ("--reward-kind", "mmd") if name == "fidelity" else ()  # without labels, too
+    code, stdout, stderr = start_job(out, *flags, *mmd, experiment=name).finish()
     assert (code, stderr) == (0, "") and "NOT real data" in stdout
     report = read_json(out / f"{name}.json")
     assert report["real"] is False
+    if name == "fidelity":
+        assert [rung["reward"] for rung in report["rungs"]] == ["-MMD^2"] * 3 + ["mIoU"]
+        return
     assert name != "sensitivity" or report["records"]["rewards"] == 12
     nets = [row.get("final") or row for row in report.get("rows", ())]
     assert len(nets) >= 4 * (name != "sensitivity") and all(0 < row["mean"] < 100 for row in nets)
@@ -203,17 +208,6 @@ def test_learnt_attributes_are_made_once(config, counted, tmp_path):
     assert counted.calls == []
     for other in (found, read_attributes("--learnt", again.out / "attributes.json", "scenex")):
         np.testing.assert_array_equal(np.stack(other), np.stack(learnt))
-
-
-@pytest.mark.parametrize(("content", "words"), [
-    (None, "No such file"), ("{", "is no JSON file"), ('{"fog": 0.5}', "unknown attribute 'fog'"),
-])  # fmt: skip
-def test_other_files_are_no_attributes(config, tmp_path, content, words):
-    path = tmp_path / "attributes.json"
-    if content is not None:
-        path.write_text(content)
-    with pytest.raises(UserError, match=f"--learnt {path}.*{words}"):
-        check(SOME, replace(config, learnt=path))
 
 
 def test_nets_are_paired_and_made_once(config, counted):
@@ -248,16 +242,13 @@ def test_what_cannot_be_done_shows_before_the_folder_is_made(config):
     assert not config.out.exists()
 
 
-def test_the_plan_tells_nets_seconds_and_time():
+def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path):
     final = defaults(LearntConfig, "camvid", "quick").final
     text = plan_text([Work.at("nets, 3 sets x 5 seeds", 15, final), Work("b", 10, final, 6.0)], 2)
     # 400 x 0.219 s of rendering, 172800 pixels x (800 views x 2.5e-7 s + 1200 in updates x 8e-8 s)
     assert "15 x  138.6  nets, 3 sets x 5 seeds (lite0, 480x360, 400 images, 300 steps)" in text
     # (15 x 138.6 + 10 x 6) / 2 = 1069 s
     assert "About 18 min on 2 worker(s), without compiling" in text
-
-
-def test_plan_and_reports_tell_what_nets_start_from(tmp_path):
     path = tmp_path / "hed.npz"
     np.savez(path, normalisation="hed", source="VGG16, fine-tuned")
     final = defaults(LearntConfig, "camvid", "quick").final
@@ -268,7 +259,7 @@ def test_plan_and_reports_tell_what_nets_start_from(tmp_path):
     assert form.starts({"starts": [said]}) == f" {said}." and form.starts({}) == ""
 
 
-def test_statistics_leave_failed_nets_out():
+def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
     found = statistics([10.0, None, 14.0], [9.0, 5.0, 11.0])
     assert found["mean"] == 12 and found["gain"]["mean"] == 2  # of 1 and 3
     assert statistics([None, 3.0], [1.0, None])["gain"] is None
@@ -280,9 +271,6 @@ def test_statistics_leave_failed_nets_out():
     assert form.miou(scored) == pytest.approx([20, 40, None]) and scored[2] is None
     assert form.failures([{"nets": scored}])[1].startswith("1 nets failed")
     assert form.failures([{"nets": scored[:2]}]) == []
-
-
-def test_figures_in_tables_by_hand():
     row = {"mean": 12.34, "ci95": [11.0, 13.68]}
     assert form.cells(row) == ["12.3", "11.0 to 13.7"] and form.half(row) == pytest.approx(1.34)
     assert form.cells(row, "+.2f") == ["+12.34", "11.00 to 13.68"]
@@ -303,15 +291,20 @@ def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
     assert capsys.readouterr().out.endswith("1.5\n")
 
 
-@pytest.mark.parametrize(("content", "words"), [
-    (None, "No such file"),
-    ("{", "is no JSON file"),
-    ('{"study": "other"}', "is no report of experiments.some"),
-    ('{"study": "some"}', "does not hold what experiments.some writes"),
+@pytest.mark.parametrize(("content", "attributes", "report"), [
+    (None, "No such file", "No such file"), ("{", "is no JSON file", "is no JSON file"),
+    ('{"fog": 0.5}', "unknown attribute 'fog'", "experiments.some"),
+    ('{"study": "other"}', "unknown attribute 'study'", "is no report of experiments.some"),
+    ('{"study": "some"}', "unknown", "does not hold what experiments.some writes"),
 ])  # fmt: skip
-def test_other_files_are_no_reports(tmp_path, content, words):
+def test_other_files_are_neither_attributes_nor_reports(
+    config, tmp_path, content, attributes, report
+):
+    file, out = tmp_path / "some.json", tmp_path / "out"
     if content is not None:
-        (tmp_path / "some.json").write_text(content)
-    with pytest.raises(UserError, match=words):
-        rewrite(FORM, tmp_path / "some.json", tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+        file.write_text(content)
+    with pytest.raises(UserError, match=f"--learnt {file}.*{attributes}"):
+        check(SOME, replace(config, learnt=file))
+    with pytest.raises(UserError, match=report):
+        rewrite(FORM, file, out)
+    assert not out.exists()

@@ -37,7 +37,7 @@ def fails(camvid, tmp_path, error_line):
     return run
 
 
-def test_the_public_protocol(tiny_camvid, camvid):
+def test_the_public_protocol_and_a_sequence_held_out(tiny_camvid, camvid):
     target = named_target(tiny_camvid, POOL)
     assert target.real and target.name == target.table == "camvid" and target.twin is None
     assert target.reward_names == ("A_1", "A_2", "B_1", "B_2")
@@ -50,9 +50,6 @@ def test_the_public_protocol(tiny_camvid, camvid):
     for name, labels in zip(reward.names, reward.labels, strict=True):
         values = np.asarray(Image.open(camvid / "trainannot" / f"{name}.png"))
         np.testing.assert_array_equal(labels, CAMVID_11.from_file[values])
-
-
-def test_a_sequence_held_out_leaves_the_reward(tiny_camvid):
     target = named_target(replace(tiny_camvid, holdout="B"), POOL)
     assert (target.reward_names, target.test_names) == (("A_1", "A_2"), ("B_1", "B_2"))
     assert "sequence B" in target.title and "both sides" not in target.title

@@ -31,11 +31,15 @@ def test_hidden_values_are_reproducible_inside_the_ranges_and_other_by_seed(seed
         assert (world.centre != another.centre).any() and world.response != another.response
 
 
-def test_the_prior_is_the_stated_one():
+def test_the_prior_is_the_stated_one_and_the_same_world_gives_the_same_images():
     inside = abs(default_unit() - 0.5) < 0.05  # far from where it is clipped
     offsets = np.stack([twin_world(seed).centre - default_unit() for seed in range(400)])[:, inside]
     assert abs(offsets.mean()) < 0.015
     assert offsets.std() == pytest.approx(module.PRIOR_STD, rel=0.1)
+    one, two = split("train", 1), split("train", 1)
+    assert (one.images == two.images).all() and (one.labels == two.labels).all()
+    assert one.images.std() > 10 and len(np.unique(one.labels)) > 3
+    assert (split("train", 1, seed=1).images != one.images).any()
 
 
 def blank(units, seed, *, shots, settings, **options):
@@ -67,7 +71,7 @@ def test_its_assets_are_not_the_searchs(renders, target, preset):
     assert ours.first + most <= module.FIRST_ASSET == theirs.first and not theirs.own
 
 
-def test_its_splits_are_disjoint(renders):
+def test_its_splits_are_disjoint_and_it_never_passes_for_real_data(renders):
     train, test = split("train"), split("test")
     assert not {*train.names, *train.sequences} & {*test.names, *test.sequences}
     ((train_units, train_seed), _), ((test_units, test_seed), _) = renders
@@ -75,6 +79,11 @@ def test_its_splits_are_disjoint(renders):
     # Every street lies in the hidden interval.
     assert (np.abs(train_units - twin_world(0).centre) <= HIDDEN_WIDTH / 2 + 1e-6).all()
     assert train_units.shape == (IMAGES // SHOTS, 23)
+    target = named_target(defaults(MainConfig, "twin", "smoke", twin_seed=3), WorkerPool(0))
+    assert target.real is False and target.name == "twin"
+    assert "twin 3" in target.title and "NOT real data" in target.title
+    assert len(target.reward_names) == len(target.test_names) == 8
+    np.testing.assert_array_equal(target.twin.centre, twin_world(3).centre)
 
 
 @given(st.integers(1, 200))
@@ -85,18 +94,3 @@ def test_as_many_images_as_asked_for_at_most_all(images):
     assert real.names == whole.names[:images]
     assert len(real.names) == len(set(real.names)) == len(real.images) == min(images, IMAGES)
     assert len(set(real.sequences)) == -(-len(real.names) // SHOTS)
-
-
-def test_it_never_passes_for_real_data(renders):
-    target = named_target(defaults(MainConfig, "twin", "smoke", twin_seed=3), WorkerPool(0))
-    assert target.real is False and target.name == "twin"
-    assert "twin 3" in target.title and "NOT real data" in target.title
-    assert len(target.reward_names) == len(target.test_names) == 8
-    np.testing.assert_array_equal(target.twin.centre, twin_world(3).centre)
-
-
-def test_the_same_world_gives_the_same_images():
-    one, two = split("train", 1), split("train", 1)
-    assert (one.images == two.images).all() and (one.labels == two.labels).all()
-    assert one.images.std() > 10 and len(np.unique(one.labels)) > 3
-    assert (split("train", 1, seed=1).images != one.images).any()

@@ -38,9 +38,7 @@ def test_ranges_scales_and_defaults_are_the_frozen_ones():
     assert names("extended") == tuple(BY_NAME) == StreetParams._fields
     assert all(a.unit and a.meaning for a in BY_NAME.values())
     assert [space_of(n) for n in (23, len(BY_NAME))] == list(SPACES)
-
-
-def test_middle_of_a_linear_range_is_the_mean_and_of_a_log_range_the_geometric_mean():
+    # The middle of a linear range is the mean, of a logarithmic one the geometric mean.
     assert BY_NAME["camera_position_y"].physical(0.5) == pytest.approx(2.4)
     assert BY_NAME["car_interval"].physical(0.5) == pytest.approx(math.sqrt(5 * 50))
 
@@ -61,6 +59,9 @@ def test_the_default_street_has_the_default_values_and_angles_in_radians():
         assert value == pytest.approx(expected, abs=1e-4), attribute.name
     assert street_params(np.ones(23)).camera_rotation_x == pytest.approx(math.radians(20))
     assert street_params(np.zeros(23)).illumination_angle_y == pytest.approx(-math.pi)
+    for shape in ((), (22,), (24,), (23, 2), (0,)):
+        with pytest.raises(ValueError, match=r"must have 23 \(scenex\) or 37"):
+            check_unit(np.zeros(shape))
 
 
 @given(st.sampled_from(NAMES), st.sampled_from([-0.1, 1.001, math.nan, math.inf, -math.inf]))
@@ -72,9 +73,3 @@ def test_a_value_outside_the_unit_interval_is_refused_by_name(name, value):
     assert check_unit(np.full((5, 23), 0.5)).shape == (5, 23)  # many streets at once
     with pytest.raises(ValueError, match=f"{name} is "):
         check_unit(np.stack([default_unit(), unit]))
-
-
-@pytest.mark.parametrize("shape", [(), (22,), (24,), (23, 2), (0,)])
-def test_a_wrong_number_of_attributes_is_refused(shape):
-    with pytest.raises(ValueError, match=r"must have 23 \(scenex\) or 37"):
-        check_unit(np.zeros(shape))

@@ -33,18 +33,15 @@ def test_bytes_do_not_depend_on_the_workers_and_an_open_pool_is_left_open(here):
         assert (there.images == here.images).all() and (there.labels == here.labels).all()
 
 
-def test_images_come_in_the_order_of_streets_and_shots(here):
+def test_images_come_in_order_and_depend_on_attributes_seed_and_index_only(here):
+    assert np.array_equal(render(units=units(3)[:2]).images, here.images[:4])
+    alike = render(units=np.stack([default_unit()] * 2))
+    assert not np.array_equal(alike.images[:2], alike.images[2:])
     assert (here.images.shape, here.labels.shape) == ((6, 32, 48, 3), (6, 32, 48))
     for i, unit in enumerate(units(3)):
         for shot, frame in enumerate(render_street(unit, 7, i, 2, TINY, "embree", POOL)):
             assert np.array_equal(here.images[2 * i + shot], frame.image)
             assert np.array_equal(here.labels[2 * i + shot], frame.label)
-
-
-def test_a_street_depends_on_its_attributes_seed_and_index_only(here):
-    assert np.array_equal(render(units=units(3)[:2]).images, here.images[:4])
-    alike = render(units=np.stack([default_unit()] * 2))
-    assert not np.array_equal(alike.images[:2], alike.images[2:])
 
 
 def test_streets_of_neighbouring_seeds_are_not_the_same_and_the_pool_of_assets_is_theirs():
@@ -89,26 +86,17 @@ def test_under_jit_the_bytes_are_those_of_the_engine(name):
             assert (images[i, shot] == frame.image).all() and (labels[i, shot] == frame.label).all()
 
 
-def test_pictures_can_be_used_in_the_same_program():
-    render = render_fn(TINY, pool=POOL)
-
-    @jax.jit
-    def brightness(unit, seeds):
-        return render(unit, seeds)[0].astype(jnp.float32).mean(axis=(1, 2, 3, 4))
-
-    dim, bright = units(2), units(2)
-    dim[:, 0], bright[:, 0] = 0, 1
-    seeds = jnp.arange(2, dtype=jnp.uint32)
-    assert (brightness(dim, seeds) < brightness(bright, seeds)).all()
-
-
-def test_values_out_of_range_are_clipped_and_nan_is_the_middle(compiled):
+def test_values_out_of_range_are_clipped_nan_is_the_middle_and_vmap_renders_one_by_one(compiled):
     wild, tame = units(2), units(2)
     wild[0, :3], tame[0, :3] = (-3, 7, np.nan), (0, 1, 0.5)
     wild[1, 5], tame[1, 5] = np.inf, 1
     seeds = jnp.array([1, 2], jnp.uint32)
     for a, b in zip(compiled(wild, seeds), compiled(tame, seeds), strict=True):
         assert np.array_equal(a, b)
+    seeds = jnp.array([[1], [2]], jnp.uint32)
+    images, _ = jax.vmap(compiled)(jnp.asarray(units(2))[:, None], seeds)
+    together, _ = compiled(units(2), seeds[:, 0])
+    assert np.array_equal(images[:, 0], together)
 
 
 def test_wrong_shapes_and_settings_are_refused_before_the_call(compiled):
@@ -122,10 +110,3 @@ def test_wrong_shapes_and_settings_are_refused_before_the_call(compiled):
     ):
         with pytest.raises(ValueError, match=message):
             render_fn(**arguments)
-
-
-def test_vmap_renders_one_by_one(compiled):
-    seeds = jnp.array([[1], [2]], jnp.uint32)
-    images, _ = jax.vmap(compiled)(jnp.asarray(units(2))[:, None], seeds)
-    together, _ = compiled(units(2), seeds[:, 0])
-    assert np.array_equal(images[:, 0], together)

@@ -5,10 +5,6 @@ import io
 import json
 import os
 import shutil
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +21,6 @@ from scene.render.__main__ import main
 from scene.version import ENGINE
 from shell import files
 
-ROOT = Path(__file__).resolve().parents[2]
 TINY = RenderSettings(width=64, height=48)
 UNITS = draw(random_proposal(), 5, 3)
 OPTIONS = {"units": UNITS, "shots": 2, "images": 5, "settings": TINY, "pool": AssetPool(0, 3),
@@ -100,7 +95,7 @@ def test_cut_short_anywhere_it_ends_alike(unbroken, format, writes, tmp_path, mo
 
 def test_finished_streets_are_not_rendered_again(tmp_path, monkeypatch):
     rendered = []
-    real = export._export_street
+    real = export._draw_street
 
     def street(plan, index, unit):
         if index == 2 and len(rendered) == 2:
@@ -109,7 +104,7 @@ def test_finished_streets_are_not_rendered_again(tmp_path, monkeypatch):
         rendered.append(index)
         return real(plan, index, unit)
 
-    monkeypatch.setattr(export, "_export_street", street)
+    monkeypatch.setattr(export, "_draw_street", street)
     with pytest.raises(KeyboardInterrupt):
         run(tmp_path / "a")
     # A file that lost its end, as when the power goes, is made again.
@@ -159,7 +154,7 @@ def test_an_export_of_other_settings_or_another_engine_is_kept(finished, tmp_pat
     assert tree(folder) == before
 
 
-def test_other_folders_are_kept(tmp_path):
+def test_other_folders_are_kept_and_a_second_process_is_kept_out(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
     with pytest.raises(ExportError, match="holds other files and no export"):
         run(tmp_path)
@@ -167,8 +162,6 @@ def test_other_folders_are_kept(tmp_path):
         run(tmp_path / "notes.txt")
     assert tree(tmp_path) == {"notes.txt": b"mine"}
 
-
-def test_a_second_process_is_kept_out(tmp_path):
     def second(*_):
         with pytest.raises(ExportError, match="in use by another export"):
             run(tmp_path / "a")
@@ -262,12 +255,10 @@ def test_the_command_line_exports_and_reports(tmp_path, capsys):
     ("--images 9000000 --shots 1000000000", "--shots 1000000000 would take 67.6 TB of memory for the"),
     ("--workers 1000000", "--workers 1000000 would take 100 TB of memory for processes"),
     ("--workers -1", "--workers must be 0 or more"),
-    ("--samples 99", "samples must lie in 1..8"),
-    ("--format voc", "invalid choice: 'voc'"),
+    ("--samples 99", "samples must lie in 1..8"), ("--format voc", "invalid choice: 'voc'"),
     ("--split test", "invalid choice: 'test'"),
     ("--asset-fraction 0", "asset fraction must lie in (0, 1], not 0.0"),
-    ("--assets nowhere", "nowhere is not there"),
-    ("--attributes nowhere.json", "nowhere.json"),
+    ("--assets nowhere", "nowhere is not there"), ("--attributes nowhere.json", "nowhere.json"),
     ("--attributes garbled.json", "garbled.json is no JSON file"),
     ("--attributes list.json", "list.json: expected a JSON object"),
     ("--attributes unknown.json", "unknown.json: unknown attribute 'car_speed'"),
@@ -287,22 +278,3 @@ def test_bad_input_is_one_line_and_exit_code_two(flags, message, tmp_path, refus
     monkeypatch.chdir(tmp_path)
     assert message in refusal(main, *FLAGS, "a", *flags.split())
     assert len(list(tmp_path.iterdir())) == 5
-
-
-@pytest.mark.slow
-def test_killed_at_random_moments_and_continued_gives_the_same_files(tmp_path):
-    line = "-m scene.render --images 8 --size 96x64 --shots 2 --workers 2 --seed 3 --out".split()
-    broken, whole = ([sys.executable, *line, str(tmp_path / n)] for n in ("broken", "whole"))
-    pipes = {"cwd": ROOT, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    subprocess.run(whole, check=True, **pipes)
-    for files_wanted in np.sort(np.random.default_rng(0).integers(1, 75, 3)):
-        process = subprocess.Popen(broken, **{**pipes, "stdout": subprocess.DEVNULL})
-        while process.poll() is None:
-            if sum(p.is_file() for p in (tmp_path / "broken").rglob("*.*")) >= files_wanted:
-                process.send_signal(signal.SIGKILL)
-                break
-            time.sleep(0.002)
-        assert process.wait() == -signal.SIGKILL, process.stderr.read()
-    assert not (tmp_path / "broken" / "dataset.json").exists()
-    subprocess.run(broken, check=True, **pipes)
-    assert tree(tmp_path / "broken") == tree(tmp_path / "whole")

@@ -1,7 +1,6 @@
 """The official tools of both formats read our exports unchanged: cityscapesscripts and pycocotools."""
 
 import json
-import os
 
 import numpy as np
 import pytest
@@ -63,9 +62,10 @@ def area_and_box(mask):
     return len(rows), [x, y, columns.max() - x + 1, rows.max() - y + 1]
 
 
-def test_label_pictures_hold_the_ids_of_the_official_table(cityscapes, frames):
+def test_labels_and_instances_are_those_of_the_street_by_the_official_table(cityscapes, frames):
+    from cityscapesscripts.evaluation.instances2dict import instances2dict
     from cityscapesscripts.helpers.csHelpers import getCsFileInfo
-    from cityscapesscripts.helpers.labels import trainId2label
+    from cityscapesscripts.helpers.labels import id2label, trainId2label
 
     for stem, frame in zip(STEMS, frames, strict=True):
         path = f"{cityscapes}/gtFine/val/scenex/{stem}_gtFine_labelIds.png"
@@ -77,15 +77,7 @@ def test_label_pictures_hold_the_ids_of_the_official_table(cityscapes, frames):
             label = trainId2label[train_id]
             assert (ids[frame.label == train_id] == label.id).all()
             assert (color[frame.label == train_id] == label.color).all()
-
-
-def test_instances_are_those_of_the_street(cityscapes, frames):
-    from cityscapesscripts.evaluation.instances2dict import instances2dict
-    from cityscapesscripts.helpers.labels import id2label
-
-    for stem, frame in zip(STEMS, frames, strict=True):
-        path = f"{cityscapes}/gtFine/val/scenex/{stem}_gtFine_instanceIds.png"
-        [found] = instances2dict([path]).values()
+        [found] = instances2dict([path.replace("label", "instance")]).values()
         theirs = []
         for name, entry in [(n, entry) for n in found for entry in found[n]]:
             label = id2label[entry["labelID"]]
@@ -94,23 +86,6 @@ def test_instances_are_those_of_the_street(cityscapes, frames):
                 theirs.append((label.id, entry["pixelCount"]))
         ours = sorted((label, int(mask.sum())) for label, mask in objects(frame))
         assert sorted(theirs) == ours and len(ours) >= 3
-
-
-def test_the_official_evaluation_scores_our_labels_as_perfect(cityscapes, tmp_path, monkeypatch):
-    from cityscapesscripts.evaluation import evalPixelLevelSemanticLabeling as evaluation
-
-    truth = sorted(str(p) for p in cityscapes.glob("gtFine/val/*/*_gtFine_labelIds.png"))
-    for path in truth:
-        os.symlink(path, tmp_path / os.path.basename(path))
-    monkeypatch.setenv("CITYSCAPES_RESULTS", str(tmp_path))
-    changes = {"predictionPath": None, "predictionWalk": None, "JSONOutput": False, "quiet": True}
-    for name, value in changes.items():
-        monkeypatch.setattr(evaluation.args, name, value, raising=False)
-    monkeypatch.setattr(np, "in1d", np.isin, raising=False)  # NumPy 2.4 dropped what 2.3.0 calls
-    found = [evaluation.getPrediction(evaluation.args, path) for path in truth]
-    result = evaluation.evaluateImgLists(found, truth, evaluation.args)
-    assert len(truth) == len(STEMS)
-    assert {result[f"averageScore{s}"] for s in ("Classes", "Categories", "InstClasses")} == {1}
 
 
 def test_the_official_script_makes_the_same_panoptic_files(cityscapes, tmp_path, capsys):
@@ -125,29 +100,25 @@ def test_the_official_script_makes_the_same_panoptic_files(cityscapes, tmp_path,
         np.testing.assert_array_equal(read(cityscapes / "gtFine" / path), read(tmp_path / path))
 
 
-def test_depth_and_normals_are_those_of_the_frames(cityscapes, frames):
+def test_depth_and_normals_are_those_of_the_frames_and_the_camera_s_road_is_flat(
+    cityscapes, frames
+):
     for stem, frame in zip(STEMS, frames, strict=True):
         where = f"val/scenex/{stem}"
         depth = read(cityscapes / f"depth/{where}_depth.png")
         np.testing.assert_allclose(depth / 100, np.minimum(frame.depth, 655.35), atol=0.0051)
         camera = json.loads((cityscapes / f"camera/{where}_camera.json").read_text())
+        inner, outer = camera["intrinsic"], camera["extrinsic"]
         disparity = read(cityscapes / f"disparity/{where}_disparity.png").astype(float)
         near = (frame.depth > 1) & (frame.depth < 30)
-        back = camera["extrinsic"]["baseline"] * camera["intrinsic"]["fx"]
-        metres = back / ((disparity[near] - 1) / 256)
+        metres = outer["baseline"] * inner["fx"] / ((disparity[near] - 1) / 256)
         np.testing.assert_allclose(metres, frame.depth[near], rtol=3e-3)
         normals = read(cityscapes / f"normals/{where}_normals.png") / 127.5 - 1
         np.testing.assert_allclose(normals[near], frame.normal[near], atol=0.0041)
-
-
-def test_the_camera_turns_depth_into_a_road_that_is_flat(cityscapes, frames):
-    for stem, frame in zip(STEMS, frames, strict=True):
-        camera = json.loads((cityscapes / f"camera/val/scenex/{stem}_camera.json").read_text())
-        inner, outer = camera["intrinsic"], camera["extrinsic"]
         rows, columns = np.nonzero((frame.label == 0) & (frame.depth < 40))
-        depth = frame.depth[rows, columns]
-        down, pitch = (rows - inner["v0"]) / inner["fy"] * depth, outer["pitch"]
-        height = outer["z"] - down * np.cos(pitch) - depth * np.sin(pitch)
+        ahead, pitch = frame.depth[rows, columns], outer["pitch"]
+        down = (rows - inner["v0"]) / inner["fy"] * ahead
+        height = outer["z"] - down * np.cos(pitch) - ahead * np.sin(pitch)
         assert len(height) > 500
         assert np.abs(np.median(height)) < 0.1 and np.ptp(height) < 0.5  # roads are cambered
 

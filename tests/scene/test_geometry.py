@@ -13,7 +13,6 @@ from scene.mesh.asset import merge, rotate
 from scene.mesh.mesh import Mesh, cross, twice_areas
 from scene.mesh.solids import box, ellipsoid, quads
 from scene.render.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
-from scene.street.placing import Placement
 from tests.scene.conftest import SEEDS, street
 
 BALL = ellipsoid((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), subdivisions=2)
@@ -57,15 +56,12 @@ def test_normals_are_unit_and_perpendicular_to_their_faces():
             assert np.quantile(leaning, 0.99) < 0.02
 
 
-def test_a_fine_ball_is_smoothed_and_a_box_keeps_its_edges():
+def test_a_fine_ball_is_smoothed_however_its_faces_are_wound_and_a_box_keeps_its_edges():
     ball = shape_of(BALL)
     outwards = ball.vertices[ball.faces]  # of radius 1
     assert ((ball.corners * outwards).sum(axis=2) > 0.995).all()
     cube = shape_of(box((1, 2, 3), (0, 0, 0), (0.5, 0.5, 0.5)))
     np.testing.assert_allclose(cube.corners, np.repeat(cube.normal[:, None], 3, axis=1), atol=1e-6)
-
-
-def test_a_surface_wound_both_ways_is_smoothed_all_the_same():
     faces = np.array(BALL.mesh.faces)
     faces[::2] = faces[::2, ::-1]
     mesh = trimesh.Trimesh(BALL.mesh.vertices, faces, process=False)
@@ -74,15 +70,6 @@ def test_a_surface_wound_both_ways_is_smoothed_all_the_same():
     assert (along > 0.9).all()
     expected[::2] = expected[::2, ::-1]
     np.testing.assert_allclose(along, expected, atol=1e-5)
-
-
-def test_an_asset_is_turned_and_moved_by_its_pose():
-    pose = np.array([[0.0, -1, 0, 10], [1, 0, 0, 3], [0, 0, 1, 0.12], [0, 0, 0, 1]])
-    g = build(street()._replace(placements=(Placement("car", 1, TrainId.CAR, 4, pose),)))
-    merged = world(g)
-    placed = merged.vertices.reshape(-1, 3, 3)[merged.instance == 4]
-    x, y, z = np.moveaxis(catalogue.asset("car", 1).mesh.triangles, -1, 0)
-    np.testing.assert_allclose(placed, np.stack([10 - y, 3 + x, 0.12 + z], axis=-1), atol=1e-5)
 
 
 def test_merging_names_the_face_that_each_triangle_comes_from():
@@ -107,7 +94,18 @@ def test_a_far_tree_covers_as_much_with_a_fraction_of_its_triangles():
         assert np.quantile(outside, 0.99) < 0.5
 
 
-def test_a_mesh_asks_trimesh_for_what_it_does_not_hold_and_its_copy_has_arrays_of_its_own():
+def test_quads_are_merged_ones_a_ball_is_trimesh_s_and_a_mesh_asks_for_what_it_does_not_hold():
+    theirs = trimesh.creation.icosphere(subdivisions=2)
+    assert (BALL.mesh.faces == theirs.faces).all()
+    assert BALL.mesh.vertices == pytest.approx(theirs.vertices, abs=1e-15)
+    both = quads(np.stack([SQUARE, SQUARE + 1]), [RED, BLUE], ["glass", "metal"])
+    joined = merge(quads([SQUARE], [RED], ["glass"]), quads([SQUARE + 1], [BLUE], ["metal"]))
+    assert both.mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
+    assert both.material.tolist() == [material_id(m) for m in ("glass", "glass", "metal", "metal")]
+    assert both.color.tolist() == joined.color.tolist() == [[*RED]] * 2 + [[*BLUE]] * 2
+    assert both.mesh.vertices.tobytes() == joined.mesh.vertices.tobytes()
+    assert both.mesh.faces.tobytes() == joined.mesh.faces.tobytes()
+    assert twice_areas(both.mesh.vertices, both.mesh.faces).tolist() == [6, 6, 6, 6]
     mesh = box((2, 3, 4), (0, 0, 0), RED).mesh
     assert mesh.bounds.tolist() == [[-1, -1.5, 0], [1, 1.5, 4]]
     assert mesh.area == pytest.approx(2 * (6 + 8 + 12))
@@ -118,34 +116,11 @@ def test_a_mesh_asks_trimesh_for_what_it_does_not_hold_and_its_copy_has_arrays_o
     assert (mesh.vertices == SQUARE).all()
 
 
-def test_quads_are_what_merging_them_one_by_one_gives():
-    both = quads(np.stack([SQUARE, SQUARE + 1]), [RED, BLUE], ["glass", "metal"])
-    joined = merge(quads([SQUARE], [RED], ["glass"]), quads([SQUARE + 1], [BLUE], ["metal"]))
-    assert both.mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]]
-    assert both.material.tolist() == [material_id(m) for m in ("glass", "glass", "metal", "metal")]
-    assert both.color.tolist() == joined.color.tolist() == [[*RED]] * 2 + [[*BLUE]] * 2
-    assert both.mesh.vertices.tobytes() == joined.mesh.vertices.tobytes()
-    assert both.mesh.faces.tobytes() == joined.mesh.faces.tobytes()
-    assert twice_areas(both.mesh.vertices, both.mesh.faces).tolist() == [6, 6, 6, 6]
-
-
-@given(vector, vector)
-def test_cross_products_are_those_of_numpy(a, b):
+@given(vector.filter(lambda v: np.linalg.norm(v) > 0.1), vector, st.floats(0.001, 6))
+def test_products_are_those_of_numpy_and_turning_is_that_of_trimesh(a, b, angle):
     for one in (np.array(a), np.array([a, b])):
         assert cross(one, np.array(b)).tolist() == np.cross(one, np.array(b)).tolist()
-
-
-@pytest.mark.parametrize("subdivisions", [0, 1, 2])
-def test_a_sphere_is_the_one_of_trimesh(subdivisions):
-    ours = ellipsoid((0, 0, 0), (1, 1, 1), RED, subdivisions=subdivisions).mesh
-    theirs = trimesh.creation.icosphere(subdivisions=subdivisions)
-    assert (ours.faces == theirs.faces).all()
-    assert ours.vertices == pytest.approx(theirs.vertices, abs=1e-15)
-
-
-@given(number, vector.filter(lambda v: np.linalg.norm(v) > 0.1), vector)
-def test_turning_is_that_of_trimesh(angle, axis, about):
     asset = box((1, 2, 3), (4, 5, 6), RED)
-    matrix = trimesh.transformations.rotation_matrix(angle, axis, about)
+    matrix = trimesh.transformations.rotation_matrix(angle, a, b)
     wanted = trimesh.transformations.transform_points(asset.mesh.vertices, matrix)
-    assert rotate(asset, angle, axis, about).mesh.vertices == pytest.approx(wanted, abs=1e-12)
+    assert rotate(asset, angle, a, b).mesh.vertices == pytest.approx(wanted, abs=1e-12)

@@ -1,5 +1,7 @@
 """Road, sidewalk and terrain: where they lie and what is painted on them."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -31,12 +33,9 @@ def areas(outlines):
     return np.abs((x * np.roll(y, -1, 1) - y * np.roll(x, -1, 1)).sum(axis=1)) / 2
 
 
-@pytest.mark.parametrize(("y", "height"), [(0, 0), (4.9, 0), (-4.9, 0), (5.5, 0.12), (-30, 0.12)])
-def test_the_ground_is_flat_but_for_the_kerb(y, height):
-    assert ground_height(ground(0)._replace(half_width=5.0), y) == height
-
-
-def test_carriageways_and_sidewalks_are_of_many_widths():
+def test_the_ground_is_flat_but_for_the_kerb_and_of_many_widths():
+    for y, height in ((0, 0), (4.9, 0), (-4.9, 0), (5.5, 0.12), (-30, 0.12)):
+        assert ground_height(ground(0)._replace(half_width=5.0), y) == height
     drawn = [ground(seed) for seed in range(200)]
     for name, (low, high) in (("half_width", HALF_WIDTHS), ("footway", FOOTWAYS)):
         widths = [(getattr(g, name) - low) / (high - low) for g in drawn]
@@ -44,7 +43,7 @@ def test_carriageways_and_sidewalks_are_of_many_widths():
 
 
 @given(SEEDS)
-def test_road_sidewalk_and_terrain_keep_to_their_strips(seed):
+def test_road_sidewalk_and_terrain_keep_to_their_strips_and_have_no_degenerate_face(seed):
     assert [TrainId(t).name for t in GROUND_INSTANCES.values()] == ["ROAD", "SIDEWALK", "TERRAIN"]
     drawn = ground(seed)._replace(side_streets=())
     assets = ground_assets(drawn)
@@ -57,6 +56,11 @@ def test_road_sidewalk_and_terrain_keep_to_their_strips(seed):
     terrain = terrain[terrain[:, 0] < 300]
     assert np.abs(terrain[:, 1]).min() == outer
     assert terrain[np.abs(terrain[:, 1]) < 90, 2] == pytest.approx(KERB_HEIGHT)
+    assets = ground_assets(ground(seed)).values()
+    for asset in assets:
+        assert np.isfinite(asset.mesh.vertices).all() and asset.mesh.area_faces.min() > 1e-6
+        assert ((asset.color >= 0) & (asset.color <= 1)).all()
+    assert sum(len(a.color) for a in assets) < 6000
 
 
 @given(SEEDS)
@@ -72,16 +76,15 @@ def test_a_plain_ground_is_level_asphalt_without_paint(seed):
 
 
 @given(SEEDS)
-def test_the_ground_is_no_heavier_than_it_may_be_and_has_no_degenerate_face(seed):
-    assets = ground_assets(ground(seed)).values()
-    for asset in assets:
-        assert np.isfinite(asset.mesh.vertices).all() and asset.mesh.area_faces.min() > 1e-6
-        assert ((asset.color >= 0) & (asset.color <= 1)).all()
-    assert sum(len(a.color) for a in assets) < 6000
-
-
-@given(SEEDS)
-def test_the_kerb_drops_at_driveways_and_side_streets_only(seed):
+def test_markings_lie_on_the_asphalt_and_the_kerb_drops_at_driveways_only(seed):
+    drawn = ground(seed)
+    painted = painted_on(drawn)
+    assert painted[..., 2] == pytest.approx(0.008)
+    assert (np.abs(painted[..., 1]) < drawn.half_width).all()
+    bare = drawn._replace(legends=(), boxes=(), side_streets=(), crosswalks=(30.0, 80.0))
+    away = np.abs(painted_on(bare)[..., 0] - 30.0)
+    # Whatever reaches into the crossing belongs to it.
+    assert (away.min(axis=1) < 3.9).sum() == (away.max(axis=1) < 3.7).sum() > 10
     drawn = ground(seed)
     sidewalk = ground_assets(drawn)[2].mesh.vertices
     kerb = sidewalk[np.isclose(np.abs(sidewalk[:, 1]), drawn.half_width + KERB_WIDTH)]
@@ -92,33 +95,17 @@ def test_the_kerb_drops_at_driveways_and_side_streets_only(seed):
     assert bool(len(low)) == bool(drawn.driveways or drawn.side_streets)
 
 
-@given(SEEDS)
-def test_markings_lie_on_the_asphalt_and_lines_keep_clear_of_crosswalks(seed):
-    drawn = ground(seed)
-    painted = painted_on(drawn)
-    assert painted[..., 2] == pytest.approx(0.008)
-    assert (np.abs(painted[..., 1]) < drawn.half_width).all()
-    bare = drawn._replace(legends=(), boxes=(), side_streets=(), crosswalks=(30.0, 80.0))
-    away = np.abs(painted_on(bare)[..., 0] - 30.0)
-    # Whatever reaches into the crossing belongs to it.
-    assert (away.min(axis=1) < 3.9).sum() == (away.max(axis=1) < 3.7).sum() > 10
-
-
-@pytest.mark.parametrize("kind", ["zebra", "studs"])
-def test_a_crosswalk_crosses_the_whole_road(kind):
-    drawn = plain(ground(0))._replace(crosswalks=(20.0,), crossing=kind)
-    painted, half = painted_on(drawn), drawn.half_width
-    y = painted[np.abs(painted[..., 0] - 20).max(axis=1) < 1.7, :, 1]
-    assert y.min() < -half + 0.8 and y.max() > half - 1.05
-
-
-@pytest.mark.parametrize("drive", [1.0, -1.0])
-def test_stop_lines_stand_before_the_crossing_in_the_lane_that_comes_up(drive):
-    drawn = plain(ground(0))._replace(crosswalks=(20.0,), drive=drive, give_way=False)
-    painted = painted_on(drawn)
-    x, y = painted[..., 0].mean(axis=1) - 20, painted[..., 1].mean(axis=1)
-    stop = np.abs(np.abs(x) - 3.0) < 0.2
-    assert np.sign(x[stop] * y[stop]).tolist() == [-drive] * 4
+def test_a_crosswalk_crosses_the_whole_road_and_stop_lines_stand_in_the_lane_that_comes_up():
+    bare = plain(ground(0))._replace(crosswalks=(20.0,))
+    for kind in ("zebra", "studs"):
+        painted, half = painted_on(bare._replace(crossing=kind)), bare.half_width
+        y = painted[np.abs(painted[..., 0] - 20).max(axis=1) < 1.7, :, 1]
+        assert y.min() < -half + 0.8 and y.max() > half - 1.05
+    for drive in (1.0, -1.0):
+        painted = painted_on(bare._replace(drive=drive, give_way=False))
+        x, y = painted[..., 0].mean(axis=1) - 20, painted[..., 1].mean(axis=1)
+        stop = np.abs(np.abs(x) - 3.0) < 0.2
+        assert np.sign(x[stop] * y[stop]).tolist() == [-drive] * 4
 
 
 def test_dashes_have_their_length_and_spacing_and_keep_out_of_kept_places():
@@ -153,20 +140,16 @@ def test_words_read_from_left_to_right_for_the_driver_and_a_right_arrow_points_r
     assert right < 0 < left == pytest.approx(-right)
 
 
-def test_teeth_point_at_the_driver_who_waits_and_a_box_junction_fills_its_rectangle_only():
+def test_teeth_point_at_who_waits_boxes_fill_their_rectangle_and_bays_lie_along_their_kerb():
     teeth = markings.give_way(10.0, 0.0, 5.0, 1.0)
     assert teeth[:, 0, 0] == pytest.approx([9.4] * 6)  # the tip
     assert areas(teeth) == pytest.approx(0.5 * 0.6 / 2)
     outline = markings.box_junction(10.0, 19.0, 5.0)
     ends = [*outline.min(axis=(0, 1)), *outline.max(axis=(0, 1))]
     assert ends == pytest.approx([10, -4.65, 19, 4.65], abs=0.15) and len(outline) > 20
-
-
-@pytest.mark.parametrize("style", ["boxes", "ticks"])
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_parking_bays_lie_along_their_kerb(style, side):
-    y = side * markings.parking(5.0, side, style)[..., 1]
-    assert 2.5 < y.min() < 3.01 and y.max() < 5.0
+    for style, side in product(("boxes", "ticks"), (1.0, -1.0)):
+        y = side * markings.parking(5.0, side, style)[..., 1]
+        assert 2.5 < y.min() < 3.01 and y.max() < 5.0
 
 
 def test_outlines_have_the_area_of_their_shape_and_become_two_triangles_each():
@@ -182,7 +165,7 @@ def test_outlines_have_the_area_of_their_shape_and_become_two_triangles_each():
     assert (asset.mesh.vertices[:, 2] == 0.5).all()
 
 
-def test_grounds_vary_and_are_pure():
+def test_grounds_vary_and_are_pure_and_a_share_of_the_surfaces_is_the_first_of_them():
     grounds = [ground(seed) for seed in range(120)]
     assert grounds == [ground(seed) for seed in range(120)]
     for name, rows in (("road", ROADS), ("sidewalk", SIDEWALKS), ("terrain", TERRAINS)):
@@ -191,10 +174,7 @@ def test_grounds_vary_and_are_pure():
     assert {g.centre for g in grounds} == {"dashed", "double", "one side", "hatched", "none"}
     a, b = (ground_assets(grounds[3])[1] for _ in range(2))
     assert (a.mesh.vertices == b.mesh.vertices).all() and (a.color == b.color).all()
-
-
-@pytest.mark.parametrize(("share", "known"), [(0.01, 1), (0.5, 4)])
-def test_a_share_of_the_surfaces_is_the_first_of_them(share, known):
-    grounds = [ground(seed, share=share) for seed in range(60)]
-    assert {g.road.name for g in grounds} == {s.name for s in ROADS[:known]}
-    assert {g.terrain.name for g in grounds} == {s.name for s in TERRAINS[:known]}
+    for share, known in ((0.01, 1), (0.5, 4)):
+        grounds = [ground(seed, share=share) for seed in range(60)]
+        assert {g.road.name for g in grounds} == {s.name for s in ROADS[:known]}
+        assert {g.terrain.name for g in grounds} == {s.name for s in TERRAINS[:known]}

@@ -111,15 +111,6 @@ def test_our_own_assets_would_be_of_plausible_size(family, shelf):
     assert sorted(theirs.extents) == pytest.approx(sorted(ours.extents), rel=1e-4)
 
 
-def test_a_sign_without_a_pole_hangs_before_the_built_in_one_and_a_house_looks_at_the_road(shelf):
-    folder = shelf("traffic sign/stop.stl", block((0.02, 0.7, 0.7)))
-    low, high = only(folder, "traffic sign").mesh.bounds
-    assert (low[2], high[0]) == pytest.approx((library.HUNG, -library.POLE_RADIUS))
-    folder = shelf("building/h.stl", block((8, 12, 9)))  # 8 deep, its front along x
-    bounds = only(folder, "building").mesh.bounds
-    assert bounds == pytest.approx(np.array([[-6, 0, 0], [6, 8, 9]]), abs=1e-6)
-
-
 @pytest.mark.parametrize(("up", "forward"), [("y", "z"), ("z", "-y"), ("-x", "y"), ("x", "")])
 def test_axes_are_told_by_the_manifest(shelf, up, forward):
     axes = {name: math.copysign(1, -name.startswith("-")) * np.eye(3)["xyz".index(name[-1])]
@@ -133,11 +124,17 @@ def test_axes_are_told_by_the_manifest(shelf, up, forward):
     assert only(folder).mesh.extents == pytest.approx(CAR, abs=1e-5)
 
 
-def test_the_manifest_scales_and_keeps_licences(shelf):
+def test_the_manifest_scales_a_sign_hangs_on_its_pole_and_a_house_looks_at_the_road(shelf):
     folder = shelf("car/box.stl", car(1000 * np.array(CAR)), scale="0.001", author="B. Other")
     assert only(folder).mesh.extents == pytest.approx(CAR, abs=1e-5)
     ((file, author, licence, source, *_),) = manifest(folder)
     assert (file, author, licence, source) == ("car/box.stl", "B. Other", "CC0-1.0", "own work")
+    folder = shelf("traffic sign/stop.stl", block((0.02, 0.7, 0.7)))
+    low, high = only(folder, "traffic sign").mesh.bounds
+    assert (low[2], high[0]) == pytest.approx((library.HUNG, -library.POLE_RADIUS))
+    folder = shelf("building/h.stl", block((8, 12, 9)))  # 8 deep, its front along x
+    bounds = only(folder, "building").mesh.bounds
+    assert bounds == pytest.approx(np.array([[-6, 0, 0], [6, 8, 9]]), abs=1e-6)
 
 
 @pytest.mark.parametrize(("file", "content", "complaint"), [
@@ -180,8 +177,7 @@ def test_a_missing_texture_is_named(shelf, tmp_path):
 @pytest.mark.parametrize(("text", "complaint"), [
     ("file,author,licence\ncar/box.stl,A,B\n", "no column 'source'"),
     (f"{HEAD}\ncar/box.stl,A,,C\n", "line 2: licence is empty"),
-    (f"{HEAD}\n", "has no row for car/box.stl"),
-    ("", "has no row for car/box.stl"),
+    (f"{HEAD}\n", "has no row for car/box.stl"), ("", "has no row for car/box.stl"),
     (None, "assets.csv is missing"),
     (f"{HEAD}\n{ROW}\ncar/gone.stl,A,B,C\n", "names car/gone.stl, which is not there"),
     (f"{HEAD}\n{ROW}\n{ROW}\n", "line 3: car/box.stl stands there twice"),

@@ -8,11 +8,18 @@ from scene.look.patterns import PATTERNS, value_noise
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 
 
-def test_names_are_unique_and_every_pattern_is_known_and_an_unknown_material_refused():
+def test_names_are_unique_surfaces_differ_and_noise_has_its_lattice_values():
     names = [m.name for m in MATERIALS]
     assert len(set(names)) == len(names) <= 256 and {m.pattern for m in MATERIALS} <= set(PATTERNS)
     with pytest.raises(ValueError, match="unknown material 'velvet'; known: plain, paint"):
         material_id("velvet")
+    for surfaces in (ROADS, SIDEWALKS, TERRAINS):
+        assert len({s.name for s in surfaces}) == len(surfaces) == 8
+        assert min(textures()[material_id(s.material)].std() for s in surfaces) > 0.04
+        assert len({(s.material, tuple(np.round(s.dark, 2))) for s in surfaces}) == 8
+    lattice = np.random.default_rng(5).random((4, 8), dtype=np.float32)
+    noise = value_noise(np.random.default_rng(5), 64, (4, 8))
+    np.testing.assert_array_equal(noise[::16, ::8], lattice)
 
 
 def test_textures_are_multipliers_of_mean_one_and_of_the_contrast_of_the_table():
@@ -37,16 +44,3 @@ def test_patterns_are_pure_and_tile(name):
     for pattern in (a, a.T):
         steps = np.abs(np.diff(pattern, axis=0, append=pattern[:1])).mean(axis=1)
         assert steps[-1] <= 1.5 * steps[:-1].max() + 1e-6
-
-
-def test_value_noise_takes_the_lattice_values_at_its_nodes():
-    lattice = np.random.default_rng(5).random((4, 8), dtype=np.float32)
-    noise = value_noise(np.random.default_rng(5), 64, (4, 8))
-    np.testing.assert_array_equal(noise[::16, ::8], lattice)
-
-
-def test_the_ground_has_eight_visibly_different_surfaces_of_each_kind():
-    for surfaces in (ROADS, SIDEWALKS, TERRAINS):
-        assert len({s.name for s in surfaces}) == len(surfaces) == 8
-        assert min(textures()[material_id(s.material)].std() for s in surfaces) > 0.04
-        assert len({(s.material, tuple(np.round(s.dark, 2))) for s in surfaces}) == 8

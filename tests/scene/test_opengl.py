@@ -70,7 +70,7 @@ def test_shadows_agree_with_embree(opengl):
     assert 0.2 < one.mean() < 0.9 and (one != other).mean() < 0.03
 
 
-def test_neither_threads_nor_pictures_of_other_sizes_change_the_bytes(opengl):
+def test_neither_threads_nor_workers_nor_pictures_of_other_sizes_change_the_bytes(opengl):
     drawn = street()
     here = opengl.render(drawn, SMALL)[0]
     with ThreadPoolExecutor(3) as threads:
@@ -79,9 +79,9 @@ def test_neither_threads_nor_pictures_of_other_sizes_change_the_bytes(opengl):
         opengl.render(drawn, SMALL._replace(width=width))
     for frame in (*frames, opengl.render(drawn, SMALL)[0]):
         assert all(a.tobytes() == b.tobytes() for a, b in zip(here, frame, strict=True))
-
-
-def test_workers_draw_the_same_bytes(opengl):
+    with pytest.raises(RendererError, match=r"20000x8 samples are more than .* embree"):
+        opengl.render(street(), RenderSettings(width=20_000, height=8))
+    assert (opengl.render(street(), SMALL)[0].label == TrainId.ROAD).any()
     units = np.stack([default_unit(), np.full(23, 0.5, np.float32)])
     options = {"shots": 1, "settings": SMALL, "renderer_name": "opengl", "pool": POOL}
     here, there = (render_dataset(units, 1, workers=workers, **options) for workers in (0, 1))
@@ -104,12 +104,6 @@ def test_after_a_failure_resources_are_free_and_the_next_picture_is_right(opengl
             opengl.render(drawn, SMALL)
     assert len(deleted) == 1
     assert opengl.render(drawn, SMALL)[0].image.tobytes() == before.image.tobytes()
-
-
-def test_too_large_a_picture_is_refused_in_one_line(opengl):
-    with pytest.raises(RendererError, match=r"20000x8 samples are more than .* embree"):
-        opengl.render(street(), RenderSettings(width=20_000, height=8))
-    assert (opengl.render(street(), SMALL)[0].label == TrainId.ROAD).any()
 
 
 @pytest.mark.parametrize(("setting", "value"), [

@@ -28,7 +28,7 @@ def look(street):
     return renderer("embree").render(street, SMALL)[0]
 
 
-def test_grids_and_stacks_have_the_sizes_of_their_parts():
+def test_grids_stacks_and_tiles_show_their_parts():
     red, blue = np.full((4, 6, 3), (255, 0, 0), np.uint8), np.full((4, 6, 3), (0, 0, 255), np.uint8)
     page = grid([red, blue, red], 2)
     assert page.shape == (8, 12, 3) and stack([red, page]).shape == (12, 12, 3)
@@ -38,9 +38,6 @@ def test_grids_and_stacks_have_the_sizes_of_their_parts():
     picture = np.zeros((20, 60, 3), np.uint8)
     above = captioned(picture, "car 3")
     assert (above[CAPTION:] == picture).all() and 0.02 < (above[:CAPTION] < 128).mean() < 0.5
-
-
-def test_a_tile_shows_image_label_and_depth():
     frame = look(asset_street("car", 0, 4 / 3, 50.0))
     image, label, depth = np.split(tile(frame), 3)
     assert (image == frame.image).all() and (label == colorize(frame.label)).all()
@@ -80,22 +77,14 @@ def test_surfaces_are_seen(name):
     assert (frame.label == TrainId[name.upper()]).mean() > 0.3
 
 
-def test_the_eight_roads_differ():
-    means = [look(surface_street("road", row)).image.mean(axis=(0, 1)) for row in range(8)]
-    assert len({tuple(mean.round(1)) for mean in means}) == 8
-
-
-def test_every_sky_can_be_shown_by_name_and_an_unknown_one_is_refused():
-    assert [named_sky(row.name).weather for row in SKIES] == [row.name for row in SKIES]
-    with pytest.raises(ValueError, match="unknown weather 'green'"):
-        named_sky("green")
-
-
-def test_a_sweep_of_light_goes_from_dark_to_bright():
+def test_a_sweep_of_light_goes_from_dark_to_bright_and_every_sky_can_be_shown_by_name():
     page = sweep("illumination_intensity", 3, 0, Studio(SMALL, pool=POOL))
     assert page.shape == (48 + CAPTION, 3 * 64, 3)
     first, second, third = (page[CAPTION:, 64 * k : 64 * (k + 1)].mean() for k in range(3))
     assert first < second < third
+    assert [named_sky(row.name).weather for row in SKIES] == [row.name for row in SKIES]
+    with pytest.raises(ValueError, match="unknown weather 'green'"):
+        named_sky("green")
 
 
 @pytest.mark.parametrize(("line", "file", "height", "columns"), [
@@ -156,8 +145,7 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, cap
     ("--theme hats", "unknown theme 'hats'; known: islands, bends"),
     ("--renderer both", "--renderer both goes with --theme only"),
     ("--asset boat", "no assets of class 'boat'; known: building"),
-    ("--size 48", "must look like 640x320, not '48'"),
-    ("--size 0x32", "0x32 is too small"),
+    ("--size 48", "must look like 640x320, not '48'"), ("--size 0x32", "0x32 is too small"),
     ("--streets 0", "--streets must lie in 1..400, not 0"),
     ("--shots -1", "--shots must lie in 1..400, not -1"),
     ("--steps 1", "--steps must lie in 2..400, not 1"),
@@ -168,8 +156,7 @@ def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, cap
     ("--asset car --assets own --asset-use own", "the asset pool has no car"),
     ("--assets /no/such", "/no/such is not there"),
     ("--renderer blender", "invalid choice: 'blender'"),
-    ("--sweep all --asset all", "not allowed with"),
-    ("--out x.gif", "must end in .png"),
+    ("--sweep all --asset all", "not allowed with"), ("--out x.gif", "must end in .png"),
     ("--out none/x.png", "there is no folder"),
 ])  # fmt: skip
 def test_bad_input_is_refused_in_one_line(flags, message, folder, tmp_path, refusal, monkeypatch):

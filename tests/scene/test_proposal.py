@@ -16,15 +16,8 @@ VALUES = dict.fromkeys(NAMES, 0.25)
 BOTH = tuple(BY_NAME)
 UNITS = st.floats(0, 1, width=32)
 LIST = st.lists(UNITS, min_size=23, max_size=23)
-LISTS = st.sampled_from([23, len(BOTH)]).flatmap(
-    lambda n: st.tuples(*[st.lists(UNITS, min_size=n, max_size=n)] * 2)
-)
-
-
-def test_intervals_at_the_border_slide_inside_by_hand():
-    centre, width = slide(np.array([0.0, 0.5, 0.98]), np.array([0.2, 1.0, 0.1]))
-    np.testing.assert_allclose(centre, [0.1, 0.5, 0.95], rtol=1e-6)
-    np.testing.assert_allclose(width, [0.2, 1.0, 0.1], rtol=1e-6)
+SIZES = st.sampled_from([23, len(BOTH)])
+LISTS = SIZES.flatmap(lambda n: st.tuples(*[st.lists(UNITS, min_size=n, max_size=n)] * 2))
 
 
 @given(LIST, st.floats(0, 1), SEEDS)
@@ -52,7 +45,7 @@ def test_a_street_does_not_depend_on_how_many_there_are_and_all_fill_their_inter
     np.testing.assert_array_equal(draw(extended, 3, 4)[0, :23], draw(default_proposal(), 3, 4)[0])
 
 
-def test_a_file_gives_values_or_intervals():
+def test_a_file_gives_values_or_intervals_and_a_description_says_where_they_lie_in_metres():
     given = {
         **VALUES,
         NAMES[1]: {"centre": 0.5, "width": 0.2},
@@ -61,31 +54,27 @@ def test_a_file_gives_values_or_intervals():
     proposal = module.parse_streets(given)
     np.testing.assert_allclose(proposal.centre[:4], [0.25, 0.5, 0.8, 0.25], rtol=1e-6)
     np.testing.assert_allclose(proposal.width[:4], [0, 0.2, 0.4, 0], rtol=1e-6)
+    # At the border intervals slide inside.
+    centre, width = slide(np.array([0.0, 0.5, 0.98]), np.array([0.2, 1.0, 0.1]))
+    np.testing.assert_allclose(centre, [0.1, 0.5, 0.95], rtol=1e-6)
+    np.testing.assert_allclose(width, [0.2, 1.0, 0.1], rtol=1e-6)
+    attributes = describe(default_proposal(0.2))["components"][0]["attributes"]
+    row = attributes["camera_position_y"]  # 0.8 to 4 m, by default 1.5
+    assert row["unit"] == {"centre": 0.21875, "width": 0.2} and row["meaning"]
+    assert row["physical"] == {"centre": 1.5, "low": 1.18, "high": 1.82, "unit": "m"}
 
 
 @given(LISTS, SEEDS)
 def test_what_is_described_is_read_back_to_the_same_streets(lists, seed):
     centre, width = lists
+    assert module.shortest(np.float32(0.15)) == 0.15
+    assert [np.float32(module.shortest(value)) for value in centre] == np.float32(centre).tolist()
     proposal = slide(np.array(centre), np.array(width))
     rough = Proposal(np.float32(centre), np.float32(width))  # sticks out of [0, 1]
     described = (json.loads(json.dumps(describe(p))) for p in (proposal, rough))
     again, other = map(module.parse_streets, described)
     assert [part.tobytes() for part in again] == [part.tobytes() for part in proposal]
     assert draw(other, seed, 2).tobytes() == draw(rough, seed, 2).tobytes()
-
-
-@given(st.floats(width=32, allow_nan=False, allow_infinity=False))
-def test_numbers_are_short_and_the_same_float32(value):
-    assert np.float32(json.loads(json.dumps(module.shortest(value)))) == np.float32(value)
-    assert module.shortest(np.float32(0.15)) == 0.15
-
-
-def test_a_description_says_where_the_interval_lies_in_metres():
-    row = describe(default_proposal(0.2))["components"][0]["attributes"][
-        "camera_position_y"
-    ]  # 0.8 to 4 m, by default 1.5
-    assert row["unit"] == {"centre": 0.21875, "width": 0.2} and row["meaning"]
-    assert row["physical"] == {"centre": 1.5, "low": 1.18, "high": 1.82, "unit": "m"}
 
 
 @pytest.mark.parametrize(("value", "message"), [

@@ -56,39 +56,13 @@ def project(point, camera, settings):
     return settings.width / 2 + scale * right / forward, settings.height / 2 - scale * up / forward
 
 
-def test_axes_are_right_handed_and_yaw_turns_right():
+def test_axes_are_right_handed_and_rays_span_the_field_of_view_symmetrically():
     assert camera_axes(LEVEL) == pytest.approx(np.array([[0, -1, 0], [0, 0, 1], [1, 0, 0]]))
     turned = camera_axes(LEVEL._replace(yaw=math.radians(30), pitch=math.radians(10)))
     assert turned @ turned.T == pytest.approx(np.eye(3))
     assert (turned[2, 1:] < 0).all() and turned[0, 2] == 0  # to the right and down, no roll
-
-
-def test_roll_turns_the_camera_clockwise():
-    rolled = camera_axes(
-        LEVEL._replace(roll=math.radians(90))
-    )  # its right looks down, its top right
+    rolled = camera_axes(LEVEL._replace(roll=math.radians(90)))  # right looks down, the top right
     assert rolled == pytest.approx(np.array([[0, 0, -1], [0, -1, 0], [1, 0, 0]]))
-
-
-def test_a_camera_sees_with_its_own_lens_exposure_and_white_balance(draw):
-    camera = LEVEL._replace(field_of_view=math.radians(90), roll=0.2)
-    post = at("lamp", 12, 1)
-    own = draw(bare_street(post, camera=camera))
-    np.testing.assert_array_equal(
-        own.image,
-        draw(bare_street(post, camera=LEVEL._replace(roll=0.2)), QUIET._replace(fov=90)).image,
-    )
-    assert own.label[0, 0] == TrainId.SKY and not np.array_equal(
-        own.label, draw(bare_street(post), QUIET._replace(fov=90)).label
-    )
-    red, green, blue = draw(bare_street(post)).image.mean(axis=(0, 1))
-    bright = draw(bare_street(post, camera=LEVEL._replace(exposure=1.5))).image.mean(axis=(0, 1))
-    assert (bright > [red + 5, green + 5, blue + 5]).all()
-    warm = draw(bare_street(post, camera=LEVEL._replace(warmth=1))).image.mean(axis=(0, 1))
-    assert warm[0] > red + 5 and warm[1] == pytest.approx(green, abs=1) and warm[2] < blue - 5
-
-
-def test_rays_span_the_field_of_view_symmetrically_and_labels_are_of_its_middle():
     x, y = pixel_rays(RenderSettings(width=8, height=16, fov=90), 1)
     assert x == pytest.approx(np.arange(-3.5, 4) / 4)
     assert y == pytest.approx(np.arange(7.5, -8, -1) / 4)
@@ -97,9 +71,24 @@ def test_rays_span_the_field_of_view_symmetrically_and_labels_are_of_its_middle(
         assert offset[label_sample(samples)] == pytest.approx(offset.min())
 
 
+def test_a_camera_sees_with_its_own_lens_exposure_and_white_balance(draw):
+    post, wide = at("lamp", 12, 1), QUIET._replace(fov=90)
+
+    def seen(settings=QUIET, **changes):
+        return draw(bare_street(post, camera=LEVEL._replace(**changes)), settings)
+
+    own = seen(field_of_view=math.radians(90), roll=0.2)
+    np.testing.assert_array_equal(own.image, seen(wide, roll=0.2).image)
+    assert own.label[0, 0] == TrainId.SKY and not np.array_equal(own.label, seen(wide).label)
+    changes = {}, {"exposure": 1.5}, {"warmth": 1}
+    plain, bright, warm = (seen(**change).image.mean(axis=(0, 1)) for change in changes)
+    assert (bright > plain + 5).all()
+    assert warm[0] > plain[0] + 5 and warm[1] == pytest.approx(plain[1], abs=1)
+    assert warm[2] < plain[2] - 5
+
+
 @pytest.mark.parametrize(("change", "message"), [
-    ({"width": 4}, "4x320 is too small"),
-    ({"height": 0}, "640x0 is too small"),
+    ({"width": 4}, "4x320 is too small"), ({"height": 0}, "640x0 is too small"),
     ({"width": 100_000, "height": 100_000}, "over 50,000,000 pixels"),
     *(({"samples": samples}, f"samples must lie in 1..8, not {samples}") for samples in (0, 9)),
     *(({"fov": fov}, f"fov must lie in 5..150 degrees, not {fov}") for fov in (0.0, math.nan)),
@@ -116,7 +105,7 @@ def test_renderers_check_their_settings_and_an_unknown_one_is_refused(draw):
         renderer("vulkan")
 
 
-def test_depth_of_the_road_is_height_over_slope_and_above_an_empty_street_is_sky(draw):
+def test_depth_of_the_road_is_height_over_slope_up_to_the_kerb_and_above_it_is_sky(draw):
     frame = draw(bare_street())
     _, y = pixel_rays(QUIET, 1)
     slope = np.broadcast_to(-y[:, None], frame.depth.shape)
@@ -126,9 +115,6 @@ def test_depth_of_the_road_is_height_over_slope_and_above_an_empty_street_is_sky
     np.testing.assert_allclose(frame.depth[road], (1.5 / slope)[road], rtol=1e-3)
     assert (frame.label[:31] == TrainId.SKY).all()
     assert set(np.unique(frame.label[33:])) == {TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN}
-
-
-def test_the_kerb_is_where_projection_says(draw):
     settings, row = QUIET._replace(width=160, height=120), 76
     frame = draw(bare_street(), settings)
     column, _ = project((frame.depth[row, 80], 5.0, 0.0), LEVEL, settings)
@@ -204,10 +190,15 @@ def test_labels_do_not_depend_on_light_or_quality_nor_much_on_odd_samples(draw):
     assert np.abs(one.image.astype(int) - three.image).mean() > 0.5  # yet edges are smoother
 
 
-def test_the_same_street_gives_the_same_bytes_and_another_seed_does_not(draw):
+def test_the_same_street_gives_the_same_bytes_and_noise_is_drawn_anew_for_every_shot(draw):
     a, b, other = (draw(street(seed=seed), SMALL) for seed in (5, 5, 6))
     assert all(x.tobytes() == y.tobytes() for x, y in zip(a, b, strict=True))
     assert (a.image != other.image).mean() > 0.5 and (a.label != other.label).any()
+    drawn = bare_street()
+    clean, noisy = draw(drawn), draw(drawn, SMALL)
+    assert 0.5 < (noisy.image.astype(int) - clean.image).std() < 8
+    a, b = renderer("embree").render(drawn._replace(cameras=(LEVEL, LEVEL)), SMALL)
+    assert a.label.tobytes() == b.label.tobytes() and a.image.tobytes() != b.image.tobytes()
 
 
 def test_a_shadow_falls_away_from_the_sun_and_darkens(draw):
@@ -247,42 +238,28 @@ def test_samples_are_shaded_as_one_where_they_see_one_surface():
     assert (hits.instance[spots.sample][spots.owner] == hits.instance).all()
 
 
-def test_occlusion_darkens_what_is_close_to_other_things(draw):
+def test_occlusion_darkens_what_is_close_to_other_things_and_textures_roughen_the_asphalt(draw):
     drawn = street(seed=2)
     with_it, without = draw(drawn), draw(drawn, QUIET._replace(occlusion=False))
     seen = with_it.label != TrainId.SKY
     change = with_it.image[seen].astype(int) - without.image[seen]
     assert change.mean() < -2 and np.array_equal(with_it.image[~seen], without.image[~seen])
-
-
-def test_textures_roughen_the_asphalt(draw):
     drawn = bare_street(camera=LEVEL._replace(pitch=0.3))
     rough, flat = draw(drawn), draw(drawn, QUIET._replace(textures=False))
     grain = [np.diff(f.image[-20:, 40:56].astype(float), axis=1).std() for f in (rough, flat)]
     assert grain[0] > 1.5 * grain[1]
 
 
-def test_the_picture_brightens_with_the_sun(draw):
+def test_the_picture_brightens_with_the_sun_and_haze_takes_distant_things_into_the_horizon(draw):
     images = [draw(bare_street(intensity=i)).image.astype(float) for i in (0.3, 0.9, 1.7)]
     dim, normal, bright = images
     assert (dim <= normal).all() and (normal <= bright).all()
     assert dim[:20].mean() < normal[:20].mean() - 20
     assert dim[40:].mean() < normal[40:].mean() - 10 < bright[40:].mean() - 20
-
-
-def test_haze_takes_distant_things_into_the_horizon(draw):
     clear = bare_street()
     hazy = clear._replace(sky=clear.sky._replace(haze=120.0))
     change = np.abs(draw(clear).image.astype(float) - draw(hazy).image)[:, 40:56]
     assert change[58:].mean() < change[33:35].mean() / 3
-
-
-def test_sensor_noise_is_drawn_anew_for_every_shot(draw):
-    drawn = bare_street()
-    clean, noisy = draw(drawn), draw(drawn, SMALL)
-    assert 0.5 < (noisy.image.astype(int) - clean.image).std() < 8
-    a, b = renderer("embree").render(drawn._replace(cameras=(LEVEL, LEVEL)), SMALL)
-    assert a.label.tobytes() == b.label.tobytes() and a.image.tobytes() != b.image.tobytes()
 
 
 def test_every_class_occurs_over_some_streets(draw):

@@ -31,7 +31,8 @@ def surroundings():
     import cv2
 
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
-    return cores, cv2.getNumThreads(), os.environ.get("SCENE_TEST"), os.getpid()
+    gpu = os.environ.get("CUDA_VISIBLE_DEVICES")
+    return cores, cv2.getNumThreads(), gpu, os.environ.get("SCENE_TEST"), os.getpid()
 
 
 def sleep(seconds):
@@ -51,31 +52,26 @@ def test_every_task_is_answered_with_its_index_and_errors_are_passed_on(workers)
         WorkerPool(-2)
 
 
-def test_work_of_a_killed_worker_is_done_again_with_the_same_answers(tmp_path):
-    marker = tmp_path / "deaths"
+def test_work_of_a_killed_worker_is_done_again_but_of_one_killed_twice_is_an_error(tmp_path):
+    once, always = tmp_path / "once", tmp_path / "always"
     with WorkerPool(1) as pool:
-        answers = list(pool.map(die_until, [(str(marker), 1, x) for x in range(4)]))
-    assert sorted(answers) == [(x, x * x) for x in range(4)] and marker.stat().st_size == 2
-
-
-def test_a_worker_killed_twice_is_an_error_that_says_what_to_try(tmp_path):
-    marker = tmp_path / "deaths"
-    with WorkerPool(1) as pool:
+        answers = list(pool.map(die_until, [(str(once), 1, x) for x in range(4)]))
+        assert sorted(answers) == [(x, x * x) for x in range(4)] and once.stat().st_size == 2
         with pytest.raises(WorkerError, match=r"died twice with [1-4] tasks left .*--workers"):
-            list(pool.map(die_until, [(str(marker), 9, x) for x in range(4)]))
-        assert marker.stat().st_size == 2
+            list(pool.map(die_until, [(str(always), 9, x) for x in range(4)]))
+        assert always.stat().st_size == 2
         assert list(pool.map(square, [(3,)])) == [(0, 9)]  # and it can be used again
 
 
-def test_workers_have_one_core_and_the_environment_asked_for():
-    with WorkerPool(1, {"SCENE_TEST": "yes"}) as pool:
-        [(_, (cores, threads, value, pid))] = pool.map(surroundings, [()])
-        assert (cores, threads, value) == (1, 1, "yes") and pid != os.getpid()
-        assert list(pool.map(surroundings, [()])) == [(0, (1, 1, "yes", pid))]  # long-lived
+def test_workers_have_one_core_one_gpu_their_environment_and_leaving_early_drops_the_work():
+    with WorkerPool(1, {"SCENE_TEST": "yes", "CUDA_VISIBLE_DEVICES": "5,7"}) as pool:
+        [(_, (*own, pid))] = pool.map(surroundings, [()])
+        assert own == [1, 1, "5", "yes"] and pid != os.getpid()
+        assert list(pool.map(surroundings, [()])) == [(0, (*own, pid))]  # long-lived
+        behind = pool.begin(os.getpriority, os.PRIO_PROCESS, 0)
+        assert list(pool.map(square, [(3,)], begun={0: behind})) == [(0, 19)]
+        assert 0 < pool.cpu_share() < 2
     assert "SCENE_TEST" not in os.environ
-
-
-def test_leaving_early_drops_the_work_under_way():
     started = time.monotonic()
     with WorkerPool(1) as pool:
         for index, answer in pool.map(sleep, [(0,), (60,)]):

@@ -1,6 +1,5 @@
 """Asking and telling: the same search as the loops, and the same again after any interruption."""
 
-import json
 from pathlib import Path
 
 import jax
@@ -120,6 +119,10 @@ def test_wrong_use_is_refused_and_a_method_of_so_many_updates_ends(tmp_path: Pat
     assert ended.ask() == []
     with pytest.raises(ValueError, match="none is waiting"):
         ended.tell(18, 1.0)
+    for line in ("[]", "rubbish", '{"id": NaN}', '{"id": 0, "reward": "1"}'):
+        path.write_text(f"{line}\n{{}}\n")
+        with pytest.raises(ValueError, match=r"history.jsonl: line 1"):
+            AskTell(SPACE, PBIL, n=N, path=path)
 
 
 @pytest.mark.parametrize(
@@ -132,11 +135,3 @@ def test_the_history_of_another_search_is_refused(tmp_path: Path, change: dict) 
     with pytest.raises(ValueError, match=r"history.jsonl: line \d was not told to this search"):
         AskTell(**{"space": SPACE, "method": PBIL, "n": N, "path": path} | change)
     assert path.read_bytes() == before
-
-
-@pytest.mark.parametrize("line", ["[]", "rubbish", '{"id": NaN}', '{"id": 0, "reward": "1"}'])
-def test_a_line_that_is_no_record_is_named(tmp_path: Path, line: str) -> None:
-    path = tmp_path / "history.jsonl"
-    path.write_text(f"{line}\n{json.dumps({})}\n")
-    with pytest.raises(ValueError, match=r"history.jsonl: line 1"):
-        AskTell(SPACE, PBIL, n=N, path=path)

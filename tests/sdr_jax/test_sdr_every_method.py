@@ -173,13 +173,10 @@ def test_rewards_that_are_all_nan_decide_nothing(name: str) -> None:
     check_answers(method, state)
 
 
-def test_random_attributes_stay_random() -> None:
+def test_the_table_has_every_method_by_its_name_and_random_attributes_stay_random() -> None:
     state, record = runner("random_attributes", 0, 3, 2)(jax.random.key(0))
     assert set(np.asarray(record.actions).ravel()) == {-1}
     np.testing.assert_array_equal(PURE["random_attributes"].solution(state), [[0.5] * 5, [1] * 5])
-
-
-def test_the_table_has_every_method_by_its_name_and_its_options_are_plain_values() -> None:
     assert tuple(METHODS) == get_args(MethodName)
     assert all(callable(getattr(sdr_jax, name)) for name in METHODS)
     assert "optimizer" not in options_of("sdr") and options_of("pbil")["memory"] == 60

@@ -19,7 +19,6 @@ MASK = jnp.asarray([[True, True, False, False], [True] * 4, [True] * 4])
 PRESENT = jnp.asarray([True, True, False])
 seeds = st.integers(0, 2**32 - 1)
 rewards_lists = st.lists(st.tuples(*[st.integers(-100, 100)] * 3), min_size=1, max_size=6)
-ROOT = 12.5**0.5
 OWN = jnp.asarray([[True, True, False], [True] * 3])
 BOTH = jnp.asarray([True, True])
 ACTIONS = jnp.asarray(list(itertools.product(range(2), range(3))), jnp.int32)  # all 6
@@ -32,26 +31,12 @@ def random_logits(seed: int) -> jax.Array:
     return mask_logits(3 * jax.random.normal(jax.random.key(seed), (3, 4)), MASK)
 
 
-def test_the_paper_sizes() -> None:
-    params = Policy(attributes=7, bins=10).init(jax.random.key(0), jnp.zeros(7))
-    count = sum(leaf.size for leaf in jax.tree.leaves(params))
-    assert count == (7 + 1) * 256 + (256 + 1) * 7 * 10
-    assert Policy(7, 10).apply(params, jnp.zeros(7)).shape == (7, 10)
-
-
 def test_log_prob_and_entropy_by_hand() -> None:
     logits = mask_logits(jnp.log(jnp.asarray([[0.25, 0.75, 9, 9], [0.1, 0.2, 0.3, 0.4]])), MASK[:2])
     actual = log_prob(logits, jnp.asarray([[0, 3], [1, 0]]), BOTH)
     np.testing.assert_allclose(actual, np.log([0.25 * 0.4, 0.75 * 0.1]), rtol=1e-5)
     p = np.asarray([0.25, 0.75, 0.1, 0.2, 0.3, 0.4])
     assert float(entropy(logits, BOTH)) == pytest.approx(-np.sum(p * np.log(p)), rel=1e-5)
-
-
-@given(seeds)
-def test_probabilities_of_all_joint_actions_sum_to_one(seed: int) -> None:
-    actions = jnp.asarray([(a, b, 0) for a in range(2) for b in range(4)])
-    total = jnp.exp(log_prob(random_logits(seed), actions, PRESENT)).sum()
-    assert float(total) == pytest.approx(1, abs=1e-5)
 
 
 @given(seeds)
@@ -70,10 +55,12 @@ def test_padding_has_no_effect_and_gradients_are_finite(seed: int) -> None:
 
 
 @given(seeds)
-def test_samples_follow_the_logits(seed: int) -> None:
+def test_samples_follow_the_logits_and_all_chances_add_up_to_one(seed: int) -> None:
     logits = random_logits(seed)
     actions = sample_bins(jax.random.key(seed), logits, 20_000)
     assert actions.dtype == jnp.int32
+    every = jnp.asarray([(a, b, 0) for a in range(2) for b in range(4)])
+    assert float(jnp.exp(log_prob(logits, every, PRESENT)).sum()) == pytest.approx(1, abs=1e-5)
     frequencies = np.stack([np.bincount(column, minlength=4) for column in actions.T]) / 20_000
     np.testing.assert_allclose(frequencies, jax.nn.softmax(logits), atol=0.02)
     assert not np.any(frequencies[~np.asarray(MASK)])
@@ -82,6 +69,8 @@ def test_samples_follow_the_logits(seed: int) -> None:
 def test_a_padded_policy_is_its_own_size_policy() -> None:
     padded_space = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
     params, inputs = init_policies(jax.random.key(1), padded_space, hidden=16)
+    sizes = [leaf.size for leaf in jax.tree.leaves(params)]
+    assert sum(sizes) == 2 * ((2 + 1) * 16 + (16 + 1) * 2 * 5)  # of two groups, as in the paper
     assert np.all((inputs >= 0) & (inputs < 1)) and inputs[0, 1] == 0
     first = take(params, jnp.asarray(0))
     padded = Policy(2, 5, 16).apply(first, inputs[0])
@@ -120,24 +109,8 @@ def test_a_constant_added_to_all_rewards_changes_no_advantage(baseline, updates,
     shifted = [[reward + constant for reward in rewards] for rewards in updates]
     expected = advantages(baseline, updates)
     np.testing.assert_allclose(advantages(baseline, shifted), expected, atol=1e-3)
-
-
-@given(rewards_lists)
-def test_the_ema_of_the_paper_has_not_seen_the_update(updates: list) -> None:
-    one, two = (advantages(ema(), [*updates, last])[-1] for last in ([7, 7, 7], [8, 9, 7]))
-    np.testing.assert_allclose(np.subtract(two, one), [1, 2, 0], atol=1e-4)
-
-
-def test_a_bad_decay_is_refused() -> None:
     with pytest.raises(ValueError, match=r"1\.5"):
         ema(decay=1.5)
-
-
-@pytest.mark.parametrize(("raw", "expected"), [  # one or equal ones do not explode
-    ([3, -4], [3 / ROOT, -4 / ROOT]), ([0.02], [1]), ([-0.02] * 3, [-1] * 3), ([0] * 3, [0] * 3),
-])  # fmt: skip
-def test_normalised_by_hand(raw: list, expected: list) -> None:
-    np.testing.assert_allclose(normalised(jnp.asarray(raw, jnp.float32)), expected, rtol=1e-4)
 
 
 @given(st.lists(st.integers(-1000, 1000), min_size=3, max_size=3), st.integers(1, 1000))
@@ -145,11 +118,13 @@ def test_normalised_advantages_forget_the_scale_and_stay_finite(values: list, sc
     raw = jnp.asarray(values, jnp.float32)
     actual = normalised(raw)
     np.testing.assert_allclose(normalised(scale * raw), actual, atol=1e-4)
+    size = np.sqrt(np.mean(np.square(values)))
+    np.testing.assert_allclose(actual * size, raw, rtol=1e-4, atol=1e-4)
     assert np.all(np.isfinite(actual))
-    assert float(jnp.mean(actual**2)) == pytest.approx(1.0 if any(values) else 0.0, abs=1e-4)
+    np.testing.assert_allclose(normalised(jnp.asarray([0.02])), 1, rtol=1e-4)  # does not explode
 
 
-def test_the_loss_by_hand() -> None:
+def test_the_loss_by_hand_leaves_failed_data_sets_out() -> None:
     def loss(x: jax.Array) -> jax.Array:
         return reinforce_loss(x * jnp.asarray([1.0, 2.0]), jnp.asarray([3.0, -1.0]))
 
@@ -157,8 +132,6 @@ def test_the_loss_by_hand() -> None:
     # No gradient flows into advantages.
     assert jax.grad(lambda a: reinforce_loss(jnp.ones(1), a))(jnp.ones(1)) == 0
 
-
-def test_a_failed_data_set_is_left_out_of_the_mean() -> None:
     def grad(log_probs: list[float], advantages: list[float]) -> jax.Array:
         return jax.grad(reinforce_loss)(jnp.asarray(log_probs), jnp.asarray(advantages))
 

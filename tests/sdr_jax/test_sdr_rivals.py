@@ -26,9 +26,13 @@ PAIR = space(["a", "b"], bins=[4, 2])
 GAUSSIAN = gaussian(PAIR, optax.sgd(1.0), normalise=False)
 
 
-def test_random_search_keeps_the_best_it_has_seen() -> None:
+def test_random_search_tries_all_bins_alike_and_keeps_the_best_it_has_seen() -> None:
     method = random_search(SPACE)
     state = method.init(KEY)
+    actions, proposal = method.sample(jax.random.key(1), state, 20_000)
+    counts = [np.bincount(column, minlength=10) for column in np.asarray(actions).T]
+    np.testing.assert_allclose(counts, 20_000 * method.probabilities(state), atol=300)
+    np.testing.assert_allclose(proposal, relax(SPACE, actions), atol=1e-6)
     tried = jnp.asarray([[0, 4, 1], [1, 2, 3]])
     state, info = method.update(state, tried, jnp.asarray([0.25, 0.75]))
     assert (info.reward_mean, info.reward_best) == (0.5, 0.75)
@@ -40,16 +44,7 @@ def test_random_search_keeps_the_best_it_has_seen() -> None:
     assert state.actions.tolist() == [0, 4, 1]
 
 
-def test_random_search_is_uniform_over_the_bins_of_each_attribute() -> None:
-    method = random_search(SPACE)
-    state = method.init(KEY)
-    actions, proposal = method.sample(jax.random.key(1), state, 20_000)
-    counts = [np.bincount(column, minlength=10) for column in np.asarray(actions).T]
-    np.testing.assert_allclose(counts, 20_000 * method.probabilities(state), atol=300)
-    np.testing.assert_allclose(proposal, relax(SPACE, actions), atol=1e-6)
-
-
-def test_the_gradient_of_the_gaussian_by_hand() -> None:
+def test_the_gradient_of_the_gaussian_by_hand_and_of_one_data_set() -> None:
     """d log p / d mean = z / std and d log p / d log std = z^2 - 1, with z the whitened action."""
     whitened = np.asarray([[1.0, -2.0], [0.5, 0.0]])
     actions = jnp.asarray(1.5 * whitened, jnp.float32)
@@ -60,6 +55,10 @@ def test_the_gradient_of_the_gaussian_by_hand() -> None:
     log_std = np.log(1.5) + (advantages[:, None] * (whitened**2 - 1)).mean(axis=0)
     np.testing.assert_allclose(after.params.mean, mean, rtol=1e-5)
     np.testing.assert_allclose(after.params.log_std, log_std, rtol=1e-5)
+    with pytest.raises(ValueError, match="at least 2 data sets"):
+        GAUSSIAN.update(GAUSSIAN.init(KEY), jnp.zeros((1, 2)), jnp.ones(1))
+    method = gaussian(PAIR, baseline=ema())
+    method.update(method.init(KEY), jnp.zeros((1, 2)), jnp.ones(1))
 
 
 def test_probabilities_and_spread_of_the_gaussian_are_those_of_samples() -> None:
@@ -76,13 +75,6 @@ def test_probabilities_and_spread_of_the_gaussian_are_those_of_samples() -> None
     width = np.minimum(1, np.sqrt(12 * variance))
     np.testing.assert_allclose(GAUSSIAN.spread(state).width, width, atol=0.02)
     np.testing.assert_allclose(GAUSSIAN.solution(state).centre[0], jax.nn.sigmoid(1.0), rtol=1e-5)
-
-
-def test_the_gaussian_needs_a_baseline_with_memory_for_one_data_set_per_update() -> None:
-    with pytest.raises(ValueError, match="at least 2 data sets"):
-        GAUSSIAN.update(GAUSSIAN.init(KEY), jnp.zeros((1, 2)), jnp.ones(1))
-    method = gaussian(PAIR, baseline=ema())
-    method.update(method.init(KEY), jnp.zeros((1, 2)), jnp.ones(1))
 
 
 def test_rank_weights_by_hand() -> None:
@@ -103,7 +95,13 @@ def test_the_kernel_is_a_distribution_that_keeps_uniform_ones(smoothing: float) 
     np.testing.assert_allclose(kernel.sum(axis=2), bin_mask(SPACE), atol=1e-5)
 
 
-def test_neighbours_of_a_good_bin_gain_too() -> None:
+def test_pbil_remembers_only_the_latest_evaluations_and_neighbours_of_a_good_bin_gain_too() -> None:
+    method = pbil(SPACE, memory=3)
+    state = method.init(KEY)
+    for t in range(5):
+        state, _ = method.update(state, jnp.full((1, 3), t % 2), jnp.asarray([float(t)]))
+    np.testing.assert_array_equal(state.rewards, [2, 3, 4])
+    np.testing.assert_array_equal(state.actions[:, 0], [0, 1, 0])
     actions = jnp.asarray([[0, 4, 0]] + [[1, 9, 4]] * 3)
 
     def learnt(**options: float) -> np.ndarray:
@@ -115,15 +113,6 @@ def test_neighbours_of_a_good_bin_gain_too() -> None:
     assert p[4] > p[3] > p[2] > p[1]
     np.testing.assert_allclose(p[3], p[5], rtol=1e-4)
     np.testing.assert_allclose(learnt(smoothing=0.0)[4], 1 - 0.9 * 0.92**4, rtol=1e-4)
-
-
-def test_pbil_remembers_only_the_latest_evaluations() -> None:
-    method = pbil(SPACE, memory=3)
-    state = method.init(KEY)
-    for t in range(5):
-        state, _ = method.update(state, jnp.full((1, 3), t % 2), jnp.asarray([float(t)]))
-    np.testing.assert_array_equal(state.rewards, [2, 3, 4])
-    np.testing.assert_array_equal(state.actions[:, 0], [0, 1, 0])
 
 
 UNEVEN = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["b"], ["c", "a"]])
@@ -190,7 +179,7 @@ def test_a_round_tries_every_bin_with_any_number_of_data_sets(n: int, updates: i
     assert int(earlier.current[0]) == -1  # a sweep that is not finished decides nothing
 
 
-def test_repeats_are_averaged_and_failed_bins_tried_again() -> None:
+def test_repeats_are_averaged_and_failed_bins_tried_again_but_not_for_ever() -> None:
     method = attribute_descent(space(["a"], bins=2), repeats=2)
     state = method.init(KEY)
     for tried, rewards in (
@@ -205,8 +194,6 @@ def test_repeats_are_averaged_and_failed_bins_tried_again() -> None:
     assert int(state.current[0]) == 1  # 0.6, against the mean of 1, 0 and 0
     np.testing.assert_allclose(method.probabilities(state), 0.5)  # it goes round again
 
-
-def test_a_bin_that_always_fails_does_not_hold_up_the_others() -> None:
     def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
         return jnp.where(proposals.centre[:, 0] == 0.75, jnp.nan, 1.0)
 

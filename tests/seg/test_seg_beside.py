@@ -52,9 +52,8 @@ def test_parts_that_count_by_their_size_are_the_whole():
     one = channel_statistics(parts[1])
     np.testing.assert_allclose(mixed([0.5, 0.5], [one, one])[1], one[1], rtol=1e-5)
     shares = [class_shares(part, 3) for part in (LABELS[:4], LABELS[4:])]
-    np.testing.assert_allclose(
-        weights_of_shares(shares[0] * 4 / 6 + shares[1] * 2 / 6), class_weights(LABELS, 3)
-    )
+    weights = weights_of_shares(shares[0] * 4 / 6 + shares[1] * 2 / 6)
+    np.testing.assert_allclose(weights, class_weights(LABELS, 3))
 
 
 @pytest.mark.parametrize("share", [0.1, 0.9])
@@ -64,9 +63,8 @@ def test_a_net_believes_whom_it_sees_more_often(share):
     blank = np.zeros((2, 32, 32), np.uint8)
     images = np.random.default_rng(1).integers(0, 256, (2, 32, 32, 3), dtype=np.uint8)
     params = train(0, images, blank, settings, 2, beside=Beside(images[:1], blank[:1] + 1, share))
-    assert np.mean(predict(params, images, settings, 2)) == pytest.approx(
-        float(share > 0.5), abs=0.05
-    )
+    found = np.mean(predict(params, images, settings, 2))
+    assert found == pytest.approx(float(share > 0.5), abs=0.05)
 
 
 def test_features_beside_are_those_computed_and_set_the_head_s_statistics():

@@ -9,12 +9,6 @@ from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNT
 TABLES = (CITYSCAPES_19, CAMVID_11, classes.GTA5_19, classes.SYNTHIA_19)
 
 
-@pytest.mark.parametrize(("table", "count"), [(CITYSCAPES_19, 19), (CAMVID_11, 11)])
-def test_sizes(table, count):
-    assert len(table.classes) == len(set(table.classes)) == count
-    assert table.colors.shape == (count, 3) and len(np.unique(table.colors, axis=0)) == count
-
-
 TO_CAMVID = {
     "road": "road", "sidewalk": "sidewalk", "building": "building", "wall": "building",
     "fence": "fence", "pole": "pole", "traffic light": "sign", "traffic sign": "sign",
@@ -24,13 +18,23 @@ TO_CAMVID = {
 }  # fmt: skip
 
 
-def test_labels_by_hand():
+def test_sizes_labels_subsets_and_names_by_hand():
     for city, camvid in TO_CAMVID.items():
         mapped = CAMVID_11.from_train_id[CITYSCAPES_19.classes.index(city)]
         assert mapped == (IGNORE_LABEL if camvid is None else CAMVID_11.classes.index(camvid))
     np.testing.assert_array_equal(CITYSCAPES_19.from_train_id[:19], np.arange(19))
     assert CAMVID_11.legal[11] and not CAMVID_11.legal[12]  # void is eleven
     assert CAMVID_11.from_file[11] == IGNORE_LABEL
+    for table, count in ((CITYSCAPES_19, 19), (CAMVID_11, 11)):
+        assert len(table.classes) == len(set(table.classes)) == count
+        assert table.colors.shape == (count, 3) and len(np.unique(table.colors, axis=0)) == count
+    names = CITYSCAPES_19.classes
+    assert (len(SYNTHIA_16), len(SYNTHIA_13)) == (16, 13)
+    assert {names[k] for k in set(range(19)) - set(SYNTHIA_16)} == {"terrain", "truck", "train"}
+    assert {names[k] for k in set(SYNTHIA_16) - set(SYNTHIA_13)} == {"wall", "fence", "pole"}
+    assert classes.class_table("camvid") is CAMVID_11
+    with pytest.raises(ValueError, match=r"unknown class table 'kitti'; known.*camvid, cityscapes"):
+        classes.class_table("kitti")
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
@@ -41,13 +45,3 @@ def test_every_class_is_reached_and_the_rest_is_void(table):
     assert table.legal[table.from_file != IGNORE_LABEL].all()
     with pytest.raises(ValueError, match="read-only"):
         table.from_file[0] = 3
-
-
-def test_subsets_of_classes_and_tables_by_name():
-    names = CITYSCAPES_19.classes
-    assert (len(SYNTHIA_16), len(SYNTHIA_13)) == (16, 13)
-    assert {names[k] for k in set(range(19)) - set(SYNTHIA_16)} == {"terrain", "truck", "train"}
-    assert {names[k] for k in set(SYNTHIA_16) - set(SYNTHIA_13)} == {"wall", "fence", "pole"}
-    assert classes.class_table("camvid") is CAMVID_11
-    with pytest.raises(ValueError, match=r"unknown class table 'kitti'; known.*camvid, cityscapes"):
-        classes.class_table("kitti")

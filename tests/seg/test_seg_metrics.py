@@ -17,7 +17,7 @@ def random_pair(seed):
     return rng, labels, rng.integers(0, CLASSES, labels.shape, dtype=np.uint8)
 
 
-def test_by_hand():
+def test_by_hand_absent_classes_are_left_out_even_when_predicted():
     labels = np.array([[0, 0, 0, 1], [1, 2, 255, 255]], np.uint8)
     guesses = np.array([[0, 0, 1, 1], [0, 1, 2, 0]], np.uint8)
     confusion = confusion_matrix(labels, guesses, 3)
@@ -25,9 +25,6 @@ def test_by_hand():
     assert confusion.dtype == np.int64
     np.testing.assert_allclose(iou(confusion), [2 / 4, 1 / 4, 0])
     assert mean_iou(confusion) == pytest.approx(0.25)
-
-
-def test_absent_classes_are_left_out_even_when_predicted():
     confusion = confusion_matrix(np.array([0, 0, 1]), np.array([0, 2, 1]), CLASSES)
     np.testing.assert_allclose(iou(confusion), [0.5, 1, np.nan, np.nan])
     assert mean_iou(confusion) == pytest.approx(0.75)
@@ -37,35 +34,16 @@ def test_absent_classes_are_left_out_even_when_predicted():
 
 
 @given(st.integers(0, 2**32 - 1))
-def test_permuting_labels_permutes_the_matrix(seed):
+def test_cells_count_pixels_whatever_the_classes_are_called(seed):
     rng, labels, guesses = random_pair(seed)
     order = rng.permutation(CLASSES).astype(np.uint8)
     renamed = np.where(labels == 255, 255, order[labels % CLASSES]).astype(np.uint8)
-    before = confusion_matrix(labels, guesses, CLASSES)
+    found = confusion_matrix(labels, guesses, CLASSES)
     after = confusion_matrix(renamed, order[guesses], CLASSES)
-    np.testing.assert_array_equal(after[np.ix_(order, order)], before)
-    assert mean_iou(after) == pytest.approx(mean_iou(before))
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_void_pixels_do_not_count_and_matrices_add_up_over_images(seed):
-    rng, labels, guesses = random_pair(seed)
-    elsewhere = rng.integers(0, CLASSES, labels.shape, dtype=np.uint8)
-    changed = np.where(labels == 255, elsewhere, guesses)
-    confusion = confusion_matrix(labels, guesses, CLASSES)
-    np.testing.assert_array_equal(confusion_matrix(labels, changed, CLASSES), confusion)
-    assert confusion.sum() == (labels != 255).sum()
-    parts = [confusion_matrix(*pair, classes=CLASSES) for pair in zip(labels, guesses, strict=True)]
-    np.testing.assert_array_equal(sum(parts), confusion)
-
-
-@given(st.integers(0, 2**32 - 1))
-def test_iou_is_a_share_and_the_truth_scores_one(seed):
-    _, labels, guesses = random_pair(seed)
-    values = iou(confusion_matrix(labels, guesses, CLASSES))
-    assert np.nanmin(values) >= 0 and np.nanmax(values) <= 1
-    truth = np.where(labels == 255, 0, labels).astype(np.uint8)
-    assert mean_iou(confusion_matrix(labels, truth, CLASSES)) == 1
+    np.testing.assert_array_equal(after[np.ix_(order, order)], found)
+    assert mean_iou(after) == pytest.approx(mean_iou(found))
+    for (row, column), cell in np.ndenumerate(found):
+        assert cell == ((labels == row) & (guesses == column)).sum()
 
 
 @pytest.mark.parametrize(("labels", "guesses", "message"), [

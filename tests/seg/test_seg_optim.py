@@ -54,10 +54,17 @@ def test_adam_is_optax_adam(seed):
     np.testing.assert_allclose(a["w"], b["w"], rtol=1e-5)
 
 
-def test_multipliers_as_published():
+def test_multipliers_as_published_adam_takes_them_and_lion_is_unknown():
     layers = {"conv1_1/kernel": 1, "conv1_1/bias": 2, "fc6_2/kernel": 1, "norm1_1/scale": 1}
     for path, factor in (layers | {"fc8_4/kernel": 10, "fc8_4/bias": 20}).items():
         assert deeplab_multiplier(tuple(path.split("/"))) == factor
+    transform = optimizer("adam", lr_multipliers="deeplab")
+    params = {"fc8_1": {"kernel": jnp.array([1.0]), "bias": jnp.array([1.0])}}
+    direction, _ = transform.update(params, transform.init(params), params)
+    np.testing.assert_allclose(direction["fc8_1"]["kernel"], [10.0], rtol=1e-4)
+    np.testing.assert_allclose(direction["fc8_1"]["bias"], [20.0], rtol=1e-4)
+    with pytest.raises(ValueError, match="unknown optimizer 'lion'; known optimizers: adam, sgd"):
+        optimizer("lion")
 
 
 def test_two_sgd_steps_with_multipliers_by_hand():
@@ -75,19 +82,7 @@ def test_two_sgd_steps_with_multipliers_by_hand():
     slow -= 0.01 * (0.9 * first + 1 + 0.1 * slow)
     fast = 1 - 0.1 * first
     fast -= 0.1 * (0.9 * first + 1 + 0.1 * fast)
-    wanted = (
-        {"bias": [1 - 0.02 * 2.9], "kernel": [slow]},
-        {"bias": [1 - 0.2 * 2.9], "kernel": [fast]},
-    )
-    found = params["vgg16"]["conv1_1"], params["fc8_1"]
+    wanted = [{"bias": [1 - 0.02 * 2.9], "kernel": [slow]}]
+    wanted += [{"bias": [1 - 0.2 * 2.9], "kernel": [fast]}]
+    found = [params["vgg16"]["conv1_1"], params["fc8_1"]]
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-5), found, wanted)
-
-
-def test_adam_takes_multipliers_and_lion_is_unknown():
-    transform = optimizer("adam", lr_multipliers="deeplab")
-    params = {"fc8_1": {"kernel": jnp.array([1.0]), "bias": jnp.array([1.0])}}
-    direction, _ = transform.update(params, transform.init(params), params)
-    np.testing.assert_allclose(direction["fc8_1"]["kernel"], [10.0], rtol=1e-4)
-    np.testing.assert_allclose(direction["fc8_1"]["bias"], [20.0], rtol=1e-4)
-    with pytest.raises(ValueError, match="unknown optimizer 'lion'; known optimizers: adam, sgd"):
-        optimizer("lion")

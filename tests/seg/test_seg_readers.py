@@ -1,7 +1,7 @@
 """The readers of Cityscapes, GTA5, SYNTHIA and KITTI, on tiny folders in their public layouts."""
 
+from collections import namedtuple
 from functools import partial
-from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -29,17 +29,8 @@ def write_packed(path, values, dtype=np.uint16):
     assert cv2.imwrite(str(path), blue_green_red.astype(dtype))
 
 
-class Case(NamedTuple):
-    """A data set of three images: its files, how labels are written, and how all is read."""
-
-    images: str
-    labels: str
-    names: tuple[str, ...]
-    highest: int
-    table: object
-    write: object
-    list: object
-    read: object
+# A data set of three images: its files, how labels are written, and how all is read.
+Case = namedtuple("Case", "images labels names highest table write list read")
 
 
 def folders(layout, highest, write):
@@ -107,16 +98,13 @@ def test_missing_labels_images_and_folders(root, case):
         case.list(root / "gone")
 
 
-def test_sizes_that_disagree(root, case):
+def test_sizes_that_disagree_and_values_outside_the_table(root, case):
     write_image(root / case.images.format(case.names[1]), 1, (H + 1, W))
     with pytest.raises(DataError, match=r"8x6 pixels, but its image .* has 8x7"):
         case.read(root)
     case.write(root / case.labels.format(case.names[1]), np.full((H + 1, W), 1))
     with pytest.raises(DataError, match=r"8x7 pixels where .* has 8x6; give a size"):
         case.read(root)
-
-
-def test_a_value_outside_the_table(root, case):
     case.write(root / case.labels.format(case.names[0]), np.full((H, W), case.highest + 1))
     with pytest.raises(DataError, match=f"label value {case.highest + 1} lies outside"):
         case.read(root)

@@ -17,7 +17,7 @@ import seg.train
 import seg.weights.vgg16 as names
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, predict
 from seg.nets import Compact, DeepLabV2, FCN8s, net
-from seg.step import Data, accumulated, functions, plan
+from seg.step import accumulated, functions
 from seg.train import train
 from seg.weights import check
 
@@ -50,33 +50,18 @@ def data(count=4, size=(32, 32), seed=0):
     return images, labels
 
 
-def test_the_papers_recipe():
-    paper = RECIPES["paper"]
-    assert (paper.optimizer, paper.lr, paper.momentum, paper.power) == ("sgd", 5e-4, 0.9, 0.9)
-    assert (paper.weight_decay, paper.batch, paper.steps, paper.warmup) == (1e-4, 4, 1000, 0)
-    assert (paper.mirror, paper.colour, paper.blur, paper.weighted) == (True, False, False, False)
-    assert paper.lr_multipliers == "deeplab" and not paper.norm
-
-
 @pytest.mark.parametrize(("recipe", "name"), [
-    ("paper", "deeplabv2"),
-    ("scratch", "fcn8s"),
+    ("paper", "deeplabv2"), ("scratch", "fcn8s"),
     pytest.param("paper", "fcn8s", marks=pytest.mark.slow),
     pytest.param("scratch", "deeplabv2", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_recipes_train_both_nets(recipe, name):
     settings = replace(RECIPES[recipe], net=name, steps=2, warmup=0, batch=2)
     check_settings(settings)
+    assert (settings.lr_multipliers == "deeplab") == (recipe == "paper") != settings.norm
     params = train(0, *data(2), settings, 11)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
     assert ("norm1_1" in params["vgg16"]) == settings.norm
-
-
-def test_defaults_are_the_compact_nets():
-    settings = TrainSettings()
-    assert (settings.weights, settings.norm, settings.accumulate) == (None, False, 1)
-    assert (settings.lr_multipliers, settings.dtype) == ("none", "float32")
-    assert net("compact", 11) == net("compact", 11, norm=True)
 
 
 @pytest.mark.parametrize("parts", [2, pytest.param(4, marks=pytest.mark.slow)])
@@ -116,16 +101,6 @@ def test_bfloat16_computes_about_the_same(name):
     a, b = (jax.jit(m.apply)({"params": params}, images) for m in (exact, brief))
     assert b.dtype == jnp.float32 and not np.array_equal(a, b)
     assert np.abs(a - b).max() < 0.05 * np.abs(a).max()
-
-
-def test_bfloat16_keeps_the_state_in_float32():
-    settings = TrainSettings(net="deeplabv2", dtype="bfloat16", steps=1, batch=2)
-    images, labels = data(2)
-    compiled = functions(settings, 11)
-    state = jax.eval_shape(compiled.init, np.uint32(0), images)
-    given = Data(images, labels, np.ones(11, np.float32), np.uint32(0))
-    after, loss = jax.eval_shape(compiled.step, state, given, plan(0, 2, settings).rows(0))
-    assert after == state and loss.dtype == jnp.float32
 
 
 @pytest.mark.parametrize("name", SMALL)

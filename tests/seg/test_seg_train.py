@@ -40,22 +40,15 @@ def fitted():
     return train(0, images, labels, SETTINGS, 11)
 
 
-def test_two_images_are_learnt_by_heart(fitted):
+def test_two_images_are_learnt_training_can_go_on_and_padding_changes_nothing(fitted):
     images, labels = toy()
     confusion = score(fitted, images, labels, SETTINGS, 11)
     assert confusion.sum() == (labels != 255).sum()
     assert mean_iou(confusion) > 0.9
-
-
-def test_same_seed_same_net_other_seed_another(fitted):
-    again = train(0, *toy(), SETTINGS, 11)
-    other = train(1, *toy(), SETTINGS, 11)
-    jax.tree.map(np.testing.assert_array_equal, fitted, again)
-    pairs = zip(jax.tree.leaves(fitted), jax.tree.leaves(other), strict=True)
-    assert any(not np.array_equal(a, b) for a, b in pairs)
-
-
-def test_padding_of_the_last_batch_changes_nothing(fitted):
+    before = jax.tree.map(np.array, fitted)
+    further = train(3, *toy(), replace(SETTINGS, steps=1, lr=1e-4), 11, params=fitted)
+    jax.tree.map(np.testing.assert_array_equal, fitted, before)
+    jax.tree.map(partial(np.testing.assert_allclose, atol=2e-4), fitted, further)
     images, _ = toy(6)
     whole = predict(fitted, images, SETTINGS, 11)
     assert whole.shape == (6, 32, 32) and whole.dtype == np.uint8
@@ -63,18 +56,15 @@ def test_padding_of_the_last_batch_changes_nothing(fitted):
     np.testing.assert_array_equal(predict(fitted, images[5:], SETTINGS, 11), whole[5:])
 
 
-def test_progress_is_told(fitted):
+def test_same_seed_same_net_other_seed_another_and_progress_is_told(fitted):
     told = []
-    train(0, *toy(), replace(SETTINGS, steps=120), 11, progress=lambda *args: told.append(args))
-    assert [step for step, _ in told] == [50, 100, 120]
+    again = train(0, *toy(), SETTINGS, 11, progress=lambda *args: told.append(args))
+    assert [step for step, _ in told] == [50, 100, 150]
     assert told[-1][1] < told[0][1]
-
-
-def test_training_can_go_on_from_given_parameters(fitted):
-    before = jax.tree.map(np.array, fitted)
-    further = train(3, *toy(), replace(SETTINGS, steps=1, lr=1e-4), 11, params=fitted)
-    jax.tree.map(np.testing.assert_array_equal, fitted, before)
-    jax.tree.map(partial(np.testing.assert_allclose, atol=2e-4), fitted, further)
+    jax.tree.map(np.testing.assert_array_equal, fitted, again)
+    one, other = (train(seed, *toy(), replace(SETTINGS, steps=3), 11) for seed in (0, 1))
+    pairs = zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True)
+    assert any(not np.array_equal(a, b) for a, b in pairs)
 
 
 def test_scanned_steps_are_the_same_steps():
@@ -83,35 +73,30 @@ def test_scanned_steps_are_the_same_steps():
     jax.tree.map(partial(np.testing.assert_allclose, atol=1e-4), *fitted)
 
 
-def test_all_void_labels_change_nothing_but_do_no_harm():
+def test_all_void_labels_do_no_harm_and_a_loss_that_is_not_finite_is_an_error():
     images, labels = toy()
     params = train(0, images, np.full_like(labels, 255), replace(SETTINGS, steps=2), 11)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
-
-
-def test_a_loss_that_is_not_finite_is_an_error():
     with pytest.raises(TrainingError, match=r"loss is nan after 50 of 60 steps; .*1e\+30"):
         train(0, *toy(), replace(SETTINGS, steps=60, lr=1e30), 11)
 
 
 def test_state_keeps_structure_shapes_and_dtypes():
     images, labels = toy()
-    for name in ("adam", "sgd"):
-        compiled = functions(replace(SETTINGS, optimizer=name, weight_decay=1e-4), 11)
+    for name, dtype in (("adam", "float32"), ("sgd", "float32"), ("adam", "bfloat16")):
+        own = replace(SETTINGS, optimizer=name, dtype=dtype, weight_decay=1e-4)
+        compiled = functions(own, 11)
         state = jax.eval_shape(compiled.init, np.uint32(0), images)
         row = plan(0, len(images), SETTINGS).rows(0)
         data = Data(images, labels, np.ones(11, np.float32), np.uint32(0))
         after, loss = jax.eval_shape(compiled.step, state, data, row)
-        assert after == state and loss.shape == ()
+        assert after == state and (loss.shape, loss.dtype) == ((), np.float32)
 
 
-def test_every_image_is_seen_equally_often():
+def test_every_image_is_seen_equally_often_and_what_is_compiled_is_kept():
     rows = plan(0, 6, TrainSettings(steps=9, batch=4))
     assert rows.picks.shape == (9, 4) and len(rows.draws) == len(rows.lr) == 9
     np.testing.assert_array_equal(np.bincount(rows.picks.ravel()), [6] * 6)
-
-
-def test_what_is_compiled_is_kept():
     other_data = replace(SETTINGS, steps=3, lr=0.1, batch=5, weights="vgg16.npz")
     assert functions(SETTINGS, 11) is functions(other_data, 11)
     assert functions(SETTINGS, 11) is not functions(replace(SETTINGS, mirror=False), 11)
@@ -130,13 +115,6 @@ def test_arrays_that_do_not_fit(images, labels, message):
         _check(images, labels)
 
 
-def test_labels_outside_the_table():
-    images, labels = toy()
-    labels[labels == 3] = 11
-    with pytest.raises(ValueError, match=r"label 11 is none of 11 .* 0\.\.10, or 255 for void"):
-        train(0, images, labels, SETTINGS, 11)
-
-
 @pytest.mark.parametrize(("change", "message"), [
     ({"steps": 0}, "steps and batch must be at least 1"),
     ({"batch": 0}, "steps and batch must be at least 1"),
@@ -151,15 +129,16 @@ def test_settings_that_make_no_sense(change, message):
     for seed in (-1, 2**32):
         with pytest.raises(ValueError, match="rng_seed must be in"):
             train(seed, *toy(), SETTINGS, 11)
+    images, labels = toy()
+    labels[labels == 3] = 11
+    with pytest.raises(ValueError, match=r"label 11 is none of 11 .* 0\.\.10, or 255 for void"):
+        train(0, images, labels, SETTINGS, 11)
 
 
-def test_public_names_exist():
+def test_public_names_exist_and_reading_data_does_not_load_jax():
     assert all(hasattr(seg, name) for name in seg.__all__)
     with pytest.raises(AttributeError, match="no attribute 'colour_table'"):
         _ = seg.colour_table
-
-
-def test_reading_data_does_not_load_jax():
     code = "import seg.data, seg.metrics, sys; assert not {'jax', 'flax'} & set(sys.modules)"
     root = Path(seg.__file__).parents[1]
     subprocess.run([sys.executable, "-c", code], cwd=root, check=True)

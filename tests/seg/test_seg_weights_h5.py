@@ -21,7 +21,7 @@ from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import CONVS, LAYERS, SCHEMES
 
 from .conftest import narrow_vgg16
-from .test_seg_weights import HIDDEN, SAVERS, WIDTH, blank, changed, ours, theirs
+from .test_seg_weights import HIDDEN, SAVERS, WIDTH, blank, changed, ours, theirs, without
 
 h5py = pytest.importorskip("h5py", reason="h5py is not installed: pip install 'sdr-jax[h5]'")
 
@@ -124,10 +124,6 @@ def test_hed_is_known_by_its_numbers(tmp_path, narrow, monkeypatch, capsys):
     settings = replace(RECIPES["paper"], net="fcn8s", weights=str(tmp_path / "o.npz"))
     assert f"fcn8s starts from {tmp_path / 'o.npz'}: {hed.NAME}; the 13" in described(settings)
     assert_is_ours(tmp_path / "o.npz", CONVS, "hed")
-
-
-def without(*gone):
-    return lambda arrays: {n: a for n, a in arrays.items() if n not in gone}
 
 
 @pytest.mark.parametrize(("change", "message"), [

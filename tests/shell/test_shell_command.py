@@ -20,8 +20,7 @@ PRINT = "import sys; from shell.command import *; sys.exit(exit_code(lambda: pri
 
 
 @pytest.mark.parametrize(("error", "code", "text"), [
-    (None, 0, ""),
-    (UserError("--out:\n  no"), 2, "error: --out: no\n"),
+    (None, 0, ""), (UserError("--out:\n  no"), 2, "error: --out: no\n"),
     (FULL, 2, f"error: x.json: No space left on device; {CURE}\n"),
     (OSError("odd"), 2, f"error: odd; {CURE}\n"),
     (EOFError("workers died"), 1, "error: workers died\n"),
@@ -93,14 +92,11 @@ def test_a_parser_says_what_is_wrong_in_one_line(capsys):
     assert "    two  three\n" in parser.format_help()
 
 
-@pytest.mark.parametrize("text", ["640", "x320", "640x", "640x320x3", "axb", ""])
-def test_sizes(text):
+def test_sizes_and_repeats():
     assert size("640x320") == (640, 320)
-    with pytest.raises(argparse.ArgumentTypeError, match="must look like 640x320, not"):
-        size(text)
-
-
-def test_repeats_are_refused():
+    for text in ("640", "x320", "640x", "640x320x3", "axb", ""):
+        with pytest.raises(argparse.ArgumentTypeError, match="must look like 640x320, not"):
+            size(text)
     refuse_repeats("--nets", ["a", "b"])
     with pytest.raises(UserError, match="--nets a b a names one of them twice"):
         refuse_repeats("--nets", ["a", "b", "a"])

@@ -48,13 +48,12 @@ def test_what_is_no_json_is_named(text, tmp_path):
         read_json(path)
 
 
-def test_canonical_json_by_hand():
+def test_canonical_json_by_hand_folders_by_names_and_bytes_and_versions(tmp_path):
     # printf '{"a":[1,null],"b":0.5}' | sha256sum
     wanted = "e538351ae63f53e363c30268d420c1326bbb521f9654b990125d44fa23340bdc"
     assert digest({"b": 0.5, "a": [1, None]}) == wanted
-
-
-def test_a_folder_is_told_by_the_names_and_bytes_of_its_files(tmp_path):
+    found = versions(["numpy", "no-such-package"])
+    assert found["numpy"][0].isdigit() and found["no-such-package"] == "not installed"
     found = [folder_digest(tmp_path)]
     for name, text in (("b/x", "1"), ("a", "2"), ("a", "3")):
         (tmp_path / name).parent.mkdir(exist_ok=True)
@@ -64,8 +63,3 @@ def test_a_folder_is_told_by_the_names_and_bytes_of_its_files(tmp_path):
     assert len({*found, folder_digest(tmp_path)}) == 5
     (tmp_path / "c").rename(tmp_path / "a")
     assert folder_digest(tmp_path) == found[-1]
-
-
-def test_versions_of_packages_that_may_be_missing():
-    found = versions(["numpy", "no-such-package"])
-    assert found["numpy"][0].isdigit() and found["no-such-package"] == "not installed"

@@ -38,14 +38,7 @@ def terminal(monkeypatch):
     return Terminal()
 
 
-@pytest.mark.parametrize(("seconds", "text"), [
-    (0.2, "0 s"), (75, "75 s"), (99.4, "99 s"), (120, "2 min"), (3600, "60 min"), (9000, "2.5 h"),
-])  # fmt: skip
-def test_durations_are_read_at_a_glance(seconds, text):
-    assert duration(seconds) == text
-
-
-def test_time_left_by_hand(clock):
+def test_time_left_by_hand_and_replayed_work_does_not_set_the_pace(clock):
     told = Progress(total=10, stream=io.StringIO())
     assert told.left is None
     clock.now += 30
@@ -54,15 +47,14 @@ def test_time_left_by_hand(clock):
     assert told.left == pytest.approx(70)  # 10 s per unit, 7 units left
     told.advance(8)
     assert told.left == 0  # more than was planned is no negative time
-
-
-def test_replayed_work_is_done_but_does_not_set_the_pace(clock):
     told = Progress(total=10, elapsed=500, stream=io.StringIO())
     told.advance(6, replayed=True)
     assert told.left is None
     clock.now += 8
     told.advance(1)
     assert told.left == pytest.approx(3 * 8) and told.elapsed == 508
+    told = [duration(seconds) for seconds in (0.2, 75, 99.4, 120, 3600, 9000)]
+    assert told == ["0 s", "75 s", "99 s", "2 min", "60 min", "2.5 h"]
 
 
 def story(stream, clock):

@@ -1,0 +1,224 @@
+"""The whole check of a machine with a GPU, in one command: tests, rendering, nets, and the paper's search.
+
+    python -m benchmarks.gpu --data CAMVID --weights vgg16.npz --tests --json gpu.json
+    python -m benchmarks.gpu --small                                    # a minute on a CPU: does it run?
+
+Seconds of a rendered image by both renderers (`opengl` through EGL is the card's), of an update and a
+prediction in float32 and bfloat16, of lite0's features, and of one whole reward of `--preset paper` on
+CamVid. From these follows what the paper's search takes: 300 rewards of 180 images and 1000 updates; it
+took them 52 hours on one RTX 2080 Ti. Nothing is left on the disk but the JSON.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import jax
+import numpy as np
+
+from benchmarks.report import Row, machine, parser, table, write
+from experiments.config import Fidelity, MainConfig
+from experiments.presets import defaults
+from experiments.reward.miou import Recipe, evaluate_miou, render
+from experiments.reward.truth import Truth
+from scene.assets.catalogue import AssetPool
+from scene.proposal import default_proposal
+from scene.render import RendererError
+from seg.classes import class_table
+from seg.data import list_camvid, load
+from seg.pyramid import features
+from seg.recipes import with_net
+from seg.settings import TrainSettings
+from seg.train import predict, train
+from shell.errors import UserError
+
+PAPER_HOURS = 52
+"""Of the whole search on one RTX 2080 Ti. Source: the paper, section 4."""
+TABLE = "camvid"
+NETS = ("fcn8s", "deeplabv2", "lite0", "compact")
+SMALL = ("compact", "lite0")
+CHUNK = 50
+"""Updates between two looks at the clock: as many as `seg.train` does between two looks at the loss."""
+
+
+def rendering(fidelity: Fidelity, names: list[str]) -> list[Row]:
+    """Seconds of an image, in one process, of every renderer that this machine has."""
+    rows = []
+    for name in names:
+        recipe = Recipe(fidelity, TABLE, name, AssetPool())
+        try:
+            # Once before: programs are compiled, assets built.
+            render(
+                Recipe(replace(fidelity, streets=1), TABLE, name, AssetPool()),
+                default_proposal(),
+                1,
+            )
+            started = time.perf_counter()
+            render(recipe, default_proposal(), 0)
+            seconds = (time.perf_counter() - started) / fidelity.images
+        except RendererError as error:
+            print(f"{name}: {error}", file=sys.stderr)
+            continue
+        rows.append(_row("image", name, "", fidelity, seconds))
+    return rows
+
+
+def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
+    """Seconds of an update and of a predicted image, and of lite0's features of an image."""
+    rng = np.random.default_rng(0)
+    h, w, classes = fidelity.height, fidelity.width, len(class_table(TABLE).classes)
+    images = rng.integers(0, 256, (16, h, w, 3), np.uint8)
+    labels = rng.integers(0, classes, (16, h, w)).astype(np.uint8)
+    rows = []
+    for name in names:
+        for dtype in ("float32", "bfloat16"):
+            own = with_net(fidelity.train, net=name)
+            settings = replace(own, dtype=dtype, steps=updates + CHUNK)
+            seconds, params = _update(settings, images, labels, classes)
+            rows.append(_row("update", name, dtype, fidelity, seconds, settings.batch))
+            predict(params, images, settings, classes)
+            started = time.perf_counter()
+            predict(params, images, settings, classes)
+            each = (time.perf_counter() - started) / len(images)
+            rows.append(_row("prediction", name, dtype, fidelity, each))
+            if settings.frozen:
+                features(images, dtype)
+                started = time.perf_counter()
+                features(images, dtype)
+                each = (time.perf_counter() - started) / len(images)
+                rows.append(_row("features", name, dtype, fidelity, each))
+    return rows
+
+
+def _update(
+    settings: TrainSettings, images: np.ndarray, labels: np.ndarray, classes: int
+) -> tuple[float, Any]:
+    """Seconds of an update after the first `CHUNK`, in which it is compiled; and the parameters."""
+    looks: list[tuple[int, float]] = []
+    params = train(
+        0, images, labels, settings, classes,
+        lambda step, _: looks.append((step, time.perf_counter())),
+    )  # fmt: skip
+    (first, began), (last, ended) = looks[0], looks[-1]
+    return (ended - began) / (last - first), params
+
+
+def _row(
+    what: str, of: str, dtype: str, fidelity: Fidelity, seconds: float, batch: int | None = None
+) -> Row:
+    return {
+        "what": what, "of": of, "dtype": dtype, "size": fidelity.size, "batch": batch,
+        "ms": 1000 * seconds,
+    }  # fmt: skip
+
+
+def reward(fidelity: Fidelity, truth: Truth, renderer: str) -> Row:
+    """One reward as a search asks for it, the second of its process: rendered, trained and scored."""
+    recipe = Recipe(fidelity, TABLE, renderer, AssetPool())
+    for seed in (0, 1):
+        outcome = evaluate_miou(recipe, default_proposal(), seed, truth)
+    return {
+        "renderer": renderer, "net": fidelity.train.net, "size": fidelity.size,
+        "images": fidelity.images, "updates": fidelity.train.steps, "scored": len(truth.images),
+        "render_s": outcome.render_seconds, "train_s": outcome.train_seconds,
+        "miou": 100 * outcome.reward,
+    }  # fmt: skip
+
+
+def projected(rewards: int, own: Row, cores: int) -> Row:
+    """Hours of a search of so many rewards: one after the other, and with rendering beside training."""
+    serial = own["render_s"] + own["train_s"]
+    beside = max(own["render_s"] / max(cores - 1, 1), own["train_s"])
+    return {
+        "rewards": rewards,
+        "hours_one_by_one": rewards * serial / 3600,
+        "hours_rendering_beside": rewards * beside / 3600,
+        "first_to_saturate": "rendering" if beside > own["train_s"] else "training",
+        "the_paper": PAPER_HOURS,
+    }
+
+
+def tests(words: list[str]) -> Row:
+    """The tests, in a process of their own, and their last line."""
+    started = time.perf_counter()
+    command = [sys.executable, "-m", "pytest", "-q", *words]
+    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    lines = found.stdout.strip().splitlines() or found.stderr.strip().splitlines() or [""]
+    return {
+        "tests": " ".join(words), "exit_code": found.returncode, "said": lines[-1],
+        "seconds": time.perf_counter() - started,
+    }  # fmt: skip
+
+
+def _random_truth(fidelity: Fidelity, count: int) -> Truth:
+    """Images of noise, where only the time counts."""
+    rng = np.random.default_rng(1)
+    shape = (count, fidelity.height, fidelity.width)
+    classes = len(class_table(TABLE).classes)
+    labels = rng.integers(0, classes, shape).astype(np.uint8)
+    return Truth(rng.integers(0, 256, (*shape, 3), np.uint8), labels)
+
+
+def _real_truth(data: Path, fidelity: Fidelity) -> Truth:
+    entries = list_camvid(data, "train")
+    found = load(entries, class_table(TABLE), (fidelity.height, fidelity.width))
+    return Truth(found.images, found.labels)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    command = parser(__doc__)
+    command.add_argument("--data", type=Path, help="CamVid; else rewards are scored on noise")
+    command.add_argument("--weights", help="VGG16's, from seg.weights convert; else from scratch")
+    command.add_argument("--nets", nargs="+", choices=NETS, help="whose updates are timed")
+    command.add_argument("--renderers", nargs="+", default=["opengl", "embree"])
+    command.add_argument("--tests", action="store_true", help="run the tests, too, the slow ones")
+    command.add_argument("--small", action="store_true", help="everything tiny: does it run?")
+    options = command.parse_args(arguments)
+    config = defaults(MainConfig, "camvid", "smoke" if options.small else "paper")
+    fidelity, updates, scored = config.reward, 300, 266
+    if options.small:
+        updates, scored = CHUNK, 4
+    timed = options.nets or (SMALL if options.small else NETS)
+    train_ = fidelity.train
+    if options.weights:
+        train_ = with_net(train_, net=train_.net, weights=options.weights)
+    fidelity = replace(fidelity, train=train_)
+    devices = [str(device) for device in jax.devices()]
+    print(f"{jax.default_backend()}: {', '.join(devices)}", flush=True)
+    try:
+        truth = (
+            _random_truth(fidelity, scored)
+            if options.data is None
+            else _real_truth(options.data, fidelity)
+        )
+        rows = rendering(fidelity, options.renderers)
+        rows += nets(fidelity, timed, updates)
+        print(table(rows), flush=True)
+        usable = [row["of"] for row in rows if row["what"] == "image"]
+        rewards = [reward(fidelity, truth, name) for name in usable]
+    except (UserError, ValueError) as error:
+        command.error(str(error))
+    count = config.search.updates_per_group * len(config.groups) * config.search.datasets_per_update
+    cores = machine()["cores"]
+    plans = [{"renderer": own["renderer"], **projected(count, own, cores)} for own in rewards]
+    print(f"\n{table(rewards)}\n\n{table(plans)}", flush=True)
+    chosen = ["tests/test_imports.py"] if options.small else ["tests"]
+    done = [tests(chosen)] if options.tests else []
+    for row in done:
+        print(f"\n{row['tests']}: {row['said']}", flush=True)
+    write(
+        options.json, backend=jax.default_backend(), devices=devices,
+        rows=rows, rewards=rewards, plans=plans, tests=done,
+    )  # fmt: skip
+    return max((abs(row["exit_code"]) for row in done), default=0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

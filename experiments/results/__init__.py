@@ -1,0 +1,1 @@
+"""Every recorded result, made by one command from one commit."""

@@ -1,0 +1,66 @@
+"""Makes every recorded result from one commit, and the page that tells them: `make results`.
+
+    python -m experiments.results --data CAMVID                    # all; hours on two cores
+    python -m experiments.results --data CAMVID --only labels-0006R0 --docs docs
+    python -m experiments.results --data CAMVID --preset smoke     # all of it, tiny: worth nothing
+
+Each part is a command of its own in a folder of its own, in the order of the page; all share a store, so
+nothing is scored twice. Kill it at any moment; the same command goes on where it was. A folder that was
+begun at another commit is refused.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from experiments.results.parts import NAMES, make, parts
+from shell.command import exit_code
+from shell.errors import UserError, refuse_repeats
+
+
+@dataclass(frozen=True, kw_only=True)
+class ResultsConfig:
+    """What is made, and where."""
+
+    data: Path
+    """CamVid in the SegNet distribution."""
+    out: Path = Path("runs/results")
+    """Folder of all runs."""
+    docs: Path | None = None
+    """Also write results.md, with pictures and reports in results/, into this folder."""
+    only: tuple[str, ...] = NAMES
+    """The parts."""
+    preset: Literal["smoke", "quick"] = "quick"
+    searches: int = 5
+    """Searches of each method, and twins."""
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+
+    def work() -> None:
+        config = tyro.cli(
+            ResultsConfig,
+            prog="python -m experiments.results",
+            description=__doc__,
+            args=arguments,
+        )
+        refuse_repeats("--only", config.only)
+        for name in config.only:
+            if name not in NAMES:
+                raise UserError(f"--only {name} is none of the parts: {', '.join(NAMES)}")
+        if config.searches < 1:
+            raise UserError(f"--searches must be 1 or more, not {config.searches}")
+        wanted = parts(config.data, config.out, config.preset, config.searches)
+        make([part for part in wanted if part.name in config.only], config.out, config.docs)
+
+    return exit_code(work)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,200 @@
+"""The parts of the results, each a command of its own, and the loop that does them."""
+
+from __future__ import annotations
+
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import NamedTuple
+
+from experiments.results import page
+from scene.version import ENGINE
+from shell import folder
+from shell.errors import UserError
+from shell.files import read_json, write_json
+from shell.progress import duration
+
+HOLDOUT, OTHER = "0006R0", "0001TP"
+"""The sequence that is reported on, and another that stands in its place once."""
+TIMES = "times.json"
+
+
+class Part(NamedTuple):
+    """One command."""
+
+    name: str  # of its folder
+    title: str
+    asks: str  # what it tells, in a sentence
+    module: str
+    flags: tuple[str, ...]
+
+    @property
+    def command(self) -> tuple[str, ...]:
+        """What is run, but for where it writes."""
+        return ("python", "-m", self.module, *self.flags)
+
+    @property
+    def shown(self) -> str:
+        """The command for people; where the data lie is theirs to know."""
+        words = list(self.command)
+        if "--data" in words:
+            words[words.index("--data") + 1] = "DIR"
+        return shlex.join(words)
+
+
+NAMES = (
+    "searches", f"labels-{HOLDOUT}", f"labels-{OTHER}", "table", "pretrain", "ablation", "assets",
+    "compare", "fidelity", "sensitivity", "twins",
+)  # fmt: skip
+"""Of all parts."""
+
+
+def parts(data: Path, out: Path, preset: str, searches: int) -> list[Part]:
+    """Every part, in the order of the page.
+
+    Args:
+        data: CamVid.
+        out: folder of all runs; where a part wants learnt attributes, they are those of its first search.
+        preset: of all commands.
+        searches: of each method, and twins.
+    """
+    size = ("--preset", preset)
+    extended = (*size, "--space", "extended")
+    camvid = ("--target", "camvid", "--data", str(data), "--holdout")
+    learnt = ("--learnt", str(out / "searches/attributes/intervals-0.json"))
+
+    def study(name: str, module: str, title: str, asks: str, *flags: str) -> Part:
+        return Part(name, title, asks, f"experiments.{module}", flags)
+
+    # The smoke preset's four are too few for sdr's groups.
+    fewest = ("--evaluations", "12") if preset == "smoke" else ()
+    curve = "What labelled images are worth alone and beside renders"
+    renders = ("--renders", "random", "default", "learnt", *learnt)
+    return [
+        study(
+            "searches", "searches", "Learnt attributes",
+            f"What nets gain that are trained on learnt attributes, on a drive ({HOLDOUT}) that neither the "
+            "search nor anybody else has seen.",
+            *camvid, HOLDOUT, *extended, "--searches", str(searches),
+        ),
+        study(
+            f"labels-{HOLDOUT}", "labels", "Labels and renders", f"{curve}.",
+            *camvid, HOLDOUT, *extended, *renders,
+        ),
+        study(
+            f"labels-{OTHER}", "labels", f"Labels and renders, {OTHER} left out",
+            f"{curve}, scored on another drive; the search has seen its labels, so the row of learnt "
+            "attributes flatters.",
+            *camvid, OTHER, *extended, *renders,
+        ),
+        study(
+            "table", "table", "Training sets beside each other", "The paper's table 2, for several nets.",
+            *camvid, HOLDOUT, *extended, *learnt, "--nets", "lite0", "compact",
+        ),
+        study(
+            "pretrain", "pretrain", "Pre-training",
+            "The paper's table 3: nets trained on renders, then on a part of the labelled images.",
+            *camvid, HOLDOUT, *extended, *learnt,
+        ),
+        study(
+            "ablation", "ablation", "Ablation", "What each part of the method is worth.",
+            *camvid, HOLDOUT, *size,
+        ),
+        study(
+            "assets", "assets", "Assets and images", "What more assets and more images are worth.",
+            *camvid, HOLDOUT, *size,
+        ),
+        study(
+            "compare", "compare", "Search methods on all 23 attributes",
+            "Every method with the same number of rewards.",
+            *camvid, HOLDOUT, *size, "--subsets", "all", *fewest,
+        ),
+        study(
+            "fidelity", "fidelity", "How good is the reward?",
+            "Its signal, its noise, and whether it ranks as the final nets do.",
+            *camvid, HOLDOUT, *size,
+        ),
+        study(
+            "sensitivity", "sensitivity", "Which attributes matter",
+            "A model of the rewards of all searches above.",
+            "--target", "camvid", *extended,
+            "--records", str(out / "searches/evaluations.jsonl"),
+        ),
+        study(
+            "twins", "searches", "The twin (not real data)",
+            "The same on a target that our own engine renders with hidden attributes.",
+            "--target", "twin", *size, "--methods", "intervals", "--searches", str(searches),
+        ),
+    ]  # fmt: skip
+
+
+Runner = Callable[[Sequence[str]], int]
+"""Runs a command; returns its exit code."""
+
+
+def _run(command: Sequence[str]) -> int:
+    return subprocess.run([sys.executable, *command[1:]], check=False).returncode
+
+
+def commit() -> str:
+    """The commit of the program, with a word where it was changed since.
+
+    Raises:
+        UserError: there is no checkout, so nothing could be said of where figures are from.
+    """
+
+    def git(*words: str) -> str:
+        where = ["git", "-C", str(Path(__file__).parent), *words]
+        return subprocess.run(where, check=True, capture_output=True, text=True).stdout.strip()
+
+    try:
+        changed = git("status", "--porcelain", "--untracked-files=no")
+        return git("rev-parse", "--short", "HEAD") + (", changed" if changed else "")
+    except (OSError, subprocess.CalledProcessError):
+        raise UserError("results are made in a git checkout: they name their commit") from None
+
+
+def make(
+    wanted: Sequence[Part], out: Path, docs: Path | None = None, run: Runner = _run
+) -> list[str]:
+    """Do parts that are not done, one after the other; write the page after each.
+
+    Args:
+        wanted: in this order.
+        out: folder of all runs.
+        docs: where else the page goes, with its pictures.
+        run: does one of their commands.
+
+    Returns:
+        The names of the parts that are done.
+
+    Raises:
+        UserError: a part failed, or the folder was begun at another commit.
+    """
+    at = commit()
+    done: list[str] = []
+    with ExitStack() as stack:
+        stack.enter_context(folder.opened(out, {"commit": at, "engine": ENGINE}))
+        times = read_json(out / TIMES) if (out / TIMES).exists() else {}
+        for number, part in enumerate(wanted, 1):
+            if part.name not in times:
+                print(f"\n== {number} of {len(wanted)}: {part.title} ==", flush=True)
+                started = time.perf_counter()
+                where = ("--out", str(out / part.name), "--store", str(out / "store.jsonl"))
+                code = run([*part.command, *where])
+                if code != 0:
+                    raise UserError(
+                        f"{part.name} ended with exit code {code}; once that is put right, the same "
+                        "command goes on"
+                    )
+                times[part.name] = round(time.perf_counter() - started)
+                write_json(out / TIMES, times)
+            done.append(part.name)
+            page.write(wanted, times, at, out, docs)
+    spent = duration(sum(times[name] for name in done))
+    print(f"\nAll {len(done)} parts are done, in {spent}: {out / page.NAME}", flush=True)
+    return done

@@ -1,0 +1,165 @@
+"""Many searches in figures: ``searches.json``, ``searches.md`` and ``searches.png``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from experiments.study.figure import plt, png
+from experiments.study.form import (
+    Form,
+    Report,
+    cells,
+    failures,
+    half,
+    introduction,
+    markdown,
+    mean,
+    miou,
+    number,
+    statistics,
+    target_of,
+    words,
+)
+from experiments.study.searches import failed_evaluations, thirds
+from experiments.study.stats import crossed
+
+BASELINES = {
+    "random": "random attributes",
+    "default": "attributes set by eye",
+    "few": "the few labelled images alone",
+    "real": "the reward images themselves",
+}
+"""Rows that no search makes."""
+OVER = ("random", "default")
+"""What gains are measured over."""
+HEAD = (
+    "nets trained on", "searches", "mIoU", "95 % interval",
+    "gain over random", "95 % interval", "gain over by eye", "95 % interval", "of real, %",
+)  # fmt: skip
+EACH = (
+    "search", "seed", "answer", "mIoU", "over random", "over by eye",
+    "reward, first third", "last third", "best",
+)  # fmt: skip
+
+Scores = Sequence[Sequence[float | None]]
+"""One row for each search, a net for each seed; None where training failed."""
+
+
+def over_both(values: Scores) -> Report:
+    """Mean and interval over searches and seeds (`crossed`); seeds with a net that failed are left out."""
+    known = [column for column in zip(*values, strict=True) if None not in column]
+    if not known:
+        return {"mean": None, "ci95": None}
+    average, ci95 = crossed(np.array(known, float).T.tolist())
+    return {"mean": average, "ci95": ci95}
+
+
+def less(values: Scores, baseline: Sequence[float | None]) -> Scores:
+    """Gains over a baseline's nets of the same seeds."""
+    return [
+        [
+            None if a is None or b is None else a - b
+            for a, b in zip(own, baseline, strict=True)
+        ]
+        for own in values
+    ]  # fmt: skip
+
+
+def derive(report: Report) -> Report:
+    """The report with a row for each method, over its searches and nets, and what each search gained."""
+    baselines = {name: miou(own) for name, own in report["baselines"].items()}
+    real = mean(baselines["real"])
+
+    def row(name: str, values: Scores, searches: int) -> Report:
+        own = over_both(values)
+        gains = {
+            f"gain_over_{base}": None
+            if name in BASELINES
+            else over_both(less(values, baselines[base]))
+            for base in OVER
+        }
+        share = None if own["mean"] is None or not real else 100 * own["mean"] / real
+        return {"name": name, "searches": searches, **own, **gains, "of_real": share}
+
+    rows = [row(name, [values], 0) for name, values in baselines.items() if name != "real"]
+    searches = []
+    for search in report["searches"]:
+        values = miou(search["nets"])
+        gains = {f"over_{base}": statistics(values, baselines[base])["gain"] for base in OVER}
+        searches.append({**search, "learnt": mean(values), **gains})
+    for method in dict.fromkeys(search["method"] for search in searches):
+        own = [miou(search["nets"]) for search in searches if search["method"] == method]
+        rows.append(row(method, own, len(own)))
+    rows.append(row("real", [baselines["real"]], 0))
+    return {**report, "rows": rows, "searches": searches}
+
+
+def text(report: Report) -> str:
+    """The tables, in Markdown."""
+    rows = []
+    for row in report["rows"]:
+        gains = [cell for base in OVER for cell in cells(row[f"gain_over_{base}"], "+.1f")]
+        name = BASELINES.get(row["name"], f"learnt by {words(row['name'])}")
+        rows.append(
+            [name, str(row["searches"] or ""), *cells(row), *gains, number(row["of_real"], ".0f")]
+        )
+    each = []
+    for search in report["searches"]:
+        first, last = thirds(search["rewards"])
+        known = [reward for reward in search["rewards"] if reward is not None]
+        gains = [
+            number((search[f"over_{base}"] or {"mean": None})["mean"], "+.1f") for base in OVER
+        ]
+        best = max(known) if known else None
+        each.append([
+            words(search["method"]), str(search["seed"]), search["chosen_candidate"],
+            number(search["learnt"]), *gains, number(first), number(last), number(best),
+        ])  # fmt: skip
+    few = len(report.get("few_images", ()))
+    nets = [{"nets": own} for own in report["baselines"].values()] + report["searches"]
+    lines = [
+        introduction(report),
+        "",
+        f"Every search had {report['evaluations']} rewards at {report['rewards_at']} in the space "
+        f"{report['space']}; its answer was chosen on the reward images. Intervals of methods are over "
+        "searches and seeds of nets, both drawn at random: a two-way analysis of variance with "
+        "Satterthwaite's degrees of freedom.",
+        *([f"All rendered sets stand beside {few} labelled images."] if few else []),
+        "",
+        *markdown(HEAD, rows),
+        "",
+        "Every search, mIoU of its nets and rewards in percent:",
+        "",
+        *markdown(EACH, each),
+        *failures(nets),
+        *failed_evaluations(search["rewards"] for search in report["searches"]),
+    ]
+    return "\n".join(lines)
+
+
+def picture(report: Report) -> bytes:
+    """MIoU of every row with its interval, and of every search, as PNG."""
+    rows = [row for row in report["rows"] if row["mean"] is not None]
+    figure, axis = plt.subplots(figsize=(8, 1.2 + 0.45 * len(rows)), layout="constrained")
+    for place, row in enumerate(rows):
+        learnt = row["name"] not in BASELINES
+        color = "C0" if learnt else "0.4"
+        bar = half(row)
+        axis.errorbar(row["mean"], place, xerr=bar, fmt="o", capsize=4, color=color, zorder=3)
+        own = [s["learnt"] for s in report["searches"] if s["method"] == row["name"]]
+        axis.plot(own, [place + 0.2] * len(own), "|", color=color, ms=9, alpha=0.7)
+    titles = [BASELINES.get(row["name"], f"learnt by {words(row['name'])}") for row in rows]
+    axis.set_yticks(range(len(rows)), titles)
+    axis.invert_yaxis()
+    axis.grid(axis="x", alpha=0.3)
+    axis.set(
+        xlabel="mIoU on the test images, %; 95 % intervals over searches and nets; strokes: searches"
+    )
+    figure.suptitle(target_of(report), fontsize=10)
+    return png(figure)
+
+
+FORM = Form("searches", derive, text, {"searches.png": picture})
+"""The report of ``python -m experiments.searches``."""

@@ -1,0 +1,219 @@
+"""Workers of a Dask cluster, on any number of machines, as many as there are at the moment.
+
+A task whose worker dies is done again by another one. Files that tasks name are sent to every worker, also
+to one that comes later, once, so that no disk need be shared; see ``docs/cluster.md``.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import os
+import threading
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import CancelledError, Future
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import cv2
+from distributed import Client, KilledWorker, WorkerPlugin
+
+from scene.version import ENGINE
+from scene.workers import WorkerError, Workers
+from shell.errors import UserError
+from shell.sent import received
+
+PATIENCE = 10.0
+"""Seconds in which a scheduler must answer."""
+PIECE = 64 * 2**20
+"""Bytes of a file that are sent at once."""
+TRIES = 5
+"""How often something is sent while workers die meanwhile."""
+_ONE_AT_A_TIME = threading.Lock()
+
+
+class Cluster(Workers):
+    """The workers of a Dask scheduler.
+
+    Nets ask for ``GPU=1`` and all else for ``CPU=1``, where any worker announced such a resource when
+    the run began.
+
+    Args:
+        address: of the scheduler, such as ``tcp://10.0.0.1:8786``.
+        environment: variables that workers are given before they import JAX.
+
+    Raises:
+        UserError: nobody answers at the address.
+    """
+
+    _patience = 1.0
+
+    def __init__(self, address: str, environment: dict[str, str] | None = None) -> None:
+        for name in ("distributed", "distributed.client", "distributed.core", "distributed.comm"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # errors are one line of ours
+        self._address = address
+        self._names: dict[str, str] = {}
+        self._plugins: list[str] = []
+        try:
+            self._client = Client(address, timeout=PATIENCE, set_as_default=False)
+        except (OSError, ValueError, TypeError) as error:
+            raise UserError(
+                f"--scheduler {address}: no Dask scheduler answers there ({error}); start one with "
+                "'dask scheduler', which prints its address"
+            ) from None
+        self.dashboard = self._client.dashboard_link
+        self._register(_Prepared(environment or {}), "sdr-jax environment")
+        if not self._client.nthreads():
+            print(
+                f"Waiting for workers of {address}: dask worker {address} --nthreads 1", flush=True
+            )
+            self._client.wait_for_workers(1)
+        self.workers = len(self._client.nthreads())
+        known = self._client.scheduler_info(n_workers=-1)["workers"].values()
+        announced = {name for worker in known for name in worker["resources"]}
+        self._wants = {
+            net: {name: 1} if name in announced else None
+            for net, name in ((True, "GPU"), (False, "CPU"))
+        }
+        self._executor = self._client.get_executor(pure=False)
+
+    def close(self) -> None:
+        """Drop the work under way, and leave the cluster as it was but for the copies of files."""
+        with suppress(Exception):  # the scheduler may be gone
+            while self._plugins and self._client.status == "running":
+                self._client.unregister_worker_plugin(self._plugins.pop())
+        with suppress(Exception):
+            self._client.close(timeout=2)
+
+    def share(self, path: str) -> str:
+        """Send a file or folder to all workers, those to come among them; returns what tasks call it.
+
+        Raises:
+            UserError: the scheduler is gone.
+        """
+        if path and path not in self._names:
+            root = Path(path)
+            files = sorted(p for p in root.rglob("*") if p.is_file()) if root.is_dir() else [root]
+            name = f"{_digest(root, files)}/{root.name}"
+            for file in files:
+                own = "" if file == root else file.relative_to(root).as_posix()
+                for start, piece in _pieces(file):
+                    sent = _Piece(name, own, start, piece)
+                    self._register(sent, f"{self._client.id} {name} {own} {start}")
+            received(name, root)  # this process calls it the same
+            self._names[path] = name
+        return self._names.get(path, path)
+
+    def _register(self, plugin: WorkerPlugin, name: str) -> None:
+        for attempt in range(TRIES):
+            try:
+                self._client.register_plugin(plugin, name=name)
+                break
+            except OSError:  # of a worker that died, or of the scheduler
+                if attempt == TRIES - 1 or self._client.status != "running":
+                    raise self._lost() from None
+        self._plugins.append(name)
+
+    def _submit(
+        self, function: Callable[..., Any], task: tuple, net: bool, first: Any, behind: bool
+    ) -> Future:
+        options: dict[str, Any] = {"priority": -1 if behind else 0}
+        wanted = self._wants[net]
+        work: tuple = (function, *task)
+        if first is not None and wanted:
+            own = {"resources": self._wants[False], "pure": False, **options}
+            work = (_after, self._client.submit(_alone, ENGINE, first, *task, **own), *work)
+        return self._executor.submit(_alone, ENGINE, *work, resources=wanted, **options)
+
+    def result(self, future: Future) -> Any:
+        """The result of what has ended."""
+        try:
+            return future.result()
+        except KilledWorker as error:
+            raise WorkerError(
+                f"{error.allowed_failures + 1} workers of --scheduler {self._address} died over one "
+                "task (out of memory, or killed?); give each of them more memory"
+            ) from error
+        except CancelledError:
+            raise self._lost() from None
+
+    def _drop(self, futures: Iterable[Future]) -> None:
+        for future in futures:
+            future.cancel()
+
+    def _refuse_lost(self) -> None:
+        if self._client.status != "running":
+            raise self._lost()
+
+    def _lost(self) -> UserError:
+        return UserError(
+            f"--scheduler {self._address}: the scheduler is gone; what was finished is saved, and the "
+            "same command goes on"
+        )
+
+
+class _Prepared(WorkerPlugin):
+    """A worker as our own processes are: one thread a library, compiled functions kept."""
+
+    def __init__(self, environment: dict[str, str]) -> None:
+        self._environment = environment
+
+    def setup(self, worker: Any) -> None:
+        os.environ.update(self._environment)
+        cv2.setNumThreads(1)
+
+
+class _Piece(WorkerPlugin):
+    """A part of a file, which a worker puts into its own folder."""
+
+    def __init__(self, name: str, own: str, start: int, piece: bytes) -> None:
+        self._name, self._own, self._start, self._piece = name, own, start, piece
+
+    def setup(self, worker: Any) -> None:
+        root = Path(worker.local_directory) / "sent" / self._name
+        file = root / self._own
+        file.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(file, os.O_WRONLY | os.O_CREAT, 0o600)
+        try:
+            os.pwrite(descriptor, self._piece, self._start)
+        finally:
+            os.close(descriptor)
+        self._piece = b""
+        received(self._name, root)
+
+
+def _alone(engine: int, function: Callable[..., Any], *task: Any) -> Any:
+    """Work of a task, one at a time; runs in a worker."""
+    if engine != ENGINE:
+        raise UserError(
+            f"a worker of the cluster has engine {ENGINE}, this program {engine}: install the same "
+            "version on both"
+        )
+    with _ONE_AT_A_TIME:
+        return function(*task)
+
+
+def _after(ready: Any, function: Callable[..., Any], *task: Any) -> Any:
+    return function(*task, ready=ready)
+
+
+def _digest(root: Path, files: Iterable[Path]) -> str:
+    found = hashlib.sha256()
+    for file in files:
+        with file.open("rb") as opened:
+            own = hashlib.file_digest(opened, "sha256").hexdigest()
+        found.update(
+            f"{'' if file == root else file.relative_to(root).as_posix()} {own}\n".encode()
+        )
+    return found.hexdigest()[:16]
+
+
+def _pieces(file: Path) -> Iterator[tuple[int, bytes]]:
+    """A file in pieces, with where they start; of an empty one an empty piece."""
+    with file.open("rb") as opened:
+        start, piece = 0, opened.read(PIECE)
+        yield start, piece
+        while len(piece) == PIECE:
+            start, piece = start + PIECE, opened.read(PIECE)
+            yield start, piece

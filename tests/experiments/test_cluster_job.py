@@ -1,0 +1,40 @@
+"""The whole job on a Dask cluster: a worker and a scheduler that die, and the answer of a local run."""
+
+import pytest
+
+from shell.files import read_json
+from tests.conftest import DaskCluster, wait_for_lines
+
+from .conftest import TINY, lines
+from .test_main_job import SCORES
+
+
+def rewards(out):
+    """Rewards of the search, in its own order."""
+    log = lines(out / "evaluations.jsonl")
+    return sorted((line["update"], line["dataset"], line["reward"]) for line in log)
+
+
+@pytest.mark.slow
+def test_on_a_cluster_it_ends_as_on_this_machine(unbroken, start_job, tmp_path_factory, tmp_path):
+    out, found = tmp_path / "run", []
+    for cut in (True, False):
+        cluster = DaskCluster(tmp_path_factory.mktemp("dask"))
+        try:
+            victim, _ = cluster.start(), cluster.start()
+            job = start_job(out, *TINY, "--executor", "dask", "--scheduler", cluster.address)
+            if cut:
+                wait_for_lines(job.process, out / "evaluations.jsonl", 2)
+                victim.kill()
+                wait_for_lines(job.process, out / "evaluations.jsonl", 6)
+                cluster.scheduler.kill()
+            found.append(job.finish(timeout=900))
+        finally:
+            cluster.stop()
+    (code, _, stderr), (end, stdout, nothing) = found
+    assert code == 2 and stderr.count("\n") == 1 and "the same command goes on" in stderr
+    assert (end, nothing) == (0, "") and "/status" in stdout
+    assert rewards(out) == rewards(unbroken[0])
+    ours, theirs = (read_json(folder / "summary.json") for folder in (out, unbroken[0]))
+    assert {k: ours[k] for k in SCORES} == {k: theirs[k] for k in SCORES}
+    assert ours["cpu_share"] is None and 0 < theirs["cpu_share"] < 2

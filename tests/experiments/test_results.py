@@ -1,0 +1,81 @@
+"""All results from one commit: every part is a sound command, done once, and told on one page."""
+
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+import tyro
+
+from experiments import presets
+from experiments.results import __main__ as command
+from experiments.results import parts as results
+from experiments.study.skeleton import check
+from shell.errors import UserError
+from shell.files import write, write_json
+
+SOME = [
+    results.Part(name, name.title(), "What?", "experiments.some", ("--data", "/mine"))
+    for name in ("one", "two")
+]
+
+
+@pytest.mark.parametrize("preset", ["smoke", "quick"])
+def test_every_part_is_a_sound_command(preset, learnt_file, tmp_path):
+    wanted = results.parts(Path("DIR"), tmp_path, preset, 2)
+    assert tuple(part.name for part in wanted) == results.NAMES
+    for part in wanted:
+        job = import_module(f"{part.module}.job")
+        flags = [str(learnt_file) if flag.endswith("-0.json") else flag for flag in part.flags]
+        target = flags[flags.index("--target") + 1]
+        space = "extended" if "extended" in flags else "scenex"
+        default = presets.in_space(job.defaults(target, preset), space)
+        config = tyro.cli(type(default), default=default, args=flags)
+        assert config.target == target and config.preset == preset and config.space == space
+        if hasattr(job, "STUDY") and not hasattr(config, "learnt"):
+            check(job.STUDY, config)
+
+
+class Runs:
+    """Stands for the parts' commands: writes what they leave, and fails at the given one."""
+
+    def __init__(self, failing: str = "") -> None:
+        self.failing, self.ran = failing, []
+
+    def __call__(self, words) -> int:
+        out = Path(words[words.index("--out") + 1])
+        self.ran.append(out.name)
+        out.mkdir(exist_ok=True)
+        write(out / "some.md", f"table of {out.name}")
+        write(out / "some.png", b"picture")
+        write_json(out / "some.json", {})
+        return 3 if out.name == self.failing else 0
+
+
+def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
+    monkeypatch.setattr(results, "commit", lambda: "abc")
+    out, docs = tmp_path / "out", tmp_path / "docs"
+    broken = Runs("two")
+    with pytest.raises(UserError, match="two ended with exit code 3"):
+        results.make(SOME, out, docs, broken)
+    assert "Not made yet: two" in (docs / "results.md").read_text()
+    again = Runs()
+    assert results.make(SOME, out, docs, again) == ["one", "two"]
+    assert (broken.ran, again.ran) == (["one", "two"], ["two"])
+    page = (docs / "results.md").read_text()
+    assert "commit abc" in page and "table of one" in page and "table of two" in page
+    assert "--data DIR" in page and "/mine" not in page
+    assert (docs / "results" / "two.png").read_bytes() == b"picture"
+    assert results.make(SOME, out, docs, Runs("one")) == ["one", "two"]
+    monkeypatch.setattr(results, "commit", lambda: "def")
+    with pytest.raises(UserError, match='commit = "abc", not "def"'):
+        results.make(SOME, out, docs, Runs())
+
+
+@pytest.mark.parametrize(("flags", "complaint"), [
+    (("--only", "table", "table"), "names one of them twice"),
+    (("--only", "tables"), "--only tables is none of the parts: searches, labels-0006R0"),
+    (("--searches", "0"), "--searches must be 1 or more"),
+])  # fmt: skip
+def test_bad_flags_are_one_line(flags, complaint, error_line):
+    assert command.main(["--data", "DIR", *flags]) == 2
+    assert complaint in error_line()

@@ -1,0 +1,86 @@
+"""Workers of a Dask cluster on this machine: deaths, newcomers, files, a scheduler that goes away."""
+
+import os
+import signal
+import time
+from pathlib import Path
+
+import pytest
+
+from scene.workers import WorkerPool, workers_of
+from shell.errors import UserError
+from shell.sent import here
+
+
+def told(name, seconds):
+    """What a worker reads under a name, and which worker it is."""
+    time.sleep(seconds)
+    root = here(name)
+    texts = sorted(p.read_text() for p in root.rglob("*") if p.is_file())
+    return texts, str(root), os.environ.get("SCENE_TEST"), os.getpid()
+
+
+def fail(x):
+    raise UserError(f"cannot do {x}")
+
+
+def ready_and(x, ready=None):
+    return x, ready
+
+
+def doubled(x):
+    return 2 * x
+
+
+def test_who_dies_or_comes_changes_nothing_and_files_are_sent_to_all(dask_cluster, tmp_path):
+    (tmp_path / "own" / "deep").mkdir(parents=True)
+    (tmp_path / "own" / "deep" / "a").write_text("first")
+    (tmp_path / "own" / "empty").write_text("")
+    with workers_of("dask", 0, dask_cluster.address, {"SCENE_TEST": "yes"}) as cluster:
+        assert cluster.workers == 1 and "/status" in cluster.dashboard
+        name = cluster.share(str(tmp_path / "own"))
+        assert name == cluster.share(str(tmp_path / "own")) and cluster.share("") == ""
+        dask_cluster.start("GPU=1")
+        found, killed = {}, False
+        for index, answer in cluster.map(told, [(name, 0.3)] * 12):
+            found[index] = answer
+            if not killed and len({pid for *_, pid in found.values()}) == 1:
+                killed = True
+                os.kill(answer[-1], signal.SIGKILL)
+        assert sorted(found) == list(range(12))
+        texts, roots, values, pids = zip(*found.values(), strict=True)
+        assert set(map(tuple, texts)) == {("", "first")} and set(values) == {"yes"}
+        assert len(set(pids)) == len(set(roots)) == 2 and str(tmp_path / "own") not in roots
+        with pytest.raises(UserError, match="cannot do 3"):
+            list(cluster.map(fail, [(3,)]))
+        assert list(cluster.map(doubled, [(3,)])) == [(0, 6)]
+    with workers_of("dask", 0, dask_cluster.address) as cluster:  # a worker has announced a GPU
+        tasks = dict(cluster.map(ready_and, [(3,), (4,)], net=True, first=doubled))
+        assert tasks == {0: (3, 6), 1: (4, 8)}
+    with WorkerPool(1) as pool:  # where one process does both
+        assert list(pool.map(ready_and, [(3,)], net=True, first=doubled)) == [(0, (3, None))]
+
+
+def test_a_scheduler_that_goes_away_ends_the_work_with_one_error(dask_cluster):
+    with workers_of("dask", 0, dask_cluster.address) as cluster:
+        with pytest.raises(UserError, match=r"scheduler is gone; .* the same command goes on"):
+            for _ in cluster.map(told, [(str(Path(__file__).parent / "none"), 0.2)] * 50):
+                dask_cluster.scheduler.kill()
+
+
+@pytest.mark.parametrize(("asked", "complaint"), [
+    (("dask", 1, None), "needs --scheduler ADDRESS"),
+    (("dask", 1, "tcp://127.0.0.1:9"), "--scheduler tcp://127.0.0.1:9: no Dask scheduler answers"),
+    (("dask", 1, "nonsense://x"), "--scheduler nonsense://x: no Dask scheduler answers"),
+    (("processes", 1, "tcp://127.0.0.1:9"), "--scheduler is for --executor dask"),
+])  # fmt: skip
+def test_what_cannot_be_reached_is_one_error(asked, complaint, monkeypatch):
+    monkeypatch.setattr("scene.cluster.PATIENCE", 1.0)
+    with pytest.raises(UserError, match=complaint):
+        workers_of(*asked)
+
+
+def test_without_the_extra_it_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "scene.cluster", None)
+    with pytest.raises(UserError, match=r"needs the extra dask: pip install -e '\.\[dask\]'"):
+        workers_of("dask", 1, "tcp://127.0.0.1:9")
