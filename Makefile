@@ -42,7 +42,7 @@ nightly: setup
 	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not robust" $(ARGS)
 
 robust: setup
-	@ROBUST_TIMES="$(TIMES)" $(BIN)/python -m pytest tests/robustness $(ARGS)
+	@ROBUST_TIMES="$(TIMES)" ROBUST_EXAMPLES=500 $(BIN)/python -m pytest tests/robustness $(ARGS)
 
 lint: setup
 	$(BIN)/ruff check .

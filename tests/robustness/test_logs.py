@@ -13,6 +13,7 @@ import sdr_jax
 from shell.errors import UserError
 from tests.robustness.conftest import TIMES
 
+pytestmark = pytest.mark.robust
 LOGS = ("evaluations.jsonl", "finals.jsonl", "store.jsonl")
 
 
