@@ -5,17 +5,19 @@ TWIN_SEED ?= 0
 PYTHON ?=
 ARGS ?=
 JOBS ?= 2
+TIMES ?= 20
 
 # Commands run from the root, so that a checkout in a path with spaces works.
 BIN := .venv/bin
 
-.PHONY: help setup demo test results nightly lint docs format clean
+.PHONY: help setup demo test results nightly robust lint docs format clean
 
 help:
 	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN_SEED=N (0)'
 	@echo 'make test      the tests, without the slow ones; ARGS="-k name" goes to pytest; JOBS=N (2) at a time'
 	@echo 'make results   every result of docs/results.md, from this commit; DATA=CAMVID ($$CAMVID_DIR); hours'
-	@echo 'make nightly   all tests'
+	@echo 'make nightly   all tests but the next'
+	@echo 'make robust    kills, full disks, damaged and hostile files: a table of what is survived; TIMES=N (20)'
 	@echo 'make lint      ruff (rules, format) and mypy'
 	@echo 'make docs      the pages, into site/; a warning is an error'
 	@echo 'make format    let ruff rewrite the code'
@@ -32,13 +34,16 @@ demo: setup
 	@echo 'The run is in $(OUT): open report.html; figures in summary.json, learnt attributes in attributes.json'
 
 test: setup
-	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow" $(ARGS)
+	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow and not robust" $(ARGS)
 
 results: setup
 	@$(BIN)/python -m experiments.results --data "$(DATA)" --docs docs
 
 nightly: setup
-	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile $(ARGS)
+	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not robust" $(ARGS)
+
+robust: setup
+	@ROBUST_TIMES="$(TIMES)" ROBUST_EXAMPLES=500 $(BIN)/python -m pytest tests/robustness $(ARGS)
 
 lint: setup
 	$(BIN)/ruff check .

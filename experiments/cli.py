@@ -18,7 +18,7 @@ from scene.render import RendererError
 from scene.workers import WorkerError
 from seg.recipes import with_net
 from seg.settings import NetName, Trunk
-from shell.command import exit_code
+from shell.command import DEBUG, exit_code
 from shell.errors import UserError
 
 
@@ -90,7 +90,8 @@ def main(
         The exit code: 2 for what the user can put right, 1 for workers that died or `Unmet`, 130 after
         Ctrl-C.
     """
-    arguments = sys.argv[1:] if arguments is None else list(arguments)
+    given = sys.argv[1:] if arguments is None else list(arguments)
+    arguments = [word for word in given if word != DEBUG]  # of the command, not of the job
     # On a GPU the policy must leave the memory to the workers' nets.
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
 
@@ -103,7 +104,7 @@ def main(
         config = tyro.cli(
             type(default),
             prog=f"python -m experiments.{name}",
-            description=description,
+            description=f"{description or ''}\n{DEBUG} shows where an error comes from.",
             default=default,
             args=arguments,
         )
@@ -112,4 +113,4 @@ def main(
         except RendererError as error:  # of a worker, too
             raise UserError(str(error)) from None
 
-    return exit_code(run, also=(WorkerError, Unmet))
+    return exit_code(run, also=(WorkerError, Unmet), debug=DEBUG in given)

@@ -365,6 +365,8 @@ def _check_fidelity(flag: str, fidelity: Fidelity) -> None:
     for name in ("warmup", "power", "momentum", "weight_decay"):
         if not 0 <= getattr(train, name) < math.inf:
             raise UserError(f"{flag}.train.{name.replace('_', '-')} must be 0 or more")
+    if train.warmup >= SEED_END:
+        raise UserError(f"{flag}.train.warmup must be less than {SEED_END}, not {train.warmup}")
     if not 0 < train.lr < math.inf:
         raise UserError(f"{flag}.train.lr must be positive, not {train.lr}")
     check_net(f"{flag}.train", train)

@@ -74,7 +74,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         else:
             print(f"{options.out}: {merge(options.files, options.out)} evaluations")
 
-    return exit_code(work)
+    return exit_code(work, debug=options.debug, goes_on=False)
 
 
 if __name__ == "__main__":

@@ -13,6 +13,10 @@ Names are imported on first use, so that the table of attributes does not load a
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from shell.interrupt import while_loading
+
+while_loading(__name__)  # before all else
+
 if TYPE_CHECKING:
     from scene.assets.catalogue import AssetPool
     from scene.attributes import ATTRIBUTES, StreetParams, default_unit, street_params

@@ -21,7 +21,7 @@ from scene.dataset.formats.planes import ids_of
 from scene.dataset.formats.segments import label_ids
 from scene.dataset.read import Described, describe
 from scene.dataset.verify import load, verify
-from shell.command import Parser
+from shell.command import Parser, exit_code
 from shell.files import read_json
 
 LEAST_LIFT = 2.2
@@ -136,16 +136,17 @@ def main(arguments: list[str] | None = None) -> int:
     command = Parser("scene.check", __doc__)
     command.add_argument("dataset", type=Path, help="folder that scene.render wrote")
     options = command.parse_args(arguments)
-    found = 0
-    try:
+
+    def work() -> int:
+        found = 0
         for line in findings(options.dataset):
             print(line, flush=True)
             found += 1
-    except (ValueError, OSError) as error:
-        command.fail(error)
-    if not found:
-        print(f"{options.dataset}: no fault found: all files are whole, all labels agree")
-    return int(found > 0)
+        if not found:
+            print(f"{options.dataset}: no fault found: all files are whole, all labels agree")
+        return int(found > 0)
+
+    return exit_code(work, users=(ValueError,), debug=options.debug, goes_on=False)
 
 
 if __name__ == "__main__":

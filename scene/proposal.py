@@ -20,6 +20,8 @@ RELAXATION = 0.15
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 UNITS_STREAM = 1
 """Third word of the seed, apart from the streams that the streets themselves draw from."""
+ROUNDING = 1e-5
+"""By so much an interval in a file may stick out of [0, 1]: its ends are rounded."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 """Its multiples fill [0, 1) evenly: the golden ratio less one."""
 
@@ -123,7 +125,8 @@ def describe(streets: Streets) -> dict[str, list[dict[str, Any]]]:
 def _rows(proposal: Proposal) -> dict[str, dict[str, Any]]:
     rows = {}
     attributes = SPACES[space_of(len(proposal.centre))]
-    centres, widths = (np.asarray(part, np.float32).tolist() for part in proposal)
+    # As they are drawn from, lest a file hold intervals that are then refused.
+    centres, widths = (part.tolist() for part in slide(*proposal))
     for attribute, centre, width in zip(attributes, centres, widths, strict=True):
         low, high = max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
         rows[attribute.name] = {
@@ -195,7 +198,7 @@ def _parsed(value: Any) -> Proposal:
             raise ValueError(f"attribute {name} is missing; all {len(wanted)} must be given")
     rows = [_interval(name, value[name]) for name in wanted]
     centre, width = np.array(rows, np.float32).T
-    return slide(check_unit(centre), width)
+    return slide(check_unit(centre), width)  # by a rounding at most
 
 
 def _interval(name: str, entry: Any) -> tuple[float, float]:
@@ -212,7 +215,14 @@ def _interval(name: str, entry: Any) -> tuple[float, float]:
             raise ValueError(f"attribute {name} is {number!r}; unit values are numbers in [0, 1]")
         if not 0 <= number <= 1:
             raise ValueError(f"attribute {name} is {number}; unit values must lie in [0, 1]")
-    return float(found[0]), float(found[1])
+    centre, width = float(found[0]), float(found[1])
+    low, high = centre - width / 2, centre + width / 2
+    if low < -ROUNDING or high > 1 + ROUNDING:
+        raise ValueError(
+            f"attribute {name} has the interval [{low:.6g}, {high:.6g}] (centre {centre:g}, width "
+            f"{width:g}), which must lie in [0, 1]"
+        )
+    return centre, width
 
 
 def draw(streets: Streets, seed: int, count: int) -> np.ndarray:

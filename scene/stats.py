@@ -18,7 +18,7 @@ import numpy as np
 
 from scene.classes import CLASS_NAMES
 from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
-from shell.command import Parser
+from shell.command import Parser, exit_code
 from shell.files import write_json
 
 
@@ -145,15 +145,15 @@ def main(arguments: list[str] | None = None) -> int:
     )  # fmt: skip
     command.add_argument("--json", type=Path, help="file for the same figures")
     options = command.parse_args(arguments)
-    try:
+
+    def work() -> None:
         classes, found = compare(options.dataset, options.against, tuple(options.only))
         if options.json is not None:
             plain = {name: report(classes, s) for name, s in found.items()}
             write_json(options.json, plain)
-    except (ValueError, OSError) as error:
-        command.fail(error)
-    print(table(classes, found))
-    return 0
+        print(table(classes, found))
+
+    return exit_code(work, users=(ValueError,), debug=options.debug, goes_on=False)
 
 
 if __name__ == "__main__":

@@ -22,11 +22,14 @@ import cv2
 
 from shell.cores import Cores
 from shell.errors import UserError
+from shell.memory import refuse_larger
 
 ExecutorName = Literal["processes", "dask"]
 Self = TypeVar("Self", bound="Workers")
 LEAST_URGENT = 19
 """How nice processes are that work behind the others, where the system knows such a thing."""
+PROCESS = 100_000_000
+"""Bytes of a worker that has done nothing yet, at least."""
 
 
 class WorkerError(RuntimeError):
@@ -221,6 +224,11 @@ def workers_of(
             f"--executor dask needs the extra dask: pip install -e '.[dask]' ({error})"
         ) from None
     return Cluster(scheduler, environment)
+
+
+def refuse_many_workers(flag: str, workers: int) -> None:
+    """Raise UserError if so many processes need more memory than there is; names the flag."""
+    refuse_larger(flag, workers, lambda count: count * PROCESS, "processes")
 
 
 @contextmanager

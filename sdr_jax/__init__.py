@@ -11,6 +11,10 @@ Attributes whose values have no order: `space(["car", "weather"], bins=[10, 3], 
 One that comes from elsewhere, at its own time: `AskTell`; from a program: `python -m sdr_jax.tune`.
 """
 
+from shell.interrupt import while_loading
+
+while_loading(__name__)  # before JAX
+
 from sdr_jax.ask_tell import AskTell, Trial
 from sdr_jax.baseline import Baseline, ema, leave_one_out
 from sdr_jax.callback import DataSets, HostReward, host_reward

@@ -7,6 +7,10 @@ Names are imported on first use, so that reading data does not load JAX. The fun
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from shell.interrupt import while_loading
+
+while_loading(__name__)  # before all else
+
 if TYPE_CHECKING:
     from seg.classes import (
         CAMVID_11,

@@ -6,13 +6,17 @@ import argparse
 import os
 import shlex
 import sys
+import traceback
 from collections.abc import Callable
 from typing import NoReturn
 
 from shell.errors import UserError
+from shell.interrupt import INTERRUPTED, while_working
 
-USAGE, INTERRUPTED, UNREAD = 2, 130, 141
-"""Exit codes: something the user can put right; Ctrl-C; nobody reads the output any more (``| head``)."""
+USAGE, MISTAKE, UNREAD = 2, 70, 141
+"""Exit codes: something the user can put right; a mistake of ours; nobody reads the output (``| head``)."""
+DEBUG = "--debug"
+"""Flag of every command: show where an error comes from."""
 
 
 class Parser(argparse.ArgumentParser):
@@ -30,16 +34,11 @@ class Parser(argparse.ArgumentParser):
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
         )
+        self.add_argument(DEBUG, action="store_true", help="show where an error comes from")
 
     def error(self, message: str) -> NoReturn:
         """Print one line and end with exit code 2."""
         self.exit(USAGE, f"{self.prog}: error: {' '.join(message.split())}\n")
-
-    def fail(self, error: Exception) -> NoReturn:
-        """Report ``error``; what the system says of a file begins with its name."""
-        if isinstance(error, OSError) and error.filename and error.strerror:
-            self.error(f"{error.filename}: {error.strerror}")
-        self.error(str(error))
 
 
 def given() -> str:
@@ -58,33 +57,55 @@ def size(text: str) -> tuple[int, int]:
         raise argparse.ArgumentTypeError(f"must look like 640x320, not {text!r}") from None
 
 
-def exit_code(work: Callable[[], None], also: tuple[type[Exception], ...] = ()) -> int:
+def exit_code(
+    work: Callable[[], int | None],
+    also: tuple[type[Exception], ...] = (),
+    *,
+    users: tuple[type[Exception], ...] = (UserError,),
+    debug: bool = False,
+    goes_on: bool = True,
+) -> int:
     """Work, and turn what went wrong into one line on standard error and an exit code.
 
     Args:
-        work: the job.
+        work: the job; may return an exit code of its own.
         also: errors that end with code 1: nobody's fault, such as workers that died.
+        users: errors that end with code 2: what the user can put right.
+        debug: print where the error comes from before the line.
+        goes_on: whether the same command continues what was stopped.
     """
+    cure = "once that is put right, the same command goes on"
     try:
-        work()
-        sys.stdout.flush()  # not at exit, where an error has another code
-    except UserError as error:
-        return _fail(str(error), USAGE)
+        with while_working():
+            code = work()
+            sys.stdout.flush()  # not at exit, where an error has another code
+            return code or 0
+    except users as error:
+        return _fail(error, str(error), USAGE, debug)
     except BrokenPipeError:  # as of ``| head``; nor can what is still unwritten be written at exit
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return UNREAD
     except OSError as error:
         where = f"{error.filename}: " if error.filename else ""
-        cure = "once that is put right, the same command goes on"
-        return _fail(f"{where}{error.strerror or error}; {cure}", USAGE)
+        return _fail(error, f"{where}{error.strerror or error}; {cure}", USAGE, debug)
     except also as error:
-        return _fail(str(error), 1)
+        return _fail(error, str(error), 1, debug)
+    except MemoryError as error:
+        said = str(error) or "too little is free"
+        return _fail(error, f"out of memory: {said}; smaller sizes need less", USAGE, debug)
     except KeyboardInterrupt:
-        print("\nstopped; the same command goes on where it was", file=sys.stderr, flush=True)
+        on = "; the same command goes on where it was" if goes_on else ""
+        print(f"\nstopped{on}", file=sys.stderr, flush=True)
         return INTERRUPTED
-    return 0
+    except Exception as error:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{os.path.basename(last.filename)}, line {last.lineno}"
+        said = f"a mistake of this program: {type(error).__name__}: {error} ({where})"
+        return _fail(error, f"{said}; {DEBUG} shows all of it", MISTAKE, debug)
 
 
-def _fail(message: str, code: int) -> int:
+def _fail(error: Exception, message: str, code: int, debug: bool) -> int:
+    if debug:
+        traceback.print_exception(error)
     print(f"error: {' '.join(message.split())}", file=sys.stderr, flush=True)
     return code

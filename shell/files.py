@@ -14,6 +14,9 @@ from typing import Any, NoReturn
 
 from shell.errors import UserError
 
+LARGEST = 2**30
+"""Bytes of a file of JSON, at most: the lists of a dataset of a million images."""
+
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
@@ -90,6 +93,24 @@ def whole_folder(path: Path) -> Iterator[Path]:
             raise
 
 
+def read_bytes(path: Path, most: int | None = None) -> bytes:
+    """All bytes of a file that may be of any origin.
+
+    Raises:
+        UserError: there are more than ``most`` (by default `LARGEST`), as of a device that has no end.
+        OSError: it cannot be read.
+    """
+    most = LARGEST if most is None else most
+    with naming(path), open(path, "rb") as file:
+        size = os.fstat(file.fileno()).st_size
+        data = file.read(most + 1) if size <= most else b""
+    if size > most or len(data) > most:
+        raise UserError(
+            f"{path} has more than {most:,} bytes, the most that is read of such a file"
+        )
+    return data
+
+
 def write_json(path: Path, value: Any) -> None:
     """Write ``value`` as indented JSON, whole or not at all."""
     write(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
@@ -115,11 +136,12 @@ def read_json(path: Path) -> Any:
     """The value in a JSON file.
 
     Raises:
-        UserError: it is no JSON, with the file's name.
+        UserError: it is no JSON, or too large, with the file's name.
         OSError: it cannot be read.
     """
+    data = read_bytes(path)
     try:
-        return parse_json(path.read_bytes())
+        return parse_json(data)
     except ValueError as error:
         raise UserError(f"{path} is no JSON file: {error}") from None
 
@@ -128,6 +150,12 @@ def digest(value: Any) -> str:
     """Sha256 of a plain value as canonical JSON."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def leads_out(folder: Path, name: str) -> bool:
+    """Whether a path that a file names, relative to a folder, is of something outside that folder."""
+    whole = os.path.normpath(folder.absolute() / name)
+    return not Path(whole).is_relative_to(os.path.normpath(folder.absolute()))
 
 
 def folder_digest(root: Path) -> str:

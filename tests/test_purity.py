@@ -26,6 +26,8 @@ SHELL = (
     "scene/cluster.py",
     "scene/assets/library.py",
     "scene/dataset/",
+    "scene/mesh/beside.py",
+    "scene/mesh/bombs.py",
     "scene/mesh/file.py",
     "scene/render/",
     "scene/stats.py",

@@ -13,6 +13,7 @@ from typing import Any, Generic
 
 from experiments.config import LearntConfig, SearchConfig, read_attributes
 from experiments.config import check as check_flags
+from experiments.limits import refuse_too_large
 from experiments.run.context import AnyConfig, Run, Work, opened
 from experiments.run.learn import judged_on, learn, work_of
 from experiments.study.form import Form, Report, rewrite, write_report
@@ -80,6 +81,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
 
 def check(study: Study[AnyConfig], config: AnyConfig) -> None:
     """Raise UserError for a configuration that the job cannot work with, by flag."""
+    refuse_too_large(config)
     check_flags(config)
     if isinstance(config, LearntConfig) and config.learnt is not None:
         read_attributes("--learnt", config.learnt, config.space)

@@ -15,7 +15,7 @@ from scene.assets.catalogue import asset, families_of, kind, surfaces
 from scene.assets.families import FAMILIES
 from scene.assets.likeness import closest, looks
 from scene.classes import CLASS_NAMES, TrainId
-from shell.command import Parser
+from shell.command import Parser, exit_code
 
 
 def counts() -> dict[str, int]:
@@ -58,17 +58,17 @@ def main(arguments: list[str] | None = None) -> int:
     what.add_argument("--closest", metavar="CLASS", help="class or family; 'all' for every one")
     command.add_argument("--pairs", type=int, default=10, help="pairs to print with --closest")
     options = command.parse_args(arguments)
-    if options.json:
-        print(json.dumps(counts(), indent=2))
-        return 0
     chosen = FAMILIES if options.closest == "all" else (options.closest,)
-    try:
+
+    def work() -> None:
+        if options.json:
+            print(json.dumps(counts(), indent=2))
+            return
         blocks = [nearest(name, options.pairs) for name in chosen] if options.closest else [table()]
         for lines in blocks:
             print("\n".join(lines))
-    except ValueError as error:
-        command.fail(error)
-    return 0
+
+    return exit_code(work, users=(ValueError,), debug=options.debug, goes_on=False)
 
 
 if __name__ == "__main__":

@@ -36,6 +36,10 @@ class AssetPool(NamedTuple):
     use: str = "both"  # which ones: "both", "own" or "built-in"
 
 
+MOST = 1_000_000
+"""Assets of a family; indices beyond are no plausible wish."""
+
+
 def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
     """The pool itself.
 
@@ -55,6 +59,8 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
         raise ValueError(f"the first asset must be 0 or more, not {pool.first}")
     if pool.size is not None and pool.size < 1:
         raise ValueError(f"{named}count must be 1 or more, not {pool.size}")
+    if pool.size is not None and pool.size > MOST:
+        raise ValueError(f"{named}count must be {MOST:,} or less, not {pool.size}")
     if pool.use == "own" and not pool.own:
         raise library.LibraryError(f"{named}use 'own' needs a folder of own assets")
     if pool.own:

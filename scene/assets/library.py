@@ -122,7 +122,7 @@ def load(family: str, path: str) -> Asset:
     if row is None:
         raise LibraryError(f"{root / MANIFEST} has no row for {name}")
     try:
-        asset = read_mesh(file, up=row.up, forward=row.forward, scale=row.scale)
+        asset = read_mesh(file, up=row.up, forward=row.forward, scale=row.scale, root=root)
         _check_size(asset, family)
     except MeshError as error:
         raise LibraryError(f"{file}: {error}") from error

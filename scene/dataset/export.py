@@ -145,6 +145,12 @@ def _export(
             done += plan.shots_of(street)
             if progress is not None:
                 progress(done, plan.images, written)
+    left = set(finished(plan, range(len(units))))
+    if len(left) < len(units):
+        raise ExportError(
+            f"{plan.folder}: files of {len(units) - len(left)} streets vanished while others were "
+            "rendered; the same command renders them again"
+        )
     _summarize(plan, len(units))
 
 

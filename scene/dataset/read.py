@@ -12,9 +12,12 @@ from scene.dataset.formats.layout import FORMATS, SPLITS, Layout, layout, stem
 from scene.dataset.formats.planes import ids_of
 from scene.dataset.formats.png import read_png
 from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
+from scene.render.protocol import MAX_PIXELS
 from shell.files import read_json
 
 DESCRIPTION = "dataset.json"
+MOST_IMAGES = 10_000_000
+"""More are a slip of the hand."""
 WORK = ".export"
 """Folder inside a dataset while it is unfinished."""
 
@@ -50,7 +53,8 @@ def describe(folder: Path) -> Described:
         images, shots = int(found["images"]), int(found["shots"])
         size = (int(found["render"]["width"]), int(found["render"]["height"]))
         sound = found["format"] in FORMATS and found["split"] in SPLITS
-        if not sound or min(images, shots, *size) < 1:
+        most = images <= MOST_IMAGES and size[0] * size[1] <= MAX_PIXELS
+        if not sound or not most or min(images, shots, *size) < 1:
             raise ValueError("format, split, images, shots or size")
     except (LookupError, TypeError, ValueError) as error:
         raise ValueError(f"{path} does not describe a dataset: {error}") from None

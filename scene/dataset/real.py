@@ -12,6 +12,8 @@ import numpy as np
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.formats.segments import TRAIN_OF_LABEL
 from scene.dataset.read import DESCRIPTION, pictures
+from shell.files import read_bytes
+from shell.pictures import MOST_BYTES, too_large
 
 _CAMVID: dict[str, tuple[str, ...]] = {
     "sky": ("sky",),
@@ -86,7 +88,11 @@ def _read(image_path: Path, label_path: Path, legal: np.ndarray) -> tuple[np.nda
 
 
 def _decode(path: Path, flags: int) -> np.ndarray:
-    found = cv2.imdecode(np.frombuffer(path.read_bytes() or b"-", np.uint8), flags)
+    data = read_bytes(path, MOST_BYTES)
+    why = too_large(data)
+    if why is not None:
+        raise ValueError(f"{path}: {why}")
+    found = cv2.imdecode(np.frombuffer(data or b"-", np.uint8), flags)
     if found is None:
         raise ValueError(f"{path} cannot be decoded")
     return found

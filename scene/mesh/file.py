@@ -7,7 +7,6 @@ along x, and colours are sRGB.
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,8 +16,9 @@ import numpy as np
 
 from scene.look.materials import material_id
 from scene.mesh.asset import Asset
+from scene.mesh.bombs import MeshError, gltf_content, refuse_bomb
 from scene.mesh.mesh import Mesh
-from shell.errors import UserError
+from shell.pictures import MOST_PIXELS
 
 if TYPE_CHECKING:
     import trimesh
@@ -44,11 +44,9 @@ HOLE = 0.5
 """Below this opacity a textured face is left out: it is the air between the leaves."""
 
 
-class MeshError(UserError):
-    """A mesh file cannot be used; the message says why, but not which file."""
-
-
-def read_mesh(path: Path, *, up: str = "", forward: str = "", scale: float = 1.0) -> Asset:
+def read_mesh(
+    path: Path, *, up: str = "", forward: str = "", scale: float = 1.0, root: Path | None = None
+) -> Asset:
     """The asset in a file, not moved yet.
 
     Args:
@@ -56,21 +54,29 @@ def read_mesh(path: Path, *, up: str = "", forward: str = "", scale: float = 1.0
         up: which way is up in the file, one of ``AXES``; by default y in glTF and z elsewhere.
         forward: where its front looks; by default z in glTF and x elsewhere.
         scale: metres per unit of the file.
+        root: folder that the files it refers to must lie in; by default its own.
 
     Raises:
-        MeshError: broken or empty file, missing texture, too many faces, odd axes.
+        MeshError: broken or empty file, missing texture, one outside ``root``, too many faces, odd axes.
     """
     import trimesh  # takes a second, which streets of built-in assets need not wait for
 
+    from scene.mesh.beside import Beside
+
+    beside = Beside(path.parent, root or path.parent)
+    refuse_bomb(path)
     for name in _referenced(path):
-        if not (path.parent / name).is_file():
-            raise MeshError(f"refers to {name}, which is not there")
+        beside.check(name)
     try:
-        loaded = trimesh.load_scene(str(path), process=False)
-        pieces = [
-            _piece(geometry, np.asarray(matrix), path.suffix.lower() in GLTF)
-            for geometry, matrix in _placed(loaded)
-        ]
+        with path.open("rb") as file:
+            kind = path.suffix[1:].lower()
+            loaded = trimesh.load_scene(file, file_type=kind, resolver=beside, process=False)
+        pieces, left = [], MOST_FACES
+        for geometry, matrix in _placed(loaded):
+            left -= len(geometry.faces)
+            if left < 0:  # one mesh may stand in many places
+                raise MeshError(f"has more than {MOST_FACES:,} faces, the most that are allowed")
+            pieces.append(_piece(geometry, np.asarray(matrix), path.suffix.lower() in GLTF))
     except MeshError:
         raise
     except Exception as error:  # loaders raise whatever their formats make them stumble over
@@ -78,9 +84,6 @@ def read_mesh(path: Path, *, up: str = "", forward: str = "", scale: float = 1.0
     pieces = [piece for piece in pieces if len(piece.color)]
     if not pieces:
         raise MeshError("has no faces")
-    faces = sum(len(piece.color) for piece in pieces)
-    if faces > MOST_FACES:
-        raise MeshError(f"has {faces:,} faces; at most {MOST_FACES:,} are allowed")
     turn = scale * _axes(path, up, forward)
     offsets = np.cumsum([0] + [len(piece.mesh.vertices) for piece in pieces[:-1]])
     vertices = np.concatenate([piece.mesh.vertices for piece in pieces]) @ turn.T
@@ -114,12 +117,9 @@ def _axes(path: Path, up: str, forward: str) -> np.ndarray:
 def _referenced(path: Path) -> Iterator[str]:
     """Files that a mesh file needs beside itself."""
     suffix = path.suffix.lower()
-    if suffix == ".gltf":
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-            uris = [row.get("uri", "") for k in ("buffers", "images") for row in content.get(k, [])]
-        except (ValueError, AttributeError) as error:
-            raise MeshError(f"broken: {error}") from error
+    if suffix in GLTF:
+        content = gltf_content(path)
+        uris = [row.get("uri", "") for k in ("buffers", "images") for row in content.get(k, [])]
         yield from (unquote(uri) for uri in uris if uri and not uri.startswith("data:"))
     if suffix == ".obj":
         for library in _words_after(path, "mtllib"):
@@ -188,14 +188,16 @@ def _colors(mesh: trimesh.Trimesh, linear: bool) -> tuple[np.ndarray, bool]:
     )
     if picture is None or visual.uv is None:
         return (np.tile(tint, (count, 1)) if factor is not None else plain), False
-    pixels = np.asarray(picture.convert("RGBA"), float) / 255
+    if picture.width * picture.height > MOST_PIXELS:
+        raise MeshError(f"has a texture of more than {MOST_PIXELS:,} pixels")
+    pixels = np.asarray(picture.convert("RGBA"))
     uv = np.einsum("sk,fkc->fsc", SAMPLES, np.asarray(visual.uv)[np.asarray(mesh.faces)])
     if not np.isfinite(uv).all():
         raise MeshError("has texture coordinates that are not finite numbers")
     height, width = pixels.shape[:2]
     columns = np.floor((uv[..., 0] % 1) * width).astype(int) % width
     rows = np.floor(((1 - uv[..., 1]) % 1) * height).astype(int) % height
-    return _linear(pixels[rows, columns], False).mean(axis=1) * tint, True
+    return _linear(pixels[rows, columns] / 255, False).mean(axis=1) * tint, True
 
 
 def _linear(rgba: np.ndarray, linear: bool) -> np.ndarray:

@@ -29,7 +29,7 @@ from scene.preview.streets import all_sweeps, contact_sheet, sweep
 from scene.preview.themes import THEMES, all_themes, theme_page
 from scene.proposal import draw, named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
-from shell.command import Parser, size
+from shell.command import Parser, exit_code, size
 
 FORMATS = (".png", ".jpg", ".jpeg")
 QUALITY = 88
@@ -128,15 +128,16 @@ def main(arguments: list[str] | None = None) -> int:
         line.error(f"--out must end in {', '.join(FORMATS)}, not {options.out.name!r}")
     if not options.out.absolute().parent.is_dir():
         line.error(f"--out: there is no folder {options.out.parent}")
-    try:
+
+    def work() -> None:
         picture = page(options)
         missing = absent(AssetPool(own=options.assets, use=options.asset_use))
         if missing:
             print(f"No own assets, so left out: {', '.join(missing)}")
         write(picture, options.out)
-    except (ValueError, OSError, RendererError) as error:
-        line.fail(error)
-    return 0
+
+    users = (ValueError, RendererError)
+    return exit_code(work, users=users, debug=options.debug, goes_on=False)
 
 
 if __name__ == "__main__":

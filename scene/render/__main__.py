@@ -6,27 +6,30 @@ python -m scene.render --attributes runs/main/attributes.json --images 450 --for
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, get_args
+from typing import TYPE_CHECKING, Any, get_args
 
 from scene.assets.catalogue import USES, AssetPool
 from scene.attributes import SPACES, SpaceName
 from scene.dataset.export import export_dataset
 from scene.dataset.formats.layout import FORMATS, SPLITS
-from scene.dataset.read import DESCRIPTION
+from scene.dataset.read import DESCRIPTION, MOST_IMAGES
 from scene.proposal import Streets, draw, named, parse_streets
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
-from scene.workers import ExecutorName, WorkerError, workers_of
-from shell.command import INTERRUPTED, Parser, size
+from scene.render.protocol import refuse_large_images, refuse_many_shots
+from scene.workers import ExecutorName, WorkerError, refuse_many_workers, workers_of
+from shell.command import Parser, exit_code, size
 from shell.files import read_json
+from shell.memory import refuse_larger
 
 if TYPE_CHECKING:
     from shell.progress import Progress
 
-MOST_IMAGES = 10_000_000
-"""More are a slip of the hand."""
+STREET = 2000
+"""Bytes that are kept of a street until all are rendered, at least: its attributes."""
 
 
 def parser() -> Parser:
@@ -94,56 +97,66 @@ def reporter(progress: Progress) -> Callable[[int, int, int], None]:
     return report
 
 
+def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
+    """What ``dataset.json`` says of the dataset that the options ask for.
+
+    Raises:
+        ValueError, OSError, RendererError, WorkerError: what went wrong.
+    """
+    if not 1 <= options.images <= MOST_IMAGES:
+        raise ValueError(f"--images must lie in 1..{MOST_IMAGES:,}, not {options.images}")
+    for name, least in (("shots", 1), ("seed", 0), ("workers", 0)):
+        if getattr(options, name) < least:
+            raise ValueError(f"--{name} must be {least} or more, not {getattr(options, name)}")
+    width, height = options.size
+    settings = check_settings(RenderSettings(width, height, samples=options.samples))
+    refuse_many_workers("--workers", options.workers)
+    refuse_large_images("--samples", settings)
+    refuse_many_shots("--shots", options.shots, settings)
+    refuse_larger("--images", options.images, lambda n: n * STREET // options.shots, "streets")
+    chosen = streets_of(options.attributes, options.space)
+    with workers_of(options.executor, options.workers, options.scheduler) as workers:
+        if workers.dashboard is not None:
+            progress.say(f"Dashboard: {workers.dashboard}")
+        return export_dataset(
+            draw(chosen, options.seed, -(-options.images // options.shots)),
+            options.seed,
+            options.out,
+            shots=options.shots,
+            settings=settings,
+            images=options.images,
+            format=options.format,
+            split=options.split,
+            renderer_name=options.renderer,
+            pool=AssetPool(
+                size=options.asset_count,
+                fraction=options.asset_fraction,
+                own=options.assets,
+                use=options.asset_use,
+            ),
+            streets=chosen,
+            workers=workers,
+            progress=reporter(progress),
+        )
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     from shell.progress import Progress, duration  # its library is nothing for worker processes
 
-    command = parser()
-    options = command.parse_args(arguments)
-    progress = Progress(options.images)
-    try:
-        if not 1 <= options.images <= MOST_IMAGES:
-            raise ValueError(f"--images must lie in 1..{MOST_IMAGES:,}, not {options.images}")
-        for name, least in (("shots", 1), ("seed", 0), ("workers", 0)):
-            if getattr(options, name) < least:
-                raise ValueError(f"--{name} must be {least} or more, not {getattr(options, name)}")
-        width, height = options.size
-        settings = check_settings(RenderSettings(width, height, samples=options.samples))
-        chosen = streets_of(options.attributes, options.space)
-        with workers_of(options.executor, options.workers, options.scheduler) as workers:
-            if workers.dashboard is not None:
-                progress.say(f"Dashboard: {workers.dashboard}")
-            found = export_dataset(
-                draw(chosen, options.seed, -(-options.images // options.shots)),
-                options.seed,
-                options.out,
-                shots=options.shots,
-                settings=settings,
-                images=options.images,
-                format=options.format,
-                split=options.split,
-                renderer_name=options.renderer,
-                pool=AssetPool(
-                    size=options.asset_count,
-                    fraction=options.asset_fraction,
-                    own=options.assets,
-                    use=options.asset_use,
-                ),
-                streets=chosen,
-                workers=workers,
-                progress=reporter(progress),
-            )
-    except (ValueError, OSError, RendererError, WorkerError) as error:
-        command.fail(error)
-    except KeyboardInterrupt:
-        progress.close()
-        sys.stderr.write(f"interrupted; the same command continues {options.out}\n")
-        return INTERRUPTED
-    finally:
-        progress.close()
-    seconds = duration(progress.elapsed)
-    print(f"{found['images']} images in {seconds}: {options.out / DESCRIPTION}", flush=True)
-    return 0
+    options = parser().parse_args(arguments)
+
+    def work() -> None:
+        progress = Progress(options.images)
+        try:
+            found = export(options, progress)
+        finally:
+            progress.close()
+        seconds = duration(progress.elapsed)
+        print(f"{found['images']} images in {seconds}: {options.out / DESCRIPTION}", flush=True)
+
+    users = (ValueError, RendererError)
+    return exit_code(work, also=(WorkerError,), users=users, debug=options.debug)
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import numpy as np
 from scene.render.sensor import CameraResponse
 from scene.street.camera import Camera
 from scene.street.street import Street
+from shell.memory import refuse_larger
 
 
 class RenderSettings(NamedTuple):
@@ -86,6 +87,24 @@ def check_settings(settings: RenderSettings) -> RenderSettings:
     if not 5 <= settings.fov <= 150:
         raise ValueError(f"fov must lie in 5..150 degrees, not {settings.fov}")
     return settings
+
+
+RAY, SHOWN = 40, 22
+"""Bytes that are kept of a ray while an image is rendered, at least, and of a pixel of a finished frame."""
+
+
+def refuse_large_images(flag: str, settings: RenderSettings) -> None:
+    """Raise UserError if the rays of one image need more memory than there is; names the flag of samples."""
+    pixels = settings.width * settings.height
+    what = f"the rays of an image of {settings.width}x{settings.height}"
+    refuse_larger(flag, settings.samples, lambda samples: samples**2 * pixels * RAY, what)
+
+
+def refuse_many_shots(flag: str, shots: int, settings: RenderSettings) -> None:
+    """Raise UserError if the frames of one street need more memory than there is; names the flag."""
+    size = f"{settings.width}x{settings.height}"
+    frame = settings.width * settings.height * SHOWN
+    refuse_larger(flag, shots, lambda count: count * frame, f"the frames of a street at {size}")
 
 
 def seen_through(camera: Camera, settings: RenderSettings) -> RenderSettings:

@@ -49,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     split = arguments.index("--") if "--" in arguments else len(arguments)
     command = arguments[split + 1 :]
     flags = vars(_parser().parse_args(arguments[:split]))
-    path = flags.pop("space")
+    debug, path = flags.pop("debug"), flags.pop("space")
     out = flags.pop("out", Path("runs") / path.stem)
 
     def work() -> None:
@@ -62,7 +62,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             flush=True,
         )
 
-    return exit_code(work)
+    return exit_code(work, debug=debug)
 
 
 def table(answer: Mapping[str, Any]) -> str:

@@ -14,6 +14,7 @@ from sdr_jax.space import Space
 from sdr_jax.space import space as make_space
 from sdr_jax.tune.units import Attribute
 from shell.errors import UserError
+from shell.memory import refuse_larger
 
 TYPES = {
     bool: "true or false", int: "a whole number", float: "a number", str: "a text", list: "a list"
@@ -49,6 +50,12 @@ class Settings:
 LEAST = {
     "evaluations": 1, "datasets_per_update": 1, "seed": 0, "repeats": 1, "retries": 0, "workers": 1
 }  # fmt: skip
+MEMORY = {
+    "evaluations": 1000, "datasets_per_update": 1000, "repeats": 1000, "retries": 1000,
+    "workers": 10_000_000,
+}  # fmt: skip
+"""Bytes that one of them takes at least: a record, or a process."""
+MOST_BINS = 1000
 LARGEST_SEED = 2**32 - 1
 FLAGS = {"timeout_seconds": "--timeout"}
 """Fields whose flag is not their own name."""
@@ -114,6 +121,8 @@ def read(path: Path, flags: Mapping[str, Any]) -> Settings:
         value = reader.typed(table[name], kind, reader.at(name))
         if name in LEAST and value < LEAST[name]:
             raise reader.refuse(name, value, f"be at least {LEAST[name]}")
+        if name in MEMORY:
+            refuse_larger(reader.at(name), value, lambda n: n * MEMORY[name], "as many records")  # noqa: B023
         values[name] = value
     settings = Settings(**values)
     _check(reader, settings)
@@ -158,8 +167,8 @@ def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute
         given, missing = ("low", "high") if "low" in values else ("high", "low")
         raise reader.fail(f"{where} has a {given}, but no {missing}; give both or neither")
     attribute = Attribute(**values)
-    if attribute.bins < 2:
-        raise reader.fail(f"{where}: bins is {attribute.bins}, but must be at least 2")
+    if not 2 <= attribute.bins <= MOST_BINS:
+        raise reader.fail(f"{where}: bins is {attribute.bins}, but must lie in 2..{MOST_BINS}")
     if attribute.low >= attribute.high:
         raise reader.fail(
             f"{where}: low is {attribute.low:g} and high is {attribute.high:g}, "

@@ -9,6 +9,7 @@ from pathlib import Path
 from seg.classes import CAMVID_11
 from seg.data.realset import Entry, RealSet, load, subset
 from seg.errors import DataError
+from shell.files import leads_out
 
 _SUFFIXES = (".png", ".jpg", ".jpeg")
 
@@ -49,7 +50,11 @@ def _from_list(root: Path, listing: Path) -> list[Entry]:
         if len(fields) != 2:
             raise DataError(f"{listing}, line {number}: expected 'image label', found {line!r}")
         # The public lists name /SegNet/CamVid/train/...; what follows is relative to the root.
-        image, label = (root / field.rpartition("CamVid/")[2].lstrip("/") for field in fields)
+        names = [field.rpartition("CamVid/")[2].lstrip("/") for field in fields]
+        for name in names:
+            if leads_out(root, name):
+                raise DataError(f"{listing}, line {number}: {name} leads out of {root}")
+        image, label = (root / name for name in names)
         entries.append(_entry(image, label))
     return entries
 

@@ -10,15 +10,24 @@ from PIL import Image
 
 from seg.classes import ClassTable
 from seg.errors import DataError
+from shell.errors import UserError
+from shell.files import read_bytes
+from shell.pictures import MOST_BYTES, too_large
 
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 
 def _read_bytes(path: Path) -> bytes:
     try:
-        return path.read_bytes()
+        data = read_bytes(path, MOST_BYTES)
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except UserError as error:
+        raise DataError(str(error)) from None
+    why = too_large(data)
+    if why is not None:
+        raise DataError(f"{path}: {why}; expected a photograph, or labels, of a smaller size")
+    return data
 
 
 def _unreadable(path: Path, why: object) -> DataError:

@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         made = convert(options.file, options.out, options.normalisation)
         print(f"{options.out}: {made}; expected {made.normalisation}'s images, now takes ours")
 
-    return exit_code(work)
+    return exit_code(work, debug=options.debug, goes_on=False)
 
 
 if __name__ == "__main__":

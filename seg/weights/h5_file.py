@@ -16,7 +16,7 @@ from seg.errors import WeightsError
 _LAYER = re.compile(r"block\d+_conv\d+|fc\d+|predictions")
 _PARTS = {"W": "kernel", "b": "bias", "0": "kernel", "1": "bias"}
 _OPTIMISER = ("optimizer", "optimizer_weights")
-_LARGEST = 2**30  # bytes of an array: fc6 has 411 MB
+_LARGEST = 2**30  # bytes of all arrays: VGG16 has 553 MB
 
 
 def read_h5(file: BufferedIOBase, where: str) -> dict[str, np.ndarray]:
@@ -45,8 +45,10 @@ def read_h5(file: BufferedIOBase, where: str) -> dict[str, np.ndarray]:
         name = _name(path, item.parent.attrs.get("name"))
         if name in arrays:
             raise WeightsError(f"{where}: {name} is there twice; expected one VGG16")
-        if item.is_virtual or item.external or item.nbytes > _LARGEST:
+        if item.is_virtual or item.external:
             raise WeightsError(f"{where}: {path}: lies in another file, or is no layer of VGG16")
+        if sum(a.nbytes for a in arrays.values()) + item.nbytes > _LARGEST:
+            raise WeightsError(f"{where}: {path}: larger than VGG16; expected its weights")
         arrays[name] = item[()]
 
     try:

@@ -28,6 +28,8 @@ class _Refused(Exception):
 
 def _tensor(storage: Any, offset: Any, shape: Any, strides: Any, *_: Any) -> Tensor:
     key, dtype, elements = storage
+    if not isinstance(key, str):
+        raise _Refused("it has a storage without a name")
     sizes, steps = (tuple(int(n) for n in numbers) for numbers in (shape, strides))
     return Tensor(str(key), dtype, int(elements), int(offset), sizes, steps)
 
@@ -37,7 +39,9 @@ def _parameter(data: Any, *_: Any) -> Any:
 
 
 def _ordered_dict(*arguments: Any) -> OrderedDict[Any, Any]:
-    return OrderedDict(*arguments)
+    if any(arguments):
+        raise _Refused("it makes a dictionary of something else")
+    return OrderedDict()
 
 
 _FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {
@@ -79,6 +83,24 @@ def _reduce(unpickler: Any) -> None:
     unpickler.stack[-1] = function(*arguments)
 
 
+def _set_item(unpickler: Any) -> None:
+    value, key = unpickler.stack.pop(), unpickler.stack.pop()
+    _put(unpickler.stack[-1], key, value)
+
+
+def _set_items(unpickler: Any) -> None:
+    items = unpickler.pop_mark()
+    for key, value in zip(items[::2], items[1::2], strict=True):
+        _put(unpickler.stack[-1], key, value)
+
+
+def _put(into: Any, key: Any, value: Any) -> None:
+    """Keys are texts: tuples of tuples may take for ever to be looked up, or to be printed."""
+    if not isinstance(into, dict) or not isinstance(key, str | int):
+        raise _Refused(f"it has a {type(key).__name__} as a name")
+    into[key] = value
+
+
 def _build(unpickler: Any) -> None:
     """Attributes of an object: those of a state dict say which version its layers have, not needed."""
     unpickler.stack.pop()
@@ -90,7 +112,8 @@ def _only_known() -> dict[int, Callable[[Any], None]]:
     known = {getattr(pickle, name)[0] for name in _INSTRUCTIONS}
     every = pickle._Unpickler.dispatch
     table = {code: load if code in known else _refuse for code, load in every.items()}
-    return {**table, pickle.REDUCE[0]: _reduce, pickle.BUILD[0]: _build}
+    own = {"REDUCE": _reduce, "BUILD": _build, "SETITEM": _set_item, "SETITEMS": _set_items}
+    return {**table, **{getattr(pickle, name)[0]: load for name, load in own.items()}}
 
 
 _Unpickler.dispatch = _only_known()

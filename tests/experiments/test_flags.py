@@ -121,6 +121,11 @@ def test_help_names_every_flag_and_what_it_means(capsys):
     assert "NAME,NAME,..." in text
 
 
+SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train.batch", "--seeds",
+         "--reward.train.predict-batch", "--reward.train.steps", "--candidate-seeds", "--workers",
+         "--search.datasets-per-update", "--search.updates-per-group")  # fmt: skip
+
+
 @pytest.mark.parametrize(("arguments", "words"), [
     (["--reward.train.lr", "0"], ["--reward.train.lr", "positive"]),
     (["--reward.train.lr", "nan"], ["--reward.train.lr", "positive"]),
@@ -156,6 +161,11 @@ def test_help_names_every_flag_and_what_it_means(capsys):
     (["--seed", "-1"], ["--seed", "0 or more"]),
     (["--seed", str(2**31)], ["--seed", "less than"]),
     (["--twin-seed", "-1"], ["--twin-seed", "0 or more"]),
+    (["--asset-count", "2000000"], ["--asset-count", "1,000,000 or less"]),
+    (["--search.bins", "1001"], ["--search.bins", "2..1000"]),
+    *(([flag, str(10**12)], [flag, " of memory for ", "is the most"]) for flag in SIZES),
+    (["--seeds", str(10**400)], ["--seeds", "more than 4,000 PB"]),
+    (["--reward.train.warmup", str(10**12)], ["--reward.train.warmup", "less than"]),
     (["--default-width", "1.5"], ["--default-width", "[0, 1]"]),
     (["--holdout", "ulm"], ["--holdout", "--data", "twin"]),
     (["--test-split", "val"], ["--test-split", "--data", "twin"]),

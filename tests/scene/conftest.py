@@ -102,10 +102,12 @@ def refusal(capsys):
     """``refusal(main, *arguments)``: the one line with which a command ends, its exit code 2."""
 
     def ask(main, *arguments) -> str:
-        with pytest.raises(SystemExit) as caught:
-            main([str(argument) for argument in arguments])
+        try:
+            code = main([str(argument) for argument in arguments])
+        except SystemExit as end:  # argparse
+            code = end.code
         error = capsys.readouterr().err
-        assert caught.value.code == 2 and error.count("\n") == 1, error
+        assert code == 2 and error.count("\n") == 1, error
         return error
 
     return ask

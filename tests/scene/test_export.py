@@ -252,6 +252,8 @@ def test_the_command_line_exports_and_reports(tmp_path, capsys):
     ("--size 64", "argument --size: must look like 640x320, not '64'"),
     ("--seed -1", "--seed must be 0 or more, not -1"),
     ("--shots 0", "--shots must be 1 or more, not 0"),
+    ("--images 9000000 --shots 1000000000", "--shots 1000000000 would take 67.6 TB of memory for the"),
+    ("--workers 1000000", "--workers 1000000 would take 100 TB of memory for processes"),
     ("--workers -1", "--workers must be 0 or more"),
     ("--samples 99", "samples must lie in 1..8"), ("--format voc", "invalid choice: 'voc'"),
     ("--split test", "invalid choice: 'test'"),

@@ -145,7 +145,13 @@ def test_the_manifest_scales_a_sign_hangs_on_its_pole_and_a_house_looks_at_the_r
     ("car/cut.glb", y_up(car()).export(file_type="glb")[:-40], "broken"),
     ("car/empty.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "(has no faces|broken)"),
     ("car/nan.ply", car((np.nan, 1, 1)), "has vertices that are not finite"),
-    ("car/fine.stl", trimesh.creation.icosphere(), "has 1,280 faces; at most 100"),
+    ("car/many.ply", b"ply\nformat ascii 1.0\nelement vertex 90000000000\nend_header\n", "broken: says 90,0"),
+    ("car/zeros.gltf", b'{"accessors": [{"count": 900000000000}]}', "broken: an accessor of 9000"),
+    ("car/twice.gltf", b'{"nodes": [{"children": [1, 1]}, {}]}', "broken: a node has two parents"),
+    ("car/deep.gltf", b"[" * 100_000, "broken: it is nested too deeply"),
+    ("car/out.obj", b"mtllib ../../secret.mtl\n", r"refers to \.\./\.\./secret\.mtl, which leads out of"),
+    ("car/out.gltf", b'{"buffers": [{"uri": "/etc/passwd"}]}', "refers to /etc/passwd, which leads out"),
+    ("car/fine.stl", trimesh.creation.icosphere(), "has more than 100 faces"),
 ])  # fmt: skip
 def test_a_bad_file_is_named(shelf, file, content, complaint, monkeypatch):
     monkeypatch.setattr("scene.mesh.file.MOST_FACES", 100)

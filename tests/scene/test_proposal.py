@@ -49,7 +49,7 @@ def test_a_file_gives_values_or_intervals_and_a_description_says_where_they_lie_
     given = {
         **VALUES,
         NAMES[1]: {"centre": 0.5, "width": 0.2},
-        NAMES[2]: {"unit": {"centre": 0.9, "width": 0.4}, "physical": {}, "meaning": "x"},
+        NAMES[2]: {"unit": {"centre": 0.8, "width": 0.4}, "physical": {}, "meaning": "x"},
     }
     proposal = module.parse_streets(given)
     np.testing.assert_allclose(proposal.centre[:4], [0.25, 0.5, 0.8, 0.25], rtol=1e-6)
@@ -86,7 +86,10 @@ def test_what_is_described_is_read_back_to_the_same_streets(lists, seed):
         (1.5, r" is 1.5; .* \[0, 1\]"),
         *((value, f" is {value!r}") for value in (-0.1, np.nan, "0.5", True, None)),
         ({"width": 0.5}, ": expected a number, or centre"),
-        ({"centre": 0.5, "width": 2}, " is 2"), ({"unit": 3}, ": expected a number"),
+        ({"centre": 0.5, "width": 2}, " is 2"),
+        ({"centre": 0.9, "width": 0.4}, r" has the interval \[0.7, 1.1\] \(centre 0.9, width 0.4\), which"),
+        ({"unit": {"centre": 0.05, "width": 0.2}}, r" has the interval \[-0.05, 0.15\]"),
+        ([{"centre": 0.5}], " is "), ({"unit": 3}, ": expected a number"),
     )),
 ])  # fmt: skip
 def test_what_is_wrong_in_a_file_is_named(value, message):

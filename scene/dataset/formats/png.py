@@ -9,6 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from shell.files import read_bytes
+from shell.pictures import MOST_BYTES, too_large
+
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
@@ -49,10 +52,13 @@ def read_png(path: Path) -> np.ndarray:
         ValueError: not a whole PNG file, with the file's name.
         OSError: it cannot be read.
     """
-    data = path.read_bytes()
+    data = read_bytes(path, MOST_BYTES)
     fault = fault_of(data)
     if fault is not None:
         raise ValueError(f"{path} {fault}")
+    why = too_large(data)
+    if why is not None:
+        raise ValueError(f"{path}: {why}")
     plane = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if plane is None:
         raise ValueError(f"{path} cannot be decoded")

@@ -1,0 +1,48 @@
+"""The files beside a mesh, as its loader may have them: none outside a folder, none from a network."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from trimesh.resolvers import Resolver
+
+from scene.mesh.bombs import MOST_BYTES, MeshError
+from shell.files import leads_out, read_bytes
+
+
+class Beside(Resolver):
+    """Gives a loader the bytes of files by name.
+
+    Args:
+        folder: that names are relative to.
+        root: folder that they must not lead out of.
+    """
+
+    def __init__(self, folder: Path, root: Path) -> None:
+        self._folder, self._root = folder, root
+
+    def check(self, name: str) -> Path:
+        """The path of a file by name; MeshError if it is not there, or elsewhere."""
+        path = self._folder / name
+        if leads_out(self._root, str(path.absolute())):
+            raise MeshError(f"refers to {name}, which leads out of {self._root}")
+        if not path.is_file():
+            raise MeshError(f"refers to {name}, which is not there")
+        return path
+
+    def get(self, name: str) -> bytes:
+        """The bytes of a file."""
+        return read_bytes(self.check(name.strip()), MOST_BYTES)
+
+    def keys(self) -> list[str]:
+        """Names of all files: a loader asks by name only."""
+        return []
+
+    def namespaced(self, namespace: str) -> Any:
+        """Files of a sub-folder."""
+        return Beside(self._folder / namespace, self._root)
+
+    def write(self, name: str, data: bytes) -> None:
+        """Never."""
+        raise MeshError("writes a file")

@@ -1,0 +1,54 @@
+"""Ctrl-C while a command still loads its libraries, or is over: one line, as at any other moment.
+
+During imports a KeyboardInterrupt is a traceback through other people's code, or an error that they make of
+it. There is nothing to tidy up yet, so the program just ends. Each package asks for that as its first act,
+before anything large is imported; `shell.command.exit_code` asks for the usual way while it works.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+INTERRUPTED = 130
+"""Exit code after Ctrl-C."""
+
+
+def while_loading(package: str) -> None:
+    """Let Ctrl-C end the program if it is a command of this package, ``python -m PACKAGE...``.
+
+    Programs that import the package, and worker processes, keep their own way.
+    """
+    words = sys.orig_argv
+    module = words[words.index("-m") + 1 :][:1] if "-m" in words else []
+    ours = bool(module) and module[0].split(".")[0] == package
+    if ours and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        _set(_end)
+
+
+@contextmanager
+def while_working() -> Iterator[None]:
+    """Inside, Ctrl-C is a KeyboardInterrupt, so that what is under way is tidied up."""
+    ours = signal.getsignal(signal.SIGINT) is _end
+    if ours:
+        _set(signal.default_int_handler)
+    try:
+        yield
+    finally:
+        if ours:
+            _set(_end)
+
+
+def _set(handler: object) -> None:
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGINT, handler)  # type: ignore[arg-type]
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    os.write(sys.stderr.fileno(), b"\nstopped\n")
+    os._exit(INTERRUPTED)

@@ -1,0 +1,57 @@
+"""Sizes that no memory could hold, refused before any of it is taken."""
+
+from __future__ import annotations
+
+import os
+from bisect import bisect_right
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+from shell.errors import UserError
+
+LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
+"""Where a container says how much it may use."""
+UNITS = ("B", "kB", "MB", "GB", "TB", "PB", "EB")
+MOST = 2**62
+"""No count is larger."""
+
+
+@cache
+def memory() -> int:
+    """Bytes of memory of this machine, or of the container that this process runs in."""
+    found = [MOST]
+    if hasattr(os, "sysconf") and "SC_PHYS_PAGES" in os.sysconf_names:
+        found.append(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"))
+    for limit in map(Path, LIMITS):
+        text = limit.read_text().strip() if limit.is_file() else ""
+        found += [int(text)] if text.isdigit() else []
+    return min(found)
+
+
+def in_words(size: float) -> str:
+    """``12 MB``: bytes as people say them."""
+    if size >= MOST:
+        return "more than 4,000 PB"
+    power = 0
+    while size >= 1000:
+        size, power = size / 1000, power + 1
+    return f"{size:.3g} {UNITS[power]}"
+
+
+def refuse_larger(flag: str, value: int, need: Callable[[int], int], what: str) -> None:
+    """Raise UserError if a number of things needs more memory than there is.
+
+    Args:
+        flag: what the user called the number.
+        value: the number.
+        need: bytes that so many take at least; grows with the number.
+        what: takes them, in a few words.
+    """
+    if need(value) <= memory():
+        return
+    most = bisect_right(range(min(value, MOST)), memory(), key=need) - 1
+    raise UserError(
+        f"{flag} {value} would take {in_words(need(value))} of memory for {what}, and there are "
+        f"{in_words(memory())}: {max(most, 0)} is the most"
+    )
