@@ -6,7 +6,7 @@
     python -m experiments.table --rederive runs/a/table.json --out runs/b        # no net at all
 
 Training sets are SceneX with random attributes, with the street set by eye and with learnt attributes,
-data sets of others, and the reward images themselves, the upper bound. Attributes are learnt first, unless
+data sets of others, and the reward images themselves. Attributes are learnt first, unless
 --learnt names what an earlier run has learnt; with its --store, that run's nets are not trained again.
 Kill it at any moment; the same command goes on where it was.
 """

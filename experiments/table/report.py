@@ -35,7 +35,7 @@ TRAINED_ON = {
     "gta5": "GTA5",
     "synthia": "SYNTHIA",
     "kitti": "KITTI",
-    "real": "the reward images (upper bound)",
+    "real": "the reward images themselves",
 }
 HEAD = (
     "net", "trained on", "images", "mIoU", "95 % interval", "gain over random", "95 % interval",

@@ -60,7 +60,7 @@ def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
         "trained_on": "learnt", "images": 450, "fcn8s": 29.6, "deeplabv2": 31.4,
     }  # fmt: skip
     text = (out / "table.md").read_text()
-    assert "NOT of this run" in text and "| fcn8s | the reward images (upper bound) | 4 |" in text
+    assert "NOT of this run" in text and "| fcn8s | the reward images themselves | 4 |" in text
     assert len(lines(out / "finals.jsonl")) == 2 * 4 * 2
     assert lines(out / "evaluations.jsonl") == []  # the attributes are given
 
