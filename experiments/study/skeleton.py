@@ -72,7 +72,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
         share = run.workers.cpu_share()
         run.progress.say(study.form.text(report))
         if share is not None:
-            run.progress.say(f"{share:.0%} of {max(config.workers, 1)} core(s) were busy")
+            run.progress.say(f"Busy: {100 * share:.0f} % of {max(config.workers, 1)} core(s)")
         note = "" if run.target.real else " (the twin, not real data)"
         file = config.out / f"{study.form.name}.json"
         run.progress.say(f"Done in {duration(run.progress.elapsed)}{note}: {file}")
