@@ -8,7 +8,7 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import NamedTuple
 
-from experiments.playground.state import MOST_STREETS, State
+from experiments.playground.state import State
 from scene.dataset.export import export_dataset
 from scene.proposal import draw
 from scene.render import RendererError
@@ -45,9 +45,8 @@ class Export:
     def __init__(self, state: State, images: int, format: str, folder: str) -> None:
         if not folder.strip():
             raise ValueError("folder: name a new one, or that of an export to be continued")
-        most = min(MOST_IMAGES, MOST_STREETS * state.view.shots)
-        if not 1 <= images <= most:
-            raise ValueError(f"images must lie in 1..{most:,}, not {images}")
+        if not 1 <= images <= MOST_IMAGES:
+            raise ValueError(f"images must lie in 1..{MOST_IMAGES:,}, not {images}")
         context = multiprocessing.get_context("spawn")
         self._ear, mouth = context.Pipe(duplex=False)
         order = (state, images, format, Path(folder.strip()).expanduser(), mouth)

@@ -13,21 +13,26 @@ body, .body--dark { background: var(--paper); color: var(--ink); font-family: sy
        border-bottom: 1px solid var(--line); background: var(--card); flex-wrap: wrap; }
 .bar h1 { font-size: 1rem; font-weight: 600; line-height: 1.4; margin: 0 12px 0 0; }
 .bar .grow { flex: 1; }
-.desk { display: grid; grid-template-columns: 350px minmax(0, 1fr); width: 100%; }
+.desk { display: grid; grid-template-columns: 380px minmax(0, 1fr); width: 100%; }
 .knobs { height: calc(100vh - 57px); overflow-y: auto; padding: 8px 8px 40px 20px;
           border-right: 1px solid var(--line); background: var(--card); scrollbar-width: thin; }
 .stage { height: calc(100vh - 57px); overflow-y: auto; padding: 18px 22px 40px; }
 .knobgroup .q-item { padding: 0; min-height: 36px; font-weight: 600; font-size: .84rem; }
 .knobgroup .q-expansion-item__content > * { gap: 0; padding: 0 12px 8px 0; }
-.attribute { display: grid; grid-template-columns: 1fr auto; width: 100%; padding: 3px 0 1px;
-             align-items: baseline; column-gap: 10px; }
+.attribute { display: grid; grid-template-columns: minmax(0, 1fr) 3.2rem; width: 100%;
+             padding: 4px 0 1px; align-items: center; column-gap: 10px; }
+.head { grid-column: 1 / 3; display: flex; justify-content: space-between; gap: 10px; }
 .meaning { font-size: .79rem; color: var(--ink); line-height: 1.3; }
 .ends { font-size: .79rem; font-variant-numeric: tabular-nums; white-space: nowrap; }
 .drawn { font-size: .72rem; color: var(--soft); font-variant-numeric: tabular-nums;
-         min-width: 4.8em; text-align: right; white-space: nowrap; align-self: center; }
+         text-align: right; white-space: nowrap; }
+.meaning { overflow: hidden; text-overflow: ellipsis; white-space: nowrap; }
 .attribute .q-range { padding: 0 8px; }
-.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(260px, 1fr)); gap: 14px;
-        width: 100%; margin-bottom: 14px; }
+.shown { display: grid; grid-template-columns: minmax(0, 2.08fr) minmax(0, 1fr); gap: 4px 14px;
+         width: 100%; margin-bottom: 14px; }
+.shown .planes { display: grid; gap: 14px; align-content: start; }
+.shown.beside { grid-template-columns: 1fr 1fr; }
+.shown.beside .planes { grid-template-columns: 1fr 1fr; grid-column: 1 / 3; }
 .picture { position: relative; border-radius: 8px; overflow: hidden; background: var(--line); }
 .picture img { display: block; width: 100%; height: 100%; object-fit: contain; }
 .caption { font-size: .76rem; color: var(--soft); margin: 0; padding: 0; line-height: 1.5; }

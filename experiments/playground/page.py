@@ -20,6 +20,7 @@ from experiments.playground.rendering import Desk, Kitchen, Pictures, Request, r
 from experiments.playground.sliders import Sliders
 from experiments.playground.state import State
 from scene.assets.catalogue import USES
+from scene.assets.families import FAMILIES
 from scene.proposal import describe, named, parse_streets
 from shell.command import size
 from shell.files import parse_json
@@ -106,20 +107,20 @@ class Page:
             save.props("flat dense padding='2px 10px'").tooltip("as attributes.json")
 
     def _pictures(self) -> None:
-        with ui.element("div").classes("pair"):
+        with ui.element("div").classes("shown beside" if self._photographs else "shown"):
             with ui.element("div"):
                 self._image = _picture("image")
-                self._caption = ui.label().classes("caption")
+                self._caption = ui.label("warming up").classes("caption")
             if self._photographs:
                 with ui.element("div"):
                     self._real = _picture("real")
-                    with ui.row().classes("gap-1 items-center no-wrap"):
-                        most = len(self._photographs) - 1
-                        turn = ui.number("real image", value=0, min=0, max=most, precision=0)
-                        turn.props("dense borderless").on_value_change(self._turn)
-                self._put_photograph(0)
-        with ui.element("div").classes("pair"):
-            self._label, self._depth = _picture("label"), _picture("depth")
+                    most = len(self._photographs) - 1
+                    turn = ui.number(f"real image, 0..{most}", value=0, min=0, max=most)
+                    turn.props("dense borderless").on_value_change(self._turn)
+            with ui.element("div").classes("planes"):
+                self._label, self._depth = _picture("label"), _picture("depth")
+        if self._photographs:
+            self._put_photograph(0)
 
     def _view_panel(self) -> None:
         view = self._state.view
@@ -154,6 +155,10 @@ class Page:
                 ):
                     box = ui.number(label, value=value, min=0, precision=0).props("dense")
                     box.on_value_change(lambda e, name=name: self._stock(**{name: _whole(e.value)}))
+            away = ui.select(list(FAMILIES), multiple=True, value=[], label="families left out")
+            away.props("dense options-dense").on_value_change(
+                lambda e: self._stock(without=tuple(e.value))
+            )
             ui.label("share in use").classes("quiet")
             share = ui.slider(min=0.05, max=1, step=0.05, value=pool.fraction).props("label dense")
             share.on("change", lambda: self._stock(fraction=float(share.value)))

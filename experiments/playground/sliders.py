@@ -36,17 +36,18 @@ class Sliders:
 
     def show(self, state: State) -> None:
         """Put thumbs and texts where the state has them."""
-        self._state = state
+        self._state, unit = state, state.unit
         for name, thumbs in self._ranges.items():
             if thumbs.value != (wanted := _thumbs(state, name)):
                 thumbs.value = wanted
-            for label, text in zip(self._texts[name], shown(state, name), strict=True):
+            for label, text in zip(self._texts[name], shown(state, name, unit), strict=True):
                 label.set_text(text)
 
     def _row(self, state: State, name: str) -> None:
         with ui.element("div").classes("attribute").props(f"data-attribute={name}"):
-            ui.label(BY_NAME[name].meaning).classes("meaning").tooltip(name)
-            ends = ui.label().classes("ends")
+            with ui.element("div").classes("head"):
+                ui.label(BY_NAME[name].meaning).classes("meaning").tooltip(name)
+                ends = ui.label().classes("ends")
             thumbs = ui.range(min=0, max=STEPS, value=_thumbs(state, name))
             thumbs.props(f'drag-range dense aria-label="{name}"')
             drawn = ui.label().classes("drawn").tooltip("drawn for the street in view")

@@ -40,7 +40,7 @@ GROUPS: dict[str, tuple[str, ...]] = {
     "Roadside": ("parked_share", "queue_share", "open_share", "bare_tree_share"),
 }
 """Every attribute once, in the order of the table; a group shows those of the space in use."""
-MOST_STREETS, MOST_SHOTS, MOST_PIXELS = 10_000, 60, 2_100_000
+MOST_STREETS, MOST_SHOTS, MOST_PIXELS = 1000, 60, 2_100_000
 SEEDS = 2**32
 
 
@@ -129,13 +129,13 @@ def centred(state: State) -> State:
     return replaced(state, slide(np.full_like(state.proposal.centre, 0.5), state.proposal.width))
 
 
-def shown(state: State, name: str) -> tuple[str, str]:
-    """An attribute's interval and the value of the street in view, in physical units."""
+def shown(state: State, name: str, unit: np.ndarray) -> tuple[str, str]:
+    """An attribute's interval, and its value in a street f32[attributes], as physical values."""
     row, (low, high) = BY_NAME[name], interval(state, name)
     ends = [f"{row.physical(end):.3g}" for end in (low, high)]
-    unit = "" if row.unit in ("probability", "share") else f" {row.unit}"
-    drawn = row.physical(float(state.unit[list(BY_NAME).index(name)]))
-    return " – ".join(dict.fromkeys(ends)) + unit, f"{drawn:.3g}{unit}"
+    measure = "" if row.unit in ("probability", "share") else f" {row.unit}"
+    drawn = row.physical(float(unit[list(BY_NAME).index(name)]))
+    return " – ".join(dict.fromkeys(ends)) + measure, f"{drawn:.3g}"
 
 
 def rows(space: SpaceName) -> dict[str, tuple[str, ...]]:
