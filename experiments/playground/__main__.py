@@ -81,7 +81,6 @@ def main(arguments: list[str] | None = None) -> int:
         command.fail(error)
     from experiments.playground.page import Options, serve
 
-    print(f"http://127.0.0.1:{options.port} (Ctrl-C ends it)", flush=True)
     serve(Options(state, photographs), options.port, not options.no_browser)
     return 0
 

@@ -45,6 +45,7 @@ def serve(options: Options, port: int, browser: bool) -> None:
         await Page(options, kitchen).begin()
 
     app.add_middleware(Guard)
+    app.on_startup(lambda: print(f"http://{HOST}:{port} (Ctrl-C ends it)", flush=True))
     app.on_shutdown(kitchen.close)
     ui.run(
         host=HOST,
