@@ -69,7 +69,9 @@ class Export:
         self._process.terminate()
         self._process.join()
         if not self._last.over:
-            self._last = self._last._replace(error="cancelled; the same order continues it")
+            self._last = self._last._replace(
+                error=f"cancelled after {self._last.done} images; the same order continues it"
+            )
 
 
 def _work(state: State, images: int, format: str, folder: Path, mouth: Connection) -> None:

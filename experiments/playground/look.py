@@ -35,6 +35,7 @@ body, .body--dark { background: var(--paper); color: var(--ink); font-family: sy
 .shown.beside .planes { grid-template-columns: 1fr 1fr; grid-column: 1 / 3; }
 .picture { position: relative; border-radius: 8px; overflow: hidden; background: var(--line); }
 .picture img { display: block; width: 100%; height: 100%; object-fit: contain; }
+.real, .real img { max-height: 46vh; }
 .caption { font-size: .76rem; color: var(--soft); margin: 0; padding: 0; line-height: 1.5; }
 .panels { display: grid; grid-template-columns: repeat(auto-fit, minmax(250px, 1fr)); gap: 14px;
           width: 100%; }
@@ -45,6 +46,8 @@ body, .body--dark { background: var(--paper); color: var(--ink); font-family: sy
 .quiet { color: var(--soft); font-size: .76rem; }
 .wrong { color: #b3423a; font-size: .8rem; }
 .body--dark .wrong { color: #ec8f86; }
+.q-notification { background: #9c3f38; color: #ffffff; max-width: 60rem; }
+.q-notification .q-btn { color: #ffffff !important; }
 .q-btn { text-transform: none; font-weight: 500; }
 @media (max-width: 800px) { .desk { grid-template-columns: 1fr; }
   .knobs, .stage { height: auto; border-right: 0; } }

@@ -19,11 +19,10 @@ class Orders:
 
     Args:
         state: gives it.
-        refuse: told what is wrong with an order.
     """
 
-    def __init__(self, state: Callable[[], State], refuse: Callable[[str], None]) -> None:
-        self._state, self._refuse = state, refuse
+    def __init__(self, state: Callable[[], State]) -> None:
+        self._state = state
         self._export: Export | None = None
         with ui.element("div").classes("panel dataset"):
             ui.html("<h2>Dataset</h2>", sanitize=False)
@@ -56,7 +55,7 @@ class Orders:
                 self._folder.value or "",
             )
         except (ValueError, OSError) as error:
-            self._refuse(str(error))
+            self._text.set_text(str(error))
             return
         self._start.disable()
         self._end.enable()
@@ -80,8 +79,4 @@ class Orders:
         self._export = None
         self._end.disable()
         self._start.enable()
-        if news.error:
-            self._text.set_text(f"{news.done} of {news.images} images; ended")
-            self._refuse(news.error)
-        else:
-            self._text.set_text(f"{news.images} images in {self._folder.value}")
+        self._text.set_text(news.error or f"{news.images} images in {self._folder.value}")

@@ -65,6 +65,7 @@ class Page:
     def __init__(self, options: Options, kitchen: Kitchen) -> None:
         self._state, self._photographs, self._kitchen = options.state, options.photographs, kitchen
         self._desk = Desk(kitchen.make, self._show)
+        self._note: ui.notification | None = None
         ui.colors(primary=ACCENT)
         ui.add_css(CSS)
         self._bar()
@@ -75,7 +76,7 @@ class Page:
                 with ui.element("div").classes("panels"):
                     self._view_panel()
                     self._asset_panel()
-                    self._orders = Orders(lambda: self._state, self._refuse)
+                    self._orders = Orders(lambda: self._state)
         self._fill()
         ui.context.client.on_delete(self._orders.close)
 
@@ -268,8 +269,10 @@ class Page:
             self._refuse(str(error))
 
     def _refuse(self, message: str) -> None:
-        """One clear message, until it is closed."""
-        ui.notify(message, type="negative", timeout=0, close_button="close", multi_line=True)
+        """One clear message, in place of the one before, until it is closed."""
+        if self._note is not None:
+            self._note.dismiss()
+        self._note = ui.notification(message, timeout=None, close_button="close", position="top")
 
 
 def _picture(kind: str) -> ui.interactive_image:
