@@ -34,6 +34,7 @@ COMMANDS = {
     "check": "scene.check",
     "stats": "scene.stats",
     "preview": "scene.preview",
+    "playground": "experiments.playground",
     "catalogue": "scene.assets",
     "weights": "seg.weights",
     "tune": "sdr_jax.tune",

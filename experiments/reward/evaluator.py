@@ -257,7 +257,7 @@ def about(
         kind, source = "mmd", truth.source
     else:
         kind, source = "miou", digest_of(truth.images, truth.labels)
-    pool = recipe.pool._asdict()
+    pool = recipe.pool.decides
     if pool["own"]:  # the files count, not where they lie
         pool["own"] = folder_digest(Path(pool["own"]))
     fidelity = recipe.fidelity

@@ -10,7 +10,7 @@ from __future__ import annotations
 import zlib
 from functools import lru_cache
 from pathlib import PurePath
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,6 +34,13 @@ class AssetPool(NamedTuple):
     fraction: float = 1.0  # share that is used, of built-in and own ones (the half-asset study)
     own: str = ""  # folder of own assets, see ``library``
     use: str = "both"  # which ones: "both", "own" or "built-in"
+    without: tuple[str, ...] = ()  # families that stay away
+
+    @property
+    def decides(self) -> dict[str, Any]:
+        """Its fields as plain values; ``without`` where it names any, so that older records hold."""
+        fields = {**self._asdict(), "without": list(self.without)}
+        return fields if self.without else {k: v for k, v in fields.items() if k != "without"}
 
 
 MOST = 1_000_000
@@ -61,6 +68,9 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
         raise ValueError(f"{named}count must be 1 or more, not {pool.size}")
     if pool.size is not None and pool.size > MOST:
         raise ValueError(f"{named}count must be {MOST:,} or less, not {pool.size}")
+    for family in pool.without:
+        if family not in FAMILIES:
+            raise ValueError(f"{named}without: no family {family!r}; known: {', '.join(FAMILIES)}")
     if pool.use == "own" and not pool.own:
         raise library.LibraryError(f"{named}use 'own' needs a folder of own assets")
     if pool.own:
@@ -119,12 +129,13 @@ def in_season(
 def _built_in(pool: AssetPool, family: str) -> int:
     """How many built-in assets of a family a pool offers."""
     size = FAMILIES[family].count if pool.size is None else pool.size
-    return 0 if pool.use == "own" else max(1, round(size * pool.fraction))
+    absent = pool.use == "own" or family in pool.without
+    return 0 if absent else max(1, round(size * pool.fraction))
 
 
 def own_assets(pool: AssetPool, family: str) -> tuple[str, ...]:
     """Paths of the own assets that a pool offers for a family, in a fixed order."""
-    if not pool.own or pool.use == "built-in":
+    if not pool.own or pool.use == "built-in" or family in pool.without:
         return ()
     found = library.scan(pool.own).get(family, ())
     return found[: max(1, round(len(found) * pool.fraction))]

@@ -80,7 +80,7 @@ def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str
         "seed": plan.seed,
         "renderer": plan.renderer,
         "render": plain(render),
-        "assets": {**plan.pool._asdict(), "own": Path(plan.pool.own).name},
+        "assets": {**plan.pool.decides, "own": Path(plan.pool.own).name},
         "own_assets": _own_assets(plan.own),
         "attributes": None if streets is None else _units(streets),
         "streets": [[shortest(value) for value in row] for row in units.tolist()],

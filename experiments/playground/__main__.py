@@ -1,0 +1,89 @@
+"""Serves a local page with a slider for each attribute and the street that they give.
+
+python -m experiments.playground
+python -m experiments.playground --space extended --size 640x360 --no-browser
+python -m experiments.playground --attributes runs/main/attributes.json --real DIR
+"""
+
+from __future__ import annotations
+
+import argparse
+import socket
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+from experiments.playground.photographs import listed
+from experiments.playground.state import State, View, check_view, opened
+from scene.assets.catalogue import AssetPool
+from scene.attributes import SPACES
+from scene.render import RendererError, renderer
+from scene.render.__main__ import streets_of
+from shell.command import Parser, size
+from shell.errors import UserError
+
+PORT = 8420
+
+
+def parser() -> Parser:
+    """The command line."""
+    options = Parser("experiments.playground", __doc__)
+    add = options.add_argument
+    add("--port", type=int, default=PORT, help=f"of 127.0.0.1; by default {PORT}")
+    add("--no-browser", action="store_true", help="only serve; open no browser")
+    add("--attributes", default="default", help="default, random, or a JSON file to begin with")
+    add("--space", choices=SPACES, default="scenex", help="attributes of default and random")
+    add("--real", type=Path, metavar="DIR", help="real images to look at beside the street")
+    add("--size", type=size, default=(480, 270), help="WIDTHxHEIGHT in pixels")
+    add("--samples", type=int, default=2, help="rays per pixel along each axis")
+    add("--seed", type=int, default=0)
+    add("--shots", type=int, default=6, help="images per street")
+    add("--assets", default="", metavar="DIR", help="folder of your own assets")
+    return options
+
+
+def check_port(port: int) -> None:
+    """Raise UserError unless the page can be served there."""
+    if not 1 <= port <= 65535:
+        raise UserError(f"--port must lie in 1..65535, not {port}")
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind(("127.0.0.1", port))
+        except OSError as error:
+            raise UserError(f"--port {port}: {error.strerror}; choose another") from None
+
+
+def first_state(options: argparse.Namespace) -> State:
+    """What a page shows at first.
+
+    Raises:
+        ValueError: an option out of range, or a file that holds no attributes, by name.
+        OSError: it cannot be read.
+    """
+    width, height = options.size
+    pool = AssetPool(own=options.assets)
+    view = View(options.seed, 0, 0, options.shots, width, height, options.samples, pool)
+    return opened(streets_of(options.attributes, options.space), check_view(view))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    command = parser()
+    options = command.parse_args(arguments)
+    try:
+        if find_spec("nicegui") is None:
+            raise UserError("the page is made with NiceGUI: pip install 'sdr-jax[playground]'")
+        check_port(options.port)
+        state, photographs = first_state(options), listed(options.real)
+        renderer("embree")
+    except (ValueError, OSError, RendererError) as error:
+        command.fail(error)
+    from experiments.playground.page import Options, serve
+
+    serve(Options(state, photographs), options.port, not options.no_browser)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,292 @@
+"""The page: sliders on the left; pictures of one street, and what else can be told, on the right."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from nicegui import app, ui
+from nicegui.events import UploadEventArguments, ValueChangeEventArguments
+
+from experiments.playground import state as states
+from experiments.playground.guard import MOST_BYTES, Guard
+from experiments.playground.look import ACCENT, CSS
+from experiments.playground.orders import Orders
+from experiments.playground.photographs import photograph
+from experiments.playground.rendering import Desk, Kitchen, Pictures, Request, request
+from experiments.playground.sliders import Sliders
+from experiments.playground.state import State
+from scene.assets.catalogue import USES
+from scene.assets.families import FAMILIES
+from scene.proposal import describe, named, parse_streets
+from shell.command import size
+from shell.files import parse_json
+
+HOST = "127.0.0.1"
+BLANK = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
+
+
+class Options(NamedTuple):
+    """What every page begins with."""
+
+    state: State
+    photographs: tuple[Path, ...] = ()
+
+
+def serve(options: Options, port: int, browser: bool) -> None:
+    """Serve the page on this machine's own address until Ctrl-C."""
+    kitchen = Kitchen()
+
+    @ui.page("/")
+    async def _() -> None:
+        await Page(options, kitchen).begin()
+
+    app.add_middleware(Guard)
+    app.on_startup(lambda: print(f"http://{HOST}:{port} (Ctrl-C ends it)", flush=True))
+    app.on_shutdown(kitchen.close)
+    ui.run(
+        host=HOST,
+        port=port,
+        title="Playground",
+        favicon="🏙️",
+        dark=None,
+        show=browser,
+        reload=False,
+        show_welcome_message=False,
+    )
+
+
+class Page:
+    """One tab: what it shows, and its elements."""
+
+    def __init__(self, options: Options, kitchen: Kitchen) -> None:
+        self._state, self._photographs, self._kitchen = options.state, options.photographs, kitchen
+        self._desk = Desk(kitchen.make, self._show)
+        self._note: ui.notification | None = None
+        ui.colors(primary=ACCENT)
+        ui.add_css(CSS)
+        self._bar()
+        with ui.element("main").classes("desk"):
+            self._column = ui.element("section").classes("knobs")
+            with ui.element("section").classes("stage"):
+                self._pictures()
+                with ui.element("div").classes("panels"):
+                    self._view_panel()
+                    self._asset_panel()
+                    self._orders = Orders(lambda: self._state)
+        self._fill()
+        ui.context.client.on_delete(self._orders.close)
+
+    async def begin(self) -> None:
+        """Ask for the first picture when the page stands."""
+        await ui.context.client.connected()
+        if not self._kitchen.warm:
+            self._time.set_text("warming up: code is compiled, once")
+        await self._ask(quick=False)
+
+    def _bar(self) -> None:
+        with ui.element("header").classes("bar"):
+            ui.html("<h1>Playground</h1>", sanitize=False)
+            for text, hint, change in (
+                ("by eye", "intervals around a street set by eye", _named("default")),
+                ("random", "every attribute anywhere in its range", _named("random")),
+                ("centre all", "every interval in the middle, as wide as it is", states.centred),
+            ):
+                button = ui.button(text, on_click=self._press(change)).tooltip(hint)
+                button.props("outline dense padding='2px 12px'")
+            self._component = ui.select([], on_change=self._choose).props("dense borderless")
+            ui.element("div").classes("grow")
+            self._time = ui.label().classes("quiet time")
+            upload = ui.upload(auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._load)
+            upload.props('accept=".json"').classes("hidden")
+            upload.on("rejected", lambda: self._refuse(f"a file has at most {MOST_BYTES:,} bytes"))
+            load = ui.button("load", on_click=lambda: upload.run_method("pickFiles"))
+            load.props("flat dense padding='2px 10px'").tooltip("an attributes.json")
+            save = ui.button("save", on_click=self._save)
+            save.props("flat dense padding='2px 10px'").tooltip("as attributes.json")
+
+    def _pictures(self) -> None:
+        with ui.element("div").classes("shown beside" if self._photographs else "shown"):
+            with ui.element("div"):
+                self._image = _picture("image")
+                self._caption = ui.label("warming up").classes("caption")
+            if self._photographs:
+                with ui.element("div"):
+                    self._real = _picture("real")
+                    most = len(self._photographs) - 1
+                    turn = ui.number(f"real image, 0..{most}", value=0, min=0, max=most)
+                    turn.props("dense borderless").on_value_change(self._turn)
+            with ui.element("div").classes("planes"):
+                self._label, self._depth = _picture("label"), _picture("depth")
+        if self._photographs:
+            self._put_photograph(0)
+
+    def _view_panel(self) -> None:
+        view = self._state.view
+        with ui.element("div").classes("panel"):
+            ui.html("<h2>Street</h2>", sanitize=False)
+            with ui.element("div").classes("fields"):
+                for name in ("seed", "street", "shot", "shots"):
+                    self._number(name, getattr(view, name))
+                rays = ui.select([1, 2, 3, 4], value=view.samples, label="rays")
+                rays.props("dense options-dense").tooltip("per pixel along each axis")
+                rays.on_value_change(lambda e: self._look(samples=int(e.value)))
+            with ui.element("div").classes("fields"):
+                box = ui.input("size", value=f"{view.width}x{view.height}").props("dense")
+                box.on("change", lambda: self._resize(box.value))
+                self._space = ui.toggle(list(states.SPACES), value=self._state.space)
+                self._space.on_value_change(self._respace)
+                self._space.props("dense unelevated no-caps padding='2px 10px' size=12px")
+            self._wrong = ui.label().classes("wrong")
+
+    def _asset_panel(self) -> None:
+        pool = self._state.view.pool
+        with ui.element("div").classes("panel"):
+            ui.html("<h2>Assets</h2>", sanitize=False)
+            if pool.own:
+                use = ui.select(list(USES), value=pool.use, label="which")
+                use.props("dense options-dense")
+                use.on_value_change(lambda e: self._stock(use=e.value))
+            with ui.element("div").classes("fields"):
+                for label, name, value in (
+                    ("first", "first", pool.first),
+                    ("of each family", "size", pool.size),
+                ):
+                    box = ui.number(label, value=value, min=0, precision=0).props("dense")
+                    box.on_value_change(lambda e, name=name: self._stock(**{name: _whole(e.value)}))
+            away = ui.select(list(FAMILIES), multiple=True, value=[], label="families left out")
+            away.props("dense options-dense").on_value_change(
+                lambda e: self._stock(without=tuple(e.value))
+            )
+            ui.label("share in use").classes("quiet")
+            share = ui.slider(min=0.05, max=1, step=0.05, value=pool.fraction).props("label dense")
+            share.on("change", lambda: self._stock(fraction=float(share.value)))
+
+    def _number(self, name: str, value: int) -> None:
+        box = ui.number(name, value=value, min=0, precision=0).props("dense")
+
+        async def change(event: ValueChangeEventArguments) -> None:
+            if event.value is not None:
+                await self._look(**{name: int(event.value)})
+
+        box.on_value_change(change)
+
+    def _fill(self) -> None:
+        """Build what depends on the space and on the number of components."""
+        self._column.clear()
+        with self._column:
+            self._sliders = Sliders(self._state, self._moved)
+        self._space.set_value(self._state.space)
+        shares = self._state.shares
+        options = {k: f"component {k + 1} · {share:.0%}" for k, share in enumerate(shares)}
+        self._component.set_options(options, value=self._state.component)
+        self._component.set_visibility(len(shares) > 1)
+
+    async def _ask(self, quick: bool) -> None:
+        try:
+            states.check_view(self._state.view)
+            self._wrong.set_text("")
+            await self._desk.ask(request(self._state, quick))
+        except (ValueError, RuntimeError) as error:
+            self._wrong.set_text(str(error))
+
+    def _show(self, wanted: Request, made: Pictures, seconds: float) -> None:
+        for element, kind, data in (
+            (self._image, "jpeg", made.image),
+            (self._label, "png", made.label),
+            (self._depth, "jpeg", made.depth),
+        ):
+            element.set_source(_source(kind, data))
+        self._time.set_text(
+            f"{'preview' if wanted.quick else 'picture'} in {seconds * 1000:.0f} ms"
+        )
+        view = wanted.view
+        self._caption.set_text(
+            f"street {view.street}, shot {view.shot} of {view.shots}  ·  {made.weather}  ·  "
+            f"{made.placed} assets"
+        )
+
+    async def _become(self, state: State, quick: bool = False) -> None:
+        rebuild = (state.space, state.shares) != (self._state.space, self._state.shares)
+        self._state = state
+        if rebuild:
+            self._fill()
+        else:
+            self._sliders.show(state)
+        await self._ask(quick)
+
+    async def _moved(self, name: str, low: float, high: float) -> None:
+        await self._become(states.moved(self._state, name, low, high), quick=True)
+
+    async def _look(self, **changes: object) -> None:
+        await self._become(self._state._replace(view=self._state.view._replace(**changes)))  # type: ignore[arg-type]
+
+    async def _stock(self, **changes: object) -> None:
+        await self._look(pool=self._state.view.pool._replace(**changes))  # type: ignore[arg-type]
+
+    async def _resize(self, text: str) -> None:
+        try:
+            width, height = size(text)
+        except Exception as error:
+            self._refuse(f"size {error}")
+            return
+        await self._look(width=width, height=height)
+
+    async def _respace(self, event: ValueChangeEventArguments) -> None:
+        if event.value != self._state.space:
+            await self._become(states.opened(named("default", event.value), self._state.view))
+
+    async def _choose(self, event: ValueChangeEventArguments) -> None:
+        if event.value is not None and event.value != self._state.component:
+            await self._become(self._state._replace(component=event.value))
+
+    def _press(self, change: Callable[[State], State]) -> Callable[[], object]:
+        return lambda: self._become(change(self._state))
+
+    async def _load(self, event: UploadEventArguments) -> None:
+        try:
+            streets = parse_streets(parse_json(await event.file.read()))
+        except ValueError as error:
+            self._refuse(f"{event.file.name}: {error}")
+            return
+        await self._become(states.opened(streets, self._state.view))
+
+    def _save(self) -> None:
+        text = json.dumps(describe(self._state.streets), indent=2) + "\n"
+        ui.download.content(text, "attributes.json", "application/json")
+
+    def _turn(self, event: ValueChangeEventArguments) -> None:
+        if event.value is not None and 0 <= event.value < len(self._photographs):
+            self._put_photograph(int(event.value))
+
+    def _put_photograph(self, index: int) -> None:
+        try:
+            self._real.set_source(_source("jpeg", photograph(self._photographs[index])))
+        except ValueError as error:
+            self._refuse(str(error))
+
+    def _refuse(self, message: str) -> None:
+        """One clear message, in place of the one before, until it is closed."""
+        if self._note is not None:
+            self._note.dismiss()
+        self._note = ui.notification(message, timeout=None, close_button="close", position="top")
+
+
+def _picture(kind: str) -> ui.interactive_image:
+    with ui.element("div").classes(f"picture {kind}"):
+        return ui.interactive_image(BLANK).classes("w-full")
+
+
+def _source(kind: str, data: bytes) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _named(name: str) -> Callable[[State], State]:
+    return lambda state: states.set_to(state, name)
+
+
+def _whole(value: float | None) -> int | None:
+    return None if value is None else int(value)

@@ -1,0 +1,41 @@
+"""Real images to look at beside the street."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+WIDEST = 960
+"""Pixels; wider photographs are shrunk before they are sent to the page."""
+
+
+def listed(folder: Path | None) -> tuple[Path, ...]:
+    """Images in a folder and those below it, sorted; none where there is no folder.
+
+    Raises:
+        DataError: no such folder, or no image in it.
+    """
+    if folder is None:
+        return ()
+    from seg.data.unlabelled import list_unlabelled  # brings JAX
+
+    return list_unlabelled(folder)
+
+
+def photograph(path: Path) -> bytes:
+    """One image as JPEG, at most ``WIDEST`` pixels wide.
+
+    Raises:
+        DataError: it is missing or broken.
+    """
+    from seg.data.images import read_image
+    from seg.data.realset import resize_image
+
+    image = read_image(path)
+    height, width = image.shape[:2]
+    if width > WIDEST:
+        image = resize_image(image, (max(height * WIDEST // width, 1), WIDEST))
+    data: np.ndarray = cv2.imencode(".jpg", image[..., ::-1])[1]
+    return data.tobytes()

@@ -1,0 +1,168 @@
+"""What one page shows: intervals of attributes, and which picture of which street. Pure."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets.catalogue import AssetPool, check_pool
+from scene.attributes import BY_NAME, SPACES, SpaceName, space_of
+from scene.proposal import Proposal, Streets, components, draw, mixture, named, slide
+from scene.render import RenderSettings, check_settings
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "Light and weather": (
+        "illumination_intensity",
+        "illumination_angle_x",
+        "illumination_angle_y",
+        "overcast_share",
+    ),
+    "Camera": (
+        "camera_position_probability",
+        "camera_position_x",
+        "camera_position_y",
+        "camera_rotation_x",
+        "camera_rotation_y",
+        "field_of_view",
+        "camera_roll",
+        "exposure",
+        "white_balance",
+    ),
+    "Distance from the centre line": tuple(
+        name for name in BY_NAME if name.endswith("_position") and name != "camera_position"
+    ),
+    "Spacing": (
+        "building_probability",
+        *(name for name in BY_NAME if name.endswith("_interval")),
+    ),
+    "Road": ("road_width", "sidewalk_width", "bend", "gradient", "junction_share"),
+    "Roadside": ("parked_share", "queue_share", "open_share", "bare_tree_share"),
+}
+"""Every attribute once, in the order of the table; a group shows those of the space in use."""
+MOST_STREETS, MOST_SHOTS, MOST_PIXELS = 1000, 60, 2_100_000
+SEEDS = 2**32
+
+
+class View(NamedTuple):
+    """One picture of one street of the dataset with a seed."""
+
+    seed: int = 0
+    street: int = 0
+    shot: int = 0
+    shots: int = 6  # of every street
+    width: int = 480
+    height: int = 270
+    samples: int = 2  # rays per pixel along each axis
+    pool: AssetPool = AssetPool()
+
+    @property
+    def settings(self) -> RenderSettings:
+        """Size and quality of the picture, and of a dataset."""
+        return RenderSettings(self.width, self.height, self.samples)
+
+
+class State(NamedTuple):
+    """The components of a mixture, one of which is shown and changed."""
+
+    shares: tuple[float, ...]
+    proposals: tuple[Proposal, ...]  # f32[attributes] each
+    component: int = 0
+    view: View = View()
+
+    @property
+    def proposal(self) -> Proposal:
+        """The component that is shown."""
+        return self.proposals[self.component]
+
+    @property
+    def space(self) -> SpaceName:
+        """The space of all components."""
+        return space_of(len(self.proposal.centre))
+
+    @property
+    def streets(self) -> Streets:
+        """What is saved, and what datasets are drawn from."""
+        return mixture(self.shares, self.proposals)
+
+    @property
+    def unit(self) -> np.ndarray:
+        """Attributes f32[attributes] of the street in view, of the component that is shown."""
+        return draw(self.proposal, self.view.seed, self.view.street + 1)[-1]
+
+
+def opened(streets: Streets, view: View) -> State:
+    """A state that shows the first component of ``streets``."""
+    shares, proposals = zip(*components(streets), strict=True)
+    return State(shares, proposals, 0, view)
+
+
+def interval(state: State, name: str) -> tuple[float, float]:
+    """Low and high end of an attribute, unit values."""
+    where = list(BY_NAME).index(name)
+    centre, width = (float(part[where]) for part in state.proposal)
+    return max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
+
+
+def moved(state: State, name: str, low: float, high: float) -> State:
+    """The state with one attribute between two unit values; all others stay bit by bit."""
+    where = list(BY_NAME).index(name)
+    centre, width = (part.copy() for part in state.proposal)
+    centre[where], width[where] = (low + high) / 2, high - low
+    return replaced(state, slide(centre, width))
+
+
+def replaced(state: State, proposal: Proposal) -> State:
+    """The state with another proposal in place of the component that is shown."""
+    own = list(state.proposals)
+    own[state.component] = proposal
+    return state._replace(proposals=tuple(own))
+
+
+def set_to(state: State, name: str) -> State:
+    """The component in view as ``random`` or ``default``; see ``scene.proposal.named``."""
+    return replaced(state, named(name, state.space))
+
+
+def centred(state: State) -> State:
+    """Every interval in the middle of its range, as wide as it was."""
+    return replaced(state, slide(np.full_like(state.proposal.centre, 0.5), state.proposal.width))
+
+
+def shown(state: State, name: str, unit: np.ndarray) -> tuple[str, str]:
+    """An attribute's interval, and its value in a street f32[attributes], as physical values."""
+    row, (low, high) = BY_NAME[name], interval(state, name)
+    ends = [f"{row.physical(end):.3g}" for end in (low, high)]
+    measure = "" if row.unit in ("probability", "share") else f" {row.unit}"
+    drawn = row.physical(float(unit[list(BY_NAME).index(name)]))
+    return " – ".join(dict.fromkeys(ends)) + measure, f"{drawn:.3g}"
+
+
+def rows(space: SpaceName) -> dict[str, tuple[str, ...]]:
+    """The attributes of a space by group; groups without any are left out."""
+    known = {row.name for row in SPACES[space]}
+    kept = {title: tuple(n for n in names if n in known) for title, names in GROUPS.items()}
+    return {title: names for title, names in kept.items() if names}
+
+
+def check_view(view: View) -> View:
+    """The view itself.
+
+    Raises:
+        ValueError: a field out of range, by name.
+        LibraryError: own assets that cannot be used; see ``scene.assets.library``.
+    """
+    limits = {
+        "seed": (0, SEEDS - 1),
+        "street": (0, MOST_STREETS - 1),
+        "shots": (1, MOST_SHOTS),
+        "shot": (0, view.shots - 1),
+    }
+    for name, (low, high) in limits.items():
+        if not low <= getattr(view, name) <= high:
+            raise ValueError(f"{name} must lie in {low}..{high}, not {getattr(view, name)}")
+    check_settings(view.settings)
+    if view.width * view.height > MOST_PIXELS:
+        raise ValueError(f"size {view.width}x{view.height} is over {MOST_PIXELS:,} pixels")
+    check_pool(view.pool)
+    return view
