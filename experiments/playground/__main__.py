@@ -19,7 +19,7 @@ from scene.assets.catalogue import AssetPool
 from scene.attributes import SPACES
 from scene.render import RendererError, renderer
 from scene.render.__main__ import streets_of
-from shell.command import Parser, size
+from shell.command import Parser, exit_code, size
 from shell.errors import UserError
 
 PORT = 8420
@@ -69,20 +69,19 @@ def first_state(options: argparse.Namespace) -> State:
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    command = parser()
-    options = command.parse_args(arguments)
-    try:
+    options = parser().parse_args(arguments)
+
+    def work() -> None:
         if find_spec("nicegui") is None:
             raise UserError("the page is made with NiceGUI: pip install 'sdr-jax[playground]'")
         check_port(options.port)
         state, photographs = first_state(options), listed(options.real)
         renderer("embree")
-    except (ValueError, OSError, RendererError) as error:
-        command.fail(error)
-    from experiments.playground.page import Options, serve
+        from experiments.playground.page import Options, serve
 
-    serve(Options(state, photographs), options.port, not options.no_browser)
-    return 0
+        serve(Options(state, photographs), options.port, not options.no_browser)
+
+    return exit_code(work, users=(ValueError, RendererError), debug=options.debug, goes_on=False)
 
 
 if __name__ == "__main__":
