@@ -34,7 +34,7 @@ demo: setup
 	@echo 'The run is in $(OUT): open report.html; figures in summary.json, learnt attributes in attributes.json'
 
 test: setup
-	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow and not robust" $(ARGS)
+	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not slow and not robust" --durations=20 $(ARGS)
 
 results: setup
 	@$(BIN)/python -m experiments.results --data "$(DATA)" --docs docs

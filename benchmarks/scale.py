@@ -34,9 +34,10 @@ from experiments.run.ladder import cost_of, training_cost
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.export import export_dataset
+from scene.executors import workers_of
 from scene.proposal import default_proposal, draw, random_proposal
 from scene.render import RenderSettings
-from scene.workers import WorkerPool, Workers, workers_of
+from scene.workers import WorkerPool, Workers
 from shell.errors import UserError
 
 NETWORK = 125e6

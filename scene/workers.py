@@ -21,7 +21,6 @@ from typing import Any, Literal, TypeVar
 import cv2
 
 from shell.cores import Cores
-from shell.errors import UserError
 from shell.memory import refuse_larger
 
 ExecutorName = Literal["processes", "dask"]
@@ -197,33 +196,6 @@ class WorkerPool(Workers):
                 initargs=(context.Value("i", 0), LEAST_URGENT if behind else 0),
             )
         return self._executors[behind]
-
-
-def workers_of(
-    executor: ExecutorName,
-    workers: int,
-    scheduler: str | None = None,
-    environment: dict[str, str] | None = None,
-) -> Workers:
-    """The workers that ``--executor``, ``--workers`` and ``--scheduler`` ask for.
-
-    Raises:
-        UserError: a scheduler for processes, none for a cluster, or one that does not answer; the extra
-            ``dask`` is not installed.
-    """
-    if executor == "processes":
-        if scheduler is not None:
-            raise UserError("--scheduler is for --executor dask")
-        return WorkerPool(workers, environment)
-    if scheduler is None:
-        raise UserError("--executor dask needs --scheduler ADDRESS, which 'dask scheduler' prints")
-    try:
-        from scene.cluster import Cluster
-    except ImportError as error:
-        raise UserError(
-            f"--executor dask needs the extra dask: pip install -e '.[dask]' ({error})"
-        ) from None
-    return Cluster(scheduler, environment)
 
 
 def refuse_many_workers(flag: str, workers: int) -> None:

@@ -26,9 +26,10 @@ from experiments.run.ahead import Ahead
 from experiments.run.ladder import cost_of
 from experiments.target.base import Target
 from experiments.target.named import named_target
+from scene.executors import workers_of
 from scene.render import RendererError, renderer
 from scene.version import ENGINE
-from scene.workers import Workers, workers_of
+from scene.workers import Workers
 from sdr_jax import refuse_failures
 from seg.weights import described
 from shell import folder

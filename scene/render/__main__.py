@@ -17,10 +17,11 @@ from scene.attributes import SPACES, SpaceName
 from scene.dataset.export import export_dataset
 from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.dataset.read import DESCRIPTION, MOST_IMAGES
+from scene.executors import workers_of
 from scene.proposal import Streets, draw, named, parse_streets
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
-from scene.workers import ExecutorName, WorkerError, refuse_many_workers, workers_of
+from scene.workers import ExecutorName, WorkerError, refuse_many_workers
 from shell.command import Parser, exit_code, size
 from shell.files import read_json
 from shell.memory import refuse_larger

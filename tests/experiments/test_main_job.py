@@ -70,6 +70,7 @@ def test_output_says_that_the_twin_is_not_real_and_the_run_folder_is_complete(un
     assert all(list(row["attributes"]) == list(NAMES) for row in rows)
 
 
+@pytest.mark.slow  # and `make robust` kills a run twenty times; in one process test_study does
 def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_path):
     out = tmp_path / "broken"
 

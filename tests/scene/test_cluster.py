@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from scene.workers import WorkerPool, workers_of
+from scene.executors import workers_of
+from scene.workers import WorkerPool
 from shell.errors import UserError
 from shell.sent import here
 

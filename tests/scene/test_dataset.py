@@ -27,8 +27,8 @@ def test_bytes_do_not_depend_on_the_workers_and_an_open_pool_is_left_open(here):
     seen = []
     with WorkerPool(1) as pool:
         many = [render(pool), render(pool, progress=lambda *counts: seen.append(counts))]
-        assert pool._executor is not None
-    assert pool._executor is None and seen == [(1, 3), (2, 3), (3, 3)]  # streets
+        assert pool._executors
+    assert not pool._executors and seen == [(1, 3), (2, 3), (3, 3)]  # streets
     for there in (*many, render(2)):
         assert (there.images == here.images).all() and (there.labels == here.labels).all()
 

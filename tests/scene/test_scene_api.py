@@ -9,8 +9,8 @@ import pytest
 import scene
 
 ROOMS = (
-    "classes", "attributes", "version", "cache", "workers", "proposal", "look", "mesh", "sky", "ground",
-    "assets", "street", "render", "dataset", "preview", "check", "stats", "callback",
+    "classes", "attributes", "version", "cache", "workers", "cluster", "executors", "proposal", "look",
+    "mesh", "sky", "ground", "assets", "street", "render", "dataset", "preview", "check", "stats", "callback",
 )  # fmt: skip
 """Each imports from those before it only."""
 

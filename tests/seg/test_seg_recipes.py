@@ -51,7 +51,8 @@ def data(count=4, size=(32, 32), seed=0):
 
 
 @pytest.mark.parametrize(("recipe", "name"), [
-    ("paper", "deeplabv2"), ("scratch", "fcn8s"),
+    ("paper", "deeplabv2"),
+    pytest.param("scratch", "fcn8s", marks=pytest.mark.slow),
     pytest.param("paper", "fcn8s", marks=pytest.mark.slow),
     pytest.param("scratch", "deeplabv2", marks=pytest.mark.slow),
 ])  # fmt: skip
