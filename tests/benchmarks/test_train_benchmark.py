@@ -36,6 +36,7 @@ def test_ratio_is_pytorchs_time_over_ours(monkeypatch):
     assert [row["torch_layout"] for row in rows] == ["channels_last", "contiguous"]
 
 
+@pytest.mark.slow
 def test_lite0_has_four_passes():
     runs = dict(benchmark.jax_runs(benchmark.Job("lite0", 40, 32, 2)))
     assert list(runs) == ["forward", "features", "head", "step"]

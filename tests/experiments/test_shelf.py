@@ -81,7 +81,7 @@ def test_parts_are_scored_each_for_itself(opened, tmp_path):
     assert len(keys) == 3 and kept == found._replace(stored=True)
 
 
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_outcomes_and_keys_are_those_of_arrays(workers, tmp_path):
     plain, told = outcomes(Shelf(WorkerPool(0)), tmp_path / "plain"), []
     assert plain[0][1] == evaluate_miou(RECIPE, REAL, 5, TEST).reward != plain[1][1]

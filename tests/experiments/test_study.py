@@ -53,7 +53,8 @@ def test_presets_are_sound(name, target, preset):
     ("table", (3,), "--learnt FILE"),
     ("pretrain", (3,), "--learnt FILE"),  # between the scores of one net
     ("assets", (3,), ""), ("labels", (3,), "--learnt FILE --renders default learnt"),
-    ("ablation", (3, 3), "--variants full no_positions"),  # within a search, and within the nets
+    # Within a search, and within the nets.
+    ("ablation", (3, 3), "--variants full no_positions --search.method random_search"),
     ("searches", (6, 30), "--methods random_search --few 2"),  # within a search, and in the next one
     ("fidelity", (7,), ""), ("sensitivity", (5,), ""),
 ])  # fmt: skip
