@@ -18,7 +18,7 @@ from experiments.run.nets import Nets, begin, paired_seeds, score_lists, trainin
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
-from scene.proposal import Streets, default_proposal, draw, random_proposal
+from scene.proposal import Streets, draw, named
 from shell.files import write, write_json
 
 
@@ -64,13 +64,10 @@ def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, Truth]:
     """Streets of each kind with their labels: some by chance and by eye, all learnt ones, the real images."""
     config, fidelity = run.config, recipe.fidelity
     some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
-    sets = {
-        name: render(recipe._replace(fidelity=some), streets, config.seed, run.workers)
-        for name, streets in (
-            ("random", random_proposal(config.space)),
-            ("default", default_proposal(config.default_width, config.space)),
-        )
-    }
+    sets = {}
+    for name in ("random", "default"):
+        streets = named(name, config.space, config.default_width)
+        sets[name] = render(recipe._replace(fidelity=some), streets, config.seed, run.workers)
     sets["learnt"] = read_dataset(config.out / "dataset")
     found = {
         name: Truth(own.images, recipe.classes.from_train_id[own.labels])

@@ -36,7 +36,7 @@ def write(
     for part in parts:
         if part.name in times:
             for suffix in ("json", "png"):
-                source = out / part.name / f"{_study(part)}.{suffix}"
+                source = out / part.name / f"{part.study}.{suffix}"
                 shutil.copyfile(source, shown / f"{part.name}.{suffix}")
     files.write(docs / NAME, text(parts, times, commit, out, "results"))
 
@@ -59,8 +59,8 @@ def text(
     ]
     for part in parts:
         if part.name in times:
-            table = (out / part.name / f"{_study(part)}.md").read_text().strip()
-            own = f"{part.name}/{_study(part)}.png"
+            table = (out / part.name / f"{part.study}.md").read_text().strip()
+            own = f"{part.name}/{part.study}.png"
             where = f"{shown}/{part.name}.png" if shown else own
             lines += [
                 "", f"## {part.title}", part.asks, "",
@@ -68,7 +68,3 @@ def text(
                 table, "", f"![{part.title}]({where})",
             ]  # fmt: skip
     return "\n".join([*lines, ""])
-
-
-def _study(part: Part) -> str:
-    return part.module.rpartition(".")[2]

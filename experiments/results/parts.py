@@ -33,6 +33,11 @@ class Part(NamedTuple):
     flags: tuple[str, ...]
 
     @property
+    def study(self) -> str:
+        """Its files are called so."""
+        return self.module.rpartition(".")[2]
+
+    @property
     def command(self) -> tuple[str, ...]:
         """What is run, but for where it writes."""
         return ("python", "-m", self.module, *self.flags)

@@ -13,7 +13,7 @@ from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.learn import Learnt, learn, plan_of, work_of
 from experiments.run.nets import Nets, begin, paired_seeds, score_lists
-from experiments.searches.report import FORM
+from experiments.searches.report import FORM, OVER
 from experiments.study.form import Report, about, nets
 from experiments.study.searches import core_seconds, rewards
 from experiments.study.skeleton import Study
@@ -74,11 +74,6 @@ def searches(config: ManyConfig) -> dict[str, ManyConfig]:
     }
 
 
-def baselines(config: ManyConfig) -> list[str]:
-    """The rows that need no search, of rendered images."""
-    return ["few+random", "few+default"] if config.few is not None else ["random", "default"]
-
-
 def plan(config: ManyConfig) -> list[Work]:
     """Rewards and candidates of all searches, and the final nets."""
     own = searches(config)
@@ -86,7 +81,7 @@ def plan(config: ManyConfig) -> list[Work]:
     for kind in zip(*(work_of(each) for each in own.values()), strict=True):
         count = sum(each.nets for each in kind)
         work.append(kind[0]._replace(what=f"{kind[0].what}, {len(own)} searches", nets=count))
-    rendered = (len(own) + len(baselines(config))) * config.seeds
+    rendered = (len(own) + len(OVER)) * config.seeds
     alone = (1 + (config.few is not None)) * config.seeds
     return [
         *work,
@@ -102,7 +97,7 @@ def scores(run: Run[ManyConfig], _: Any) -> Report:
 
     def trained() -> Nets:
         streets: dict[str, Source] = {
-            name: named(name, config.space, config.default_width) for name in ("random", "default")
+            name: named(name, config.space, config.default_width) for name in OVER
         }
         streets |= {name: answer.learnt.streets for name, answer in answers.items()}
         sets: dict[str, Source] = dict(streets)

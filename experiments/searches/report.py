@@ -33,7 +33,7 @@ BASELINES = {
 }
 """Rows that no search makes."""
 OVER = ("random", "default")
-"""What gains are measured over."""
+"""Rendered rows that need no search: what gains are measured over."""
 HEAD = (
     "nets trained on", "searches", "mIoU", "95 % interval",
     "gain over random", "95 % interval", "gain over by eye", "95 % interval", "of real, %",
@@ -101,10 +101,8 @@ def text(report: Report) -> str:
     rows = []
     for row in report["rows"]:
         gains = [cell for base in OVER for cell in cells(row[f"gain_over_{base}"], "+.1f")]
-        name = BASELINES.get(row["name"], f"learnt by {words(row['name'])}")
-        rows.append(
-            [name, str(row["searches"] or ""), *cells(row), *gains, number(row["of_real"], ".0f")]
-        )
+        searches, of_real = str(row["searches"] or ""), number(row["of_real"], ".0f")
+        rows.append([_title(row), searches, *cells(row), *gains, of_real])
     each = []
     for search in report["searches"]:
         first, last = thirds(search["rewards"])
@@ -139,6 +137,11 @@ def text(report: Report) -> str:
     return "\n".join(lines)
 
 
+def _title(row: Report) -> str:
+    """What the nets of a row were trained on."""
+    return BASELINES.get(row["name"], f"learnt by {words(row['name'])}")
+
+
 def picture(report: Report) -> bytes:
     """MIoU of every row with its interval, and of every search, as PNG."""
     rows = [row for row in report["rows"] if row["mean"] is not None]
@@ -150,8 +153,7 @@ def picture(report: Report) -> bytes:
         axis.errorbar(row["mean"], place, xerr=bar, fmt="o", capsize=4, color=color, zorder=3)
         own = [s["learnt"] for s in report["searches"] if s["method"] == row["name"]]
         axis.plot(own, [place + 0.2] * len(own), "|", color=color, ms=9, alpha=0.7)
-    titles = [BASELINES.get(row["name"], f"learnt by {words(row['name'])}") for row in rows]
-    axis.set_yticks(range(len(rows)), titles)
+    axis.set_yticks(range(len(rows)), list(map(_title, rows)))
     axis.invert_yaxis()
     axis.grid(axis="x", alpha=0.3)
     axis.set(

@@ -126,17 +126,22 @@ def test_two_are_started_on_one_folder(name, tally, tmp_path):
                 end(process)
 
 
+def well_under_way(program, out):
+    """A process of the program that has kept two pieces of its work, and goes on."""
+    process = program.start(out)
+    while len(program.kept(out)) < 2:
+        assert process.poll() is None
+        time.sleep(0.002)
+    return process
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_the_clock_goes_back_between_sessions(name, whole, tally, tmp_path):
     """Every file is of the year 2100 when the command goes on."""
     own, program, row = whole(name), PROGRAMS[name], tally(f"the clock moved back: {name}")
     out = tmp_path / "out"
     with row.attempt():
-        process = program.start(out)
-        while len(program.kept(out)) < 2:
-            assert process.poll() is None
-            time.sleep(0.02)
-        end(process)
+        end(well_under_way(program, out))
         for path in (out, *out.rglob("*")):
             os.utime(path, (4.1e9, 4.1e9))
         assert program.finish(out) == (0, "")
@@ -147,10 +152,7 @@ def test_half_of_an_export_vanishes_while_it_runs(whole, tally, tmp_path):
     own, program, row = whole("export"), PROGRAMS["export"], tally("half a dataset deleted: export")
     out = tmp_path / "out"
     with row.attempt():
-        process = program.start(out)
-        while len(program.kept(out)) < 2:
-            assert process.poll() is None
-            time.sleep(0.002)
+        process = well_under_way(program, out)
         for path in sorted(out.rglob("*.png"))[::2]:
             path.unlink(missing_ok=True)
         error = process.communicate(timeout=900)[1]
