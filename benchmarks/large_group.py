@@ -51,7 +51,7 @@ def cost(name: str, attributes: int, updates: int) -> Row:
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
-    traced = [name for name in METHODS if name not in ("cma_es", "tpe")]
+    traced = [name for name, entry in METHODS.items() if not entry.library]
     command.add_argument("--methods", choices=traced, nargs="+", default=["surrogate", "intervals"])
     command.add_argument("--attributes", type=int, nargs="+", default=[23, 50, 100])
     command.add_argument("--updates", type=int, default=5, help="updates that are timed")

@@ -31,12 +31,12 @@ from experiments.reward.miou import worker_environment
 from sdr_jax.registry import METHODS, make
 
 DEFAULT = "surrogate"
-"""The method that a user of the experiments gets."""
+"""The method of studies and of the API, which begin from nothing."""
 
-LONG = ("tpe",)
+LONG = ("tpe", "gaussian_process")
 """Methods that compile next to nothing and take long."""
 
-SLOW = ("linear", "sdr", "cma_es", DEFAULT)
+SLOW = ("intervals", "linear", "sdr", "cma_es", DEFAULT)
 """Those that take longest of the others."""
 
 LOOKS = 10

@@ -30,6 +30,7 @@ from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.rivals.attribute_descent import attribute_descent
 from sdr_jax.rivals.cma_es import cma_es
 from sdr_jax.rivals.gaussian import gaussian
+from sdr_jax.rivals.gaussian_process import gaussian_process
 from sdr_jax.rivals.pbil import pbil
 from sdr_jax.rivals.random_attributes import random_attributes
 from sdr_jax.rivals.random_search import random_search
@@ -69,6 +70,7 @@ __all__ = [
     "ema",
     "first_state",
     "gaussian",
+    "gaussian_process",
     "host_reward",
     "identity",
     "intervals",

@@ -15,6 +15,7 @@ from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.rivals.attribute_descent import attribute_descent
 from sdr_jax.rivals.cma_es import cma_es
 from sdr_jax.rivals.gaussian import gaussian
+from sdr_jax.rivals.gaussian_process import gaussian_process
 from sdr_jax.rivals.pbil import pbil
 from sdr_jax.rivals.random_attributes import random_attributes
 from sdr_jax.rivals.random_search import random_search
@@ -34,6 +35,7 @@ MethodName = Literal[
     "intervals",
     "cma_es",
     "tpe",
+    "gaussian_process",
 ]
 """Every search method, by the name of its function."""
 
@@ -52,6 +54,7 @@ class Entry(NamedTuple):
     n: int = 1  # data sets per update that suit it
     least: int = 1  # as few as an update can take
     budgeted: bool = False  # whether it must be told how many updates there will be
+    library: bool = False  # whether it is another library's, and not traced
 
 
 def _sdr(
@@ -108,8 +111,10 @@ METHODS: dict[str, Entry] = {
     "pbil": Entry(pbil),
     "linear": Entry(linear),
     "intervals": Entry(intervals, n=5),
-    "cma_es": Entry(cma_es),
-    "tpe": Entry(tpe),
+    "cma_es": Entry(cma_es, library=True),
+    "tpe": Entry(tpe, library=True),
+    # Its model is learnt anew with every update.
+    "gaussian_process": Entry(gaussian_process, n=5, library=True),
 }
 """All methods, by name."""
 

@@ -17,8 +17,8 @@ info = jax.jit(lambda rewards, probabilities: plain_info(rewards, entropy(probab
 """The info of an update, f32[n] rewards and f32[attributes bins] probabilities given."""
 
 
-def needs(module: str, method: str) -> Any:
-    """Imports what a method needs from the optional extra `search`.
+def needs(module: str, method: str, package: str | None = None) -> Any:
+    """Imports what a method needs from the optional extra `search`; by default the package has its name.
 
     Raises:
         ImportError: it is not installed; says what to install.
@@ -29,7 +29,8 @@ def needs(module: str, method: str) -> Any:
         if error.name != module:  # it is there and lacks something of its own
             raise
         raise ModuleNotFoundError(
-            f"{method} needs the package {module}: pip install 'sdr-jax[search]'", name=module
+            f"{method} needs the package {package or module}: pip install 'sdr-jax[search]'",
+            name=module,
         ) from None
 
 
@@ -54,6 +55,21 @@ def relaxation(space: Space, width: Width) -> Callable[[Array | np.ndarray], Pro
         return Proposal(jnp.asarray(centres[rows, columns]), jnp.asarray(widths[rows, columns]))
 
     return relaxed
+
+
+def best_quarter(prior: np.ndarray, actions: np.ndarray, values: np.ndarray) -> Array:
+    """Share of each bin, f32[attributes bins], among the best quarter of evaluations.
+
+    Args:
+        prior: f32[attributes bins], with the weight of one evaluation.
+        actions: i32[evaluations attributes]: bins.
+        values: f64[evaluations].
+    """
+    counts = prior.copy()
+    order = np.argsort(-values, kind="stable")
+    for index in order[: -(-len(order) // 4)]:
+        counts[np.arange(len(counts)), actions[index]] += 1
+    return jnp.asarray(counts / counts.sum(axis=1, keepdims=True))
 
 
 @jax.jit

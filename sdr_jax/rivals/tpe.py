@@ -162,11 +162,7 @@ def tpe(
         return relaxed(state.actions[np.argmax(state.rewards)])
 
     def probabilities(state: TpeState) -> Float[Array, "attributes bins"]:
-        counts = prior.copy()
-        order = np.argsort(-state.rewards, kind="stable")
-        for index in order[: -(-len(order) // 4)]:
-            counts[np.arange(space.attributes), state.actions[index]] += 1
-        return jnp.asarray(counts / counts.sum(axis=1, keepdims=True))
+        return host.best_quarter(prior, state.actions, state.rewards)
 
     def spread(state: TpeState) -> Proposal:
         return moments(space, probabilities(state), width)

@@ -195,7 +195,7 @@ def test_a_method_is_made_with_its_own_options(name: str) -> None:
         assert np.any(width < 1)
     a = np.asarray(proposals.centre)[:, 0][width[:, 0] < 1]  # has no order, so no value between
     assert set(np.round(3 * a - 0.5, 5)) <= {0, 1, 2}
-    assert method.traced == (name not in ("cma_es", "tpe"))
+    assert method.traced == (not METHODS[name].library)
 
 
 BAD = {
@@ -207,6 +207,7 @@ BAD = {
     "linear": dict(explore=[-1.0], degree=[0], pair_degree=[5], interaction=[np.inf]),
     "cma_es": dict(sigma=[0.0], population=[1]),
     "tpe": dict(startup=[-1]),
+    "gaussian_process": dict(startup=[0], candidates=[1]),
     "random_search": {},
 }
 

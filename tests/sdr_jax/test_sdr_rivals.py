@@ -16,6 +16,7 @@ from sdr_jax import Proposal, attribute_descent, ema, random_search, relax, run_
 from sdr_jax.relaxation import bin_centres, bin_mask, uniform
 from sdr_jax.rivals.cma_es import cma_es
 from sdr_jax.rivals.gaussian import GaussianParams, gaussian
+from sdr_jax.rivals.gaussian_process import gaussian_process
 from sdr_jax.rivals.pbil import _kernel, _rank_weights, pbil
 from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import SdrState
@@ -210,14 +211,18 @@ def test_authors_code_puts_undecided_at_half(make) -> None:
     np.testing.assert_allclose(proposal.width, 0.02)
 
 
-@pytest.mark.parametrize(("method", "module"), [(cma_es, "cmaes"), (tpe, "optuna")])
-def test_a_missing_library_is_named_with_what_to_install(monkeypatch, method, module) -> None:
+@pytest.mark.parametrize(("method", "module", "package"), [
+    (cma_es, "cmaes", "cmaes"),
+    (tpe, "optuna", "optuna"),
+    (gaussian_process, "sklearn", "scikit-learn"),
+])  # fmt: skip
+def test_a_missing_library_is_named_with_what_to_install(monkeypatch, method, module, package):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ImportError, match=rf"{module}: pip install 'sdr-jax\[search\]'"):
+    with pytest.raises(ImportError, match=rf"{package}: pip install 'sdr-jax\[search\]'"):
         method(SPACE)
 
 
-@pytest.mark.parametrize("make", [cma_es, tpe])
+@pytest.mark.parametrize("make", [cma_es, tpe, gaussian_process])
 def test_states_stay_valid(make) -> None:
     """As with the pure methods, nothing is changed in place."""
     method, other = make(SPACE), make(SPACE)
@@ -258,3 +263,27 @@ def test_tpe_answers_with_the_best_it_has_seen() -> None:
     p = np.asarray(method.probabilities(state))
     np.testing.assert_allclose(p[0, :2], [0.25, 0.75])
     np.testing.assert_allclose(p[1], [0.05] * 9 + [0.55], rtol=1e-5)
+
+
+def test_a_gaussian_process_answers_with_the_highest_mean_not_the_luckiest() -> None:
+    """One draw of a bin says more than the truth, and its neighbours and its repeats say less."""
+    one = space(["a"], bins=[10])
+    method = gaussian_process(one)
+    good, lucky = np.full((8, 1), 2), np.full((5, 1), 7)
+    tried = np.concatenate([good, lucky, np.arange(10)[:, None]]).astype(np.int32)
+    worth = np.where(tried[:, 0] == 2, 1.0, 0.0) + np.tile([0.2, -0.2], 12)[: len(tried)]
+    worth[8] = 1.5
+    state, _ = method.update(method.init(KEY), jnp.asarray(tried), jnp.asarray(worth))
+    np.testing.assert_allclose(method.solution(state).centre, [0.25])
+
+
+def test_a_gaussian_process_looks_where_it_expects_to_improve() -> None:
+    """Rewards rise towards the last bins of both: it goes on there, by chance one time in 16."""
+    pair = space(["a", "b"], bins=[8, 8])
+    method = gaussian_process(pair, startup=1)
+    tried = np.asarray([[a, b] for a in range(0, 6, 2) for b in range(0, 6, 2)], np.int32)
+    state, _ = method.update(
+        method.init(KEY), jnp.asarray(tried), jnp.asarray(tried.sum(axis=1), jnp.float32)
+    )
+    actions, _ = method.sample(KEY, state, 3)
+    assert np.all(np.asarray(actions) >= 4) and np.any(np.asarray(actions) >= 6)

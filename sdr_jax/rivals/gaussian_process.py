@@ -1,0 +1,183 @@
+"""Bayesian optimisation with a Gaussian process, through the library scikit-learn: a host adapter."""
+
+import warnings
+from functools import lru_cache
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.stats import norm
+
+from sdr_jax.method import Bins, Info, Method, Rewards, RngKey
+from sdr_jax.relaxation import UNDECIDED, moments, ordered, uniform
+from sdr_jax.rivals import host
+from sdr_jax.space import Proposal, Space, Width
+
+GROWTH = 1.25
+"""Scales and noise are learnt anew whenever there are so many times more evaluations."""
+
+NEAR = 8
+"""The evaluations of the highest mean around which half of the candidates lie."""
+
+
+class GaussianProcessState(NamedTuple):
+    """All evaluations so far; of growing size, not for jit."""
+
+    actions: np.ndarray  # i32[evaluations attributes]: their bins
+    rewards: np.ndarray  # f64[evaluations]: finite
+
+
+def gaussian_process(
+    space: Space,
+    width: Width = None,
+    *,
+    startup: int = 10,
+    candidates: int = 1000,
+) -> Method:
+    """Proposes where a Gaussian process expects the greatest improvement.
+
+    Matern 5/2 with one length scale, a scale of rewards and white noise, all three by maximum likelihood;
+    ordered bins are numbers in [0, 1], bins without an order one number each. The improvement is over the
+    highest mean among what was evaluated, and is looked for among random candidates and neighbours of the
+    best, which differ in one to three attributes. The n data sets of an update are chosen one after the
+    other, each believed to be worth its mean (the kriging believer). The answer is the evaluated data set of
+    the highest mean. Groups play no part.
+
+    This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
+    Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state given stays
+    valid.
+
+    `probabilities`, and `spread` from it, are an estimate: the quarter of the evaluations with the highest
+    mean, and a uniform distribution with the weight of one more.
+
+    Args:
+        space: the attributes and their bins.
+        width: of the relaxed bins, see `relax`.
+        startup: evaluations at random before the model is used.
+        candidates: data sets among which the greatest improvement is looked for.
+
+    Returns:
+        The method, for any number of updates.
+
+    Raises:
+        ImportError: `scikit-learn` is not installed.
+        ValueError: an option out of range.
+
+    Source: not in the paper; Jones et al. 1998, "Efficient global optimization of expensive black-box
+    functions"; Ginsbourger et al. 2010, "Kriging is well-suited to parallelize optimization".
+    """
+    host.needs("sklearn", "gaussian_process", "scikit-learn")
+    from sklearn import gaussian_process as library
+
+    relaxed = host.relaxation(space, width)
+    if startup < 1:
+        raise ValueError(f"startup is {startup}, but must be 1 or more")
+    if candidates < 2:
+        raise ValueError(f"candidates is {candidates}, but must be 2 or more")
+    prior, bins = np.asarray(uniform(space)), np.asarray(space.bins)
+
+    def encoded(actions: np.ndarray) -> np.ndarray:
+        columns = []
+        for own, count, in_order in zip(actions.T, space.bins, ordered(space), strict=True):
+            if in_order:
+                columns.append(own[:, None] / max(count - 1, 1))
+            else:  # any two are as far apart as the ends of an ordered attribute
+                columns.append(np.eye(count)[own] / np.sqrt(2))
+        return np.concatenate(columns, axis=1)
+
+    def fit(kernel: Any, actions: np.ndarray, values: np.ndarray, optimizer: str | None) -> Any:
+        model = library.GaussianProcessRegressor(kernel, optimizer=optimizer)
+        with warnings.catch_warnings():  # a parameter at its bound is no news
+            warnings.simplefilter("ignore")
+            return model.fit(encoded(actions), values)
+
+    @lru_cache(maxsize=4)
+    def learnt(actions: bytes, rewards: bytes) -> Any:
+        """The kernel with what these evaluations say of its parameters."""
+        rows = np.frombuffer(actions, np.int32).reshape(-1, space.attributes)
+        kernels = library.kernels
+        kernel = kernels.ConstantKernel(1.0, (1e-2, 1e2)) * kernels.Matern(
+            np.sqrt(space.attributes) / 2, (1e-2, 1e2), nu=2.5
+        ) + kernels.WhiteKernel(0.1, (1e-6, 1e1))
+        return fit(kernel, rows, _standard(np.frombuffer(rewards)), "fmin_l_bfgs_b").kernel_
+
+    def fitted(state: GaussianProcessState) -> Any:
+        """The process after all evaluations; its parameters by the first of them, see `GROWTH`."""
+        steps = np.floor(np.log(len(state.rewards)) / np.log(GROWTH) + 1e-9)
+        first = int(np.ceil(GROWTH**steps - 1e-9))
+        kernel = learnt(state.actions[:first].tobytes(), state.rewards[:first].tobytes())
+        return fit(kernel, state.actions, _standard(state.rewards), None)
+
+    def means(state: GaussianProcessState) -> np.ndarray:
+        """Of all evaluated data sets, in standard deviations of their rewards."""
+        return fitted(state).predict(encoded(state.actions))
+
+    def looked_at(rng: np.random.Generator, best: np.ndarray) -> np.ndarray:
+        """Candidates: random ones, and neighbours of the best."""
+        anew = rng.integers(0, bins, (candidates, space.attributes), np.int32)
+        around = best[rng.integers(0, len(best), candidates // 2)]
+        # The one to three attributes of the lowest numbers are those of the random candidate.
+        rank = rng.random(around.shape).argsort(axis=1).argsort(axis=1)
+        changed = rank < rng.integers(1, 4, (len(around), 1))
+        anew[: len(around)] = np.where(changed, anew[: len(around)], around)
+        return anew
+
+    def improvement(model: Any, actions: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Expected of each row, over the highest mean of what was evaluated."""
+        mean, deviation = model.predict(encoded(rows), return_std=True)
+        noise = model.kernel_.k2.noise_level
+        deviation = np.sqrt(
+            np.maximum(deviation**2 - noise, 1e-12)
+        )  # of the value, not of a reward
+        gain = mean - model.predict(encoded(actions)).max()
+        return gain * norm.cdf(gain / deviation) + deviation * norm.pdf(gain / deviation)
+
+    def init(rng_key: RngKey) -> GaussianProcessState:
+        del rng_key  # nothing is random before the first sample
+        return GaussianProcessState(np.zeros((0, space.attributes), np.int32), np.zeros(0))
+
+    def sample(rng_key: RngKey, state: GaussianProcessState, n: int) -> tuple[Bins, Proposal]:
+        rng = np.random.default_rng(host.seed(rng_key))
+        if len(state.rewards) < startup:
+            actions = rng.integers(0, bins, (n, space.attributes), np.int32)
+            return jnp.asarray(actions), relaxed(actions)
+        best = np.argsort(-means(state), kind="stable")[:NEAR]
+        rows, model = looked_at(rng, state.actions[best]), fitted(state)
+        actions, values = state.actions, _standard(state.rewards)
+        for _ in range(n):
+            chosen = rows[improvement(model, actions, rows).argmax()][None]
+            values = np.concatenate([values, model.predict(encoded(chosen))])
+            actions = np.concatenate([actions, chosen])
+            model = fit(model.kernel_, actions, values, None)
+        return jnp.asarray(actions[-n:]), relaxed(actions[-n:])
+
+    def update(
+        state: GaussianProcessState, actions: Bins, rewards: Rewards
+    ) -> tuple[GaussianProcessState, Info]:
+        info = host.info(rewards, probabilities(state))
+        rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
+        finite = np.isfinite(values)
+        return GaussianProcessState(
+            np.concatenate([state.actions, rows[finite]]),
+            np.concatenate([state.rewards, values[finite]]),
+        ), info
+
+    def solution(state: GaussianProcessState) -> Proposal:
+        if not len(state.rewards):
+            return relaxed(np.full(space.attributes, UNDECIDED, np.int32))
+        return relaxed(state.actions[means(state).argmax()])
+
+    def probabilities(state: GaussianProcessState) -> Float[Array, "attributes bins"]:
+        values = means(state) if len(state.rewards) else state.rewards
+        return host.best_quarter(prior, state.actions, values)
+
+    def spread(state: GaussianProcessState) -> Proposal:
+        return moments(space, probabilities(state), width)
+
+    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)
+
+
+def _standard(rewards: np.ndarray) -> np.ndarray:
+    """Without mean, in standard deviations."""
+    return (rewards - rewards.mean()) / (rewards.std() or 1.0)
