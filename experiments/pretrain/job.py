@@ -8,15 +8,16 @@ from typing import Annotated, Literal
 
 from experiments import presets
 from experiments.config import Fidelity, LearntConfig, Preset, TargetName, Unused, refuse_shares
-from experiments.pretrain.nets import Start, chosen_images
+from experiments.pretrain.nets import Start, chosen_images, subsets
 from experiments.pretrain.report import FORM
 from experiments.pretrain.tuning import Net, tuned
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
+from experiments.run.learn import judged_on, learn
 from experiments.run.nets import paired_seeds
 from experiments.study.form import Report, about, nets
 from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
-from experiments.target.base import Target
+from experiments.target.base import Target, with_reward
 from scene.proposal import Streets, random_proposal
 from shell.errors import UserError, refuse_repeats
 
@@ -36,6 +37,9 @@ class PretrainConfig(LearntConfig):
     dear as pre-training for every fraction anew)."""
     fractions: tuple[float, ...] = (0.05, 0.1, 0.25, 1.0)
     """Shares of the reward images that nets are fine-tuned on, nested, the same for all rows of a seed."""
+    learn_on: Literal["all", "share"] = "all"
+    """Which labels the learnt attributes know: of all reward images, or of the share that nets are then
+    fine-tuned on: a search for every fraction, and the same images of it for all seeds."""
     finetune_steps: int | None = None
     """Updates of the fine-tuning; by default a third of --final.train.steps."""
     finetune_lr: float | None = None
@@ -63,6 +67,8 @@ def check(config: PretrainConfig) -> None:
         raise UserError("--rows needs at least one value")
     refuse_repeats("--rows", config.rows)
     refuse_shares("--fractions", config.fractions)
+    if config.learn_on == "share" and config.learnt is not None:
+        raise UserError("--learn-on share searches on every share itself; leave out --learnt")
     if config.finetune_steps is not None and config.finetune_steps < 1:
         raise UserError(f"--finetune-steps must be 1 or more, not {config.finetune_steps}")
     if config.finetune_lr is not None and not 0 < config.finetune_lr < math.inf:
@@ -78,12 +84,20 @@ def refuse_empty(config: PretrainConfig, target: Target) -> None:
                 f"--fractions {fraction:g} selects none of the {images} reward images; "
                 f"{1 / images:.2g} or more selects one"
             )
+        if config.learn_on == "share" and "learnt" in config.rows:
+            judged_on(_share(config, target, fraction), config)
 
 
 def plan(config: PretrainConfig) -> list[Work]:
     """The nets of every row, after those of the search."""
     fine, fractions, seeds = fine_fidelity(config), len(config.fractions), config.seeds
     work = learnt_work(config) if "learnt" in config.rows else []
+    if config.learn_on == "share":
+        work = [
+            each._replace(what=f"{each.what}, {100 * fraction:g} %")
+            for fraction in config.fractions
+            for each in work
+        ]
     rendered = sum(row in RENDERED for row in config.rows)
     if rendered:
         what = f"pre-training, {rendered} rows x {seeds} seeds"
@@ -100,12 +114,21 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
     """Train every net, or what is left of them."""
     config, images = run.config, len(run.target.reward_names)
     proposals: dict[str, Streets] = {"random": random_proposal(config.space)}
-    learnt = "learnt" in config.rows
-    if learnt:
-        proposals["learnt"] = learnt_attributes(run)
+    learnt, own = "learnt" in config.rows, config.learn_on == "share"
     before, fine = run.recipe(config.final), run.recipe(fine_fidelity(config))
-    starts = {str(row): Start(before, proposals.get(row), row == "longer") for row in config.rows}
-    found = tuned(run, starts, fine, config.fractions)
+    alike = config.seed if own else None
+    if learnt and not own:
+        proposals["learnt"] = learnt_attributes(run)
+    starts = {
+        str(row): Start(before, proposals.get(row), row == "longer")
+        for row in config.rows
+        if row != "learnt" or not own
+    }
+    found = tuned(run, starts, fine, config.fractions, alike)
+    for fraction in config.fractions if learnt and own else ():
+        part = replace(run, target=_share(config, run.target, fraction))
+        start = Start(before, learn(part, name=f"learnt-{fraction:g}").streets)
+        found |= tuned(run, {"learnt": start}, fine, [fraction], alike)
     train = fine.fidelity.train
     rows = []
     for row in config.rows:
@@ -116,12 +139,19 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
     return {
         **about(run, config.final),
         "learnt_from": learnt_from(config) if learnt else None,
+        "learn_on": config.learn_on,
         "net": train.net,
         "weights": train.weights,
         "pretraining": {"images": config.final.images, "steps": config.final.train.steps},
         "finetuning": {"steps": train.steps, "lr": train.lr},
         "rows": rows,
     }
+
+
+def _share(config: PretrainConfig, target: Target, fraction: float) -> Target:
+    """The target with the images of a fraction only, as all seeds have them."""
+    (chosen,) = subsets(len(target.reward_names), [fraction], config.seed)
+    return with_reward(target, chosen)
 
 
 STUDY = Study(FORM, plan, scores, check, refuse_empty)

@@ -18,7 +18,7 @@ from experiments.study.form import (
     statistics,
     target_of,
 )
-from experiments.study.stats import welch
+from experiments.study.stats import holm, stars, welch
 
 COMPARED = (
     ("learnt", "scratch"),
@@ -33,6 +33,7 @@ FIGURES = {
     "t": ("t", ".2f"),
     "degrees": ("degrees", ".1f"),
     "p": ("p_value", ".2g"),
+    "of all tests": ("p_corrected", ".2g"),
 }
 """Of a test: heads of the table, names in the report, and how they are written."""
 
@@ -56,8 +57,10 @@ def derive(report: Report) -> Report:
         if (ours, fraction) in known and (theirs, fraction) in known:
             found = welch(known[ours, fraction], known[theirs, fraction])
             test = {"fraction": fraction, "row": ours, "against": theirs}
-            figures = {"stars": ""} if found is None else {**found._asdict(), "stars": found.stars}
-            tests.append({**test, **figures})
+            tests.append({**test, "stars": ""} if found is None else {**test, **found._asdict()})
+    done = [test for test in tests if "p_value" in test]
+    for test, p_value in zip(done, holm([test["p_value"] for test in done]), strict=True):
+        test |= {"p_corrected": p_value, "stars": stars(p_value)}
     return {**report, "rows": rows, "tests": tests}
 
 
@@ -75,6 +78,9 @@ def named(report: Report) -> dict[str, str]:
 def text(report: Report) -> str:
     """The tables, in Markdown."""
     names, before, after = named(report), report["pretraining"], report["finetuning"]
+    sharing = "all rows of a seed"
+    if report.get("learn_on") == "share":
+        sharing = "all rows and seeds; attributes are learnt with the labels of that share alone"
     head = ["begun with", "share of the images", "images", "mIoU", "95 % interval"]
     rows = [
         [names[r["row"]], f"{100 * r['fraction']:g} %", str(r["images"]), *cells(r)]
@@ -85,7 +91,7 @@ def text(report: Report) -> str:
         "",
         f"Nets ({report['net']}) are pre-trained with {before['steps']} steps on {before['images']} "
         f"rendered images, then fine-tuned with {after['steps']} steps (learning rate {after['lr']:.3g}) on "
-        f"a share of the {report['reward_images']} reward images, the same for all rows of a seed. "
+        f"a share of the {report['reward_images']} reward images, the same for {sharing}. "
         f"Rows from {names['scratch']} get the steps of the fine-tuning only.",
         "",
         *markdown(head, rows),
@@ -104,8 +110,8 @@ def text(report: Report) -> str:
         ]
         lines += [
             "",
-            "Welch's t-test of the difference, two-sided, not corrected for the number of tests "
-            "(* p < 0.05, ** p < 0.01):",
+            "Welch's t-test of the difference, two-sided; the last p is corrected for the number of tests, "
+            "by Holm (* p < 0.05, ** p < 0.01):",
             "",
             *markdown(head, tests),
         ]

@@ -35,7 +35,11 @@ class Net(NamedTuple):
 
 
 def tuned(
-    run: Run[Any], starts: Mapping[str, Start], fine: Recipe, fractions: Sequence[float]
+    run: Run[Any],
+    starts: Mapping[str, Start],
+    fine: Recipe,
+    fractions: Sequence[float],
+    alike: int | None = None,
 ) -> dict[Net, Outcome]:
     """Fine-tune ``--seeds`` nets of every row at every fraction; a worker takes one (row, seed) at a time.
 
@@ -44,6 +48,7 @@ def tuned(
         starts: of the rows, by name.
         fine: how all nets are fine-tuned.
         fractions: shares of the reward images.
+        alike: the seed that chooses the images of all nets, or each its own.
 
     Raises:
         UserError: more than a tenth of the nets failed.
@@ -52,8 +57,9 @@ def tuned(
     shared = {row: _about(run, start, fine, truth) for row, start in starts.items()}
     cost = {row: _cost(start, fine, len(fractions)) for row, start in starts.items()}
     chosen = {
-        seed: dict(zip(fractions, subsets(len(real.images), fractions, seed), strict=True))
+        seed: dict(zip(fractions, subsets(len(real.images), fractions, of), strict=True))
         for seed in paired_seeds(run)
+        for of in [seed if alike is None else alike]
     }
     keys, memory = {}, run.memory(run.finals)
     found: dict[Net, Outcome] = {}

@@ -78,11 +78,6 @@ class Welch(NamedTuple):
     degrees: float  # of freedom, by Welch and Satterthwaite
     p_value: float  # two-sided
 
-    @property
-    def stars(self) -> str:
-        """The paper's marks: ** for p < 0.01, * for p < 0.05."""
-        return "**" if self.p_value < 0.01 else "*" if self.p_value < 0.05 else ""
-
 
 def welch(ours: Sequence[float], theirs: Sequence[float]) -> Welch | None:
     """Whether two means differ, without assuming equal variances.
@@ -98,6 +93,25 @@ def welch(ours: Sequence[float], theirs: Sequence[float]) -> Welch | None:
     found = stats.ttest_ind(a, b, equal_var=False)
     values = (a.mean() - b.mean(), found.statistic, found.df, found.pvalue)
     return Welch(*(float(value) for value in values))
+
+
+def holm(p_values: Sequence[float]) -> list[float]:
+    """P values of several tests, such that one among all below 0.05 by chance is that rare.
+
+    The k-th smallest of m is multiplied by m + 1 - k, and is at least the one before it.
+
+    Source: Holm (1979), "A simple sequentially rejective multiple test procedure".
+    """
+    values, order = np.asarray(p_values, float), np.argsort(p_values, kind="stable")
+    scaled = np.minimum(values[order] * np.arange(len(values), 0, -1), 1.0)
+    corrected = np.empty_like(values)
+    corrected[order] = np.maximum.accumulate(scaled)
+    return [float(value) for value in corrected]
+
+
+def stars(p_value: float) -> str:
+    """The paper's marks: ** for p < 0.01, * for p < 0.05."""
+    return "**" if p_value < 0.01 else "*" if p_value < 0.05 else ""
 
 
 RESAMPLES = 1000

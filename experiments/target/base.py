@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -43,6 +44,27 @@ class Target(NamedTuple):
     twin: TwinWorld | None = None
     labelled: bool = True  # whether the reward images are
     few_names: tuple[str, ...] = ()  # images that join every training set
+
+
+def part_of(images: RealSet, picked: np.ndarray) -> RealSet:
+    """Some of the images, by index."""
+    names, sequences = (tuple(column[k] for k in picked) for column in images[:2])
+    return RealSet(names, sequences, images.images[picked], images.labels[picked])
+
+
+def with_reward(target: Target, picked: np.ndarray) -> Target:
+    """The target with some of its reward images, by index, as if it had no others."""
+
+    @lru_cache(maxsize=1)
+    def at(height: int, width: int) -> Split:
+        split = target.at(height, width)
+        return split._replace(reward=part_of(split.reward, picked))
+
+    return target._replace(
+        reward_names=tuple(target.reward_names[k] for k in picked),
+        reward_sequences=tuple(target.reward_sequences[k] for k in picked),
+        at=at,
+    )
 
 
 def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> None:

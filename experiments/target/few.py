@@ -10,9 +10,8 @@ from functools import lru_cache
 import numpy as np
 
 from experiments.config import Config
-from experiments.target.base import Split, Target
+from experiments.target.base import Split, Target, part_of
 from seg.classes import IGNORE_LABEL, class_table
-from seg.data import RealSet
 from shell.errors import UserError
 
 STREAM = 5
@@ -35,7 +34,7 @@ def with_few(target: Target, config: Config) -> Target:
     @lru_cache(maxsize=1)
     def at(height: int, width: int) -> Split:
         whole, test, *_ = target.at(height, width)
-        split = Split(_part(whole, others), test, _part(whole, picked), whole)
+        split = Split(part_of(whole, others), test, part_of(whole, picked), whole)
         _refuse_void(split, few, target)
         return split
 
@@ -100,11 +99,6 @@ def spread(names: Sequence[str], sequences: Sequence[str], count: int, seed: int
         places = (np.arange(own) + rng.random()) * len(drive) / max(own, 1)
         chosen += [drive[int(place)] for place in places]
     return np.sort(np.array(chosen, np.int64))
-
-
-def _part(whole: RealSet, picked: np.ndarray) -> RealSet:
-    names, sequences = (tuple(column[k] for k in picked) for column in whole[:2])
-    return RealSet(names, sequences, whole.images[picked], whole.labels[picked])
 
 
 def _refuse_void(split: Split, few: int | float | None, target: Target) -> None:

@@ -62,7 +62,7 @@ def test_a_reward_is_split(wanted, images):
     shape = (4, 48, 64)
     real = rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(0, 11, shape, np.uint8)
     row = benchmark.reward_row(real, steps=3, images=wanted)  # whole streets, of 8 images each
-    assert (row["size"], row["images"], row["scored"], row["steps"]) == ("64x48", images, 4, 3)
+    assert (row["size"], row["images"], row["scored"], row["steps"]) == ("240x176", images, 4, 3)
     parts = [row[f"{part}_s"] for part in ("render", "train", "score")]
     assert min(parts) > 0 and row["reward_s"] == pytest.approx(sum(parts))
 

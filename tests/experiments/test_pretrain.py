@@ -20,7 +20,7 @@ from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from shell.files import read_json
 
-from .conftest import Counted, diverge, lines, never, transferred
+from .conftest import Counted, diverge, formula, lines, never, transferred
 
 
 @pytest.fixture
@@ -169,3 +169,41 @@ def test_scratch_alone_needs_no_attributes(pretrain, tmp_path):
     assert pretrain(out, "--rows", "scratch", "--learnt", "None") == 0
     assert read_json(out / "pretrain.json")["tests"] == lines(out / "evaluations.jsonl") == []
     assert "Learnt" not in (out / "pretrain.md").read_text()
+
+
+def test_attributes_may_be_learnt_from_the_share_that_nets_are_tuned_on(
+    command, learnt_file, tmp_path, error_line
+):
+    """Searches score on those images alone, and nets of all seeds are tuned on them."""
+    seen, tuned, out = [], [], tmp_path / "run"
+
+    def scores(recipe, source, seed, truth, *more, **also):
+        seen.append(len(truth.images))
+        return formula(recipe, source, seed, truth, *more, **also)
+
+    def tunes(start, fine, seed, real, chosen, truth):
+        tuned.append((start.proposal is not None, [k.tolist() for k in chosen]))
+        return transferred(start, fine, seed, real, chosen, truth)
+
+    flags = ("--rows", "scratch", "learnt", "--fractions", "0.5", "1.0", "--learn-on", "share")
+    assert command("pretrain", out, *flags, evaluate=scores, transfer=tunes) == 0
+    (half,) = subsets(4, [0.5], 0)
+    assert set(seen) == {2, 4} and seen.count(2) >= 8  # rewards and candidates
+    scratch = [chosen for learnt, chosen in tuned if not learnt]
+    assert scratch == [[half.tolist(), [0, 1, 2, 3]]] * 2
+    learnt = [chosen for learnt, chosen in tuned if learnt]
+    assert learnt == [[half.tolist()]] * 2 + [[[0, 1, 2, 3]]] * 2
+    report = read_json(out / "pretrain.json")
+    assert [(row["row"], row["images"]) for row in report["rows"]][2:] == [
+        ("learnt", 2),
+        ("learnt", 4),
+    ]
+    assert "of that share alone" in (out / "pretrain.md").read_text()
+    assert {path.name for path in (out / "attributes").iterdir()} == {
+        "learnt-0.5.json",
+        "learnt-1.json",
+    }
+    assert command("pretrain", out, *flags, evaluate=never, transfer=never) == 0  # all is known
+    both = ("--learn-on", "share", "--learnt", str(learnt_file))
+    assert command("pretrain", tmp_path / "other", *both) == 2
+    assert "leave out --learnt" in error_line(begun=True)

@@ -8,7 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import stats
 
-from experiments.study.stats import Estimate, bootstrap, crossed, mean_ci95, paired_gain, welch
+from experiments.study.stats import (
+    Estimate,
+    bootstrap,
+    crossed,
+    holm,
+    mean_ci95,
+    paired_gain,
+    stars,
+    welch,
+)
 
 SHAPES = ((5, 1), (1, 3), (5, 3))
 
@@ -69,10 +78,13 @@ def test_welch_and_the_bootstrap_by_hand():
     degrees = 2**2 / ((1 / 3) ** 2 / 2 + (5 / 3) ** 2 / 3)
     assert found.degrees == pytest.approx(degrees)
     assert found.p_value == pytest.approx(2 * stats.t.sf(5 / math.sqrt(2), degrees))
-    assert 0.01 < found.p_value < 0.05 and found.stars == "*"
+    assert 0.01 < found.p_value < 0.05 and stars(found.p_value) == "*"
     assert welch([3, 1, 2], [8, 4, 10, 6]).p_value == pytest.approx(found.p_value)
-    assert welch([1, 2, 3], [101, 102, 103]).stars == "**"
-    assert welch([1, 2, 3], [2, 3, 4]).stars == ""
+    assert stars(welch([1, 2, 3], [101, 102, 103]).p_value) == "**"
+    assert stars(welch([1, 2, 3], [2, 3, 4]).p_value) == ""
+    # 0.01 x 4; 0.02 x 3; 0.03 x 2 is less than the one before it; 0.9 x 1.
+    assert holm([0.9, 0.02, 0.01, 0.03]) == pytest.approx([0.9, 0.06, 0.04, 0.06])
+    assert holm([]) == [] and holm([0.6, 0.7]) == [1.0, 1.0]
     assert welch([1], [2, 3]) is None and welch([1, 1], [2, 2]) is None
     # Sets that hold 3 and 5: the statistic knows the counts, and so never varies.
     found = bootstrap((3, 5), lambda a, b: float(10 * len(a) + len(b) + (b.max() > 4)), 0)
