@@ -13,6 +13,9 @@ from jaxtyping import Float64, Int64, Integer
 
 from seg.classes import IGNORE_LABEL
 
+PIECE = 2**16
+"""Pixels that are counted at a time: what is made on the way stays in the processor's cache."""
+
 
 def confusion_matrix(
     labels: Integer[np.ndarray, "*shape"],
@@ -38,6 +41,15 @@ def confusion_matrix(
         raise ValueError(
             f"labels {labels.shape} and predictions {predictions.shape} must have the same shape"
         )
+    confusion = np.zeros((classes, classes), np.int64)
+    truth, guess = labels.ravel(), predictions.ravel()
+    for first in range(0, labels.size, PIECE):
+        piece = slice(first, first + PIECE)
+        confusion += _counts(truth[piece], guess[piece], classes, ignore)
+    return confusion
+
+
+def _counts(labels: np.ndarray, predictions: np.ndarray, classes: int, ignore: int) -> np.ndarray:
     counted = labels != ignore
     truth = labels[counted].astype(np.int64)
     guess = predictions[counted].astype(np.int64)

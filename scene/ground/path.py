@@ -121,8 +121,8 @@ def nearest(
     """
     line = course(path)
     part = np.flatnonzero((line.x >= first) & (line.x <= last))[::4]
-    apart = np.hypot(points[:, :1] - line.east[part], points[:, 1:] - line.north[part])
-    best = part[np.argmin(apart, axis=1)]
+    east, north = points[:, :1] - line.east[part], points[:, 1:] - line.north[part]
+    best = part[np.argmin(east * east + north * north, axis=1)]
     # From the nearest step along the road to the foot of the perpendicular.
     away = points - np.stack([line.east[best], line.north[best]], axis=1)
     c, s = np.cos(line.heading[best]), np.sin(line.heading[best])
