@@ -10,7 +10,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from runpy import run_module
 
-from shell.command import USAGE
+from shell.command import USAGE, call
 
 DISTRIBUTION = "sdr-jax"
 PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "shell")
@@ -57,6 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return USAGE
     for line in clashes(packages_distributions()):
         print(f"sdr-jax: warning: {line}", file=sys.stderr, flush=True)
+    call(COMMANDS[name], f"{DISTRIBUTION} {name}")
     sys.argv[1:] = rest[:-1]
     run_module(COMMANDS[name], run_name="__main__", alter_sys=True)  # leaves by SystemExit
     return 0

@@ -18,7 +18,7 @@ from scene.render import RendererError
 from scene.workers import WorkerError
 from seg.recipes import with_net
 from seg.settings import NetName, Trunk
-from shell.command import DEBUG, exit_code
+from shell.command import DEBUG, called, exit_code
 from shell.errors import UserError
 
 
@@ -103,7 +103,7 @@ def main(
         default = _with_nets(replace(default, out=Path("runs") / "-".join(words)), arguments)
         config = tyro.cli(
             type(default),
-            prog=f"python -m experiments.{name}",
+            prog=called(f"experiments.{name}"),
             description=f"{description or ''}\n{DEBUG} shows where an error comes from.",
             default=default,
             args=arguments,

@@ -19,17 +19,30 @@ DEBUG = "--debug"
 """Flag of every command: show where an error comes from."""
 
 
+_SHORT: dict[str, str] = {}  # modules, to the names that they were called by
+
+
+def call(module: str, name: str) -> None:
+    """Let help and errors of a module's command name it as it was called."""
+    _SHORT[module] = name
+
+
+def called(module: str) -> str:
+    """A module's command as one would type it: ``sdr-jax camvid`` if so called, else ``python -m ...``."""
+    return _SHORT.get(module, f"python -m {module}")
+
+
 class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line, with exit code 2; ``--help`` says the rest.
 
     Args:
-        module: the command is ``python -m module``.
+        module: the command is ``python -m module``, see ``called``.
         description: the help's first part, kept as it is laid out.
     """
 
     def __init__(self, module: str, description: str | None) -> None:
         super().__init__(
-            prog=f"python -m {module}",
+            prog=called(module),
             description=description,
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
