@@ -1,0 +1,105 @@
+"""From slider to picture: the playground in a headless browser, timed within its page.
+
+    python -m benchmarks.playground
+    python -m benchmarks.playground --size 640x360 --repeats 10
+
+A key moves a slider; the time is that until the browser has drawn the preview, and until it has drawn the
+picture at full size that follows when nothing else moves. Needs the extras `playground` and `test`, and Chromium.
+"""
+
+from __future__ import annotations
+
+import shutil
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from subprocess import PIPE, Popen
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import Row, count, parser, report
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+SLIDERS = ("camera_position_y", "building_position", "car_interval", "illumination_intensity")
+"""Moved in turn: the camera alone, what stands where, how much of it there is, the light."""
+
+LISTEN = """() => {
+    document.addEventListener('keydown', () => {
+        window.began = performance.now();
+        window.drawn = [];
+    }, true);
+    document.querySelector('.image img').addEventListener('load', () => {
+        if (window.began) window.drawn.push(performance.now() - window.began);
+    });
+}"""
+"""Notes in the page when a key went down, and when pictures were drawn after it."""
+
+
+@contextmanager
+def served(size: str) -> Iterator[str]:
+    """The address of a playground of its own."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = str(free.getsockname()[1])
+    words = ["-m", "experiments.playground", "--no-browser", "--size", size, "--port", port]
+    with Popen([sys.executable, *words], stdout=PIPE, text=True) as server:
+        try:
+            assert server.stdout is not None
+            if port not in server.stdout.readline():
+                raise SystemExit("benchmarks.playground: error: the playground did not start")
+            yield f"http://127.0.0.1:{port}/"
+        finally:
+            server.terminate()
+
+
+def drawn(page: Any, slider: str, key: str) -> tuple[float, float]:
+    """Seconds from a key on a slider to the preview, and to the full picture."""
+    page.locator(f"[data-attribute={slider}] .q-slider__thumb").nth(1).press(key)
+    page.wait_for_function("window.drawn.length >= 2", timeout=60_000)
+    first, last = page.evaluate("window.drawn.slice(0, 2)")
+    return first / 1000, last / 1000
+
+
+def measured(size: str, repeats: int, browser: str) -> list[Row]:
+    """One row for previews and one for full pictures."""
+    from playwright.sync_api import sync_playwright
+
+    with served(size) as address, sync_playwright() as playwright:
+        page = playwright.chromium.launch(executable_path=browser).new_page()
+        page.goto(address)
+        page.wait_for_selector(".time:has-text('picture in')", timeout=600_000)
+        page.evaluate(LISTEN)
+        for slider in SLIDERS:  # what is loaded once
+            drawn(page, slider, "PageDown")
+        found = [
+            drawn(page, SLIDERS[k % len(SLIDERS)], ("PageUp", "PageDown")[k // len(SLIDERS) % 2])
+            for k in range(repeats)
+        ]
+    rows: list[Row] = []
+    for what, seconds in zip(("preview", "picture"), np.array(found).T, strict=True):
+        milliseconds = {
+            "best_ms": seconds.min(), "median_ms": np.median(seconds), "worst_ms": seconds.max()
+        }  # fmt: skip
+        rows.append({"drawn": what, "size": size, "moves": repeats} | {
+            name: float(1000 * value) for name, value in milliseconds.items()
+        })  # fmt: skip
+    return rows
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    command = parser(__doc__)
+    command.add_argument("--size", default="480x270", help="WIDTHxHEIGHT of the picture")
+    command.add_argument("--repeats", type=partial(count, 1), default=40, help="moves of a slider")
+    options = command.parse_args(arguments)
+    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if browser is None:
+        command.error(f"needs a browser, one of {', '.join(BROWSERS)}, on the PATH")
+    report(measured(options.size, options.repeats, browser), options.json)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,25 @@
+"""The playground's benchmark, where there is a browser."""
+
+import shutil
+
+import pytest
+
+from benchmarks import playground as benchmark
+
+
+@pytest.mark.slow
+def test_previews_and_pictures_are_timed():
+    browser = next(filter(None, map(shutil.which, benchmark.BROWSERS)), None)
+    if browser is None:
+        pytest.skip("needs chromium")
+    preview, picture = benchmark.measured("96x54", 4, browser)
+    assert (preview["drawn"], picture["drawn"], preview["moves"]) == ("preview", "picture", 4)
+    assert 0 < preview["best_ms"] <= preview["median_ms"] <= preview["worst_ms"]
+    assert preview["median_ms"] < picture["median_ms"]
+
+
+def test_a_browser_is_asked_for(monkeypatch, capsys):
+    monkeypatch.setattr(benchmark.shutil, "which", lambda name: None)
+    with pytest.raises(SystemExit) as error:
+        benchmark.main([])
+    assert error.value.code == 2 and "chromium" in capsys.readouterr().err
