@@ -4,11 +4,13 @@
     python -m benchmarks.playground --size 640x360 --repeats 10
 
 A key moves a slider; the time is that until the browser has drawn the preview, and until it has drawn the
-picture at full size that follows when nothing else moves. Needs the extras `playground` and `test`, and Chromium.
+picture at full size that follows when nothing else moves. Needs the extras `playground` and `test`, and
+Chromium.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 import socket
 import sys
@@ -44,7 +46,8 @@ def served(size: str) -> Iterator[str]:
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = str(free.getsockname()[1])
     words = ["-m", "experiments.playground", "--no-browser", "--size", size, "--port", port]
-    with Popen([sys.executable, *words], stdout=PIPE, text=True) as server:
+    ours = {name: v for name, v in os.environ.items() if "PYTEST" not in name}  # NiceGUI reads it
+    with Popen([sys.executable, *words], stdout=PIPE, text=True, env=ours) as server:
         try:
             assert server.stdout is not None
             if port not in server.stdout.readline():
