@@ -39,8 +39,9 @@ test: setup
 results: setup
 	@$(BIN)/python -m experiments.results --data "$(DATA)" --docs docs
 
+# Compiled as users have it, see tests/conftest.py.
 nightly: setup
-	@$(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not robust" $(ARGS)
+	@XLA_FLAGS= $(BIN)/python -m pytest -n "$(JOBS)" --dist loadfile -m "not robust" $(ARGS)
 
 robust: setup
 	@ROBUST_TIMES="$(TIMES)" ROBUST_EXAMPLES=500 $(BIN)/python -m pytest tests/robustness $(ARGS)
