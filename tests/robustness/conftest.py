@@ -12,7 +12,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
+from resource import RLIMIT_FSIZE, setrlimit
 from typing import Any
 
 import numpy as np
@@ -81,8 +83,8 @@ class Program:
     command: list[str]
     log: str  # a file, or files, that grow while it works
 
-    def start(self, out: Path, *flags: str) -> subprocess.Popen:
-        """In a process group of its own."""
+    def start(self, out: Path, *flags: str, most: int | None = None) -> subprocess.Popen:
+        """In a process group of its own; no file may grow beyond ``most`` bytes."""
         words = [sys.executable, *(word.replace("OUT", str(out)) for word in self.command)]
         split = words.index("--") if "--" in words else len(words)
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
@@ -94,12 +96,13 @@ class Program:
             env=environment,
             start_new_session=True,
             stdin=subprocess.DEVNULL,
+            preexec_fn=None if most is None else partial(setrlimit, RLIMIT_FSIZE, (most, most)),
             **pipes,
         )
 
-    def finish(self, out: Path, *flags: str) -> tuple[int, str]:
+    def finish(self, out: Path, *flags: str, most: int | None = None) -> tuple[int, str]:
         """Exit code and standard error."""
-        process = self.start(out, *flags)
+        process = self.start(out, *flags, most=most)
         error = process.communicate(timeout=900)[1]
         return process.returncode, error
 
@@ -155,6 +158,7 @@ class Whole:
     answer: Any
     seconds: float
     size: int  # bytes of its folder
+    largest: int  # of its largest file
 
 
 @pytest.fixture(scope="session")
@@ -168,8 +172,9 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Whole]:
             started = time.monotonic()
             assert program.finish(out) == (0, "")
             seconds = time.monotonic() - started
-            size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
-            known[name] = Whole(program, program.answer(out), seconds, size)
+            sizes = [path.stat().st_size for path in out.rglob("*") if path.is_file()]
+            answer = program.answer(out)
+            known[name] = Whole(program, answer, seconds, sum(sizes), max(sizes))
         return known[name]
 
     return made

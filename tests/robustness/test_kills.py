@@ -83,11 +83,28 @@ def disk(folder: Path, size: int):
     folder.mkdir()
     mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
     if os.geteuid() != 0 or subprocess.run(mount, capture_output=True).returncode != 0:
-        pytest.skip("a small disk needs root: mount -t tmpfs")
+        pytest.skip("a small disk needs root: mount -t tmpfs; files that may not grow are tried")
     try:
         yield
     finally:
         subprocess.run(["umount", "-l", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_no_file_may_grow_beyond_a_quota(name, whole, tally, tmp_path):
+    """What can be had without root: a limit to the size of each file, up to that of the largest."""
+    own, program, row = whole(name), PROGRAMS[name], tally(f"a quota for files: {name}")
+    for number, share in enumerate(np.linspace(0.05, 0.95, max(TIMES // 4, 2))):
+        out = tmp_path / str(number)
+        with row.attempt():
+            code, error = program.finish(out, most=int(share * own.largest))
+            assert code == 2 and error.count("\n") == 1 and "too large" in error, error
+            kept = program.kept(out)
+            assert program.finish(out) == (0, "")
+            row.lose(
+                "finished evaluations", 0 if name == "export" else len(kept - program.kept(out))
+            )
+            assert program.answer(out) == own.answer
 
 
 @pytest.mark.parametrize("name", NAMES)
