@@ -12,9 +12,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
-from resource import RLIMIT_FSIZE, setrlimit
 from typing import Any
 
 import numpy as np
@@ -88,7 +86,8 @@ class Program:
         words = [sys.executable, *(word.replace("OUT", str(out)) for word in self.command)]
         split = words.index("--") if "--" in words else len(words)
         pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
-        whole = [*words[:split], *flags, *words[split:]]
+        limit = [] if most is None else ["prlimit", f"--fsize={most}:{most}"]
+        whole = [*limit, *words[:split], *flags, *words[split:]]
         environment = {k: v for k, v in os.environ.items() if k != "CAMVID_DIR"}
         return subprocess.Popen(
             whole,
@@ -96,7 +95,6 @@ class Program:
             env=environment,
             start_new_session=True,
             stdin=subprocess.DEVNULL,
-            preexec_fn=None if most is None else partial(setrlimit, RLIMIT_FSIZE, (most, most)),
             **pipes,
         )
 
