@@ -22,19 +22,15 @@ def test_the_command_has_all_commands():
     assert all(re.search(rf"^  {name} +\w.*\w{{3}}", text(), re.MULTILINE) for name in COMMANDS)
 
 
-@pytest.mark.parametrize("command", ["render --width 3", "camvid --nonsense"])
-def test_a_command_is_named_as_it_was_called(command):
-    name = command.partition(" ")[0]
-    for words, said in (("experiments", f"sdr-jax {name}"), (COMMANDS[name], COMMANDS[name])):
-        flags = command.split()[words != "experiments" :]
-        ran = run(
-            [sys.executable, "-m", words, *flags],
-            cwd=ROOT,
-            capture_output=True,
-            text=True,
-            check=False,
-        )
-        assert ran.returncode == 2 and said in ran.stderr + ran.stdout
+@pytest.mark.parametrize(("words", "said"), [
+    ("experiments render", "sdr-jax render: error"),
+    ("scene.render", "python -m scene.render: error"),
+    ("experiments camvid --nonsense", "sdr-jax camvid --help"),
+])  # fmt: skip
+def test_a_command_is_named_as_it_was_called(words, said):
+    command = [sys.executable, "-m", *words.split()]
+    ran = run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert ran.returncode == 2 and said in ran.stderr
 
 
 def test_a_package_of_another_distribution_is_named():
