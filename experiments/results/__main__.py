@@ -18,8 +18,9 @@ from typing import Literal
 
 import tyro
 
-from experiments.results.parts import NAMES, make, parts
-from shell.command import exit_code
+from experiments.results.making import make
+from experiments.results.parts import NAMES, parts
+from shell.command import called, exit_code
 from shell.errors import UserError, refuse_repeats
 
 
@@ -46,7 +47,7 @@ def main(arguments: list[str] | None = None) -> int:
     def work() -> None:
         config = tyro.cli(
             ResultsConfig,
-            prog="python -m experiments.results",
+            prog=called("experiments.results"),
             description=__doc__,
             args=arguments,
         )

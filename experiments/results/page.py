@@ -5,13 +5,10 @@ from __future__ import annotations
 import shutil
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from experiments.results.parts import Part
 from shell import files
 from shell.progress import duration
-
-if TYPE_CHECKING:
-    from experiments.results.parts import Part
 
 NAME = "results.md"
 

@@ -8,6 +8,7 @@ import tyro
 
 from experiments import presets
 from experiments.results import __main__ as command
+from experiments.results import making
 from experiments.results import parts as results
 from experiments.study.skeleton import check
 from shell.errors import UserError
@@ -52,23 +53,23 @@ class Runs:
 
 
 def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
-    monkeypatch.setattr(results, "commit", lambda: "abc")
+    monkeypatch.setattr(making, "commit", lambda: "abc")
     out, docs = tmp_path / "out", tmp_path / "docs"
     broken = Runs("two")
     with pytest.raises(UserError, match="two ended with exit code 3"):
-        results.make(SOME, out, docs, broken)
+        making.make(SOME, out, docs, broken)
     assert "Not made yet: two" in (docs / "results.md").read_text()
     again = Runs()
-    assert results.make(SOME, out, docs, again) == ["one", "two"]
+    assert making.make(SOME, out, docs, again) == ["one", "two"]
     assert (broken.ran, again.ran) == (["one", "two"], ["two"])
     page = (docs / "results.md").read_text()
     assert "commit abc" in page and "table of one" in page and "table of two" in page
     assert "--data DIR" in page and "/mine" not in page
     assert (docs / "results" / "two.png").read_bytes() == b"picture"
-    assert results.make(SOME, out, docs, Runs("one")) == ["one", "two"]
-    monkeypatch.setattr(results, "commit", lambda: "def")
+    assert making.make(SOME, out, docs, Runs("one")) == ["one", "two"]
+    monkeypatch.setattr(making, "commit", lambda: "def")
     with pytest.raises(UserError, match='commit = "abc", not "def"'):
-        results.make(SOME, out, docs, Runs())
+        making.make(SOME, out, docs, Runs())
 
 
 @pytest.mark.parametrize(("flags", "complaint"), [
