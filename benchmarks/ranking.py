@@ -128,9 +128,15 @@ def plot(course: Mapping[tuple[str, str], Mapping[int, float]], path: str, ours:
     for axis, problem in zip(axes.flat, problems, strict=False):
         for k, method in enumerate(methods):
             x, y = zip(*sorted(course[method, problem].items()), strict=True)
-            style = dict(lw=2.6, zorder=3, color="black") if method == ours else dict(lw=1.2)
-            color = {} if method == ours else {"color": f"C{k % 10}"}
-            axis.plot(x, y, label=method.replace("_", " "), **style, **color)
+            # Of the others each has one of ten colours, and then again dashed.
+            style: dict[str, Any] = {
+                "lw": 1.2,
+                "color": f"C{k % 10}",
+                "ls": "-" if k < 10 else "--",
+            }
+            if method == ours:
+                style = {"lw": 2.6, "color": "black", "zorder": 3}
+            axis.plot(x, y, label=method.replace("_", " "), **style)
         axis.set(title=problem, xlabel="evaluations", ylabel="true value of the answer")
     for axis in axes.flat[len(problems) :]:
         axis.axis("off")
