@@ -17,6 +17,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from subprocess import PIPE, Popen
 from typing import Any
 
@@ -24,6 +25,7 @@ import numpy as np
 
 from benchmarks.report import Row, count, parser, report
 
+ROOT = Path(__file__).resolve().parents[1]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
 SLIDERS = ("camera_position_y", "building_position", "car_interval", "illumination_intensity")
 """Moved in turn: the camera alone, what stands where, how much of it there is, the light."""
@@ -40,6 +42,11 @@ LISTEN = """() => {
 """Notes in the page when a key went down, and when pictures were drawn after it."""
 
 
+def browser() -> str | None:
+    """The program of a browser that is installed here, if there is one."""
+    return next(filter(None, map(shutil.which, BROWSERS)), None)
+
+
 @contextmanager
 def served(size: str) -> Iterator[str]:
     """The address of a playground of its own."""
@@ -47,7 +54,8 @@ def served(size: str) -> Iterator[str]:
         port = str(free.getsockname()[1])
     words = ["-m", "experiments.playground", "--no-browser", "--size", size, "--port", port]
     ours = {name: v for name, v in os.environ.items() if "PYTEST" not in name}  # NiceGUI reads it
-    with Popen([sys.executable, *words], stdout=PIPE, text=True, env=ours) as server:
+    command = [sys.executable, *words]
+    with Popen(command, cwd=ROOT, stdout=PIPE, text=True, env=ours) as server:
         try:
             assert server.stdout is not None
             if port not in server.stdout.readline():
@@ -65,12 +73,12 @@ def drawn(page: Any, slider: str, key: str) -> tuple[float, float]:
     return first / 1000, last / 1000
 
 
-def measured(size: str, repeats: int, browser: str) -> list[Row]:
+def measured(size: str, repeats: int, program: str) -> list[Row]:
     """One row for previews and one for full pictures."""
     from playwright.sync_api import sync_playwright
 
     with served(size) as address, sync_playwright() as playwright:
-        page = playwright.chromium.launch(executable_path=browser).new_page()
+        page = playwright.chromium.launch(executable_path=program).new_page()
         page.goto(address)
         page.wait_for_selector(".time:has-text('picture in')", timeout=600_000)
         page.evaluate(LISTEN)
@@ -82,12 +90,9 @@ def measured(size: str, repeats: int, browser: str) -> list[Row]:
         ]
     rows: list[Row] = []
     for what, seconds in zip(("preview", "picture"), np.array(found).T, strict=True):
-        milliseconds = {
-            "best_ms": seconds.min(), "median_ms": np.median(seconds), "worst_ms": seconds.max()
-        }  # fmt: skip
-        rows.append({"drawn": what, "size": size, "moves": repeats} | {
-            name: float(1000 * value) for name, value in milliseconds.items()
-        })  # fmt: skip
+        best, median, worst = (float(1000 * value) for value in np.quantile(seconds, (0, 0.5, 1)))
+        times = {"best_ms": best, "median_ms": median, "worst_ms": worst}
+        rows.append({"drawn": what, "size": size, "moves": repeats, **times})
     return rows
 
 
@@ -97,10 +102,10 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--size", default="480x270", help="WIDTHxHEIGHT of the picture")
     command.add_argument("--repeats", type=partial(count, 1), default=40, help="moves of a slider")
     options = command.parse_args(arguments)
-    browser = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if browser is None:
+    program = browser()
+    if program is None:
         command.error(f"needs a browser, one of {', '.join(BROWSERS)}, on the PATH")
-    report(measured(options.size, options.repeats, browser), options.json)
+    report(measured(options.size, options.repeats, program), options.json)
     return 0
 
 

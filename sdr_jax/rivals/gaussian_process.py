@@ -2,7 +2,7 @@
 
 import warnings
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,13 +19,6 @@ GROWTH = 1.25
 
 NEAR = 8
 """The evaluations of the highest mean around which half of the candidates lie."""
-
-
-class GaussianProcessState(NamedTuple):
-    """All evaluations so far; of growing size, not for jit."""
-
-    actions: np.ndarray  # i32[evaluations attributes]: their bins
-    rewards: np.ndarray  # f64[evaluations]: finite
 
 
 def gaussian_process(
@@ -102,16 +95,16 @@ def gaussian_process(
         ) + kernels.WhiteKernel(0.1, (1e-6, 1e1))
         return fit(kernel, rows, _standard(np.frombuffer(rewards)), "fmin_l_bfgs_b").kernel_
 
-    def fitted(state: GaussianProcessState) -> Any:
+    def fitted(state: host.Seen) -> Any:
         """The process after all evaluations; its parameters by the first of them, see `GROWTH`."""
         steps = np.floor(np.log(len(state.rewards)) / np.log(GROWTH) + 1e-9)
         first = int(np.ceil(GROWTH**steps - 1e-9))
         kernel = learnt(state.actions[:first].tobytes(), state.rewards[:first].tobytes())
         return fit(kernel, state.actions, _standard(state.rewards), None)
 
-    def means(state: GaussianProcessState) -> np.ndarray:
-        """Of all evaluated data sets, in standard deviations of their rewards."""
-        return fitted(state).predict(encoded(state.actions))
+    def means(model: Any, actions: np.ndarray) -> np.ndarray:
+        """What data sets are worth, in standard deviations of all rewards."""
+        return model.predict(encoded(actions))
 
     def looked_at(rng: np.random.Generator, best: np.ndarray) -> np.ndarray:
         """Candidates: random ones, and neighbours of the best."""
@@ -126,53 +119,46 @@ def gaussian_process(
     def improvement(model: Any, actions: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Expected of each row, over the highest mean of what was evaluated."""
         mean, deviation = model.predict(encoded(rows), return_std=True)
-        noise = model.kernel_.k2.noise_level
-        deviation = np.sqrt(
-            np.maximum(deviation**2 - noise, 1e-12)
-        )  # of the value, not of a reward
-        gain = mean - model.predict(encoded(actions)).max()
+        # Of the value, not of a reward with its noise.
+        deviation = np.sqrt(np.maximum(deviation**2 - model.kernel_.k2.noise_level, 1e-12))
+        gain = mean - means(model, actions).max()
         return gain * norm.cdf(gain / deviation) + deviation * norm.pdf(gain / deviation)
 
-    def init(rng_key: RngKey) -> GaussianProcessState:
+    def init(rng_key: RngKey) -> host.Seen:
         del rng_key  # nothing is random before the first sample
-        return GaussianProcessState(np.zeros((0, space.attributes), np.int32), np.zeros(0))
+        return host.nothing(space)
 
-    def sample(rng_key: RngKey, state: GaussianProcessState, n: int) -> tuple[Bins, Proposal]:
+    def sample(rng_key: RngKey, state: host.Seen, n: int) -> tuple[Bins, Proposal]:
         rng = np.random.default_rng(host.seed(rng_key))
         if len(state.rewards) < startup:
             actions = rng.integers(0, bins, (n, space.attributes), np.int32)
             return jnp.asarray(actions), relaxed(actions)
-        best = np.argsort(-means(state), kind="stable")[:NEAR]
-        rows, model = looked_at(rng, state.actions[best]), fitted(state)
+        model = fitted(state)
+        best = np.argsort(-means(model, state.actions), kind="stable")[:NEAR]
+        rows = looked_at(rng, state.actions[best])
         actions, values = state.actions, _standard(state.rewards)
         for _ in range(n):
             chosen = rows[improvement(model, actions, rows).argmax()][None]
-            values = np.concatenate([values, model.predict(encoded(chosen))])
+            values = np.concatenate([values, means(model, chosen)])
             actions = np.concatenate([actions, chosen])
             model = fit(model.kernel_, actions, values, None)
         return jnp.asarray(actions[-n:]), relaxed(actions[-n:])
 
-    def update(
-        state: GaussianProcessState, actions: Bins, rewards: Rewards
-    ) -> tuple[GaussianProcessState, Info]:
+    def update(state: host.Seen, actions: Bins, rewards: Rewards) -> tuple[host.Seen, Info]:
         info = host.info(rewards, probabilities(state))
-        rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
-        finite = np.isfinite(values)
-        return GaussianProcessState(
-            np.concatenate([state.actions, rows[finite]]),
-            np.concatenate([state.rewards, values[finite]]),
-        ), info
+        return host.with_new(state, actions, rewards), info
 
-    def solution(state: GaussianProcessState) -> Proposal:
+    def solution(state: host.Seen) -> Proposal:
         if not len(state.rewards):
             return relaxed(np.full(space.attributes, UNDECIDED, np.int32))
-        return relaxed(state.actions[means(state).argmax()])
+        return relaxed(state.actions[means(fitted(state), state.actions).argmax()])
 
-    def probabilities(state: GaussianProcessState) -> Float[Array, "attributes bins"]:
-        values = means(state) if len(state.rewards) else state.rewards
-        return host.best_quarter(prior, state.actions, values)
+    def probabilities(state: host.Seen) -> Float[Array, "attributes bins"]:
+        if not len(state.rewards):
+            return jnp.asarray(prior)
+        return host.best_quarter(prior, state.actions, means(fitted(state), state.actions))
 
-    def spread(state: GaussianProcessState) -> Proposal:
+    def spread(state: host.Seen) -> Proposal:
         return moments(space, probabilities(state), width)
 
     return Method(init, sample, update, solution, spread, probabilities, None, traced=False)

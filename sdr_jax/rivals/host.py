@@ -2,7 +2,7 @@
 
 import importlib
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -55,6 +55,27 @@ def relaxation(space: Space, width: Width) -> Callable[[Array | np.ndarray], Pro
         return Proposal(jnp.asarray(centres[rows, columns]), jnp.asarray(widths[rows, columns]))
 
     return relaxed
+
+
+class Seen(NamedTuple):
+    """All evaluations so far; of growing size, not for jit."""
+
+    actions: np.ndarray  # i32[evaluations attributes]: their bins
+    rewards: np.ndarray  # f64[evaluations]: finite
+
+
+def nothing(space: Space) -> Seen:
+    """No evaluation yet."""
+    return Seen(np.zeros((0, space.attributes), np.int32), np.zeros(0))
+
+
+def with_new(seen: Seen, actions: Array | np.ndarray, rewards: Array | np.ndarray) -> Seen:
+    """What was seen and n more, i32[n attributes] and [n]; those without a finite reward are left out."""
+    rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
+    finite = np.isfinite(values)
+    return Seen(
+        np.concatenate([seen.actions, rows[finite]]), np.concatenate([seen.rewards, values[finite]])
+    )
 
 
 def best_quarter(prior: np.ndarray, actions: np.ndarray, values: np.ndarray) -> Array:

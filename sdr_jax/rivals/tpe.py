@@ -12,17 +12,10 @@ from sdr_jax.rivals import host
 from sdr_jax.space import Proposal, Space, Width
 
 
-class TpeState(NamedTuple):
-    """All evaluations so far; a Python object of growing size, not for jit."""
-
-    actions: np.ndarray  # i32[evaluations attributes]: their bins
-    rewards: np.ndarray  # f64[evaluations]: finite
-
-
 class _Latest(NamedTuple):
     """The study of the latest state: telling another one all anew takes longer than the rest."""
 
-    state: TpeState
+    state: host.Seen
     study: Any  # knows the evaluations of the state
     asked: list[Any]  # trials of it that wait for a reward: the last sample
     actions: list[list[int]]  # their bins
@@ -105,18 +98,18 @@ def tpe(
 
     latest: _Latest | None = None
 
-    def known(state: TpeState) -> _Latest:
+    def known(state: host.Seen) -> _Latest:
         nonlocal latest
         if latest is None or latest.state is not state:
             latest = _Latest(state, new_study(), [], [])
             tell(latest.study, state.actions, state.rewards)
         return latest
 
-    def init(rng_key: RngKey) -> TpeState:
+    def init(rng_key: RngKey) -> host.Seen:
         del rng_key  # nothing is random before the first sample
-        return TpeState(np.zeros((0, space.attributes), np.int32), np.zeros(0))
+        return host.nothing(space)
 
-    def sample(rng_key: RngKey, state: TpeState, n: int) -> tuple[Bins, Proposal]:
+    def sample(rng_key: RngKey, state: host.Seen, n: int) -> tuple[Bins, Proposal]:
         nonlocal latest
         before = known(state)
         study = before.study
@@ -134,7 +127,7 @@ def tpe(
         actions = np.asarray(rows, np.int32)
         return jnp.asarray(actions), relaxed(actions)
 
-    def update(state: TpeState, actions: Bins, rewards: Rewards) -> tuple[TpeState, Info]:
+    def update(state: host.Seen, actions: Bins, rewards: Rewards) -> tuple[host.Seen, Info]:
         nonlocal latest
         info = host.info(rewards, probabilities(state))
         rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
@@ -149,22 +142,19 @@ def tpe(
         else:
             forget(before.study, before.asked)
             tell(before.study, rows[finite], values[finite])
-        next_state = TpeState(
-            np.concatenate([state.actions, rows[finite]]),
-            np.concatenate([state.rewards, values[finite]]),
-        )
+        next_state = host.with_new(state, rows, values)
         latest = _Latest(next_state, before.study, [], [])
         return next_state, info
 
-    def solution(state: TpeState) -> Proposal:
+    def solution(state: host.Seen) -> Proposal:
         if not len(state.rewards):
             return relaxed(np.full(space.attributes, UNDECIDED, np.int32))
         return relaxed(state.actions[np.argmax(state.rewards)])
 
-    def probabilities(state: TpeState) -> Float[Array, "attributes bins"]:
+    def probabilities(state: host.Seen) -> Float[Array, "attributes bins"]:
         return host.best_quarter(prior, state.actions, state.rewards)
 
-    def spread(state: TpeState) -> Proposal:
+    def spread(state: host.Seen) -> Proposal:
         return moments(space, probabilities(state), width)
 
     return Method(init, sample, update, solution, spread, probabilities, None, traced=False)

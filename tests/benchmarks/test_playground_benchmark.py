@@ -1,7 +1,5 @@
 """The playground's benchmark, where there is a browser."""
 
-import shutil
-
 import pytest
 
 from benchmarks import playground as benchmark
@@ -9,9 +7,7 @@ from benchmarks import playground as benchmark
 
 @pytest.mark.slow
 def test_previews_and_pictures_are_timed():
-    browser = next(filter(None, map(shutil.which, benchmark.BROWSERS)), None)
-    if browser is None:
-        pytest.skip("needs chromium")
+    browser = benchmark.browser() or pytest.skip("needs chromium")
     preview, picture = benchmark.measured("96x54", 4, browser)
     assert (preview["drawn"], picture["drawn"], preview["moves"]) == ("preview", "picture", 4)
     assert 0 < preview["best_ms"] <= preview["median_ms"] <= preview["worst_ms"]

@@ -2,18 +2,15 @@
 
 import asyncio
 import json
-import os
-import shutil
 import socket
-import sys
 import time
-from subprocess import PIPE, Popen
 
 import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import sync_playwright
 
+from benchmarks.playground import browser, served
 from experiments.playground import __main__ as command
 from experiments.playground.exporting import Export
 from experiments.playground.guard import MOST_BYTES, refusal
@@ -23,7 +20,6 @@ from scene.attributes import BY_NAME
 from scene.classes import TrainId, colorize
 from scene.dataset.render import render_street
 from scene.proposal import default_proposal, describe, draw, mixture, parse_streets, random_proposal
-from tests.conftest import ROOT
 
 VIEW = View(seed=3, street=2, shot=1, shots=2, width=64, height=32, samples=1)
 MIXED = opened(mixture((0.25, 0.75), (default_proposal(), random_proposal())), VIEW)
@@ -115,23 +111,12 @@ def test_what_is_wrong_is_one_line_and_code_2(arguments, complaint, tmp_path, ca
 @pytest.fixture
 def page():
     """A browser's tab on a server of its own, warm."""
-    browser = next(filter(None, map(shutil.which, ("chromium", "google-chrome"))), None)
-    if browser is None:
-        pytest.skip("needs chromium")
-    with socket.create_server(("127.0.0.1", 0)) as free:
-        port = str(free.getsockname()[1])
-    words = ["-m", "experiments.playground", "--no-browser", "--size", "96x54", "--port", port]
-    ours = {name: v for name, v in os.environ.items() if "PYTEST" not in name}  # NiceGUI reads it
-    with Popen([sys.executable, *words], cwd=ROOT, stdout=PIPE, text=True, env=ours) as server:
-        try:
-            assert port in server.stdout.readline()
-            with sync_playwright() as playwright:
-                tab = playwright.chromium.launch(executable_path=browser).new_page()
-                tab.goto(f"http://127.0.0.1:{port}/")
-                tab.wait_for_selector(".time:has-text('picture in')", timeout=240_000)
-                yield tab
-        finally:
-            server.terminate()
+    program = browser() or pytest.skip("needs chromium")
+    with served("96x54") as address, sync_playwright() as playwright:
+        tab = playwright.chromium.launch(executable_path=program).new_page()
+        tab.goto(address)
+        tab.wait_for_selector(".time:has-text('picture in')", timeout=240_000)
+        yield tab
 
 
 @pytest.mark.slow

@@ -185,18 +185,8 @@ def test_attributes_may_be_learnt_from_the_share_that_nets_are_tuned_on(
         tuned.append((start.proposal is not None, [k.tolist() for k in chosen]))
         return transferred(start, fine, seed, real, chosen, truth)
 
-    flags = (
-        "--rows",
-        "scratch",
-        "learnt",
-        "--fractions",
-        "0.5",
-        "1.0",
-        "--learn-on",
-        "share",
-        "--method",
-        "random_search",
-    )
+    words = "--rows scratch learnt --fractions 0.5 1.0 --learn-on share --method random_search"
+    flags = words.split()
     assert command("pretrain", out, *flags, evaluate=scores, transfer=tunes) == 0
     (half,) = subsets(4, [0.5], 0)
     assert set(seen) == {2, 4} and seen.count(2) >= 8  # rewards and candidates

@@ -127,12 +127,8 @@ def end(camvid, tmp_path, scored_by, capsys):
 
     def ended(evaluate, *flags) -> tuple[int, str]:
         scored_by(evaluate)
-        quick = (
-            "--search.method",
-            "random_search",
-            "--data",
-            str(camvid),
-        )  # compiles next to nothing
+        # Compiles next to nothing.
+        quick = ("--search.method", "random_search", "--data", str(camvid))
         code = main_job("camvid", *quick, "--out", str(tmp_path / "run"), *flags)
         captured = capsys.readouterr()
         assert "Traceback" not in captured.err and len(captured.err.strip().splitlines()) == 1
