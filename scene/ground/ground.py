@@ -22,7 +22,7 @@ from scene.ground.extent import (
 from scene.ground.junction import Junction
 from scene.ground.land import land_height
 from scene.ground.markings import ARROWS, WORDS, Legend
-from scene.ground.path import STRAIGHT, Path, height_at, to_world
+from scene.ground.path import STRAIGHT, Path, place_at
 from scene.look.surfaces import (
     ROAD_TONE,
     ROADS,
@@ -88,10 +88,11 @@ def ground_height(ground: Ground, y: float, x: float = 0.0) -> float:
         return above
     junction = ground.junction
     if abs(y) > STRIP and not (junction and junction.beside(x, y)):
-        return float(land_height(ground.path, to_world(ground.path, x, y)[None], junction)[0])
+        east, north, _, _ = place_at(ground.path, x, y)
+        return float(land_height(ground.path, np.array([[east, north]]), junction)[0])
     if junction and junction.paved(x, y):
         above = 0.0
-    return above + float(height_at(ground.path, x))
+    return above + place_at(ground.path, x).height
 
 
 def along(ground: Ground, step: float) -> np.ndarray:

@@ -85,13 +85,20 @@ def land_height(path: Path, points: Array, junction: Junction | None = None) -> 
     The heights of the road and its arms, the nearer the more: sum h / d^6 over sum 1 / d^6 for places
     along them.
     """
+    places, heights = _known(path, junction)
+    away = ((points[:, None] - places) ** 2).sum(axis=2)
+    weight = (away + 25.0) ** -3
+    return weight @ heights / weight.sum(axis=1) + KERB_HEIGHT - LOWER
+
+
+@lru_cache(maxsize=8)
+def _known(path: Path, junction: Junction | None) -> tuple[Array, Array]:
+    """Places f64[n, 2] along the road and its arms, and their heights f64[n]."""
     x = np.arange(GROUND_START, STRIP_END, 8.0)
     y = np.zeros_like(x)
     if junction:
         x, y = np.append(x, junction.line[:, 0]), np.append(y, junction.line[:, 1])
-    away = ((points[:, None] - to_world(path, x, y)) ** 2).sum(axis=2)
-    weight = (away + 25.0) ** -3
-    return weight @ height_at(path, x) / weight.sum(axis=1) + KERB_HEIGHT - LOWER
+    return to_world(path, x, y), height_at(path, x)
 
 
 def rise(path: Path, points: Array, junction: Junction | None = None) -> Array:

@@ -112,6 +112,37 @@ def to_world(path: Path, x: float | Array, y: float | Array) -> Array:
     return np.stack([east, north], axis=-1)
 
 
+class Place(NamedTuple):
+    """One place of a road in the world."""
+
+    east: float  # metres
+    north: float
+    heading: float  # of the road, radians left of the world's x axis
+    height: float  # of the carriageway, metres
+
+
+def place_at(path: Path, x: float, y: float = 0.0) -> Place:
+    """What ``to_world``, ``heading_at`` and ``height_at`` say of one place, to the bit, and sooner."""
+    table = _table(path)
+    k = min(max(int((x - FROM) / STEP), 0), len(table) - 2)
+    first, second = table[k : k + 2].tolist()
+    if FROM < x < TO:
+        on = x - (FROM + k * STEP)
+        first = [a + (b - a) / STEP * on for a, b in zip(first, second, strict=True)]
+    elif x >= TO:
+        first = second
+    east, north, heading, height = first
+    if y:
+        east, north = east - y * float(np.sin(heading)), north + y * float(np.cos(heading))
+    return Place(east, north, heading, height)
+
+
+@lru_cache(maxsize=64)
+def _table(path: Path) -> Array:
+    """East, north, heading and height f64[n, 4] of each step."""
+    return np.stack(course(path)[1:], axis=1)
+
+
 def nearest(
     path: Path, points: Array, first: float = FROM, last: float = TO
 ) -> tuple[Array, Array]:

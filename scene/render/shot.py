@@ -166,9 +166,11 @@ def sky_segments(seen: Visible, around: Surroundings, settings: RenderSettings) 
     """A ray into the open for every ``SKY_STEP``-th pixel each way, see ``spread``."""
     path, points = around.street.ground.path, seen.points
     if path.slopes:  # rays that fall onto the street are found as if it were level
-        below = road_height(path, points)
+        pixels = seen.spots.first[:-1].reshape(settings.height, settings.width)
+        begin = pixels[::SKY_STEP, ::SKY_STEP].ravel()
+        below = road_height(path, points[begin])
         points = points.copy()
-        points[:, 2] -= below
+        points[begin, 2] -= below
     width, height = sky_grid(settings)
     starts, directions = (np.empty((height * width, 3), np.float32) for _ in range(2))
     wanted = np.empty(height * width, np.uint8)
@@ -177,8 +179,7 @@ def sky_segments(seen: Visible, around: Surroundings, settings: RenderSettings) 
         settings.width, SKY_STEP, height, width, starts, directions, wanted,
     )  # fmt: skip
     if path.slopes:
-        pixels = seen.spots.first[:-1].reshape(settings.height, settings.width)
-        starts[:, 2] += below[pixels[::SKY_STEP, ::SKY_STEP].ravel()]
+        starts[:, 2] += below
     return Segments(starts, directions, wanted)
 
 

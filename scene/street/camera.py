@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.ground.path import STRAIGHT, Path, heading_at, height_at, slope_at, to_world
+from scene.ground.path import STRAIGHT, Path, place_at, slope_at
 
 DRIVE = 60.0
 """Metres of road over which the camera takes its shots."""
@@ -33,13 +33,16 @@ class Camera(NamedTuple):
 
 def camera_axes(camera: Camera) -> np.ndarray:
     """Rows: the camera's right, up and forward axes in the world, f64[3, 3]."""
-    cy, sy = math.cos(camera.yaw), math.sin(camera.yaw)
-    cp, sp = math.cos(camera.pitch), math.sin(camera.pitch)
-    forward = np.array([cp * cy, -cp * sy, -sp])
-    level = np.array([-sy, -cy, 0.0])
+    forward = np.array(_forward(camera))
+    level = np.array([-math.sin(camera.yaw), -math.cos(camera.yaw), 0.0])
     upright = np.cross(level, forward)
     cr, sr = math.cos(camera.roll), math.sin(camera.roll)
     return np.stack([cr * level - sr * upright, sr * level + cr * upright, forward])
+
+
+def _forward(camera: Camera) -> tuple[float, float, float]:
+    along = math.cos(camera.pitch)
+    return along * math.cos(camera.yaw), -along * math.sin(camera.yaw), -math.sin(camera.pitch)
 
 
 def camera_path(
@@ -71,11 +74,11 @@ def _driven(first: Camera, x: float, path: Path) -> Camera:
     _, y, z = first.position
     if path.straight:
         return first._replace(position=(x, y, z))
-    east, north = to_world(path, x, y).tolist()
+    east, north, heading, height = place_at(path, x, y)
     rise = math.atan(float(slope_at(path, x)))
     return first._replace(
-        position=(east, north, z + float(height_at(path, x))),
-        yaw=first.yaw - float(heading_at(path, x)),
+        position=(east, north, z + height),
+        yaw=first.yaw - heading,
         pitch=first.pitch - rise * math.cos(first.yaw),
         # Who looks to the right has the car's nose at the left.
         roll=first.roll + rise * math.sin(first.yaw),
@@ -88,7 +91,7 @@ def _blocked(cameras: list[Camera], boxes: np.ndarray) -> np.ndarray:
     Standing inside one counts more than any view into one.
     """
     places = np.array([camera.position for camera in cameras])
-    forward = np.array([camera_axes(camera)[2] for camera in cameras])
+    forward = np.array([_forward(camera) for camera in cameras])
     ahead = np.linspace(0, VIEW, 9)[:, None] * forward[:, None]
     points = places[:, None] + ahead
     low, high = boxes[:, 0] - SPARE, boxes[:, 1] + SPARE

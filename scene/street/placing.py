@@ -12,7 +12,7 @@ from scene.assets import catalogue
 from scene.classes import TrainId
 from scene.ground.extent import GROUND_START, STRIP_END
 from scene.ground.ground import Ground, ground_height
-from scene.ground.path import STRAIGHT, Path, heading_at, height_at, nearest, slope_at, to_world
+from scene.ground.path import STRAIGHT, Path, height_at, nearest, place_at, slope_at, to_world
 from scene.street.camera import DRIVE, SEARCH
 
 FAR = 35.0
@@ -55,14 +55,16 @@ def placed(
     drive = to_world(path, np.arange(0.0, DRIVE + SEARCH, 5.0), 0.0)
     for instance, (family, ref, pose) in enumerate(objects, first):
         train_id = int(catalogue.FAMILIES[family].train_id)
-        x, y = pose[0, 3], abs(pose[1, 3])
-        if path.straight:
-            away = x > DRIVE + SEARCH + FAR or y > FAR
-        else:
-            away = np.hypot(*(drive - pose[:2, 3]).T).min() > FAR
-        far = train_id == TrainId.VEGETATION and away
-        found.append(Placement(family, ref, train_id, instance, pose, bool(far)))
+        far = train_id == TrainId.VEGETATION and _away(path, drive, pose)
+        found.append(Placement(family, ref, train_id, instance, pose, far))
     return found
+
+
+def _away(path: Path, drive: np.ndarray, pose: np.ndarray) -> bool:
+    """Whether an object is ``FAR`` from the places f64[n, 2] where the camera drives."""
+    if path.straight:
+        return bool(pose[0, 3] > DRIVE + SEARCH + FAR or abs(pose[1, 3]) > FAR)
+    return bool(np.hypot(*(drive - pose[:2, 3]).T).min() > FAR)
 
 
 def pose_at(ground: Ground, x: float, y: float, yaw: float) -> np.ndarray:
@@ -76,8 +78,8 @@ def pose_at(ground: Ground, x: float, y: float, yaw: float) -> np.ndarray:
     """
     z = ground_height(ground, y, x)
     if not ground.path.straight:
-        yaw += float(heading_at(ground.path, x))
-        x, y = to_world(ground.path, x, y).tolist()
+        x, y, heading, _ = place_at(ground.path, x, y)
+        yaw += heading
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
 
@@ -133,7 +135,7 @@ def footprints(objects: list[Standing]) -> np.ndarray:
 
 def _leaning(path: Path, pose: np.ndarray, x: float) -> np.ndarray:
     """A pose turned by the slope of the road ``x`` metres along it."""
-    rise, heading = math.atan(float(slope_at(path, x))), float(heading_at(path, x))
+    rise, heading = math.atan(float(slope_at(path, x))), place_at(path, x).heading
     c, s, across = (
         math.cos(rise),
         math.sin(rise),

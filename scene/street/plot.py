@@ -8,14 +8,12 @@ from scene.assets import catalogue
 from scene.assets.catalogue import AssetPool, kind, pick
 from scene.assets.families import FAMILIES
 from scene.classes import TrainId
+from scene.ground.path import to_world
 from scene.street.camera import DRIVE, SEARCH, VIEW
 from scene.street.lines import LINE_END, LINE_START, Setting, parts_of
 from scene.street.placing import Standing, pose_at
+from scene.street.room import Rectangle, Rectangles, footprint
 
-STEM = 0.3
-"""Half the width, metres, that crowns, lamps and signs take on the ground: one stands below the rest."""
-HELD = frozenset({TrainId.VEGETATION, TrainId.POLE, TrainId.TRAFFIC_SIGN, TrainId.TRAFFIC_LIGHT})
-"""Classes of which only a stem is on the ground."""
 HOUSES = frozenset({TrainId.BUILDING, TrainId.TRAIN, TrainId.WALL, TrainId.FENCE})
 SPARE = 0.15
 """Metres that objects are apart at least."""
@@ -38,16 +36,16 @@ class Plot:
         self.street = street
         self.ground = street.ground
         self.added: list[Standing] = []
-        self._boxes = np.zeros((0, 6))
-        self._house = np.zeros(0, bool)
-        self._laid: dict[str, np.ndarray] = {}
+        self._taken, self._houses = Rectangles(), Rectangles()
+        self._laid: dict[str, Rectangles] = {}
         self._blocks: list[tuple[float, float]] = []
         self._along = np.arange(-1.0, DRIVE + SEARCH + VIEW, STEP)
         lane = street.drive * street.params.camera_position_x
-        path = [pose_at(street.ground, float(x), lane, 0.0)[:2, 3] for x in self._along]
-        self._path = np.array(path)  # where the camera may come along
+        self._path = to_world(
+            street.ground.path, self._along, lane
+        )  # where the camera may come along
         for family, ref, pose in standing:
-            self._occupy(family, ref, pose)
+            self._stand(family, ref, pose)
 
     def put(
         self,
@@ -79,15 +77,15 @@ class Plot:
             return False
         pose = pose_at(self.ground, x, y, yaw)
         pose = pose if tilt is None else pose @ tilt
-        box = _footprint(family, ref, pose)
-        if _meets(box, self._boxes, spare).any():
+        box = footprint(family, ref, pose)
+        if self._taken.meet(box, spare):
             return False
-        if bare and any(_meets(box, laid, spare).any() for laid in self._laid.values()):
+        if bare and any(laid.meet(box, spare) for laid in self._laid.values()):
             return False
         block = self._block(family, ref, box)
         if block is not None and not _bearable(block, self._blocks):
             return False
-        self._occupy(family, ref, pose)
+        self._occupy(family, box, block)
         for part, part_ref in parts_of(family, ref, seed, self.street.pool):
             if part_ref is not None:
                 self.added.append((part, part_ref, pose))
@@ -101,12 +99,12 @@ class Plot:
         # Tiles are flat: where the land is not, they lie on its highest points.
         params = self.street.params
         pose[2, 3] += min(STEEP_LIFT * params.gradient + BENT_LIFT * params.bend, MOST_LIFT)
-        box = _footprint(family, ref, pose)
-        if _meets(box, self._boxes[self._house], -0.05).any():
+        box = footprint(family, ref, pose)
+        if self._houses.meet(box, -0.05):
             return False
-        if any(_meets(box, laid, -0.05).any() for f, laid in self._laid.items() if f != family):
+        if any(laid.meet(box, -0.05) for f, laid in self._laid.items() if f != family):
             return False
-        self._laid[family] = np.vstack([self._laid.get(family, np.zeros((0, 6))), box])
+        self._laid.setdefault(family, Rectangles()).add(box)
         self.added.append((family, ref, pose))
         return True
 
@@ -117,62 +115,34 @@ class Plot:
         pose = pose_at(self.ground, x, y, yaw)
         raised = np.eye(4)
         raised[2, 3] = lift
-        self._occupy(family, ref, pose @ raised)
+        self._stand(family, ref, pose @ raised)
         self.added.append((family, ref, pose @ raised))
 
     def built(self, x: float, y: float) -> bool:
         """Whether a house, a wall or a fence stands at a place."""
-        point = np.array([*pose_at(self.ground, x, y, 0.0)[:2, 3], 1.0, 0.0, 0.0, 0.0])
-        return bool(_meets(point, self._boxes[self._house], 0.0).any())
+        east, north = to_world(self.ground.path, x, y).tolist()
+        return self._houses.meet(Rectangle(east, north, 1.0, 0.0, 0.0, 0.0), 0.0)
 
-    def _occupy(self, family: str, ref: int | str, pose: np.ndarray) -> None:
-        box = _footprint(family, ref, pose)
-        block = self._block(family, ref, box)
+    def _stand(self, family: str, ref: int | str, pose: np.ndarray) -> None:
+        box = footprint(family, ref, pose)
+        self._occupy(family, box, self._block(family, ref, box))
+
+    def _occupy(self, family: str, box: Rectangle, block: tuple[float, float] | None) -> None:
         if block is not None:
             self._blocks.append(block)
-        self._boxes = np.vstack([self._boxes, box])
-        self._house = np.append(self._house, FAMILIES[family].train_id in HOUSES)
+        self._taken.add(box)
+        if FAMILIES[family].train_id in HOUSES:
+            self._houses.add(box)
 
-    def _block(self, family: str, ref: int | str, box: np.ndarray) -> tuple[float, float] | None:
+    def _block(self, family: str, ref: int | str, box: Rectangle) -> tuple[float, float] | None:
         """From where to where an object is in the way of the camera, metres along the road."""
         lens = self.street.params.camera_position_y
         if catalogue.bounds(family, ref)[1, 2] < lens - BELOW:
             return None
-        away = self._path - box[:2]
-        along, side = away @ box[2:4], away @ (-box[3], box[2])
-        met = self._along[(np.abs(along) < box[4] + BESIDE) & (np.abs(side) < box[5] + BESIDE)]
+        x, y = (self._path - (box.x, box.y)).T
+        along, side = x * box.cos + y * box.sin, y * box.cos - x * box.sin
+        met = self._along[(np.abs(along) < box.long + BESIDE) & (np.abs(side) < box.wide + BESIDE)]
         return (float(met[0]), float(met[-1])) if len(met) else None
-
-
-def _footprint(family: str, ref: int | str, pose: np.ndarray) -> np.ndarray:
-    """The rectangle f64[6] that an object takes: middle x, y, its own x axis, half length and width."""
-    low, high = (corner[:2] for corner in catalogue.bounds(family, ref))
-    if FAMILIES[family].train_id in HELD and family != "bush":
-        low, high = np.maximum(low, -STEM), np.minimum(high, STEM)
-    middle = pose[:2, :2] @ ((low + high) / 2) + pose[:2, 3]
-    axis = pose[:2, 0] / np.linalg.norm(pose[:2, 0])
-    return np.concatenate([middle, axis, (high - low) / 2])
-
-
-def _meets(box: np.ndarray, others: np.ndarray, spare: float) -> np.ndarray:
-    """Which rectangles bool[n] of ``others`` f64[n, 6] come nearer than ``spare`` to ``box`` f64[6].
-
-    Two rectangles are apart if they are along one of their four axes.
-    """
-    along, half = box[2:4], box[4:] + spare
-    axes = others[:, 2:4]
-    cos = np.abs(axes @ along)
-    sin = np.abs(axes @ (along[1], -along[0]))
-    gap = others[:, :2] - box[:2]
-    long, wide = others[:, 4], others[:, 5]
-    side = np.array([-along[1], along[0]])
-    sides = axes[:, ::-1] * (-1, 1)
-    return (
-        (np.abs(gap @ along) < half[0] + long * cos + wide * sin)
-        & (np.abs(gap @ side) < half[1] + long * sin + wide * cos)
-        & (np.abs((gap * axes).sum(1)) < long + half[0] * cos + half[1] * sin)
-        & (np.abs((gap * sides).sum(1)) < wide + half[0] * sin + half[1] * cos)
-    )
 
 
 def _bearable(block: tuple[float, float], blocks: list[tuple[float, float]]) -> bool:

@@ -9,7 +9,16 @@ from hypothesis import given, settings
 from scene import RenderSettings, TrainId
 from scene.ground.extent import STRIP
 from scene.ground.ground import ground_height
-from scene.ground.path import STRAIGHT, Path, heading_at, height_at, nearest, sample_path, to_world
+from scene.ground.path import (
+    STRAIGHT,
+    Path,
+    heading_at,
+    height_at,
+    nearest,
+    place_at,
+    sample_path,
+    to_world,
+)
 from scene.street.camera import Camera
 from scene.street.clearing import VEHICLES, boxes
 from tests.scene.conftest import DEFAULT, SEEDS, chosen, street
@@ -26,6 +35,17 @@ def test_a_quarter_circle_of_40_metres_and_a_straight_road():
     x, away = nearest(path, np.array([[30.0, 40.0]]), last=80.0)
     assert x == pytest.approx(end, abs=1e-3) and away == pytest.approx(10, abs=1e-3)
     assert sample_path(np.random.default_rng(0), 0.0, 0.0) == STRAIGHT == street().ground.path
+
+
+@given(SEEDS)
+def test_one_place_is_where_many_say_to_the_bit(seed):
+    rng = np.random.default_rng(seed)
+    path = sample_path(rng, 1 / 40, 0.1)
+    x = np.append(rng.uniform(-100, 720, 20), [-80.0, 0.0, 12.5, 700.0])
+    y = np.where(rng.random(len(x)) < 0.3, 0.0, rng.normal(0, 8, len(x)))
+    found = [place_at(path, *at) for at in zip(x.tolist(), y.tolist(), strict=True)]
+    many = *to_world(path, x, y).T, heading_at(path, x), height_at(path, x)
+    np.testing.assert_array_equal(found, np.stack(many, axis=1))
 
 
 @given(SEEDS)
