@@ -95,12 +95,17 @@ def gaussian_process(
         ) + kernels.WhiteKernel(0.1, (1e-6, 1e1))
         return fit(kernel, rows, _standard(np.frombuffer(rewards)), "fmin_l_bfgs_b").kernel_
 
+    latest: tuple[host.Seen, Any] | None = None
+
     def fitted(state: host.Seen) -> Any:
         """The process after all evaluations; its parameters by the first of them, see `GROWTH`."""
-        steps = np.floor(np.log(len(state.rewards)) / np.log(GROWTH) + 1e-9)
-        first = int(np.ceil(GROWTH**steps - 1e-9))
-        kernel = learnt(state.actions[:first].tobytes(), state.rewards[:first].tobytes())
-        return fit(kernel, state.actions, _standard(state.rewards), None)
+        nonlocal latest
+        if latest is None or latest[0] is not state:
+            steps = np.floor(np.log(len(state.rewards)) / np.log(GROWTH) + 1e-9)
+            first = int(np.ceil(GROWTH**steps - 1e-9))
+            kernel = learnt(state.actions[:first].tobytes(), state.rewards[:first].tobytes())
+            latest = state, fit(kernel, state.actions, _standard(state.rewards), None)
+        return latest[1]
 
     def means(model: Any, actions: np.ndarray) -> np.ndarray:
         """What data sets are worth, in standard deviations of all rewards."""
