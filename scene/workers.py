@@ -102,10 +102,10 @@ class Workers:
         futures = dict(begun or {})
         try:
             for attempt in range(2):
-                for index, task in enumerate(tasks):
-                    if index not in done and index not in futures:
-                        futures[index] = self._submit(function, task, net, first, behind)
                 try:
+                    for index, task in enumerate(tasks):
+                        if index not in done and index not in futures:
+                            futures[index] = self._submit(function, task, net, first, behind)
                     for index, result in self._results(futures):
                         done.add(index)
                         yield index, result
@@ -174,17 +174,24 @@ class WorkerPool(Workers):
 
     def close(self) -> None:
         """Stop the processes at once; work under way is dropped."""
-        for executor in self._executors.values():
-            for process in list((executor._processes or {}).values()):
-                process.terminate()
-            executor.shutdown(wait=True, cancel_futures=True)
-        self._executors = {}
+        for behind in list(self._executors):
+            self._stop(behind)
+
+    def _stop(self, behind: bool) -> None:
+        executor = self._executors.pop(behind)
+        for process in list((executor._processes or {}).values()):
+            process.terminate()
+        executor.shutdown(wait=True, cancel_futures=True)
 
     def _submit(
         self, function: Callable[..., Any], task: tuple, net: bool, first: Any, behind: bool
     ) -> Future:
         with _inherited(self._environment):  # processes start with a task
-            return self._executor(behind).submit(function, *task)
+            try:
+                return self._executor(behind).submit(function, *task)
+            except BrokenProcessPool:  # one has died since; tasks under way say so themselves
+                self._stop(behind)
+                return self._executor(behind).submit(function, *task)
 
     def _executor(self, behind: bool) -> Executor:
         if behind not in self._executors:

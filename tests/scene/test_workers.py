@@ -63,6 +63,19 @@ def test_work_of_a_killed_worker_is_done_again_but_of_one_killed_twice_is_an_err
         assert list(pool.map(square, [(3,)])) == [(0, 9)]  # and it can be used again
 
 
+def test_a_worker_that_dies_between_two_tasks_is_replaced():
+    with WorkerPool(1) as pool:
+        for behind in (False, True):
+            [(_, (*_, pid))] = pool.map(surroundings, [()], behind=behind)
+            os.kill(pid, signal.SIGKILL)
+            executor = pool._executors[behind]
+            while not executor._broken:
+                time.sleep(0.01)
+            begun = {0: pool.begin(square, 2)} if behind else {}
+            answers = pool.map(square, [(2,), (3,)], behind=behind, begun=begun)
+            assert sorted(answers) == [(0, 4), (1, 9)]
+
+
 def test_workers_have_one_core_one_gpu_their_environment_and_leaving_early_drops_the_work():
     with WorkerPool(1, {"SCENE_TEST": "yes", "CUDA_VISIBLE_DEVICES": "5,7"}) as pool:
         [(_, (*own, pid))] = pool.map(surroundings, [()])
