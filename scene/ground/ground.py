@@ -22,7 +22,7 @@ from scene.ground.extent import (
 from scene.ground.junction import Junction
 from scene.ground.land import land_height
 from scene.ground.markings import ARROWS, WORDS, Legend
-from scene.ground.path import STRAIGHT, Path, place_at
+from scene.ground.path import STRAIGHT, Path, Place, place_at
 from scene.look.surfaces import (
     ROAD_TONE,
     ROADS,
@@ -81,18 +81,22 @@ class Ground(NamedTuple):
         return self.half_width + self.footway
 
 
-def ground_height(ground: Ground, y: float, x: float = 0.0) -> float:
-    """Height of the ground ``y`` metres from the centre line, ``x`` metres along it."""
+def ground_height(ground: Ground, y: float, x: float = 0.0, place: Place | None = None) -> float:
+    """Height of the ground ``y`` metres from the centre line, ``x`` metres along it.
+
+    ``place`` is that of (x, y) in the world, where it is known already.
+    """
     above = 0.0 if abs(y) < ground.half_width else KERB_HEIGHT
     if not ground.shaped:
         return above
+    place = place or place_at(ground.path, x, y)
     junction = ground.junction
     if abs(y) > STRIP and not (junction and junction.beside(x, y)):
-        east, north, _, _ = place_at(ground.path, x, y)
-        return float(land_height(ground.path, np.array([[east, north]]), junction)[0])
+        at = np.array([[place.east, place.north]])
+        return float(land_height(ground.path, at, junction)[0])
     if junction and junction.paved(x, y):
         above = 0.0
-    return above + place_at(ground.path, x).height
+    return above + place.height
 
 
 def along(ground: Ground, step: float) -> np.ndarray:

@@ -8,6 +8,7 @@ rises to hills far away.
 from __future__ import annotations
 
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -112,25 +113,36 @@ def rise(path: Path, points: Array, junction: Junction | None = None) -> Array:
     return share**1.3
 
 
+class _Raster(NamedTuple):
+    """Heights of the road nearest to the corners of a raster, NaN where nobody has asked yet."""
+
+    east: Array  # of its rows, metres
+    north: Array  # of its columns
+    heights: Array  # f32[rows, columns]
+
+
 @lru_cache(maxsize=8)
-def _raster(path: Path) -> tuple[float, float, Array]:
-    """Heights of the road nearest to the corners of a raster, and its corner of least coordinates."""
+def _raster(path: Path) -> _Raster:
     line = course(path)
     part = (line.x >= GROUND_START) & (line.x <= STRIP_END)
     ends = [(v.min() - STRIP, v.max() + STRIP) for v in (line.east[part], line.north[part])]
     east, north = (np.arange(low, high + RASTER, RASTER) for low, high in ends)
-    points = np.stack(np.meshgrid(east, north, indexing="ij"), axis=-1).reshape(-1, 2)
-    x, _ = nearest(path, points, GROUND_START, STRIP_END)
-    heights = height_at(path, x).reshape(len(east), len(north)).astype(np.float32)
-    return float(east[0]), float(north[0]), heights
+    return _Raster(east, north, np.full((len(east), len(north)), np.nan, np.float32))
 
 
 def road_height(path: Path, points: Array) -> Array:
     """Height f32[n] of the carriageway nearest to world points f32[n, >= 2], to some centimetres."""
     east, north, heights = _raster(path)
-    u = np.clip((points[:, 0] - east) / RASTER, 0, heights.shape[0] - 1.001)
-    v = np.clip((points[:, 1] - north) / RASTER, 0, heights.shape[1] - 1.001)
+    u = np.clip((points[:, 0] - float(east[0])) / RASTER, 0, heights.shape[0] - 1.001)
+    v = np.clip((points[:, 1] - float(north[0])) / RASTER, 0, heights.shape[1] - 1.001)
     i, j = u.astype(int), v.astype(int)
+    wanted = np.zeros(heights.shape, bool)
+    for below in (i, i + 1):
+        for left in (j, j + 1):
+            wanted[below, left] = True
+    rows, columns = np.nonzero(wanted & np.isnan(heights))
+    x, _ = nearest(path, np.stack([east[rows], north[columns]], axis=1), GROUND_START, STRIP_END)
+    heights[rows, columns] = height_at(path, x)
     u, v = u - i, v - j
     low = (1 - v) * heights[i, j] + v * heights[i, j + 1]
     high = (1 - v) * heights[i + 1, j] + v * heights[i + 1, j + 1]

@@ -76,10 +76,12 @@ def pose_at(ground: Ground, x: float, y: float, yaw: float) -> np.ndarray:
         y: metres left of its centre line.
         yaw: radians left of the road's direction there.
     """
-    z = ground_height(ground, y, x)
-    if not ground.path.straight:
-        x, y, heading, _ = place_at(ground.path, x, y)
-        yaw += heading
+    if ground.path.straight:
+        z = ground_height(ground, y, x)
+    else:
+        place = place_at(ground.path, x, y)
+        z = ground_height(ground, y, x, place)
+        x, y, yaw = place.east, place.north, yaw + place.heading
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
 

@@ -117,8 +117,8 @@ def test_the_answer_is_never_below_the_safe_candidate(rewards, shift):
 def test_the_middle_the_hopeless_and_who_is_kept_by_hand():
     config = defaults(MainConfig, "camvid", "quick")
     between = ladder.middle(config.reward, config.final)
-    # sqrt(240 480) = 339.4 and sqrt(176 360) = 251.7, in multiples of 8; sqrt(12 50), sqrt(150 300).
-    assert (between.size, between.streets, between.shots) == ("336x248", 24, 8)
+    # sqrt(240 480) = 339.4 and sqrt(176 360) = 251.7, in multiples of 8; sqrt(24 100), sqrt(150 300).
+    assert (between.size, between.streets, between.shots) == ("336x248", 49, 4)
     assert (between.train.steps, between.train.net) == (212, config.final.train.net)
     assert [ladder.kept(n) for n in (1, 2, 3, 4, 5, 8)] == [1, 2, ladder.FINALISTS, 2, 3, 4]
     assert ladder.most_nets(8, RUNGS) == [64, 16, 4]
