@@ -23,9 +23,12 @@ class DataSets(NamedTuple):
 class HostReward:
     """A reward function that asks the host; made by `host_reward`."""
 
-    def __init__(self, evaluate: Callable[[DataSets], np.ndarray], common: bool) -> None:
+    def __init__(
+        self, evaluate: Callable[[DataSets], np.ndarray], common: bool, within: bool
+    ) -> None:
         self._evaluate = evaluate
         self._common = common
+        self.within = within
         self._error: BaseException | None = None
 
     def __call__(
@@ -39,6 +42,8 @@ class HostReward:
         shape = () if self._common else (n,)
         seeds = jnp.broadcast_to(jax.random.bits(rng_key, shape, jnp.uint32), (n,))
         told = jnp.zeros((n, 0), jnp.int32) if actions is None else actions
+        if not self.within:
+            return jnp.asarray(self._on_host(told, proposals, seeds))
         result = jax.ShapeDtypeStruct((n,), jnp.float32)
         return io_callback(self._on_host, result, told, proposals, seeds, ordered=True)
 
@@ -54,7 +59,7 @@ class HostReward:
             raise error
 
     def _on_host(self, *arguments: Any) -> np.ndarray:
-        """Runs in the callback: nothing may be raised, and JAX not be called, in here."""
+        """Runs in the callback, if there is one: there nothing may be raised, and JAX not be called."""
         # Some versions of JAX pass arrays of its own.
         data_sets = DataSets(*jax.tree.map(np.asarray, arguments))
         n = len(data_sets.seeds)
@@ -68,7 +73,9 @@ class HostReward:
         return np.full(n, np.nan, np.float32)
 
 
-def host_reward(evaluate: Callable[[DataSets], np.ndarray], *, common: bool = False) -> HostReward:
+def host_reward(
+    evaluate: Callable[[DataSets], np.ndarray], *, common: bool = False, within: bool = True
+) -> HostReward:
     """Makes a `reward_fn` of a host function that renders, trains and scores.
 
     Every call makes exactly one call of `evaluate`, in order (an ordered `io_callback`): a reward
@@ -84,15 +91,17 @@ def host_reward(evaluate: Callable[[DataSets], np.ndarray], *, common: bool = Fa
             ...
 
     Args:
-        evaluate: scores data sets, f32[n] in NumPy. It must not call JAX in this process: that can
-            deadlock.
+        evaluate: scores data sets, f32[n] in NumPy. It must not call JAX in this process, unless
+            ``within`` is False: that can deadlock, and does where there is one core.
         common: whether the data sets of one call share their seed. What a seed adds to a reward,
             it then adds to all, and a comparison within the update is spared it.
+        within: whether compiled steps call it. If not, only `drive` takes it, and calls it between two
+            compiled halves of a step.
 
     Returns:
         The reward function.
     """
-    return HostReward(evaluate, common)
+    return HostReward(evaluate, common, within)
 
 
 def _check(rewards: object, n: int) -> None:

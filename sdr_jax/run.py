@@ -41,7 +41,9 @@ StepFn = Callable[[RngKey, State], tuple[State, Record]]
 
 
 def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
-    """One step = sample -> reward -> update, jitted as a whole where the method can be traced.
+    """One step = sample -> reward -> update, jitted where the method can be traced.
+
+    As a whole, unless the reward is of the host and not to be called from within.
 
     Args:
         method: what learns.
@@ -52,7 +54,14 @@ def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
         `step(rng_key, state) -> (state, record)`.
     """
     step = _plain_step(method, reward_fn, n)
-    return jax.jit(step) if method.traced else step
+    if not method.traced:
+        return step
+    if isinstance(reward_fn, HostReward) and not reward_fn.within:
+        sample = jax.jit(method.sample, static_argnums=2)
+        return _plain_step(
+            method._replace(sample=sample, update=jax.jit(method.update)), reward_fn, n
+        )
+    return jax.jit(step)
 
 
 def _plain_step(method: Method, reward_fn: RewardFn, n: int) -> StepFn:

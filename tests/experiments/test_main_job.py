@@ -110,6 +110,22 @@ def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_
     np.testing.assert_array_equal(np.load(out / file), np.load(whole / file))
 
 
+@pytest.mark.slow
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no way to keep to one core")
+def test_without_workers_it_ends_on_one_core_and_as_with_one(unbroken, start_job, tmp_path):
+    """Nets are trained by JAX in the main process: within its callback that would wait for ever."""
+    out, cores = tmp_path / "alone", os.sched_getaffinity(0)
+    os.sched_setaffinity(0, {min(cores)})  # which the job inherits
+    try:
+        job = start_job(out, *TINY, "--workers", "0")
+    finally:
+        os.sched_setaffinity(0, cores)
+    code, _, stderr = job.finish()
+    assert (code, stderr) == (0, "")
+    found, wanted = (read_json(p / "summary.json") for p in (out, unbroken[0]))
+    assert {k: found[k] for k in SCORES} == {k: wanted[k] for k in SCORES}
+
+
 def files_of(root: Path) -> dict[Path, bytes]:
     """All files of a folder."""
     return {p.relative_to(root): p.read_bytes() for p in root.rglob("*") if p.is_file()}

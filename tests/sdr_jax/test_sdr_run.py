@@ -89,10 +89,13 @@ def test_the_host_is_asked_once_per_update_in_order(common: bool) -> None:
 
 
 def test_driven_it_gives_the_same_and_the_seeds_come_straight_from_the_key() -> None:
-    scanned, driven = Evaluate(), Evaluate()
+    scanned, driven, between = Evaluate(), Evaluate(), Evaluate()
     key = jax.random.key(0)
     state, _ = jax.jit(lambda key: run(key, METHOD, host_reward(scanned), n=2))(key)
     *_, (last, _) = drive(key, METHOD, host_reward(driven), n=2)
+    *_, (same, _) = drive(key, METHOD, host_reward(between, within=False), n=2)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), same, last)
+    jax.tree.map(np.testing.assert_array_equal, between.asked, driven.asked)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), last, state)
     for a, b in zip(scanned.asked, driven.asked, strict=True):
         np.testing.assert_array_equal(a.actions, b.actions)
