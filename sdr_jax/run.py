@@ -53,15 +53,12 @@ def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
     Returns:
         `step(rng_key, state) -> (state, record)`.
     """
-    step = _plain_step(method, reward_fn, n)
-    if not method.traced:
-        return step
-    if isinstance(reward_fn, HostReward) and not reward_fn.within:
+    within = not isinstance(reward_fn, HostReward) or reward_fn.within
+    if method.traced and not within:
         sample = jax.jit(method.sample, static_argnums=2)
-        return _plain_step(
-            method._replace(sample=sample, update=jax.jit(method.update)), reward_fn, n
-        )
-    return jax.jit(step)
+        method = method._replace(sample=sample, update=jax.jit(method.update))
+    step = _plain_step(method, reward_fn, n)
+    return jax.jit(step) if method.traced and within else step
 
 
 def _plain_step(method: Method, reward_fn: RewardFn, n: int) -> StepFn:

@@ -133,6 +133,7 @@ def _raster(path: Path) -> _Raster:
 def road_height(path: Path, points: Array) -> Array:
     """Height f32[n] of the carriageway nearest to world points f32[n, >= 2], to some centimetres."""
     east, north, heights = _raster(path)
+    # A number of Python's own keeps f32; one of an array would not.
     u = np.clip((points[:, 0] - float(east[0])) / RASTER, 0, heights.shape[0] - 1.001)
     v = np.clip((points[:, 1] - float(north[0])) / RASTER, 0, heights.shape[1] - 1.001)
     i, j = u.astype(int), v.astype(int)

@@ -8,7 +8,7 @@ from scene.assets import catalogue
 from scene.assets.catalogue import AssetPool, kind, pick
 from scene.assets.families import FAMILIES
 from scene.classes import TrainId
-from scene.ground.path import to_world
+from scene.ground.path import place_at, to_world
 from scene.street.camera import DRIVE, SEARCH, VIEW
 from scene.street.lines import LINE_END, LINE_START, Setting, parts_of
 from scene.street.placing import Standing, pose_at
@@ -120,7 +120,7 @@ class Plot:
 
     def built(self, x: float, y: float) -> bool:
         """Whether a house, a wall or a fence stands at a place."""
-        east, north = to_world(self.ground.path, x, y).tolist()
+        east, north, _, _ = place_at(self.ground.path, x, y)
         return self._houses.meet(Rectangle(east, north, 1.0, 0.0, 0.0, 0.0), 0.0)
 
     def _stand(self, family: str, ref: int | str, pose: np.ndarray) -> None:
