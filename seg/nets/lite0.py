@@ -235,6 +235,7 @@ class Head(nn.Module):
         channels = [m.shape[-1] for m in maps]
         mean = self.param("mean", nn.initializers.zeros, (sum(channels),))
         deviation = self.param("deviation", nn.initializers.ones, (sum(channels),))
+        mean, deviation = jax.lax.stop_gradient((mean, deviation))
         cuts = (channels[0], channels[0] + channels[1])
         normal = Pyramid(
             *(
