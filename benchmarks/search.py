@@ -61,6 +61,12 @@ def _method(name: str, space: sdr_jax.Space, evaluations: int | None) -> sdr_jax
     return make(name, space, **options)
 
 
+@cache
+def _instance(problem: str, seed: int) -> Problem:
+    """An instance of a problem, made once: some look long for their best, and compile their reward."""
+    return PROBLEMS[problem](seed)
+
+
 class _Watched:
     """A problem's reward; remembers its own seconds, and the data set of the highest reward."""
 
@@ -167,7 +173,7 @@ class Result(NamedTuple):
 
 def work(task: Task) -> Result:
     """Search all instances; one long search serves all budgets of a method that knows none."""
-    instances = [PROBLEMS[task.problem](seed) for seed in range(task.seeds)]
+    instances = [_instance(task.problem, seed) for seed in range(task.seeds)]
     longest = max(task.budgets)
     looks = tuple(sorted({*range(LOOKS, longest + 1, LOOKS), *task.budgets}))
     trace(task.method, instances[0], min(2 * METHODS[task.method].n, longest), 0, ())  # compiles
