@@ -11,7 +11,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float, Int, Key
 
 from sdr_jax.models import features, regression
@@ -206,11 +205,8 @@ def expected(
     model: Effects, state: EffectsState, belief: Posterior, actions: Int[Array, "n attributes"]
 ) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
     """Mean and standard deviation of one reward of actions, its noise included; NaN before two rewards."""
-    mean = jax.vmap(partial(value, model, state, belief))(actions)
-    count = jnp.maximum(state.statistics.seen, 1)
-    off = _evaluate(model, actions) - (state.statistics.sums / count)[None, :]
-    whitened = solve_triangular(belief.factor, (off * belief.scale[None, :]).T, lower=True)
-    std = jnp.sqrt((whitened**2).sum(axis=0) + state.noise)
+    x = _evaluate(model, actions)
+    mean, std = regression.predicted(state.statistics, belief, state.noise, x)
     known = state.noise > 0
     return jnp.where(known, mean, jnp.nan), jnp.where(known, std, jnp.nan)
 

@@ -29,6 +29,7 @@ class LinearState(NamedTuple):
 
     statistics: Statistics
     belief: Posterior  # of the weights
+    noise: Float[Array, ""]  # variance of a reward
 
 
 def linear(
@@ -81,11 +82,13 @@ def linear(
     def init(rng_key: RngKey) -> LinearState:
         del rng_key  # nothing is random before the first sample
         statistics = regression.empty(size)
-        return LinearState(statistics, posterior(statistics))
+        return fitted(statistics)
 
-    def posterior(statistics: Statistics) -> Posterior:
+    def fitted(statistics: Statistics) -> LinearState:
         stds = jnp.sqrt(jnp.asarray(SIGNALS))[:, None] * jnp.asarray(prior_std)[None, :]
-        return regression.by_evidence(regression.centred(statistics), stds)
+        return LinearState(
+            statistics, *regression.by_evidence(regression.centred(statistics), stds)
+        )
 
     def known(state: LinearState) -> Array:
         return state.statistics.seen > 1  # two rewards make a difference
@@ -103,8 +106,7 @@ def linear(
 
     def update(state: LinearState, actions: Bins, rewards: Rewards) -> tuple[LinearState, Info]:
         statistics = regression.add(state.statistics, evaluate(layout, actions), rewards)
-        next_state = LinearState(statistics, posterior(statistics))
-        return next_state, plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+        return fitted(statistics), plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
 
     def best_of(belief: Posterior) -> Array:
         return maximise(jax.random.key(0), space, layout, belief.mean)
@@ -126,4 +128,9 @@ def linear(
         p = jax.nn.one_hot(actions, space.max_bins).mean(axis=0)
         return jnp.where(known(state), p, uniform(space))
 
-    return jitted(init, sample, update, solution, probabilities, spread)
+    def expects(state: LinearState, actions: Bins) -> tuple[Rewards, Rewards]:
+        x = evaluate(layout, actions)
+        of_reward = regression.predicted(state.statistics, state.belief, state.noise, x)
+        return jax.tree.map(lambda found: jnp.where(known(state), found, jnp.nan), of_reward)
+
+    return jitted(init, sample, update, solution, probabilities, spread, expects=expects)

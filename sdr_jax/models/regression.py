@@ -107,14 +107,30 @@ def posterior(
     return Posterior(std * whitened, factor, std), whitened
 
 
+def predicted(
+    statistics: Statistics,
+    belief: Posterior,
+    noise: Float[Array, ""],
+    x: Float[Array, "n features"],
+) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
+    """Mean and standard deviation of one reward of each row of features, its noise (a variance) included."""
+    count = jnp.maximum(statistics.seen, 1)
+    off = x - (statistics.sums / count)[None, :]
+    mean = statistics.offset + statistics.total / count + off @ belief.mean
+    whitened = solve_triangular(belief.factor, (off * belief.scale[None, :]).T, lower=True)
+    return mean, jnp.sqrt((whitened**2).sum(axis=0) + noise)
+
+
 def covariance(belief: Posterior) -> Float[Array, "features features"]:
     """Of the weights."""
     inverse = solve_triangular(belief.factor, jnp.eye(len(belief.scale)), lower=True)
     return belief.scale[:, None] * (inverse.T @ inverse) * belief.scale[None, :]
 
 
-def by_evidence(data: Centred, stds: Float[Array, "k features"]) -> Posterior:
-    """The posterior under the most likely of several priors, the noise integrated out.
+def by_evidence(
+    data: Centred, stds: Float[Array, "k features"]
+) -> tuple[Posterior, Float[Array, ""]]:
+    """The posterior under the most likely of several priors, and the variance of the noise integrated out.
 
     Args:
         data: the evaluations.
@@ -123,17 +139,17 @@ def by_evidence(data: Centred, stds: Float[Array, "k features"]) -> Posterior:
     Source: MacKay 1992, "Bayesian interpolation".
     """
 
-    def fit(std: Array) -> tuple[Posterior, Array]:
+    def fit(std: Array) -> tuple[Posterior, Array, Array]:
         belief, whitened = posterior(data, std, jnp.ones(()))  # in units of noise
         explained = jnp.dot(whitened, std * data.moment)
         left = jnp.maximum(data.square - explained, 1e-4 * data.square)
         log_det = 2 * jnp.sum(jnp.log(jnp.diag(belief.factor)))
         evidence = -0.5 * (log_det + data.freedom * jnp.log(left))
-        return belief._replace(scale=jnp.sqrt(left / data.freedom) * std), evidence
+        noise = left / data.freedom
+        return belief._replace(scale=jnp.sqrt(noise) * std), noise, evidence
 
-    fits, evidence = jax.lax.map(fit, stds)
-    best = jnp.argmax(evidence)
-    return jax.tree.map(lambda leaf: leaf[best], fits)
+    beliefs, noises, evidence = jax.lax.map(fit, stds)
+    return jax.tree.map(lambda leaf: leaf[jnp.argmax(evidence)], (beliefs, noises))
 
 
 def draw(

@@ -178,9 +178,23 @@ def gaussian_process(
     def spread(state: host.Seen) -> Proposal:
         return moments(space, probabilities(state), width)
 
-    return Method(init, sample, update, solution, spread, probabilities, None, traced=False)
+    def expects(state: host.Seen, actions: Bins) -> tuple[Rewards, Rewards]:
+        if not len(state.rewards):
+            return (jnp.full(len(actions), jnp.nan),) * 2
+        mean, std = fitted(state).predict(encoded(np.asarray(actions)), return_std=True)
+        unit = _unit(state.rewards)
+        return jnp.asarray(state.rewards.mean() + unit * mean), jnp.asarray(unit * std)
+
+    return Method(
+        init, sample, update, solution, spread, probabilities, None, traced=False, expects=expects
+    )
+
+
+def _unit(rewards: np.ndarray) -> float:
+    """Their standard deviation, 1 where all are the same."""
+    return float(rewards.std()) or 1.0
 
 
 def _standard(rewards: np.ndarray) -> np.ndarray:
     """Without mean, in standard deviations."""
-    return (rewards - rewards.mean()) / (rewards.std() or 1.0)
+    return (rewards - rewards.mean()) / _unit(rewards)

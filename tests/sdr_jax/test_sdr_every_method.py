@@ -198,6 +198,31 @@ def test_a_method_is_made_with_its_own_options(name: str) -> None:
     assert method.traced == (not METHODS[name].library)
 
 
+MODELS = [name for name, method in ALL.items() if method.expects is not None]
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_models_foresee_rewards_and_how_far_they_are_off(name: str) -> None:
+    assert MODELS == ["surrogate", "linear", "intervals", "gaussian_process"]
+    method = ALL[name]
+    first = state = method.init(jax.random.key(0))
+
+    def asked(seed: int) -> tuple[jax.Array, jax.Array]:
+        sample_key, noise_key = jax.random.split(jax.random.key(seed))
+        actions, proposals = method.sample(sample_key, first, 60)
+        return actions, value(proposals) + 0.03 * jax.random.normal(noise_key, (60,))
+
+    actions, rewards = asked(1)
+    assert np.all(np.isnan(np.stack(method.expects(state, actions))))
+    for start in range(0, 60, 10):
+        part = slice(start, start + 10)
+        state, _ = method.update(state, actions[part], rewards[part])
+    actions, rewards = asked(2)
+    mean, std = (np.asarray(part) for part in method.expects(state, actions))
+    assert np.corrcoef(mean, rewards)[0, 1] > 0.6
+    assert 0.6 < np.std((rewards - mean) / std) < 1.4
+
+
 BAD = {
     "surrogate": dict(temperature=[0.0, np.nan], degree=[0], pair_degree=[10]),
     "sdr": dict(updates_per_group=[0], unoptimised=["zero"], baseline=["none"]),
