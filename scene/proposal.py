@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from scene.attributes import SPACES, SpaceName, check_unit, default_unit, names, space_of
+from shell.files import read_json
 
 RELAXATION = 0.15
 """Width of the intervals around the street set by eye, as a share of each range."""
@@ -182,6 +184,26 @@ def parse_streets(value: Any) -> Streets:
         return mixture(shares, proposals)
     except ValueError as error:
         raise ValueError(f"components: {error}") from None
+
+
+def read_streets(source: str, space: SpaceName) -> Streets:
+    """The streets of a name, "default" or "random", or of a JSON file.
+
+    Args:
+        source: the name, or the file's path.
+        space: of the streets of a name.
+
+    Raises:
+        ValueError: the file is no JSON, or not of attributes, by name.
+        OSError: it cannot be read.
+    """
+    if source in ("default", "random"):
+        return named(source, space)
+    try:
+        return parse_streets(read_json(Path(source)))
+    except ValueError as error:
+        where = "" if str(error).startswith(source) else f"{source}: "
+        raise ValueError(f"{where}{error}") from None
 
 
 def _parsed(value: Any) -> Proposal:

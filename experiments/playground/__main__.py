@@ -17,8 +17,8 @@ from experiments.playground.photographs import listed
 from experiments.playground.state import State, View, check_view, opened
 from scene.assets.catalogue import AssetPool
 from scene.attributes import SPACES
+from scene.proposal import read_streets
 from scene.render import RendererError, renderer
-from scene.render.__main__ import streets_of
 from shell.command import Parser, exit_code, size
 from shell.errors import UserError
 
@@ -64,7 +64,7 @@ def first_state(options: argparse.Namespace) -> State:
     width, height = options.size
     pool = AssetPool(own=options.assets)
     view = View(options.seed, 0, 0, options.shots, width, height, options.samples, pool)
-    return opened(streets_of(options.attributes, options.space), check_view(view))
+    return opened(read_streets(options.attributes, options.space), check_view(view))
 
 
 def main(arguments: list[str] | None = None) -> int:

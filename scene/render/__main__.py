@@ -13,17 +13,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
 from scene.assets.catalogue import USES, AssetPool
-from scene.attributes import SPACES, SpaceName
+from scene.attributes import SPACES
 from scene.dataset.export import export_dataset
 from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.dataset.read import DESCRIPTION, MOST_IMAGES
 from scene.executors import workers_of
-from scene.proposal import Streets, draw, named, parse_streets
+from scene.proposal import draw, read_streets
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
 from scene.workers import ExecutorName, WorkerError, refuse_many_workers
 from shell.command import Parser, exit_code, size
-from shell.files import read_json
 from shell.memory import refuse_larger
 
 if TYPE_CHECKING:
@@ -70,22 +69,6 @@ def parser() -> Parser:
     return options
 
 
-def streets_of(source: str, space: SpaceName) -> Streets:
-    """Which streets ``--attributes`` asks for.
-
-    Raises:
-        ValueError: the file is no JSON, or not of attributes, by name.
-        OSError: it cannot be read.
-    """
-    if source in ("default", "random"):
-        return named(source, space)
-    try:
-        return parse_streets(read_json(Path(source)))
-    except ValueError as error:
-        where = "" if str(error).startswith(source) else f"{source}: "
-        raise ValueError(f"{where}{error}") from None
-
-
 def reporter(progress: Progress) -> Callable[[int, int, int], None]:
     """Tells how far the export is; what an earlier call has finished took this one no time."""
     before: list[int] = []
@@ -115,7 +98,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     refuse_large_images("--samples", settings)
     refuse_many_shots("--shots", options.shots, settings)
     refuse_larger("--images", options.images, lambda n: n * STREET // options.shots, "streets")
-    chosen = streets_of(options.attributes, options.space)
+    chosen = read_streets(options.attributes, options.space)
     with workers_of(options.executor, options.workers, options.scheduler) as workers:
         if workers.dashboard is not None:
             progress.say(f"Dashboard: {workers.dashboard}")
