@@ -21,8 +21,8 @@ from scene.proposal import (
     Proposal,
     Streets,
     named,
-    parse_streets,
     space_in,
+    streets_in,
 )
 from scene.render import RenderSettings, check_settings
 from scene.workers import ExecutorName
@@ -32,7 +32,6 @@ from seg.settings import TrainSettings
 from seg.settings import check_settings as check_train_settings
 from seg.weights import check as check_weights
 from shell.errors import UserError, refuse_repeats
-from shell.files import read_json
 
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes"]
@@ -466,12 +465,11 @@ def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:
         UserError: no such file, or the file of something else, such as of another space; names the flag.
     """
     try:
-        found = parse_streets(read_json(path))
+        found = streets_in(path)
     except OSError as error:
         raise UserError(f"{flag} {path}: {error.strerror}") from None
     except ValueError as error:
-        where = "" if str(error).startswith(str(path)) else f"{path}: "
-        raise UserError(f"{flag} {where}{error}") from None
+        raise UserError(f"{flag} {error}") from None
     theirs = space_in(found)
     if theirs != space:
         raise UserError(f"{flag} {path} holds attributes of --space {theirs}, not {space}")

@@ -186,24 +186,23 @@ def parse_streets(value: Any) -> Streets:
         raise ValueError(f"components: {error}") from None
 
 
-def read_streets(source: str, space: SpaceName) -> Streets:
-    """The streets of a name, "default" or "random", or of a JSON file.
-
-    Args:
-        source: the name, or the file's path.
-        space: of the streets of a name.
+def streets_in(path: Path) -> Streets:
+    """The streets that a JSON file describes.
 
     Raises:
         ValueError: the file is no JSON, or not of attributes, by name.
         OSError: it cannot be read.
     """
-    if source in ("default", "random"):
-        return named(source, space)
     try:
-        return parse_streets(read_json(Path(source)))
+        return parse_streets(read_json(path))
     except ValueError as error:
-        where = "" if str(error).startswith(source) else f"{source}: "
+        where = "" if str(error).startswith(str(path)) else f"{path}: "
         raise ValueError(f"{where}{error}") from None
+
+
+def read_streets(source: str, space: SpaceName) -> Streets:
+    """The streets of a name, "default" or "random", in a space, or of a file; raises as `streets_in`."""
+    return named(source, space) if source in ("default", "random") else streets_in(Path(source))
 
 
 def _parsed(value: Any) -> Proposal:
