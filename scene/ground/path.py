@@ -11,6 +11,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 Array = np.ndarray
 Knots = tuple[tuple[float, float], ...]
@@ -125,22 +126,23 @@ def place_at(path: Path, x: float, y: float = 0.0) -> Place:
     """What ``to_world``, ``heading_at`` and ``height_at`` say of one place, to the bit, and sooner."""
     table = _table(path)
     k = min(max(int((x - FROM) / STEP), 0), len(table) - 2)
-    first, second = table[k : k + 2].tolist()
+    east, north, heading, height = table[k] if x < TO else table[k + 1]
     if FROM < x < TO:
         on = x - (FROM + k * STEP)
-        first = [a + (b - a) / STEP * on for a, b in zip(first, second, strict=True)]
-    elif x >= TO:
-        first = second
-    east, north, heading, height = first
+        next_east, next_north, next_heading, next_height = table[k + 1]
+        east += (next_east - east) / STEP * on
+        north += (next_north - north) / STEP * on
+        heading += (next_heading - heading) / STEP * on
+        height += (next_height - height) / STEP * on
     if y:
         east, north = east - y * float(np.sin(heading)), north + y * float(np.cos(heading))
     return Place(east, north, heading, height)
 
 
 @lru_cache(maxsize=64)
-def _table(path: Path) -> Array:
-    """East, north, heading and height f64[n, 4] of each step."""
-    return np.stack(course(path)[1:], axis=1)
+def _table(path: Path) -> list[list[float]]:
+    """East, north, heading and height of each step."""
+    return np.stack(course(path)[1:], axis=1).tolist()
 
 
 def nearest(
@@ -152,8 +154,7 @@ def nearest(
     """
     line = course(path)
     part = np.flatnonzero((line.x >= first) & (line.x <= last))[::4]
-    east, north = points[:, :1] - line.east[part], points[:, 1:] - line.north[part]
-    best = part[np.argmin(east * east + north * north, axis=1)]
+    best = part[_nearest_of(np.ascontiguousarray(points), line.east[part], line.north[part])]
     # From the nearest step along the road to the foot of the perpendicular.
     away = points - np.stack([line.east[best], line.north[best]], axis=1)
     c, s = np.cos(line.heading[best]), np.sin(line.heading[best])
@@ -162,6 +163,20 @@ def nearest(
     on /= np.maximum(1 - _values(path.bends, line.x[best]) * beside, 0.1)
     x = line.x[best] + np.clip(on, -2 * STEP, 2 * STEP)
     return x, np.linalg.norm(points - to_world(path, x, 0.0), axis=1)
+
+
+@njit(cache=True)
+def _nearest_of(points: Array, east: Array, north: Array) -> Array:
+    """Which of the places (east, north) f64[m] is nearest to each of the points f64[n, 2]."""
+    found = np.zeros(len(points), np.int64)
+    for n in range(len(points)):
+        least = np.inf
+        for k in range(len(east)):
+            x, y = points[n, 0] - east[k], points[n, 1] - north[k]
+            away = x * x + y * y
+            if away < least:
+                least, found[n] = away, k
+    return found
 
 
 def folded(path: Path, x: Array, y: Array) -> Array:

@@ -68,8 +68,9 @@ def line_objects(
         filled = rng.random() < probability
         if not filled or ref is None:
             continue
-        season_rng = np.random.default_rng(seed)
-        ref = in_season(family, ref, street.params.bare_tree_share, street.pool, season_rng)
+        if family == "tree":
+            season_rng = np.random.default_rng(seed)
+            ref = in_season(family, ref, street.params.bare_tree_share, street.pool, season_rng)
         step = STEP * (slot % 3) if FAMILIES[family].front == "right" else 0.0
         for shift in _panels(family, ref, interval):
             pose = pose_at(street.ground, x + shift, side * (distance + step), yaw)

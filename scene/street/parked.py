@@ -13,7 +13,7 @@ from scene.ground.extent import KERB_HEIGHT, KERB_WIDTH
 from scene.ground.ground import Ground
 from scene.street.background import BEHIND
 from scene.street.lines import LINE_END, LINE_START
-from scene.street.plot import Plot, draw_kind
+from scene.street.plot import Plot, draw_family, draw_kind
 
 PARKED = {"car": 0.93, "truck": 0.045, "motorcycle": 0.02, "bus": 0.005}
 """What stands along a kerb."""
@@ -85,9 +85,8 @@ def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> 
     forward = 0.0 if side == plot.street.drive else math.pi
     closed = kept_free(ground, side)
     x = LINE_START + float(rng.uniform(0, 6))
-    families, shares = list(PARKED), list(PARKED.values())
     while x < LINE_END:
-        family = str(rng.choice(families, p=shares))
+        family = draw_family(PARKED, rng)
         ref = pick(pool, family, rng)
         gap, wobble, drift = rng.uniform(0.6, 2.0), 0.02 * rng.normal(), 0.07 * rng.normal()
         turned, free = rng.random() < AGAINST, rng.random() < FREE

@@ -12,7 +12,16 @@ from scene.assets import catalogue
 from scene.classes import TrainId
 from scene.ground.extent import GROUND_START, STRIP_END
 from scene.ground.ground import Ground, ground_height
-from scene.ground.path import STRAIGHT, Path, height_at, nearest, place_at, slope_at, to_world
+from scene.ground.path import (
+    STRAIGHT,
+    Path,
+    heading_at,
+    height_at,
+    nearest,
+    place_at,
+    slope_at,
+    to_world,
+)
 from scene.street.camera import DRIVE, SEARCH
 
 FAR = 35.0
@@ -106,15 +115,16 @@ def settled(ground: Ground, objects: list[Standing], front: float = 0.0) -> list
     x, away = nearest(path, corners.reshape(-1, 2), GROUND_START, STRIP_END)
     across = away.reshape(-1, 4).min(axis=1) < front - CLEAR
     sunk = np.minimum(height_at(path, x).reshape(-1, 4).min(axis=1) - height_at(path, own), 0.0)
+    # Parts of one object share their pose.
+    tilted = {id(pose): k for k, (family, _, pose) in enumerate(objects) if family in TILTED}
+    leaning = _leaning(path, [objects[k][2] for k in tilted.values()], own[[*tilted.values()]])
+    poses = dict(zip(tilted, leaning, strict=True))
     found: list[Standing] = []
-    poses: dict[int, np.ndarray] = {}  # parts of one object share their pose
     for k, (family, ref, pose) in enumerate(objects):
         if family == "building" and across[k]:
             continue
         stands = pose
         if family in TILTED:
-            if id(pose) not in poses:
-                poses[id(pose)] = _leaning(path, pose, float(own[k]))
             stands = poses[id(pose)]
         elif family == "building":
             stands = pose.copy()
@@ -135,18 +145,20 @@ def footprints(objects: list[Standing]) -> np.ndarray:
     return np.einsum("nij,nkj->nki", poses[:, :2, :2], corners) + poses[:, None, :2, 3]
 
 
-def _leaning(path: Path, pose: np.ndarray, x: float) -> np.ndarray:
-    """A pose turned by the slope of the road ``x`` metres along it."""
-    rise, heading = math.atan(float(slope_at(path, x))), place_at(path, x).heading
-    c, s, across = (
-        math.cos(rise),
-        math.sin(rise),
-        np.array([-math.sin(heading), math.cos(heading), 0]),
-    )
-    cross = np.array([[0, 0, across[1]], [0, 0, -across[0]], [-across[1], across[0], 0]])
-    leaning = pose.copy()
+def _leaning(path: Path, poses: list[np.ndarray], x: np.ndarray) -> np.ndarray:
+    """Poses f64[n, 4, 4] turned by the slope of the road ``x`` f64[n] metres along it."""
+    if not poses:
+        return np.zeros((0, 4, 4))
+    rise = [math.atan(slope) for slope in slope_at(path, x).tolist()]
+    headings = heading_at(path, x).tolist()
+    cross = np.zeros((len(poses), 3, 3))
     # Rodrigues: by ``rise`` about the axis to the right of the road, so that what lies ahead goes up.
-    leaning[:3, :3] = (np.eye(3) - s * cross + (1 - c) * cross @ cross) @ pose[:3, :3]
+    cross[:, 0, 2] = [math.cos(heading) for heading in headings]
+    cross[:, 1, 2] = [math.sin(heading) for heading in headings]
+    cross[:, 2, :2] = -cross[:, :2, 2]
+    s, c = (np.array([f(angle) for angle in rise])[:, None, None] for f in (math.sin, math.cos))
+    leaning = np.stack(poses)
+    leaning[:, :3, :3] = (np.eye(3) - s * cross + (1 - c) * cross @ cross) @ leaning[:, :3, :3]
     return leaning
 
 

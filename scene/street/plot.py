@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
+from functools import lru_cache
+
 import numpy as np
+from numba import njit
 
 from scene.assets import catalogue
 from scene.assets.catalogue import AssetPool, kind, pick
@@ -139,10 +143,28 @@ class Plot:
         lens = self.street.params.camera_position_y
         if catalogue.bounds(family, ref)[1, 2] < lens - BELOW:
             return None
-        x, y = (self._path - (box.x, box.y)).T
-        along, side = x * box.cos + y * box.sin, y * box.cos - x * box.sin
-        met = self._along[(np.abs(along) < box.long + BESIDE) & (np.abs(side) < box.wide + BESIDE)]
-        return (float(met[0]), float(met[-1])) if len(met) else None
+        first, last = _met(self._path, *box, BESIDE)
+        return (float(self._along[first]), float(self._along[last])) if last >= 0 else None
+
+
+@njit(cache=True)
+def _met(
+    path: np.ndarray,
+    own_x: float,
+    own_y: float,
+    cos: float,
+    sin: float,
+    long: float,
+    wide: float,
+    spare: float,
+) -> tuple[int, int]:
+    """First and last of the places f64[n, 2] that are nearer than ``spare`` to a rectangle; -1 for none."""
+    first, last = -1, -1
+    for k in range(len(path)):
+        x, y = path[k, 0] - own_x, path[k, 1] - own_y
+        if abs(x * cos + y * sin) < long + spare and abs(y * cos - x * sin) < wide + spare:
+            first, last = (k if first < 0 else first), k
+    return first, last
 
 
 def _bearable(block: tuple[float, float], blocks: list[tuple[float, float]]) -> bool:
@@ -160,3 +182,14 @@ def draw_kind(
     """One asset of certain kinds, where eight draws find one; otherwise any. Takes eight numbers."""
     drawn = [pick(pool, family, rng) for _ in range(8)]
     return next((ref for ref in drawn if ref is not None and kind(family, ref) in kinds), drawn[0])
+
+
+def draw_family(shares: dict[str, float], rng: np.random.Generator) -> str:
+    """A family, each with its share: what ``rng.choice`` draws, from the same number, and much sooner."""
+    return list(shares)[bisect_right(_upto(tuple(shares.values())), rng.random())]
+
+
+@lru_cache(maxsize=64)
+def _upto(shares: tuple[float, ...]) -> list[float]:
+    total = np.cumsum(shares)
+    return (total / total[-1]).tolist()

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from scene.assets import catalogue
 from scene.assets.families import FAMILIES
@@ -53,39 +54,62 @@ class Rectangles:
     def __init__(self) -> None:
         """None yet."""
         self._count = 0
-        self._rows = np.zeros((6, 64))
+        self._rows = np.zeros((64, 6))
         self._radii = np.zeros(64)
 
     def add(self, box: Rectangle) -> None:
         """One more."""
         if self._count == len(self._radii):
-            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)], axis=1)
+            self._rows = np.concatenate([self._rows, np.zeros_like(self._rows)])
             self._radii = np.concatenate([self._radii, np.zeros_like(self._radii)])
-        self._rows[:, self._count] = box
+        self._rows[self._count] = box
         self._radii[self._count] = math.hypot(box.long, box.wide)
         self._count += 1
 
     def meet(self, box: Rectangle, spare: float) -> bool:
         """Whether one of them comes nearer than ``spare`` metres to ``box``."""
-        rows = self._rows[:, : self._count]
-        x, y = rows[0] - box.x, rows[1] - box.y
-        reach = self._radii[: self._count] + (math.hypot(box.long, box.wide) + 2 * abs(spare))
-        near = np.flatnonzero(x * x + y * y <= reach * reach)
-        return any(_meets(box, Rectangle(*rows[:, k].tolist()), spare) for k in near)
+        reach = math.hypot(box.long, box.wide) + 2 * abs(spare)
+        return _meet(self._rows, self._radii, self._count, *box, spare, reach)
 
 
-def _meets(box: Rectangle, other: Rectangle, spare: float) -> bool:
-    """Whether two rectangles are nearer than ``spare``.
+@njit(cache=True)
+def _meet(
+    rows: np.ndarray,
+    radii: np.ndarray,
+    count: int,
+    own_x: float,
+    own_y: float,
+    own_cos: float,
+    own_sin: float,
+    long: float,
+    wide: float,
+    spare: float,
+    reach: float,
+) -> bool:
+    """Whether one of the first ``count`` of f64[rectangles, 6] is nearer than ``spare`` to another one.
 
-    They are apart if they are along one of their four axes.
+    Only those in ``reach`` beyond their radius are looked at; they are apart if they are along one of the
+    four axes of the two.
     """
-    long, wide = box.long + spare, box.wide + spare
-    cos = abs(other.cos * box.cos + other.sin * box.sin)
-    sin = abs(other.cos * box.sin - other.sin * box.cos)
-    x, y = other.x - box.x, other.y - box.y
-    return (
-        abs(x * box.cos + y * box.sin) < long + other.long * cos + other.wide * sin
-        and abs(y * box.cos - x * box.sin) < wide + other.long * sin + other.wide * cos
-        and abs(x * other.cos + y * other.sin) < other.long + long * cos + wide * sin
-        and abs(y * other.cos - x * other.sin) < other.wide + long * sin + wide * cos
-    )
+    long, wide = long + spare, wide + spare
+    for k in range(count):
+        x, y = rows[k, 0] - own_x, rows[k, 1] - own_y
+        far = radii[k] + reach
+        if x * x + y * y > far * far:
+            continue
+        other_cos, other_sin, other_long, other_wide = (
+            rows[k, 2],
+            rows[k, 3],
+            rows[k, 4],
+            rows[k, 5],
+        )
+        cos = abs(other_cos * own_cos + other_sin * own_sin)
+        sin = abs(other_cos * own_sin - other_sin * own_cos)
+        if (
+            abs(x * own_cos + y * own_sin) < long + other_long * cos + other_wide * sin
+            and abs(y * own_cos - x * own_sin) < wide + other_long * sin + other_wide * cos
+            and abs(x * other_cos + y * other_sin) < other_long + long * cos + wide * sin
+            and abs(y * other_cos - x * other_sin) < other_wide + long * sin + wide * cos
+        ):
+            return True
+    return False

@@ -11,7 +11,7 @@ from scene.assets.catalogue import pick
 from scene.assets.rider import MOUNT
 from scene.street.lines import LINE_END, LINE_START
 from scene.street.parked import clear
-from scene.street.plot import Plot, draw_kind
+from scene.street.plot import Plot, draw_family, draw_kind
 
 VEHICLES = {"car": 0.88, "truck": 0.05, "bus": 0.035, "rider": 0.035}
 """What drives; riders on motorcycles."""
@@ -59,9 +59,8 @@ def _fill(plot: Plot, side: float, centre: float, rng: np.random.Generator) -> N
     closed = [] if moving else [*((x - 3.2, x + 3.2) for x in ground.crosswalks), *ground.boxes]
     x = LINE_START + float(rng.uniform(0, 25))
     left = int(rng.integers(*PLATOON))
-    names, shares = list(VEHICLES), list(VEHICLES.values())
     while x < LINE_END:
-        family = str(rng.choice(names, p=shares))
+        family = draw_family(VEHICLES, rng)
         ref = (
             draw_kind(pool, family, ON_MOTORCYCLES, rng)
             if family == "rider"
@@ -74,7 +73,7 @@ def _fill(plot: Plot, side: float, centre: float, rng: np.random.Generator) -> N
             continue
         low, high = catalogue.bounds(family, ref)[:, 0]
         length = max(float(high - low), 2.2)
-        y = side * (centre + float(np.clip(drift, -0.25, 0.25)))
+        y = side * (centre + min(max(float(drift), -0.25), 0.25))
         stands = clear(closed, x, x + length) and plot.put(
             family, ref, x + length / 2, y, forward + float(wobble), seed=seed, spare=0.3
         )

@@ -8,7 +8,7 @@ import numpy as np
 
 from scene.assets import catalogue
 from scene.assets.catalogue import pick
-from scene.street.plot import Plot
+from scene.street.plot import Plot, draw_family
 
 VEHICLES = {"car": 0.94, "truck": 0.06}
 BESIDE = 1.6
@@ -41,7 +41,7 @@ def _vehicle(
     plot: Plot, rng: np.random.Generator, longest: float = 12.0
 ) -> tuple[str, int | str | None, float]:
     """Family, asset and length of one that is not too long; a car's place is left empty instead."""
-    family = str(rng.choice(list(VEHICLES), p=list(VEHICLES.values())))
+    family = draw_family(VEHICLES, rng)
     ref = pick(plot.street.pool, family, rng)
     if ref is None:
         return family, None, 0.0
