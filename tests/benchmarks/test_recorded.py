@@ -29,7 +29,6 @@ def test_it_finds_the_function_the_noise_and_means_over_wide_intervals() -> None
         proposal = sdr_jax.Proposal(jnp.asarray([centre, 0.5]), jnp.full(2, recorded.WIDTH))
         wanted = 20 + 3 * np.sin(4 * centre)
         assert surrogate.true_value(proposal) == pytest.approx(wanted, abs=0.25)
-    surrogate = recorded.fit(SPACE, *made())
     everything = sdr_jax.Proposal(jnp.full(2, 0.5), jnp.ones(2))
     wanted = 20 + 3 * np.sin(4 * np.linspace(0.15, 0.85, 400)).mean()
     assert surrogate.true_value(everything) == pytest.approx(wanted, abs=0.3)
@@ -45,9 +44,8 @@ def test_only_the_quick_recipes_rewards_are_collected(tmp_path) -> None:
         "centre": np.asarray(relaxed.centre).tolist(), "width": [0.3, 0.3],
     }  # fmt: skip
     other = ({"steps": 1000}, {"reward": None}, {"width": [1.0, 0.3]}, {"side": "test"})
-    others = [{**good, **change} for change in other]
     store, out = tmp_path / "store.jsonl", tmp_path / "data" / "record.jsonl"
-    lines = [{"store": "sdr-jax evaluations, 1"}, *others, good]
+    lines = [{"store": "sdr-jax evaluations, 1"}, *({**good, **change} for change in other), good]
     store.write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert recorded.record([store], out) == 1
     bins, rewards = recorded.read(out)  # 8 and 9 slid to the same place
