@@ -6,9 +6,11 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from importlib import import_module
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -19,25 +21,30 @@ from PIL import Image
 from experiments.cli import main
 from experiments.config import MainConfig
 from experiments.main.job import MAIN
-from experiments.presets import defaults
-from experiments.pretrain import tuning
-from experiments.pretrain.nets import Start
-from experiments.reward import evaluator
+from experiments.presets import PRESETS, TARGETS, defaults
 from experiments.reward.miou import Outcome, Recipe, Source
 from experiments.reward.truth import Truth, WithFew, rendered_of
 from experiments.study.skeleton import do
+from experiments.target.base import Split, Target
 from scene.attributes import NAMES
 from scene.proposal import describe, slide
+from scene.workers import WorkerPool
+from seg.data import RealSet
 from seg.train import TrainingError
+from shell.files import read_json
 
 ROOT = Path(__file__).resolve().parents[2]
 H, W = 12, 16
+POOL = WorkerPool(0)
 
 TINY = (
     "--preset", "smoke", "--workers", "1", "--candidates", "argmax",
     "--reward.train.steps", "6", "--final.train.steps", "8",
 )  # fmt: skip
 """The smoke preset, smaller still; of twelve rewards and nine final nets."""
+
+by_preset = pytest.mark.parametrize(("target", "preset"), [*product(TARGETS, PRESETS)])
+"""A test of what a command does unless told otherwise."""
 
 
 def write_pair(image: Path, label: Path, seed: int, highest: int) -> None:
@@ -67,27 +74,40 @@ def cityscapes(tmp_path: Path) -> Path:
     root = tmp_path / "cityscapes"
     for split, city in (("train", "aachen"), ("val", "ulm")):
         for k in range(2):
-            stem = f"{city}_000000_{k:06d}"
-            write_pair(
-                root / "leftImg8bit" / split / city / f"{stem}_leftImg8bit.png",
-                root / "gtFine" / split / city / f"{stem}_gtFine_labelIds.png",
-                k,
-                33,
-            )
+            kinds = ("leftImg8bit", "leftImg8bit"), ("gtFine", "gtFine_labelIds")
+            stem = f"{split}/{city}/{city}_000000_{k:06d}"
+            write_pair(*(root / folder / f"{stem}_{kind}.png" for folder, kind in kinds), k, 33)
     return root
 
 
-@pytest.fixture
-def tiny_twin(tmp_path: Path) -> MainConfig:
-    """A smoke configuration of the twin."""
-    return replace(defaults(MainConfig, "twin", "smoke"), out=tmp_path / "run", workers=0)
+def target_of(reward: Any, test: Any) -> Target:
+    """Stands for CamVid: named images, and arrays that are the same at every size."""
+    sides = Split(*(RealSet((), (), side.images, side.labels) for side in (reward, test)))
+    return Target("camvid", True, "camvid", "", ("a", "b"), ("s", "s"), ("c",), lambda *_: sides)
 
 
 @pytest.fixture
-def tiny_camvid(tmp_path: Path, camvid: Path) -> MainConfig:
-    """A smoke configuration of the CamVid above."""
-    config = defaults(MainConfig, "camvid", "smoke")
-    return replace(config, out=tmp_path / "run", workers=0, data=camvid)
+def out(tmp_path: Path) -> Path:
+    """A run's folder, not there yet."""
+    return tmp_path / "run"
+
+
+@pytest.fixture
+def tiny(out: Path, camvid: Path) -> Callable[..., Any]:
+    """Configurations of the CamVid above, by a command's function of defaults."""
+    own = {"out": out, "workers": 0, "data": camvid}
+    return lambda base, **changes: replace(base("camvid", "smoke"), **own, **changes)
+
+
+@pytest.fixture
+def tiny_camvid(tiny: Any) -> MainConfig:
+    """A smoke configuration of the main job."""
+    return tiny(partial(defaults, MainConfig))
+
+
+def searching(config: Any, **options: Any) -> Any:
+    """A configuration with other options of its search."""
+    return replace(config, search=replace(config.search, **options))
 
 
 class Killed(BaseException):
@@ -143,14 +163,10 @@ def counted(scored_by: Any) -> Counted:
 @pytest.fixture
 def scored_by(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[..., Outcome]], None]:
     """Puts a function in the place of rendering, training and scoring; for jobs without workers."""
-
-    def score(evaluate: Callable[..., Outcome]) -> None:
-        monkeypatch.setattr(evaluator, "evaluate_miou", evaluate)
-
-    return score
+    return partial(monkeypatch.setattr, "experiments.reward.evaluator.evaluate_miou")
 
 
-def transferred(start: Start, fine: Recipe, seed: int, real: Any, chosen: Any, truth: Any) -> list:
+def transferred(start: Any, fine: Recipe, seed: int, real: Any, chosen: Any, truth: Any) -> list:
     """Fine-tuned nets: worth more with more images, and with training before; a little noise by seed."""
     worth = 0.1 + 0.05 * (start.proposal is not None) + 0.01 * start.on_subset + 0.001 * (seed % 7)
     return [Outcome(worth + 0.01 * len(k), [worth] * 11, 0.5, 1.5) for k in chosen]
@@ -162,9 +178,20 @@ def command(camvid: Path, scored_by: Any, monkeypatch: pytest.MonkeyPatch) -> Ca
 
     def run(name: str, out: Path, *flags: str, evaluate=formula, transfer=transferred) -> int:
         scored_by(evaluate)
-        monkeypatch.setattr(tuning, "transfer", transfer)
+        monkeypatch.setattr("experiments.pretrain.tuning.transfer", transfer)
         fixed = ("--target", "camvid", "--preset", "smoke", "--data", str(camvid), "--workers", "0")
         return study(name, *fixed, "--out", str(out), *flags)
+
+    return run
+
+
+@pytest.fixture
+def reported(command: Any, out: Path) -> Callable[..., tuple[dict[str, Any], str]]:
+    """A study's report in figures and in words, by its command."""
+
+    def run(name: str, *flags: str, **stubs: Any) -> tuple[dict[str, Any], str]:
+        assert command(name, out, *flags, **stubs) == 0
+        return read_json(out / f"{name}.json"), (out / f"{name}.md").read_text()
 
     return run
 
@@ -210,22 +237,15 @@ class Job:
     """The whole job as a user starts it, in a process group of its own."""
 
     def __init__(self, out: Path, *flags: str, experiment: str = "cityscapes") -> None:
-        self.out = out
-        self._stdout = out.with_suffix(".stdout").open("w+")
-        self._stderr = out.with_suffix(".stderr").open("w+")
+        self._said = [out.with_suffix(f".{name}") for name in ("stdout", "stderr")]
         command = [sys.executable, "-m", f"experiments.{experiment}", *flags, "--out", str(out)]
+        own = {"env": {k: v for k, v in os.environ.items() if k != "CAMVID_DIR"}, "cwd": ROOT}
+        own |= {"stdin": subprocess.DEVNULL, "start_new_session": True}
         # Shells start background jobs with SIGINT ignored, and children would inherit that.
         before = signal.signal(signal.SIGINT, signal.default_int_handler)
         try:
-            self.process = subprocess.Popen(
-                command,
-                cwd=ROOT,
-                stdin=subprocess.DEVNULL,
-                stdout=self._stdout,
-                stderr=self._stderr,
-                env={k: v for k, v in os.environ.items() if k != "CAMVID_DIR"},
-                start_new_session=True,
-            )
+            with self._said[0].open("w") as stdout, self._said[1].open("w") as stderr:
+                self.process = subprocess.Popen(command, stdout=stdout, stderr=stderr, **own)
         finally:
             signal.signal(signal.SIGINT, before)
 
@@ -235,12 +255,7 @@ class Job:
             code = self.process.wait(timeout)
         finally:
             self.kill()
-        texts = []
-        for file in (self._stdout, self._stderr):
-            file.seek(0)
-            texts.append(file.read())
-            file.close()
-        return code, texts[0], texts[1]
+        return code, *(path.read_text() for path in self._said)
 
     def send(self, number: signal.Signals) -> None:
         """Signal the whole group, as a terminal does."""
@@ -248,10 +263,8 @@ class Job:
 
     def kill(self) -> None:
         """End the whole group, at once."""
-        try:
+        with suppress(ProcessLookupError):
             self.send(signal.SIGKILL)
-        except ProcessLookupError:
-            pass
 
 
 def lines(path: Path) -> list[dict[str, Any]]:

@@ -8,65 +8,58 @@ from hypothesis import strategies as st
 
 from experiments import presets
 from experiments.ablation import job
-from experiments.ablation.job import STUDY, VARIANTS, defaults, searches, shuffled
 from experiments.ablation.report import FORM
-from experiments.presets import CAMVID_GROUPS, PRESETS, TARGETS
+from experiments.presets import CAMVID_GROUPS
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from shell.files import read_json
 
-from .conftest import ROOT, lines
+from .conftest import ROOT, by_preset, lines, searching
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("target", TARGETS)
+@by_preset
 @pytest.mark.parametrize("method", ["sdr", "surrogate"])
 def test_every_variant_has_the_whole_budget(target, preset, method):
-    config = defaults(target, preset)
-    config = replace(config, search=replace(config.search, method=method))
+    config = searching(job.defaults(target, preset), method=method)
     if preset == "smoke":  # two for each of the six groups
-        config = replace(config, evaluations=12, variants=VARIANTS)
+        config = replace(config, evaluations=12, variants=job.VARIANTS)
     job.check(config)
-    for made in searches(config).values():
+    for made in job.searches(config).values():
         assert made.evaluations == config.evaluations and made.method == method
 
 
 @given(st.integers(0, 2**31 - 1))
 def test_shuffled_groups_are_a_partition_of_the_same_sizes(seed):
-    found = shuffled(CAMVID_GROUPS, NAMES, seed)
+    found, again, other = (job.shuffled(CAMVID_GROUPS, NAMES, s) for s in (seed, seed, seed + 1))
     assert [len(group) for group in found] == [len(group) for group in CAMVID_GROUPS]
     assert sorted(name for group in found for name in group) == sorted(NAMES)
-    assert found == shuffled(CAMVID_GROUPS, NAMES, seed) != shuffled(CAMVID_GROUPS, NAMES, seed + 1)
-    assert found != CAMVID_GROUPS
+    assert other != found == again != CAMVID_GROUPS
 
 
 def test_variants_leave_out_what_they_say():
-    config = defaults("camvid", "quick")
+    config = job.defaults("camvid", "quick")
     assert config.groups == CAMVID_GROUPS and config.search.relaxation == 0.3
     changed = {
-        "no_relaxation": replace(config, search=replace(config.search, relaxation=0.0)),
+        "no_relaxation": searching(config, relaxation=0.0),
         "no_groups": replace(config, groups=(NAMES,)),
-        "shuffled_groups": replace(config, groups=shuffled(CAMVID_GROUPS, NAMES, 0)),
+        "shuffled_groups": replace(config, groups=job.shuffled(CAMVID_GROUPS, NAMES, 0)),
     }
     words = ("environment", "positions", "densities")
     left_out = {f"no_{word}": getattr(presets, word.upper()) for word in words}
-    for variant in VARIANTS:
+    for variant in job.VARIANTS:
         assert job.without(config, variant) == changed.get(variant, config)
         assert set(job.subset_of(variant, "scenex")) == set(NAMES) - set(left_out.get(variant, ()))
-    made = searches(config)
+    made = job.searches(config)
     assert made["no_positions"].subset == job.subset_of("no_positions", "scenex")
     assert made["no_relaxation"].options.relaxation == 0
 
 
-def test_an_ablation_leaves_its_figures(camvid, tmp_path, counted, capsys):
-    config = replace(defaults("camvid", "smoke"), data=camvid, workers=0, out=tmp_path / "run")
-    search = replace(config.search, method="random_search")
-    config = replace(config, search=search, variants=VARIANTS)
-    report = do(STUDY, config)
+def test_an_ablation_leaves_its_figures(tiny, counted, capsys):
+    config = searching(tiny(job.defaults, variants=job.VARIANTS), method="random_search")
+    rows = {row["variant"]: row for row in do(job.STUDY, config)["rows"]}
     assert "no_relaxation: update 2/2 | mIoU" in capsys.readouterr().out
-    rows = {row["variant"]: row for row in report["rows"]}
-    assert tuple(rows) == VARIANTS and rows["random"]["search"] is None
-    for name in searches(config):
+    assert tuple(rows) == job.VARIANTS and rows["random"]["search"] is None
+    for name in job.searches(config):
         found = rows[name]["search"]
         assert len(found["rewards"]) == 4 and found["core_seconds"] == 8
         widths = {attribute: wide for attribute, (_, wide) in found["solution"].items()}

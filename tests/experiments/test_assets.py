@@ -9,30 +9,27 @@ from experiments.config import read_attributes
 from experiments.study.stats import paired_gain
 from scene.proposal import default_proposal, random_proposal
 from shell.errors import UserError
-from shell.files import read_json
 
 from .conftest import Counted, formula
 
 
 @pytest.fixture
-def assets(command, tmp_path):
-    """Studies on tiny CamVid, half the assets costing a little; returns report and calls."""
+def assets(reported):
+    """Studies on tiny CamVid, half the assets costing a little; returns report, page and calls."""
+
+    def less(recipe, source, seed, truth, *_):
+        costs = 0 if recipe.pool.fraction == 1 else 1 + seed % 2
+        return formula(recipe, source, 10 * seed + 20 - costs, truth)
 
     def start(*flags):
-        def less(recipe, source, seed, truth, *_):
-            costs = 0 if recipe.pool.fraction == 1 else 1 + seed % 2
-            return formula(recipe, source, 10 * seed + 20 - costs, truth)
-
         scores = Counted(less)
-        assert command("assets", tmp_path / "run", *flags, evaluate=scores) == 0
-        calls = [task[:3] for task in scores.calls]
-        return read_json(tmp_path / "run" / "assets.json"), calls
+        return *reported("assets", *flags, evaluate=scores), [task[:3] for task in scores.calls]
 
     return start
 
 
-def test_a_study_leaves_its_figures(assets, tmp_path):
-    report, calls = assets()
+def test_a_study_leaves_its_figures(assets):
+    report, text, calls = assets()
     config = defaults("camvid", "smoke")
     assert len(calls) == 2 * 2 * config.seeds
     for recipe, proposal, _ in calls:
@@ -45,14 +42,12 @@ def test_a_study_leaves_its_figures(assets, tmp_path):
         full, half = ([o for o in of if o[1].pool.fraction == share] for share in (1, 0.5))
         assert [seed for seed, _ in full] == [seed for seed, _ in half] == [0, 1]
         assert full[0][1].fidelity == half[0][1].fidelity
-    assert [(r["images"], r["streets"], r["fraction"]) for r in report["rows"]] == [
-        (2, 1, 1.0), (2, 1, 0.5), (4, 2, 1.0), (4, 2, 0.5),
-    ]  # fmt: skip
+    made = [(r["images"], r["streets"], r["fraction"]) for r in report["rows"]]
+    assert made == [(2, 1, 1.0), (2, 1, 0.5), (4, 2, 1.0), (4, 2, 0.5)]
     full, half = ([net["miou"] for net in row["nets"]] for row in report["rows"][:2])
     gain, interval = paired_gain(full, half)
     assert report["rows"][0]["more_assets"] is None and gain > 0
     assert report["rows"][1]["more_assets"] == {"mean": gain, "ci95": interval}
-    text = (tmp_path / "run" / "assets.md").read_text()
     assert "| 4 | 2 | 50 % |" in text and "attributes set by eye" in text
     # Nets that failed are told and left out.
     report["rows"][1]["nets"] = [None, None]
@@ -61,15 +56,14 @@ def test_a_study_leaves_its_figures(assets, tmp_path):
     assert FORM.figures["assets.png"](found).startswith(b"\x89PNG")
 
 
-def test_streets_are_drawn_from_what_is_asked_for(assets, tmp_path, learnt_file):
+def test_streets_are_drawn_from_what_is_asked_for(assets, out, learnt_file):
     flags = ("--attributes", "learnt", "--learnt", str(learnt_file), "--images", "4")
-    report, calls = assets(*flags, "--fractions", "1")
+    report, text, calls = assets(*flags, "--fractions", "1")
     assert len(calls) == 2 and calls[0][1].centre.max() == pytest.approx(0.9)
     assert len(report["rows"]) == 1 and report["rows"][0]["more_assets"] is None
-    text = (tmp_path / "run" / "assets.md").read_text()
     assert f"learnt attributes, from {learnt_file}" in text
     with pytest.raises(UserError, match=f"{learnt_file} holds attributes of --space scenex, not"):
         read_attributes("--learnt", learnt_file, "extended")
-    (tmp_path / "run").rename(tmp_path / "learnt")
-    _, calls = assets("--attributes", "random")
+    out.rename(out.with_name("learnt"))
+    *_, calls = assets("--attributes", "random")
     np.testing.assert_array_equal(np.stack(calls[0][1]), np.stack(random_proposal()))

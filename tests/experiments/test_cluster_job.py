@@ -9,15 +9,9 @@ from .conftest import TINY, lines
 from .test_main_job import SCORES
 
 
-def rewards(out):
-    """Rewards of the search, in its own order."""
-    log = lines(out / "evaluations.jsonl")
-    return sorted((line["update"], line["dataset"], line["reward"]) for line in log)
-
-
 @pytest.mark.slow
-def test_on_a_cluster_it_ends_as_on_this_machine(unbroken, start_job, tmp_path_factory, tmp_path):
-    out, found = tmp_path / "run", []
+def test_on_a_cluster_it_ends_as_on_this_machine(unbroken, start_job, tmp_path_factory, out):
+    found = []
     for cut in (True, False):
         cluster = DaskCluster(tmp_path_factory.mktemp("dask"))
         try:
@@ -34,7 +28,9 @@ def test_on_a_cluster_it_ends_as_on_this_machine(unbroken, start_job, tmp_path_f
     (code, _, stderr), (end, stdout, nothing) = found
     assert code == 2 and stderr.count("\n") == 1 and "the same command goes on" in stderr
     assert (end, nothing) == (0, "") and "/status" in stdout
-    assert rewards(out) == rewards(unbroken[0])
+    logs = (lines(folder / "evaluations.jsonl") for folder in (out, unbroken[0]))
+    ours, theirs = (sorted((r["update"], r["dataset"], r["reward"]) for r in log) for log in logs)
+    assert ours == theirs
     ours, theirs = (read_json(folder / "summary.json") for folder in (out, unbroken[0]))
     assert {k: ours[k] for k in SCORES} == {k: theirs[k] for k in SCORES}
     assert ours["cpu_share"] is None and 0 < theirs["cpu_share"] < 2

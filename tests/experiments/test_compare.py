@@ -1,6 +1,7 @@
 """The comparison: equal budgets, subsets in the whole space, kills, what failed."""
 
 from dataclasses import replace
+from itertools import product
 
 import pytest
 from hypothesis import given
@@ -8,22 +9,19 @@ from hypothesis import strategies as st
 
 from experiments.compare.job import check, defaults, rows, searches
 from experiments.compare.report import FORM, RANDOM
-from experiments.presets import PRESETS, TARGETS
 from experiments.run.plans import schedule
 from scene.attributes import NAMES
 from shell.files import read_json
 
-from .conftest import ROOT, Counted, Killed, formula, lines, never
+from .conftest import ROOT, Counted, Killed, by_preset, lines, never
+
+METHODS = ("--methods", RANDOM, "random_search")
 
 
 @pytest.fixture
 def compare(command):
     """Runs a comparison on tiny CamVid with rewards by formula; returns the exit code."""
-
-    def start(out, *flags, evaluate=formula, methods=(RANDOM, "random_search")):
-        return command("compare", out, "--methods", *methods, *flags, evaluate=evaluate)
-
-    return start
+    return lambda out, *flags, **more: command("compare", out, *METHODS, *flags, **more)
 
 
 def report_of(out) -> dict:
@@ -35,8 +33,7 @@ def report_of(out) -> dict:
     return report
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("target", TARGETS)
+@by_preset
 def test_presets_give_sdr_the_whole_budget(target, preset):
     config = replace(defaults(target, preset), methods=("sdr", "random_search"))
     check(config)
@@ -58,9 +55,8 @@ def test_schedules_names_and_groups_by_hand():
     assert [row.name for row in rows(config)][-1] == "sdr, 7 attributes"
     three = ("car_position", "tree_position", "building_position")  # in as many groups
     config = replace(config, subsets=(("all",), ("car_position",), ("tree_position",), three))
-    assert [row.name for row in rows(config)][1::2] == [
-        "sdr, 23 attributes", "sdr, car_position", "sdr, tree_position", "sdr, 3 attributes",
-    ]  # fmt: skip
+    words = ("23 attributes", "car_position", "tree_position", "3 attributes")
+    assert [row.name for row in rows(config)][1::2] == [f"sdr, {word}" for word in words]
     whole, *_, made = searches(config)
     assert whole.subset == NAMES and rows(config)[0].title == "all"
     assert (made.subset, made.datasets, made.updates, made.search.updates) == (three, 8, 6, 6)
@@ -72,15 +68,13 @@ def test_schedules_never_go_over_the_budget(evaluations, groups, datasets):
     assert min(datasets, 2) <= n <= datasets and n * each * groups <= evaluations
 
 
-def test_a_comparison_leaves_its_figures(compare, tmp_path, capsys):
-    out = tmp_path / "run"
+def test_a_comparison_leaves_its_figures(compare, out, capsys):
     assert compare(out) == 0
     printed = capsys.readouterr().out
     assert "64x48, 4 images, 12 steps: random_search, 3 attributes, seed 1" in printed
     report = report_of(out)
-    assert [(r["attributes"], r["method"]) for r in report["rows"]] == [
-        (2, RANDOM), (2, "random_search"), (3, RANDOM), (3, "random_search"),
-    ]  # fmt: skip
+    made = [(row["attributes"], row["method"]) for row in report["rows"]]
+    assert made == [*product((2, 3), (RANDOM, "random_search"))]
     random, ours = report["rows"][:2]
     # Random attributes are the same streets and nets whatever is optimised elsewhere.
     assert random["search"] is None and random["final"] == report["rows"][2]["final"]
@@ -119,7 +113,7 @@ def test_killed_it_goes_on_and_ends_the_same(compare, tmp_path):
 def test_all_attributes_without_finals_record_rewards_for_other_runs(compare, tmp_path):
     one, two, store = tmp_path / "one", tmp_path / "two", tmp_path / "shared.jsonl"
     flags = ("--subsets", "all", "--no-finals", "--store", str(store))
-    assert compare(one, *flags, methods=("random_search",)) == 0
+    assert compare(one, *flags, "--methods", "random_search") == 0
     (row,) = report_of(one)["rows"]
     assert (row["attributes"], row["subset"], row["final"]) == (23, "all", None)
     records = lines(store)[1:]
@@ -131,9 +125,8 @@ def test_all_attributes_without_finals_record_rewards_for_other_runs(compare, tm
     assert "random attributes" in (two / "compare.md").read_text()
 
 
-def test_a_failed_evaluation_is_told_and_left_out(compare, tmp_path):
-    # All of an update, and random's second net.
-    sometimes, out = Counted(failing=(1, 2, 23)), tmp_path / "run"
+def test_a_failed_evaluation_is_told_and_left_out(compare, out):
+    sometimes = Counted(failing=(1, 2, 23))  # all of an update, and random's second net
     flags = ("--subsets", "building_position,car_position", "--no-cheap-finals")
     assert compare(out, *flags, "--evaluations", "20", evaluate=sometimes) == 0
     random, ours = report_of(out)["rows"]

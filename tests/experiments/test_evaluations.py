@@ -6,8 +6,7 @@ import os
 import signal
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
-from pathlib import Path
-from types import SimpleNamespace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -16,35 +15,28 @@ from hypothesis import strategies as st
 
 from experiments.config import MainConfig
 from experiments.presets import defaults
-from experiments.reward import evaluator as module
-from experiments.reward.evaluator import Job, about
+from experiments.reward import evaluator, mmd
 from experiments.reward.miou import Outcome, attempt, worker_environment
-from experiments.reward.mmd import Reference
 from experiments.reward.store import HEADER, LOGS, Log, Store, identity, outcome_of, read, record_of
 from experiments.reward.truth import Truth
-from experiments.run import ahead
 from experiments.run.context import Run
 from experiments.run.ladder import cost_of, training_cost
 from experiments.run.learn import plan_of
 from experiments.run.nets import Nets, begin, score_nets
 from experiments.run.search import search
 from experiments.store import main
-from experiments.target.base import Split, Target
 from scene.attributes import NAMES
 from scene.proposal import Proposal, default_proposal, mixture, random_proposal
 from scene.workers import WorkerPool
 from shell.errors import UserError
 from shell.progress import Progress
 
-from .conftest import diverge, formula, lines, never, untimed
+from .conftest import POOL, diverge, formula, lines, never, searching, target_of, untimed
 
 CONFIG = defaults(MainConfig, "camvid", "smoke")
 TRUTH = Truth(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
-SIDES = Split(*(SimpleNamespace(images=a, labels=b) for a, b, *_ in (TRUTH, TRUTH)))
+TARGET = target_of(TRUTH, TRUTH)
 FAILED = "the loss is nan after 50 of 200 steps"
-TARGET = Target(
-    "camvid", True, "camvid", "", ("a", "b"), ("s", "s"), ("c",), lambda height, width: SIDES
-)
 
 
 def record(key: str = "k", reward: float | None = 0.25, **others) -> dict:
@@ -54,19 +46,14 @@ def record(key: str = "k", reward: float | None = 0.25, **others) -> dict:
     return record_of(key, random_proposal(), 1, outcome) | {"config": "c", "engine": 1} | others
 
 
-def jobs(*seeds: int) -> list[Job]:
-    return [Job(random_proposal(), seed, {"row": f"r{seed}"}) for seed in seeds]
-
-
 @pytest.fixture
 def a_run(tmp_path):
     """Opens runs on the target above, without their folders' guards."""
 
-    def opened(out="run", store=None, pool=None, **changes) -> Run[MainConfig]:
+    def opened(out="run", store=None, pool=POOL, **changes) -> Run[MainConfig]:
         config = replace(CONFIG, out=tmp_path / out, **changes)
         config.out.mkdir(exist_ok=True)
         logs = [Log(config.out / name) for name in LOGS]
-        pool = pool or WorkerPool(0)
         return Run(config, TARGET, pool, *logs, store and Store(store), Progress(1))
 
     return opened
@@ -74,8 +61,9 @@ def a_run(tmp_path):
 
 def evaluate(run: Run[MainConfig], *seeds: int) -> list[Outcome]:
     """Outcomes of jobs, in their order."""
-    evaluator = run.evaluator(run.recipe(run.config.reward))
-    return run.score([(evaluator, job) for job in jobs(*seeds)], log=run.finals)
+    scorer = run.evaluator(run.recipe(run.config.reward))
+    jobs = (evaluator.Job(random_proposal(), seed, {"row": f"r{seed}"}) for seed in seeds)
+    return run.score([(scorer, job) for job in jobs], log=run.finals)
 
 
 @given(st.integers(0, 2**31 - 1), st.floats(0, 1, width=32))
@@ -111,7 +99,7 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
     def name(target=TARGET, side="reward", truth=TRUTH, table="camvid", **changes):
         run = a_run(**changes)
         recipe = run.recipe(run.config.reward)._replace(table=table)
-        return about(recipe, target, side, truth)["config"]
+        return evaluator.about(recipe, target, side, truth)["config"]
 
     reward = CONFIG.reward
     own = {"assets": tmp_path / "own"}
@@ -122,19 +110,18 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
         name(renderer="opengl"), name(asset_fraction=0.5), name(asset_count=5), name(**own),
         name(table="cityscapes"), name(target=TARGET._replace(name="twin")), name(target=asked),
         name(side="test"), name(truth=TRUTH._replace(labels=TRUTH.labels + 1)),
-        name(truth=Reference(np.zeros((2, 3)), "net", "images")),
+        name(truth=mmd.Reference(np.zeros((2, 3)), "net", "images")),
     ]  # fmt: skip
-    (tmp_path / "own" / "car" / "a.obj").write_text("v 0 0 0")
-    others += [name(**own)]
-    (tmp_path / "own" / "car" / "a.obj").write_text("v 0 0 1")
-    others += [name(**own)]
+    for corner in ("v 0 0 0", "v 0 0 1"):
+        (tmp_path / "own" / "car" / "a.obj").write_text(corner)
+        others += [name(**own)]
     assert len({name(), *others}) == 1 + len(others)
     (tmp_path / "own").rename(tmp_path / "moved")
     assert name(assets=tmp_path / "moved") == others[-1]
     free = {"seed": 5, "workers": 7, "seeds": 9, "store": tmp_path / "s", "twin_seed": 3}
     assert name(**free, final=reward) == name() == name(target=TARGET._replace(test_names=("x",)))
     others += [name()]
-    monkeypatch.setattr(module, "ENGINE", module.ENGINE + 1)
+    monkeypatch.setattr(evaluator, "ENGINE", evaluator.ENGINE + 1)
     assert name() not in others
 
 
@@ -152,18 +139,14 @@ def test_lines_come_back_behind_a_header(tmp_path):
     assert again.get("other") is None and again.where("failed") == f"{path}: line 3"
 
 
-def add_many(path: Path, name: str) -> None:
-    store = Store(path)
-    for k in range(20):
-        store.add(record(f"{name}{k}"))
-        store.add(record(f"both{k}"))
-
-
 def test_two_runs_may_write_at_once(tmp_path):
     path = tmp_path / "store.jsonl"
+
+    def add_many(name: str) -> None:
+        written(path, *(record(f"{who}{k}") for k in range(20) for who in (name, "both")))
+
     with ThreadPoolExecutor(2) as writers:  # the lock belongs to the open file, not to the process
-        for done in [writers.submit(add_many, path, name) for name in "xy"]:
-            done.result()
+        list(writers.map(add_many, "xy"))
     assert len(lines(path)) == 61 and len(Store(path)) == 60
 
 
@@ -219,8 +202,8 @@ def test_a_failed_evaluation_is_kept_as_failed(a_run, tmp_path, scored_by):
         (outcome,) = evaluate(a_run(out, store=tmp_path / "store.jsonl"), 3)
         assert math.isnan(outcome.reward) and outcome.failed == FAILED
     assert Store(tmp_path / "store.jsonl").records[0]["reward"] is None
-    with pytest.raises(AssertionError, match="known"):  # all other errors are passed on
-        attempt(never)
+    with pytest.raises(AssertionError, match="known"):
+        attempt(never)  # other errors are passed on
 
 
 def test_a_score_that_is_no_number_is_the_images_fault(a_run, tmp_path, scored_by):
@@ -235,7 +218,7 @@ def test_a_second_search_takes_its_rewards_from_the_store(a_run, tmp_path, score
     found = []
     for out in ("one", "two"):
         scored_by(formula if out == "one" else never)
-        options = replace(CONFIG.search, method="random_search")
+        options = searching(CONFIG, method="random_search").search
         run = a_run(out, store=tmp_path / "store.jsonl", search=options)
         found.append(search(run, plan_of(run.config)))
     np.testing.assert_array_equal(*(result.rewards for result in found))
@@ -277,7 +260,7 @@ def test_rows_are_paired_and_scored_once_on_the_test_images(a_run, scored_by, ca
 def test_nets_begun_ahead_are_made_once_with_the_same_values(killed, a_run, scored_by, monkeypatch):
     scored_by(formula)
     plain = nets(a_run())
-    monkeypatch.setattr(ahead, "LEAST", 0.0)
+    monkeypatch.setattr("experiments.run.ahead.LEAST", 0.0)
     with WorkerPool(1, worker_environment()) as pool:
         run = a_run("ahead", pool=pool)
         sets = Nets("final", {"random": random_proposal(), "real": TRUTH}, run.recipe(CONFIG.final))
@@ -287,30 +270,25 @@ def test_nets_begun_ahead_are_made_once_with_the_same_values(killed, a_run, scor
             os.kill(behind[0], signal.SIGKILL)
         evaluate(run, 1, 2)  # urgent
         found = nets(run)
-    assert {name: [o.reward for o in own] for name, own in found.items()} == {
-        name: [o.reward for o in own] for name, own in plain.items()
-    }
-    done = [
-        (line["nets"], line["row"], line["seed"]) for line in run.finals.records if "nets" in line
-    ]
-    assert len(done) == len(set(done)) == 7
-    costs = [line["row"] == "real" for line in run.finals.records if "nets" in line]
+    assert found.keys() == plain.keys()
+    for name, own in found.items():
+        assert [o.reward for o in own] == [o.reward for o in plain[name]]
+    kept = [line for line in run.finals.records if "nets" in line]
+    assert len(kept) == len({(line["nets"], line["row"], line["seed"]) for line in kept}) == 7
     full, real = cost_of(CONFIG.final), training_cost(CONFIG.final)
-    assert run.progress._done == pytest.approx(sum(real if own else full for own in costs))
+    costs = sum(real if line["row"] == "real" else full for line in kept)
+    assert run.progress._done == pytest.approx(costs)
 
 
 def test_more_than_a_tenth_failed_ends_it(a_run, scored_by, capsys):
-    def until(end: int):
-        def evaluate(recipe, source, seed, truth):
-            fails = isinstance(source, Truth) and seed < end
-            return (diverge if fails else formula)(recipe, source, seed, truth)
+    def first_fail(end, recipe, source, seed, truth):
+        fails = isinstance(source, Truth) and seed < end
+        return (diverge if fails else formula)(recipe, source, seed, truth)
 
-        return evaluate
-
-    scored_by(until(6))  # one may
+    scored_by(partial(first_fail, 6))  # one may
     assert [o.failed for o in nets(a_run())["real"]] == [FAILED, None, None]
     assert "final: real, seed 5 | failed" in capsys.readouterr().out
-    scored_by(until(7))
+    scored_by(partial(first_fail, 7))
     with pytest.raises(UserError, match=r"2 of 7 evaluations failed.*the loss is nan"):
         nets(a_run("other"))
 
@@ -326,10 +304,11 @@ def refused(error_line):
     return line
 
 
-def written(path: Path, *records: dict, make=Store) -> Path:
+def written(path, *records: dict, make=Store):
     path.parent.mkdir(exist_ok=True)
+    kept = make(path)
     for r in records:
-        make(path).add(r)
+        kept.add(r)
     return path
 
 

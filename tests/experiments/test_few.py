@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from experiments.main import summary
 from experiments.reward import miou
 from experiments.reward.evaluator import Evaluator, Job, Memory
-from experiments.reward.miou import evaluate_miou
 from experiments.reward.shelf import FOLDER, Shelf
 from experiments.reward.store import Log
 from experiments.reward.truth import Truth, WithFew, part_of
@@ -20,14 +19,11 @@ from experiments.run.few import TRAINED_ON
 from experiments.target.few import spread
 from experiments.target.named import named_target
 from scene.proposal import default_proposal, random_proposal
-from scene.workers import WorkerPool
 from shell.files import read_json
 
-from .conftest import Counted, lines, main_job, never
-from .test_shelf import REAL, RECIPE, TEST, target_of
+from .conftest import POOL, Counted, lines, main_job, never
+from .test_shelf import REAL, RECIPE, TARGET, TEST
 from .test_target import flat
-
-POOL = WorkerPool(0)
 
 
 @given(st.lists(st.integers(1, 30), min_size=1, max_size=5), st.integers(0, 99), st.data())
@@ -45,8 +41,7 @@ def test_the_few_are_spread_over_sequences_and_their_time(sizes, seed, data):
     for k, size in enumerate(sizes):  # none has less than another that is not used up
         assert of[f"s{k}"] >= min(size, most - 1)
         times = sorted(int(shuffled[0][i]) for i in chosen if shuffled[1][i] == f"s{k}")
-        steps = np.diff(times)
-        assert all(abs(step - size / len(times)) < 1 for step in steps)
+        assert all(abs(step - size / len(times)) < 1 for step in np.diff(times))
 
 
 def test_the_few_give_no_reward(tiny_camvid):
@@ -79,8 +74,7 @@ def test_the_few_give_no_reward(tiny_camvid):
     (("--few", "2", "--few-share", "0.01"), "0.01 makes none of the 48 images of --reward.train.steps 12"),
     (("--few", "2", "--few-share", "0.995"), "makes all of the 48 images"),
 ])  # fmt: skip
-def test_bad_input_is_one_line(flags, words, camvid, tmp_path, error_line):
-    out = tmp_path / "run"
+def test_bad_input_is_one_line(flags, words, camvid, out, error_line):
     assert main_job("camvid", "--data", str(camvid), "--out", str(out), *flags) == 2
     assert words in error_line() and not out.exists()
 
@@ -89,20 +83,16 @@ def test_bad_input_is_one_line(flags, words, camvid, tmp_path, error_line):
     (2, "A", "--few 2: the 1 images chosen of sequence A show none of the 11 classes of camvid"),
     (3, "AB", "all labels of the reward images are void"),
 ])  # fmt: skip
-def test_a_sequence_without_classes_is_refused(few, sequence, words, camvid, tmp_path, error_line):
+def test_a_sequence_without_classes_is_refused(few, sequence, words, camvid, out, error_line):
     for path in camvid.glob(f"trainannot/[{sequence}]_*.png"):
         flat(11)(path)
-    flags = ("--data", str(camvid), "--out", str(tmp_path / "run"), "--few", str(few))
-    assert main_job("camvid", *flags) == 2
-    assert words in error_line(begun=True) and not (tmp_path / "run").exists()
-
-
-def scorer(shelf: Shelf) -> Evaluator:
-    return Evaluator(RECIPE, target_of(REAL), "test", TEST, shelf)
+    assert main_job("camvid", "--data", str(camvid), "--out", str(out), "--few", str(few)) == 2
+    assert words in error_line(begun=True) and not out.exists()
 
 
 def test_an_evaluation_is_named_by_its_few():
-    key = scorer(Shelf(POOL)).key
+    scorer = Evaluator(RECIPE, TARGET, "test", TEST, Shelf(POOL))
+    key, about = scorer.key, scorer.about_of
     few, other = part_of(REAL, [1, 2]), part_of(REAL, [1, 3])
     ours, by_eye = random_proposal(), default_proposal()
     sources = [ours, few, *(WithFew(ours, part, 0.5) for part in (few, other))]
@@ -111,7 +101,6 @@ def test_an_evaluation_is_named_by_its_few():
     assert len(set(keys)) == len(keys)
     again = Truth(few.images.copy(), few.labels.copy())
     assert key(WithFew(ours, again, 0.5), 1) == keys[2] and key(again, 1) == keys[1]
-    about = scorer(Shelf(POOL)).about_of
     configs = {about(source)["config"] for source in sources}
     assert len(configs) == 4 and about(sources[2])["few"] == 2  # none, two sets, two shares
 
@@ -122,37 +111,32 @@ def test_nets_share_files_and_renders_and_are_those_of_arrays(tmp_path, monkeypa
     plain = []
     for source in sources:
         miou._KEPT.clear()
-        plain.append(evaluate_miou(RECIPE, source, 5, TEST).reward)
+        plain.append(miou.evaluate_miou(RECIPE, source, 5, TEST).reward)
     assert len(set(plain)) == 3
     miou._KEPT.clear()
     rendered = Counted(miou.render)
     monkeypatch.setattr(miou, "render", rendered)
-    jobs = [Job(source, 5, {}) for source in sources]
-    memory = Memory(Log(tmp_path / "log"), None, float)
-    found = dict(scorer(Shelf(POOL, tmp_path / "run")).map(jobs, memory))
+    scorer = Evaluator(RECIPE, TARGET, "test", TEST, Shelf(POOL, tmp_path / "run"))
+    jobs, memory = [Job(s, 5, {}) for s in sources], Memory(Log(tmp_path / "log"), None, float)
+    found = dict(scorer.map(jobs, memory))
     assert [found[k].reward for k in range(3)] == plain and len(rendered.calls) == 1
     # Images and features of those scored on, and of all that the few were chosen from.
     assert len(list((tmp_path / "run" / FOLDER).iterdir())) == 4
     monkeypatch.setattr(miou, "render", never)
-    evaluate_miou(RECIPE, sources[1], 5, TEST)
+    miou.evaluate_miou(RECIPE, sources[1], 5, TEST)
     with pytest.raises(AssertionError, match="known"):
-        evaluate_miou(RECIPE, sources[1], 6, TEST)
+        miou.evaluate_miou(RECIPE, sources[1], 6, TEST)
 
 
-def test_a_job_searches_beside_the_few_and_says_what_they_are_worth(
-    camvid, tmp_path, scored_by, monkeypatch
-):
-    scores = Counted()
-    scored_by(scores)
+def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counted, monkeypatch):
     flags = ("--few", "2", "--few-share", "0.4", "--candidates", "argmax", "--data", str(camvid))
-    out = tmp_path / "run"
     assert main_job("camvid", "--out", str(out), *flags) == 0
-    seen = [source for _, source, *_ in scores.calls]
+    seen = [source for _, source, *_ in counted.calls]
     assert all(isinstance(source, WithFew) and source.share == 0.4 for source in seen[:12])
     sizes = [len(s.images) if isinstance(s, Truth) else isinstance(s, WithFew) for s in seen[13:]]
     # What is rendered takes longer, and begins first.
     assert sizes == [*[False, False, False, True, True, True] * 2, 2, 4, 2, 4]
-    assert [len(task[3].images) for task in scores.calls[:13]] == [2] * 13
+    assert [len(task[3].images) for task in counted.calls[:13]] == [2] * 13
     report = read_json(out / "summary.json")
     assert list(report["rows"]) == ["random", "default", "learnt", *TRAINED_ON, "real"]
     assert len(report["few_images"]) == 2 and report["few_share"] == 0.4

@@ -3,7 +3,6 @@
 import math
 from dataclasses import replace
 from io import BytesIO
-from itertools import product
 
 import numpy as np
 import pytest
@@ -14,13 +13,12 @@ from PIL import Image
 from experiments.fidelity import report as module
 from experiments.fidelity import stats
 from experiments.fidelity.job import STUDY, defaults, proposals, rungs
-from experiments.presets import PRESETS, TARGETS
 from experiments.reward.miou import Outcome
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from shell.files import read_json
 
-from .conftest import Counted
+from .conftest import Counted, by_preset
 
 
 def table_of(worth, seeds, left):
@@ -72,7 +70,7 @@ def test_signal_to_noise_finds_what_was_put_in_and_common_seeds_pay_where_all_mo
     assert alike.independent > 10 * alike.common and alike.p_value < 0.01 < 0.05 < apart.p_value
 
 
-@pytest.mark.parametrize(("target", "preset"), [*product(TARGETS, PRESETS)])
+@by_preset
 def test_rungs_lead_from_the_reward_to_the_final_fidelity(target, preset):
     config = defaults(target, preset)
     found = rungs(config)
@@ -102,10 +100,9 @@ def scored() -> Counted:
     return Counted(formula)
 
 
-def test_every_proposal_is_scored_on_every_rung(scored, scored_by, camvid, tmp_path):
+def test_every_proposal_is_scored_on_every_rung(scored, scored_by, tiny):
     scored_by(scored)
-    own = {"data": camvid, "workers": 0, "out": tmp_path / "run"}
-    config = replace(defaults("camvid", "smoke"), proposals=5, repeated=3, **own)
+    config = tiny(defaults, proposals=5, repeated=3)
     report = do(STUDY, config)
     calls = [(recipe.fidelity, seed) for recipe, _, seed, _ in scored.calls]
     assert len(calls) == 3 * (7 + 3)
@@ -126,11 +123,11 @@ def test_every_proposal_is_scored_on_every_rung(scored, scored_by, camvid, tmp_p
 
 
 @pytest.mark.parametrize(("required", "fit"), [("1", True), ("1e9", False), (None, None)])
-def test_too_little_signal_stops_a_script(scored, command, required, fit, tmp_path, capsys):
+def test_too_little_signal_stops_a_script(scored, command, required, fit, out, capsys):
     flags = ["--proposals", "5", "--repeated", "3", "--rungs", "1"]
     flags += [] if required is None else ["--require-signal", required]
-    code = command("fidelity", tmp_path / "run", *flags, evaluate=scored)
-    report, said = read_json(tmp_path / "run" / "fidelity.json"), capsys.readouterr()
+    code = command("fidelity", out, *flags, evaluate=scored)
+    report, said = read_json(out / "fidelity.json"), capsys.readouterr()
     (rung,) = report["rungs"]
     assert len(scored.calls) == 7 + 3 and rung["signal_to_noise"]["value"] > 1
     unfit = fit is False

@@ -9,18 +9,15 @@ from experiments.labels.job import counts_of, defaults
 from experiments.labels.report import FORM, reached
 from experiments.reward.truth import Truth, WithFew
 from experiments.target.base import Target
-from shell.files import read_json
 
-from .conftest import Counted
-
-CURVE = ((7, 14, 28), (20.0, 30.0, 35.0))
+from .conftest import Counted, never
 
 
 @pytest.mark.parametrize(("value", "labels"), [
     (30.0, 14), (25.0, 7 * math.sqrt(2)), (32.5, 14 * math.sqrt(2)), (10.0, 7), (99.0, 28),
 ])  # fmt: skip
 def test_where_a_curve_reaches_a_value(value, labels):
-    assert reached(*CURVE, value) == pytest.approx(labels)
+    assert reached((7, 14, 28), (20.0, 30.0, 35.0), value) == pytest.approx(labels)
     assert reached((7, 14, 28), (20.0, 18.0, 22.0), 21.0) == pytest.approx(14 * 2**0.75)  # at last
 
 
@@ -69,24 +66,19 @@ def test_nets_that_failed_are_left_out():
 ])  # fmt: skip
 def test_numbers_are_what_the_data_allow(images, counts):
     names = tuple(map(str, range(images)))
-    target = Target("camvid", True, "camvid", "", names, names, (), never_at)
+    target = Target("camvid", True, "camvid", "", names, names, (), never)
     assert counts_of(defaults("camvid", "quick"), target) == counts
 
 
-def never_at(height: int, width: int):
-    raise AssertionError("no pixel is needed to count")
-
-
-def test_every_net_sees_its_labels_and_pairs_share_them(command, tmp_path):
+def test_every_net_sees_its_labels_and_pairs_share_them(reported):
     scores = Counted()
-    assert command("labels", tmp_path / "run", evaluate=scores) == 0
+    found, _ = reported("labels", evaluate=scores)
     calls = [(source, seed) for _, source, seed, _ in scores.calls]
     beside = {(len(s.arrays.images), seed): s for s, seed in calls if isinstance(s, WithFew)}
     alone = {(len(s.images), seed): s for s, seed in calls if isinstance(s, Truth)}
     assert set(beside) == set(alone) == {(2, 0), (2, 1), (4, 0), (4, 1)} and len(calls) == 2 + 4 + 4
     for place, few in alone.items():
         np.testing.assert_array_equal(beside[place].arrays.images, few.images)
-    found = read_json(tmp_path / "run" / "labels.json")
     rows = [(row["labels"], row["renders"]) for row in found["rows"]]
     assert rows == [(0, "default"), *((n, r) for n in (2, 4) for r in ("none", "default"))]
     assert found["learnt_from"] is None and found["few_share"] == 0.5

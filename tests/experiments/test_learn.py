@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from experiments.config import MainConfig, check
-from experiments.presets import PRESETS, TARGETS, defaults
+from experiments.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.run import judge, ladder
 from experiments.run.context import opened
@@ -19,7 +19,7 @@ from scene.attributes import NAMES
 from scene.proposal import default_proposal, random_proposal, slide
 from shell.errors import UserError
 
-from .conftest import Counted, Killed, lines
+from .conftest import Counted, Killed, by_preset, lines
 
 LOW = defaults(MainConfig, "camvid", "smoke").reward
 RUNGS = tuple(ladder.Rung(LOW, tuple(range(100 * k, 100 * k + n))) for k, n in enumerate((8, 4, 2)))
@@ -86,8 +86,7 @@ def test_parts_and_the_surest_by_hand():
     safe = [[0.4, 0.2], [0.4, 0.2]]
     # Gains .1 +- 0, and .15 +- .3 / 2 (standard error of .45, .45, -.15, -.15 is .173).
     sure, wild = [[0.5, 0.3], [0.5, 0.3]], [[0.85, 0.05], [0.85, 0.05]]
-    uneven = [[0.9, 0.19], [0.9, 0.19]]
-    rewards = {"safe": safe, "sure": sure, "wild": wild, "uneven": uneven}
+    rewards = {"safe": safe, "sure": sure, "wild": wild, "uneven": [[0.9, 0.19], [0.9, 0.19]]}
     assert judge.surest(rewards, ["sure", "wild", "safe"], "safe") == "sure"
     assert judge.surest(rewards, ["wild", "safe"], "safe") == "safe"
     # On average it gains most, but it loses on the second part.
@@ -132,8 +131,7 @@ def test_the_middle_the_hopeless_and_who_is_kept_by_hand():
     assert ladder.best_of({"a": [np.nan], "b": [0.1, np.nan]}, "ab") == "b"
 
 
-@pytest.mark.parametrize("preset", PRESETS)
-@pytest.mark.parametrize("target", TARGETS)
+@by_preset
 def test_rungs_lead_from_the_reward_to_the_final_fidelity(target, preset):
     config = defaults(MainConfig, target, preset)
     rungs = ladder.ladder(config.reward, config.final, 3, config.seed)
@@ -211,52 +209,49 @@ def job(tiny_camvid, scored_by):
             run.begin(work_of(config))
             return learn(run), run.progress, config
 
-    scores = Counted(wide)
-    scored_by(scores)
-    return work, scores
+    work.scores = Counted(wide)
+    scored_by(work.scores)
+    return work
 
 
 def test_the_better_candidate_is_chosen_on_the_reward_images(job):
-    work, scores = job
     two = {"candidate_seeds": 2, "candidates": ("argmax", "random")}
-    learnt, _, config = work(**two)
+    learnt, _, config = job(**two)
     assert learnt.chosen == "random" and set(learnt.scores) == {"argmax", "random"}
     np.testing.assert_array_equal(learnt.streets, random_proposal())
     assert len(learnt.parts) == 2 and "images of" in learnt.parts[0]
     assert all(len(parts) == 2 for own in learnt.scores.values() for parts in own)
-    kept = [line.get("parts") for line in lines(config.out / "finals.jsonl")]
-    assert all(len(parts) == 2 for parts in kept) and len(kept) == 4
-    finals = {(line["seed"], line["side"]) for line in lines(config.out / "finals.jsonl")}
-    assert finals == {(CANDIDATE_SEED, "reward"), (CANDIDATE_SEED + 1, "reward")}
+    finals = lines(config.out / "finals.jsonl")
+    assert [len(line["parts"]) for line in finals] == [2] * 4
+    seeds = {(line["seed"], line["side"]) for line in finals}
+    assert seeds == {(CANDIDATE_SEED, "reward"), (CANDIDATE_SEED + 1, "reward")}
     assert (config.out / "attributes.json").exists()
-    made = len(scores.calls)
-    assert work(**two)[0].scores == learnt.scores and len(scores.calls) == made
+    made = len(job.scores.calls)
+    assert job(**two)[0].scores == learnt.scores and len(job.scores.calls) == made
 
 
 def test_a_candidate_that_failed_once_is_judged_by_its_other_nets(job):
-    work, scores = job
-    scores.failing = (13,)  # the first after twelve rewards
-    learnt, _, config = work(candidate_seeds=3, candidates=("argmax", "random"))
+    job.scores.failing = (13,)  # the first after twelve rewards
+    learnt, _, config = job(candidate_seeds=3, candidates=("argmax", "random"))
     assert learnt.chosen == "random"
     assert sum(line["failed"] is not None for line in lines(config.out / "finals.jsonl")) == 1
 
 
 def test_candidates_climb_on_the_reward_images_of_each_size_and_again_after_a_kill(job):
-    work, scores = job
-    learnt, progress, config = work(**LADDER)
+    learnt, progress, config = job(**LADDER)
     assert learnt.chosen == "random" and learnt.chosen in learnt.scores
-    for recipe, _, _, truth, *_ in scores.calls:
+    for recipe, _, _, truth, *_ in job.scores.calls:
         assert truth.images.shape == (4, recipe.fidelity.height, recipe.fidelity.width, 3)
-    first, *_, last = (recipe.fidelity for recipe, *_ in scores.calls)
+    first, *_, last = (recipe.fidelity for recipe, *_ in job.scores.calls)
     assert (first, last) == (config.reward, config.final)
     kinds = [line["nets"] for line in lines(config.out / "finals.jsonl")]
-    assert len(kinds) == len(scores.calls) - 12 and set(kinds) <= {"rung-1", "rung-2", "rung-3"}
+    assert len(kinds) == len(job.scores.calls) - 12 and set(kinds) <= {"rung-1", "rung-2", "rung-3"}
     assert progress.left is not None and progress.left < 1e-6
-    made = len(scores.calls)
+    made = len(job.scores.calls)
     (config.out / "finals.jsonl").unlink()
-    scores.calls.clear()
-    scores.limit = 5
+    job.scores.calls.clear()
+    job.scores.limit = 5
     with pytest.raises(Killed):
-        work(**LADDER)
-    scores.limit = -1
-    assert work(**LADDER)[0].scores == learnt.scores and len(scores.calls) == made - 12
+        job(**LADDER)
+    job.scores.limit = -1
+    assert job(**LADDER)[0].scores == learnt.scores and len(job.scores.calls) == made - 12

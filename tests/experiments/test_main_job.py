@@ -30,7 +30,7 @@ def children(pid: int) -> list[int]:
 
 
 def test_output_says_that_the_twin_is_not_real_and_the_run_folder_is_complete(unbroken):
-    _, stdout = unbroken
+    out, stdout = unbroken
     printed = stdout.splitlines()
     assert printed[0].startswith("Target: the twin 0") and "NOT real data" in printed[0]
     assert any("the twin, NOT real data" in line for line in printed[1:])
@@ -40,7 +40,6 @@ def test_output_says_that_the_twin_is_not_real_and_the_run_folder_is_complete(un
     assert all("best" in line for line in progress[:6])
     assert not any("baseline" in line or "nan" in line for line in progress)  # the default has none
     assert all("twin, not real" in line for line in progress)
-    out, _ = unbroken
     assert {p.name for p in out.iterdir()} == {
         "attributes.json", "config.json", "dataset", "evaluations.jsonl", "finals.jsonl", "lock",
         "nets", "pictures", "report.html", "shared", "summary.json", "summary.md",
@@ -147,13 +146,13 @@ def test_the_engine_alone_makes_the_runs_dataset_again(unbroken, tmp_path):
     assert ours == theirs and len(ours) > 20
 
 
-def test_smoke_run_on_real_camvid(camvid_dir, start_job, tmp_path):
+def test_smoke_run_on_real_camvid(camvid_dir, start_job, out):
     flags = [*TINY, "--data", str(camvid_dir), "--holdout", "0006R0"]
-    code, stdout, stderr = start_job(tmp_path / "run", *flags, experiment="camvid").finish()
+    code, stdout, stderr = start_job(out, *flags, experiment="camvid").finish()
     assert (code, stderr) == (0, "")
     first = stdout.splitlines()[0]
     assert first.startswith("Target: camvid") and "reported on sequence 0006R0" in first
-    summary = read_json(tmp_path / "run" / "summary.json")
+    summary = read_json(out / "summary.json")
     assert (summary["target"], summary["real"]) == ("camvid", True)
     assert (summary["reward_images"], summary["test_images"]) == (8, 8)
     assert "recovery" not in summary

@@ -16,8 +16,7 @@ def test_colours_are_the_tables():
 
 
 def test_shares_and_mean_rows_by_hand():
-    labels = np.array([[[0, 0], [0, 1]], [[255, 255], [1, 1]]], np.uint8)
-    found = pictures.shares(labels, 3)
+    found = pictures.shares(np.array([[[0, 0], [0, 1]], [[255, 255], [1, 1]]], np.uint8), 3)
     assert found["pixels"] == [50, 50, 0]
     # Of two rows of pixels the middles lie at 25 and 75 %.
     assert found["row"] == [pytest.approx(100 * (0.25 + 0.25 + 0.75) / 3, abs=0.01), 75, None]
@@ -30,10 +29,7 @@ def test_what_a_net_saw_is_left_whole_or_not_at_all(tmp_path):
     predictions = np.array([[[0, 0]], [[1, 1]]], np.uint8)
     leave(seen, sight(np.eye(2, dtype=np.int64), np.array([3, 5]), labels, predictions))
     found = look(seen)
-    assert found.miou.tolist() == [
-        0.25,
-        pytest.approx(np.nan, nan_ok=True),
-    ]  # IoU 1/2 and 0; all void
+    np.testing.assert_array_equal(found.miou, [0.25, np.nan])  # IoU 1/2 and 0; all void
     np.testing.assert_array_equal(found.predictions, predictions)
     seen.path.write_bytes(seen.path.read_bytes()[:-9])
     assert look(seen) is None

@@ -12,8 +12,7 @@ from playwright.sync_api import sync_playwright
 
 from benchmarks.playground import browser, served
 from experiments.playground import __main__ as command
-from experiments.playground.exporting import Export
-from experiments.playground.guard import MOST_BYTES, refusal
+from experiments.playground import exporting, guard
 from experiments.playground.rendering import Desk, pictures, request
 from experiments.playground.state import GROUPS, View, centred, moved, opened, shown
 from scene.attributes import BY_NAME
@@ -53,8 +52,7 @@ def test_of_wishes_that_wait_only_the_last_is_made_and_then_refined():
 
     async def drag(seen):
         desk = Desk(make, lambda wanted, *_: seen.append((wanted.view.seed, wanted.quick)))
-        first = request(MIXED, quick=True)
-        wishes = (first._replace(view=VIEW._replace(seed=k)) for k in range(5))
+        wishes = (request(MIXED, quick=True)._replace(view=VIEW._replace(seed=k)) for k in range(5))
         await asyncio.gather(*map(desk.ask, wishes))
         return seen
 
@@ -64,7 +62,7 @@ def test_of_wishes_that_wait_only_the_last_is_made_and_then_refined():
 @pytest.mark.slow
 def test_an_export_can_be_cancelled_and_continued_and_refuses_a_foreign_folder(tmp_path):
     def last(folder, enough):
-        export = Export(MIXED, 40, "cityscapes", str(folder))
+        export = exporting.Export(MIXED, 40, "cityscapes", str(folder))
         while not enough(export.news()):
             time.sleep(0.05)
         export.cancel()  # changes nothing where all is over
@@ -81,11 +79,11 @@ def test_an_export_can_be_cancelled_and_continued_and_refuses_a_foreign_folder(t
     ({"host": "127.0.0.1:80", "origin": "http://127.0.0.1:80", "content-length": "9"}, 0),
     ({"host": "elsewhere.example"}, 403),
     ({"host": "localhost:80", "origin": "http://elsewhere.example"}, 403),
-    ({"host": "localhost:80", "content-length": str(MOST_BYTES + 1)}, 413),
+    ({"host": "localhost:80", "content-length": str(guard.MOST_BYTES + 1)}, 413),
     ({"host": "localhost:80", "transfer-encoding": "chunked"}, 411),
 ])  # fmt: skip
 def test_only_the_page_itself_is_answered(headers, status):
-    assert refusal(headers) == status
+    assert guard.refusal(headers) == status
 
 
 @pytest.mark.parametrize(("arguments", "complaint"), [
@@ -139,4 +137,4 @@ def test_the_page_needs_no_network_moves_saves_and_refuses_in_one_message(page, 
     page.wait_for_selector(".q-notification:has-text(\"bad.json: unknown attribute 'nonsense'\")")
     page.set_input_files("input[type=file]", tmp_path / "good.json")
     page.wait_for_selector("text=component 1 · 25%")
-    assert page.request.post(page.url, data=b"x" * (MOST_BYTES + 1)).status == 413
+    assert page.request.post(page.url, data=b"x" * (guard.MOST_BYTES + 1)).status == 413

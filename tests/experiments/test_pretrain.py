@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -11,44 +12,39 @@ from hypothesis import strategies as st
 
 from experiments.pretrain import nets
 from experiments.pretrain.job import defaults, fine_fidelity
-from experiments.pretrain.nets import Start, chosen_images, subsets, transfer
 from experiments.pretrain.report import FORM
 from experiments.reward import miou
-from experiments.reward.miou import Outcome, Recipe
 from experiments.reward.truth import Truth
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
-from shell.files import read_json
 
 from .conftest import Counted, diverge, formula, lines, never, transferred
 
 
 @pytest.fixture
-def pretrain(command, learnt_file):
-    """Measures with given attributes; returns the exit code."""
-    own = ("--learnt", str(learnt_file))
-    return lambda out, *flags, **more: command("pretrain", out, *own, *flags, **more)
+def measured(reported, learnt_file):
+    """The report of given attributes, in figures and in words."""
+    return partial(reported, "pretrain", "--learnt", str(learnt_file))
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 400))
 def test_smaller_subsets_lie_within_larger_ones(seed, images):
     fractions = [1.0, 0.05, 0.25, 0.1]
-    found = subsets(images, fractions, seed)
-    assert [len(k) for k in found] == [chosen_images(images, f) for f in fractions]
+    found = nets.subsets(images, fractions, seed)
+    assert [len(k) for k in found] == [nets.chosen_images(images, f) for f in fractions]
     assert found[0].tolist() == list(range(images))
     assert set(found[1]) <= set(found[3]) <= set(found[2]) <= set(found[0])
     assert all((np.diff(k) > 0).all() for k in found)
     # The choice does not depend on which other fractions are asked for.
-    np.testing.assert_array_equal(subsets(images, [0.25], seed)[0], found[2])
+    np.testing.assert_array_equal(nets.subsets(images, [0.25], seed)[0], found[2])
 
 
 def test_subsets_and_the_fine_tuning_by_hand():
-    assert chosen_images(367, 0.05) == 18 and chosen_images(8, 0.0625) == 1  # halves go up
-    assert chosen_images(8, 0.06) == 0
-    assert not np.array_equal(subsets(100, [0.1], 0)[0], subsets(100, [0.1], 1)[0])
+    shares = ((367, 0.05), (8, 0.0625), (8, 0.06))  # halves go up
+    assert [nets.chosen_images(*share) for share in shares] == [18, 1, 0]
+    assert not np.array_equal(nets.subsets(100, [0.1], 0)[0], nets.subsets(100, [0.1], 1)[0])
     config = defaults("camvid", "quick")
-    fine = fine_fidelity(config).train
-    assert fine == replace(config.final.train, steps=100, lr=0.01 / 3)
+    assert fine_fidelity(config).train == replace(config.final.train, steps=100, lr=0.01 / 3)
     told = fine_fidelity(replace(config, finetune_steps=7, finetune_lr=0.5)).train
     assert (told.steps, told.lr, told.warmup) == (7, 0.5, 3)
     assert config.seeds >= 4 and config.fractions == (0.05, 0.1, 0.25, 1.0)
@@ -73,11 +69,11 @@ def way(monkeypatch):
     monkeypatch.setattr(miou, "score", lambda *_, **__: np.array([[len(done), 100], [100, 100]]))
 
     def way(row):
-        recipe = Recipe(fidelity, "camvid", "embree", AssetPool())
+        recipe = miou.Recipe(fidelity, "camvid", "embree", AssetPool())
         fine = recipe._replace(fidelity=replace(fidelity, train=replace(fidelity.train, steps=3)))
         proposal = random_proposal() if row in ("random", "learnt") else None
-        start = Start(recipe, proposal, on_subset=row == "longer")
-        return transfer(start, fine, 5, real, [np.array([2]), np.array([0, 2])], real), done
+        start = nets.Start(recipe, proposal, on_subset=row == "longer")
+        return nets.transfer(start, fine, 5, real, [np.array([2]), np.array([0, 2])], real), done
 
     way.diverges = -1
     return way
@@ -101,10 +97,8 @@ def test_other_nets_see_real_images_only_and_one_that_diverges_is_an_outcome(way
     assert [o.failed for o in outcomes] == ["the loss is nan after 50 of 200 steps"] * 2
 
 
-def test_a_measurement_leaves_its_figures(pretrain, tmp_path):
-    out = tmp_path / "run"
-    assert pretrain(out, "--rows", "scratch", "random", "learnt", "longer", "--seeds", "4") == 0
-    report = read_json(out / "pretrain.json")
+def test_a_measurement_leaves_its_figures(measured, out):
+    report, text = measured("--rows", "scratch", "random", "learnt", "longer", "--seeds", "4")
     made = [(row["row"], (row["fraction"], row["images"])) for row in report["rows"]]
     assert made == [*product(("scratch", "random", "learnt", "longer"), ((0.25, 1), (1.0, 4)))]
     scratch, _, random = report["rows"][:3]
@@ -114,68 +108,58 @@ def test_a_measurement_leaves_its_figures(pretrain, tmp_path):
     gain, none = tests["random", "scratch", 0.25], tests["learnt", "random", 1.0]
     assert (gain["difference"], gain["stars"]) == (pytest.approx(5), "**")
     assert none["stars"] == "" and len(tests) == 5 * 2
-    text = (out / "pretrain.md").read_text()
     assert "get the steps of the fine-tuning only" in text and r"\*\*" in text
     assert len(lines(out / "finals.jsonl")) == 4 * 2 * 4
 
 
-def test_what_a_store_or_half_a_run_knows_is_not_trained_again(pretrain, tmp_path):
-    out, shared = tmp_path / "run", ("--store", str(tmp_path / "shared.jsonl"))
-    net = Counted(transferred)
+def test_what_a_store_or_half_a_run_knows_is_not_trained_again(command, learnt_file, tmp_path):
+    out, again, other = (tmp_path / name for name in ("run", "again", "other"))
+    shared, two = ("--store", str(tmp_path / "shared.jsonl")), ("--rows", "scratch", "random")
 
-    def asked():
-        found = [len(task[-2]) for task in net.calls]
-        net.calls.clear()
-        return found
+    def asked(out, *flags):
+        net = Counted(transferred)
+        assert command("pretrain", out, "--learnt", str(learnt_file), *flags, transfer=net) == 0
+        return [len(task[-2]) for task in net.calls]
 
-    assert pretrain(out, *shared, "--rows", "scratch", "random", transfer=net) == 0
-    assert asked() == [2] * 4
+    assert asked(out, *shared, *two) == [2] * 4
     # Another share, and other fine-tuning, are other nets; rows that are there already are known.
-    again = tmp_path / "again"
-    assert pretrain(again, *shared, "--fractions", "0.5", "1.0", transfer=net) == 0
-    assert asked() == [2, 2, 1, 1, 1, 1]  # the longest first
-    tuned = ("--finetune-steps", "5", "--rows", "random")
-    assert pretrain(tmp_path / "other", *shared, *tuned, transfer=net) == 0
-    assert asked() == [2, 2]
+    shares = ("--fractions", "0.5", "1.0")
+    assert asked(again, *shared, *shares) == [2, 2, 1, 1, 1, 1]  # the longest first
+    assert asked(other, *shared, "--finetune-steps", "5", "--rows", "random") == [2, 2]
     # As a kill within the writing of the last net's second score leaves it.
     log = out / "finals.jsonl"
     log.write_bytes(log.read_bytes()[:-40])
-    flags = ("--rows", "scratch", "random", "--store", "None")
-    assert pretrain(out, *flags, transfer=net) == 0 and asked() == [1]
+    assert asked(out, *two, "--store", "None") == [1]
     keys = [line["key"] for name in (out, again) for line in lines(name / "finals.jsonl")]
     assert len(keys) == 8 + 12 and len(set(keys)) == 16
 
 
-def test_nets_that_failed_are_told_and_left_out(pretrain, tmp_path):
+def test_nets_that_failed_are_told_and_left_out(measured):
     def sometimes(*task):
         outcomes = transferred(*task)
         if task[2] == 0 and task[0].proposal is None:
-            outcomes[0] = Outcome(math.nan, [], 0.0, 1.0, "the loss is nan")
+            outcomes[0] = miou.Outcome(math.nan, [], 0.0, 1.0, "the loss is nan")
         return outcomes
 
-    out = tmp_path / "run"
-    assert pretrain(out, transfer=sometimes) == 0
-    report = read_json(out / "pretrain.json")
+    report, text = measured(transfer=sometimes)
     assert report["rows"][0]["nets"][0] is None and report["rows"][0]["ci95"] is None
     pair = ("learnt", "scratch", 0.25)
     (test,) = (t for t in report["tests"] if (t["row"], t["against"], t["fraction"]) == pair)
-    assert "p_value" not in test and "1 nets failed" in (out / "pretrain.md").read_text()
+    assert "p_value" not in test and "1 nets failed" in text
     assert FORM.derive(report) == report
-    assert pretrain(out, transfer=never) == 0  # a failure is remembered, too
+    assert measured(transfer=never) == (report, text)  # a failure is remembered, too
 
 
-def test_scratch_alone_needs_no_attributes(pretrain, tmp_path):
-    out = tmp_path / "run"
-    assert pretrain(out, "--rows", "scratch", "--learnt", "None") == 0
-    assert read_json(out / "pretrain.json")["tests"] == lines(out / "evaluations.jsonl") == []
-    assert "Learnt" not in (out / "pretrain.md").read_text()
+def test_scratch_alone_needs_no_attributes(reported, out):
+    report, text = reported("pretrain", "--rows", "scratch")
+    assert report["tests"] == lines(out / "evaluations.jsonl") == [] and "Learnt" not in text
 
 
 def test_attributes_may_be_learnt_from_the_share_that_nets_are_tuned_on(
-    command, learnt_file, tmp_path, error_line
+    command, reported, learnt_file, out, tmp_path, error_line
 ):
     """Searches score on those images alone, and nets of all seeds are tuned on them."""
-    seen, tuned, out = [], [], tmp_path / "run"
+    seen, tuned = [], []
 
     def scores(recipe, source, seed, truth, *more, **also):
         seen.append(len(truth.images))
@@ -187,23 +171,16 @@ def test_attributes_may_be_learnt_from_the_share_that_nets_are_tuned_on(
 
     words = "--rows scratch learnt --fractions 0.5 1.0 --learn-on share --method random_search"
     flags = words.split()
-    assert command("pretrain", out, *flags, evaluate=scores, transfer=tunes) == 0
-    (half,) = subsets(4, [0.5], 0)
+    report, text = reported("pretrain", *flags, evaluate=scores, transfer=tunes)
+    (half,) = nets.subsets(4, [0.5], 0)
     assert set(seen) == {2, 4} and seen.count(2) >= 8  # rewards and candidates
-    scratch = [chosen for learnt, chosen in tuned if not learnt]
+    scratch, learnt = ([chosen for was, chosen in tuned if was is kind] for kind in (False, True))
     assert scratch == [[half.tolist(), [0, 1, 2, 3]]] * 2
-    learnt = [chosen for learnt, chosen in tuned if learnt]
     assert learnt == [[half.tolist()]] * 2 + [[[0, 1, 2, 3]]] * 2
-    report = read_json(out / "pretrain.json")
-    assert [(row["row"], row["images"]) for row in report["rows"]][2:] == [
-        ("learnt", 2),
-        ("learnt", 4),
-    ]
-    assert "of that share alone" in (out / "pretrain.md").read_text()
-    assert {path.name for path in (out / "attributes").iterdir()} == {
-        "learnt-0.5.json",
-        "learnt-1.json",
-    }
+    made = [(row["row"], row["images"]) for row in report["rows"][2:]]
+    assert made == [("learnt", 2), ("learnt", 4)] and "of that share alone" in text
+    kept = sorted(path.name for path in (out / "attributes").iterdir())
+    assert kept == ["learnt-0.5.json", "learnt-1.json"]
     assert command("pretrain", out, *flags, evaluate=never, transfer=never) == 0  # all is known
     both = ("--learn-on", "share", "--learnt", str(learnt_file))
     assert command("pretrain", tmp_path / "other", *both) == 2

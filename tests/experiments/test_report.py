@@ -8,7 +8,6 @@ import struct
 import sys
 from base64 import b64decode
 from html.parser import HTMLParser
-from pathlib import Path
 
 import numpy as np
 import plotly.graph_objects as go
@@ -28,7 +27,7 @@ from .conftest import lines
 class Page(HTMLParser):
     """What a browser would find in a page."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path) -> None:
         super().__init__()
         self.tags, self.texts, self.rows, self.plots = [("", {})], [], [], []
         self.cell = False
@@ -60,16 +59,14 @@ class Page(HTMLParser):
 
 
 @pytest.fixture
-def run(unbroken, tmp_path) -> Path:
+def run(unbroken, tmp_path):
     """A copy of the folder of a whole tiny run."""
     return shutil.copytree(unbroken[0], tmp_path / "run", ignore=lambda *_: ["dataset", "shared"])
 
 
 def test_the_page_is_one_file_that_loads_nothing_and_its_pictures_decode(run):
     page = Page(run / "report.html")
-    (policy,) = [
-        a["content"] for t, a in page.tags if a.get("http-equiv", "").startswith("Content")
-    ]
+    (policy,) = (a["content"] for _, a in page.tags if "Content" in a.get("http-equiv", ""))
     assert policy.startswith("default-src 'none'") and "http" not in policy
     named = [a.get(k) for t, a in page.tags for k in ("src", "href", "data", "srcset") if a.get(k)]
     assert all(name.startswith(("data:image/", "#")) for name in named)
@@ -90,11 +87,10 @@ def test_the_figures_are_those_of_the_summary(run):
         assert any(cells[1:] == said for cells in page.rows)
         means = [t["x"] for t in page.plots[0]["data"] if t["y"] == [NAMES[row]]]
         assert means == [[entry["mean"]]]
-    (rewards,) = [
-        t for plot in page.plots for t in plot.get("data", ()) if t.get("name") == "reward"
-    ]
+    traces = (trace for plot in page.plots for trace in plot.get("data", ()))
+    (rewards,) = (trace["y"] for trace in traces if trace.get("name") == "reward")
     logged = [100 * line["reward"] for line in lines(run / "evaluations.jsonl")]
-    assert rewards["y"] == pytest.approx(logged)
+    assert rewards == pytest.approx(logged)
     for plot in page.plots:  # the library knows all that they ask for, but colours of the page
         for view in plot.get("views", [plot]):
             plain = json.loads(re.sub(r'"@[\w/.]+"', '"#123456"', json.dumps(view)))
@@ -149,16 +145,14 @@ def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
 
 def test_several_runs_lie_side_by_side(run, tmp_path):
     other = shutil.copytree(run, tmp_path / "other")
-    config = read_json(other / "config.json")
-    write_json(other / "config.json", config | {"seed": 7})
+    write_json(other / "config.json", read_json(other / "config.json") | {"seed": 7})
     assert main([str(run), str(other), "--out", str(tmp_path / "both.html")]) == 0
     page, summary = Page(tmp_path / "both.html"), read_json(run / "summary.json")
     mean = f"{summary['rows']['learnt']['mean']:.1f}"
     (row,) = [cells for cells in page.rows if cells[0] == "learnt"]
     assert len(row) == 3 and all(cell.startswith(mean) for cell in row[1:])
     assert ["seed", "0", "7"] in page.rows
-    names = [t["name"] for t in page.plots[1]["data"] if t["mode"] == "lines"]
-    assert names == ["run", "other"]
+    assert [t["name"] for t in page.plots[1]["data"] if t["mode"] == "lines"] == ["run", "other"]
 
 
 @pytest.mark.parametrize(("left", "complaint"), [
@@ -195,9 +189,8 @@ def test_tensorboard_gets_every_reward(run, tmp_path, error_line, monkeypatch, c
         data = data[16 + length :]
     rewards = [100 * line["reward"] for line in lines(run / "evaluations.jsonl")]
     assert scalars["search/reward"] == pytest.approx(rewards)
-    assert scalars["miou/learnt"] == pytest.approx(
-        read_json(run / "summary.json")["learnt"]["miou"]
-    )
+    learnt = read_json(run / "summary.json")["learnt"]
+    assert scalars["miou/learnt"] == pytest.approx(learnt["miou"])
     capsys.readouterr()
     assert main(flags) == 2 and "holds events already" in error_line()
     monkeypatch.setitem(sys.modules, "tensorboardX", None)

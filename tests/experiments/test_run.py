@@ -2,13 +2,11 @@
 
 import json
 from dataclasses import asdict, replace
-from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
-from experiments.config import MainConfig
 from experiments.run import context
-from experiments.run.context import Work, opened
 from experiments.run.nets import score_nets
 from scene.proposal import random_proposal
 from scene.render import RendererError
@@ -21,7 +19,7 @@ from .conftest import formula, main_job, never
 def fails(error_line, camvid):
     """The one line with which the CamVid job refuses a folder."""
 
-    def line(out: str | Path) -> str:
+    def line(out) -> str:
         assert main_job("camvid", "--data", str(camvid), "--out", str(out)) == 2
         return error_line(begun=True)
 
@@ -29,16 +27,16 @@ def fails(error_line, camvid):
 
 
 def test_a_folder_says_everything_needed_to_repeat_the_run(tiny_camvid):
-    with opened(tiny_camvid):
+    with context.opened(tiny_camvid):
         stored = json.loads((tiny_camvid.out / "config.json").read_text())
     assert set(stored.pop("versions")) >= {"jax", "numpy", "sdr-jax"}
     assert stored == plain({"engine": context.ENGINE, **asdict(tiny_camvid)})
 
 
 def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_by, capsys):
-    def score(config: MainConfig) -> list[float]:
-        with opened(config) as run:
-            run.begin([Work.at("final nets", 2, config.final)])
+    def score(config) -> list[float]:
+        with context.opened(config) as run:
+            run.begin([context.Work.at("final nets", 2, config.final)])
             recipe = run.recipe(config.final)
             found = score_nets(run, "final", {"random": random_proposal()}, recipe, [1, 2])
             return [outcome.reward for outcome in found["random"]]
@@ -55,19 +53,17 @@ def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_
 
 def test_a_folder_in_use_and_a_missing_renderer(fails, tiny_camvid, camvid, monkeypatch, tmp_path):
     assert "is a file; it must be a folder" in fails(camvid / "train" / "A_1.png")
-    with opened(tiny_camvid):
+    with context.opened(tiny_camvid):
         assert "in use by another run" in fails(tiny_camvid.out)
-    with opened(replace(tiny_camvid, out=tiny_camvid.out / "other", seed=4)):
+    with context.opened(replace(tiny_camvid, out=tiny_camvid.out / "other", seed=4)):
         assert "seed = 4, not 0" in fails(tiny_camvid.out / "other")
     with monkeypatch.context() as patch:
         patch.setattr(context, "ENGINE", 0)
-        with opened(replace(tiny_camvid, out=tiny_camvid.out / "old")):
+        with context.opened(replace(tiny_camvid, out=tiny_camvid.out / "old")):
             pass
     assert f"engine = 0, not {context.ENGINE}" in fails(tiny_camvid.out / "old")
 
-    def missing(name: str):
-        raise RendererError("EGL is missing;\ninstall libegl1")
-
-    monkeypatch.setattr(context, "renderer", missing)
+    missing = RendererError("EGL is missing;\ninstall libegl1")
+    monkeypatch.setattr(context, "renderer", Mock(side_effect=missing))
     assert "EGL is missing; install libegl1" in fails(tmp_path / "new")
     assert not (tmp_path / "new").exists()

@@ -18,7 +18,7 @@ from experiments.run.search import embed, search
 from scene.attributes import NAMES
 from shell.errors import UserError
 
-from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, untimed
+from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, searching, untimed
 
 nothing_to_score = Mock(return_value=Outcome(float("nan"), [], 0.0, 0.0))
 
@@ -40,12 +40,11 @@ def run(scored_by):
 @pytest.fixture
 def config(tiny_camvid):
     """Twelve updates of two datasets by SDR."""
-    search = replace(tiny_camvid.search, method="sdr", updates_per_group=2)
-    return replace(tiny_camvid, search=search)
+    return searching(tiny_camvid, method="sdr", updates_per_group=2)
 
 
 def test_every_reward_is_logged_with_its_actions(config, run):
-    config = replace(config, search=replace(config.search, common_random_numbers=True))
+    config = searching(config, common_random_numbers=True)
     found = run(config)
     logged = lines(config.out / "evaluations.jsonl")
     wanted = [("search", update, dataset) for update in range(12) for dataset in range(2)]
@@ -69,9 +68,7 @@ def test_every_reward_is_logged_with_its_actions(config, run):
         np.testing.assert_allclose(np.delete(width, sorted(decided)), 1)
 
 
-def test_kill_and_continue_gives_the_same_answer_but_not_with_a_log_of_another_run(
-    config, run, tmp_path
-):
+def test_killed_it_gives_the_same_answer_but_not_with_a_log_of_another_run(config, run, tmp_path):
     whole = run(config)
     broken = replace(config, out=tmp_path / "killed")
     for count in (7, 15):  # before an update's second reward, and before an update's first
@@ -84,9 +81,8 @@ def test_kill_and_continue_gives_the_same_answer_but_not_with_a_log_of_another_r
     logs = [untimed(lines(c.out / "evaluations.jsonl")) for c in (config, broken)]
     assert logs[0] == logs[1]
     path = config.out / "evaluations.jsonl"
-    first = lines(path)[0]
-    path.write_text(json.dumps({**first, "key": "0" * 64}) + "\n")
-    with pytest.raises(UserError, match=r"evaluations\.jsonl: update 0, dataset 0 was not made"):
+    path.write_text(json.dumps({**lines(path)[0], "key": "0" * 64}) + "\n")
+    with pytest.raises(UserError, match=f"{path}: update 0, dataset 0 was not made"):
         run(config)
 
 
@@ -107,29 +103,29 @@ def test_attributes_outside_the_subset_stay_random(tiny_camvid, run):
     "sdr", "gaussian", "random_search", pytest.param("surrogate", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_a_failed_evaluation_is_recorded_and_left_out(tiny_camvid, run, method):
-    options = replace(tiny_camvid.search, method=method, updates_per_group=2)
-    config = replace(tiny_camvid, search=options)
+    config = searching(tiny_camvid, method=method, updates_per_group=2)
     found = run(config, Counted(failing=(3, 8)))
-    failed = [r for r in lines(config.out / "evaluations.jsonl") if r["reward"] is None]
-    assert [r["failed"] for r in failed] == ["the loss is nan after 50 of 200 steps"] * 2
+    logged = lines(config.out / "evaluations.jsonl")
+    failed = [r["failed"] for r in logged if r["reward"] is None]
+    assert failed == ["the loss is nan after 50 of 200 steps"] * 2
     assert np.isnan(found.rewards).sum() == 2
     assert all(np.isfinite(part).all() for part in (*found.solution, *found.spread))
-    actions = [value for r in lines(config.out / "evaluations.jsonl") for value in r["actions"]]
-    assert {type(value) for value in actions} == {float if method == "gaussian" else int}
+    kinds = {type(value) for record in logged for value in record["actions"]}
+    assert kinds == {float if method == "gaussian" else int}
     again = run(config, never)  # failed ones are not tried again
     np.testing.assert_array_equal(again.rewards, found.rewards)
     np.testing.assert_array_equal(again.solution, found.solution)
 
 
 @pytest.fixture
-def end(camvid, tmp_path, scored_by, capsys):
+def end(camvid, out, scored_by, capsys):
     """Exit code and the one line on standard error of a CamVid job with another reward."""
 
     def ended(evaluate, *flags) -> tuple[int, str]:
         scored_by(evaluate)
         # Compiles next to nothing.
         quick = ("--search.method", "random_search", "--data", str(camvid))
-        code = main_job("camvid", *quick, "--out", str(tmp_path / "run"), *flags)
+        code = main_job("camvid", *quick, "--out", str(out), *flags)
         captured = capsys.readouterr()
         assert "Traceback" not in captured.err and len(captured.err.strip().splitlines()) == 1
         return code, captured.err.strip()
@@ -148,8 +144,8 @@ def test_what_ends_a_search_is_one_line(end, evaluate, flags, code, words):
     assert found == code and all(word in text for word in words)
 
 
-def test_a_disk_that_fills_up_is_named_and_the_run_goes_on_later(end, tmp_path, filling_disk):
-    log = tmp_path / "run" / "evaluations.jsonl"
+def test_a_disk_that_fills_up_is_named_and_the_run_goes_on_later(end, out, filling_disk):
+    log = out / "evaluations.jsonl"
     filling_disk(9)  # five files come before the first reward
     code, text = end(formula)
     assert code == 2 and f"{log}: No space left on device" in text and len(lines(log)) == 4

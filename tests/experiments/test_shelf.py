@@ -1,7 +1,6 @@
 """Files that a run's processes share: the same outcomes with them, whole or not there, nobody else's."""
 
 import shutil
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from pathlib import Path
@@ -16,19 +15,16 @@ from experiments.reward.miou import Recipe, evaluate_miou, worker_environment
 from experiments.reward.shelf import ABOUT, FOLDER, Shelf
 from experiments.reward.store import Log, outcome_of
 from experiments.reward.truth import Truth, loaded, part_of
-from experiments.target.base import Split, Target
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal
 from scene.workers import WorkerPool
 from seg import pyramid
-from seg.data import RealSet
-from seg.pyramid import channel_statistics, features
 from seg.recipes import RECIPES
 from seg.views import view_images
 from shell.errors import UserError
 from shell.files import read_json, write_json
 
-from .conftest import Counted, Killed, never
+from .conftest import POOL, Counted, Killed, never, target_of
 
 TRAIN = replace(RECIPES["lite0-frozen"], steps=2, batch=2, scale=True)
 RECIPE = Recipe(Fidelity(64, 48, 1, 2, samples=1, train=TRAIN), "camvid", "embree", AssetPool(0, 2))
@@ -42,16 +38,12 @@ def noise(count: int, seed: int) -> Truth:
 
 
 REAL, TEST = noise(COUNT, 0), noise(3, 1)
-
-
-def target_of(reward: Truth) -> Target:
-    sides = Split(*(RealSet((), (), side.images, side.labels) for side in (reward, TEST)))
-    return Target("camvid", True, "camvid", "", ("a",), ("s",), ("b",), lambda height, width: sides)
+TARGET = target_of(REAL, TEST)
 
 
 def outcomes(held: Shelf, log: Path, recipe: Recipe = RECIPE) -> list[tuple]:
     """Keys and scores of two nets that are trained on the reward images."""
-    scorer = Evaluator(recipe, target_of(REAL), "test", TEST, held)
+    scorer = Evaluator(recipe, TARGET, "test", TEST, held)
     found = dict(scorer.map([Job(REAL, 5, {}), Job(REAL, 6, {})], Memory(Log(log), None, float)))
     return [(scorer.key(REAL, 5 + k), found[k].reward, found[k].class_iou) for k in range(2)]
 
@@ -59,16 +51,16 @@ def outcomes(held: Shelf, log: Path, recipe: Recipe = RECIPE) -> list[tuple]:
 @pytest.fixture
 def opened(tmp_path):
     """Opens the run's files, as a new run does."""
-    return lambda: Shelf(WorkerPool(0), tmp_path / "run")
+    return lambda: Shelf(POOL, tmp_path / "run")
 
 
-def same(ours: Sequence[np.ndarray], theirs: Sequence[np.ndarray]) -> bool:
+def same(ours, theirs) -> bool:
     return all(map(np.array_equal, ours, theirs))
 
 
 def test_parts_are_scored_each_for_itself(opened, tmp_path):
     def scorer(*parts):
-        return Evaluator(RECIPE, target_of(REAL), "test", TEST, opened(), *parts)
+        return Evaluator(RECIPE, TARGET, "test", TEST, opened(), *parts)
 
     log, jobs = Log(tmp_path / "log"), [Job(REAL, 5, {})]
     ((_, found),) = scorer(((0, 2), (2, 3))).map(jobs, Memory(log, None, float))
@@ -83,7 +75,7 @@ def test_parts_are_scored_each_for_itself(opened, tmp_path):
 
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_outcomes_and_keys_are_those_of_arrays(workers, tmp_path):
-    plain, told = outcomes(Shelf(WorkerPool(0)), tmp_path / "plain"), []
+    plain, told = outcomes(Shelf(POOL), tmp_path / "plain"), []
     assert plain[0][1] == evaluate_miou(RECIPE, REAL, 5, TEST).reward != plain[1][1]
     with WorkerPool(workers, worker_environment()) as pool:
         held = Shelf(pool, tmp_path / "run", told.append)
@@ -91,7 +83,7 @@ def test_outcomes_and_keys_are_those_of_arrays(workers, tmp_path):
         # A single set is rendered by all workers, and the same.
         streets, two = default_proposal(), replace(RECIPE.fidelity, streets=2)
         recipe = RECIPE._replace(fidelity=two)
-        scorer = Evaluator(recipe, target_of(REAL), "test", TEST, held)
+        scorer = Evaluator(recipe, TARGET, "test", TEST, held)
         memory = Memory(Log(tmp_path / "log"), None, float)
         ((_, found),) = scorer.map([Job(streets, 5, {})], memory)
         alone = evaluate_miou(recipe, streets, 5, TEST)
@@ -101,21 +93,21 @@ def test_outcomes_and_keys_are_those_of_arrays(workers, tmp_path):
 
 
 def test_features_are_computed_once_for_all_nets_of_a_run(opened, tmp_path, monkeypatch):
-    plain = outcomes(Shelf(WorkerPool(0)), tmp_path / "plain")
+    plain = outcomes(Shelf(POOL), tmp_path / "plain")
     opened().put(TEST, TRAIN)
     real = loaded(opened().put(REAL, TRAIN, training=True))
-    assert same(real.features, features(view_images(REAL.images, TRAIN)))
+    assert same(real.features, pyramid.features(view_images(REAL.images, TRAIN)))
     part = part_of(real, np.array([3, 17, 24]))
-    assert same(part.features, features(view_images(part.images, TRAIN)))
+    assert same(part.features, pyramid.features(view_images(part.images, TRAIN)))
     for module in (pyramid, shelf):
         monkeypatch.setattr(module, "features", never)
     assert outcomes(opened(), tmp_path / "log") == plain
     with pytest.raises(AssertionError, match="known"):
-        outcomes(Shelf(WorkerPool(0)), tmp_path / "other")
+        outcomes(Shelf(POOL), tmp_path / "other")
 
 
 def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk, monkeypatch):
-    folder, whole = tmp_path / "run" / FOLDER, features(REAL.images)
+    folder, whole = tmp_path / "run" / FOLDER, pyramid.features(REAL.images)
     with pytest.raises(OSError, match="No space left") as caught:
         opened().put(REAL, TRAIN)
     assert Path(caught.value.filename).parent == folder and not list(folder.iterdir())
@@ -169,10 +161,10 @@ def test_a_command_ends_with_exit_code_2(command, learnt_file, tmp_path, error_l
 def test_heads_may_normalise_by_the_images_that_give_the_reward(opened, tmp_path):
     train = replace(TRAIN, head_statistics="target")
     own = RECIPE._replace(fidelity=replace(RECIPE.fidelity, train=train))
-    targets = target_of(REAL), target_of(noise(COUNT, 2))
+    targets = TARGET, target_of(noise(COUNT, 2), TEST)
     names = [about(r, t, "test", TEST)["config"] for r, t in product((RECIPE, own), targets)]
     assert names[0] == names[1] and len(set(names)) == 3
     found = outcomes(opened(), tmp_path / "files", own)
-    assert found == outcomes(Shelf(WorkerPool(0)), tmp_path / "arrays", own)
-    own = own._replace(statistics=channel_statistics(features(REAL.images)))
+    assert found == outcomes(Shelf(POOL), tmp_path / "arrays", own)
+    own = own._replace(statistics=pyramid.channel_statistics(pyramid.features(REAL.images)))
     assert found[0][1] == evaluate_miou(own, REAL, 5, TEST).reward

@@ -1,32 +1,30 @@
 """What studies share: attributes from a file or by search, nets scored once, reports derived anew."""
 
 from dataclasses import replace
+from functools import partial
 from importlib import import_module
-from itertools import product
 
 import numpy as np
 import pytest
 from PIL import Image
 
 from experiments.config import LearntConfig, read_attributes
-from experiments.presets import PRESETS, TARGETS, defaults
+from experiments.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.reward.store import LOGS, Log
 from experiments.run.context import Work, opened, plan_text
 from experiments.run.nets import paired_seeds, score_nets, training_sets
 from experiments.study import form
-from experiments.study.form import Form, rewrite, statistics
 from experiments.study.skeleton import Study, check, do, learnt_attributes, learnt_work
 from scene.attributes import NAMES
 from scene.proposal import random_proposal
 from shell.errors import UserError
 from shell.files import read_json
 
-from .conftest import ROOT, Counted, Killed, lines, never, study, transferred
+from .conftest import ROOT, Counted, Killed, by_preset, lines, never, searching, study, transferred
 
 TRAINED = ("table", "pretrain", "assets", "ablation", "compare", "labels")  # their rows are of nets
-STUDIES = (*TRAINED, "searches", "fidelity", "sensitivity")
-FORM = Form(
+FORM = form.Form(
     "some", lambda report: {**report, "mean": float(np.mean(report["scores"]))},
     lambda report: f"{report['mean']}", {"some.png": lambda report: b"picture"},
 )  # fmt: skip
@@ -37,13 +35,12 @@ SOME = Study(
 
 
 @pytest.fixture
-def config(camvid, tmp_path) -> LearntConfig:
-    base = defaults(LearntConfig, "camvid", "smoke")
-    search = replace(base.search, method="random_search")
-    return replace(base, search=search, data=camvid, workers=0, out=tmp_path / "run")
+def config(tiny) -> LearntConfig:
+    return searching(tiny(partial(defaults, LearntConfig)), method="random_search")
 
 
-@pytest.mark.parametrize(("name", "target", "preset"), [*product(STUDIES, TARGETS, PRESETS)])
+@by_preset
+@pytest.mark.parametrize("name", (*TRAINED, "searches", "fidelity", "sensitivity"))
 def test_presets_are_sound(name, target, preset):
     job = import_module(f"experiments.{name}.job")
     check(job.STUDY, job.defaults(target, preset))
@@ -91,13 +88,12 @@ def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
 
 
 @pytest.mark.parametrize("name", TRAINED)
-def test_a_recorded_report_is_derived_anew(name, tmp_path):
+def test_a_recorded_report_is_derived_anew(name, out):
     """Some are from before reports named their study."""
     recorded = ROOT / "docs" / "results" / f"{name}.json"
-    assert study(name, "--rederive", str(recorded), "--out", str(tmp_path / "run")) == 0
-    found, report = read_json(tmp_path / "run" / f"{name}.json"), read_json(recorded)
-    assert {**report, "study": name} == found
-    assert min(Image.open(tmp_path / "run" / f"{name}.png").size) > 200
+    assert study(name, "--rederive", str(recorded), "--out", str(out)) == 0
+    assert {**read_json(recorded), "study": name} == read_json(out / f"{name}.json")
+    assert min(Image.open(out / f"{name}.png").size) > 200
 
 
 @pytest.mark.parametrize(("name", "flags", "complaint"), [
@@ -154,10 +150,10 @@ def test_a_recorded_report_is_derived_anew(name, tmp_path):
     ("fidelity", ("--target", "twin"), "--target twin takes no --data"),
     ("fidelity", ("--rederive", "none.json"), "--rederive none.json: No such file"),
 ])  # fmt: skip
-def test_bad_input_is_one_line(name, flags, complaint, command, tmp_path, error_line, learnt_file):
+def test_bad_input_is_one_line(name, flags, complaint, command, out, error_line, learnt_file):
     flags = [str(learnt_file) if flag == "FILE" else flag for flag in flags]
-    assert command(name, tmp_path / "run", *flags, evaluate=never, transfer=never) == 2
-    assert complaint in error_line() and not (tmp_path / "run").exists()
+    assert command(name, out, *flags, evaluate=never, transfer=never) == 2
+    assert complaint in error_line() and not out.exists()
 
 
 @pytest.mark.parametrize(("name", "flags"), [
@@ -170,19 +166,18 @@ def test_bad_input_is_one_line(name, flags, complaint, command, tmp_path, error_
     ("compare", ("--methods", "descent")), ("compare", ("--search.method", "sdr")),
     ("compare", ("--search.updates-per-group", "3")), ("compare", ("--ladder",)),
 ])  # fmt: skip
-def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, tmp_path, capsys):
-    with pytest.raises(SystemExit) as end:
-        command(name, tmp_path / "run", *flags)
-    assert end.value.code == 2 and flags[0] in capsys.readouterr().err
+def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, out, capsys):
+    with pytest.raises(SystemExit, match=r"^2$"):
+        command(name, out, *flags)
+    assert flags[0] in capsys.readouterr().err
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", (*TRAINED, "sensitivity", "fidelity"))
-def test_smoke_on_the_twin_with_nets(name, start_job, tmp_path):
-    out = tmp_path / "run"
-    flags = ("--preset", "smoke", "--workers", "1")
-    mmd = ("--reward-kind", "mmd") if name == "fidelity" else ()  # without labels, too
-    code, stdout, stderr = start_job(out, *flags, *mmd, experiment=name).finish()
+def test_smoke_on_the_twin_with_nets(name, start_job, out):
+    flags = ["--preset", "smoke", "--workers", "1"]
+    flags += ["--reward-kind", "mmd"] * (name == "fidelity")  # without labels, too
+    code, stdout, stderr = start_job(out, *flags, experiment=name).finish()
     assert (code, stderr) == (0, "") and "NOT real data" in stdout
     report = read_json(out / f"{name}.json")
     assert report["real"] is False
@@ -202,11 +197,10 @@ def test_learnt_attributes_are_made_once(config, counted, tmp_path):
         run.begin(plan)
         learnt = learnt_attributes(run)
         assert len(counted.calls) == sum(work.nets for work in plan) == 12 + 2
-    counted.calls.clear()
     again = replace(shared, out=tmp_path / "again")
     with opened(again) as run:
         found = learnt_attributes(run)
-    assert counted.calls == []
+    assert len(counted.calls) == 12 + 2
     for other in (found, read_attributes("--learnt", again.out / "attributes.json", "scenex")):
         np.testing.assert_array_equal(np.stack(other), np.stack(learnt))
 
@@ -221,9 +215,8 @@ def test_nets_are_paired_and_made_once(config, counted):
         assert [task[2] for task in counted.calls] == [0, 0, 1, 1, 0, 1]  # the longest first
         again = score_nets(run, "others", sources, recipe, seeds)
         assert len(counted.calls) == 6 and list(found) == list(again) == list(sources)
-        for name in sources:
-            kept = [outcome._replace(stored=True) for outcome in found[name]]
-            assert again[name] == kept
+        for name, own in found.items():
+            assert again[name] == [outcome._replace(stored=True) for outcome in own]
         # Other assets are other nets.
         half = run.recipe(config.final, fraction=0.5)
         score_nets(run, "some", {"random": random_proposal()}, half, seeds)
@@ -252,7 +245,6 @@ def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path)
     assert "About 18 min on 2 worker(s), without compiling" in text
     path = tmp_path / "hed.npz"
     np.savez(path, normalisation="hed", source="VGG16, fine-tuned")
-    final = defaults(LearntConfig, "camvid", "quick").final
     other = replace(final, train=replace(final.train, net="fcn8s", weights=str(path)))
     alone = "the 13 convolutions alone, fc6 and fc7 start at random"
     said = f"fcn8s starts from {path}: VGG16, fine-tuned; {alone}"
@@ -261,13 +253,12 @@ def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path)
 
 
 def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
-    found = statistics([10.0, None, 14.0], [9.0, 5.0, 11.0])
+    found = form.statistics([10.0, None, 14.0], [9.0, 5.0, 11.0])
     assert found["mean"] == 12 and found["gain"]["mean"] == 2  # of 1 and 3
-    assert statistics([None, 3.0], [1.0, None])["gain"] is None
-    assert statistics([None], None) == {"mean": None, "ci95": None, "gain": None}
+    assert form.statistics([None, 3.0], [1.0, None])["gain"] is None
+    assert form.statistics([None], None) == {"mean": None, "ci95": None, "gain": None}
     outcomes = [Outcome(v, [v, None], 1, 1) for v in (0.2, 0.4)]
-    failed = Outcome(np.nan, [], 1, 1, "the loss is nan")
-    scored = form.nets([*outcomes, failed])
+    scored = form.nets([*outcomes, Outcome(np.nan, [], 1, 1, "the loss is nan")])
     assert form.class_means(scored, ["a", "b"]) == {"a": pytest.approx(30), "b": None}
     assert form.miou(scored) == pytest.approx([20, 40, None]) and scored[2] is None
     assert form.failures([{"nets": scored}])[1].startswith("1 nets failed")
@@ -298,14 +289,12 @@ def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
     ('{"study": "other"}', "unknown attribute 'study'", "is no report of experiments.some"),
     ('{"study": "some"}', "unknown", "does not hold what experiments.some writes"),
 ])  # fmt: skip
-def test_other_files_are_neither_attributes_nor_reports(
-    config, tmp_path, content, attributes, report
-):
-    file, out = tmp_path / "some.json", tmp_path / "out"
+def test_other_files_are_neither_attributes_nor_reports(config, out, content, attributes, report):
+    file = out.with_name("some.json")
     if content is not None:
         file.write_text(content)
     with pytest.raises(UserError, match=f"--learnt {file}.*{attributes}"):
         check(SOME, replace(config, learnt=file))
     with pytest.raises(UserError, match=report):
-        rewrite(FORM, file, out)
+        form.rewrite(FORM, file, out)
     assert not out.exists()

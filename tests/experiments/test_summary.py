@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.config import MainConfig
-from experiments.main import summary as module
-from experiments.main.summary import derive, text
+from experiments.main.summary import derive, scores, text
 from experiments.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.run.learn import Learnt
@@ -17,13 +16,13 @@ from scene.proposal import slide
 from seg.classes import class_table
 from shell.files import read_json, write_json
 
-CLASSES = len(class_table("cityscapes").classes)
+CLASSES = class_table("cityscapes").classes
 ROW_MIOU = {"random": [0.1, 0.2], "default": [0.2, 0.3], "learnt": [0.3, 0.5], "real": [0.6, 0.6]}
 
 
 def outcome(miou: float, failed: str | None = None) -> Outcome:
     """IoU of road = miou, of the rest 0; the last class never occurs."""
-    return Outcome(miou, [miou] + [0.0] * (CLASSES - 2) + [None], 2.0, 3.0, failed)
+    return Outcome(miou, [miou] + [0.0] * (len(CLASSES) - 2) + [None], 2.0, 3.0, failed)
 
 
 def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
@@ -42,7 +41,7 @@ def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
     run = SimpleNamespace(config=config, target=target, **own)
     tried = {"argmax": [[0.2, 0.2]], "spread": [[0.25, 0.3]]}
     learnt = Learnt(slide(np.full(23, 0.5), 0.1), None, "spread", tried, ("3 images of s",))
-    return derive(module.scores(run, rows, learnt))
+    return derive(scores(run, rows, learnt))
 
 
 def test_keys_are_those_that_scripts_rely_on(tmp_path):
@@ -57,7 +56,7 @@ def test_keys_are_those_that_scripts_rely_on(tmp_path):
     for entry in summary["rows"].values():
         assert set(entry) == {"miou", "mean", "ci95", "per_class"}
         assert len(entry["miou"]) == 2 and len(entry["ci95"]) == 2
-        assert set(entry["per_class"]) == set(class_table("cityscapes").classes)
+        assert set(entry["per_class"]) == set(CLASSES)
     assert set(summary["gain"]) == {"mean", "ci95"}
 
 

@@ -1,6 +1,7 @@
 """The table: which sets nets are trained on, classes of other tables, and what is refused."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import product
 from pathlib import Path
 
@@ -18,7 +19,6 @@ from experiments.table.report import FORM, PAPER, subset_miou
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.metrics import iou, mean_iou
 from seg.recipes import RECIPES
-from shell.files import read_json
 
 from .conftest import Counted, lines, never, write_pair
 
@@ -33,16 +33,13 @@ def gta5(tmp_path):
 
 
 @pytest.fixture
-def table(command, learnt_file):
-    """Makes a table of given attributes; returns the exit code."""
-    own = ("--learnt", str(learnt_file))
-    return lambda out, *flags, **more: command("table", out, *own, *flags, **more)
+def table(reported, learnt_file):
+    """The table of given attributes, in figures and in words."""
+    return partial(reported, "table", "--learnt", str(learnt_file))
 
 
-def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
-    out = tmp_path / "run"
-    assert table(out, "--nets", "compact", "fcn8s") == 0
-    report = read_json(out / "table.json")
+def test_a_table_leaves_its_figures(table, out, learnt_file):
+    report, text = table("--nets", "compact", "fcn8s")
     assert report["learnt_from"] == str(learnt_file)
     made = [(row["net"], row["trained_on"]) for row in report["rows"]]
     assert made == [*product(("compact", "fcn8s"), ("random", "default", "learnt", "real"))]
@@ -56,37 +53,32 @@ def test_a_table_leaves_its_figures(table, tmp_path, learnt_file):
     assert real["nets"][0]["miou"] == pytest.approx(100 * 804 / (2000 + 1196))
     assert real["class_iou"]["sky"] == pytest.approx(real["mean"])
     assert learnt["over_classes"] == {} and len(real["nets"][0]["class_iou"]) == 11
-    assert report["paper"]["rows"][-1] == {
-        "trained_on": "learnt", "images": 450, "fcn8s": 29.6, "deeplabv2": 31.4,
-    }  # fmt: skip
-    text = (out / "table.md").read_text()
+    papers = {"trained_on": "learnt", "images": 450, "fcn8s": 29.6, "deeplabv2": 31.4}
+    assert report["paper"]["rows"][-1] == papers
     assert "NOT of this run" in text and "| fcn8s | the reward images themselves | 4 |" in text
     assert len(lines(out / "finals.jsonl")) == 2 * 4 * 2
     assert lines(out / "evaluations.jsonl") == []  # the attributes are given
 
 
-def test_data_sets_of_others_are_cut_and_told_in_the_target_s_classes(table, gta5, tmp_path):
+def test_data_sets_of_others_are_cut_and_told_in_the_target_s_classes(table, gta5, out):
     seen = Counted()
-    assert table(tmp_path / "run", "--gta5", str(gta5), evaluate=seen) == 0
-    *_, row, last = read_json(tmp_path / "run" / "table.json")["rows"]
+    *_, row, last = table("--gta5", str(gta5), evaluate=seen)[0]["rows"]
     assert (row["trained_on"], last["trained_on"]) == ("gta5", "real")
     gta = seen.calls[6][1]  # behind all that is rendered, which takes longer
     assert row["images"] == 6 and gta.images.shape == (6, 48, 64, 3)  # as of a rendered set
     assert set(np.unique(gta.labels).tolist()) <= {*range(11), IGNORE_LABEL}
-    assert table(tmp_path / "all", "--gta5", str(gta5), "--all-images") == 0
-    assert read_json(tmp_path / "all" / "table.json")["rows"][3]["images"] == 7
+    out.rename(out.with_name("cut"))
+    assert table("--gta5", str(gta5), "--all-images")[0]["rows"][3]["images"] == 7
 
 
-def test_a_few_labelled_images_add_rows(table, tmp_path):
+def test_a_few_labelled_images_add_rows(table):
     seen = Counted()
-    assert table(tmp_path / "run", "--few", "2", evaluate=seen) == 0
-    rows = read_json(tmp_path / "run" / "table.json")["rows"]
-    few = [(row["trained_on"], row["images"]) for row in rows[3:]]
+    report, text = table("--few", "2", evaluate=seen)
+    few = [(row["trained_on"], row["images"]) for row in report["rows"][3:]]
     beside = [(f"few+{name}", 8) for name in ("random", "default", "learnt")]
     assert few == [("few", 2), *beside, ("real", 4)]
     beside = [source for _, source, *_ in seen.calls if isinstance(source, WithFew)]
     assert len(beside) == 6 and {source.share for source in beside} == {0.5}
-    text = (tmp_path / "run" / "table.md").read_text()
     assert "| compact | the few and learnt attributes | 8 |" in text
 
 
@@ -139,7 +131,7 @@ def test_every_net_gets_a_recipe_and_a_size_of_its_own():
         assert with_net(paper.final, name).train == replace(paper.final.train, net=name)
 
 
-def test_broken_data_of_others_show_before_anything_is_written(table, gta5, tmp_path, error_line):
+def test_broken_data_of_others_show_before_anything_is_written(command, gta5, out, error_line):
     Image.fromarray(np.zeros((12, 16, 3), np.uint8)).save(gta5 / "labels" / "00003.png")
-    assert table(tmp_path / "run", "--gta5", str(gta5), "--all-images", evaluate=never) == 2
-    assert "00003.png" in error_line() and not (tmp_path / "run").exists()
+    assert command("table", out, "--gta5", str(gta5), "--all-images", evaluate=never) == 2
+    assert "00003.png" in error_line() and not out.exists()
