@@ -1,16 +1,74 @@
-"""Tiny data sets on disk, in the public layouts."""
+"""Tiny data sets on disk, in the public layouts, and files of the weights of a narrow VGG16."""
 
+import re
+from functools import partial
 from pathlib import Path
 
 import cv2
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import strategies as st
 from PIL import Image
 
-from seg.weights import vgg16
+from seg.data import DataError
+from seg.weights import WeightsError, convert, vgg16
+from seg.weights.__main__ import main
+from seg.weights.normalisation import from_bgr
+from seg.weights.read import read_npz
 
 H, W = 6, 8
+WIDTH, HIDDEN = 2, 5  # of the VGG16 in files of weights, where a test says `narrow`
+SEEDS = st.integers(0, 2**32 - 1)
+
+
+def normal(*shape, seed=0):
+    return jnp.asarray(np.random.default_rng(seed).normal(size=shape), jnp.float32)
+
+
+def pixels(*shape, seed=0, below=256):
+    return np.random.default_rng(seed).integers(0, below, shape, np.uint8)
+
+
+def refuses(message, function, *arguments, error=ValueError, **options):
+    """The call ends in an error that says so."""
+    with pytest.raises(error, match=message):
+        function(*arguments, **options)
+
+
+refuses_file = partial(refuses, error=DataError)
+refuses_weights = partial(refuses, error=WeightsError)
+
+
+def assert_same(a, b):
+    jax.tree.map(np.testing.assert_array_equal, a, b)
+
+
+def assert_close(a, b, rtol=1e-7, atol=0.0):
+    jax.tree.map(partial(np.testing.assert_allclose, rtol=rtol, atol=atol), a, b)
+
+
+def same_function(ours, theirs, *inputs, atol=1e-5, of_gradients=1e-4, rtol=1e-7):
+    """Values agree, alone and on the way to a gradient, and so do the gradients of every input."""
+    (found, our_back), (expected, back) = (jax.vjp(f, *inputs) for f in (ours, theirs))
+    assert found.dtype == expected.dtype
+    for value in (found, ours(*inputs)):
+        assert_close(jnp.float32(value), jnp.float32(expected), rtol, atol)
+    weight = normal(*expected.shape, seed=9).astype(expected.dtype)
+    assert_close(our_back(weight), back(weight), rtol, of_gradients)
+
+
+def toy(count=2, size=(32, 32)):
+    """Two classes: a bright box on dark noise, at a place of its own; a strip of void."""
+    labels = np.zeros((count, *size), np.uint8)
+    columns = size[1] // 8
+    for number, label in enumerate(labels):
+        label[size[0] // 6 : 5 * size[0] // 6, columns * number : columns * (number + 3)] = 1
+    images = np.where(labels[..., None] == 1, (220, 190, 60), (40, 60, 90))
+    images = images + np.random.default_rng(0).normal(0, 10, images.shape)
+    labels[:, :2] = 255
+    return np.clip(images, 0, 255).astype(np.uint8), labels
 
 
 def filled(module, images, seed: int = 0):
@@ -31,10 +89,55 @@ def narrow_vgg16(patch: pytest.MonkeyPatch, width: int, hidden: int) -> None:
     patch.setattr(vgg16, "_HIDDEN", hidden)
 
 
+@pytest.fixture
+def narrow(monkeypatch):
+    narrow_vgg16(monkeypatch, WIDTH, HIDDEN)
+
+
+def ours(seed=0):
+    rng = np.random.default_rng(seed)
+    return {n: rng.normal(size=s).astype(np.float32) for n, s in vgg16.shapes().items()}
+
+
+def run(source, out, *options):
+    return main(["convert", str(source), "--out", str(out), *options])
+
+
+def check_ours(path, normalisation, layers=vgg16.LAYERS):
+    """The weights of `ours` for our images, bit by bit; returns the source that the file names."""
+    arrays = read_npz(path)
+    assert str(arrays.pop("normalisation")) == normalisation
+    source = str(arrays.pop("source"))
+    expected = {n: a for n, a in ours().items() if n.split("/")[0] in layers}
+    if normalisation != "torchvision":
+        first = "conv1_1/kernel", "conv1_1/bias"
+        expected |= zip(first, from_bgr(*(expected[n] for n in first), normalisation), strict=True)
+    assert_same(arrays, expected)
+    return source
+
+
+def check_bad(path, message, capsys):
+    """Refused by the function, and in one line by the command; what was there stays."""
+    out = path.with_name("o.npz")
+    out.write_text("before")
+    refuses_weights(rf"{re.escape(path.name)}: {message}", convert, path, out)
+    assert run(path, out) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("error: ") and re.search(message, line)
+    assert out.read_text() == "before" and len(list(path.parent.iterdir())) == 2
+
+
+def check_cut(path):
+    """Cut short at any length it is refused."""
+    data = path.read_bytes()
+    for share in np.linspace(0, 1, 25, endpoint=False):
+        path.write_bytes(data[: int(share * len(data))])
+        refuses_weights(path.name, convert, path, path.with_name("out.npz"))
+
+
 def write_image(path: Path, seed: int = 0, size: tuple[int, int] = (H, W)) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
-    pixels = np.random.default_rng(seed).integers(0, 256, (*size, 3), dtype=np.uint8)
-    Image.fromarray(pixels).save(path)
+    Image.fromarray(pixels(*size, 3, seed=seed)).save(path)
 
 
 def write_label(path: Path, values: np.ndarray, dtype=np.uint8) -> None:

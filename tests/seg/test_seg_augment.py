@@ -5,21 +5,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import seg.augment
 from seg import TrainSettings
 from seg.augment import DRAWS, augment, blurred, coloured, draw, mirrored, mixed, noisy, scaled
 from seg.views import view_images, view_labels
 
-seeds = st.integers(0, 2**32 - 1)
+from .conftest import SEEDS, pixels
 
 
 def random_batch(seed):
-    rng = np.random.default_rng(seed)
-    labels = rng.integers(0, 11, (4, 6, 8), dtype=np.uint8)
-    images = rng.integers(0, 256, (4, 6, 8, 3), dtype=np.uint8)
-    return rng, images, labels
+    images, labels = pixels(4, 6, 8, 3, seed=seed), pixels(4, 6, 8, seed=seed + 1, below=11)
+    images[..., 0] = 20 * labels  # red tells the class
+    return np.random.default_rng(seed), images, labels
 
 
 def augmented(rng, images, labels, **switches):
@@ -28,28 +26,24 @@ def augmented(rng, images, labels, **switches):
 
 
 def test_mirror_and_blur_by_hand():
-    images = jnp.arange(6.0).reshape(2, 1, 3, 1)
     labels = jnp.arange(6, dtype=jnp.uint8).reshape(2, 1, 3)
-    flipped, flipped_labels = mirrored(images, labels, jnp.array([0.4, 0.6]))
-    np.testing.assert_array_equal(flipped[:, 0, :, 0], [[2, 1, 0], [3, 4, 5]])
-    np.testing.assert_array_equal(flipped_labels[:, 0], [[2, 1, 0], [3, 4, 5]])
-    spot = np.zeros((1, 3, 3, 1), np.float32)
-    spot[0, 1, 1] = 16
-    spread = blurred(jnp.asarray(spot), jnp.ones(1))[0, :, :, 0]
+    flipped = mirrored(1.0 * labels[..., None], labels, jnp.array([0.4, 0.6]))
+    for found in (flipped[0][..., 0], flipped[1]):
+        np.testing.assert_array_equal(found[:, 0], [[2, 1, 0], [3, 4, 5]])
+    spot = jnp.zeros((1, 3, 3, 1)).at[0, 1, 1].set(16)
+    spread = blurred(spot, jnp.ones(1))[0, :, :, 0]
     np.testing.assert_allclose(spread, [[1, 2, 1], [2, 4, 2], [1, 2, 1]])
-    np.testing.assert_allclose(blurred(jnp.asarray(spot), jnp.zeros(1)), spot)
+    np.testing.assert_allclose(blurred(spot, jnp.zeros(1)), spot)
     flat = jnp.full((2, 5, 6, 3), 0.7)  # borders, too
     np.testing.assert_allclose(blurred(flat, jnp.array([0.4, 1.0])), flat, atol=1e-6)
 
 
 @settings(max_examples=8)
-@given(seeds)
+@given(SEEDS)
 def test_images_stay_in_range_and_labels_aligned_and_untouched_by_colour(seed):
     rng, images, labels = random_batch(seed)
-    images[..., 0] = 20 * labels  # red tells the class
     x, y = augmented(rng, images, labels, colour=False, blur=False)
     np.testing.assert_array_equal(np.round(np.asarray(x[..., 0]) * 255), 20 * np.asarray(y, int))
-    rng, images, labels = random_batch(seed)
     x, y = augmented(rng, images, labels, mirror=False, mix=True, noise=True)
     assert x.shape == images.shape and x.dtype == jnp.float32
     assert 0 <= x.min() and x.max() <= 1
@@ -60,15 +54,15 @@ def test_images_stay_in_range_and_labels_aligned_and_untouched_by_colour(seed):
 
 
 @settings(max_examples=8)
-@given(seeds)
+@given(SEEDS)
 def test_the_middle_of_every_draw_changes_no_colour(seed):
     _, images, labels = random_batch(seed)
-    x = jnp.asarray(images, jnp.float32) / 255
-    middle = jnp.full((4, DRAWS), 0.5)
+    x, middle = jnp.asarray(images, jnp.float32) / 255, jnp.full((4, DRAWS), 0.5)
     np.testing.assert_allclose(coloured(x, middle), x, atol=2e-4)
     np.testing.assert_allclose(mixed(x, middle), x, atol=1e-6)
-    np.testing.assert_array_equal(scaled(x, jnp.asarray(labels), middle)[1], labels)
-    np.testing.assert_allclose(scaled(x, jnp.asarray(labels), middle)[0], x, atol=1e-5)
+    same, named = scaled(x, jnp.asarray(labels), middle)
+    np.testing.assert_array_equal(named, labels)
+    np.testing.assert_allclose(same, x, atol=1e-5)
 
 
 def test_scaling_by_hand():
@@ -87,23 +81,21 @@ def test_scaling_by_hand():
 
 
 @settings(max_examples=8)
-@given(seeds)
+@given(SEEDS)
 def test_scaled_labels_stay_with_their_pixels(seed):
     """Big flat squares: away from borders, picture and label tell the same."""
     rng = np.random.default_rng(seed)
     labels = np.kron(rng.integers(0, 5, (2, 3, 4)), np.ones((1, 8, 8), int)).astype(np.uint8)
     images = jnp.asarray(labels[..., None] / 10.0, jnp.float32)
-    x, y = scaled(images, jnp.asarray(labels), jnp.asarray(draw(rng, 2)))
-    flat = np.abs(np.asarray(x[..., 0]) * 10 - np.asarray(y, float)) < 1e-3
-    inside = np.asarray(y) != 255
-    assert inside.any() and flat[inside].mean() > 0.35
-    np.testing.assert_allclose(np.asarray(x[..., 0])[~inside], seg.augment.GREY, atol=1e-5)
+    x, y = map(np.asarray, scaled(images, jnp.asarray(labels), jnp.asarray(draw(rng, 2))))
+    inside = y != 255
+    assert inside.any() and (np.abs(x[..., 0] * 10 - y) < 1e-3)[inside].mean() > 0.35
+    np.testing.assert_allclose(x[~inside], seg.augment.GREY, atol=1e-5)
 
 
 def test_mixing_keeps_grey_noise_has_its_size_and_draws_repeat():
     grey = jnp.full((2, 32, 32, 3), 0.5)
-    draws = jnp.asarray(draw(np.random.default_rng(0), 2))
-    np.testing.assert_allclose(mixed(grey, draws), grey)
+    np.testing.assert_allclose(mixed(grey, jnp.asarray(draw(np.random.default_rng(0), 2))), grey)
     red = jnp.zeros((1, 1, 1, 3)).at[..., 0].set(0.8)
     pink = mixed(red, jnp.ones((1, DRAWS)))[0, 0, 0]
     np.testing.assert_allclose(pink, [0.4, 0.2, 0.2], atol=1e-6)
@@ -118,20 +110,22 @@ def test_mixing_keeps_grey_noise_has_its_size_and_draws_repeat():
 
 def test_views_are_the_images_then_augmented_ones():
     _, images, labels = random_batch(0)
-    images[..., 0] = 20 * labels
-    plain = TrainSettings(colour=False, blur=False, views=3)
-    seen, named = view_images(images, plain), view_labels(images, labels, plain)
+
+    def views(settings, some=slice(None)):
+        x, y = images[some], labels[some]
+        return view_images(x, settings), view_labels(x, y, settings)
+
+    seen, named = views(TrainSettings(colour=False, blur=False, views=3))
     turned = images[:, :, ::-1]
     np.testing.assert_array_equal(seen, np.concatenate([images, turned, images]))
     np.testing.assert_array_equal(named * 20, seen[..., 0])
     full = TrainSettings(scale=True, mix=True, noise=True, views=2)
-    seen, named = view_images(images, full), view_labels(images, labels, full)
+    seen, named = views(full)
     assert seen.shape == (8, 6, 8, 3) and named.shape == (8, 6, 8) and seen.dtype == np.uint8
     np.testing.assert_array_equal(seen[:4], images)
     assert not np.array_equal(seen[4:], turned) and (named[4:] == 255).any()
-    np.testing.assert_array_equal(seen, view_images(images, full))
-    some = slice(1, 3)  # an image's views do not depend on what stands beside it
-    parts = view_images(images[some], full), view_labels(images[some], labels[some], full)
-    for part, whole in zip(parts, (seen, named), strict=True):
-        np.testing.assert_array_equal(part, np.concatenate([whole[:4][some], whole[4:][some]]))
-    np.testing.assert_array_equal(view_images(images, TrainSettings(views=1)), images)
+    np.testing.assert_array_equal(seen, views(full)[0])
+    # An image's views do not depend on what stands beside it.
+    for part, whole in zip(views(full, slice(1, 3)), (seen, named), strict=True):
+        np.testing.assert_array_equal(part, whole[[1, 2, 5, 6]])
+    np.testing.assert_array_equal(views(TrainSettings(views=1))[0], images)

@@ -1,8 +1,8 @@
 """Images beside a training set: how often they are drawn, what they weigh, what a net learns of them."""
 
 from dataclasses import replace
+from functools import partial
 
-import jax
 import numpy as np
 import pytest
 from hypothesis import given
@@ -16,13 +16,13 @@ from seg.step import plan
 from seg.train import train
 from seg.views import view_images
 
+from .conftest import SEEDS, assert_close, assert_same, pixels, refuses
+
 FROZEN = TrainSettings(net="lite0", steps=3, batch=4, warmup=0)
-RNG = np.random.default_rng(0)
-IMAGES = RNG.integers(0, 256, (6, 48, 64, 3), dtype=np.uint8)
-LABELS = RNG.integers(0, 3, (6, 48, 64), dtype=np.uint8)
+IMAGES, LABELS = pixels(6, 48, 64, 3), pixels(6, 48, 64, seed=1, below=3)
 
 
-@given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.99), st.integers(1, 40), st.integers(1, 40))
+@given(SEEDS, st.floats(0.01, 0.99), st.integers(1, 40), st.integers(1, 40))
 def test_every_batch_holds_the_share_and_every_image_its_part(seed, share, ours, few):
     steps, batch = 30, 4
     found = picks(np.random.default_rng(seed), (ours, few), share, steps * batch)
@@ -47,8 +47,7 @@ def test_parts_that_count_by_their_size_are_the_whole():
     maps = features(IMAGES)
     parts = [type(maps)(*(m[where] for m in maps)) for where in (slice(0, 4), slice(4, 6))]
     found = mixed([4 / 6, 2 / 6], [channel_statistics(part) for part in parts])
-    for ours, whole in zip(found, channel_statistics(maps), strict=True):
-        np.testing.assert_allclose(ours, whole, rtol=2e-3, atol=2e-5)
+    assert_close(found, channel_statistics(maps), rtol=2e-3, atol=2e-5)
     one = channel_statistics(parts[1])
     np.testing.assert_allclose(mixed([0.5, 0.5], [one, one])[1], one[1], rtol=1e-5)
     shares = [class_shares(part, 3) for part in (LABELS[:4], LABELS[4:])]
@@ -60,24 +59,20 @@ def test_parts_that_count_by_their_size_are_the_whole():
 def test_a_net_believes_whom_it_sees_more_often(share):
     """Both sets show the same images and call them by different names."""
     settings = TrainSettings(steps=40, batch=10, warmup=2, lr=1e-2, weighted=False)
-    blank = np.zeros((2, 32, 32), np.uint8)
-    images = np.random.default_rng(1).integers(0, 256, (2, 32, 32, 3), dtype=np.uint8)
+    images, blank = pixels(2, 32, 32, 3, seed=1), np.zeros((2, 32, 32), np.uint8)
     params = train(0, images, blank, settings, 2, beside=Beside(images[:1], blank[:1] + 1, share))
     found = np.mean(predict(params, images, settings, 2))
     assert found == pytest.approx(float(share > 0.5), abs=0.05)
 
 
 def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
+    fit = partial(train, 0, IMAGES[:4], LABELS[:4], FROZEN, 3)
     few = Beside(IMAGES[4:], LABELS[4:], 0.5)
-    computed = train(0, IMAGES[:4], LABELS[:4], FROZEN, 3, beside=few)
+    computed, alone = fit(beside=few), fit()
     views = [features(view_images(part, FROZEN)) for part in (IMAGES[:4], IMAGES[4:])]
-    given_ = train(
-        0, IMAGES[:4], LABELS[:4], FROZEN, 3, features=views[0], beside=few._replace(features=views[1])
-    )  # fmt: skip
-    jax.tree.map(np.testing.assert_array_equal, computed, given_)
+    assert_same(computed, fit(features=views[0], beside=few._replace(features=views[1])))
     mean, _ = mixed([0.5, 0.5], [channel_statistics(view) for view in views])
     np.testing.assert_array_equal(computed["head"]["mean"], mean)
-    alone = train(0, IMAGES[:4], LABELS[:4], FROZEN, 3)
     assert not np.array_equal(alone["head"]["mix"]["kernel"], computed["head"]["mix"]["kernel"])
 
 
@@ -90,5 +85,4 @@ def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
 ])  # fmt: skip
 def test_what_cannot_stand_beside_is_refused(change, message):
     few = Beside(IMAGES[:2], LABELS[:2], 0.5)._replace(**change)
-    with pytest.raises(ValueError, match=message):
-        train(0, IMAGES, LABELS, replace(FROZEN, net="compact"), 3, beside=few)
+    refuses(message, train, 0, IMAGES, LABELS, replace(FROZEN, net="compact"), 3, beside=few)

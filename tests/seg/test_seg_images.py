@@ -2,19 +2,15 @@
 
 from itertools import product
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
 from seg.classes import CAMVID_11, CITYSCAPES_19
-from seg.data import DataError, list_unlabelled, load_unlabelled
+from seg.data import list_unlabelled, load_unlabelled
 from seg.data.images import read_image, read_label
 
-from .conftest import write_image
-
-IDS = np.array([[0, 3, 10], [11, 5, 1]])
-MAPPED = np.array([[0, 3, 10], [255, 5, 1]], np.uint8)  # by the table of CamVid
+from .conftest import pixels, refuses_file, write_image, write_label
 
 
 @pytest.mark.parametrize(("mode", "colour"), [
@@ -28,16 +24,16 @@ def test_images_become_rgb(tmp_path, mode, colour):
 
 
 def test_labels_of_8_and_16_bits_and_of_palettes_keep_their_ids(tmp_path):
-    path = tmp_path / "label.png"
+    path, ids = tmp_path / "label.png", np.array([[0, 3, 10], [11, 5, 1]])
     for dtype, table in product((np.uint8, np.uint16), (CAMVID_11, CITYSCAPES_19)):
-        cv2.imwrite(str(path), IDS.astype(dtype))
-        np.testing.assert_array_equal(read_label(path, table), table.from_file[IDS])
-    picture = Image.fromarray(IDS.astype(np.uint8)).convert("P")
-    picture.putdata(IDS.ravel().tolist())
+        write_label(path, ids, dtype)
+        np.testing.assert_array_equal(read_label(path, table), table.from_file[ids])
+    picture = Image.fromarray(ids.astype(np.uint8)).convert("P")
+    picture.putdata(ids.ravel().tolist())
     picture.putpalette(np.random.default_rng(0).integers(0, 256, 768).tolist())
     picture.save(path)
     assert Image.open(path).mode == "P"
-    np.testing.assert_array_equal(read_label(path, CAMVID_11), MAPPED)
+    np.testing.assert_array_equal(read_label(path, CAMVID_11), [[0, 3, 10], [255, 5, 1]])
 
 
 @pytest.mark.parametrize(("mode", "extension", "keep"), [
@@ -46,27 +42,27 @@ def test_labels_of_8_and_16_bits_and_of_palettes_keep_their_ids(tmp_path):
 ])  # fmt: skip
 def test_truncated_files(tmp_path, mode, extension, keep):
     path = tmp_path / f"image.{extension}"
-    shape = (40, 50, 3) if mode == "RGB" else (40, 50)
-    noise = np.random.default_rng(0).integers(0, 12, shape)
+    noise = pixels(40, 50, *(3,) * (mode == "RGB"), below=12)
     picture = Image.fromarray(noise.astype(np.uint16 if mode == "I;16" else np.uint8))
     (picture if picture.mode == mode else picture.convert(mode)).save(path)
     path.write_bytes(path.read_bytes()[: int(keep * path.stat().st_size)])
-    with pytest.raises(DataError, match=rf"image\.{extension}: not a readable image"):
-        read_image(path) if mode == "RGB" else read_label(path, CAMVID_11)
+    read = read_image if mode == "RGB" else read_camvid_label
+    refuses_file(rf"image\.{extension}: not a readable image", read, path)
+
+
+def read_camvid_label(path):
+    return read_label(path, CAMVID_11)
 
 
 @pytest.mark.parametrize("mode", ["RGB", "RGBA", "LA"])
 def test_files_that_are_no_images_and_labels_in_colours(tmp_path, mode):
     path = tmp_path / "label.png"
     Image.new(mode, (3, 2)).save(path)
-    with pytest.raises(DataError, match=rf"label\.png: a label of mode {mode}.*one channel"):
-        read_label(path, CAMVID_11)
+    refuses_file(rf"label\.png: a label of mode {mode}.*one channel", read_camvid_label, path)
     path.write_text("not an image")
-    for read in (read_image, lambda path: read_label(path, CAMVID_11)):
-        with pytest.raises(DataError, match=r"label\.png: not a readable image"):
-            read(path)
-        with pytest.raises(DataError, match=r"gone\.png: cannot be read \(No such file"):
-            read(tmp_path / "gone.png")
+    for read in (read_image, read_camvid_label):
+        refuses_file(r"label\.png: not a readable image", read, path)
+        refuses_file(r"gone\.png: cannot be read \(No such file", read, tmp_path / "gone.png")
 
 
 @pytest.mark.parametrize(("value", "dtype", "table", "message"), [
@@ -75,10 +71,8 @@ def test_files_that_are_no_images_and_labels_in_colours(tmp_path, mode):
     (300, np.uint16, CAMVID_11, "label value 300 lies"),
 ])  # fmt: skip
 def test_values_outside_the_table(tmp_path, value, dtype, table, message):
-    path = tmp_path / "label.png"
-    cv2.imwrite(str(path), np.array([[0, value], [1, 2]], dtype))
-    with pytest.raises(DataError, match=rf"label\.png: {message}"):
-        read_label(path, table)
+    write_label(tmp_path / "label.png", np.array([[0, value], [1, 2]]), dtype)
+    refuses_file(rf"label\.png: {message}", read_label, tmp_path / "label.png", table)
 
 
 def test_images_of_all_sizes_come_sorted_and_jpegs_with_bytes_after_their_end(tmp_path):
@@ -98,15 +92,12 @@ def test_images_of_all_sizes_come_sorted_and_jpegs_with_bytes_after_their_end(tm
 
 
 def test_bad_folders_are_named(tmp_path):
-    with pytest.raises(DataError, match="nowhere: no such folder"):
-        list_unlabelled(tmp_path / "nowhere")
-    with pytest.raises(DataError, match="zero images"):
-        list_unlabelled(tmp_path)
-    for name in ("a", "b"):
-        write_image(tmp_path / name / "1.png")
-    with pytest.raises(DataError, match="the same name"):
-        list_unlabelled(tmp_path)
-    (tmp_path / "a" / "1.png").write_text("no image")
-    (tmp_path / "b" / "1.png").unlink()
-    with pytest.raises(DataError, match="broken"):
-        load_unlabelled(list_unlabelled(tmp_path), (3, 4))
+    refuses_file("nowhere: no such folder", list_unlabelled, tmp_path / "nowhere")
+    refuses_file("zero images", list_unlabelled, tmp_path)
+    one, other = (tmp_path / name / "1.png" for name in "ab")
+    write_image(one)
+    write_image(other)
+    refuses_file("the same name", list_unlabelled, tmp_path)
+    one.write_text("no image")
+    other.unlink()
+    refuses_file("broken", load_unlabelled, list_unlabelled(tmp_path), (3, 4))

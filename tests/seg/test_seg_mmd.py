@@ -8,18 +8,17 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
-from hypothesis import strategies as st
 
 from seg.features import features, penultimate, pool
 from seg.mmd import mmd2, polynomial_kernel
 from seg.nets import Compact, normalise
 from seg.nets.ops.resize import bilinear
 
-SEEDS = st.integers(0, 2**32 - 1)
+from .conftest import SEEDS, normal, pixels, refuses
 
 
-def normal(seed, n, d=3, shift=0.0):
-    return np.random.default_rng(seed).normal(shift, 1, (n, d))
+def vectors(seed, n):
+    return np.random.default_rng(seed).normal(size=(n, 3))
 
 
 def test_discrepancies_and_pooling_by_hand():
@@ -29,8 +28,7 @@ def test_discrepancies_and_pooling_by_hand():
     assert mmd2(x, y) == pytest.approx(27 + 2 / 3 - 2 * 6)
     x = np.array([[1.0, 3.0]])  # per dimension
     np.testing.assert_allclose(polynomial_kernel(x, x), [[(10 / 2 + 1) ** 3]])
-    with pytest.raises(ValueError, match="at least two vectors; got 1 and 3"):
-        mmd2(normal(0, 1), normal(0, 3))
+    refuses("at least two vectors; got 1 and 3", mmd2, vectors(0, 1), vectors(0, 3))
     maps = jnp.arange(1.0, 9.0).reshape(1, 2, 4, 1)
     # The whole is 4.5; cells are the means of (1, 2), (3, 4), (5, 6), (7, 8).
     np.testing.assert_allclose(pool(maps), [[4.5, 1.5, 3.5, 5.5, 7.5]])
@@ -40,20 +38,21 @@ def test_discrepancies_and_pooling_by_hand():
 @given(SEEDS)
 def test_over_all_ways_to_split_one_set_the_mean_is_zero(seed):
     # Exactly, not on average: that is what unbiased means for a finite set.
-    z = normal(seed, 7)
-    values = []
-    for chosen in combinations(range(7), 3):
-        inside = np.isin(np.arange(7), chosen)
-        values.append(mmd2(z[inside], z[~inside]))
+    z = vectors(seed, 7)
+    inside = [np.isin(np.arange(7), chosen) for chosen in combinations(range(7), 3)]
+    values = [mmd2(z[part], z[~part]) for part in inside]
     assert np.mean(values) == pytest.approx(0, abs=1e-9 * max(map(abs, values)))
 
 
 @given(SEEDS)
 def test_sides_and_orders_do_not_matter(seed):
     rng = np.random.default_rng(seed)
-    x, y = normal(seed, 5), normal(seed + 1, 4)
+    x, y = vectors(seed, 5), vectors(seed + 1, 4)
     turned = mmd2(y, x), mmd2(rng.permutation(x), rng.permutation(y))
     assert turned == pytest.approx([mmd2(x, y)] * 2, rel=1e-9, abs=1e-9)
+
+
+PENULTIMATE = jax.jit(penultimate, static_argnums=2)
 
 
 @pytest.fixture(scope="module")
@@ -63,8 +62,8 @@ def params():
 
 
 def test_logits_are_made_from_the_penultimate_features(params):
-    images = jax.random.normal(jax.random.key(1), (2, 16, 24, 3))
-    maps = jax.jit(penultimate, static_argnums=2)(params, images, 11)
+    images = normal(2, 16, 24, 3)
+    maps = PENULTIMATE(params, images, 11)
     assert maps.shape == (2, 4, 6, 24) and float(maps.min()) >= 0
     logits = bilinear(nn.Conv(11, (1, 1)).apply({"params": params["Conv_1"]}, maps), 4)
     whole = jax.jit(Compact(11).apply)({"params": params}, images)
@@ -72,10 +71,9 @@ def test_logits_are_made_from_the_penultimate_features(params):
 
 
 def test_an_image_has_the_same_features_in_any_company(params):
-    images = np.random.default_rng(0).integers(0, 256, (19, 16, 24, 3), dtype=np.uint8)
+    images = pixels(19, 16, 24, 3)
     every = features(params, images, 11)
     assert every.shape == (19, 120) and every.dtype == np.float32
     np.testing.assert_allclose(features(params, images[17:18], 11), every[17:18], atol=1e-5)
-    image = normalise(jnp.asarray(images[3:4] / 255, jnp.float32))
-    one = pool(jax.jit(penultimate, static_argnums=2)(params, image, 11))
+    one = pool(PENULTIMATE(params, normalise(jnp.asarray(images[3:4] / 255, jnp.float32)), 11))
     np.testing.assert_allclose(one, every[3:4], atol=1e-5)

@@ -19,14 +19,14 @@ from seg.nets.ops.max_pool import max_pool
 from seg.nets.ops.product_conv import patch_conv, product_conv
 from seg.nets.ops.resize import bilinear, repeat_pixels, space_to_depth
 
-from .conftest import filled
+from .conftest import SEEDS, filled, normal, refuses, same_function
 
 
 def outline(module, *shape):
-    """Output and parameters as shapes, from `eval_shape`: nothing is computed."""
+    """Shape of the output and number of parameters, from `eval_shape`: nothing is computed."""
     rngs = {"params": jax.random.key(0), "dropout": jax.random.key(1)}
     train = {} if isinstance(module, VGG16) else {"train": True}
-    run = lambda images: module.init_with_output(rngs, images, **train)  # noqa: E731
+    run = partial(module.init_with_output, rngs, **train)
     out, variables = jax.eval_shape(run, jax.ShapeDtypeStruct(shape, jnp.float32))
     assert set(variables) == {"params"}
     return out, sum(leaf.size for leaf in jax.tree.leaves(variables))
@@ -44,34 +44,27 @@ def test_parameters_are_as_many_as_published(classes):
     fcn8s = conv_count(7, 512, 4096) + conv_count(1, 4096, 4096) + 2 * 4 * 4 * classes**2
     fcn8s += sum(conv_count(1, c_in, classes) for c_in in (4096, 512, 256))
     branch = conv_count(3, 512, 1024) + conv_count(1, 1024, 1024) + conv_count(1, 1024, classes)
-
-    def block(c_in, c_out):
-        return 9 * c_in * c_out + 2 * c_out  # no bias; GroupNorm has two numbers per channel
-
-    compact = block(49, 24) + block(24, 24) + block(24, 48) + 2 * block(48, 48)
-    compact += conv_count(1, 48, 24) + block(24, 24) + conv_count(1, 24, classes)
-    for module, expected in (
-        (FCN8s(classes), vgg16 + fcn8s),
-        (DeepLabV2(classes), vgg16 + 4 * branch),
-        (Compact(classes), compact),
-    ):
-        out, count = outline(module, 2, 360, 480, 3)
+    blocks = (49, 24), (24, 24), (24, 48), (48, 48), (48, 48), (24, 24)
+    # No bias; GroupNorm has two numbers per channel.
+    compact = sum(9 * c_in * c_out + 2 * c_out for c_in, c_out in blocks)
+    compact += conv_count(1, 48, 24) + conv_count(1, 24, classes)
+    for kind, expected in (
+        (FCN8s, vgg16 + fcn8s), (DeepLabV2, vgg16 + 4 * branch), (Compact, compact),
+    ):  # fmt: skip
+        out, count = outline(kind(classes), 2, 360, 480, 3)
         assert out.shape == (2, 360, 480, classes) and count == expected
     for atrous in (False, True):
         assert outline(VGG16(atrous=atrous), 1, 64, 96, 3)[1] == vgg16
 
 
 def test_vgg16_strides_and_factory_errors():
-    plain, _ = outline(VGG16(), 1, 320, 640, 3)
+    plain, atrous = (outline(VGG16(atrous=a), 1, 320, 640, 3)[0] for a in (False, True))
     channels = (64, 128, 256, 512, 512)
     expected = [(320 >> k, 640 >> k, c) for k, c in enumerate(channels, 1)]
     assert [p.shape[1:] for p in plain] == expected
-    atrous, _ = outline(VGG16(atrous=True), 1, 320, 640, 3)
     assert [p.shape[1] for p in atrous] == [160, 80, 40, 40, 40]
-    with pytest.raises(ValueError, match=r"unknown net 'unet'; .*: compact, deeplabv2, fcn8s"):
-        net("unet", 11)
-    with pytest.raises(ValueError, match="at least one class"):
-        net("compact", 0)
+    refuses(r"unknown net 'unet'; .*: compact, deeplabv2, fcn8s", net, "unet", 11)
+    refuses("at least one class", net, "compact", 0)
 
 
 @pytest.mark.parametrize("name", ["compact", "fcn8s", "deeplabv2"])
@@ -93,23 +86,15 @@ def test_narrow_vgg_nets_run_and_drop_out(kind):
     assert not np.allclose(first, other)
 
 
-@pytest.mark.parametrize("dtype", [None, jnp.bfloat16])
-def test_our_group_norm_and_its_gradients_are_flax_s(dtype):
-    key, x = jax.random.key(0), 3 + jax.random.normal(jax.random.key(1), (2, 5, 7, 6))
-    weight = jax.random.normal(jax.random.key(2), x.shape)
-
-    def all_of(kind):
-        norm = kind(num_groups=3, dtype=dtype, name="norm")
-        params = jax.tree.map(lambda p: p + 0.5, norm.init(key, x))
-        value, back = jax.vjp(norm.apply, params, x)
-        return value, *back(weight.astype(value.dtype))
-
-    value, *gradients = all_of(GroupNorm)
-    expected, *others = all_of(nn.GroupNorm)
-    assert value.dtype == expected.dtype
-    wide = 1e-4 if dtype is None else 0.1
-    np.testing.assert_allclose(value.astype(float), expected.astype(float), atol=wide)
-    jax.tree.map(partial(np.testing.assert_allclose, atol=wide, rtol=wide), gradients, others)
+@pytest.mark.parametrize(("dtype", "wide"), [(None, 1e-4), (jnp.bfloat16, 0.1)])
+def test_our_group_norm_and_its_gradients_are_flax_s(dtype, wide):
+    x = 3 + normal(2, 5, 7, 6)
+    kinds = [kind(num_groups=3, dtype=dtype, name="norm") for kind in (GroupNorm, nn.GroupNorm)]
+    ours, theirs = (kind.init(jax.random.key(0), x) for kind in kinds)
+    jax.tree.map(np.testing.assert_array_equal, ours, theirs)
+    params = jax.tree.map(lambda p: p + 0.5, ours)
+    same = {"atol": wide, "of_gradients": wide, "rtol": wide}
+    same_function(*(kind.apply for kind in kinds), params, x, **same)
 
 
 @pytest.mark.parametrize("channels", [4, 40])  # scores of classes, and features
@@ -117,19 +102,14 @@ def test_our_group_norm_and_its_gradients_are_flax_s(dtype):
     ("times", "stride"), [(4, 1), (2, 1), (3, 1), (8, 2), (8, 4), (4, 3), (3, 5)]
 )
 def test_bilinear_and_its_gradient_are_those_of_jax(channels, times, stride):
-    rng = np.random.default_rng(times)
-    x = jnp.asarray(rng.normal(size=(2, 3, 5, channels)), jnp.float32)
     kept = np.s_[:, stride // 2 :: stride, stride // 2 :: stride]
 
     def of_jax(x):
         return jax.image.resize(x, (2, 3 * times, 5 * times, channels), "bilinear")[kept]
 
-    expected, to_x = jax.vjp(of_jax, x)
-    found, our_to_x = jax.vjp(lambda x: bilinear(x, times, stride), x)
-    np.testing.assert_allclose(bilinear(x, times, stride), expected, atol=2e-6)
-    np.testing.assert_allclose(found, expected, atol=2e-6)
-    weight = jnp.asarray(rng.normal(size=expected.shape), jnp.float32)
-    np.testing.assert_allclose(*our_to_x(weight), *to_x(weight), atol=1e-5)
+    x = normal(2, 3, 5, channels)
+    ours = partial(bilinear, times=times, stride=stride)
+    same_function(ours, of_jax, x, atol=2e-6, of_gradients=1e-5)
 
 
 @pytest.mark.parametrize(("ours", "side", "rate"), [
@@ -141,68 +121,45 @@ def test_bilinear_and_its_gradient_are_those_of_jax(channels, times, stride):
     *((conv, side, 1) for side in (1, 5, 7)),
 ])  # fmt: skip
 def test_our_convolutions_are_xla_s_with_their_gradients(ours, side, rate):
-    rng = np.random.default_rng(rate)
-    x = jnp.asarray(rng.normal(size=(2, 5, 7, 4)), jnp.float32)
-    kernel = jnp.asarray(rng.normal(size=(side, side, 4, 6)), jnp.float32)
-    weight = jnp.asarray(rng.normal(size=(2, 5, 7, 6)), jnp.float32)
-
-    def all_of(function):
-        value, back = jax.vjp(lambda x, kernel: function(x, kernel, rate), x, kernel)
-        return value, *back(weight)
-
-    value, *gradients = all_of(ours)
-    expected, *others = all_of(xla_conv)
-    np.testing.assert_allclose(value, expected, atol=1e-5 * max(1, side**2 / 9))
-    jax.tree.map(partial(np.testing.assert_allclose, atol=1e-4), gradients, others)
+    functions = (partial(f, rate=rate) for f in (ours, xla_conv))
+    inputs = normal(2, 5, 7, 4), normal(side, side, 4, 6, seed=rate)
+    same_function(*functions, *inputs, atol=1e-5 * max(1, side**2 / 9))
 
 
-@pytest.mark.parametrize("dtype", [None, jnp.bfloat16])
+@pytest.mark.parametrize(("dtype", "wide"), [(None, 1e-5), (jnp.bfloat16, 0.1)])
 @pytest.mark.parametrize(
     ("ours", "side"), [(conv, 3), (product_conv, 3), (product_conv, 7), (patch_conv, 7)]
 )
-def test_our_convolutions_have_the_parameters_of_flax_s(ours, side, dtype):
-    key, x = jax.random.key(3), jax.random.normal(jax.random.key(4), (2, 5, 7, 4))
+def test_our_convolutions_have_the_parameters_of_flax_s(ours, side, dtype, wide):
+    key, x = jax.random.key(3), normal(2, 5, 7, 4)
     drawn = {"kernel_init": nn.initializers.he_normal(), "dtype": dtype, "name": "conv"}
-    theirs = nn.Conv(6, (side, side), **drawn)
-    expected, variables = theirs.init_with_output(key, x)
+    expected, theirs = nn.Conv(6, (side, side), **drawn).init_with_output(key, x)
     found, same = Conv(6, ours, side, dtype=dtype, name="conv").init_with_output(key, x)
-    jax.tree.map(np.testing.assert_array_equal, same, variables)
+    jax.tree.map(np.testing.assert_array_equal, same, theirs)
     assert found.dtype == expected.dtype
-    wide = 1e-5 if dtype is None else 0.1
     np.testing.assert_allclose(found.astype(float), expected.astype(float), atol=wide)
 
 
 @pytest.mark.parametrize("features", [1, 4, 5, 9])  # the narrower one is copied, x has 4
 @pytest.mark.parametrize("rate", [1, 3])
 def test_gradient_of_a_kernel_is_that_of_xla(features, rate):
-    rng = np.random.default_rng(features)
-    x = jnp.asarray(rng.normal(size=(2, 5, 7, 4)), jnp.float32)
-    grad = jnp.asarray(rng.normal(size=(2, 5, 7, features)), jnp.float32)
-    kernel = jnp.zeros((3, 3, 4, features))
-    _, back = jax.vjp(lambda kernel: xla_conv(x, kernel, rate), kernel)
-    (expected,) = back(grad)
+    x, grad = normal(2, 5, 7, 4), normal(2, 5, 7, features, seed=features)
+    zeros = jnp.zeros((3, 3, 4, features))
+    (expected,) = jax.vjp(lambda kernel: xla_conv(x, kernel, rate), zeros)[1](grad)
     np.testing.assert_allclose(kernel_gradient(x, grad, 3, rate), expected, atol=1e-4)
 
 
 @pytest.mark.parametrize(("side", "stride"), [(2, 2), (3, 1), (3, 2), (4, 2), (5, 1), (3, 3)])
 @settings(max_examples=8)
-@given(seed=st.integers(0, 2**32 - 1), equal=st.booleans())
+@given(seed=SEEDS, equal=st.booleans())
 def test_max_pool_is_that_of_flax_with_its_gradient(side, stride, seed, equal):
-    rng = np.random.default_rng(seed)
-    shape = (2, 2 * stride, 3 * stride, 3)
-    values = rng.integers(-2, 3, shape) if equal else rng.normal(size=shape)
-    x = jnp.asarray(values, jnp.float32)
-    around = ((side - 1) // 2,) * 2
-
-    def flax_s(x):
-        return nn.max_pool(x, (side, side), (stride, stride), (around, around))
-
-    expected, theirs = jax.vjp(flax_s, x)
-    found, ours = jax.vjp(lambda x: max_pool(x, side, stride), x)
-    np.testing.assert_array_equal(found, expected)
-    grad = jnp.asarray(rng.normal(size=found.shape), jnp.float32)
-    np.testing.assert_allclose(ours(grad)[0], theirs(grad)[0], atol=1e-5)
-    half, back = jax.vjp(lambda x: max_pool(x, side, stride), x.astype(jnp.bfloat16))
+    x = normal(2, 2 * stride, 3 * stride, 3, seed=seed)
+    x = jnp.clip(jnp.round(1.5 * x), -2, 2) if equal else x
+    window = {"window_shape": (side, side), "strides": (stride, stride)}
+    flax_s = partial(nn.max_pool, **window, padding=[((side - 1) // 2,) * 2] * 2)
+    ours = partial(max_pool, side=side, stride=stride)
+    same_function(ours, flax_s, x, atol=0, of_gradients=1e-5, rtol=0)
+    half, back = jax.vjp(ours, x.astype(jnp.bfloat16))
     assert half.dtype == back(half)[0].dtype == jnp.bfloat16
 
 
@@ -210,16 +167,14 @@ def test_resizing_and_normalising_by_hand_and_transposed_convolutions_start_bili
     row = bilinear(jnp.array([0.0, 4.0]).reshape(1, 1, 2, 1), 2)
     np.testing.assert_allclose(row[0, :, :, 0], [[0, 1, 3, 4], [0, 1, 3, 4]])
     folded = space_to_depth(jnp.arange(16.0).reshape(1, 4, 4, 1), 2)
-    np.testing.assert_array_equal(folded[0, 0, 1], [2, 3, 6, 7])
-    np.testing.assert_array_equal(folded[0, 1, 0], [8, 9, 12, 13])
+    np.testing.assert_array_equal(folded[0, [0, 1], [1, 0]], [[2, 3, 6, 7], [8, 9, 12, 13]])
     x = jnp.arange(120.0).reshape(2, 3, 4, 5)  # repeated pixels average back
     back = space_to_depth(repeat_pixels(x, 2), 2).reshape(2, 3, 4, 4, 5)
     np.testing.assert_allclose(back.mean(3), x)
-    mean_colour = jnp.broadcast_to(jnp.array([0.485, 0.456, 0.406])[None, None, None], (1, 2, 2, 3))
-    np.testing.assert_allclose(normalise(mean_colour), np.zeros((1, 2, 2, 3)), atol=1e-6)
-    white = normalise(jnp.ones((1, 1, 1, 3)))[0, 0, 0]
-    np.testing.assert_allclose(white, [0.515 / 0.229, 0.544 / 0.224, 0.594 / 0.225], rtol=1e-5)
-    x = jax.random.normal(jax.random.key(0), (1, 5, 6, 3))
+    mean_and_white = normalise(jnp.array([[[[0.485, 0.456, 0.406], [1, 1, 1]]]]))[0, 0]
+    white = [0.515 / 0.229, 0.544 / 0.224, 0.594 / 0.225]
+    np.testing.assert_allclose(mean_and_white, [[0] * 3, white], atol=1e-6)
+    x = normal(1, 5, 6, 3)
     double = nn.ConvTranspose(3, (4, 4), (2, 2), use_bias=False, kernel_init=bilinear_kernel)
     y, _ = double.init_with_output(jax.random.key(0), x)
     inside = np.s_[:, 1:-1, 1:-1]  # at the border one sees zeros, the other repeats

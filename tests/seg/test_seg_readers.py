@@ -3,30 +3,27 @@
 from collections import namedtuple
 from functools import partial
 
-import cv2
 import numpy as np
 import pytest
 from PIL import Image
 
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL
-from seg.data import DataError, list_cityscapes, list_folders, read_cityscapes, read_folders
+from seg.data import list_cityscapes, list_folders, read_cityscapes, read_folders
 from seg.data.folders import LAYOUTS
 
-from .conftest import H, W, label_values, write_image, write_label
+from .conftest import H, W, label_values, refuses, refuses_file, write_image, write_label
 
 
 def write_palette(path, values):
-    path.parent.mkdir(parents=True, exist_ok=True)
+    write_label(path, values)  # makes the folder
     picture = Image.fromarray(values.astype(np.uint8), mode="P")
     picture.putpalette(list(range(256)) * 3)
     picture.save(path)
 
 
 def write_packed(path, values, dtype=np.uint16):
-    path.parent.mkdir(parents=True, exist_ok=True)
     instances = np.arange(values.size).reshape(values.shape)
-    blue_green_red = np.stack([np.zeros_like(values), instances, values], axis=2)
-    assert cv2.imwrite(str(path), blue_green_red.astype(dtype))
+    write_label(path, np.stack([np.zeros_like(values), instances, values], axis=2), dtype)
 
 
 # A data set of three images: its files, how labels are written, and how all is read.
@@ -84,30 +81,23 @@ def test_public_layout_is_read_at_any_size_and_limit(root, case):
 
 def test_missing_labels_images_and_folders(root, case):
     (root / case.labels.format(case.names[1])).unlink()
-    with pytest.raises(DataError, match=r"00001.*\.png: image without label; expected .*00001"):
-        case.list(root)
+    refuses_file(r"00001.*\.png: image without label; expected .*00001", case.list, root)
     for name in case.names:
         (root / case.images.format(name)).unlink()
-    with pytest.raises(DataError, match="zero images; expected"):
-        case.list(root)
+    refuses_file("zero images; expected", case.list, root)
     top = case.labels.partition("/")[0]
     (root / top).rename(root / "elsewhere")
-    with pytest.raises(DataError, match=f"{top}.*: no such folder; expected"):
-        case.list(root)
-    with pytest.raises(DataError, match=r"gone.*: no such folder; expected"):
-        case.list(root / "gone")
+    refuses_file(f"{top}.*: no such folder; expected", case.list, root)
+    refuses_file(r"gone.*: no such folder; expected", case.list, root / "gone")
 
 
 def test_sizes_that_disagree_and_values_outside_the_table(root, case):
     write_image(root / case.images.format(case.names[1]), 1, (H + 1, W))
-    with pytest.raises(DataError, match=r"8x6 pixels, but its image .* has 8x7"):
-        case.read(root)
+    refuses_file(r"8x6 pixels, but its image .* has 8x7", case.read, root)
     case.write(root / case.labels.format(case.names[1]), np.full((H + 1, W), 1))
-    with pytest.raises(DataError, match=r"8x7 pixels where .* has 8x6; give a size"):
-        case.read(root)
+    refuses_file(r"8x7 pixels where .* has 8x6; give a size", case.read, root)
     case.write(root / case.labels.format(case.names[0]), np.full((H, W), case.highest + 1))
-    with pytest.raises(DataError, match=f"label value {case.highest + 1} lies outside"):
-        case.read(root)
+    refuses_file(f"label value {case.highest + 1} lies outside", case.read, root)
 
 
 @pytest.mark.parametrize(("table", "values"), [
@@ -126,17 +116,15 @@ def test_values_in_files_mean_what_the_data_sets_say(table, values):
 def test_missing_splits_and_layouts_list_those_that_exist(tmp_path):
     for part in ("leftImg8bit/train", "leftImg8bit/val", "gtFine/train"):
         (tmp_path / part).mkdir(parents=True)
-    with pytest.raises(DataError, match="leftImg8bit: no split 'test'; splits there: train, val"):
-        list_cityscapes(tmp_path, "test")
-    with pytest.raises(DataError, match="gtFine: no split 'val'; splits there: train"):
-        list_cityscapes(tmp_path, "val")
-    with pytest.raises(ValueError, match="unknown layout 'gta6'; known: gta5, synthia, kitti"):
-        list_folders(tmp_path, "gta6")
+    missing = "leftImg8bit: no split 'test'; splits there: train, val"
+    refuses_file(missing, list_cityscapes, tmp_path, "test")
+    refuses_file("gtFine: no split 'val'; splits there: train", list_cityscapes, tmp_path, "val")
+    refuses("unknown layout 'gta6'; known: gta5, synthia, kitti", list_folders, tmp_path, "gta6")
 
 
 @pytest.mark.parametrize("write", [partial(write_packed, dtype=np.uint8), write_label])
 def test_packed_labels_of_other_channels_or_bits(tmp_path, write):
     write_image(tmp_path / "RGB" / "0.png")
     write(tmp_path / "GT" / "LABELS" / "0.png", label_values(0, 22))
-    with pytest.raises(DataError, match=r"[13] channel\(s\) of 8 bits; expected three of 16"):
-        read_folders(tmp_path, "synthia")
+    message = r"[13] channel\(s\) of 8 bits; expected three of 16"
+    refuses_file(message, read_folders, tmp_path, "synthia")

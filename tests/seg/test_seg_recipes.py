@@ -21,18 +21,16 @@ from seg.step import accumulated, functions
 from seg.train import train
 from seg.weights import check
 
-from .conftest import filled, narrow_vgg16
+from .conftest import assert_close, filled, narrow_vgg16, normal, ours, pixels, refuses
 
 WIDTH, HIDDEN = 8, 16
-SMALL = {
-    "compact": Compact,
-    "deeplabv2": partial(DeepLabV2, width=WIDTH, hidden=HIDDEN),
-    "fcn8s": partial(FCN8s, width=WIDTH, hidden=HIDDEN),
-}
+NARROW = {"width": WIDTH, "hidden": HIDDEN}
+SMALL = {"fcn8s": partial(FCN8s, **NARROW), "deeplabv2": partial(DeepLabV2, **NARROW)}
+SMALL |= {"compact": Compact}
 
 
 @pytest.fixture(autouse=True)
-def narrow(monkeypatch):
+def narrow_nets(monkeypatch):
     monkeypatch.setattr(seg.nets, "_NETS", SMALL)
     caches = (seg.step._compiled, seg.train._predictor)
     for cache in caches:
@@ -42,12 +40,10 @@ def narrow(monkeypatch):
         cache.cache_clear()
 
 
-def data(count=4, size=(32, 32), seed=0):
-    rng = np.random.default_rng(seed)
-    images = rng.integers(0, 256, (count, *size, 3), np.uint8)
-    labels = rng.integers(0, 11, (count, *size), np.uint8)
+def data(count=4, size=(32, 32)):
+    labels = pixels(count, *size, seed=1, below=11)
     labels[0, : size[0] // 2] = 255  # parts of a batch differ in how much of them is labelled
-    return images, labels
+    return pixels(count, *size, 3), labels
 
 
 @pytest.mark.parametrize(("recipe", "name"), [
@@ -69,33 +65,29 @@ def test_recipes_train_both_nets(recipe, name):
 def test_accumulated_steps_are_those_of_the_whole_batch(parts):
     whole = TrainSettings(optimizer="sgd", lr=0.1, steps=3, batch=4, warmup=0)
     losses = []
-    settings = whole, replace(whole, accumulate=parts)
     told = {"progress": lambda _, loss: losses.append(loss)}
-    fitted = [train(0, *data(), own, 11, **told) for own in settings]
-    jax.tree.map(partial(np.testing.assert_allclose, atol=1e-5), *fitted)
+    settings = whole, replace(whole, accumulate=parts)
+    assert_close(*(train(0, *data(), own, 11, **told) for own in settings), atol=1e-5)
     assert losses[0] == pytest.approx(losses[1], rel=1e-5)
 
 
-def test_accumulated_gradient_by_hand():
+@pytest.mark.parametrize(("weights", "expected"), [((1.0, 3.0), (2.5, 5.0)), ((0.0, 0.0), (0, 0))])
+def test_accumulated_gradient_by_hand(weights, expected):
     """Two parts with weights 1 and 3: (1 * 2 + 3 * 6) / 4 for p * x, x = 2 and 6."""
 
     def sums_of(params, x, y, part):
-        weight = 1.0 + 2.0 * part
+        weight = jnp.asarray(weights)[part]
         return weight * params["p"] * x.mean(), weight
 
     x = jnp.array([2.0, 6.0]).reshape(2, 1, 1, 1) * jnp.ones((2, 1, 1, 3))
     labels = jnp.zeros((2, 1, 1), jnp.uint8)
     loss, gradient = accumulated(sums_of, {"p": jnp.float32(0.5)}, x, labels, 2)
-    assert float(loss) == pytest.approx(2.5) and float(gradient["p"]) == pytest.approx(5.0)
-    nothing = lambda params, x, y, part: (0.0 * params["p"], 0.0 * part)  # noqa: E731
-    loss, gradient = accumulated(nothing, {"p": jnp.float32(0.5)}, x, labels, 2)
-    assert float(loss) == 0 and float(gradient["p"]) == 0
+    assert (float(loss), float(gradient["p"])) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("name", SMALL)
 def test_bfloat16_computes_about_the_same(name):
-    images = jnp.asarray(np.random.default_rng(0).normal(size=(1, 32, 32, 3)), jnp.float32)
-    exact, brief = net(name, 5), net(name, 5, "bfloat16")
+    images, exact, brief = normal(1, 32, 32, 3), net(name, 5), net(name, 5, "bfloat16")
     params = filled(exact, images, 1)
     outline = jax.eval_shape(brief.init, jax.random.key(0), images)["params"]
     assert {leaf.dtype for leaf in jax.tree.leaves(outline)} == {jnp.dtype("float32")}
@@ -107,8 +99,7 @@ def test_bfloat16_computes_about_the_same(name):
 @pytest.mark.parametrize("name", SMALL)
 def test_images_of_any_size_are_segmented_whole(name):
     """As inside a frame of the mean colour whose sides are multiples of 8 or 32, then cropped."""
-    settings = TrainSettings(net=name, predict_batch=2)
-    images = data(3, (45, 61))[0]
+    settings, images = TrainSettings(net=name, predict_batch=2), pixels(3, 45, 61, 3)
     params = functions(settings, 11).init(np.uint32(0), images).params
     predicted = predict(params, images, settings, 11)
     assert predicted.shape == (3, 45, 61) and predicted.dtype == np.uint8
@@ -121,9 +112,7 @@ def test_images_of_any_size_are_segmented_whole(name):
 
 def write_weights(path, monkeypatch, only=""):
     narrow_vgg16(monkeypatch, WIDTH, HIDDEN)
-    rng = np.random.default_rng(0)
-    sizes = ((n, shape) for n, shape in names.shapes().items() if n.startswith(only))
-    arrays = {n: rng.normal(0, 0.01, shape).astype(np.float32) for n, shape in sizes}
+    arrays = {n: 0.01 * a for n, a in ours().items() if n.startswith(only)}
     np.savez(path, **arrays, normalisation="torchvision")
     return arrays
 
@@ -131,10 +120,9 @@ def write_weights(path, monkeypatch, only=""):
 @pytest.mark.parametrize("name", [pytest.param("deeplabv2", marks=pytest.mark.slow), "fcn8s"])
 def test_training_starts_from_weights(name, tmp_path, monkeypatch):
     arrays = write_weights(tmp_path / "vgg16.npz", monkeypatch, only="conv")
-    own = {"net": name, "weights": str(tmp_path / "vgg16.npz")}
-    settings = replace(RECIPES["paper"], steps=1, lr=1e-6, batch=2, **own)
-    params = train(0, *data(2), settings, 11)
-    other = train(0, *data(2), replace(settings, weights=None), 11)
+    settings = replace(RECIPES["paper"], net=name, steps=1, lr=1e-6, batch=2)
+    started = replace(settings, weights=str(tmp_path / "vgg16.npz"))
+    params, other = (train(0, *data(2), own, 11) for own in (started, settings))
     for layer in names.CONVS:
         kernel = arrays[f"{layer}/kernel"]
         np.testing.assert_allclose(params["vgg16"][layer]["kernel"], kernel, atol=1e-4)
@@ -150,5 +138,4 @@ def test_weights_are_checked_before_they_are_needed(tmp_path, monkeypatch):
     check(replace(RECIPES["paper"], weights=str(tmp_path / "vgg16.npz")), 11)
     settings = replace(RECIPES["paper"], weights="none.npz")
     for use in (lambda: check(settings, 11), lambda: train(0, *data(4), settings, 11)):
-        with pytest.raises(WeightsError, match=r"none\.npz: No such file"):
-            use()
+        refuses(r"none\.npz: No such file", use, error=WeightsError)

@@ -1,7 +1,6 @@
 """Our nets give what the same nets in PyTorch give, and read what PyTorch saves."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -13,7 +12,7 @@ from seg.nets.lite0 import Trunk, pyramid, statistics  # noqa: E402
 from seg.pyramid import trunk_params  # noqa: E402
 from seg.weights.read import read  # noqa: E402
 
-from .conftest import filled  # noqa: E402
+from .conftest import assert_close, filled, normal  # noqa: E402
 
 CLASSES = 5
 NETS = [
@@ -28,34 +27,29 @@ NETS = [
     *((VGG16(8, atrous), torch_nets.VGG16(8, atrous), (64, 96)) for atrous in (False, True)),
 ])  # fmt: skip
 def test_logits_and_features_are_those_of_pytorch(ours, theirs, size):
-    images = np.random.default_rng(0).normal(size=(2, *size, 3)).astype(np.float32)
-    params = filled(ours, images)
+    images = normal(2, *size, 3)
+    assert_as_in_pytorch(ours, theirs, images, filled(ours, images))
+
+
+def assert_as_in_pytorch(ours, theirs, images, params, rtol=1e-7):
     torch_nets.copy(params, theirs)
     with torch.no_grad():
-        expected = jax.tree.leaves(theirs.eval()(torch_nets.images_of(images)))
+        expected = jax.tree.leaves(theirs.eval()(torch_nets.images_of(np.asarray(images))))
+    assert all(other.std() > 0.05 for other in expected)
     found = jax.tree.leaves(jax.jit(ours.apply)({"params": params}, images))
-    for mine, other in zip(found, expected, strict=True):
-        assert other.std() > 0.05
-        np.testing.assert_allclose(mine, other.numpy().transpose(0, 2, 3, 1), atol=1e-4)
+    assert_close(found, [o.numpy().transpose(0, 2, 3, 1) for o in expected], rtol, atol=1e-4)
 
 
 @pytest.mark.parametrize("size", [(64, 96), (45, 61)])
 def test_logits_of_lite0_are_those_of_pytorch(size):
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(0)  # noise has features like no photo's, so it is enlarged
     coarse = rng.random((2, size[0] // 8 + 2, size[1] // 8 + 2, 3)).astype(np.float32)
-    pictures = jax.image.resize(
-        coarse, (2, *size, 3), "linear"
-    )  # noise has features like no photo's
-    images = np.asarray(normalise(pictures))
-    ours, theirs = Lite0(CLASSES, width=16), torch_nets.Lite0(CLASSES, width=16)
+    pictures = jax.image.resize(coarse, (2, *size, 3), "linear")
+    images, ours = normalise(pictures), Lite0(CLASSES, width=16)
     params = filled(ours, images) | {"trunk": trunk_params()}
     maps = jax.jit(Trunk().apply)({"params": params["trunk"]}, pictures)
     params["head"]["mean"], params["head"]["deviation"] = statistics(pyramid(maps))
-    torch_nets.copy(params, theirs)
-    logits = jax.jit(ours.apply)({"params": params}, jnp.asarray(images))
-    expected = theirs(torch_nets.images_of(images)).detach().numpy().transpose(0, 2, 3, 1)
-    assert expected.std() > 0.05
-    np.testing.assert_allclose(logits, expected, atol=1e-4, rtol=1e-4)
+    assert_as_in_pytorch(ours, torch_nets.Lite0(CLASSES, width=16), images, params, rtol=1e-4)
 
 
 @pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])
