@@ -16,6 +16,8 @@ from sdr_jax import METHODS, Method, MethodName, Proposal, relax, run, run_on_ho
 from sdr_jax.registry import make, options_of
 from sdr_jax.relaxation import bin_mask
 
+from .conftest import KEY, SEEDS, assert_close, assert_same, learnt, refuses, tell
+
 # Numbers of bins that differ, two included; groups of one and of several; one without an order.
 GROUPS = [["b", "a"], ["d"], ["c", "e"]]
 SPACE = space(list("abcde"), bins=[3, 5, 2, 10, 7], groups=GROUPS, unordered=["a"])
@@ -61,8 +63,7 @@ RANDOM = float(value(Proposal(jnp.full(5, 0.5), jnp.ones(5))))
 @pytest.mark.parametrize("name", LEARNING)
 def test_it_finds_the_optimum_of_an_easy_problem(name: str, failing: float, least: float) -> None:
     for seed in range(2):
-        updates = 30 if name in HOST else 75
-        state, _ = runner(name, failing, updates, 4)(jax.random.key(seed))
+        state, _ = runner(name, failing, 30 if name in HOST else 75, 4)(jax.random.key(seed))
         found = float(value(ALL[name].solution(state)))
         assert (found - RANDOM) / (BEST - RANDOM) > least
 
@@ -71,8 +72,7 @@ def test_it_finds_the_optimum_of_an_easy_problem(name: str, failing: float, leas
 def test_the_host_loop_keeps_the_record_of_run(name: str) -> None:
     _, record = runner(name, 0, 75, 4)(jax.random.key(3))  # compiled above
     _, other = run_on_host(jax.random.key(3), PURE[name], reward(0), 5, 4)
-    close = partial(np.testing.assert_allclose, rtol=1e-3, atol=1e-4)
-    jax.tree.map(lambda a, b: close(a, b[:5]), other, record)
+    assert_close(other, jax.tree.map(lambda leaf: leaf[:5], record), rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", ALL)
@@ -94,15 +94,14 @@ GROUP_BY_GROUP = [
 @pytest.mark.parametrize("method", [*PURE.values(), *GROUP_BY_GROUP])
 @pytest.mark.parametrize("n", [2, 5])
 def test_update_keeps_structure_shapes_and_dtypes(method: Method, n: int) -> None:
-    state = jax.eval_shape(method.init, jax.random.key(0))
-    sample = partial(method.sample, n=n)
-    actions, proposals = jax.eval_shape(sample, jax.random.key(0), state)
+    state = jax.eval_shape(method.init, KEY)
+    actions, proposals = jax.eval_shape(partial(method.sample, n=n), KEY, state)
     assert actions.shape == proposals.centre.shape == proposals.width.shape == (n, 5)
     rewards = jax.ShapeDtypeStruct((n,), jnp.float32)
-    next_state, _ = jax.eval_shape(method.update, state, actions, rewards)
-    assert jax.tree.structure(state) == jax.tree.structure(next_state)
-    for a, b in zip(jax.tree.leaves(state), jax.tree.leaves(next_state), strict=True):
-        assert (a.shape, a.dtype, a.weak_type) == (b.shape, b.dtype, b.weak_type)
+    after, _ = jax.eval_shape(method.update, state, actions, rewards)
+    assert jax.tree.structure(state) == jax.tree.structure(after)
+    types = (jax.tree.map(lambda x: (x.shape, x.dtype, x.weak_type), s) for s in (state, after))
+    assert next(types) == next(types)
 
 
 def check_inside(proposal: Proposal, shape: tuple[int, ...]) -> None:
@@ -122,7 +121,7 @@ def check_answers(method: Method, state: object) -> None:
 
 @pytest.mark.parametrize("name", ALL)
 @settings(max_examples=3)
-@given(seed=st.integers(0, 2**32 - 1), scale=st.sampled_from([1e-3, 1.0, 1e3]))
+@given(seed=SEEDS, scale=st.sampled_from([1e-3, 1.0, 1e3]))
 def test_answers_stay_inside_whatever_the_rewards(name: str, seed: int, scale: float) -> None:
     method = ALL[name]
     rng = np.random.default_rng(seed)
@@ -133,26 +132,21 @@ def test_answers_stay_inside_whatever_the_rewards(name: str, seed: int, scale: f
         check_inside(proposals, (4, 5))
         rewards = rng.normal(70, scale, 4)
         rewards[rng.uniform(size=4) < 0.3] = np.nan
-        state, _ = method.update(state, actions, jnp.asarray(rewards, jnp.float32))
+        state, _ = tell(method, actions, rewards, state)
         check_answers(method, state)
 
 
 @pytest.mark.parametrize("name", ALL)
 @settings(max_examples=4)
-@given(seed=st.integers(0, 2**32 - 1), failed=st.sets(st.integers(0, 4), max_size=3))
+@given(seed=SEEDS, failed=st.sets(st.integers(0, 4), max_size=3))
 def test_learning_with_failed_rewards_is_learning_from_the_others(name, seed, failed) -> None:
-    method = ALL[name]
-    rng = np.random.default_rng(seed)
-    state = method.init(jax.random.key(seed))
-    for t in range(2):
-        actions, _ = method.sample(jax.random.key(t), state, 5)
-        rewards = rng.normal(0, 1, 5).astype(np.float32)
-        if t == 0:
-            state, _ = method.update(state, actions, jnp.asarray(rewards))
+    method, rng = ALL[name], np.random.default_rng(seed)
+    state = learnt(method, lambda *_: rng.normal(0, 1, 5), updates=1, n=5)
+    actions, _ = method.sample(jax.random.key(seed), state, 5)
     known = np.asarray([k not in failed for k in range(5)])
-    holes = np.where(known, rewards, rng.choice([np.nan, np.inf])).astype(np.float32)
-    left, info = method.update(state, actions, jnp.asarray(holes))
-    right, alone = method.update(state, actions[known], jnp.asarray(rewards[known]))
+    rewards = np.where(known, rng.normal(0, 1, 5), rng.choice([np.nan, np.inf]))
+    left, info = tell(method, actions, rewards, state)
+    right, alone = tell(method, actions[known], rewards[known], state)
     for answer in (method.solution, method.spread, method.probabilities):
         np.testing.assert_allclose(answer(left), answer(right), atol=2e-4)
     assert info.reward_mean == pytest.approx(float(alone.reward_mean), abs=1e-5)
@@ -164,12 +158,8 @@ def test_learning_with_failed_rewards_is_learning_from_the_others(name, seed, fa
 @pytest.mark.parametrize("name", [name for name in ALL if name != "sdr"])  # its groups move on
 def test_rewards_that_are_all_nan_decide_nothing(name: str) -> None:
     method = ALL[name]
-    state = method.init(jax.random.key(0))
-    before = method.solution(state)
-    for t in range(3):
-        actions, _ = method.sample(jax.random.key(t), state, 4)
-        state, _ = method.update(state, actions, jnp.full(4, jnp.nan))
-    jax.tree.map(np.testing.assert_array_equal, method.solution(state), before)
+    state = learnt(method, lambda *_: [np.nan] * 4, updates=3, n=4)
+    assert_same(method.solution(state), method.solution(method.init(KEY)))
     check_answers(method, state)
 
 
@@ -205,7 +195,7 @@ MODELS = [name for name, method in ALL.items() if method.expects is not None]
 def test_models_foresee_rewards_and_how_far_they_are_off(name: str) -> None:
     assert MODELS == ["surrogate", "linear", "intervals", "gaussian_process"]
     method = ALL[name]
-    first = state = method.init(jax.random.key(0))
+    first = state = method.init(KEY)
 
     def asked(seed: int) -> tuple[jax.Array, jax.Array]:
         sample_key, noise_key = jax.random.split(jax.random.key(seed))
@@ -214,11 +204,10 @@ def test_models_foresee_rewards_and_how_far_they_are_off(name: str) -> None:
 
     actions, rewards = asked(1)
     assert np.all(np.isnan(np.stack(method.expects(state, actions))))
-    for start in range(0, 60, 10):
-        part = slice(start, start + 10)
-        state, _ = method.update(state, actions[part], rewards[part])
+    for part in (slice(start, start + 10) for start in range(0, 60, 10)):
+        state, _ = tell(method, actions[part], rewards[part], state)
     actions, rewards = asked(2)
-    mean, std = (np.asarray(part) for part in method.expects(state, actions))
+    mean, std = map(np.asarray, method.expects(state, actions))
     assert np.corrcoef(mean, rewards)[0, 1] > 0.6
     assert 0.6 < np.std((rewards - mean) / std) < 1.4
 
@@ -241,8 +230,7 @@ BAD = {
 def test_bad_options_are_refused(name: str) -> None:
     for option, values in {**BAD[name], "width": [2.0]}.items():
         for value in values:
-            with pytest.raises(ValueError, match=f"{option} is {value!r}"):
-                make(name, SPACE, **{option: value})
+            refuses(f"{option} is {value!r}", make, name, SPACE, **{option: value})
 
 
 @pytest.mark.parametrize(("name", "options", "culprit"), [
@@ -250,7 +238,10 @@ def test_bad_options_are_refused(name: str) -> None:
     ("pbil", dict(speed=1), "pbil has no option 'speed'; known: rate"),
     ("random_search", dict(speed=1), "known: none"),
     ("sdr", dict(baseline="none"), "must be one of ema, ema_current"),
+    ("intervals", dict(caution=-1.0), "caution is -1"), ("intervals", dict(degree=0), "degree is 0"),
+    ("intervals", dict(pair_degree=10), r"pair_degree is 10, but must lie in \[0, degree = 9\]"),
+    ("intervals", dict(start=((0.5,), (1.0,))), "start has 1 attributes, not the 5"),
+    ("intervals", dict(start=((0.1,) * 5, (1.0,) * 5)), r"an interval that is not in \[0, 1\]"),
 ])  # fmt: skip
-def test_unknown_names_are_refused(name: str, options: dict, culprit: str) -> None:
-    with pytest.raises(ValueError, match=culprit):
-        make(name, SPACE, **options)
+def test_what_cannot_be_is_refused(name: str, options: dict, culprit: str) -> None:
+    refuses(culprit, make, name, SPACE, **options)

@@ -18,6 +18,8 @@ from sdr_jax.models.features import Features, evaluate, features, maximise, maxi
 from sdr_jax.models.surrogate import follow, stratified
 from sdr_jax.relaxation import bin_mask
 
+from .conftest import KEY, SEEDS, assert_close, assert_same, learnt, tell
+
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
 LAYOUT = features(SPACE, 3, 2, 0.5)
@@ -28,10 +30,7 @@ BEST_OF = jax.jit(lambda key, weights: maximise(key, SPACE, LAYOUT, weights))
 TABLES = jax.jit(lambda weights, actions: tables(SPACE, LAYOUT, weights, actions))
 WAYS = effects.observe, effects.posterior, effects.best_bins, effects.mean_model, effects.values
 OBSERVE, POSTERIOR, BEST, MEAN, VALUES = (jax.jit(partial(way, MODEL)) for way in WAYS)
-
-
 STRATIFIED = jax.jit(lambda key, p: stratified(key, SPACE, p, 7))
-seeds = st.integers(0, 2**32 - 1)
 
 
 def some(seed: int, n: int = 16) -> tuple[np.ndarray, np.ndarray]:
@@ -52,8 +51,19 @@ def observed(updates: int) -> effects.EffectsState:
 
 def fit(model: effects.Effects, actions: np.ndarray, rewards: np.ndarray) -> regression.Posterior:
     observe, posterior = (jax.jit(partial(way, model)) for way in WAYS[:2])
-    evaluations = actions.astype(np.int32), rewards.astype(np.float32)
-    return posterior(observe(effects.init_effects(model), *evaluations))
+    return posterior(observe(effects.init_effects(model), np.int32(actions), np.float32(rewards)))
+
+
+def ridge(x: np.ndarray, y: np.ndarray, noise: float, prior: np.ndarray) -> tuple:
+    """Mean and covariance (X'X / noise + D^-1)^-1 of the weights, in double precision."""
+    covariance = np.linalg.inv(x.T @ x / noise + np.diag(1 / prior))
+    return covariance @ x.T @ y / noise, covariance
+
+
+def centred(actions: np.ndarray, rewards: np.ndarray, prior: np.ndarray) -> tuple:
+    """Of the features that exist, and of rewards, what is beside the mean."""
+    x, y = columns(actions)[:, prior > 0], rewards.astype(np.float64)
+    return x - x.mean(axis=0), y - y.mean()
 
 
 def random_policy(seed: int) -> np.ndarray:
@@ -63,11 +73,6 @@ def random_policy(seed: int) -> np.ndarray:
 
 def evaluated(layout: Features, actions: np.ndarray) -> np.ndarray:
     return np.asarray(evaluate(layout, jnp.asarray(actions)), np.float64)
-
-
-def columns_of(model: effects.Effects, actions: np.ndarray) -> np.ndarray:
-    x = evaluated(model.layout, actions)
-    return np.concatenate([x, x @ model.shared], axis=1)
 
 
 def columns(actions: np.ndarray) -> np.ndarray:
@@ -93,21 +98,20 @@ def test_features_by_hand() -> None:
 
 
 @settings(max_examples=10)
-@given(seed=seeds)
+@given(seed=SEEDS)
 def test_the_best_bins_and_the_tables_are_those_of_enumeration(seed: int) -> None:
     normal = np.random.default_rng(seed).normal(size=len(LAYOUT.variance))
     weights = (normal * np.sqrt(LAYOUT.variance)).astype(np.float32)
     best = BEST_OF(jax.random.key(seed), weights)
     found = evaluated(LAYOUT, best[None, :])[0] @ weights
     assert found == pytest.approx((evaluated(LAYOUT, EVERY) @ weights).max(), abs=1e-4)
-    table = np.asarray(TABLES(weights, best))
-    for attribute, count in enumerate(SPACE.bins):
+    for k, table in enumerate(np.asarray(TABLES(weights, best))):
+        count = SPACE.bins[k]
         changed = np.tile(best, (count, 1))
-        changed[:, attribute] = np.arange(count)
+        changed[:, k] = np.arange(count)
         expected = evaluated(LAYOUT, changed) @ weights
-        actual = table[attribute, :count]
-        np.testing.assert_allclose(actual - actual[0], expected - expected[0], atol=1e-4)
-        assert np.all(np.isneginf(table[attribute, count:]))
+        np.testing.assert_allclose(table[:count] - table[0], expected - expected[0], atol=1e-4)
+        assert np.all(np.isneginf(table[count:]))
 
 
 def test_interactions_are_as_fine_as_their_number_allows() -> None:
@@ -123,42 +127,31 @@ def test_interactions_are_as_fine_as_their_number_allows() -> None:
 
 
 def test_the_posterior_is_that_of_the_textbook() -> None:
-    """(X'X / noise + D^-1)^-1 X'y / noise, X centred, in double precision."""
-    (actions, rewards), state = some(0), observed(1)
+    state = observed(1)
     belief = POSTERIOR(state)
-    x = columns(actions)
-    x -= x.mean(axis=0)
-    y = rewards.astype(np.float64) - rewards.mean()
     prior = MODEL.variance * np.asarray(state.scales)[MODEL.effect]
-    there = prior > 0
-    precision = x.T[there] @ x[:, there] / float(state.noise) + np.diag(1 / prior[there])
-    mean = np.linalg.solve(precision, x.T[there] @ y / float(state.noise))
+    there, data = prior > 0, centred(*some(0), prior)
+    mean, covariance = ridge(*data, float(state.noise), prior[there])
     np.testing.assert_allclose(np.asarray(belief.mean)[there], mean, atol=1e-3)
-    draws = np.asarray(regression.draw(jax.random.key(0), belief, 20_000))[:, there]
-    expected = np.linalg.inv(precision)
-    np.testing.assert_allclose(np.cov(draws.T), expected, atol=0.05 * np.diag(expected).max())
+    draws = np.asarray(regression.draw(KEY, belief, 20_000))[:, there]
+    np.testing.assert_allclose(np.cov(draws.T), covariance, atol=0.05 * np.diag(covariance).max())
 
 
 def test_a_step_towards_the_evidence_by_hand() -> None:
     """Of expectation maximisation, in double precision: the posterior's spread counts, and kinds pull."""
-    (actions, rewards), state = some(0), observed(1)
-    x, y = columns(actions), rewards.astype(np.float64)
-    x, y = x - x.mean(axis=0), y - y.mean()
+    state, there = observed(1), MODEL.variance > 0
+    x, y = centred(*some(0), MODEL.variance)
     variance = y @ y / 15
     # Four attributes, a pair, shared.
     first = 0.7 * variance * np.asarray([*[0.7 / 4] * 4, 0.3, 0.7 / 4])
-    prior = MODEL.variance * first[MODEL.effect]
-    there = prior > 0
-    precision = x[:, there].T @ x[:, there] / (0.3 * variance) + np.diag(1 / prior[there])
-    covariance = np.linalg.inv(precision)
-    mean = covariance @ x[:, there].T @ y / (0.3 * variance)
+    prior = (MODEL.variance * first[MODEL.effect])[there]
+    mean, covariance = ridge(x, y, 0.3 * variance, prior)
     squares = (mean**2 + np.diag(covariance)) / MODEL.variance[there]
     of = MODEL.effect[there]
     kind = squares[of < 4].mean(), squares[of == 4].mean()
     own = [(squares[of == k].sum() + 4 * kind[k == 4]) / (np.sum(of == k) + 4) for k in range(5)]
     np.testing.assert_allclose(state.scales, [*own, kind[0]], rtol=2e-3)
-    left = np.sum((y - x[:, there] @ mean) ** 2)
-    left += np.trace(x[:, there] @ covariance @ x[:, there].T)
+    left = np.sum((y - x @ mean) ** 2) + np.trace(x @ covariance @ x.T)
     noise = (left + 4 * 0.3 * variance) / (15 + 4)
     assert float(state.noise) == pytest.approx(noise, rel=2e-3)
 
@@ -168,20 +161,16 @@ def test_failed_rewards_make_no_difference_and_more_explain_more_until_the_noise
     once = OBSERVE(start, actions, rewards)
     kept = np.arange(16) % 3 != 0
     with_holes = OBSERVE(start, actions, np.where(kept, rewards, np.nan).astype(np.float32))
-    alone = OBSERVE(start, actions[kept], rewards[kept])
-    close = partial(np.testing.assert_allclose, rtol=1e-3, atol=1e-4)
-    jax.tree.map(close, with_holes, alone)
-    nothing = OBSERVE(once, actions, jnp.full(16, jnp.nan))
-    jax.tree.map(np.testing.assert_array_equal, nothing.statistics, once.statistics)
+    assert_close(with_holes, OBSERVE(start, actions[kept], rewards[kept]), rtol=1e-3, atol=1e-4)
+    assert_same(OBSERVE(once, actions, jnp.full(16, jnp.nan)).statistics, once.statistics)
     state = observed(12)
     assert float(jnp.sqrt(state.noise)) == pytest.approx(0.05, rel=0.4)
     _, b, c, _, pair, _ = np.asarray(state.scales)
-    assert pair > 3 * c  # the pair matters, c does not
-    assert b > 1.5 * c  # so does b, less
+    assert pair > 3 * c and b > 1.5 * c  # c does not matter, the pair does, and b, less
 
 
 @settings(max_examples=10)
-@given(seed=seeds)
+@given(seed=SEEDS)
 def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None:
     size = len(MODEL.effect)
     weights = np.random.default_rng(seed).normal(size=size).astype(np.float32)
@@ -191,11 +180,10 @@ def test_expectations_under_a_policy_are_those_of_enumeration(seed: int) -> None
     there = np.append(MODEL.variance[:-1] > 0, True)
     every = columns(EVERY)[:, there] @ weights[there]
     chances = policy[np.arange(4)[None, :], EVERY]
-    for attribute, count in enumerate(SPACE.bins):
-        others = np.delete(chances, attribute, axis=1).prod(axis=1)
-        exact = [np.sum((others * every)[EVERY[:, attribute] == k]) for k in range(count)]
-        actual = q[attribute, :count]
-        np.testing.assert_allclose(actual - actual[0], exact - exact[0], atol=1e-3)
+    for k, count in enumerate(SPACE.bins):
+        weighted = np.delete(chances, k, axis=1).prod(axis=1) * every
+        exact = np.bincount(EVERY[:, k], weights=weighted)
+        np.testing.assert_allclose(q[k, :count] - q[k, 0], exact - exact[0], atol=1e-3)
 
 
 def test_the_expected_reward_and_its_spread_are_those_of_the_weights_posterior() -> None:
@@ -229,8 +217,7 @@ def test_the_best_of_drawn_models_spread_as_the_posterior_does() -> None:
 
 def test_strata_keep_to_the_policy_and_every_action_is_drawn_from_it() -> None:
     p = random_policy(3)
-    keys = jax.random.split(jax.random.key(0), 4000)
-    drawn = np.asarray(jax.vmap(lambda key: STRATIFIED(key, p))(keys))
+    drawn = np.asarray(jax.vmap(lambda key: STRATIFIED(key, p))(jax.random.split(KEY, 4000)))
     counts = np.stack([(drawn == k).sum(axis=1) for k in range(5)], axis=2)
     assert np.all(np.abs(counts - 7 * p) < 2)  # a stratum may be cut at either end of a bin
     assert not np.any(counts[:, ~bin_mask(SPACE)])
@@ -248,22 +235,21 @@ def test_the_policy_is_where_the_gradient_of_reward_plus_entropy_vanishes() -> N
     model, rng = effects.make_effects(alone), np.random.default_rng(0)
     actions = rng.integers(0, alone.bins, (30, 2))
     rewards = 0.3 * actions[:, 0] - 0.1 * (actions[:, 1] - 3) ** 2 + 0.3 * rng.normal(size=30)
-    belief, start = fit(model, actions, rewards), jnp.zeros(2, jnp.int32)
+    belief = fit(model, actions, rewards)
+    start, mask = jnp.zeros(2, jnp.int32), bin_mask(alone)
     followed = jax.jit(lambda tau: follow(model, belief, start, tau), static_argnums=0)
-    logits = np.asarray(followed(1.0))
+    logits, twice = (np.asarray(followed(tau)) for tau in (1.0, 2.0))
+
+    def objective(free: jax.Array, table: np.ndarray, tau: float) -> jax.Array:
+        p = jax.nn.softmax(free)
+        return p @ table - tau * p @ jnp.log(p)
+
     q = np.asarray(effects.mean_model(model, belief).alone)
-    for attribute, count in enumerate(alone.bins):
-        own, table = logits[attribute, :count], q[attribute, :count]
-        tau = np.ptp(table) / np.ptp(own)
-
-        def objective(free: jax.Array, table: np.ndarray = table, tau: float = tau) -> jax.Array:
-            p = jax.nn.softmax(free)
-            return p @ table - tau * p @ jnp.log(p)
-
-        gradient = jax.grad(objective)(jnp.asarray(own))
+    for own, table, count in zip(logits, q, alone.bins, strict=True):
+        own, table = own[:count], table[:count]
+        gradient = jax.grad(objective)(jnp.asarray(own), table, np.ptp(table) / np.ptp(own))
         np.testing.assert_allclose(gradient, 0, atol=1e-5 * np.ptp(table))
     # The temperature divides.
-    twice, mask = np.asarray(followed(2.0)), bin_mask(alone)
     np.testing.assert_allclose(twice[mask], logits[mask] / 2, rtol=1e-4, atol=1e-5)
     assert np.all(np.isneginf(logits[~mask]))
 
@@ -272,17 +258,16 @@ def test_the_temperature_is_the_posteriors_spread_of_the_bins() -> None:
     """The policy of an attribute by itself is softmax(Q / tau), tau from the covariance in closed form."""
     alone = space(["a"], bins=6)
     model, rng = effects.make_effects(alone), np.random.default_rng(1)
-    method = surrogate(alone)
     actions = rng.integers(0, 6, (12, 1)).astype(np.int32)
-    rewards = (0.1 * actions[:, 0] + 0.5 * rng.normal(size=12)).astype(np.float32)
-    state, _ = method.update(method.init(jax.random.key(0)), actions, rewards)
+    rewards = 0.1 * actions[:, 0] + 0.5 * rng.normal(size=12)
+    state, _ = tell(surrogate(alone), actions, rewards)
     belief = fit(model, actions, rewards)
-    basis = columns_of(model, np.arange(6)[:, None])
+    x = evaluated(model.layout, np.arange(6)[:, None])
+    basis = np.concatenate([x, x @ model.shared], axis=1)
     basis -= basis.mean(axis=0)
     covariance = np.asarray(regression.covariance(belief), np.float64)
     tau = np.sqrt(np.mean(np.einsum("kf,fg,kg->k", basis, covariance, basis)))
-    q = basis @ np.asarray(belief.mean)
-    logits = np.asarray(state.logits)[0]
+    q, logits = basis @ np.asarray(belief.mean), np.asarray(state.logits)[0]
     assert np.ptp(q) / np.ptp(logits) == pytest.approx(tau, rel=0.35)  # of 32 draws
     assert np.argmax(logits) == np.argmax(q)
 
@@ -291,10 +276,10 @@ def test_the_temperature_is_the_posteriors_spread_of_the_bins() -> None:
 def test_every_second_data_set_is_a_thompson_draw_whatever_the_updates_hold(n: int) -> None:
     """a and d go together, at either end: the policy is at one, draws of the model at both."""
     method = METHODS["surrogate"]
-    state = method.init(jax.random.key(0))
+    state = method.init(KEY)
     for seed in range(3):
-        state, _ = method.update(state, *some(seed))
-    ends: dict[int, list[bool]] = {0: [], 1: []}
+        state, _ = tell(method, *some(seed), state)
+    ends: tuple[list[bool], ...] = [], []
     for seen in range(2):
         statistics = state.seen.statistics._replace(seen=jnp.float32(48 + seen))
         later = state._replace(seen=state.seen._replace(statistics=statistics))
@@ -302,7 +287,7 @@ def test_every_second_data_set_is_a_thompson_draw_whatever_the_updates_hold(n: i
             actions, _ = method.sample(jax.random.key(key), later, n)
             for k, a in enumerate(np.asarray(actions)[:, 0]):
                 ends[(seen + k) % 2].append(a >= 1)
-    policy, thompson = (np.mean(ends[k]) for k in (0, 1))
+    policy, thompson = map(np.mean, ends)
     assert abs(policy - 0.5) > 0.4 and 0.1 < thompson < 0.9
 
 
@@ -314,7 +299,7 @@ def test_an_effect_is_found_and_what_has_none_stays_wide(method: Method) -> None
         noise = 0.2 * jax.random.normal(rng_key, proposals.centre.shape[:1])
         return 70 - 4 * jnp.abs(proposals.centre[:, 1] - 0.7) + noise
 
-    state, record = run_on_host(jax.random.key(0), method, reward, 20, 4)
+    state, record = run_on_host(KEY, method, reward, 20, 4)
     np.testing.assert_allclose(method.solution(state).centre[1], 0.7, atol=1e-6)
     a, b, c, d = np.asarray(method.spread(state).width)
     assert b == pytest.approx(0.2, abs=0.15) and np.mean([a, c, d]) > 0.6
@@ -327,13 +312,10 @@ def test_an_effect_is_found_and_what_has_none_stays_wide(method: Method) -> None
 @pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
 def test_interactions_within_a_group_are_learnt(method: Method) -> None:
     """Where d and a agree in sign it is good; neither matters alone."""
-
-    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
-        return (proposals.centre[:, 0] - 0.5) * (proposals.centre[:, 3] - 0.5)
-
-    state, _ = run_on_host(jax.random.key(1), method, reward, 15, 4)
-    centre = method.solution(state).centre
-    assert float(reward(jax.random.key(0), Proposal(centre[None], centre[None]))[0]) > 0.12
+    both = lambda _, proposals: (proposals.centre[:, [0, 3]] - 0.5).prod(axis=1)  # noqa: E731
+    state, _ = run_on_host(jax.random.key(1), method, both, 15, 4)
+    a, _, _, d = method.solution(state).centre
+    assert (a - 0.5) * (d - 0.5) > 0.12
 
 
 PAIR = sdr_jax.space(["a", "b"], [8, 8])
@@ -355,11 +337,10 @@ def test_choices_differ_and_hold_the_start_once(bins, seed):
     width = rng.choice([0.2, 1.0], len(bins))
     start = rng.uniform(width / 2, 1 - width / 2), width
     chosen = choices(space(names, bins, unordered=names[1:]), start)
-    rows = np.arange(len(bins))
-    found = np.stack([part[rows, chosen.began] for part in (chosen.centre, chosen.width)])
+    found = [part[np.arange(len(bins)), chosen.began] for part in (chosen.centre, chosen.width)]
     np.testing.assert_allclose(found, start, atol=1e-5)
-    for attribute, count in enumerate(chosen.space.bins):
-        own = np.stack([chosen.centre[attribute, :count], chosen.width[attribute, :count]])
+    for centre, width, count in zip(chosen.centre, chosen.width, chosen.space.bins, strict=True):
+        own = np.stack([centre[:count], width[:count]])
         assert len(np.unique(own.round(5), axis=1).T) == count
         assert (own[:, 0] == [0.5, 1]).all()
         assert np.all(own[0] - own[1] / 2 > -1e-6) and np.all(own[0] + own[1] / 2 < 1 + 1e-6)
@@ -375,24 +356,24 @@ def test_features_of_an_interval_are_means_over_it(place, width):
     assert found[5] == pytest.approx(-np.log2(max(width, 1 / 16)) / 4, abs=1e-5)
 
 
-def told(method, value, updates=12, noise=0.0):
+def told(method, value, noise=0.0):
     """The state after data sets of which ``value(centre, width)`` is the reward."""
-    rng, state = np.random.default_rng(0), method.init(jax.random.key(0))
-    for t in range(updates):
-        actions, proposals = method.sample(jax.random.key(t), state, 8)
-        rewards = value(*map(np.asarray, proposals)) + noise * rng.normal(size=8)
-        state, _ = method.update(state, actions, np.float32(rewards))
-    return state
+    rng = np.random.default_rng(0)
+
+    def reward(t, actions, proposals):
+        return value(*map(np.asarray, proposals)) + noise * rng.normal(size=8)
+
+    return learnt(method, reward, updates=12, n=8)
 
 
 def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     method = sdr_jax.registry.make("intervals", PAIR, start=BEGAN)
-    _, first = method.sample(jax.random.key(0), method.init(jax.random.key(0)), 4)
+    _, first = method.sample(KEY, method.init(KEY), 4)
     np.testing.assert_allclose(first.centre[:2], [BEGAN[0], [0.5, 0.5]])  # and random attributes
     np.testing.assert_allclose(first.width[:2], [BEGAN[1], [1, 1]])
     # Only the first matters, and is best at its high end.
     state = told(method, lambda centre, width: centre[:, 0], noise=0.05)
-    centre, width = (np.asarray(part) for part in method.solution(state))
+    centre, width = np.asarray(method.solution(state))
     assert centre[0] > 0.8 and width[0] <= 0.25
     for answer in (method.spread(state), method.solution(told(method, lambda c, w: 0 * c[:, 0]))):
         assert [float(part[1]) for part in answer] == pytest.approx([0.3, 0.2])
@@ -407,50 +388,37 @@ def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     assert np.asarray(method.solution(state).width).min() >= 0.5
 
 
-@pytest.mark.parametrize(("options", "message"), [
-    ({"caution": -1.0}, "caution is -1"), ({"degree": 0}, "degree is 0"),
-    ({"pair_degree": 10}, r"pair_degree is 10, but must lie in \[0, degree = 9\]"),
-    ({"start": ((0.5,), (1.0,))}, "start has 1 attributes, not the 2"),
-    ({"start": ((0.1, 0.5), (1.0, 0.2))}, r"an interval that is not in \[0, 1\]"),
-])  # fmt: skip
-def test_intervals_refuse_what_cannot_work(options, message):
-    with pytest.raises(ValueError, match=message):
-        sdr_jax.registry.make("intervals", PAIR, **options)
-
-
 def test_repeats_tell_whether_rewards_have_noise_by_hand() -> None:
-    remember = jax.jit(memory.remember)
-    held = memory.empty(2)
-    a, b = [0, 1], [1, 1]
-    held = remember(held, jnp.asarray([a, b, a]), jnp.asarray([1.0, 2.0, jnp.nan]))
-    assert (int(held.seen), int(held.same), bool(memory.exact(held))) == (2, 0, False)
-    again = remember(held, jnp.asarray([a, a]), jnp.ones(2))  # like the first, and like each other
-    assert (int(again.seen), int(again.same), bool(memory.exact(again))) == (4, 3, True)
-    assert again.best.tolist() == b
-    noisy = remember(again, jnp.asarray([b]), jnp.asarray([1.9]))
-    assert int(noisy.differ) == 1 and not memory.exact(noisy)
+    held, (a, b) = memory.empty(2), ([0, 1], [1, 1])
+    for actions, rewards, told in (
+        ([a, b, a], [1.0, 2.0, jnp.nan], (2, 0, 0, False)),
+        ([a, a], [1.0, 1.0], (4, 3, 0, True)),  # like the first, and like each other
+        ([b], [1.9], (5, 3, 1, False)),
+    ):
+        held = jax.jit(memory.remember)(held, jnp.asarray(actions), jnp.asarray(rewards))
+        assert (held.seen, held.same, held.differ, memory.exact(held)) == told
+        assert held.best.tolist() == b
 
 
 @pytest.mark.parametrize("name", ["surrogate", "intervals"])
 def test_without_noise_nothing_is_tried_twice_while_there_is_something_new(name: str) -> None:
-    small = space(["a", "b", "c"], [2, 3, 2], unordered=["b"])
-    method = sdr_jax.registry.make(name, small)
+    method = sdr_jax.registry.make(name, space(["a", "b", "c"], [2, 3, 2], unordered=["b"]))
     table = np.random.default_rng(0).normal(size=36)  # of all intervals
-    tried: list[tuple[float, ...]] = []
-    state = method.init(jax.random.key(0))
-    repeats = []
-    for t in range(12):
+    tried: set[tuple[float, ...]] = set()
+    state = method.init(KEY)
+
+    def proposed(t: int) -> list[tuple[float, ...]]:
         actions, _ = method.sample(jax.random.key(t), state, 3)
-        rows = [tuple(row) for row in np.asarray(actions).tolist()]
-        repeats.append(sum(row in tried or row in rows[:k] for k, row in enumerate(rows)))
-        tried += rows
-        rewards = [table[int(np.dot(row, [12, 3, 1])) % 36] for row in rows]
-        state, _ = method.update(state, actions, jnp.asarray(rewards, jnp.float32))
-        if memory.exact(state.memory) and len(set(tried)) < 9:
-            actions, _ = method.sample(jax.random.key(t + 1), state, 3)
-            new = {tuple(row) for row in np.asarray(actions).tolist()}
-            assert len(new) == 3 and not new & set(tried)
-    assert memory.exact(state.memory) and len(set(tried)) >= 12
+        return [tuple(row) for row in np.asarray(actions).tolist()]
+
+    for t in range(12):
+        rows = proposed(t)
+        tried |= set(rows)
+        state, _ = tell(method, rows, [table[int(np.dot(r, [12, 3, 1])) % 36] for r in rows], state)
+        if memory.exact(state.memory) and len(tried) < 9:
+            new = set(proposed(t + 1))
+            assert len(new) == 3 and not new & tried
+    assert memory.exact(state.memory) and len(tried) >= 12
 
 
 def test_values_without_an_order_have_no_neighbours() -> None:
@@ -462,23 +430,19 @@ def test_values_without_an_order_have_no_neighbours() -> None:
     np.testing.assert_allclose(layout.variance[4:8], [1, 1 / 4, 0, 0])  # the other has an order
 
 
-def reached(rewards: list[float]) -> tuple[float, np.ndarray]:
-    """The reach, and the share of attributes that data sets change, after updates with such rewards."""
+def reached(sign: int) -> tuple[float, np.ndarray, np.ndarray]:
+    """The reach, and what data sets change and how wide, after better and better or worse updates."""
     many = space([str(k) for k in range(24)], 8)
     method = sdr_jax.registry.make("intervals", many, start=((0.25,) * 24, (0.2,) * 24))
-    state = method.init(jax.random.key(0))
-    for k, reward in enumerate([0.0, 0.1, *rewards]):
-        actions, _ = method.sample(jax.random.key(k), state, 8)
-        got = np.where(np.arange(8) % 2, -1.0, 1.0) if k == 0 else np.full(8, reward)
-        state, _ = method.update(state, actions, jnp.asarray(got, jnp.float32))
+    rewards = [np.where(np.arange(8) % 2, -1.0, 1.0), 0.1, *(sign * k for k in (5, 10, 20, 40))]
+    state = learnt(method, lambda t, *_: np.broadcast_to(rewards[t], 8), updates=6, n=8)
     actions, proposals = method.sample(jax.random.key(99), state, 64)
     changed = np.asarray(actions) != np.asarray(state.answer)
     return float(state.reach), changed.mean(axis=1), np.asarray(proposals.width)[changed]
 
 
 def test_data_sets_reach_as_far_as_succeeds():
-    better, far, widths = reached([5.0, 10.0, 20.0, 40.0])
-    worse, near, _ = reached([-5.0, -10.0, -20.0, -40.0])
+    (better, far, widths), (worse, near, _) = reached(1), reached(-1)
     assert better > 0.9 and far.mean() > 0.5
     assert worse < 0.1 and 1 / 24 <= near.min() and near.mean() < 0.2
     # Intervals of all widths are tried: 1, 2, 4 or 8 bins, or the start's own.

@@ -10,19 +10,20 @@ import numpy as np
 import optax
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
-from sdr_jax import Proposal, attribute_descent, ema, random_search, relax, run_on_host, sdr, space
+from sdr_jax import Method, Proposal, attribute_descent, ema, random_search, relax, sdr, space
 from sdr_jax.relaxation import bin_centres, bin_mask, uniform
 from sdr_jax.rivals.cma_es import cma_es
 from sdr_jax.rivals.gaussian import GaussianParams, gaussian
 from sdr_jax.rivals.gaussian_process import gaussian_process
 from sdr_jax.rivals.pbil import _kernel, _rank_weights, pbil
 from sdr_jax.rivals.tpe import tpe
+from sdr_jax.run import run_on_host
 from sdr_jax.sdr import SdrState
 
+from .conftest import KEY, SEEDS, assert_same, refuses, tell
+
 SPACE = space(["a", "b", "c"], bins=[2, 10, 5])
-KEY = jax.random.key(0)
 PAIR = space(["a", "b"], bins=[4, 2])
 GAUSSIAN = gaussian(PAIR, optax.sgd(1.0), normalise=False)
 
@@ -35,31 +36,28 @@ def test_random_search_tries_all_bins_alike_and_keeps_the_best_it_has_seen() -> 
     np.testing.assert_allclose(counts, 20_000 * method.probabilities(state), atol=300)
     np.testing.assert_allclose(proposal, relax(SPACE, actions), atol=1e-6)
     tried = jnp.asarray([[0, 4, 1], [1, 2, 3]])
-    state, info = method.update(state, tried, jnp.asarray([0.25, 0.75]))
+    state, info = tell(method, tried, [0.25, 0.75])
     assert (info.reward_mean, info.reward_best) == (0.5, 0.75)
     for reward in (0.5, 0.75, jnp.nan):  # worse, equal, unknown
-        state, _ = method.update(state, tried[:1], jnp.asarray([reward]))
+        state, _ = tell(method, tried[:1], [reward], state)
     for answer in (method.solution(state), method.spread(state)):
         np.testing.assert_array_equal(answer, relax(SPACE, tried[1]))
-    state, _ = method.update(state, tried[:1], jnp.asarray([1.0]))
+    state, _ = tell(method, tried[:1], [1.0], state)
     assert state.actions.tolist() == [0, 4, 1]
 
 
 def test_the_gradient_of_the_gaussian_by_hand_and_of_one_data_set() -> None:
     """d log p / d mean = z / std and d log p / d log std = z^2 - 1, with z the whitened action."""
     whitened = np.asarray([[1.0, -2.0], [0.5, 0.0]])
-    actions = jnp.asarray(1.5 * whitened, jnp.float32)
-    after, info = GAUSSIAN.update(GAUSSIAN.init(KEY), actions, jnp.asarray([3.0, 1.0]))
-    advantages = np.asarray([2.0, -2.0])  # against the other one
-    np.testing.assert_allclose(info.advantages, advantages)
-    mean = (advantages[:, None] * whitened / 1.5).mean(axis=0)
-    log_std = np.log(1.5) + (advantages[:, None] * (whitened**2 - 1)).mean(axis=0)
+    after, info = tell(GAUSSIAN, np.float32(1.5 * whitened), [3, 1])
+    np.testing.assert_allclose(info.advantages, [2, -2])  # against the other one
+    advantages = np.asarray([[2.0], [-2.0]])
+    mean = (advantages * whitened / 1.5).mean(axis=0)
+    log_std = np.log(1.5) + (advantages * (whitened**2 - 1)).mean(axis=0)
     np.testing.assert_allclose(after.params.mean, mean, rtol=1e-5)
     np.testing.assert_allclose(after.params.log_std, log_std, rtol=1e-5)
-    with pytest.raises(ValueError, match="at least 2 data sets"):
-        GAUSSIAN.update(GAUSSIAN.init(KEY), jnp.zeros((1, 2)), jnp.ones(1))
-    method = gaussian(PAIR, baseline=ema())
-    method.update(method.init(KEY), jnp.zeros((1, 2)), jnp.ones(1))
+    refuses("at least 2 data sets", tell, GAUSSIAN, jnp.zeros((1, 2)), [1])
+    tell(gaussian(PAIR, baseline=ema()), jnp.zeros((1, 2)), [1])
 
 
 def test_probabilities_and_spread_of_the_gaussian_are_those_of_samples() -> None:
@@ -97,23 +95,20 @@ def test_the_kernel_is_a_distribution_that_keeps_uniform_ones(smoothing: float) 
 
 
 def test_pbil_remembers_only_the_latest_evaluations_and_neighbours_of_a_good_bin_gain_too() -> None:
-    method = pbil(SPACE, memory=3)
-    state = method.init(KEY)
+    state, method = None, pbil(SPACE, memory=3)
     for t in range(5):
-        state, _ = method.update(state, jnp.full((1, 3), t % 2), jnp.asarray([float(t)]))
+        state, _ = tell(method, [[t % 2] * 3], [t], state)
     np.testing.assert_array_equal(state.rewards, [2, 3, 4])
     np.testing.assert_array_equal(state.actions[:, 0], [0, 1, 0])
-    actions = jnp.asarray([[0, 4, 0]] + [[1, 9, 4]] * 3)
 
-    def learnt(**options: float) -> np.ndarray:
-        method = pbil(SPACE, **options)
-        state, _ = method.update(method.init(KEY), actions, jnp.eye(4)[0])
+    def of_b(method: Method) -> np.ndarray:
+        state, _ = tell(method, [[0, 4, 0]] + [[1, 9, 4]] * 3, [1, 0, 0, 0])
         return np.asarray(method.probabilities(state))[1]
 
-    p = learnt()
+    p = of_b(pbil(SPACE))
     assert p[4] > p[3] > p[2] > p[1]
     np.testing.assert_allclose(p[3], p[5], rtol=1e-4)
-    np.testing.assert_allclose(learnt(smoothing=0.0)[4], 1 - 0.9 * 0.92**4, rtol=1e-4)
+    np.testing.assert_allclose(of_b(pbil(SPACE, smoothing=0.0))[4], 1 - 0.9 * 0.92**4, rtol=1e-4)
 
 
 UNEVEN = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["b"], ["c", "a"]])
@@ -125,7 +120,7 @@ SDR = {n: sdr(SINGLE, updates_per_group=math.ceil(4 / n), hidden=2) for n in (1,
 
 @pytest.mark.parametrize("n", SDR)
 @settings(max_examples=3)
-@given(seed=st.integers(0, 2**32 - 1))
+@given(seed=SEEDS)
 def test_descent_is_sdr_with_one_group_per_attribute_and_brute_force_for_a_policy(seed, n) -> None:
     """The paper's remark, with SDR's own schedule, fixed groups and undecided attributes."""
     table = jnp.asarray(np.random.default_rng(seed).uniform(size=(5,) * 4), jnp.float32)
@@ -142,15 +137,15 @@ def test_descent_is_sdr_with_one_group_per_attribute_and_brute_force_for_a_polic
         return state._replace(descent=state.descent._replace(**changes))
 
     for group in map(SINGLE.names.index, ORDER):
-        tried: list[tuple[int, float]] = []
+        tried: dict[int, list[float]] = {k: [] for k in range(4)}
         for t in range(per_group):
             actions, _ = method.sample(jax.random.key(seed), state, n)
             brute_force = (jnp.arange(n) + t * n) % 4  # in place of what the policy samples
             expected.append(actions.at[:, group].set(brute_force))
-            rewards = reward(KEY, relax(SINGLE, expected[-1]))
-            tried += zip(brute_force.tolist(), rewards.tolist(), strict=True)
+            for k, r in zip(brute_force, reward(KEY, relax(SINGLE, expected[-1])), strict=True):
+                tried[int(k)].append(float(r))
             state = moved(updates=state.descent.updates + 1)  # moves on to the next group by itself
-        best = max(range(4), key=lambda k: np.mean([r for bin_, r in tried if bin_ == k]))
+        best = max(tried, key=lambda k: np.mean(tried[k]))
         state = moved(fixed=state.descent.fixed.at[group].set(best))  # in place of arg max
 
     found, record = run_on_host(KEY, DESCENT, reward, 4 * per_group, n)
@@ -191,14 +186,11 @@ def test_repeats_are_averaged_and_failed_bins_tried_again_but_not_for_ever() -> 
         assert int(state.current[0]) == -1
         actions, _ = method.sample(KEY, state, 2)
         np.testing.assert_array_equal(actions, tried)
-        state, _ = method.update(state, actions, jnp.asarray(rewards))
+        state, _ = tell(method, actions, rewards, state)
     assert int(state.current[0]) == 1  # 0.6, against the mean of 1, 0 and 0
     np.testing.assert_allclose(method.probabilities(state), 0.5)  # it goes round again
-
-    def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
-        return jnp.where(proposals.centre[:, 0] == 0.75, jnp.nan, 1.0)
-
-    state, record = run_on_host(KEY, attribute_descent(space(["a", "b"], bins=2)), reward, 6)
+    failing = lambda _, proposals: jnp.where(proposals.centre[:, 0] == 0.75, jnp.nan, 1.0)  # noqa: E731
+    state, record = run_on_host(KEY, attribute_descent(space(["a", "b"], bins=2)), failing, 6)
     assert record.actions[:, 0, 0].tolist() == [0, 1, 1, 1, 1, 1]  # 3 times the usual 2
     assert (state.current.tolist(), int(state.sweeps)) == ([0, -1], 1)
 
@@ -212,14 +204,12 @@ def test_authors_code_puts_undecided_at_half(make) -> None:
 
 
 @pytest.mark.parametrize(("method", "module", "package"), [
-    (cma_es, "cmaes", "cmaes"),
-    (tpe, "optuna", "optuna"),
+    (cma_es, "cmaes", "cmaes"), (tpe, "optuna", "optuna"),
     (gaussian_process, "sklearn", "scikit-learn"),
 ])  # fmt: skip
 def test_a_missing_library_is_named_with_what_to_install(monkeypatch, method, module, package):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ImportError, match=rf"{package}: pip install 'sdr-jax\[search\]'"):
-        method(SPACE)
+    refuses(rf"{package}: pip install 'sdr-jax\[search\]'", method, SPACE, error=ImportError)
 
 
 @pytest.mark.parametrize("make", [cma_es, tpe, gaussian_process])
@@ -229,13 +219,11 @@ def test_states_stay_valid(make) -> None:
     state = method.init(KEY)
     for t in range(6):
         unknown, _ = other.sample(jax.random.key(t), state, 3)  # a state from elsewhere
-        first, _ = method.sample(jax.random.key(t), state, 3)
-        again, proposal = method.sample(jax.random.key(t), state, 3)
+        (first, _), (again, proposal) = (method.sample(jax.random.key(t), state, 3) for _ in "ab")
         np.testing.assert_array_equal(first, again)
         np.testing.assert_array_equal(first, unknown)
-        rewards = jnp.asarray([1.0, 2.0, 3.0])
-        (left, _), (state, _) = (method.update(state, first, rewards) for _ in range(2))
-        jax.tree.map(np.testing.assert_array_equal, method.solution(left), method.solution(state))
+        (left, _), (state, _) = (tell(method, first, [1, 2, 3], state) for _ in "ab")
+        assert_same(method.solution(left), method.solution(state))
         distance = np.abs(proposal.centre[..., None] - bin_centres(SPACE)[None])
         assert np.all(distance.min(axis=2) == 0)
 
@@ -243,13 +231,12 @@ def test_states_stay_valid(make) -> None:
 def test_a_generation_is_filled_over_any_number_of_updates() -> None:
     method = cma_es(SPACE, population=6)
     rng = np.random.default_rng(0)
-    actions = jnp.asarray(rng.uniform(size=(14, 3)), jnp.float32)
-    rewards = jnp.asarray(rng.uniform(size=14), jnp.float32)
+    actions, rewards = np.float32(rng.uniform(size=(14, 3))), np.float32(rng.uniform(size=14))
     ends = []
     for cuts in ([0, 14], [0, 1, 6, 9, 14]):
-        state = method.init(KEY)
+        state = None
         for a, b in pairwise(cuts):
-            state, _ = method.update(state, actions[a:b], rewards[a:b])
+            state, _ = tell(method, actions[a:b], rewards[a:b], state)
         assert (state.optimizer.generation, len(state.told)) == (2, 2)
         ends.append(state.optimizer.mean)
     np.testing.assert_array_equal(*ends)
@@ -257,8 +244,7 @@ def test_a_generation_is_filled_over_any_number_of_updates() -> None:
 
 def test_tpe_answers_with_the_best_it_has_seen() -> None:
     method = tpe(SPACE)
-    tried = jnp.asarray([[0, 1, 2], [1, 9, 4], [1, 8, 3]])
-    state, _ = method.update(method.init(KEY), tried, jnp.asarray([0.1, 0.9, jnp.nan]))
+    state, _ = tell(method, [[0, 1, 2], [1, 9, 4], [1, 8, 3]], [0.1, 0.9, np.nan])
     np.testing.assert_allclose(method.solution(state).centre, [0.75, 0.95, 0.9], rtol=1e-6)
     p = np.asarray(method.probabilities(state))
     np.testing.assert_allclose(p[0, :2], [0.25, 0.75])
@@ -267,23 +253,18 @@ def test_tpe_answers_with_the_best_it_has_seen() -> None:
 
 def test_a_gaussian_process_answers_with_the_highest_mean_not_the_luckiest() -> None:
     """One draw of a bin says more than the truth, and its neighbours and its repeats say less."""
-    one = space(["a"], bins=[10])
-    method = gaussian_process(one)
-    good, lucky = np.full((8, 1), 2), np.full((5, 1), 7)
-    tried = np.concatenate([good, lucky, np.arange(10)[:, None]]).astype(np.int32)
-    worth = np.where(tried[:, 0] == 2, 1.0, 0.0) + np.tile([0.2, -0.2], 12)[: len(tried)]
+    method = gaussian_process(space(["a"], bins=[10]))
+    tried = np.asarray([2] * 8 + [7] * 5 + [*range(10)])
+    worth = np.where(tried == 2, 1.0, 0.0) + np.tile([0.2, -0.2], 12)[: len(tried)]
     worth[8] = 1.5
-    state, _ = method.update(method.init(KEY), jnp.asarray(tried), jnp.asarray(worth))
+    state, _ = tell(method, np.int32(tried[:, None]), worth)
     np.testing.assert_allclose(method.solution(state).centre, [0.25])
 
 
 def test_a_gaussian_process_looks_where_it_expects_to_improve() -> None:
     """Rewards rise towards the last bins of both: it goes on there, by chance one time in 16."""
-    pair = space(["a", "b"], bins=[8, 8])
-    method = gaussian_process(pair, startup=1)
+    method = gaussian_process(space(["a", "b"], bins=[8, 8]), startup=1)
     tried = np.asarray([[a, b] for a in range(0, 6, 2) for b in range(0, 6, 2)], np.int32)
-    state, _ = method.update(
-        method.init(KEY), jnp.asarray(tried), jnp.asarray(tried.sum(axis=1), jnp.float32)
-    )
-    actions, _ = method.sample(KEY, state, 3)
-    assert np.all(np.asarray(actions) >= 4) and np.any(np.asarray(actions) >= 6)
+    state, _ = tell(method, tried, tried.sum(axis=1))
+    actions = np.asarray(method.sample(KEY, state, 3)[0])
+    assert np.all(actions >= 4) and np.any(actions >= 6)

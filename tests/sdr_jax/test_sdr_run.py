@@ -10,6 +10,8 @@ from sdr_jax.callback import DataSets, host_reward
 from sdr_jax.run import drive, first_state, make_step, refuse_failures, run, run_on_host
 from shell.errors import UserError
 
+from .conftest import KEY, assert_close, assert_same, refuses
+
 TARGET = jnp.asarray([0.85, 0.15, 0.05, 0.85, 0.05])
 FIVE = space(list("abcde"), bins=[10, 10, 10, 10, 4], groups=[["a", "b"], ["c", "d", "e"]])
 PAIR = space(["a", "b"], bins=[3, 5], groups=[["a"], ["b"]])
@@ -48,12 +50,11 @@ def test_correlated_attributes_need_a_common_group(groups: list, expected: float
     def table(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
         # An undecided attribute is random: draw its bin.
         random = jax.random.uniform(rng_key, proposals.centre.shape)
-        unit = proposals.centre + (random - 0.5) * proposals.width
-        bins = jnp.clip((unit * 4).astype(int), 0, 3)
-        return TABLE[bins[:, 0], bins[:, 1]]
+        bins = 4 * (proposals.centre + (random - 0.5) * proposals.width)
+        return TABLE[tuple(jnp.clip(bins.astype(int), 0, 3).T)]
 
     found = (centre(method, 0, n=16, reward_fn=table) * 4).astype(int)
-    assert TABLE[found[0], found[1]] == expected
+    assert TABLE[tuple(found)] == expected
 
 
 class Evaluate:
@@ -74,14 +75,14 @@ class Evaluate:
 def test_the_host_is_asked_once_per_update_in_order(common: bool) -> None:
     evaluate = Evaluate()
     reward_fn = host_reward(evaluate, common=common)
-    _, record = jax.jit(lambda key: run(key, METHOD, reward_fn, n=2))(jax.random.key(0))
+    _, record = jax.jit(lambda key: run(key, METHOD, reward_fn, n=2))(KEY)
     reward_fn.reraise()  # nothing to raise
     np.testing.assert_array_equal(record.rewards, np.repeat(np.arange(1.0, 9), 2).reshape(8, 2))
     assert len(evaluate.asked) == 8 and record.info.group.tolist() == [0] * 4 + [1] * 4
     for data_sets, actions in zip(evaluate.asked, record.actions, strict=True):
         assert all(type(x) is np.ndarray for x in jax.tree.leaves(data_sets))
-        np.testing.assert_array_equal(data_sets.actions, actions)
         assert data_sets.actions.dtype == np.int32
+        np.testing.assert_array_equal(data_sets.actions, actions)
         np.testing.assert_allclose(data_sets.proposals, relax(PAIR, actions), atol=1e-6)
         assert (data_sets.seeds.shape, data_sets.seeds.dtype) == ((2,), np.uint32)
         assert len(set(data_sets.seeds)) == 2 - common
@@ -90,31 +91,28 @@ def test_the_host_is_asked_once_per_update_in_order(common: bool) -> None:
 
 def test_driven_it_gives_the_same_and_the_seeds_come_straight_from_the_key() -> None:
     scanned, driven, between = Evaluate(), Evaluate(), Evaluate()
-    key = jax.random.key(0)
-    state, _ = jax.jit(lambda key: run(key, METHOD, host_reward(scanned), n=2))(key)
-    *_, (last, _) = drive(key, METHOD, host_reward(driven), n=2)
-    *_, (same, _) = drive(key, METHOD, host_reward(between, within=False), n=2)
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), same, last)
-    jax.tree.map(np.testing.assert_array_equal, between.asked, driven.asked)
-    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-5), last, state)
+    state, _ = jax.jit(lambda key: run(key, METHOD, host_reward(scanned), n=2))(KEY)
+    *_, (last, _) = drive(KEY, METHOD, host_reward(driven), n=2)
+    *_, (same, _) = drive(KEY, METHOD, host_reward(between, within=False), n=2)
+    assert_close(same, last, atol=1e-5)
+    assert_same(between.asked, driven.asked)
+    assert_close(last, state, atol=1e-5)
     for a, b in zip(scanned.asked, driven.asked, strict=True):
-        np.testing.assert_array_equal(a.actions, b.actions)
-        np.testing.assert_array_equal(a.seeds, b.seeds)
-    reward_key = jax.random.split(jax.random.fold_in(jax.random.split(key)[1], 0))[1]
+        assert_same((a.actions, a.seeds), (b.actions, b.seeds))
+    reward_key = jax.random.split(jax.random.fold_in(jax.random.split(KEY)[1], 0))[1]
     bits = jax.random.bits(reward_key, (2,), jnp.uint32)
     np.testing.assert_array_equal(driven.asked[0].seeds, bits)
 
 
 def test_updates_must_be_known_none_leaves_the_first_state_and_a_tenth_may_fail() -> None:
-    key = jax.random.key(3)
-    assert list(drive(key, METHOD, host_reward(Evaluate()), 0)) == []
-    state, _ = run(key, METHOD, host_reward(Evaluate()), 0)
-    jax.tree.map(np.testing.assert_array_equal, first_state(key, METHOD), state)
-    for driven in (run, drive):
-        with pytest.raises(ValueError, match="how many"):
-            driven(jax.random.key(0), random_search(FIVE), bandit)
-    with pytest.raises(ValueError, match="updates is 0"):
-        run_on_host(jax.random.key(0), random_search(FIVE), bandit, 0)
+    assert list(drive(KEY, METHOD, host_reward(Evaluate()), 0)) == []
+    state, _ = run(KEY, METHOD, host_reward(Evaluate()), 0)
+    assert_same(first_state(KEY, METHOD), state)
+    endless = KEY, random_search(FIVE), bandit
+    for loop, updates, message in (
+        (run, (), "how many"), (drive, (), "how many"), (run_on_host, (0,), "updates is 0"),
+    ):  # fmt: skip
+        refuses(message, loop, *endless, *updates)
     for most, total in ((1, 1), (1, 8), (3, 30), (7, 70)):  # a tenth of them may fail
         refuse_failures(most, total, "why")
         with pytest.raises(UserError, match=f"{most + 1} of {total} evaluations failed.*: why"):
@@ -125,8 +123,7 @@ def test_updates_must_be_known_none_leaves_the_first_state_and_a_tenth_may_fail(
 def test_an_error_comes_back_as_nan_and_is_kept(error: BaseException) -> None:
     evaluate = Evaluate(1, error)
     reward_fn = host_reward(evaluate)
-    step = make_step(METHOD, reward_fn, n=2)
-    state = METHOD.init(jax.random.key(0))
+    step, state = make_step(METHOD, reward_fn, n=2), METHOD.init(KEY)
     rewards = [np.asarray(step(jax.random.key(t), state)[1].rewards) for t in range(4)]
     np.testing.assert_array_equal(np.isnan(rewards).all(axis=1), [False, True, True, True])
     assert len(evaluate.asked) == 2  # what comes after the error is not evaluated
@@ -134,25 +131,22 @@ def test_an_error_comes_back_as_nan_and_is_kept(error: BaseException) -> None:
         reward_fn.reraise()
     assert caught.value is error
     reward_fn.reraise()  # it is forgotten, and evaluation goes on
-    assert np.all(np.isfinite(step(jax.random.key(0), state)[1].rewards))
+    assert np.all(np.isfinite(step(KEY, state)[1].rewards))
 
 
 def test_drive_raises_the_error_before_its_update_counts() -> None:
-    steps = drive(jax.random.key(0), METHOD, host_reward(Evaluate(3, OSError("worker died"))), n=2)
+    steps = drive(KEY, METHOD, host_reward(Evaluate(3, OSError("worker died"))), n=2)
     assert len([next(steps) for _ in range(3)]) == 3
-    with pytest.raises(OSError, match="worker died"):
-        next(steps)
+    refuses("worker died", next, steps, error=OSError)
 
 
 @pytest.mark.parametrize(("returned", "message"), [
     (np.zeros(2), r"float64\[2\], not float32\[2\]"),
     (np.zeros(3, np.float32), r"float32\[3\], not float32\[2\]"),
-    (np.zeros((2, 1), np.float32), r"float32\[2, 1\]"), ([0.0, 0.0], "list, not a NumPy array"),
-    (None, "NoneType"),
+    (np.zeros((2, 1), np.float32), r"float32\[2, 1\]"),
+    ([0.0, 0.0], "list, not a NumPy array"), (None, "NoneType"),
 ])  # fmt: skip
 def test_a_wrong_answer_is_an_error(returned: object, message: str) -> None:
     reward_fn = host_reward(lambda data_sets: returned)
-    rewards = reward_fn(jax.random.key(0), relax(PAIR, jnp.zeros((2, 2), jnp.int32)))
-    assert np.all(np.isnan(rewards))
-    with pytest.raises(TypeError, match=message):
-        reward_fn.reraise()
+    assert np.all(np.isnan(reward_fn(KEY, relax(PAIR, jnp.zeros((2, 2), jnp.int32)))))
+    refuses(message, reward_fn.reraise, error=TypeError)

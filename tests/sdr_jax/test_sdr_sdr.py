@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from jax.flatten_util import ravel_pytree
 
 from sdr_jax import Method, ema, leave_one_out, relax, sdr, space, squared_percent
 from sdr_jax.coordinate_descent import Descent, active, begin, begun, concat, descend, lay_out
 from sdr_jax.registry import make
 from sdr_jax.relaxation import moments
 from sdr_jax.sdr import SdrState
+
+from .conftest import KEY, SEEDS, assert_same, learnt, tell
 
 THREE = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["c"], ["b", "a"]])
 LAYOUT = lay_out(THREE, updates_each=2)
@@ -42,7 +45,7 @@ def test_layout_by_hand() -> None:
     assert slots.members.tolist() == [[2, 3], [1, 0]]
     assert slots.present.tolist() == [[True, False], [True, True]]
     assert slots.bins.sum(axis=2).tolist() == [[2, 5], [5, 3]]
-    assert (group.tolist(), slot.tolist()) == ([1, 1, 0], [1, 0, 0]) and LAYOUT.updates == 4
+    assert (group.tolist(), slot.tolist(), LAYOUT.updates) == ([1, 1, 0], [1, 0, 0], 4)
 
 
 @pytest.mark.parametrize(("updates", "turn", "fixed", "ever", "concatenated"), [
@@ -63,14 +66,14 @@ def test_the_course_and_the_concat_by_hand(updates, turn, fixed, ever, concatena
     assert learners["y"].tolist() == [2.0 ** min(done, 2), 2.0 ** max(done - 2, 0)]
 
 
-@given(st.integers(0, 5), st.integers(0, 2**32 - 1))
+@given(st.integers(0, 5), SEEDS)
 def test_only_the_active_group_is_touched(updates: int, seed: int) -> None:
     descent, _ = course(updates)
     rng = np.random.default_rng(seed)
     learners = {"x": jnp.asarray(rng.normal(size=(2, 3))), "y": jnp.asarray(rng.normal(size=2))}
     moved, touched, info = step(descent, learners)
+    still = np.arange(2) != int(info) if updates < 4 else np.ones(2, bool)
     for name in learners:
-        still = np.arange(2) != int(info) if updates < 4 else np.ones(2, bool)
         old, new = np.asarray(learners[name]), np.asarray(touched[name])
         assert old[still].tobytes() == new[still].tobytes() and np.all(old[~still] != new[~still])
     assert moved.updates == min(updates + 1, 4)
@@ -78,11 +81,7 @@ def test_only_the_active_group_is_touched(updates: int, seed: int) -> None:
 
 def after(updates: int, method: Method = METHOD) -> SdrState:
     """The state after updates with random rewards."""
-    state = method.init(jax.random.key(0))
-    for t in range(updates):
-        actions, _ = method.sample(jax.random.key(t), state, 2)
-        state, _ = method.update(state, actions, jax.random.uniform(jax.random.key(t), (2,)))
-    return state
+    return learnt(method, lambda t, *_: jax.random.uniform(jax.random.key(t), (2,)), updates, 2)
 
 
 def test_actions_are_sampled_learnt_or_undecided_and_the_answer_is_arg_max_once_begun() -> None:
@@ -93,31 +92,29 @@ def test_actions_are_sampled_learnt_or_undecided_and_the_answer_is_arg_max_once_
     a, b, c, d = (set(np.asarray(column)) for column in actions.T)
     assert b == {best[1]} == {int(state.descent.fixed[1])}
     assert (a, c, d) == (set(range(3)), {-1}, set(range(4)))
-    jax.tree.map(np.testing.assert_array_equal, proposal, relax(SPACE, actions))
+    assert_same(proposal, relax(SPACE, actions))
     best[2] = -1  # group 2 has not begun
-    jax.tree.map(np.testing.assert_array_equal, METHOD.solution(state), relax(SPACE, best))
+    assert_same(METHOD.solution(state), relax(SPACE, best))
     wide = moments(SPACE, METHOD.probabilities(state))
     np.testing.assert_allclose(METHOD.spread(state), np.where(best < 0, [[0.5], [1]], wide))
-    start = METHOD.init(jax.random.key(0))
+    start = METHOD.init(KEY)
     for answer in (METHOD.solution(start), METHOD.spread(start)):
         np.testing.assert_array_equal(answer, [[0.5] * 4, [1] * 4])
 
 
-@given(st.integers(0, 2**32 - 1))
+@given(SEEDS)
 def test_groups_advance_and_inactive_ones_stay_bitwise_equal(seed: int) -> None:
     state = METHOD.init(jax.random.key(seed))
     rng = np.random.default_rng(seed)
     for t in range(9):
         actions, _ = METHOD.sample(jax.random.fold_in(jax.random.key(seed), t), state, 2)
-        rewards = jnp.asarray(rng.uniform(size=2), jnp.float32)
-        before, (state, info) = state, METHOD.update(state, actions, rewards)
+        before, (state, info) = state, tell(METHOD, actions, rng.uniform(size=2), state)
         group = t // 3
         assert (info.group, state.descent.updates) == (group, t + 1)
         finished = [index for members in SPACE.groups[: (t + 1) // 3] for index in members]
         assert np.flatnonzero(state.descent.fixed >= 0).tolist() == sorted(finished)
         others = jnp.asarray([other for other in range(3) if other != group])
-        still = (jax.tree.map(lambda x: x[others], s.learners) for s in (before, state))  # noqa: B023
-        jax.tree.map(np.testing.assert_array_equal, *still)
+        assert_same(*(jax.tree.map(lambda x: x[others], s.learners) for s in (before, state)))  # noqa: B023
         if info.grad_norm > 0:
             old, new = (s.learners.params["params"]["DenseGeneral_0"] for s in (before, state))
             assert np.any(old["bias"][group] != new["bias"][group])
@@ -128,11 +125,10 @@ def test_groups_advance_and_inactive_ones_stay_bitwise_equal(seed: int) -> None:
 def test_after_the_last_group_nothing_changes_and_the_first_policy_is_flax_s() -> None:
     assert METHOD.updates == 9
     state = after(9)
-    actions, proposal = METHOD.sample(jax.random.key(0), state, 3)
+    actions, proposal = METHOD.sample(KEY, state, 3)
     np.testing.assert_array_equal(actions, np.tile(state.descent.fixed, (3, 1)))
     np.testing.assert_array_equal(proposal.centre, np.tile(METHOD.solution(state).centre, (3, 1)))
-    later, _ = METHOD.update(state, actions, jnp.asarray([1.0, 2.0, 3.0]))
-    jax.tree.map(np.testing.assert_array_equal, state, later)
+    assert_same(state, tell(METHOD, actions, [1, 2, 3], state)[0])
     params = state.learners.params["params"]
     assert not np.any(params["Dense_0"]["kernel"][::2, 1:])  # groups of 1, 2 and 1 attributes
     outputs = params["DenseGeneral_0"]["kernel"][2]  # of a group of one attribute with 2 bins
@@ -145,15 +141,14 @@ def test_after_the_last_group_nothing_changes_and_the_first_policy_is_flax_s() -
 
 @pytest.mark.parametrize("failed", [False, True])
 def test_info_by_hand(failed: bool) -> None:
-    state = METHOD.init(jax.random.key(0))
-    actions, _ = METHOD.sample(jax.random.key(0), state, 2 + failed)
-    rewards = jnp.asarray([0.25, 0.75, jnp.nan][: 2 + failed])
-    _, info = METHOD.update(state, actions, rewards)
+    actions, _ = METHOD.sample(KEY, METHOD.init(KEY), 2 + failed)
+    rewards = [0.25, 0.75, np.nan][: 2 + failed]
+    _, info = tell(METHOD, actions, rewards)
     assert (info.reward_mean, info.reward_best, info.baseline) == (0.5, 0.75, 0.5)
     np.testing.assert_allclose(info.advantages, [-0.25, 0.25, 0][: 2 + failed])
     assert 0 < info.entropy <= np.log(5) + 1e-6 and np.isfinite(info.grad_norm)
     # The authors' code learns from squares.
-    _, info = sdr(SPACE, hidden=8, transform=squared_percent).update(state, actions, rewards)
+    _, info = tell(sdr(SPACE, hidden=8, transform=squared_percent), actions, rewards)
     np.testing.assert_allclose(info.advantages[:2], [625 - 3125, 5625 - 3125], rtol=1e-5)
     assert (info.reward_mean, info.baseline) == (0.5, pytest.approx(3125))
 
@@ -165,9 +160,8 @@ def test_too_few_known_rewards_teach_nothing_but_groups_move_on(known: int, base
     method = sdr(SPACE, updates_per_group=2, hidden=8, baseline=baseline, normalise=True)
     before = after(1, method=method)
     actions, _ = method.sample(jax.random.key(1), before, 3)
-    rewards = jnp.where(jnp.arange(3) < known, 1.0, jnp.nan)
-    state, info = method.update(before, actions, rewards)
-    jax.tree.map(np.testing.assert_array_equal, state.learners, before.learners)
+    state, info = tell(method, actions, np.where(np.arange(3) < known, 1, np.nan), before)
+    assert_same(state.learners, before.learners)
     assert (state.descent.updates, np.flatnonzero(state.descent.fixed >= 0)) == (2, [1])
     assert np.isnan(info.reward_mean) == (known == 0)
 
@@ -175,15 +169,14 @@ def test_too_few_known_rewards_teach_nothing_but_groups_move_on(known: int, base
 @pytest.mark.parametrize("method", [sdr(SPACE), make("sdr", SPACE)], ids=["function", "registry"])
 def test_the_papers_numbers(method: Method) -> None:
     """256 hidden units; Adam's first step is its rate, 0.01; a baseline that forgets a tenth an update."""
-    state = method.init(jax.random.key(0))
+    state = method.init(KEY)
     assert state.learners.params["params"]["Dense_0"]["kernel"].shape[2] == 256
-    actions = jnp.asarray([[0, 1, 0, 0], [1, 3, 1, 2]])
-    moved, _ = method.update(state, actions, jnp.asarray([0.0, 1.0]))
-    steps = jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b)), moved.learners, state.learners)
-    largest = max(map(float, jax.tree.leaves(steps.params)))
-    assert largest == pytest.approx(0.01, rel=0.01)
+    actions = [[0, 1, 0, 0], [1, 3, 1, 2]]
+    moved, _ = tell(method, actions, [0, 1], state)
+    old, new = (ravel_pytree(s.learners.params)[0] for s in (state, moved))
+    assert np.abs(new - old).max() == pytest.approx(0.01, rel=0.01)
     seen = []
     for reward in (0.0, 1.0, 1.0):
-        state, info = method.update(state, actions, jnp.full(2, reward))
+        state, info = tell(method, actions, [reward] * 2, state)
         seen.append(float(info.baseline))
     np.testing.assert_allclose(seen, [0, 0, 0.1], atol=1e-6)

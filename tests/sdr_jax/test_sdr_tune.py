@@ -2,10 +2,10 @@
 
 import json
 import signal
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from subprocess import PIPE, Popen
 
 import numpy as np
 import pytest
@@ -27,6 +27,7 @@ A = '[[attributes]]\nname = "a"\n'
 SDR = 'method = "sdr"\nevaluations = 40\ngroups = [["a"], ["b"]]\n' + TWO + "[method_options]\n"
 PBIL = 'method = "pbil"\n' + TWO + "[method_options]\n"
 TRUE = ["--", "true", PLACEHOLDER]
+LOG = "evaluations.jsonl"
 
 
 def program(folder: Path, code: str) -> list[str]:
@@ -39,10 +40,6 @@ def toml(folder: Path, text: str = SMALL) -> Path:
     path = folder / "space.toml"
     path.write_text(text, encoding="latin-1")
     return path
-
-
-def lines(out: Path) -> list[dict]:
-    return [json.loads(line) for line in (out / "evaluations.jsonl").read_text().splitlines()]
 
 
 class Runs:
@@ -70,6 +67,9 @@ class Runs:
         assert code == 2 and error.count("\n") == 1
         return error
 
+    def lines(self) -> list[dict]:
+        return [json.loads(line) for line in (self.out / LOG).read_text().splitlines()]
+
 
 @pytest.fixture
 def runs(tmp_path: Path, capsys: pytest.CaptureFixture) -> Runs:
@@ -77,19 +77,19 @@ def runs(tmp_path: Path, capsys: pytest.CaptureFixture) -> Runs:
 
 
 def test_physical_values_worked_out_by_hand() -> None:
-    assert physical(Attribute("a", low=-8.0, high=8.0), 0.25) == -4
-    assert physical(Attribute("a", low=0.01, high=100.0, log=True), 0.5) == 1
-    for a in (Attribute("a", low=-8.0, high=8.0), Attribute("a", low=0.01, high=100.0, log=True)):
+    plain, log = Attribute("a", low=-8.0, high=8.0), Attribute("a", low=0.01, high=100.0, log=True)
+    assert physical(plain, 0.25) == -4 and physical(log, 0.5) == 1
+    for a in (plain, log):
         assert [physical(a, end) for end in (0.0, 1.0)] == pytest.approx([a.low, a.high])
     road = Attribute("road", 3, values=("dry", "wet", "snow"))
     some = (Attribute("x", low=10.0, high=30.0), Attribute("y"), road, replace(road, name="all"))
     units = np.float32([0.35, 0.5, 0.5, 0.5]), np.float32([0.1, 1.0, 1 / 3, 1])
     told = describe(some, Proposal(*units))
     assert told.pop("road")["values"] == ["wet"]
-    assert told.pop("all") == {"unit": {"centre": 0.5, "width": 1.0}, "values": [*road.values]}
     assert told == {
         "x": {"unit": {"centre": 0.35, "width": 0.1}, "centre": 17.0, "low": 16.0, "high": 18.0},
         "y": {"unit": {"centre": 0.5, "width": 1.0}, "centre": 0.5, "low": 0.0, "high": 1.0},
+        "all": {"unit": {"centre": 0.5, "width": 1.0}, "values": [*road.values]},
     }
 
 
@@ -154,18 +154,17 @@ def test_a_run_leaves_its_answer_and_is_done_when_called_again(runs: Runs) -> No
     ours = dict(text="minimize = true\n" + SMALL, code="print((a['centre'] - 0.3) ** 2)")
     printed = runs.done("--workers", "2", **ours)
     assert "[100 %] update 2/2 | mean" in printed and "attribute" in printed
-    answer = read_json(runs.out / "answer.json")
-    scores = {line["id"]: line["score"] for line in lines(runs.out)}
+    answer, before = read_json(runs.out / "answer.json"), (runs.out / LOG).read_bytes()
+    scores = {line["id"]: line["score"] for line in runs.lines()}
     assert sorted(scores) == list(range(6)) and answer["best"]["score"] == min(scores.values())
     best = runs.out / f"evaluations/{answer['best']['evaluation']:06d}/run-0-0/attributes.json"
     assert read_json(best)["attributes"] == answer["solution"]  # of random search
     assert (answer["evaluations"], answer["failed"]) == (6, 0)
     # Once more changes nothing; more evaluations go on.
-    before = (runs.out / "evaluations.jsonl").read_bytes()
     runs.done(**ours)
-    assert (runs.out / "evaluations.jsonl").read_bytes() == before
+    assert (runs.out / LOG).read_bytes() == before
     assert "continuing" in runs.done("--evaluations", "9", **ours)
-    assert len(lines(runs.out)) == 9
+    assert len(runs.lines()) == 9
     assert "holds 9 evaluations already" in runs.refused(*runs.arguments(**ours))
 
 
@@ -173,11 +172,11 @@ def test_failed_evaluations_are_recorded_and_more_than_a_tenth_are_one_error(run
     code = "print(1 if at['evaluation'] > 1 else 'rubbish')"
     error = runs.refused(*runs.arguments("--retries", "1", code=code))
     assert "2 of 6 evaluations failed" in error and "'rubbish'" in error
-    assert len(lines(runs.out)) == 3
+    assert len(runs.lines()) == 3
     runs.done("--evaluations", "30", "--retries", "0", code=code)
     assert read_json(runs.out / "answer.json")["failed"] == 2
-    rewards = {line["id"]: line["reward"] for line in lines(runs.out)}
-    assert rewards == dict.fromkeys(range(2), None) | dict.fromkeys(range(2, 30), 1.0)
+    rewards = {line["id"]: line["reward"] for line in runs.lines()}
+    assert rewards == {k: None if k < 2 else 1.0 for k in range(30)}
     # A single one is passed by.
     runs.out = runs.folder / "other"
     printed = runs.done("--retries", "1", code=code.replace("> 1", ""))
@@ -194,7 +193,7 @@ def test_a_simulator_that_never_works_is_one_error(runs, code, timeout, reason) 
     error = runs.refused(*arguments)
     assert "all 3 evaluations of the first update failed" in error
     assert reason in error and arguments[-2] in error
-    assert not {path.name for path in runs.out.iterdir()} & {"evaluations.jsonl", "answer.json"}
+    assert not {path.name for path in runs.out.iterdir()} & {LOG, "answer.json"}
     runs.done(*options, "60")  # put right, the same command works
 
 
@@ -275,28 +274,17 @@ def test_a_bad_command_line_is_one_error(runs: Runs, monkeypatch, arguments, com
     assert read(toml(runs.folder, SDR), {}).method_options["updates_per_group"] == 3
 
 
-def start(arguments: list[str]) -> subprocess.Popen:
-    # Shells start background jobs with SIGINT ignored, and children would inherit that.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    pipes = dict(stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    try:
-        command = [sys.executable, "-m", "sdr_jax.tune", *arguments]
-        return subprocess.Popen(command, cwd=ROOT, **pipes)
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-def test_the_example_killed_and_continued_ends_with_the_same_answer(tmp_path: Path) -> None:
-    def begin(out: Path) -> bytes:
-        options = ["--out", str(out), "--method", "pbil", "--evaluations", "16", "--workers", "2"]
-        simulator = [sys.executable, str(EXAMPLE / "simulator.py"), PLACEHOLDER]
-        assert main([str(EXAMPLE / "space.toml"), *options, "--", *simulator]) == 0
-        return (out / "answer.json").read_bytes()
-
-    whole, log = begin(tmp_path), tmp_path / "evaluations.jsonl"
-    (tmp_path / "answer.json").unlink()
+def test_the_example_killed_and_continued_ends_with_the_same_answer(runs: Runs) -> None:
+    answer, log = runs.out / "answer.json", runs.out / LOG
+    options = ["--out", str(runs.out), "--method", "pbil", "--evaluations", "16", "--workers", "2"]
+    simulator = [sys.executable, str(EXAMPLE / "simulator.py"), PLACEHOLDER]
+    command = [str(EXAMPLE / "space.toml"), *options, "--", *simulator]
+    assert main(command) == 0
+    whole = answer.read_bytes()
+    answer.unlink()
     log.write_bytes(log.read_bytes()[: 2 * log.stat().st_size // 3])  # what a kill may leave
-    assert begin(tmp_path) == whole and len(lines(tmp_path)) == 16
+    assert main(command) == 0
+    assert answer.read_bytes() == whole and len(runs.lines()) == 16
 
 
 def test_ctrl_c_ends_the_simulators_and_the_folder_is_locked_until_then(runs: Runs) -> None:
@@ -306,12 +294,16 @@ def test_ctrl_c_ends_the_simulators_and_the_folder_is_locked_until_then(runs: Ru
         f"open({str(pids)!r}, 'a').write(f'{{os.getpid()}}\\n')\ntime.sleep(300)"
     )
     arguments = runs.arguments("--workers", "3", code=code)
-    process = start(arguments)
-    wait_for_lines(process, runs.out / "evaluations.jsonl", 1)
+    # Shells start background jobs with SIGINT ignored, and children would inherit that.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    command = [sys.executable, "-m", "sdr_jax.tune", *arguments]
+    process = Popen(command, cwd=ROOT, stdout=PIPE, stderr=PIPE, text=True)
+    signal.signal(signal.SIGINT, before)
+    wait_for_lines(process, runs.out / LOG, 1)
     wait_for_lines(process, pids, 2)
     assert "is in use by another run" in runs.refused(*arguments)
     process.send_signal(signal.SIGINT)
     _, error = process.communicate(timeout=60)
     assert process.returncode == 130, error
     assert error.strip() == "stopped; the same command goes on where it was"
-    assert all(gone(int(pid)) for pid in pids.read_text().split()) and len(lines(runs.out)) == 1
+    assert all(gone(int(pid)) for pid in pids.read_text().split()) and len(runs.lines()) == 1
