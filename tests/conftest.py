@@ -21,11 +21,8 @@ os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.3")
 # Tests run each program for a moment: compiled plainly in a sixth of the time, it runs at half the speed.
 # XLA ends the process at a flag that it does not know, so only where these were tried.
 if version("jaxlib").startswith("0.10."):
-    PLAINLY = (
-        "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
-        " --xla_cpu_parallel_codegen_split_count=1"
-    )
-    os.environ.setdefault("XLA_FLAGS", PLAINLY)
+    PLAINLY = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+    os.environ.setdefault("XLA_FLAGS", f"{PLAINLY} --xla_cpu_parallel_codegen_split_count=1")
 # Tests make what they look at, and leave the user's cache alone.
 os.environ["SDR_JAX_CACHE"] = "off"
 
@@ -78,13 +75,11 @@ def wait_for_lines(process: Popen, path: Path, count: int) -> None:
 @pytest.fixture(scope="session")
 def camvid_dir() -> Path:
     """The folder of a real CamVid (SegNet layout), or a skip where there is none."""
-    value = os.environ.get("CAMVID_DIR")
-    if not value:
+    if not (value := os.environ.get("CAMVID_DIR")):
         pytest.skip("CAMVID_DIR is not set: it names a folder with CamVid in the SegNet layout")
-    path = Path(value)
-    if not path.is_dir():
+    if not Path(value).is_dir():
         pytest.fail(f"CAMVID_DIR={value} is not a folder; unset it to skip these tests")
-    return path
+    return Path(value)
 
 
 class DaskCluster:

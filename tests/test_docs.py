@@ -18,14 +18,9 @@ import tyro
 from experiments.__main__ import COMMANDS
 from tests.conftest import ROOT
 
-PAGES = {
-    str(path.relative_to(ROOT)): path.read_text(encoding="utf-8")
-    for path in (
-        *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
-        *sorted((ROOT / "docs").rglob("*.md")),
-        *sorted((ROOT / "examples").rglob("*.md")),
-    )
-}
+FILES = (ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"))
+FILES = [*FILES, *(path for d in ("docs", "examples") for path in sorted((ROOT / d).rglob("*.md")))]
+PAGES = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in FILES}
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 SLOW = ("docs/engine.md", "docs/tutorial.md")
 SIMULATOR = "docs/howto/simulator.md"
@@ -40,11 +35,8 @@ def commands(page: str) -> list[tuple[str, ...]]:
     lines = "\n".join(blocks(page, python=False)).replace("\\\n", " ").splitlines()
     plain = (re.sub(r"\$\([^)]*\)", "OUTPUT", line) for line in lines)
     bare = (re.sub(r"^([A-Z_]+=\S+ )+|^\.venv/bin/", "", line) for line in plain)
-    return [
-        tuple(shlex.split(line, comments=True))
-        for line in bare
-        if re.match(r"(sdr-jax|python -m|make) ", line)
-    ]
+    own = (line for line in bare if re.match(r"(sdr-jax|python -m|make) ", line))
+    return [tuple(shlex.split(line, comments=True)) for line in own]
 
 
 def ran(page: str, first: int = 0) -> dict:
@@ -95,14 +87,13 @@ def only_parsed(monkeypatch):
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)])
 def test_commands_are_real(page, only_parsed, monkeypatch, capsys):
     for words in commands(page):
-        if words[0] == "make":
-            assert f"\n{words[1]}:" in (ROOT / "Makefile").read_text(), words
+        program, name, *rest = words[1:] if words[0] == "python" else words
+        if program == "make":
+            assert f"\n{name}:" in (ROOT / "Makefile").read_text(), words
+        if program == "make" or name.startswith("--"):
             continue
-        first = 1 if words[0] == "sdr-jax" else 2
-        if words[first].startswith("--"):
-            continue
-        module = COMMANDS[words[1]] if first == 1 else words[2]
-        monkeypatch.setattr(sys, "argv", [module, *words[first + 1 :]])
+        module = COMMANDS[name] if program == "sdr-jax" else name
+        monkeypatch.setattr(sys, "argv", [module, *rest])
         with pytest.raises(SystemExit) as ended:
             runpy.run_module(module, run_name="__main__", alter_sys=True)
         assert ended.value.code == 0, f"{' '.join(words)}\n{capsys.readouterr().err}"

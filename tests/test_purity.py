@@ -17,27 +17,15 @@ LIBRARIES = ("sdr_jax", "scene", "seg")
 PACKAGES = (FLOOR, *LIBRARIES, "experiments")
 
 # The thin shell: folders end with a slash. A `__main__.py` is a command line wherever it is.
+# The cache keeps arrays on disk between processes; ask and tell its history in a file; `tune` runs
+# simulators as processes, in a run folder.
 SHELL = (
-    "benchmarks/",
-    "experiments/",
-    "scene/cache.py",  # arrays on disk between processes
-    "scene/callback.py",
-    "scene/check.py",
-    "scene/cluster.py",
-    "scene/assets/library.py",
-    "scene/dataset/",
-    "scene/mesh/beside.py",
-    "scene/mesh/bombs.py",
-    "scene/mesh/file.py",
-    "scene/render/",
-    "scene/stats.py",
-    "scene/workers.py",
-    "sdr_jax/ask_tell.py",  # keeps its history in a file
-    "sdr_jax/tune/",  # runs simulators as processes, in a run folder
-    "seg/data/",
-    "seg/weights/",
-    "shell/",
-)
+    "benchmarks/", "experiments/", "shell/",
+    "scene/cache.py", "scene/callback.py", "scene/check.py", "scene/cluster.py", "scene/stats.py",
+    "scene/workers.py", "scene/assets/library.py", "scene/dataset/", "scene/render/",
+    "scene/mesh/beside.py", "scene/mesh/bombs.py", "scene/mesh/file.py",
+    "sdr_jax/ask_tell.py", "sdr_jax/tune/", "seg/data/", "seg/weights/",
+)  # fmt: skip
 JAX = frozenset({"flax", "jax", "jaxlib", "optax"})
 IMPURE_MODULES = frozenset({"random", "time"})
 # What `numpy.random` has besides functions on a hidden global state.
@@ -51,17 +39,15 @@ def in_shell(path: str) -> bool:
     return any(path.startswith(s) if s.endswith("/") else path == s for s in SHELL)
 
 
-def forbidden_imports(path: str) -> frozenset[str]:
+def forbidden_imports(path: str) -> set[str]:
     """Top-level names that a file must not import."""
     package = path.split("/")[0]
-    names: set[str] = set()
+    names = set() if in_shell(path) else set(IMPURE_MODULES)
     if package in (FLOOR, *LIBRARIES):
         names |= {*PACKAGES, "benchmarks", "tests"} - {package, FLOOR}
     if package == FLOOR or (package == "scene" and path != "scene/callback.py"):
         names |= JAX
-    if not in_shell(path):
-        names |= IMPURE_MODULES
-    return frozenset(names)
+    return names
 
 
 def imported_modules(node: ast.AST) -> list[str]:
@@ -111,18 +97,15 @@ def breaches(source: str, path: str) -> Iterator[str]:
             continue
         if isinstance(node, ast.Name) and node.id == "print" and "print" not in names:
             yield f"{where}: print"
-        if isinstance(node, ast.ImportFrom) and node.level == 0 and node.module == "numpy.random":
-            for alias in node.names:
-                if alias.name not in SEEDED:
-                    yield f"{where}: global numpy.random.{alias.name}"
-        if isinstance(node, ast.Attribute):
-            full = resolve(node, names)
+        used = [resolve(node, names)] if isinstance(node, ast.Attribute) else []
+        if isinstance(node, ast.ImportFrom) and node.level == 0:
+            used = [f"{node.module}.{alias.name}" for alias in node.names]
+        for full in used:
             if full.startswith("numpy.random.") and full.split(".")[2] not in SEEDED:
                 yield f"{where}: global {full}"
-        if isinstance(node, ast.Call):
+        if isinstance(node, ast.Call) and not node.args and not node.keywords:
             full = resolve(node.func, names)
-            seeded = node.args or node.keywords
-            if not seeded and full in ("numpy.random.default_rng", "numpy.random.SeedSequence"):
+            if full in ("numpy.random.default_rng", "numpy.random.SeedSequence"):
                 yield f"{where}: {full}() without a seed"
 
 

@@ -40,10 +40,8 @@ def test_a_package_of_another_distribution_is_named():
 
 def test_the_version_is_the_same_everywhere():
     assert f"\nversion: {PROJECT['version']}\n" in (ROOT / "CITATION.cff").read_text()
-    assert (
-        re.findall(r"^## ([\d.]+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)[0]
-        == (PROJECT["version"])
-    )
+    heads = re.findall(r"^## ([\d.]+)", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert heads[0] == PROJECT["version"]
 
 
 @pytest.mark.slow

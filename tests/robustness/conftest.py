@@ -6,16 +6,17 @@
 import json
 import os
 import signal
-import subprocess
 import sys
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
-from typing import Any
+from subprocess import DEVNULL, PIPE, Popen
+from typing import Any, NamedTuple
 
-import numpy as np
 import pytest
 
 from tests.conftest import ROOT
@@ -34,7 +35,7 @@ class Tally:
     fault: str
     tried: int = 0
     survived: int = 0
-    lost: dict[str, int] = field(default_factory=dict)
+    lost: Counter[str] = field(default_factory=Counter)
 
     @contextmanager
     def attempt(self) -> Iterator[None]:
@@ -42,11 +43,6 @@ class Tally:
         self.tried += 1
         yield
         self.survived += 1
-
-    def lose(self, what: str, count: int) -> None:
-        """Note what a fault has cost."""
-        if count:
-            self.lost[what] = self.lost.get(what, 0) + count
 
 
 LEDGER: dict[str, Tally] = {}
@@ -63,72 +59,55 @@ def pytest_terminal_summary(terminalreporter: Any) -> None:
     if not LEDGER:
         return
     terminalreporter.section("rough treatment")
-    rows = [("fault", "tried", "survived", "data lost")]
+    rows = ["fault | tried | survived | data lost", "--- | --- | --- | ---"]
     for own in LEDGER.values():
-        lost = ", ".join(f"{count} {what}" for what, count in own.lost.items()) or "none"
-        rows.append((own.fault, str(own.tried), str(own.survived), lost))
-    for row in (rows[0], ("---",) * 4, *rows[1:]):
-        terminalreporter.write_line(f"| {' | '.join(row)} |")
+        lost = ", ".join(f"{count} {what}" for what, count in (+own.lost).items()) or "none"
+        rows.append(f"{own.fault} | {own.tried} | {own.survived} | {lost}")
+    for row in rows:
+        terminalreporter.write_line(f"| {row} |")
     bad = [own.fault for own in LEDGER.values() if own.survived < own.tried]
     terminalreporter.write_line(f"not survived: {', '.join(bad)}" if bad else "all survived")
 
 
-@dataclass
-class Program:
+class Program(NamedTuple):
     """A command that may be killed and continued."""
 
     name: str
     command: list[str]
     log: str  # a file, or files, that grow while it works
 
-    def start(self, out: Path, *flags: str, most: int | None = None) -> subprocess.Popen:
+    def start(self, out: Path, most: int | None = None) -> Popen:
         """In a process group of its own; no file may grow beyond ``most`` bytes."""
         words = [sys.executable, *(word.replace("OUT", str(out)) for word in self.command)]
-        split = words.index("--") if "--" in words else len(words)
-        pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
         limit = [] if most is None else ["prlimit", f"--fsize={most}:{most}"]
-        whole = [*limit, *words[:split], *flags, *words[split:]]
         environment = {k: v for k, v in os.environ.items() if k != "CAMVID_DIR"}
-        return subprocess.Popen(
-            whole,
-            cwd=ROOT,
-            env=environment,
-            start_new_session=True,
-            stdin=subprocess.DEVNULL,
-            **pipes,
-        )
+        own = {"cwd": ROOT, "env": environment, "start_new_session": True, "text": True}
+        return Popen([*limit, *words], stdin=DEVNULL, stdout=DEVNULL, stderr=PIPE, **own)
 
-    def finish(self, out: Path, *flags: str, most: int | None = None) -> tuple[int, str]:
+    def finish(self, out: Path, most: int | None = None) -> tuple[int, str]:
         """Exit code and standard error."""
-        process = self.start(out, *flags, most=most)
+        process = self.start(out, most)
         error = process.communicate(timeout=900)[1]
         return process.returncode, error
 
-    def kept(self, out: Path) -> set[bytes]:
+    def kept(self, out: Path) -> set[str] | set[bytes]:
         """What is finished and must not be lost: whole lines of logs, records of streets."""
         if (out / "dataset.json").exists():  # of an export: all streets
-            return {f"{street:06d}.json".encode() for street in range(4)}
-        found: set[bytes] = set()
-        for path in out.glob(self.log):
-            data = path.read_bytes()
-            found |= (
-                set(data.split(b"\n")[:-1]) if path.suffix == ".jsonl" else {path.name.encode()}
-            )
-        return found
+            return {f"{street:06d}.json" for street in range(4)}
+        paths = out.glob(self.log)
+        if self.name == "export":
+            return {path.name for path in paths}
+        return {line for path in paths for line in path.read_bytes().split(b"\n")[:-1]}
 
     def answer(self, out: Path) -> Any:
         """All that must be the same however it came about."""
-        if self.name == "run":
-            summary = json.loads((out / "summary.json").read_text())
-            probabilities = np.load(out / "pictures" / "probabilities.npy").tobytes()
-            own = {name: summary[name] for name in SCORES}
-            return (
-                own,
-                (out / "attributes.json").read_bytes(),
-                probabilities,
-                files_of(out / "dataset"),
-            )
-        return files_of(out) if self.name == "export" else (out / "answer.json").read_bytes()
+        if self.name == "export":
+            return files_of(out)
+        if self.name == "tune":
+            return (out / "answer.json").read_bytes()
+        summary = json.loads((out / "summary.json").read_text())
+        own = [(out / f).read_bytes() for f in ("attributes.json", "pictures/probabilities.npy")]
+        return {name: summary[name] for name in SCORES}, own, files_of(out / "dataset")
 
 
 SIMULATOR = [sys.executable, str(EXAMPLE / "simulator.py"), "{attributes.json}"]
@@ -148,8 +127,7 @@ PROGRAMS = {
 }  # fmt: skip
 
 
-@dataclass
-class Whole:
+class Whole(NamedTuple):
     """An undisturbed run of a program."""
 
     program: Program
@@ -162,28 +140,22 @@ class Whole:
 @pytest.fixture(scope="session")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Whole]:
     """The undisturbed run of a program by its name; done once."""
-    known: dict[str, Whole] = {}
 
+    @cache
     def made(name: str) -> Whole:
-        if name not in known:
-            program, out = PROGRAMS[name], tmp_path_factory.mktemp(name) / "whole"
-            started = time.monotonic()
-            assert program.finish(out) == (0, "")
-            seconds = time.monotonic() - started
-            sizes = [path.stat().st_size for path in out.rglob("*") if path.is_file()]
-            answer = program.answer(out)
-            known[name] = Whole(program, answer, seconds, sum(sizes), max(sizes))
-        return known[name]
+        program, out = PROGRAMS[name], tmp_path_factory.mktemp(name) / "whole"
+        started = time.monotonic()
+        assert program.finish(out) == (0, "")
+        seconds = time.monotonic() - started
+        sizes = [path.stat().st_size for path in out.rglob("*") if path.is_file()]
+        return Whole(program, program.answer(out), seconds, sum(sizes), max(sizes))
 
     return made
 
 
-def end(process: subprocess.Popen) -> None:
+def end(process: Popen) -> None:
     """Kill what is left of a program's group."""
-    try:
+    with suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)
-    except ProcessLookupError:
-        pass
     process.wait()
-    if process.stderr is not None:
-        process.stderr.close()
+    process.stderr.close()

@@ -8,23 +8,23 @@ import io
 import json
 import os
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import fields, is_dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, get_type_hints
 from unittest.mock import patch
 
+import cv2
 import numpy as np
 import pytest
 import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from experiments.cli import main
+from experiments import cli, presets
 from experiments.config import MainConfig
 from experiments.main.job import MAIN
-from experiments.presets import defaults
 from experiments.study.skeleton import check
 from scene import AssetPool, sample_street, street_params
 from scene.attributes import NAMES
@@ -45,9 +45,7 @@ EXAMPLES = int(os.environ.get("ROBUST_EXAMPLES", "15"))
 many = settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck), deadline=None)
 WORD = st.text(st.characters(exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
 NUMBER = st.one_of(st.integers(-3, 40), st.integers(-(10**20), 10**20), st.floats())
-VALUE = st.one_of(
-    NUMBER.map(str), st.sampled_from(["True", "False", "None", "all", "../x", "/"]), WORD
-)
+VALUE = NUMBER.map(str) | st.sampled_from(["True", "False", "None", "all", "../x", "/"]) | WORD
 
 
 def flags_of(kind: Any, prefix: str = "--") -> Iterator[str]:
@@ -60,34 +58,35 @@ def flags_of(kind: Any, prefix: str = "--") -> Iterator[str]:
             yield f"{prefix}{name}"
 
 
-FLAGS = tuple(flags_of(MainConfig))
+FLAG = st.tuples(st.sampled_from([*flags_of(MainConfig)]), VALUE).map("=".join)
 
 
-@contextlib.contextmanager
-def counted(tally: Callable, kind: str) -> Iterator[None]:
-    with tally(f"made at random: {kind}").attempt():
-        yield
+@pytest.fixture
+def counted(tally):
+    return lambda kind: tally(f"made at random: {kind}").attempt()
 
 
-def ends_well(work: Callable[[], int]) -> None:
+def ends_well(command: Any, *arguments: Any, **options: Any) -> None:
     """A command ends with code 0, or with 2 and no traceback."""
     said = io.StringIO()
     with contextlib.redirect_stderr(said), contextlib.redirect_stdout(said):
         try:
-            code = work()
+            code = command(*arguments, **options)
         except SystemExit as end:  # of the parser
             code = end.code
     assert code in (0, 2) and "Traceback" not in said.getvalue(), said.getvalue()
 
 
 @many
-@given(given_flags=st.lists(st.tuples(st.sampled_from(FLAGS), VALUE), min_size=1, max_size=4))
-def test_flags(given_flags, tally, tmp_path):
-    words = [f"{flag}={value}" for flag, value in given_flags]
-    fixed = ("--preset", "smoke", "--out", str(tmp_path / "run"))
-    work, own = partial(check, MAIN), partial(defaults, MainConfig)
-    with counted(tally, "flags"):
-        ends_well(lambda: main("cityscapes", own, work, "", [*fixed, *words], target="twin"))
+@given(flags=st.lists(FLAG, min_size=1, max_size=4))
+def test_flags(flags, counted, tmp_path):
+    words = ["--preset", "smoke", "--out", str(tmp_path / "run"), *flags]
+    work, own = partial(check, MAIN), partial(presets.defaults, MainConfig)
+    with counted("flags"):
+        ends_well(cli.main, "cityscapes", own, work, "", words, target="twin")
+
+
+BAD = st.sampled_from([b"9" * 15, b"-1", b"\xff" * 8, b"nan", b"../../x", b"{["])
 
 
 @st.composite
@@ -96,9 +95,7 @@ def damaged(draw_: Any, data: bytes) -> bytes:
     found = bytearray(data)
     for _ in range(draw_(st.integers(1, 4))):
         at = draw_(st.integers(0, max(len(found) - 1, 0)))
-        found[at : at + draw_(st.integers(0, 8))] = draw_(st.one_of(
-            st.binary(max_size=8), st.sampled_from([b"9" * 15, b"-1", b"\xff" * 8, b"nan", b"../../x", b"{["])
-        ))  # fmt: skip
+        found[at : at + draw_(st.integers(0, 8))] = draw_(st.binary(max_size=8) | BAD)
     return bytes(found[: draw_(st.integers(0, len(found)))] if draw_(st.booleans()) else found)
 
 
@@ -107,112 +104,90 @@ LINE = st.tuples(
                      "datasets_per_update", "relaxation", "minimize", "timeout_seconds", "workers", "x"]),
     st.one_of(NUMBER.map(str), st.sampled_from(["true", '"tpe"', '["a", "b"]', "[]", '[["speed"]]', "{}"])),
 )  # fmt: skip
-
-SPACE = (EXAMPLE / "space.toml").read_bytes()
-
-
-@many
-@given(
-    head=st.lists(LINE, max_size=3),
-    tail=st.lists(LINE, max_size=3),
-    text=st.one_of(st.just(b'[[attributes]]\nname = "speed"\n'), damaged(SPACE)),
-)  # fmt: skip
-def test_spaces(head, tail, text, tally, tmp_path):
-    before, after = ("".join(f"{k} = {v}\n" for k, v in rows).encode() for rows in (head, tail))
-    path = tmp_path / "space.toml"
-    path.write_bytes(before + text + after)
-    with (
-        counted(tally, "spaces"),
-        patch.object(tune, "tune", lambda read, *_: read.space() and ANSWER),
-    ):
-        words = [str(path), "--out", str(tmp_path / "o"), "--", "true", "{attributes.json}"]
-        ends_well(lambda: tune.main(words))
-
-
+LINES = st.lists(LINE.map("{0[0]} = {0[1]}\n".format), max_size=3).map("".join).map(str.encode)
+SPACE = st.just(b'[[attributes]]\nname = "speed"\n') | damaged(
+    (EXAMPLE / "space.toml").read_bytes()
+)
 ANSWER = {"solution": {}, "spread": {}, "evaluations": 1, "method": "", "failed": 0, "mean_score": 0.0,
           "best": {"score": 0.0}}  # fmt: skip
 
 
 @many
+@given(text=st.tuples(LINES, SPACE, LINES).map(b"".join))
+def test_spaces(text, counted, tmp_path):
+    path = tmp_path / "space.toml"
+    path.write_bytes(text)
+    only_read = patch.object(tune, "tune", lambda read, *_: read.space() and ANSWER)
+    with counted("spaces"), only_read:
+        words = [str(path), "--out", str(tmp_path / "o"), "--", "true", "{attributes.json}"]
+        ends_well(tune.main, words)
+
+
+@many
 @given(st.lists(st.floats(width=32), min_size=22, max_size=24), st.booleans())
-def test_attribute_vectors(tally, values, inside):
+def test_attribute_vectors(counted, values, inside):
     units = np.abs(np.nan_to_num(values)) % 1 if inside else np.array(values)
-    with counted(tally, "attribute vectors"):
+    with counted("attribute vectors"):
         try:
             sample_street(street_params(units), 0, 1, AssetPool(0, 1))
         except ValueError:
             assert not (inside and len(units) == 23)
 
 
-ROWS = json.dumps(describe(default_proposal())).encode()
+KEYS = st.sampled_from(["unit", "centre", "width", "share", "attributes"])
 ENTRY = st.recursive(
-    st.one_of(st.none(), st.booleans(), NUMBER, WORD),
-    lambda inner: st.one_of(
-        st.lists(inner, max_size=3),
-        st.dictionaries(st.sampled_from(["unit", "centre", "width", "share", "attributes"]), inner),
-    ),
+    st.none() | st.booleans() | NUMBER | WORD,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner),
     max_leaves=6,
 )
+OWN = st.dictionaries(st.sampled_from(NAMES), ENTRY).map(dict.fromkeys(NAMES, 0.5).__or__)
+FILE = (OWN | st.fixed_dictionaries({"components": ENTRY})).map(json.dumps).map(str.encode)
+ROWS = json.dumps(describe(default_proposal())).encode()
 
 
 @many
-@given(text=st.one_of(
-    damaged(ROWS), st.dictionaries(st.sampled_from(NAMES), ENTRY).map(
-        lambda own: json.dumps({**dict.fromkeys(NAMES, 0.5), **own}).encode()),
-    ENTRY.map(lambda rows: json.dumps({"components": rows}).encode()),
-))  # fmt: skip
-def test_attribute_files(text, tally, tmp_path):
+@given(text=damaged(ROWS) | FILE)
+def test_attribute_files(text, counted, tmp_path):
     path = tmp_path / "attributes.json"
     path.write_bytes(text)
-    with counted(tally, "attributes.json"), patch.object(render, "export_dataset") as made:
+    with counted("attributes.json"), patch.object(render, "export_dataset") as made:
         made.return_value = {"images": 1}
-        ends_well(lambda: render.main(["--attributes", str(path), "--out", str(tmp_path / "o")]))
+        ends_well(render.main, ["--attributes", str(path), "--out", str(tmp_path / "o")])
 
 
 def pictures() -> list[bytes]:
-    import cv2
-
     grey = np.random.default_rng(0).integers(0, 12, (9, 7)).astype(np.uint8)
-    made = [
-        (".png", grey),
-        (".png", np.dstack([grey] * 3)),
-        (".jpg", grey),
-        (".png", grey.astype("u2")),
-    ]
-    return [bomb(5, 5), *(cv2.imencode(suffix, pixels)[1].tobytes() for suffix, pixels in made)]
+    planes = (grey, np.dstack([grey] * 3), grey.astype("u2"))
+    encoded = (cv2.imencode(".jpg", grey), *(cv2.imencode(".png", plane) for plane in planes))
+    return [bomb(5, 5), *(data.tobytes() for _, data in encoded)]
 
 
 @many
 @given(data=st.one_of(*map(damaged, pictures()), st.binary(max_size=64)))
-def test_images_and_labels(data, tally, tmp_path):
+def test_images_and_labels(data, counted, tmp_path):
     path = tmp_path / "x.png"
     path.write_bytes(data)
-    with counted(tally, "label files"):
+    with counted("label files"):
         for read in (read_image, partial(read_label, table=CAMVID_11)):
             with contextlib.suppress(UserError):
                 read(path)
 
 
-BOX = trimesh.creation.box((4, 1.8, 1.5))
-
-
 def mesh_bytes(suffix: str) -> bytes:
+    box = trimesh.creation.box((4, 1.8, 1.5))
     if suffix == ".gltf":
-        content = trimesh.Scene(BOX).export(file_type="gltf", merge_buffers=True)
-        return bytes(content["model.gltf"])
-    data = BOX.export(file_type=suffix[1:])
+        return box.scene().export(file_type="gltf", merge_buffers=True)["model.gltf"]
+    data = box.export(file_type=suffix[1:])
     return data.encode() if isinstance(data, str) else data
 
 
 @many
-@given(made=st.one_of(
-    *(st.tuples(st.just(suffix), damaged(mesh_bytes(suffix))) for suffix in SUFFIXES),
-))  # fmt: skip
-def test_meshes(made, tally, tmp_path):
+@given(made=st.one_of(*(st.tuples(st.just(s), damaged(mesh_bytes(s))) for s in SUFFIXES)))
+def test_meshes(made, counted, tmp_path):
     suffix, data = made
     path = tmp_path / f"x{suffix}"
     path.write_bytes(data)
-    with counted(tally, "mesh files"), contextlib.suppress(MeshError):
+    with counted("mesh files"), contextlib.suppress(MeshError):
         read_mesh(path)
 
 
@@ -220,19 +195,15 @@ def weights() -> Iterator[bytes]:
     arrays = {"features.0.weight": np.ones((2, 3), np.float32), "b": np.zeros(3, np.float32)}
     with tempfile.TemporaryDirectory() as folder:
         for save in (save_safetensors, save_npz, save_zip, save_legacy):
-            path = Path(folder) / save.__name__
-            path = path.with_suffix(".npz") if save is save_npz else path
+            path = Path(folder, f"{save.__name__}.npz")  # NumPy would add this suffix
             save(path, arrays)
             yield path.read_bytes()
 
 
 @many
 @given(data=st.one_of(*map(damaged, weights())))
-def test_weights(data, tally, tmp_path):
+def test_weights(data, counted, tmp_path):
     path = tmp_path / "w"
     path.write_bytes(data)
-    with (
-        counted(tally, "weight files"),
-        pytest.raises(UserError),
-    ):  # too few layers, if nothing else
+    with counted("weight files"), pytest.raises(UserError):  # too few layers, if nothing else
         convert(path, tmp_path / "o.npz")

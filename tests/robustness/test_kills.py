@@ -5,7 +5,7 @@ import shutil
 import signal
 import subprocess
 import time
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,36 @@ from tests.experiments.test_main_job import children
 from tests.robustness.conftest import NAMES, PROGRAMS, TIMES, end
 
 pytestmark = pytest.mark.robust
+STAGES = list(enumerate(np.linspace(0.05, 0.95, max(TIMES // 4, 2))))
+
+
+def finished(process):
+    """What a process says that ends well: nothing."""
+    assert (process.communicate(timeout=900)[1], process.returncode) == ("", 0)
+
+
+def refused(code, error, words):
+    """The command ended with one line that has these words."""
+    assert code == 2 and error.count("\n") == 1 and words in error, error
+    assert "Traceback" not in error
+
+
+def goes_on(own, row, out):
+    """The same command ends with the same answer; notes what was kept and is lost."""
+    kept = own.program.kept(out)
+    assert own.program.finish(out) == (0, "")
+    lost = 0 if own.program.name == "export" else len(kept - own.program.kept(out))
+    row.lost["finished evaluations"] += lost
+    assert own.program.answer(out) == own.answer
+
+
+def well_under_way(program, out):
+    """A process of the program that has kept two pieces of its work, and goes on."""
+    process = program.start(out)
+    while len(program.kept(out)) < 2:
+        assert process.poll() is None, process.stderr.read()
+        time.sleep(0.002)
+    return process
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -32,7 +62,7 @@ def test_the_main_process_is_killed(name, whole, tally, tmp_path):
             workers = children(process.pid) or workers
             time.sleep(0.01)
         if process.poll() is not None:
-            assert (process.returncode, process.communicate()[1]) == (0, "")
+            finished(process)
             assert program.answer(out) == own.answer
             out, kept = tmp_path / f"{killed}", set()
             continue
@@ -42,12 +72,11 @@ def test_the_main_process_is_killed(name, whole, tally, tmp_path):
             assert all(gone(pid) for pid in workers)
             killed += 1
             now = program.kept(out)
-            row.lose("finished evaluations", len(kept - now))
+            row.lost["finished evaluations"] += len(kept - now)
             assert kept <= now
             kept = now
     with row.attempt():
-        assert program.finish(out) == (0, "")
-        assert program.answer(out) == own.answer
+        goes_on(own, row, out)
 
 
 @pytest.mark.parametrize("name", ["run", "export"])
@@ -64,17 +93,16 @@ def test_a_worker_is_killed(name, whole, tally, tmp_path):
                 workers = [p for p in children(process.pid) if b"spawn_main" in _command(p)]
                 for pid in workers[:1]:
                     os.kill(pid, signal.SIGKILL)
-                assert process.communicate(timeout=900)[1] == "" and process.returncode == 0
+                finished(process)
                 assert program.answer(out) == own.answer
             finally:
                 end(process)
 
 
 def _command(pid: int) -> bytes:
-    try:
+    with suppress(OSError):
         return Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
-        return b""
+    return b""
 
 
 @contextmanager
@@ -90,112 +118,80 @@ def disk(folder: Path, size: int):
         subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-def goes_on(program, own, row, out):
-    """The same command, now with room, ends with the same answer; notes what was kept and is lost."""
-    kept = program.kept(out)
-    assert program.finish(out) == (0, "")
-    lost = 0 if program.name == "export" else len(kept - program.kept(out))
-    row.lose("finished evaluations", lost)
-    assert program.answer(out) == own.answer
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_no_file_may_grow_beyond_a_quota(name, whole, tally, tmp_path):
     """What can be had without root: a limit to the size of each file, up to that of the largest."""
-    own, program, row = whole(name), PROGRAMS[name], tally(f"a quota for files: {name}")
-    for number, share in enumerate(np.linspace(0.05, 0.95, max(TIMES // 4, 2))):
+    own, row = whole(name), tally(f"a quota for files: {name}")
+    for number, share in STAGES:
         out = tmp_path / str(number)
         with row.attempt():
-            code, error = program.finish(out, most=int(share * own.largest))
-            assert code == 2 and error.count("\n") == 1 and "too large" in error, error
-            goes_on(program, own, row, out)
+            refused(*own.program.finish(out, int(share * own.largest)), "too large")
+            goes_on(own, row, out)
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_disk_is_full_at_every_stage(name, whole, tally, tmp_path):
-    own, program, row = whole(name), PROGRAMS[name], tally(f"the disk is full: {name}")
-    for number, share in enumerate(np.linspace(0.05, 0.95, max(TIMES // 4, 2))):
+    own, row = whole(name), tally(f"the disk is full: {name}")
+    for number, share in STAGES:
         folder = tmp_path / str(number)
         with disk(folder, max(int(share * own.size) // 4096, 2) * 4096), row.attempt():
-            out = folder / "out"
-            code, error = program.finish(out)
-            assert code == 2 and error.count("\n") == 1 and "Traceback" not in error, error
+            refused(*own.program.finish(folder / "out"), "")
             room = ["mount", "-o", f"remount,size={64 * own.size}", str(folder)]
             subprocess.run(room, check=True)
-            goes_on(program, own, row, out)
+            goes_on(own, row, folder / "out")
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_two_are_started_on_one_folder(name, tally, tmp_path):
-    program, row = PROGRAMS[name], tally(f"two on one folder: {name}")
-    with row.attempt():
-        one, other = program.start(tmp_path / "out"), program.start(tmp_path / "out")
+    with tally(f"two on one folder: {name}").attempt():
+        both = [PROGRAMS[name].start(tmp_path / "out") for _ in range(2)]
         try:
-            while one.poll() is None and other.poll() is None:
+            while all(process.poll() is None for process in both):
                 time.sleep(0.05)
-            first, last = (one, other) if one.poll() is not None else (other, one)
+            first, last = sorted(both, key=lambda process: process.poll() is None)
             error = first.communicate()[1]
-            assert first.returncode == 2 and "in use by another" in error and error.count("\n") == 1
-            assert last.communicate(timeout=900)[1] == "" and last.returncode == 0
+            refused(first.returncode, error, "in use by another")
+            finished(last)
         finally:
-            for process in (one, other):
+            for process in both:
                 end(process)
-
-
-def well_under_way(program, out):
-    """A process of the program that has kept two pieces of its work, and goes on."""
-    process = program.start(out)
-    while len(program.kept(out)) < 2:
-        assert process.poll() is None
-        time.sleep(0.002)
-    return process
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_the_clock_goes_back_between_sessions(name, whole, tally, tmp_path):
     """Every file is of the year 2100 when the command goes on."""
-    own, program, row = whole(name), PROGRAMS[name], tally(f"the clock moved back: {name}")
-    out = tmp_path / "out"
+    own, row, out = whole(name), tally(f"the clock moved back: {name}"), tmp_path / "out"
     with row.attempt():
-        end(well_under_way(program, out))
+        end(well_under_way(own.program, out))
         for path in (out, *out.rglob("*")):
             os.utime(path, (4.1e9, 4.1e9))
-        assert program.finish(out) == (0, "")
-        assert program.answer(out) == own.answer
+        goes_on(own, row, out)
 
 
 def test_half_of_an_export_vanishes_while_it_runs(whole, tally, tmp_path):
-    own, program, row = whole("export"), PROGRAMS["export"], tally("half a dataset deleted: export")
-    out = tmp_path / "out"
+    own, row, out = whole("export"), tally("half a dataset deleted: export"), tmp_path / "out"
     with row.attempt():
-        process = well_under_way(program, out)
+        process = well_under_way(own.program, out)
         for path in sorted(out.rglob("*.png"))[::2]:
             path.unlink(missing_ok=True)
         error = process.communicate(timeout=900)[1]
-        assert process.returncode == 2 and error.count("\n") == 1 and "vanished" in error, error
+        refused(process.returncode, error, "vanished")
         assert not (out / "dataset.json").exists()
-        assert program.finish(out) == (0, "")
-        assert program.answer(out) == own.answer
+        goes_on(own, row, out)
 
 
 def test_half_of_the_labels_vanish_while_a_job_runs(camvid, tally, tmp_path):
     """What a run has read stays with it; a new one names the first label that is missing."""
-    program = PROGRAMS["run"]
-    words = [word.replace("cityscapes", "camvid") for word in program.command]
-    other = type(program)("run", [*words, "--data", str(camvid)], program.log)
-    row, whole_data = tally("half a dataset deleted: run"), tmp_path / "copy"
-    shutil.copytree(camvid, whole_data)
-    with row.attempt():
-        out = tmp_path / "out"
-        process = other.start(out)
-        while not other.kept(out):
-            assert process.poll() is None, process.stderr.read()
-            time.sleep(0.02)
+    command = [word.replace("cityscapes", "camvid") for word in PROGRAMS["run"].command]
+    program = PROGRAMS["run"]._replace(command=[*command, "--data", str(camvid)])
+    out, again, copy = (tmp_path / name for name in ("out", "again", "copy"))
+    shutil.copytree(camvid, copy)
+    with tally("half a dataset deleted: run").attempt():
+        process = well_under_way(program, out)
         for path in sorted(camvid.glob("trainannot/*.png"))[::2]:
             path.unlink()
-        assert process.communicate(timeout=900)[1] == "" and process.returncode == 0
-        code, error = other.finish(tmp_path / "again")
-        assert code == 2 and error.count("\n") == 1 and str(camvid) in error, error
-        shutil.copytree(whole_data, camvid, dirs_exist_ok=True)
-        assert other.finish(tmp_path / "again") == (0, "")
-        assert other.answer(tmp_path / "again") == other.answer(out)
+        finished(process)
+        refused(*program.finish(again), str(camvid))
+        shutil.copytree(copy, camvid, dirs_exist_ok=True)
+        assert program.finish(again) == (0, "")
+        assert program.answer(again) == program.answer(out)

@@ -15,6 +15,7 @@ from tests.robustness.conftest import TIMES
 
 pytestmark = pytest.mark.robust
 LOGS = ("evaluations.jsonl", "finals.jsonl", "store.jsonl")
+FAULTS = ("cut at any byte", "half a line within")
 
 
 @pytest.fixture
@@ -36,6 +37,12 @@ def answer(out: Path) -> dict[str, Any]:
     return report
 
 
+def halved(lines: list[bytes], number: int) -> bytes:
+    """Lines of a log, but only half of one of them."""
+    half = lines[number][: len(lines[number]) // 2] + b"\n"
+    return b"".join([*lines[:number], half, *lines[number + 1 :]])
+
+
 @pytest.mark.parametrize("log", LOGS)
 def test_a_log_is_cut_anywhere_or_has_half_a_line(log, job, tally, tmp_path, capsys):
     whole, rng = tmp_path / "whole", np.random.default_rng(3)
@@ -43,7 +50,7 @@ def test_a_log_is_cut_anywhere_or_has_half_a_line(log, job, tally, tmp_path, cap
     assert job(whole / "run") == 0
     name = log if log == "store.jsonl" else f"run/{log}"
     data = (whole / name).read_bytes()
-    cut, half = (tally(f"{what}: {log}") for what in ("cut at any byte", "half a line within"))
+    cut, half = (tally(f"{what}: {log}") for what in FAULTS)
     for number, size in enumerate(rng.integers(0, len(data), TIMES)):
         out = tmp_path / f"cut{number}"
         shutil.copytree(whole, out)
@@ -51,24 +58,19 @@ def test_a_log_is_cut_anywhere_or_has_half_a_line(log, job, tally, tmp_path, cap
         with cut.attempt():
             assert job(out / "run") == 0
             assert answer(out / "run") == answer(whole / "run")
-            cut.lose("lines that were cut off", data[size:].count(b"\n"))
+            cut.lost["lines that were cut off"] += data[size:].count(b"\n")
     lines = data.splitlines(keepends=True)
     for number in rng.integers(0, len(lines) - 1, TIMES):
-        out = tmp_path / "half"
+        out, broken = tmp_path / "half", halved(lines, number)
         shutil.rmtree(out, ignore_errors=True)
         shutil.copytree(whole, out)
-        broken = [
-            *lines[:number],
-            lines[number][: len(lines[number]) // 2] + b"\n",
-            *lines[number + 1 :],
-        ]
-        (out / name).write_bytes(b"".join(broken))
+        (out / name).write_bytes(broken)
         capsys.readouterr()
         with half.attempt():
             assert job(out / "run") == 2
             error = capsys.readouterr().err
             assert error.count("\n") == 1 and f"{name}: line {number + 1} " in error, error
-            assert (out / name).read_bytes() == b"".join(broken)
+            assert (out / name).read_bytes() == broken
 
 
 def test_a_history_is_cut_anywhere_or_has_half_a_line(tally, tmp_path):
@@ -81,20 +83,15 @@ def test_a_history_is_cut_anywhere_or_has_half_a_line(tally, tmp_path):
                 own.tell(trial.id, float(trial.proposal.centre.sum()))
         return path.read_bytes()
 
-    data = search(tmp_path / "whole.jsonl")
-    cut, half = (
-        tally(f"{what}: ask and tell") for what in ("cut at any byte", "half a line within")
-    )
+    path, data = tmp_path / "cut.jsonl", search(tmp_path / "whole.jsonl")
+    cut, half = (tally(f"{what}: ask and tell") for what in FAULTS)
     lines = data.splitlines(keepends=True)
     for size, number in rng.integers(0, (len(data), len(lines) - 1), (TIMES, 2)):
         with cut.attempt():
-            (tmp_path / "cut.jsonl").write_bytes(data[:size])
-            assert search(tmp_path / "cut.jsonl") == data
-            cut.lose("lines that were cut off", data[size:].count(b"\n"))
-        with half.attempt():
-            broken = [*lines[:number], lines[number][:9] + b"\n", *lines[number + 1 :]]
-            (tmp_path / "half.jsonl").write_bytes(b"".join(broken))
-            with pytest.raises(
-                UserError, match=rf"half\.jsonl: line {number + 1} is not JSON; remove"
-            ):
-                search(tmp_path / "half.jsonl")
+            path.write_bytes(data[:size])
+            assert search(path) == data
+            cut.lost["lines that were cut off"] += data[size:].count(b"\n")
+        path.write_bytes(halved(lines, number))
+        complaint = rf"cut\.jsonl: line {number + 1} is not JSON; remove"
+        with half.attempt(), pytest.raises(UserError, match=complaint):
+            search(path)

@@ -9,9 +9,7 @@ from scene import AssetPool, Street, StreetParams, default_unit, sample_street, 
 from scene.assets.families import FAMILIES
 from scene.assets.library import manifest, scan
 from scene.render import Renderer, RendererError, RenderSettings, renderer
-from scene.render.embree.api import MeshBVH, SceneBVH
-from scene.render.embree.rays import by_tiles
-from scene.render.embree.rays import free as ask
+from scene.render.embree import api, rays
 from scene.street.extras import Mix
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -67,16 +65,15 @@ def free(bvh, starts, directions, wanted, columns, reach=np.inf) -> np.ndarray:
     All on the thread that asks. The wheel's own classes start a device of Embree for each mesh, with threads;
     once they are gone, one of the threads may go on spinning, and slow down all that the process does after.
     """
-    order = by_tiles(np.asarray(wanted, np.uint8), columns, len(wanted) // columns, 4, 2)
-    starts, directions = np.asarray(starts, np.float32), np.asarray(directions, np.float32)
-    found = ask(bvh, starts, directions, order, reach)
+    order = rays.by_tiles(np.asarray(wanted, np.uint8), columns, len(wanted) // columns, 4, 2)
+    found = rays.free(bvh, np.float32(starts), np.float32(directions), order, reach)
     return np.where(np.asarray(wanted, bool), found, -1)
 
 
 def hits(mesh: trimesh.Trimesh, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Which rays meet the mesh: bool[n] of f[n, 3] each, or of one direction for all."""
-    mesh_bvh = MeshBVH(mesh.vertices.astype(np.float32), mesh.faces.astype(np.int32))
-    bvh = SceneBVH([mesh_bvh], [1], np.eye(3, 4, dtype=np.float32)[None])
+    mesh_bvh = api.MeshBVH(np.float32(mesh.vertices), np.int32(mesh.faces))
+    bvh = api.SceneBVH([mesh_bvh], [1], np.eye(3, 4, dtype=np.float32)[None])
     return free(bvh, starts, directions, np.ones(len(starts)), len(starts)) == 0
 
 
@@ -114,6 +111,17 @@ def refusal(capsys):
 
 
 @pytest.fixture
+def printed(capsys):
+    """``printed(main, *arguments)``: what a command says that ends with exit code 0."""
+
+    def ask(main, *arguments) -> str:
+        assert main([str(argument) for argument in arguments]) == 0
+        return capsys.readouterr().out
+
+    return ask
+
+
+@pytest.fixture
 def shelf(tmp_path):
     """``shelf(path, mesh_or_bytes, column=...)`` puts a file there with its row; gives the folder."""
     folder = tmp_path / "own"
@@ -125,10 +133,9 @@ def shelf(tmp_path):
         path.write_bytes(content) if isinstance(content, bytes) else content.export(path)
         row = {"file": name, "author": "A. Maker", "licence": "CC0-1.0", "source": "own work"}
         rows.append({**row, **columns})
-        header = list(dict.fromkeys(key for row in rows for key in row))
+        header = dict.fromkeys(key for row in rows for key in row)
         lines = [header, *([row.get(key, "") for key in header] for row in rows)]
-        text = "".join(",".join(line) + "\n" for line in lines)
-        (folder / "assets.csv").write_text(text, encoding="utf-8")
+        (folder / "assets.csv").write_text("".join(",".join(line) + "\n" for line in lines))
         manifest.cache_clear()
         scan.cache_clear()
         return str(folder)

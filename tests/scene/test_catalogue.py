@@ -94,10 +94,9 @@ def test_own_assets_are_drawn_beside_the_built_in_ones_or_alone(folder):
     both = drawn(pool, "car")
     assert set(both) == {0, 1, one, two}
     assert 0.3 < sum(isinstance(ref, str) for ref in both) / len(both) < 0.7
-    for change, wanted in (
-        ({"use": "own"}, {one, two}), ({"use": "built-in"}, {0, 1}), ({"fraction": 0.5}, {0, one}),
-    ):  # fmt: skip
-        assert set(drawn(pool._replace(**change), "car")) == wanted
+    changes = {"use": "own"}, {"use": "built-in"}, {"fraction": 0.5}
+    found = [set(drawn(pool._replace(**change), "car")) for change in changes]
+    assert found == [{one, two}, {0, 1}, {0, one}]
     assert bounds("car", two)[1] == pytest.approx([2.25, 0.9, 1.5]) and kind("car", one) == "a.stl"
     pool = AssetPool(own=folder, use="own")
     assert set(drawn(pool, "person", 5)) == {None}
@@ -109,10 +108,9 @@ def test_own_assets_are_drawn_beside_the_built_in_ones_or_alone(folder):
 
 @pytest.mark.parametrize("pool", [AssetPool(), AssetPool(size=1), AssetPool(use="own")])
 def test_a_draw_takes_one_number_whatever_is_there(pool, folder):
-    one, other = np.random.default_rng(7), np.random.default_rng(7)
-    pick(pool._replace(own=folder), "person", one)
-    other.random()
-    assert one.random() == other.random()
+    rng = np.random.default_rng(7)
+    pick(pool._replace(own=folder), "person", rng)
+    assert rng.random() == np.random.default_rng(7).random(2)[1]
 
 
 @pytest.mark.parametrize(("ask", "message"), [
@@ -130,18 +128,11 @@ def test_assets_and_pools_out_of_range_are_refused_by_name(ask, message):
         ask()
 
 
-def test_the_catalogue_and_the_closest_pairs_are_printed_and_an_unknown_class_is_refused(
-    capsys, refusal
-):
-    assert main([]) == 0
-    text = capsys.readouterr().out
+def test_the_catalogue_and_the_closest_pairs_are_printed(printed, refusal):
+    text, counts = printed(main), json.loads(printed(main, "--json"))
     assert all(name in text for name in (*CLASS_NAMES, *FAMILIES, "saloon"))
-    assert main(["--json"]) == 0
-    counts = json.loads(capsys.readouterr().out)
-    assert list(counts) == list(CLASS_NAMES)
+    assert list(counts) == list(CLASS_NAMES) and min(counts.values()) >= 8
     assert counts["car"] == 195 and counts["vegetation"] == 24 + 16
-    assert all(count >= 8 for count in counts.values())
-    assert main(["--closest", "train", "--pairs", "2"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+    lines = printed(main, "--closest", "train", "--pairs", 2).splitlines()
     assert lines[0].startswith("train: 8 assets; ") and len(lines) == 3
     assert "no assets of class 'boat'; known: building" in refusal(main, "--closest", "boat")

@@ -33,6 +33,11 @@ def run(folder, **changes):
     return export_dataset(options.pop("units"), 7, folder, **options)
 
 
+def fails(error, message, folder, **changes):
+    with pytest.raises(error, match=message):
+        run(folder, **changes)
+
+
 def tree(folder):
     paths = (path for path in sorted(folder.rglob("*")) if path.is_file())
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
@@ -45,13 +50,17 @@ def unbroken(request, tmp_path_factory):
     return folder
 
 
+def described(folder):
+    return json.loads((folder / "dataset.json").read_text())
+
+
 @pytest.fixture
 def format(unbroken):
-    return json.loads((unbroken / "dataset.json").read_text())["format"]
+    return described(unbroken)["format"]
 
 
 def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
-    found = json.loads((unbroken / "dataset.json").read_text())
+    found, dataset = described(unbroken), read_dataset(unbroken)
     asked = {"images": 5, "shots": 2, "seed": 7, "renderer": "embree", "split": "train"}
     assert found.items() >= {**asked, "engine": ENGINE}.items() and found["own_assets"] == []
     assert found["render"]["width"] == 64 and found["render"]["response"]
@@ -59,7 +68,6 @@ def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
     np.testing.assert_array_equal(np.array(found["streets"], np.float32), UNITS)
     assert found["attributes"]["car_position"] == {"centre": 0.5, "width": 1.0}
     assert found["versions"]["numpy"] == np.__version__
-    dataset = read_dataset(unbroken)
     share = np.bincount(dataset.labels.ravel(), minlength=19) / dataset.labels.size
     np.testing.assert_allclose(list(found["class_frequency"].values()), share, atol=1e-9)
     containing = [int((dataset.labels == k).any(axis=(1, 2)).sum()) for k in range(19)]
@@ -80,38 +88,33 @@ def test_cut_short_anywhere_it_ends_alike(unbroken, format, writes, tmp_path, mo
         real(source, target)
 
     monkeypatch.setattr(files.os, "replace", cut)
-    with pytest.raises(KeyboardInterrupt):
-        run(folder, format=format)
+    fails(KeyboardInterrupt, "", folder, format=format)
     monkeypatch.undo()
     for part in folder.rglob("*.left"):
         part.rename(part.with_suffix(""))
     assert not (folder / "dataset.json").exists()
     workers = 2 if writes == 0 else 0  # files do not depend on their number
-    run(folder, format=format, workers=workers, progress=lambda *s: seen.append(s))
+    run(folder, format=format, workers=workers, progress=lambda *s: seen.append(s[:2]))
     assert tree(folder) == tree(unbroken)
-    assert [done for done, _, _ in seen] == sorted(done for done, _, _ in seen)
-    assert seen[-1][:2] == (5, 5) and all(images == 5 for _, images, _ in seen)
+    assert seen == sorted(seen) and seen[-1] == (5, 5) and {images for _, images in seen} == {5}
 
 
 def test_finished_streets_are_not_rendered_again(tmp_path, monkeypatch):
-    rendered = []
-    real = export._draw_street
+    real, drawn = export._draw_street, []
 
     def street(plan, index, unit):
-        if index == 2 and len(rendered) == 2:
-            rendered.append("cut")
+        drawn.append(index)
+        if drawn == [0, 1, 2]:
             raise KeyboardInterrupt
-        rendered.append(index)
         return real(plan, index, unit)
 
     monkeypatch.setattr(export, "_draw_street", street)
-    with pytest.raises(KeyboardInterrupt):
-        run(tmp_path / "a")
+    fails(KeyboardInterrupt, "", tmp_path / "a")
     # A file that lost its end, as when the power goes, is made again.
     victim = next((tmp_path / "a" / "depth").rglob("scenex_000001_000000*"))
     victim.write_bytes(victim.read_bytes()[:50])
     run(tmp_path / "a")
-    assert rendered == [0, 1, "cut", 1, 2]
+    assert drawn == [0, 1, 2, 1, 2]
 
 
 def test_a_complete_export_is_left_alone(unbroken, format):
@@ -141,30 +144,25 @@ def test_an_export_of_other_settings_or_another_engine_is_kept(finished, tmp_pat
     if finished:
         run(folder)
     else:
-        with monkeypatch.context() as broken, pytest.raises(FileNotFoundError):
+        with monkeypatch.context() as broken:
             broken.setattr(export, "_summarize", lambda *_: None)
-            run(folder)
+            fails(FileNotFoundError, "", folder)
     before = tree(folder)
     for changes, message in OTHERS:
-        with pytest.raises(ExportError, match=f"{folder} holds an export with .*({message})"):
-            run(folder, **changes)
+        fails(ExportError, f"{folder} holds an export with .*({message})", folder, **changes)
     monkeypatch.setattr("scene.dataset.plan.ENGINE", ENGINE + 1)
-    with pytest.raises(ExportError, match=f"version {ENGINE}, and this is {ENGINE + 1}; cont"):
-        run(folder)
+    fails(ExportError, f"version {ENGINE}, and this is {ENGINE + 1}; cont", folder)
     assert tree(folder) == before
 
 
 def test_other_folders_are_kept_and_a_second_process_is_kept_out(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(ExportError, match="holds other files and no export"):
-        run(tmp_path)
-    with pytest.raises(ExportError, match="is a file"):
-        run(tmp_path / "notes.txt")
+    fails(ExportError, "holds other files and no export", tmp_path)
+    fails(ExportError, "is a file", tmp_path / "notes.txt")
     assert tree(tmp_path) == {"notes.txt": b"mine"}
 
     def second(*_):
-        with pytest.raises(ExportError, match="in use by another export"):
-            run(tmp_path / "a")
+        fails(ExportError, "in use by another export", tmp_path / "a")
 
     run(tmp_path / "a", progress=second)
 
@@ -184,10 +182,10 @@ def test_a_full_disk_is_named_and_the_same_call_continues(tmp_path, monkeypatch)
     victim, work = Path(caught.value.filename), tmp_path / "a" / ".export"
     assert caught.value.errno == errno.ENOSPC
     assert victim.is_relative_to(tmp_path / "a") and not victim.exists()
-    assert not list((work / "parts").iterdir()) and len(list((work / "streets").iterdir())) == 1
+    assert [len(list((work / name).iterdir())) for name in ("parts", "streets")] == [0, 1]
     monkeypatch.undo()
-    run(tmp_path / "a")
-    run(tmp_path / "b")
+    for name in "ab":
+        run(tmp_path / name)
     assert tree(tmp_path / "a") == tree(tmp_path / "b")
 
 
@@ -197,8 +195,7 @@ def test_too_small_a_disk_is_refused_before_anything_is_written(tmp_path, monkey
         monkeypatch.setattr(export.shutil, "disk_usage", lambda path: usage)
 
     leave(100_000)
-    with pytest.raises(ExportError, match=r"about 0\.0 GB are needed and 0\.0 GB are free"):
-        run(tmp_path / "deep" / "a")
+    fails(ExportError, r"about 0\.0 GB are needed and 0\.0 GB are free", tmp_path / "deep" / "a")
     assert list(tmp_path.iterdir()) == []
     monkeypatch.undo()
     run(tmp_path / "a")
@@ -215,35 +212,31 @@ def test_too_small_a_disk_is_refused_before_anything_is_written(tmp_path, monkey
     ({"pool": AssetPool(use="own")}, "needs a folder of own assets"),
 ])  # fmt: skip
 def test_bad_arguments_are_refused_by_name(changes, message, tmp_path):
-    with pytest.raises(ValueError, match=message):
-        run(tmp_path / "a", **changes)
+    fails(ValueError, message, tmp_path / "a", **changes)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_own_assets_travel_with_their_licences(shelf, tmp_path):
     own = Path(shelf("car/box.obj", trimesh.creation.box((4, 1.8, 1.5)), author="Ada", up="z"))
-    found = run(tmp_path / "a", pool=AssetPool(0, 3, own=str(own)))
+    mesh, pool = own / "car/box.obj", AssetPool(0, 3, own=str(own))
+    found = run(tmp_path / "a", pool=pool)
     [entry] = found["own_assets"]
-    assert entry["author"] == "Ada" and entry["licence"] == "CC0-1.0"
-    assert found["assets"]["own"] == "own"
+    told = entry["author"], entry["licence"], found["assets"]["own"]
+    assert told == ("Ada", "CC0-1.0", "own")
     assert (tmp_path / "a" / "assets.csv").read_bytes() == (own / "assets.csv").read_bytes()
-    mesh = own / "car/box.obj"
     mesh.write_text("# another\n" + mesh.read_text())
-    with pytest.raises(ExportError, match="other own_assets"):
-        run(tmp_path / "a", pool=AssetPool(0, 3, own=str(own)))
+    fails(ExportError, "other own_assets", tmp_path / "a", pool=pool)
 
 
-def test_the_command_line_exports_and_reports(tmp_path, capsys):
-    assert main([*FLAGS, str(tmp_path / "a"), "--attributes", "random", "--shots", "1"]) == 0
-    lines = capsys.readouterr().out.splitlines()
+def test_the_command_line_exports_and_reports(tmp_path, printed):
+    first, second, file = (tmp_path / name for name in ("a", "b", "attributes.json"))
+    lines = printed(main, *FLAGS, first, "--attributes", "random", "--shots", 1).splitlines()
     assert lines[0].startswith("[  0 %] 0 of 2 images | 0.0 MB")
     assert lines[1].startswith("[ 50 %] 1 of 2 images | ") and lines[1].endswith(" left")
     assert "2 images in " in lines[-1] and "dataset.json" in lines[-1]
-    stored = json.loads((tmp_path / "a" / "dataset.json").read_text())
-    file = tmp_path / "attributes.json"
-    file.write_text(json.dumps({name: stored["attributes"][name] for name in NAMES}))
-    assert main([*FLAGS, str(tmp_path / "b"), "--attributes", str(file), "--shots", "1"]) == 0
-    assert tree(tmp_path / "a") == tree(tmp_path / "b")
+    file.write_text(json.dumps(described(first)["attributes"]))
+    printed(main, *FLAGS, second, "--attributes", file, "--shots", 1)
+    assert tree(first) == tree(second)
 
 
 @pytest.mark.parametrize(("flags", "message"), [
@@ -266,14 +259,11 @@ def test_the_command_line_exports_and_reports(tmp_path, capsys):
     ("--attributes nan.json", "nan.json is no JSON file: NaN"),
 ])  # fmt: skip
 def test_bad_input_is_one_line_and_exit_code_two(flags, message, tmp_path, refusal, monkeypatch):
-    values = dict.fromkeys(NAMES, 0.5)
-    for name, text in {
-        "garbled": '{"car_position": ',
-        "list": "[]",
-        "unknown": json.dumps({**values, "car_speed": 0.5}),
-        "outside": json.dumps({**values, "car_position": 1.01}),
-        "nan": json.dumps({**values, "car_position": float("nan")}),
-    }.items():
+    begun = json.dumps(dict.fromkeys(NAMES, 0.5))[:-1]
+    ends = {"unknown": '"car_speed": 0.5}', "outside": '"car_position": 1.01}',
+            "nan": '"car_position": NaN}', "garbled": '"car_position": '}  # fmt: skip
+    texts = {name: f"{begun}, {end}" for name, end in ends.items()}
+    for name, text in {**texts, "list": "[]"}.items():
         (tmp_path / f"{name}.json").write_text(text)
     monkeypatch.chdir(tmp_path)
     assert message in refusal(main, *FLAGS, "a", *flags.split())

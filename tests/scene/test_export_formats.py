@@ -12,11 +12,9 @@ from pycocotools import mask as coco_mask
 
 from scene.dataset.description import outcome
 from scene.dataset.edges import overlap
-from scene.dataset.formats import coco, planes, png, rle
-from scene.dataset.formats.coco import SUPERCATEGORIES, categories
+from scene.dataset.formats import coco, planes, png, rle, shot
 from scene.dataset.formats.layout import FORMATS, layout
 from scene.dataset.formats.segments import label_ids, panoptic_ids, segments
-from scene.dataset.formats.shot import image_record
 from scene.render import RenderSettings
 from tests.scene.conftest import SEEDS
 
@@ -127,8 +125,8 @@ def test_outcome_by_hand_and_lists_written_in_pieces():
     image[..., 0] = 100
     label = np.array([[SKY, SKY], [ROAD, CAR]], np.uint8)
     records = [
-        image_record(image, label, panoptic_ids(label, label.astype(np.uint16))),
-        image_record(0 * image, np.full_like(label, SKY), np.full((2, 2), 23, np.int32)),
+        shot.image_record(image, label, panoptic_ids(label, label.astype(np.uint16))),
+        shot.image_record(0 * image, np.full_like(label, SKY), np.full((2, 2), 23, np.int32)),
     ]
     found = outcome([{"placed": {"car": 2}, "images": records}], pixels=4)
     assert found["class_frequency"]["sky"] == 0.75 and found["class_frequency"]["car"] == 0.125
@@ -149,8 +147,8 @@ def test_outlines_of_labels_meet_those_of_depth_and_categories_are_those_of_city
     assert overlap(ids, np.where(ids > 0, 0, depth)).aligned == 0  # the sky's does not count
     from cityscapesscripts.helpers.labels import name2label
 
-    assert len(SUPERCATEGORIES) == 19
-    for entry in categories():
+    assert len(coco.SUPERCATEGORIES) == 19
+    for entry in coco.categories():
         label = name2label[entry["name"]]
         assert entry == {
             "id": label.id, "name": label.name, "supercategory": label.category,

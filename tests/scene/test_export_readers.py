@@ -8,9 +8,7 @@ from PIL import Image
 
 from scene import AssetPool, RenderSettings, export_dataset, render_street
 from scene.attributes import names
-from scene.dataset.formats.layout import FORMATS
-from scene.dataset.formats.planes import ids_of
-from scene.dataset.formats.segments import LABEL_OF_TRAIN
+from scene.dataset.formats import layout, planes, segments
 from scene.proposal import default_proposal, draw
 
 SETTINGS = RenderSettings(width=160, height=96)
@@ -34,7 +32,7 @@ def frames():
 def exported(tmp_path_factory):
     """The folder of the frames in each format."""
     options = {"shots": SHOTS, "settings": SETTINGS, "pool": POOL, "split": "val"}
-    folders = {name: tmp_path_factory.mktemp(name) / "dataset" for name in FORMATS}
+    folders = {name: tmp_path_factory.mktemp(name) / "dataset" for name in layout.FORMATS}
     for name, folder in folders.items():
         export_dataset(UNITS, SEED, folder, format=name, **options)
     return folders
@@ -49,7 +47,7 @@ def objects(frame):
     """(labelId, mask) of every thing in a frame."""
     things = np.unique(frame.instance[frame.label >= 11])
     masks = [frame.instance == instance for instance in things]
-    return [(int(LABEL_OF_TRAIN[frame.label[mask][0]]), mask) for mask in masks]
+    return [(int(segments.LABEL_OF_TRAIN[frame.label[mask][0]]), mask) for mask in masks]
 
 
 def read(path):
@@ -152,7 +150,7 @@ def test_the_panoptic_file_is_as_published(exported, frames):
     for annotation, frame in zip(found["annotations"], frames, strict=True):
         image = images[annotation["image_id"]]
         assert (coco / "images" / image["file_name"]).exists()
-        ids = ids_of(read(coco / "panoptic" / annotation["file_name"]))
+        ids = planes.ids_of(read(coco / "panoptic" / annotation["file_name"]))
         assert ids.shape == (image["height"], image["width"])
         listed = [segment["id"] for segment in annotation["segments_info"]]
         assert sorted(listed) == np.unique(ids).tolist() and len(set(listed)) == len(listed)
@@ -160,6 +158,6 @@ def test_the_panoptic_file_is_as_published(exported, frames):
             assert set(segment) == {"id", "category_id", "area", "bbox", "iscrowd"}
             mask = ids == segment["id"]
             assert (segment["area"], segment["bbox"]) == area_and_box(mask)
-            assert (LABEL_OF_TRAIN[frame.label[mask]] == segment["category_id"]).all()
+            assert (segments.LABEL_OF_TRAIN[frame.label[mask]] == segment["category_id"]).all()
             if categories[segment["category_id"]]["isthing"]:
                 assert len(np.unique(frame.instance[mask])) == 1

@@ -7,18 +7,10 @@ import pytest
 from hypothesis import given, settings
 
 from scene import RenderSettings, TrainId
+from scene.ground import path as paths
 from scene.ground.extent import STRIP
 from scene.ground.ground import ground_height
-from scene.ground.path import (
-    STRAIGHT,
-    Path,
-    heading_at,
-    height_at,
-    nearest,
-    place_at,
-    sample_path,
-    to_world,
-)
+from scene.ground.path import Path, heading_at, height_at, nearest, place_at, sample_path, to_world
 from scene.street.camera import Camera
 from scene.street.clearing import VEHICLES, boxes
 from tests.scene.conftest import DEFAULT, SEEDS, chosen, street
@@ -34,7 +26,7 @@ def test_a_quarter_circle_of_40_metres_and_a_straight_road():
     assert height_at(path, end) == pytest.approx(0.1 * end)
     x, away = nearest(path, np.array([[30.0, 40.0]]), last=80.0)
     assert x == pytest.approx(end, abs=1e-3) and away == pytest.approx(10, abs=1e-3)
-    assert sample_path(np.random.default_rng(0), 0.0, 0.0) == STRAIGHT == street().ground.path
+    assert sample_path(np.random.default_rng(0), 0.0, 0.0) == paths.STRAIGHT == street().ground.path
 
 
 @given(SEEDS)

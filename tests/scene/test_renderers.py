@@ -10,12 +10,10 @@ from scene.assets.families import FAMILIES
 from scene.attributes import BY_NAME
 from scene.ground.ground import plain, sample_ground
 from scene.mesh.solids import box
-from scene.render import RENDERERS, RenderSettings, check_settings, renderer
-from scene.render.embree import sunlight
-from scene.render.embree.depth_buffer import nearest
+from scene.render import RENDERERS, RenderSettings, check_settings, renderer, shot
+from scene.render.embree import depth_buffer, sunlight
 from scene.render.geometry import SKY_INSTANCE, build
 from scene.render.protocol import label_sample, pixel_rays
-from scene.render.shot import sample_rays, surroundings, visible
 from scene.sky.sky import sample_sky
 from scene.street.camera import Camera, camera_axes
 from scene.street.placing import Placement
@@ -229,10 +227,10 @@ def test_the_light_of_few_rays_is_that_of_one_for_every_spot(samples, most, monk
 
 def test_samples_are_shaded_as_one_where_they_see_one_surface():
     drawn, settings = street(seed=1), SMALL._replace(samples=2)
-    around = surroundings(drawn, build(drawn), settings)
-    rays = sample_rays(drawn.cameras[0], settings)
-    hits = nearest(around.geometry, drawn.cameras[0], settings, rays)
-    spots = visible(around, rays, hits, settings).spots
+    around = shot.surroundings(drawn, build(drawn), settings)
+    rays = shot.sample_rays(drawn.cameras[0], settings)
+    hits = depth_buffer.nearest(around.geometry, drawn.cameras[0], settings, rays)
+    spots = shot.visible(around, rays, hits, settings).spots
     assert len(spots.sample) < 0.5 * len(hits.face)
     assert (np.add.reduceat(spots.share, spots.first[:-1]) == 4).all()
     assert (hits.instance[spots.sample][spots.owner] == hits.instance).all()

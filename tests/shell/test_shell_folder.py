@@ -7,6 +7,7 @@ import subprocess
 import sys
 from contextlib import suppress
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -25,30 +26,34 @@ def out(tmp_path: Path) -> Path:
     return tmp_path / "run"
 
 
+def began(out: Path, config: dict = JOB, **options) -> bool:
+    """Opens a folder for a moment; whether that was its first time."""
+    with opened(out, config, **options) as continued:
+        return not continued
+
+
 def refused(out: Path, config: dict = JOB) -> str:
     """Why a folder is not opened; what is in it stays as it was."""
     before = {path: path.is_file() and path.read_bytes() for path in out.rglob("*")}
-    with pytest.raises(UserError, match=str(out)) as caught, opened(out, config):
-        pass
+    with pytest.raises(UserError, match=str(out)) as caught:
+        began(out, config)
     assert {path: path.is_file() and path.read_bytes() for path in out.rglob("*")} == before
     return str(caught.value)
 
 
 def test_a_new_folder_says_everything_needed_to_repeat_the_job(tmp_path):
     out = tmp_path / "runs" / "new"
-    with opened(out, JOB, packages=["none"]) as continued:
-        assert not continued
+    assert began(out, packages=["none"])
     stored = json.loads((out / "config.json").read_text())
     assert stored == {**plain(JOB), "versions": {"none": "not installed"}}
     assert stored["data"] == "/data" and stored["names"] == ["argmax", "spread"]
 
 
 def test_the_same_job_is_continued_with_other_free_values(out):
-    with opened(out, {**JOB, "workers": 1}, packages=["numpy"]):
-        pass
+    assert began(out, {**JOB, "workers": 1}, packages=["numpy"])
     before = (out / "config.json").read_bytes()
-    with opened(out, {**JOB, "workers": 7}, free=("workers",)) as continued:
-        assert continued and (out / "config.json").read_bytes() == before
+    assert not began(out, {**JOB, "workers": 7}, free=("workers",))
+    assert (out / "config.json").read_bytes() == before
     assert "workers = 1, not 7" in refused(out, {**JOB, "workers": 7})
 
 
@@ -62,8 +67,7 @@ def test_the_same_job_is_continued_with_other_free_values(out):
     ({"rows": [ROWS[0], {"name": "fog", "low": 0.25}]}, "rows.fog.low = 0.5, not 0.25"),
 ])  # fmt: skip
 def test_another_job_is_refused_with_both_values(out, change, words):
-    with opened(out, JOB):
-        pass
+    assert began(out)
     said = refused(out, {**JOB, **change})
     assert words in said and "use another --out" in said
 
@@ -76,7 +80,7 @@ def test_a_second_process_is_kept_out_until_the_first_is_killed(out):
     command = [sys.executable, "-c", code, str(out)]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
         try:
-            assert process.stdout is not None and process.stdout.readline() == "in\n"
+            assert process.stdout.readline() == "in\n"
             assert "in use by another run" in refused(out, {"seed": 0})
         finally:
             process.kill()
@@ -92,8 +96,7 @@ def test_a_folder_killed_at_its_birth_is_taken_and_one_of_other_things_is_not(ou
     for name in ("lock", "config.json.part", "mine"):
         (out / name).write_text("")
     assert "holds other files and no run" in refused(out)
-    with opened(out, JOB, ours=("mine",)) as continued:
-        assert not continued
+    assert began(out, ours=("mine",))
     assert {path.name for path in out.iterdir()} == {"config.json", "lock", "mine"}
 
 
@@ -111,11 +114,8 @@ def test_out_is_a_file_or_cannot_be_written(out, monkeypatch):
     assert out.read_text() == "mine"
     # Root may write anywhere but in a file system that takes no files.
     assert "cannot be written" in refused(Path("/proc/run"))
-
-    def read_only(*_, **__):
-        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
-
-    monkeypatch.setattr(Path, "mkdir", read_only)
+    read_only = OSError(errno.EROFS, os.strerror(errno.EROFS))
+    monkeypatch.setattr(Path, "mkdir", Mock(side_effect=read_only))
     assert "(Read-only file system); choose another" in refused(out.with_name("new"))
 
 
@@ -123,7 +123,7 @@ def test_out_is_a_file_or_cannot_be_written(out, monkeypatch):
 def test_a_full_disk_leaves_no_new_folder_and_what_was_there(out, full_disk, there):
     if there:
         out.mkdir()
-    with pytest.raises(OSError) as caught, opened(out, JOB):
-        pass
+    with pytest.raises(OSError) as caught:
+        began(out)
     assert caught.value.filename == str(out / "config.json")
     assert out.exists() == there and not (out / "config.json").exists()

@@ -130,12 +130,10 @@ def test_two_may_write_at_once(tmp_path, kind):
     module = threading if kind == "Thread" else multiprocessing.get_context("spawn")
     ready = module.Barrier(2)
     writers = [getattr(module, kind)(target=add_many, args=(path, name, ready)) for name in "xy"]
-    for writer in writers:
-        writer.start()
-    for writer in writers:
-        writer.join()
-    lines = JsonLines(path).lines
+    for step in ("start", "join"):
+        for writer in writers:
+            getattr(writer, step)()
+    own, after = JsonLines(path).lines[::2], JsonLines(path).lines[1::2]
     for name in "xy":
-        assert [line["k"] for line in lines if line.get("name") == name] == list(range(20))
-    for line, after in zip(lines[::2], lines[1::2], strict=True):  # appended at once, so together
-        assert after == {"after": [line["name"], line["k"]]}
+        assert [line["k"] for line in own if line["name"] == name] == list(range(20))
+    assert after == [{"after": [*line.values()]} for line in own]  # at once, so together
