@@ -10,6 +10,7 @@ from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from subprocess import DEVNULL, Popen, run
+from typing import Any
 
 # Before jax is imported, and in the environment, so that worker processes follow.
 os.environ.setdefault("JAX_PLATFORMS", "cpu")
@@ -50,6 +51,13 @@ def printed(code: str, **environment: str) -> list[str]:
     done = run([sys.executable, "-c", code], stdin=DEVNULL, timeout=120, **options)
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
+
+
+def refused(error: type[Exception], message: str, call: Callable, *arguments, **options) -> Any:
+    """With what a call ends: an error of this kind, whose words match."""
+    with pytest.raises(error, match=message or None) as caught:
+        call(*arguments, **options)
+    return caught.value
 
 
 def gone(pid: int) -> bool:

@@ -6,6 +6,7 @@ import pickle
 import struct
 import zipfile
 import zlib
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +21,7 @@ from seg.data.images import read_image, read_label
 from seg.weights.read import read
 from shell.errors import UserError
 from shell.files import read_json
+from tests.conftest import refused
 
 
 def chunk(kind: bytes, data: bytes) -> bytes:
@@ -40,24 +42,18 @@ def test_a_picture_that_says_it_is_huge_is_not_decoded(size, tmp_path, monkeypat
     (tmp_path / "trainannot").mkdir()
     path.write_bytes(bomb(*size))
     monkeypatch.setattr("cv2.imdecode", None)
-    readers = (
-        read_image, lambda file: read_label(file, CAMVID_11), read_png,
-        lambda _: next(open_pictures(tmp_path).pairs),
-    )  # fmt: skip
-    for reader in readers:
-        with pytest.raises(ValueError, match=r"1\.png: .*more than 50,000,000 pixels"):
-            reader(path)
+    labels, pairs = partial(read_label, table=CAMVID_11), open_pictures(tmp_path).pairs
+    for reader in (read_image, labels, read_png, lambda _: next(pairs)):
+        refused(ValueError, r"1\.png: .*more than 50,000,000 pixels", reader, path)
 
 
 @pytest.mark.parametrize("name", ["../../secret.png", "train/../../secret.png"])
 def test_a_list_of_images_does_not_lead_out_of_its_folder(name, tmp_path):
     (tmp_path / "train.txt").write_text(f"train/a.png trainannot/a.png\n{name} {name}\n")
-    (tmp_path / "train").mkdir()
-    (tmp_path / "trainannot").mkdir()
     for part in ("train", "trainannot"):
+        (tmp_path / part).mkdir()
         (tmp_path / part / "a.png").write_bytes(bomb(1, 1))
-    with pytest.raises(UserError, match=rf"train\.txt, line 2: {name} leads out of "):
-        list_camvid(tmp_path, "train")
+    refused(UserError, rf"train\.txt, line 2: {name} leads out of ", list_camvid, tmp_path, "train")
 
 
 def header(shape: tuple[int, ...], descr: str = "<f4") -> bytes:
@@ -79,8 +75,7 @@ def test_arrays_are_no_larger_than_their_file_and_no_objects(
     path = tmp_path / "w.npz"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
         archive.writestr("a.npy", content)
-    with pytest.raises(UserError, match=rf"w\.npz: .*{message}"):
-        read(path)
+    refused(UserError, rf"w\.npz: .*{message}", read, path)
 
 
 def nested(depth: int) -> bytes:
@@ -94,23 +89,18 @@ def test_a_pickle_cannot_keep_us_busy_or_share_its_bytes(tmp_path):
     for storage, message in (("data", "a tuple as a name"), ("shared", "share their bytes")):
         with zipfile.ZipFile(path, "w") as archive:
             archive.writestr("w/data.pkl", nested(64))
-            if storage == "shared":
-                archive.writestr("w/data/0", bytes(1000))
+            archive.writestr("w/data/0", bytes(1000))
         if storage == "shared":
             data = bytearray(path.read_bytes())
-            for mark in (b"PK\x01\x02",):
-                at = data.rfind(mark)
-                data[at + 20 : at + 28] = struct.pack("<II", 10**9, 10**9)
+            at = data.rfind(b"PK\x01\x02")
+            data[at + 20 : at + 28] = struct.pack("<II", 10**9, 10**9)
             path.write_bytes(data)
-        with pytest.raises(UserError, match=message):
-            read(path)
+        refused(UserError, message, read, path)
 
 
 def test_json_without_end_and_datasets_of_trillions(tmp_path, monkeypatch):
     monkeypatch.setattr("shell.files.LARGEST", 1000)
-    with pytest.raises(UserError, match="/dev/zero has more than 1,000 bytes"):
-        read_json(Path("/dev/zero"))
+    refused(UserError, "/dev/zero has more than 1,000 bytes", read_json, Path("/dev/zero"))
     told = {"images": 10**12, "shots": 1, "render": {"width": 8, "height": 8}}
     (tmp_path / "dataset.json").write_text(json.dumps({**told, "format": "coco", "split": "val"}))
-    with pytest.raises(ValueError, match="does not describe a dataset: format, split, images"):
-        describe(tmp_path)
+    refused(ValueError, "does not describe a dataset: format, split, images", describe, tmp_path)

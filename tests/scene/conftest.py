@@ -11,6 +11,7 @@ from scene.assets.library import manifest, scan
 from scene.render import Renderer, RendererError, RenderSettings, renderer
 from scene.render.embree import api, rays
 from scene.street.extras import Mix
+from tests.conftest import refused as refused
 
 SEEDS = st.integers(0, 2**32 - 1)
 UNITS = SEEDS.map(lambda seed: np.random.default_rng(seed).random(23))

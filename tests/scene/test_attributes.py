@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from scene import StreetParams, default_unit, street_params
 from scene.attributes import ATTRIBUTES, BY_NAME, NAMES, SPACES, check_unit, names, space_of
+from tests.scene.conftest import refused
 
 # name: (unit 0, unit 1, scale, default). A wider range would inflate every gain over random
 # attributes, so a change here changes the benchmark.
@@ -60,16 +61,13 @@ def test_the_default_street_has_the_default_values_and_angles_in_radians():
     assert street_params(np.ones(23)).camera_rotation_x == pytest.approx(math.radians(20))
     assert street_params(np.zeros(23)).illumination_angle_y == pytest.approx(-math.pi)
     for shape in ((), (22,), (24,), (23, 2), (0,)):
-        with pytest.raises(ValueError, match=r"must have 23 \(scenex\) or 37"):
-            check_unit(np.zeros(shape))
+        refused(ValueError, r"must have 23 \(scenex\) or 37", check_unit, np.zeros(shape))
 
 
 @given(st.sampled_from(NAMES), st.sampled_from([-0.1, 1.001, math.nan, math.inf, -math.inf]))
 def test_a_value_outside_the_unit_interval_is_refused_by_name(name, value):
     unit = default_unit()
     unit[NAMES.index(name)] = value
-    with pytest.raises(ValueError, match=rf"{name} is .*\[0, 1\]"):
-        street_params(unit)
+    refused(ValueError, rf"{name} is .*\[0, 1\]", street_params, unit)
     assert check_unit(np.full((5, 23), 0.5)).shape == (5, 23)  # many streets at once
-    with pytest.raises(ValueError, match=f"{name} is "):
-        check_unit(np.stack([default_unit(), unit]))
+    refused(ValueError, f"{name} is ", check_unit, np.stack([default_unit(), unit]))

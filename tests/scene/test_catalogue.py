@@ -16,6 +16,7 @@ from scene.assets.likeness import closest, looks
 from scene.classes import CLASS_NAMES
 from scene.mesh.solids import box
 from scene.render.geometry import asset_shape
+from tests.scene.conftest import refused
 
 WANTED = {"person": 200, "car": 195, "building": 106, "truck": 39, "traffic sign": 40, "bus": 28,
           "rider": 30}  # fmt: skip
@@ -100,8 +101,7 @@ def test_own_assets_are_drawn_beside_the_built_in_ones_or_alone(folder):
     assert bounds("car", two)[1] == pytest.approx([2.25, 0.9, 1.5]) and kind("car", one) == "a.stl"
     pool = AssetPool(own=folder, use="own")
     assert set(drawn(pool, "person", 5)) == {None}
-    with pytest.raises(LibraryError, match="not there"):
-        check_pool(pool._replace(own=f"{folder}/nowhere"))
+    refused(LibraryError, "not there", check_pool, pool._replace(own=f"{folder}/nowhere"))
     assert set(catalogue.absent(check_pool(pool))) == set(FAMILIES) - {"car"}
     assert catalogue.absent(AssetPool(own=folder)) == ()
 
@@ -124,8 +124,7 @@ def test_a_draw_takes_one_number_whatever_is_there(pool, folder):
     (lambda: asset("car", -1), "asset index of car must be 0 or more, not -1"),
 ])  # fmt: skip
 def test_assets_and_pools_out_of_range_are_refused_by_name(ask, message):
-    with pytest.raises(ValueError, match=message):
-        ask()
+    refused(ValueError, message, ask)
 
 
 def test_the_catalogue_and_the_closest_pairs_are_printed(printed, refusal):

@@ -12,6 +12,7 @@ from scene.check import findings, main
 from scene.dataset.edges import Overlap, overlap
 from scene.dataset.formats import layout, planes, png, rle
 from scene.proposal import draw, random_proposal
+from tests.scene.conftest import refused
 
 DEPTH, NORMALS, SEGMENTS = "depth/**/*.png", "normals/**/*.png", "*panoptic*/*.png"
 LIST, PANOPTIC = "annotations/instances*", "*panoptic*.json"
@@ -80,11 +81,9 @@ def test_no_dataset_is_refused_and_an_unfinished_one_says_how_to_go_on(files, tm
 def test_garbled_descriptions_are_refused(dataset, change):
     path, told = dataset / "dataset.json", r"dataset\.json does not describe a dataset"
     path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
-    with pytest.raises(ValueError, match=told):
-        list(findings(dataset))
+    refused(ValueError, told, list, findings(dataset))
     path.write_text("{")
-    with pytest.raises(ValueError, match=r"dataset\.json is no JSON file"):
-        list(findings(dataset))
+    refused(ValueError, r"dataset\.json is no JSON file", list, findings(dataset))
 
 
 @pytest.mark.parametrize("garbage", [None, "x", [[]], {"": None}])

@@ -11,6 +11,7 @@ from scene.executors import workers_of
 from scene.workers import WorkerPool
 from shell.errors import UserError
 from shell.sent import here
+from tests.scene.conftest import refused
 
 
 def told(name, seconds):
@@ -52,8 +53,7 @@ def test_who_dies_or_comes_changes_nothing_and_files_are_sent_to_all(dask_cluste
         texts, roots, values, pids = zip(*found.values(), strict=True)
         assert set(map(tuple, texts)) == {("", "first")} and set(values) == {"yes"}
         assert len(set(pids)) == len(set(roots)) == 2 and str(tmp_path / "own") not in roots
-        with pytest.raises(UserError, match="cannot do 3"):
-            list(cluster.map(fail, [(3,)]))
+        refused(UserError, "cannot do 3", list, cluster.map(fail, [(3,)]))
         assert list(cluster.map(doubled, [(3,)])) == [(0, 6)]
     with workers_of("dask", 0, dask_cluster.address) as cluster:  # a worker has announced a GPU
         tasks = dict(cluster.map(ready_and, [(3,), (4,)], net=True, first=doubled))
@@ -77,8 +77,7 @@ def test_a_scheduler_that_goes_away_ends_the_work_with_one_error(dask_cluster):
 ])  # fmt: skip
 def test_what_cannot_be_reached_is_one_error(asked, complaint, monkeypatch):
     monkeypatch.setattr("scene.cluster.PATIENCE", 1.0)
-    with pytest.raises(UserError, match=complaint):
-        workers_of(*asked)
+    refused(UserError, complaint, workers_of, *asked)
 
 
 def test_without_the_extra_it_says_what_to_install(monkeypatch):

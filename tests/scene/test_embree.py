@@ -13,7 +13,7 @@ from scene.render.embree import api, depth_buffer
 from scene.render.geometry import Shape, shape_of, stand
 from scene.render.shot import sample_rays
 from scene.street.camera import Camera
-from tests.scene.conftest import SEEDS, cast, free
+from tests.scene.conftest import SEEDS, cast, free, refused
 
 SIZE = RenderSettings(width=40, height=30, fov=70)
 GREY = (0.5, 0.5, 0.5)
@@ -113,5 +113,4 @@ def test_instances_stand_where_they_are_put_and_outlive_the_names_of_their_meshe
 
 def test_a_wheel_without_the_library_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr(api, "PATTERNS", ("nothing/*.so",))
-    with pytest.raises(RendererError, match=r"no Embree 4 library lies beside embreex"):
-        api._find()
+    refused(RendererError, r"no Embree 4 library lies beside embreex", api._find)

@@ -20,6 +20,7 @@ from scene.proposal import draw, random_proposal
 from scene.render.__main__ import main
 from scene.version import ENGINE
 from shell import files
+from tests.scene.conftest import refused
 
 TINY = RenderSettings(width=64, height=48)
 UNITS = draw(random_proposal(), 5, 3)
@@ -31,11 +32,6 @@ FLAGS = ["--images", "2", "--size", "64x48", "--workers", "0", "--out"]
 def run(folder, **changes):
     options = {**OPTIONS, **changes}
     return export_dataset(options.pop("units"), 7, folder, **options)
-
-
-def fails(error, message, folder, **changes):
-    with pytest.raises(error, match=message):
-        run(folder, **changes)
 
 
 def tree(folder):
@@ -88,7 +84,7 @@ def test_cut_short_anywhere_it_ends_alike(unbroken, format, writes, tmp_path, mo
         real(source, target)
 
     monkeypatch.setattr(files.os, "replace", cut)
-    fails(KeyboardInterrupt, "", folder, format=format)
+    refused(KeyboardInterrupt, "", run, folder, format=format)
     monkeypatch.undo()
     for part in folder.rglob("*.left"):
         part.rename(part.with_suffix(""))
@@ -109,7 +105,7 @@ def test_finished_streets_are_not_rendered_again(tmp_path, monkeypatch):
         return real(plan, index, unit)
 
     monkeypatch.setattr(export, "_draw_street", street)
-    fails(KeyboardInterrupt, "", tmp_path / "a")
+    refused(KeyboardInterrupt, "", run, tmp_path / "a")
     # A file that lost its end, as when the power goes, is made again.
     victim = next((tmp_path / "a" / "depth").rglob("scenex_000001_000000*"))
     victim.write_bytes(victim.read_bytes()[:50])
@@ -146,23 +142,23 @@ def test_an_export_of_other_settings_or_another_engine_is_kept(finished, tmp_pat
     else:
         with monkeypatch.context() as broken:
             broken.setattr(export, "_summarize", lambda *_: None)
-            fails(FileNotFoundError, "", folder)
+            refused(FileNotFoundError, "", run, folder)
     before = tree(folder)
     for changes, message in OTHERS:
-        fails(ExportError, f"{folder} holds an export with .*({message})", folder, **changes)
+        refused(ExportError, f"{folder} holds an export with .*({message})", run, folder, **changes)
     monkeypatch.setattr("scene.dataset.plan.ENGINE", ENGINE + 1)
-    fails(ExportError, f"version {ENGINE}, and this is {ENGINE + 1}; cont", folder)
+    refused(ExportError, f"version {ENGINE}, and this is {ENGINE + 1}; cont", run, folder)
     assert tree(folder) == before
 
 
 def test_other_folders_are_kept_and_a_second_process_is_kept_out(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    fails(ExportError, "holds other files and no export", tmp_path)
-    fails(ExportError, "is a file", tmp_path / "notes.txt")
+    refused(ExportError, "holds other files and no export", run, tmp_path)
+    refused(ExportError, "is a file", run, tmp_path / "notes.txt")
     assert tree(tmp_path) == {"notes.txt": b"mine"}
 
     def second(*_):
-        fails(ExportError, "in use by another export", tmp_path / "a")
+        refused(ExportError, "in use by another export", run, tmp_path / "a")
 
     run(tmp_path / "a", progress=second)
 
@@ -177,10 +173,9 @@ def test_a_full_disk_is_named_and_the_same_call_continues(tmp_path, monkeypatch)
             return super().write(data)
 
     monkeypatch.setattr(files, "open", Full, raising=False)
-    with pytest.raises(OSError) as caught:
-        run(tmp_path / "a")
-    victim, work = Path(caught.value.filename), tmp_path / "a" / ".export"
-    assert caught.value.errno == errno.ENOSPC
+    caught = refused(OSError, "", run, tmp_path / "a")
+    victim, work = Path(caught.filename), tmp_path / "a" / ".export"
+    assert caught.errno == errno.ENOSPC
     assert victim.is_relative_to(tmp_path / "a") and not victim.exists()
     assert [len(list((work / name).iterdir())) for name in ("parts", "streets")] == [0, 1]
     monkeypatch.undo()
@@ -195,7 +190,8 @@ def test_too_small_a_disk_is_refused_before_anything_is_written(tmp_path, monkey
         monkeypatch.setattr(export.shutil, "disk_usage", lambda path: usage)
 
     leave(100_000)
-    fails(ExportError, r"about 0\.0 GB are needed and 0\.0 GB are free", tmp_path / "deep" / "a")
+    deep = tmp_path / "deep" / "a"
+    refused(ExportError, r"about 0\.0 GB are needed and 0\.0 GB are free", run, deep)
     assert list(tmp_path.iterdir()) == []
     monkeypatch.undo()
     run(tmp_path / "a")
@@ -212,7 +208,7 @@ def test_too_small_a_disk_is_refused_before_anything_is_written(tmp_path, monkey
     ({"pool": AssetPool(use="own")}, "needs a folder of own assets"),
 ])  # fmt: skip
 def test_bad_arguments_are_refused_by_name(changes, message, tmp_path):
-    fails(ValueError, message, tmp_path / "a", **changes)
+    refused(ValueError, message, run, tmp_path / "a", **changes)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -225,7 +221,7 @@ def test_own_assets_travel_with_their_licences(shelf, tmp_path):
     assert told == ("Ada", "CC0-1.0", "own")
     assert (tmp_path / "a" / "assets.csv").read_bytes() == (own / "assets.csv").read_bytes()
     mesh.write_text("# another\n" + mesh.read_text())
-    fails(ExportError, "other own_assets", tmp_path / "a", pool=pool)
+    refused(ExportError, "other own_assets", run, tmp_path / "a", pool=pool)
 
 
 def test_the_command_line_exports_and_reports(tmp_path, printed):

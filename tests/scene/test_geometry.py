@@ -6,7 +6,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scene.assets import catalogue
+from scene.assets.families import FAMILIES
 from scene.classes import TrainId
 from scene.look.materials import MATERIALS, material_id
 from scene.mesh.asset import merge, rotate
@@ -34,8 +34,7 @@ def test_arrays_fit_together_the_same_each_time(seed):
     assert g.triangles == sum(len(shape.faces) for shape in g.shapes)
     assert (SKY_INSTANCE, g.train_id[0]) == (0, TrainId.SKY)
     assert g.train_id[1:4].tolist() == [TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN]
-    for p in drawn.placements:
-        assert g.train_id[p.instance] == catalogue.FAMILIES[p.family].train_id
+    assert all(g.train_id[p.instance] == FAMILIES[p.family].train_id for p in drawn.placements)
     for shape, address in zip(g.shapes, g.surfaces[1:].tolist(), strict=True):
         assert shape.surface.ctypes.data == address
         assert shape.surface.shape == (len(shape.faces), 16)
@@ -57,9 +56,8 @@ def test_normals_are_unit_and_perpendicular_to_their_faces():
 
 
 def test_a_fine_ball_is_smoothed_however_its_faces_are_wound_and_a_box_keeps_its_edges():
-    ball = shape_of(BALL)
-    outwards = ball.vertices[ball.faces]  # of radius 1
-    assert ((ball.corners * outwards).sum(axis=2) > 0.995).all()
+    ball = shape_of(BALL)  # of radius 1
+    assert ((ball.corners * ball.vertices[ball.faces]).sum(axis=2) > 0.995).all()
     cube = shape_of(box((1, 2, 3), (0, 0, 0), (0.5, 0.5, 0.5)))
     np.testing.assert_allclose(cube.corners, np.repeat(cube.normal[:, None], 3, axis=1), atol=1e-6)
     faces = np.array(BALL.mesh.faces)
@@ -78,8 +76,7 @@ def test_merging_names_the_face_that_each_triangle_comes_from():
     assert len(merged.face) == g.triangles
     for i in np.random.default_rng(0).integers(0, g.triangles, 50):
         pose, shape = g.pose[merged.instance[i]], g.shapes[merged.instance[i] - 1]
-        own = shape.vertices[shape.faces[merged.face[i]]]
-        expected = own @ pose[:, :3].T + pose[:, 3]
+        expected = shape.vertices[shape.faces[merged.face[i]]] @ pose[:, :3].T + pose[:, 3]
         np.testing.assert_allclose(merged.vertices[3 * i : 3 * i + 3], expected, atol=1e-3)
 
 

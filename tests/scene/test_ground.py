@@ -59,7 +59,7 @@ def test_road_sidewalk_and_terrain_keep_to_their_strips_and_have_no_degenerate_f
     assets = ground_assets(ground(seed)).values()
     for asset in assets:
         assert np.isfinite(asset.mesh.vertices).all() and asset.mesh.area_faces.min() > 1e-6
-        assert ((asset.color >= 0) & (asset.color <= 1)).all()
+        assert 0 <= asset.color.min() and asset.color.max() <= 1
     assert sum(len(a.color) for a in assets) < 6000
 
 
@@ -70,8 +70,7 @@ def test_a_plain_ground_is_level_asphalt_without_paint(seed):
     assert (road.mesh.vertices[:, 2] == 0).all() and len(set(road.material.tolist())) == 1
     assert np.unique(np.abs(terrain.mesh.vertices[:, 2] - KERB_HEIGHT).round(3)).max() <= 0.01
     assert road.mesh.area == pytest.approx(640 * 2 * drawn.half_width)
-    level = sidewalk.mesh.triangles[..., 2].min(axis=1) > 0.1
-    paved = sidewalk.mesh.area_faces[level].sum()
+    paved = sidewalk.mesh.area_faces[sidewalk.mesh.triangles[..., 2].min(axis=1) > 0.1].sum()
     assert paved == pytest.approx(640 * 2 * (drawn.footway - 0.02), rel=1e-3)
 
 
@@ -85,7 +84,6 @@ def test_markings_lie_on_the_asphalt_and_the_kerb_drops_at_driveways_only(seed):
     away = np.abs(painted_on(bare)[..., 0] - 30.0)
     # Whatever reaches into the crossing belongs to it.
     assert (away.min(axis=1) < 3.9).sum() == (away.max(axis=1) < 3.7).sum() > 10
-    drawn = ground(seed)
     sidewalk = ground_assets(drawn)[2].mesh.vertices
     kerb = sidewalk[np.isclose(np.abs(sidewalk[:, 1]), drawn.half_width + KERB_WIDTH)]
     low = kerb[kerb[:, 2] < KERB_HEIGHT - 0.01]

@@ -60,8 +60,7 @@ def test_people_walk_on_two_legs_that_take_turns_with_arms_against_them(phase):
 def test_every_style_dresses_a_body_of_one_height(style):
     outfit, curves = wardrobe.sample_outfit(np.random.default_rng(1), style, 0.3)
     own = {"outfit": outfit._replace(hat=""), "body": Body(1.75, curves=curves), "things": ()}
-    params = walker(0.2)._replace(**own)
-    assert 1.66 < person.person(params).mesh.bounds[1, 2] < 1.84
+    assert 1.66 < person.person(walker(0.2)._replace(**own)).mesh.bounds[1, 2] < 1.84
 
 
 @pytest.mark.parametrize("hat", head.HATS)

@@ -18,7 +18,7 @@ from scene.preview.streets import sweep
 from scene.preview.themes import THEMES, VIEW, themed
 from scene.street.camera import camera_axes
 from scene.street.extras import Mix
-from tests.scene.conftest import POOL, chosen
+from tests.scene.conftest import POOL, chosen, refused
 
 SMALL = RenderSettings(64, 48, samples=1)
 ROW = 32 + CAPTION
@@ -70,8 +70,7 @@ def test_each_asset_is_seen_and_in_view(family):
 
 @pytest.mark.parametrize("name", surfaces())
 def test_surfaces_are_seen(name):
-    frame = look(surface_street(name, 1))
-    assert (frame.label == TrainId[name.upper()]).mean() > 0.3
+    assert (look(surface_street(name, 1)).label == TrainId[name.upper()]).mean() > 0.3
 
 
 def test_a_sweep_of_light_goes_from_dark_to_bright_and_every_sky_can_be_shown_by_name():
@@ -80,8 +79,7 @@ def test_a_sweep_of_light_goes_from_dark_to_bright_and_every_sky_can_be_shown_by
     light = [part.mean() for part in np.split(page[CAPTION:], 3, axis=1)]
     assert light == sorted(set(light))
     assert [named_sky(row.name).weather for row in SKIES] == [row.name for row in SKIES]
-    with pytest.raises(ValueError, match="unknown weather 'green'"):
-        named_sky("green")
+    refused(ValueError, "unknown weather 'green'", named_sky, "green")
 
 
 @pytest.mark.parametrize(("line", "file", "height", "columns"), [

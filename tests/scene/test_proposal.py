@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scene import proposal as module
 from scene.attributes import BY_NAME, NAMES, default_unit
 from scene.proposal import Proposal, default_proposal, describe, draw, random_proposal, slide
-from tests.scene.conftest import SEEDS
+from tests.scene.conftest import SEEDS, refused
 
 VALUES = dict.fromkeys(NAMES, 0.25)
 BOTH = tuple(BY_NAME)
@@ -37,21 +37,17 @@ def test_a_street_does_not_depend_on_how_many_there_are_and_all_fill_their_inter
     units = draw(random_proposal(), 0, 2000)
     np.testing.assert_allclose(units.mean(axis=0), 0.5, atol=0.03)
     np.testing.assert_allclose(units.std(axis=0), 12**-0.5, atol=0.02)
-    width = module.RELAXATION
-    spread = draw(default_proposal(), 0, 2000) - slide(default_unit(), width).centre
-    np.testing.assert_allclose(spread.std(axis=0), width * 12**-0.5, rtol=0.1)
+    spread = draw(default_proposal(), 0, 2000) - slide(default_unit(), module.RELAXATION).centre
+    np.testing.assert_allclose(spread.std(axis=0), module.RELAXATION * 12**-0.5, rtol=0.1)
     extended = default_proposal(space="extended")
     np.testing.assert_array_equal(extended.width > 0, [name in NAMES for name in BOTH])
     np.testing.assert_array_equal(draw(extended, 3, 4)[0, :23], draw(default_proposal(), 3, 4)[0])
 
 
 def test_a_file_gives_values_or_intervals_and_a_description_says_where_they_lie_in_metres():
-    given = {
-        **VALUES,
-        NAMES[1]: {"centre": 0.5, "width": 0.2},
-        NAMES[2]: {"unit": {"centre": 0.8, "width": 0.4}, "physical": {}, "meaning": "x"},
-    }
-    proposal = module.parse_streets(given)
+    short = {"centre": 0.5, "width": 0.2}
+    long = {"unit": {"centre": 0.8, "width": 0.4}, "physical": {}, "meaning": "x"}
+    proposal = module.parse_streets({**VALUES, NAMES[1]: short, NAMES[2]: long})
     np.testing.assert_allclose(proposal.centre[:4], [0.25, 0.5, 0.8, 0.25], rtol=1e-6)
     np.testing.assert_allclose(proposal.width[:4], [0, 0.2, 0.4, 0], rtol=1e-6)
     # At the border intervals slide inside.
@@ -93,8 +89,7 @@ def test_what_is_described_is_read_back_to_the_same_streets(lists, seed):
     )),
 ])  # fmt: skip
 def test_what_is_wrong_in_a_file_is_named(value, message):
-    with pytest.raises(ValueError, match=message):
-        module.parse_streets(value)
+    refused(ValueError, message, module.parse_streets, value)
 
 
 WHOLE = {"share": 1, "attributes": VALUES}
@@ -112,8 +107,7 @@ WHOLE = {"share": 1, "attributes": VALUES}
     ([{**WHOLE, "share": 0.5}, {"share": 0.5, "attributes": dict.fromkeys(BOTH, 0.5)}], "different spaces"),
 ])  # fmt: skip
 def test_what_is_wrong_in_a_mixture_is_named(rows, message):
-    with pytest.raises(ValueError, match=message):
-        module.parse_streets({"components": rows})
+    refused(ValueError, message, module.parse_streets, {"components": rows})
 
 
 @given(st.lists(st.floats(0.01, 1), min_size=1, max_size=4), SEEDS)

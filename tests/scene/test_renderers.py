@@ -17,7 +17,7 @@ from scene.render.protocol import label_sample, pixel_rays
 from scene.sky.sky import sample_sky
 from scene.street.camera import Camera, camera_axes
 from scene.street.placing import Placement
-from tests.scene.conftest import DEFAULT, chosen, street
+from tests.scene.conftest import DEFAULT, chosen, refused, street
 
 SMALL = RenderSettings(width=96, height=64)
 QUIET = SMALL._replace(response=CameraResponse(noise=0.0, meter=0.0, halo=0.0, variation=0.0))
@@ -92,15 +92,12 @@ def test_a_camera_sees_with_its_own_lens_exposure_and_white_balance(draw):
     *(({"fov": fov}, f"fov must lie in 5..150 degrees, not {fov}") for fov in (0.0, math.nan)),
 ])  # fmt: skip
 def test_settings_out_of_range_are_refused_by_name(change, message):
-    with pytest.raises(ValueError, match=message):
-        check_settings(RenderSettings(**change))
+    refused(ValueError, message, check_settings, RenderSettings(**change))
 
 
 def test_renderers_check_their_settings_and_an_unknown_one_is_refused(draw):
-    with pytest.raises(ValueError, match="samples"):
-        draw(bare_street(), SMALL._replace(samples=0))
-    with pytest.raises(ValueError, match="unknown renderer 'vulkan'; known: embree, opengl"):
-        renderer("vulkan")
+    refused(ValueError, "samples", draw, bare_street(), SMALL._replace(samples=0))
+    refused(ValueError, "unknown renderer 'vulkan'; known: embree, opengl", renderer, "vulkan")
 
 
 def test_depth_of_the_road_is_height_over_slope_up_to_the_kerb_and_above_it_is_sky(draw):

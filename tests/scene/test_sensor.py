@@ -57,18 +57,16 @@ def test_more_light_is_never_darker(a, b):
 
 
 def test_contrast_white_balance_gamma_and_exposure_do_what_they_say():
-    hard = PLAIN._replace(contrast=1.4)
     for value, sign in ((0.5 * MIDDLE, -1), (MIDDLE, 0), (2 * MIDDLE, 1)):
-        change = shot(flat(value), hard).mean() - shot(flat(value), PLAIN).mean()
-        assert np.sign(round(change / 2)) == sign
+        soft, hard = (shot(flat(value), PLAIN._replace(contrast=c)).mean() for c in (1.0, 1.4))
+        assert np.sign(round((hard - soft) / 2)) == sign
     # And without saturation all is grey.
-    image = shot(street(), PLAIN._replace(saturation=0.0)).astype(int)
-    assert np.ptp(image, axis=2).max() <= 1
+    assert np.ptp(shot(street(), PLAIN._replace(saturation=0.0)), axis=2).max() <= 1
     red, green, blue = shot(flat(0.3), QUIET._replace(gain=(1.2, 1.0, 0.8))).mean(axis=(0, 1))
     assert red > green > blue
-    changed = QUIET._replace(gamma=1.3), QUIET._replace(exposure=2.0)
-    other = [shot(flat(0.3), response).mean() for response in changed]
-    assert other[0] < shot(flat(0.3)).mean() < other[1]
+    changes = {"gamma": 1.3}, {}, {"exposure": 2.0}
+    dark, middle, bright = (shot(flat(0.3), QUIET._replace(**c)).mean() for c in changes)
+    assert dark < middle < bright
 
 
 def test_a_vignette_darkens_corners_only_and_a_fringe_moves_red_outwards_only():
@@ -90,9 +88,9 @@ def test_blur_keeps_the_mean_and_softens_edges_and_a_halo_makes_them_overshoot()
 
 
 def test_noise_has_the_stated_strength_and_grows_with_the_signal():
-    response, spread = PLAIN._replace(noise=0.02), []
+    spread = []
     for value in (0.02, 0.2):
-        clean, noisy = shot(flat(value, 256), PLAIN), shot(flat(value, 256), response)
+        clean, noisy = (shot(flat(value, 256), PLAIN._replace(noise=n)) for n in (0.0, 0.02))
         spread.append(255 * 0.02 * np.sqrt(0.2 + 1.6 * clean.mean() / 255))
         assert noisy.mean() == pytest.approx(clean.mean(), abs=0.5)
         assert noisy.std() == pytest.approx(spread[-1], rel=0.05)
@@ -106,8 +104,7 @@ def test_the_same_generator_gives_the_same_grain_and_jpeg_keeps_the_colours():
     assert (radiance == 0.5).all()
     clean, low, high = (shot(street(), PLAIN._replace(jpeg=q)).astype(int) for q in (0, 20, 95))
     assert np.abs(low - clean).mean() > 1.5 * np.abs(high - clean).mean() > 0
-    red = flat((0.5, 0.05, 0.02))
-    assert (shot(red, PLAIN._replace(jpeg=95))[..., 0] > 150).all()
+    assert (shot(flat((0.5, 0.05, 0.02)), PLAIN._replace(jpeg=95))[..., 0] > 150).all()
 
 
 @given(SEEDS)

@@ -46,8 +46,7 @@ def objects(placements):
 
 @given(UNITS, SEEDS)
 def test_the_same_arguments_give_the_same_street_and_another_seed_another(unit, seed):
-    params = lines_alone(unit)
-    a, b, other = (street(params, s, 2) for s in (seed, seed, seed ^ 1))
+    a, b, other = (street(lines_alone(unit), s, 2) for s in (seed, seed, seed ^ 1))
     assert same(a.placements, b.placements) and not same(a.placements, other.placements)
     assert (a.cameras, a.ground, a.seed) == (b.cameras, b.ground, b.seed)
     assert a.cameras != other.cameras and a.ground != other.ground
@@ -57,7 +56,8 @@ def test_the_same_arguments_give_the_same_street_and_another_seed_another(unit, 
 
 @given(UNITS, SEEDS)
 def test_every_object_stands_on_the_ground_and_the_camera_drives_on_at_its_height(unit, seed):
-    drawn = street(lines_alone(unit), seed)
+    params = lines_alone(unit)
+    drawn = street(params, seed)
     for number, p in enumerate(drawn.placements, FIRST_INSTANCE):
         assert p.instance == number
         y, z = p.pose[1:3, 3]
@@ -65,13 +65,9 @@ def test_every_object_stands_on_the_ground_and_the_camera_drives_on_at_its_heigh
         assert p.pose[:3, 2].tolist() == [0, 0, 1]  # upright
         assert np.linalg.det(p.pose[:3, :3]) == pytest.approx(1)
         low = catalogue.bounds(p.family, p.asset)[0, 2]
-        if p.family in ("rider", "traffic sign", "traffic light"):
-            assert low > 0.05  # on a machine or a post
-        else:
-            assert low == pytest.approx(0, abs=0.02)
-    params = lines_alone(unit)
-    drawn = street(params, seed, 5)
-    for camera in drawn.cameras:
+        lifted = p.family in ("rider", "traffic sign", "traffic light")  # by a machine or a post
+        assert low > 0.05 if lifted else abs(low) <= 0.02
+    for camera in street(params, seed, 5).cameras:
         _, y, z = camera.position
         assert abs(y) == pytest.approx(params.camera_position_x)
         assert z == pytest.approx(ground_height(drawn.ground, y) + params.camera_position_y)
@@ -132,8 +128,7 @@ def test_moving_or_thinning_a_line_leaves_all_others_as_they_are(seed, changed, 
 
 @given(SEEDS, st.floats(1.5, 50))
 def test_neighbours_are_an_interval_apart_give_or_take_the_jitter(seed, interval):
-    params = DEFAULT._replace(person_interval=interval)
-    people = objects(by_line(params, seed)["person"])
+    people = objects(by_line(DEFAULT._replace(person_interval=interval), seed)["person"])
     for side in (1, -1):
         x = np.array([p.pose[0, 3] for p in people if p.pose[1, 3] * side > 0])
         assert (np.abs(np.diff(x) - interval) <= 2 * JITTER * interval + 1e-9).all()
@@ -163,8 +158,8 @@ def test_families_of_a_line_come_in_their_shares_riders_on_machines_signs_on_pos
     riders = {"rider on bicycle", "rider on motorcycle"}
     assert pairs == {*riders, "traffic sign on signpost", "traffic light on signpost"}
     poles = [p.family for seed in range(60) for p in objects(by_line(seed=seed)["pole"])]
-    for family, share in LINES["pole"].items():
-        assert poles.count(family) / len(poles) == pytest.approx(share, abs=0.05)
+    shares = {family: poles.count(family) / len(poles) for family in LINES["pole"]}
+    assert shares == pytest.approx(LINES["pole"], abs=0.05)
 
 
 def test_the_camera_moves_on_out_of_a_bus_in_its_way():
@@ -185,8 +180,7 @@ def stands(seed, params=DEFAULT):
 def test_it_lies_beyond_the_lines_and_is_pure_and_no_larger_than_a_street(seed, unit):
     for stand in stands(seed, lines_alone(unit)):
         assert stand.x >= LINES_END or abs(stand.y) >= BEHIND
-        assert stand.x < VISTA_END + 60
-        assert stand.family in ("building", "tree", "bush")
+        assert stand.x < VISTA_END + 60 and stand.family in ("building", "tree", "bush")
     assert stands(seed) == stands(seed) != stands(seed + 1) and 40 < len(stands(seed)) < 160
     # A row of houses looks down the road from its end: a building's front is at its local -y.
     assert any(abs(s.y) < 20 and s.yaw == -math.pi / 2 for s in stands(seed))

@@ -13,7 +13,7 @@ import pytest
 from shell.command import MISTAKE, UNREAD, Parser, exit_code, size
 from shell.errors import UserError, refuse_repeats
 from shell.interrupt import INTERRUPTED
-from tests.conftest import ROOT
+from tests.conftest import ROOT, refused
 
 FULL = OSError(errno.ENOSPC, "No space left on device", "x.json")
 CURE = "once that is put right, the same command goes on"
@@ -80,8 +80,7 @@ def test_a_parser_says_what_is_wrong_in_one_line(capsys):
     parser = Parser("scene.x", "One.\n\n    two  three\n")
     parser.add_argument("--count", type=int)
     for flags, words in ((["--co", "3"], "--co 3"), (["--count", "x"], "invalid int value: 'x'")):
-        with pytest.raises(SystemExit, match="^2$"):
-            parser.parse_args(flags)
+        refused(SystemExit, "^2$", parser.parse_args, flags)
         said = capsys.readouterr().err
         assert words in said and said.count("\n") == 1
     assert "    two  three\n" in parser.format_help()
@@ -90,8 +89,7 @@ def test_a_parser_says_what_is_wrong_in_one_line(capsys):
 def test_sizes_and_repeats():
     assert size("640x320") == (640, 320)
     for text in ("640", "x320", "640x", "640x320x3", "axb", ""):
-        with pytest.raises(argparse.ArgumentTypeError, match="must look like 640x320, not"):
-            size(text)
+        refused(argparse.ArgumentTypeError, "must look like 640x320, not", size, text)
     refuse_repeats("--nets", ["a", "b"])
     with pytest.raises(UserError, match="--nets a b a names one of them twice"):
         refuse_repeats("--nets", ["a", "b", "a"])

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from shell.errors import UserError
 from shell.files import digest, folder_digest, read_json, versions, write, write_json
+from tests.conftest import refused
 
 
 @given(st.lists(st.text()), st.sampled_from([OSError(5, "I/O error"), KeyboardInterrupt()]))
@@ -19,24 +20,21 @@ def test_what_stops_a_writer_leaves_the_old_file(tmp_path_factory, texts, error)
     path = tmp_path_factory.mktemp("out") / "file"
     content = "".join(texts).encode()
     assert write(path, iter(texts)) == len(content) and path.read_bytes() == content
-    with pytest.raises(type(error)):
-        write(path, pieces())
+    refused(type(error), "", write, path, pieces())
     assert path.read_bytes() == content and list(path.parent.iterdir()) == [path]
 
 
 def test_whole_files_or_none(tmp_path, full_disk, monkeypatch):
     path = tmp_path / "summary.json"
     path.write_text("old")
-    with pytest.raises(OSError) as caught:
-        write_json(path, {"new": 1})
-    assert caught.value.filename == str(path)
+    caught = refused(OSError, "", write_json, path, {"new": 1})
+    assert caught.filename == str(path)
     assert list(tmp_path.iterdir()) == [path] and path.read_text() == "old"
     monkeypatch.undo()
     write_json(path, {"new": 1})
     assert path.read_text() == '{\n  "new": 1\n}\n' and read_json(path) == {"new": 1}
     write(path, b"\x00\x01", part=tmp_path / "elsewhere")
-    with pytest.raises(ValueError):
-        write_json(path, {"miou": math.nan})
+    refused(ValueError, "", write_json, path, {"miou": math.nan})
     assert path.read_bytes() == b"\x00\x01" and list(tmp_path.iterdir()) == [path]
 
 
@@ -44,8 +42,7 @@ def test_whole_files_or_none(tmp_path, full_disk, monkeypatch):
 def test_what_is_no_json_is_named(text, tmp_path):
     path = tmp_path / "x.json"
     path.write_bytes(text.encode("latin-1"))
-    with pytest.raises(UserError, match=f"{path} is no JSON file"):
-        read_json(path)
+    refused(UserError, f"{path} is no JSON file", read_json, path)
 
 
 def test_canonical_json_by_hand_folders_by_names_and_bytes_and_versions(tmp_path):

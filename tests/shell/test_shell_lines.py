@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 from shell.errors import UserError
 from shell.lines import JsonLines
+from tests.conftest import refused
 
 LINE = {"key": "k", "reward": 0.25, "class_iou": [0.5, None]}
 
@@ -61,19 +62,16 @@ def test_a_kill_while_writing_loses_at_most_the_last_line(tmp_path_factory, reco
 def test_a_corrupt_line_is_named_with_its_cure(path, line, complaint):
     path.write_bytes(f"{json.dumps(LINE)}\n{line}\n{json.dumps(LINE)}\n".encode("latin-1"))
     before = path.read_bytes()
-    with pytest.raises(UserError, match=f"{path}: {complaint}; begin anew"):
-        JsonLines(path, "begin anew")
+    refused(UserError, f"{path}: {complaint}; begin anew", JsonLines, path, "begin anew")
     assert path.read_bytes() == before
 
 
 def test_a_full_disk_is_named_and_takes_no_half_line(path, full_disk, monkeypatch):
     before = path.read_bytes()
     log = JsonLines(path)
-    with pytest.raises(ValueError):
-        log.append(LINE, {"reward": float("nan")})
-    with pytest.raises(OSError) as caught:
-        log.append(LINE)
-    assert (caught.value.errno, caught.value.filename) == (errno.ENOSPC, str(path))
+    refused(ValueError, "", log.append, LINE, {"reward": float("nan")})
+    caught = refused(OSError, "", log.append, LINE)
+    assert (caught.errno, caught.filename) == (errno.ENOSPC, str(path))
     assert path.read_bytes() == before and len(log.lines) == 1
     monkeypatch.undo()
     log.append(LINE)
@@ -86,11 +84,10 @@ def test_a_file_that_cannot_grow_takes_no_half_line(path):
     old = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (len(before) + 10, old[1]))
     try:
-        with pytest.raises(OSError) as caught:
-            log.append(LINE)
+        caught = refused(OSError, "", log.append, LINE)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, old)
-    assert (caught.value.errno, caught.value.filename) == (errno.EFBIG, str(path))
+    assert (caught.errno, caught.filename) == (errno.EFBIG, str(path))
     assert path.read_bytes() == before
 
 
@@ -98,8 +95,7 @@ def test_a_file_that_cannot_grow_takes_no_half_line(path):
 def test_a_file_that_was_changed_meanwhile_is_left_alone(path, text):
     log = JsonLines(path)
     path.write_text(text)
-    with pytest.raises(RuntimeError, match="changed by another process"):
-        log.append(LINE)
+    refused(RuntimeError, "changed by another process", log.append, LINE)
     assert path.read_text() == text
 
 
@@ -130,9 +126,10 @@ def test_two_may_write_at_once(tmp_path, kind):
     module = threading if kind == "Thread" else multiprocessing.get_context("spawn")
     ready = module.Barrier(2)
     writers = [getattr(module, kind)(target=add_many, args=(path, name, ready)) for name in "xy"]
-    for step in ("start", "join"):
-        for writer in writers:
-            getattr(writer, step)()
+    for writer in writers:
+        writer.start()
+    for writer in writers:
+        writer.join()
     own, after = JsonLines(path).lines[::2], JsonLines(path).lines[1::2]
     for name in "xy":
         assert [line["k"] for line in own if line["name"] == name] == list(range(20))
