@@ -39,7 +39,7 @@ from seg.weights import convert
 from shell.errors import UserError
 from tests.robustness.conftest import EXAMPLE
 from tests.robustness.test_untrusted import bomb
-from tests.seg.test_seg_weights import save_legacy, save_npz, save_safetensors, save_zip
+from tests.seg.test_seg_weights import SAVERS
 
 EXAMPLES = int(os.environ.get("ROBUST_EXAMPLES", "15"))
 many = settings(max_examples=EXAMPLES, suppress_health_check=list(HealthCheck), deadline=None)
@@ -194,10 +194,9 @@ def test_meshes(made, counted, tmp_path):
 def weights() -> Iterator[bytes]:
     arrays = {"features.0.weight": np.ones((2, 3), np.float32), "b": np.zeros(3, np.float32)}
     with tempfile.TemporaryDirectory() as folder:
-        for save in (save_safetensors, save_npz, save_zip, save_legacy):
-            path = Path(folder, f"{save.__name__}.npz")  # NumPy would add this suffix
-            save(path, arrays)
-            yield path.read_bytes()
+        for name, save in SAVERS.items():
+            save(Path(folder, name), arrays)
+            yield Path(folder, name).read_bytes()
 
 
 @many
