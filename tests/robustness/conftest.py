@@ -80,7 +80,9 @@ class Program(NamedTuple):
         """In a process group of its own; no file may grow beyond ``most`` bytes."""
         words = [sys.executable, *(word.replace("OUT", str(out)) for word in self.command)]
         limit = [] if most is None else ["prlimit", f"--fsize={most}:{most}"]
-        environment = {k: v for k, v in os.environ.items() if k != "CAMVID_DIR"}
+        # An entry that does not fit is left cut short, and JAX warns of it in every process after.
+        absent = {"CAMVID_DIR"} if most is None else {"CAMVID_DIR", "JAX_COMPILATION_CACHE_DIR"}
+        environment = {k: v for k, v in os.environ.items() if k not in absent}
         own = {"cwd": ROOT, "env": environment, "start_new_session": True, "text": True}
         return Popen([*limit, *words], stdin=DEVNULL, stdout=DEVNULL, stderr=PIPE, **own)
 
