@@ -60,6 +60,11 @@ def refused(error: type[Exception], message: str, call: Callable, *arguments, **
     return caught.value
 
 
+def refuses(message: str, call: Callable, *arguments, error=ValueError, **options) -> None:
+    """The call ends in an error that says so."""
+    refused(error, message, call, *arguments, **options)
+
+
 def gone(pid: int) -> bool:
     """Whether a process ends before long; one whose end nobody has asked for yet (Z) has ended."""
     with suppress(OSError):

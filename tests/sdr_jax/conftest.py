@@ -1,13 +1,15 @@
 """Cheaper compilation: these tests compile much and compute little. And what many of them need."""
 
 from collections.abc import Iterator
-from functools import partial
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 import pytest
 from hypothesis import strategies as st
+
+from tests.conftest import refuses as refuses
+from tests.trees import assert_close as assert_close
+from tests.trees import assert_same as assert_same
 
 KEY = jax.random.key(0)
 SEEDS = st.integers(0, 2**32 - 1)
@@ -24,15 +26,6 @@ def light_compilation() -> Iterator[None]:
         jax.clear_caches()
 
 
-def assert_same(a, b) -> None:
-    """Equal arrays in equal trees."""
-    jax.tree.map(np.testing.assert_array_equal, a, b)
-
-
-def assert_close(a, b, rtol: float = 1e-7, atol: float = 0.0) -> None:
-    jax.tree.map(partial(np.testing.assert_allclose, rtol=rtol, atol=atol), a, b)
-
-
 def tell(method, actions, rewards, state=None):
     """The method's state, at first its initial one, after an update, and what the update says of itself."""
     state = method.init(KEY) if state is None else state
@@ -46,9 +39,3 @@ def learnt(method, reward, updates: int, n: int):
         actions, proposals = method.sample(jax.random.key(t), state, n)
         state, _ = tell(method, actions, reward(t, actions, proposals), state)
     return state
-
-
-def refuses(message: str, function, *arguments, error: type = ValueError, **options) -> None:
-    """The call ends in an error that says so."""
-    with pytest.raises(error, match=message):
-        function(*arguments, **options)

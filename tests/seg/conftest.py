@@ -17,6 +17,9 @@ from seg.weights import WeightsError, convert, vgg16
 from seg.weights.__main__ import main
 from seg.weights.normalisation import from_bgr
 from seg.weights.read import read_npz
+from tests.conftest import refuses as refuses
+from tests.trees import assert_close as assert_close
+from tests.trees import assert_same as assert_same
 
 H, W = 6, 8
 WIDTH, HIDDEN = 2, 5  # of the VGG16 in files of weights, where a test says `narrow`
@@ -31,22 +34,8 @@ def pixels(*shape, seed=0, below=256):
     return np.random.default_rng(seed).integers(0, below, shape, np.uint8)
 
 
-def refuses(message, function, *arguments, error=ValueError, **options):
-    """The call ends in an error that says so."""
-    with pytest.raises(error, match=message):
-        function(*arguments, **options)
-
-
 refuses_file = partial(refuses, error=DataError)
 refuses_weights = partial(refuses, error=WeightsError)
-
-
-def assert_same(a, b):
-    jax.tree.map(np.testing.assert_array_equal, a, b)
-
-
-def assert_close(a, b, rtol=1e-7, atol=0.0):
-    jax.tree.map(partial(np.testing.assert_allclose, rtol=rtol, atol=atol), a, b)
 
 
 def same_function(ours, theirs, *inputs, atol=1e-5, of_gradients=1e-4, rtol=1e-7):
