@@ -22,6 +22,7 @@ from distributed import Client, KilledWorker, WorkerPlugin
 from scene.version import ENGINE
 from scene.workers import WorkerError, Workers
 from shell.errors import UserError
+from shell.files import file_digest
 from shell.sent import received
 
 PATIENCE = 10.0
@@ -201,11 +202,8 @@ def _after(ready: Any, function: Callable[..., Any], *task: Any) -> Any:
 def _digest(root: Path, files: Iterable[Path]) -> str:
     found = hashlib.sha256()
     for file in files:
-        with file.open("rb") as opened:
-            own = hashlib.file_digest(opened, "sha256").hexdigest()
-        found.update(
-            f"{'' if file == root else file.relative_to(root).as_posix()} {own}\n".encode()
-        )
+        name = "" if file == root else file.relative_to(root).as_posix()
+        found.update(f"{name} {file_digest(file)}\n".encode())
     return found.hexdigest()[:16]
 
 

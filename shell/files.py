@@ -158,6 +158,12 @@ def leads_out(folder: Path, name: str) -> bool:
     return not Path(whole).is_relative_to(os.path.normpath(folder.absolute()))
 
 
+def file_digest(path: Path) -> str:
+    """Sha256 of the bytes of a file. Raises OSError."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 def folder_digest(root: Path) -> str:
     """Sha256 of the names and bytes of all files below a folder."""
     found = hashlib.sha256()

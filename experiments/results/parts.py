@@ -38,6 +38,13 @@ class Part(NamedTuple):
         return shlex.join(words)
 
 
+SEARCH = (
+    "--search.updates-per-group", "5", "--search.datasets-per-update", "2", "--candidate-seeds", "1",
+)  # fmt: skip
+"""Of every search: 90 rewards in place of the preset's 288, and half of its nets for the judge."""
+SMALL = ("--final.width", "240", "--final.height", "176")
+"""Final nets of studies that compare searches: as large as rewards."""
+
 NAMES = (
     "searches", f"labels-{HOLDOUT}", f"labels-{OTHER}", "table", "pretrain", "ablation", "assets",
     "compare", "fidelity", "sensitivity", "twins",
@@ -62,8 +69,15 @@ def parts(data: Path, out: Path, preset: str, searches: int) -> list[Part]:
     def study(name: str, module: str, title: str, asks: str, *flags: str) -> Part:
         return Part(name, title, asks, f"experiments.{module}", flags)
 
+    # So that all of it takes two cores six hours; the smoke preset is small by itself.
+    quick = preset == "quick"
+    budget = SEARCH if quick else ()
+    small = SMALL if quick else ()
+    three = ("--seeds", "3") if quick else ()
+    fractions = ("--fractions", "0.05", "0.25", "1") if quick else ()
+    images = ("--images", "90", "180", "450", "900") if quick else ()
     # The smoke preset's four are too few for sdr's groups.
-    fewest = ("--evaluations", "12") if preset == "smoke" else ()
+    evaluations = ("--evaluations", "48" if quick else "12")
     curve = "What labelled images are worth alone and beside renders"
     renders = ("--renders", "random", "default", "learnt")
     return [
@@ -71,7 +85,7 @@ def parts(data: Path, out: Path, preset: str, searches: int) -> list[Part]:
             "searches", "searches", "Learnt attributes",
             f"What nets gain that are trained on learnt attributes, on a drive ({HOLDOUT}) that neither the "
             "search nor anybody else has seen.",
-            *camvid, HOLDOUT, *extended, "--searches", str(searches),
+            *camvid, HOLDOUT, *extended, *budget, "--searches", str(searches),
         ),
         study(
             f"labels-{HOLDOUT}", "labels", "Labels and renders", f"{curve}.",
@@ -80,7 +94,7 @@ def parts(data: Path, out: Path, preset: str, searches: int) -> list[Part]:
         study(
             f"labels-{OTHER}", "labels", f"Labels and renders, {OTHER} left out",
             f"{curve}, scored on another drive; a search of its own has not seen it.",
-            *camvid, OTHER, *extended, *renders,
+            *camvid, OTHER, *extended, *budget, *renders, *three,
         ),
         study(
             "table", "table", "Training sets beside each other", "The paper's table 2, for several nets.",
@@ -90,26 +104,26 @@ def parts(data: Path, out: Path, preset: str, searches: int) -> list[Part]:
             "pretrain", "pretrain", "Pre-training",
             "The paper's table 3: nets trained on renders, then on a part of the labelled images; the "
             "search for attributes has seen that part alone.",
-            *camvid, HOLDOUT, *extended, "--learn-on", "share",
-            "--rows", "scratch", "random", "learnt", "longer",
+            *camvid, HOLDOUT, *extended, *budget, *small, *three,
+            "--learn-on", "share", "--rows", "scratch", "random", "learnt", "longer", *fractions,
         ),
         study(
             "ablation", "ablation", "Ablation", "What each part of the method is worth.",
-            *camvid, HOLDOUT, *size,
+            *camvid, HOLDOUT, *size, *small, *evaluations,
         ),
         study(
             "assets", "assets", "Assets and images", "What more assets and more images are worth.",
-            *camvid, HOLDOUT, *size,
+            *camvid, HOLDOUT, *size, *small, *images,
         ),
         study(
             "compare", "compare", "Search methods on all 23 attributes",
             "Every method with the same number of rewards.",
-            *camvid, HOLDOUT, *size, "--subsets", "all", *fewest,
+            *camvid, HOLDOUT, *size, *small, "--subsets", "all", *evaluations,
         ),
         study(
             "fidelity", "fidelity", "How good is the reward?",
-            "Its signal, its noise, and whether it ranks as the final nets do.",
-            *camvid, HOLDOUT, *size,
+            "Its signal, its noise, and whether it ranks as larger nets do.",
+            *camvid, HOLDOUT, *size, "--rungs", "2",
         ),
         study(
             "sensitivity", "sensitivity", "Which attributes matter",

@@ -31,7 +31,7 @@ from scene.proposal import Mixture, Proposal
 from scene.version import ENGINE
 from scene.workers import Workers
 from shell.errors import UserError
-from shell.files import digest, folder_digest
+from shell.files import digest, file_digest, folder_digest
 from shell.lines import Record
 
 Side = Literal["reward", "test"]
@@ -257,13 +257,16 @@ def about(
         kind, source = "mmd", truth.source
     else:
         kind, source = "miou", digest_of(truth.images, truth.labels)
-    pool = recipe.pool.decides
-    if pool["own"]:  # the files count, not where they lie
+    fidelity, pool = recipe.fidelity, recipe.pool.decides
+    size = asdict(fidelity)
+    # Files count, not where they lie.
+    if pool["own"]:
         pool["own"] = folder_digest(Path(pool["own"]))
-    fidelity = recipe.fidelity
+    if fidelity.train.weights is not None:
+        size["train"]["weights"] = file_digest(Path(fidelity.train.weights))
     decides = {
         "kind": kind,
-        "fidelity": asdict(fidelity),
+        "fidelity": size,
         "table": recipe.table,
         "renderer": recipe.renderer,
         "pool": pool,

