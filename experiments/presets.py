@@ -95,12 +95,12 @@ _FINAL = RECIPES["lite0-frozen"]
 _REWARD = replace(_FINAL, steps=150, views=1)
 
 
-def _others(width: int, height: int, vgg_width: int, vgg_height: int) -> dict[str, Any]:
-    """Sizes at which two cores train the nets that are not the preset's."""
-    vgg = replace(RECIPES["scratch"], steps=600)
+def _others(width: int, height: int) -> dict[str, Any]:
+    """Sizes and steps at which two cores train the nets that are not the preset's."""
+    brief = replace(RECIPES["scratch"], steps=150)
     return {
         "compact": Fidelity(width, height, 50, 8, train=RECIPES["compact"]),
-        "vgg": Fidelity(vgg_width, vgg_height, 50, 8, samples=1, train=vgg),
+        "vgg": Fidelity(width, height, 100, 4, train=brief),
     }
 
 
@@ -133,7 +133,7 @@ def _quick(target: TargetName) -> dict[str, Any]:
             ),
             "reward": Fidelity(128, 64, streets=12, shots=6, samples=1, train=_REWARD),
             "final": Fidelity(192, 96, streets=30, shots=6, samples=1, train=_FINAL),
-            **_others(96, 48, 160, 80),
+            **_others(96, 48),
             "seeds": 6,
         }
     reward, final = ((240, 176), (480, 360)) if target == "camvid" else ((256, 128), (640, 320))
@@ -145,7 +145,7 @@ def _quick(target: TargetName) -> dict[str, Any]:
         # Many streets with few images each: 12 with 8 have more noise (`experiments.fidelity`).
         "reward": Fidelity(*reward, streets=24, shots=4, samples=1, train=_REWARD),
         "final": Fidelity(*final, streets=100, shots=4, train=_FINAL),
-        **(_others(128, 96, 160, 120) if target == "camvid" else _others(128, 64, 160, 80)),
+        **_others(128, 96 if target == "camvid" else 64),
         **({} if target == "camvid" else {"reward_images": 500}),
         "ladder": True,
     }

@@ -37,6 +37,8 @@ class ResultsConfig:
     only: tuple[str, ...] = NAMES
     """The parts."""
     preset: Literal["smoke", "quick"] = "quick"
+    weights: Path | None = None
+    """VGG16's, from `python -m seg.weights convert`: FCN8s and DeepLabv2 join the table, two hours more."""
     searches: int = 5
     """Searches of each method, and twins."""
 
@@ -57,7 +59,7 @@ def main(arguments: list[str] | None = None) -> int:
                 raise UserError(f"--only {name} is none of the parts: {', '.join(NAMES)}")
         if config.searches < 1:
             raise UserError(f"--searches must be 1 or more, not {config.searches}")
-        wanted = parts(config.data, config.out, config.preset, config.searches)
+        wanted = parts(config.data, config.out, config.preset, config.searches, config.weights)
         make([part for part in wanted if part.name in config.only], config.out, config.docs)
 
     return exit_code(work)

@@ -31,10 +31,11 @@ class Part(NamedTuple):
 
     @property
     def shown(self) -> str:
-        """The command for people; where the data lie is theirs to know."""
+        """The command for people; where the data and the weights lie is theirs to know."""
         words = list(self.command)
-        if "--data" in words:
-            words[words.index("--data") + 1] = "DIR"
+        for flag, word in (("--data", "DIR"), ("--weights", "FILE")):
+            if flag in words:
+                words[words.index(flag) + 1] = word
         return shlex.join(words)
 
 
@@ -52,7 +53,9 @@ NAMES = (
 """Of all parts."""
 
 
-def parts(data: Path, out: Path, preset: str, searches: int) -> list[Part]:
+def parts(
+    data: Path, out: Path, preset: str, searches: int, weights: Path | None = None
+) -> list[Part]:
     """Every part, in the order of the page.
 
     Args:
@@ -60,6 +63,7 @@ def parts(data: Path, out: Path, preset: str, searches: int) -> list[Part]:
         out: folder of all runs; where a part wants learnt attributes, they are those of its first search.
         preset: of all commands.
         searches: of each method, and twins.
+        weights: VGG16's, with which FCN8s and DeepLabv2 join the table.
     """
     size = ("--preset", preset)
     extended = (*size, "--space", "extended")
@@ -78,6 +82,8 @@ def parts(data: Path, out: Path, preset: str, searches: int) -> list[Part]:
     images = ("--images", "90", "180", "450", "900") if quick else ()
     # The smoke preset's four are too few for sdr's groups.
     evaluations = ("--evaluations", "48" if quick else "12")
+    vgg = ("fcn8s", "deeplabv2", "--weights", str(weights)) if weights else ()
+    nets = ("lite0", "compact", *vgg)
     curve = "What labelled images are worth alone and beside renders"
     renders = ("--renders", "random", "default", "learnt")
     return [
@@ -98,7 +104,7 @@ def parts(data: Path, out: Path, preset: str, searches: int) -> list[Part]:
         ),
         study(
             "table", "table", "Training sets beside each other", "The paper's table 2, for several nets.",
-            *camvid, HOLDOUT, *extended, *learnt, "--nets", "lite0", "compact",
+            *camvid, HOLDOUT, *extended, *learnt, *three, "--nets", *nets,
         ),
         study(
             "pretrain", "pretrain", "Pre-training",

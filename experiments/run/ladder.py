@@ -30,7 +30,7 @@ LADDER_SEED = 2_000_000
 """Seeds of the ladder begin here, above those of candidates and rows."""
 RUNG_SEEDS = 1_000_000
 """From the seeds of one rung to those of the next."""
-STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "scratch": 5e-5}
+STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "vgg-adam": 5e-5, "scratch": 5e-5}
 STEP_COST |= {"lite0-frozen": 8e-8, "lite0-tuned": 2e-6}
 """Seconds of a CPU that one update takes, for each pixel of its images, by recipe, about."""
 VIEW_COST = 2.5e-7

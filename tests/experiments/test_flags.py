@@ -208,7 +208,7 @@ def test_the_preset_decides_the_defaults(arguments, default):
 @pytest.mark.parametrize(("arguments", "recipe", "steps"), [
     (["--final.train.net", "compact"], "compact", 1000),
     (["--final.train.net=fcn8s"], "scratch", 1000),
-    (["--final.train.net", "fcn8s", "--final.train.weights", "w.npz"], "paper", 1000),
+    (["--final.train.net", "fcn8s", "--final.train.weights", "w.npz"], "vgg-adam", 1000),
     (["--final.train.trunk", "tuned", "--final.train.steps", "7"], "lite0-tuned", 7),
     (["--preset", "smoke", "--final.train.net", "lite0"], "lite0-frozen", 6),
 ])  # fmt: skip

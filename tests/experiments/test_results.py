@@ -15,14 +15,18 @@ from shell.errors import UserError
 from shell.files import write, write_json
 
 SOME = [
-    results.Part(name, name.title(), "What?", "experiments.some", ("--data", "/mine"))
+    results.Part(
+        name, name.title(), "What?", "experiments.some", ("--data", "/mine", "--weights", "/mine")
+    )
     for name in ("one", "two")
 ]
 
 
-@pytest.mark.parametrize("preset", ["smoke", "quick"])
-def test_every_part_is_a_sound_command(preset, learnt_file, tmp_path):
-    wanted = results.parts(Path("DIR"), tmp_path, preset, 2)
+@pytest.mark.parametrize(
+    ("preset", "weights"), [("smoke", None), ("quick", None), ("quick", Path("/a.npz"))]
+)
+def test_every_part_is_a_sound_command(preset, weights, learnt_file, tmp_path):
+    wanted = results.parts(Path("DIR"), tmp_path, preset, 2, weights)
     assert tuple(part.name for part in wanted) == results.NAMES
     for part in wanted:
         job = import_module(f"{part.module}.job")
@@ -64,7 +68,7 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     assert (broken.ran, again.ran) == (["one", "two"], ["two"])
     page = (docs / "results.md").read_text()
     assert "commit abc" in page and "table of one" in page and "table of two" in page
-    assert "--data DIR" in page and "/mine" not in page
+    assert "--data DIR --weights FILE" in page and "/mine" not in page
     assert (docs / "results" / "two.png").read_bytes() == b"picture"
     assert making.make(SOME, out, docs, Runs("one")) == ["one", "two"]
     monkeypatch.setattr(making, "commit", lambda: "def")

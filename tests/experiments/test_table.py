@@ -113,10 +113,10 @@ def test_every_net_gets_a_recipe_and_a_size_of_its_own():
     lite0, compact, fcn8s = (fidelity_of(quick, name) for name in ("lite0", "compact", "fcn8s"))
     assert lite0 == quick.final and lite0.train == RECIPES["lite0-frozen"]
     assert compact == quick.compact and compact.train == RECIPES["compact"]
-    assert fcn8s == replace(quick.vgg, train=replace(RECIPES["scratch"], net="fcn8s", steps=600))
+    assert fcn8s == replace(quick.vgg, train=replace(RECIPES["scratch"], net="fcn8s", steps=150))
     given = replace(quick, weights=Path("vgg16.npz"))
     train = fidelity_of(given, "fcn8s").train
-    assert train == replace(RECIPES["paper"], net="fcn8s", steps=600, weights="vgg16.npz")
+    assert train == replace(RECIPES["vgg-adam"], net="fcn8s", steps=150, weights="vgg16.npz")
     assert fidelity_of(given, "lite0") == lite0  # its weights are its own
     # A net that is named as the final one has the final size.
     final = with_net(quick.final, "compact")
@@ -128,7 +128,9 @@ def test_every_net_gets_a_recipe_and_a_size_of_its_own():
     paper = defaults("camvid", "paper")
     assert paper.nets == ("fcn8s", "deeplabv2")
     for name in paper.nets:
-        assert with_net(paper.final, name).train == replace(paper.final.train, net=name)
+        for weights in (None, "vgg16.npz"):
+            own = replace(paper.final.train, net=name, weights=weights)
+            assert with_net(paper.final, name, weights).train == own
 
 
 def test_broken_data_of_others_show_before_anything_is_written(command, gta5, out, error_line):

@@ -48,6 +48,7 @@ def data(count=4, size=(32, 32)):
 
 @pytest.mark.parametrize(("recipe", "name"), [
     ("paper", "deeplabv2"),
+    pytest.param("vgg-adam", "fcn8s", marks=pytest.mark.slow),
     pytest.param("scratch", "fcn8s", marks=pytest.mark.slow),
     pytest.param("paper", "fcn8s", marks=pytest.mark.slow),
     pytest.param("scratch", "deeplabv2", marks=pytest.mark.slow),
@@ -55,7 +56,7 @@ def data(count=4, size=(32, 32)):
 def test_recipes_train_both_nets(recipe, name):
     settings = replace(RECIPES[recipe], net=name, steps=2, warmup=0, batch=2)
     check_settings(settings)
-    assert (settings.lr_multipliers == "deeplab") == (recipe == "paper") != settings.norm
+    assert (settings.lr_multipliers == "deeplab") == (recipe != "scratch") != settings.norm
     params = train(0, *data(2), settings, 11)
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
     assert ("norm1_1" in params["vgg16"]) == settings.norm
