@@ -143,6 +143,7 @@ def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
                 "net": name,
                 "trained_on": row,
                 "images": images_of(source, fidelity),
+                "size": fidelity.size,
                 "steps": fidelity.train.steps,
                 "nets": nets(outcomes[row]),
             }

@@ -25,8 +25,8 @@ from experiments.study.form import (
 )
 from seg.classes import CITYSCAPES_19, SYNTHIA_13, SYNTHIA_16
 
-BASELINE = "random"
-"""Gains are measured from it."""
+BASELINE, EYE = "random", "default"
+"""Gains are measured from both."""
 TRAINED_ON = {
     "random": "SceneX, random attributes",
     "default": "SceneX, attributes set by eye",
@@ -38,7 +38,8 @@ TRAINED_ON = {
     "real": "the reward images themselves",
 }
 HEAD = (
-    "net", "trained on", "images", "mIoU", "95 % interval", "gain over random", "95 % interval",
+    "net", "at", "trained on", "images", "mIoU", "95 % interval", "gain over random", "95 % interval",
+    "over by eye", "95 % interval",
 )  # fmt: skip
 SUBSETS = {"16": SYNTHIA_16, "13": SYNTHIA_13}
 """Classes over which nets trained on SYNTHIA are compared, where labels are those of Cityscapes."""
@@ -76,16 +77,21 @@ def subset_miou(scored: Sequence[Report | None], classes: Sequence[int]) -> list
 def derive(report: Report) -> Report:
     """The report with means, intervals and gains of its nets' scores."""
     classes, known = report["classes"], PAPER.get(report["target"])
-    baselines = {r["net"]: r["nets"] for r in report["rows"] if r["trained_on"] == BASELINE}
+    own = {(row["net"], row["trained_on"]): row["nets"] for row in report["rows"]}
     subsets = SUBSETS if classes == list(CITYSCAPES_19.classes) else {}
     rows = []
     for row in report["rows"]:
-        scored, baseline = row["nets"], baselines[row["net"]]
+        scored, baseline, eye = row["nets"], own[row["net"], BASELINE], own.get((row["net"], EYE))
         over = {
             name: statistics(subset_miou(scored, ids), subset_miou(baseline, ids))
             for name, ids in subsets.items()
         }
-        found = {"over_classes": over, "class_iou": class_means(scored, classes)}
+        found = {
+            "size": row.get("size", report["scored_at"]),  # reports of before have none
+            "gain_over_default": eye and statistics(miou(scored), miou(eye))["gain"],
+            "over_classes": over,
+            "class_iou": class_means(scored, classes),
+        }
         rows.append({**row, **statistics(miou(scored), miou(baseline)), **found})
     paper = known and [
         {"trained_on": name, **dict(zip(("images", "fcn8s", "deeplabv2"), values, strict=True))}
@@ -111,12 +117,25 @@ def text(report: Report) -> str:
     head = (*HEAD, *(f"mIoU over {name}" for name in subsets))
     rows, by_class = [], []
     for row in report["rows"]:
-        name = [row["net"], TRAINED_ON[row["trained_on"]]]
-        gain = cells(row["gain"] if row["trained_on"] != BASELINE else None, "+.1f")
+        trained_on = row["trained_on"]
+        name = [row["net"], TRAINED_ON[trained_on]]
+        gains = [
+            *cells(row["gain"] if trained_on != BASELINE else None, "+.1f"),
+            *cells(row["gain_over_default"] if trained_on not in (BASELINE, EYE) else None, "+.1f"),
+        ]
         over = [number(row["over_classes"][name]["mean"]) for name in subsets]
-        rows.append([*name, str(row["images"]), *cells(row), *gain, *over])
+        at = [name[0], row["size"], name[1], str(row["images"])]
+        rows.append([*at, *cells(row), *gains, *over])
         by_class.append([*name, *(number(row["class_iou"][c]) for c in classes)])
-    lines = [introduction(report), "", *markdown(head, rows), "", "IoU of each class, %:", ""]
+    sizes = " or ".join(dict.fromkeys(row["size"] for row in report["rows"]))
+    lines = [
+        introduction({**report, "scored_at": sizes}),
+        "",
+        *markdown(head, rows),
+        "",
+        "IoU of each class, %:",
+        "",
+    ]
     lines += markdown(["net", "trained on", *classes], by_class)
     if absent:
         lines += ["", f"Never in the truth, and so in no mean: {', '.join(absent)}."]
@@ -136,11 +155,15 @@ def picture(report: Report) -> bytes:
     names = list(dict.fromkeys(row["net"] for row in report["rows"]))
     sets = list(dict.fromkeys(row["trained_on"] for row in report["rows"]))
     classes = _present(report)
+    down = 1 if len(names) < 3 else 2
+    across = -(-(1 + len(names)) // down)
     figure, axes = plt.subplots(
-        1, 1 + len(names), figsize=(6 + 6 * len(names), 1.5 + 0.3 * max(len(classes), 8)),
+        down, across, figsize=(6 * across, (1.5 + 0.3 * max(len(classes), 8)) * down),
         layout="constrained", squeeze=False,
     )  # fmt: skip
-    axis = axes[0, 0]
+    axis, *others = axes.flat
+    for unused in others[len(names) :]:
+        unused.set_axis_off()
     thick = 0.8 / len(names)
     for k, net in enumerate(names):
         rows = [row for row in report["rows"] if row["net"] == net]
@@ -150,7 +173,7 @@ def picture(report: Report) -> bytes:
         means = [row["mean"] or 0.0 for row in rows]
         bars = [half(row) for row in rows]
         axis.barh(places, means, thick, xerr=bars, capsize=3, color=f"C{k}", label=net)
-        own = axes[0, 1 + k]
+        own = others[k]
         values = np.array([[row["class_iou"][c] for row in rows] for c in classes], float)
         image = own.imshow(values, aspect="auto", vmin=0, vmax=100, cmap="viridis")
         for (y, x), value in np.ndenumerate(values):
@@ -158,13 +181,13 @@ def picture(report: Report) -> bytes:
             own.text(x, y, f"{value:.0f}", ha="center", va="center", fontsize=7, color=color)
         own.set_xticks(range(len(rows)), [row["trained_on"] for row in rows], fontsize=8)
         own.set_yticks(range(len(classes)), classes, fontsize=8)
-        own.set_title(f"{net}: IoU of each class, %")
+        own.set_title(f"{net} at {rows[0]['size']}: IoU of each class, %")
         figure.colorbar(image, ax=own, shrink=0.8)
     axis.set_yticks(range(len(sets)), [TRAINED_ON[name] for name in sets])
     axis.invert_yaxis()
     axis.set(xlabel="mIoU on the test images, %, 95 % intervals", title="training sets")
     if len(names) > 1:
-        axis.legend(fontsize=8)
+        axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=len(names))
     figure.suptitle(f"{target_of(report)}, {report['seeds']} nets each")
     return png(figure)
 

@@ -44,18 +44,23 @@ def test_a_table_leaves_its_figures(table, out, learnt_file):
     made = [(row["net"], row["trained_on"]) for row in report["rows"]]
     assert made == [*product(("compact", "fcn8s"), ("random", "default", "learnt", "real"))]
     assert [row["images"] for row in report["rows"][:4]] == [6, 6, 6, 4]
-    random, _, learnt, real = report["rows"][:4]
+    random, eye, learnt, real = report["rows"][:4]
     ours, theirs = ([net["miou"] for net in row["nets"]] for row in (learnt, random))
     assert (learnt["mean"], learnt["ci95"]) == mean_ci95(ours)
-    value, interval = paired_gain(ours, theirs)
-    assert learnt["gain"] == {"mean": value, "ci95": interval} and value > 0
+    by_eye = [net["miou"] for net in eye["nets"]]
+    for name, baseline in (("gain", theirs), ("gain_over_default", by_eye)):
+        value, interval = paired_gain(ours, baseline)
+        assert learnt[name] == {"mean": value, "ci95": interval}
+    assert learnt["gain"]["mean"] > 0
     # 804 of 2000 pixels are right, 1196 of them taken for others, as many the other way round.
     assert real["nets"][0]["miou"] == pytest.approx(100 * 804 / (2000 + 1196))
     assert real["class_iou"]["sky"] == pytest.approx(real["mean"])
     assert learnt["over_classes"] == {} and len(real["nets"][0]["class_iou"]) == 11
     papers = {"trained_on": "learnt", "images": 450, "fcn8s": 29.6, "deeplabv2": 31.4}
     assert report["paper"]["rows"][-1] == papers
-    assert "NOT of this run" in text and "| fcn8s | the reward images themselves | 4 |" in text
+    assert (
+        "NOT of this run" in text and "| fcn8s | 64x48 | the reward images themselves | 4 |" in text
+    )
     assert len(lines(out / "finals.jsonl")) == 2 * 4 * 2
     assert lines(out / "evaluations.jsonl") == []  # the attributes are given
 
@@ -79,7 +84,7 @@ def test_a_few_labelled_images_add_rows(table):
     assert few == [("few", 2), *beside, ("real", 4)]
     beside = [source for _, source, *_ in seen.calls if isinstance(source, WithFew)]
     assert len(beside) == 6 and {source.share for source in beside} == {0.5}
-    assert "| compact | the few and learnt attributes | 8 |" in text
+    assert "| compact | 64x48 | the few and learnt attributes | 8 |" in text
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -99,7 +104,8 @@ def test_miou_over_other_classes_is_that_of_the_metric(seed):
 def test_cityscapes_labels_are_scored_over_three_sets_of_classes():
     nets = [{"miou": 50.0, "class_iou": [100.0 * (k < 9) for k in range(19)]}]
     rows = [{"net": "compact", "trained_on": "random", "images": 1, "nets": nets}]
-    report = {"target": "cityscapes", "classes": [*CITYSCAPES_19.classes], "rows": rows}
+    classes = [*CITYSCAPES_19.classes]
+    report = {"target": "cityscapes", "classes": classes, "scored_at": "64x32", "rows": rows}
     (row,) = FORM.derive(report)["rows"]
     # Of the first nine classes, wall, fence and pole are not among the 13.
     assert row["over_classes"]["16"]["mean"] == pytest.approx(100 * 9 / 16)
