@@ -156,10 +156,9 @@ def picture(report: Report) -> bytes:
     axis.set_yticks(range(len(rows)), list(map(_title, rows)))
     axis.invert_yaxis()
     axis.grid(axis="x", alpha=0.3)
-    axis.set(
-        xlabel="mIoU on the test images, %; 95 % intervals over searches and nets; strokes: searches"
-    )
-    figure.suptitle(target_of(report), fontsize=10)
+    told = "95 % intervals over searches and nets; strokes: searches"
+    axis.set(xlabel=f"mIoU on the test images, %\n{told}")
+    axis.set_title(target_of(report), fontsize=10)
     return png(figure)
 
 
