@@ -11,13 +11,16 @@ from pathlib import Path
 
 from experiments.results import page
 from experiments.results.parts import Part
+from experiments.reward.store import read
 from scene.version import ENGINE
 from shell import folder
 from shell.errors import UserError
 from shell.files import read_json, write_json
 from shell.progress import duration
 
-TIMES = "times.json"
+TIMES, SPENT = "times.json", "spent.json"
+"""Seconds of the parts that are done, and of those that are under way."""
+STORE = "store.jsonl"
 
 Runner = Callable[[Sequence[str]], int]
 """Runs a command; returns its exit code."""
@@ -45,6 +48,15 @@ def commit() -> str:
         raise UserError("results are made in a git checkout: they name their commit") from None
 
 
+def _work(store: Path) -> str:
+    """What the nets of a store took, whichever runs they are from."""
+    if not store.exists():
+        return ""
+    records = [record for record, _ in read(store).values()]
+    seconds = sum(record["render_seconds"] + record["train_seconds"] for record in records)
+    return f", from {len(records)} nets that took a core {duration(seconds)}, images included"
+
+
 def make(
     wanted: Sequence[Part], out: Path, docs: Path | None = None, run: Runner = _run
 ) -> list[str]:
@@ -66,22 +78,28 @@ def make(
     done: list[str] = []
     with ExitStack() as stack:
         stack.enter_context(folder.opened(out, {"commit": at, "engine": ENGINE}))
-        times = read_json(out / TIMES) if (out / TIMES).exists() else {}
+        times, spent = (
+            read_json(out / name) if (out / name).exists() else {} for name in (TIMES, SPENT)
+        )
         for number, part in enumerate(wanted, 1):
             if part.name not in times:
                 print(f"\n== {number} of {len(wanted)}: {part.title} ==", flush=True)
                 started = time.perf_counter()
-                where = ("--out", str(out / part.name), "--store", str(out / "store.jsonl"))
-                code = run([*part.command, *where])
+                where = ("--out", str(out / part.name), "--store", str(out / STORE))
+                try:
+                    code = run([*part.command, *where])
+                finally:
+                    spent[part.name] = spent.get(part.name, 0) + time.perf_counter() - started
+                    write_json(out / SPENT, spent)
                 if code != 0:
                     raise UserError(
                         f"{part.name} ended with exit code {code}; once that is put right, the same "
                         "command goes on"
                     )
-                times[part.name] = round(time.perf_counter() - started)
+                times[part.name] = round(spent[part.name])
                 write_json(out / TIMES, times)
             done.append(part.name)
-            page.write(wanted, times, at, out, docs)
-    spent = duration(sum(times[name] for name in done))
-    print(f"\nAll {len(done)} parts are done, in {spent}: {out / page.NAME}", flush=True)
+            page.write(wanted, times, f"{at}{_work(out / STORE)}", out, docs)
+    took = duration(sum(times[name] for name in done))
+    print(f"\nAll {len(done)} parts are done, in {took}: {out / page.NAME}", flush=True)
     return done

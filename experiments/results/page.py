@@ -14,18 +14,18 @@ NAME = "results.md"
 
 
 def write(
-    parts: Sequence[Part], times: Mapping[str, int], commit: str, out: Path, docs: Path | None
+    parts: Sequence[Part], times: Mapping[str, int], origin: str, out: Path, docs: Path | None
 ) -> None:
     """Write the page into the folder of the runs and, with what it shows, into another.
 
     Args:
         parts: in the order of the page.
         times: seconds that the finished ones took, by name.
-        commit: of the program.
+        origin: commit of the program, and what all of it took.
         out: folder of all runs.
         docs: where else; pictures and reports go into ``results/`` there.
     """
-    files.write(out / NAME, text(parts, times, commit, out))
+    files.write(out / NAME, text(parts, times, origin, out))
     if docs is None:
         return
     shown = docs / "results"
@@ -35,23 +35,22 @@ def write(
             for suffix in ("json", "png"):
                 source = out / part.name / f"{part.study}.{suffix}"
                 shutil.copyfile(source, shown / f"{part.name}.{suffix}")
-    files.write(docs / NAME, text(parts, times, commit, out, "results"))
+    files.write(docs / NAME, text(parts, times, origin, out, "results"))
 
 
 def text(
     parts: Sequence[Part],
     times: Mapping[str, int],
-    commit: str,
+    origin: str,
     out: Path,
     shown: str | None = None,
 ) -> str:
     """The page, in Markdown; pictures from the runs' folders, or from another."""
     missing = [part.name for part in parts if part.name not in times]
-    spent = duration(sum(times[part.name] for part in parts if part.name in times))
     lines = [
         "# Results on real CamVid",
         "",
-        f"Made by `make results` at commit {commit}, in {spent}.",
+        f"Made by `make results` at commit {origin}.",
         *([f"Not made yet: {', '.join(missing)}."] if missing else []),
     ]
     for part in parts:

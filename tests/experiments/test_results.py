@@ -10,9 +10,10 @@ from experiments import presets
 from experiments.results import __main__ as command
 from experiments.results import making
 from experiments.results import parts as results
+from experiments.reward.store import write_store
 from experiments.study.skeleton import check
 from shell.errors import UserError
-from shell.files import write, write_json
+from shell.files import read_json, write, write_json
 
 SOME = [
     results.Part(
@@ -40,6 +41,12 @@ def test_every_part_is_a_sound_command(preset, weights, learnt_file, tmp_path):
             check(job.STUDY, config)
 
 
+NET = {
+    "key": "0", "config": "1", "engine": 3, "centre": None, "width": None, "seed": 0, "reward": 0.4,
+    "class_iou": [], "render_seconds": 3600.0, "train_seconds": 4 * 3600.0, "failed": None,
+}  # fmt: skip
+
+
 class Runs:
     """Stands for the parts' commands: writes what they leave, and fails at the given one."""
 
@@ -53,6 +60,7 @@ class Runs:
         write(out / "some.md", f"table of {out.name}")
         write(out / "some.png", b"picture")
         write_json(out / "some.json", {})
+        write_store(Path(words[words.index("--store") + 1]), [NET])
         return 3 if out.name == self.failing else 0
 
 
@@ -63,11 +71,14 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="two ended with exit code 3"):
         making.make(SOME, out, docs, broken)
     assert "Not made yet: two" in (docs / "results.md").read_text()
+    before = read_json(out / making.SPENT)["two"]
     again = Runs()
     assert making.make(SOME, out, docs, again) == ["one", "two"]
+    assert read_json(out / making.SPENT)["two"] > before > 0  # both attempts count
     assert (broken.ran, again.ran) == (["one", "two"], ["two"])
     page = (docs / "results.md").read_text()
-    assert "commit abc" in page and "table of one" in page and "table of two" in page
+    assert "commit abc, from 1 nets that took a core 5.0 h, images included." in page
+    assert "table of one" in page and "table of two" in page
     assert "--data DIR --weights FILE" in page and "/mine" not in page
     assert (docs / "results" / "two.png").read_bytes() == b"picture"
     assert making.make(SOME, out, docs, Runs("one")) == ["one", "two"]
