@@ -32,6 +32,8 @@ class ResultsConfig:
     """CamVid in the SegNet distribution."""
     out: Path = Path("runs/results")
     """Folder of all runs."""
+    store: Path | None = None
+    """File of evaluations that runs share, in place of OUT/store.jsonl: what it knows is not scored again."""
     docs: Path | None = None
     """Also write results.md, with pictures and reports in results/, into this folder."""
     only: tuple[str, ...] = NAMES
@@ -60,7 +62,12 @@ def main(arguments: list[str] | None = None) -> int:
         if config.searches < 1:
             raise UserError(f"--searches must be 1 or more, not {config.searches}")
         wanted = parts(config.data, config.out, config.preset, config.searches, config.weights)
-        make([part for part in wanted if part.name in config.only], config.out, config.docs)
+        make(
+            [part for part in wanted if part.name in config.only],
+            config.out,
+            config.docs,
+            config.store,
+        )
 
     return exit_code(work)
 

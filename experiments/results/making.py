@@ -20,7 +20,6 @@ from shell.progress import duration
 
 TIMES, SPENT = "times.json", "spent.json"
 """Seconds of the parts that are done, and of those that are under way."""
-STORE = "store.jsonl"
 
 Runner = Callable[[Sequence[str]], int]
 """Runs a command; returns its exit code."""
@@ -58,7 +57,11 @@ def _work(store: Path) -> str:
 
 
 def make(
-    wanted: Sequence[Part], out: Path, docs: Path | None = None, run: Runner = _run
+    wanted: Sequence[Part],
+    out: Path,
+    docs: Path | None = None,
+    store: Path | None = None,
+    run: Runner = _run,
 ) -> list[str]:
     """Do parts that are not done, one after the other; write the page after each.
 
@@ -66,6 +69,7 @@ def make(
         wanted: in this order.
         out: folder of all runs.
         docs: where else the page goes, with its pictures.
+        store: of evaluations, in place of the folder's own; what it knows is not scored again.
         run: does one of their commands.
 
     Returns:
@@ -74,7 +78,7 @@ def make(
     Raises:
         UserError: a part failed, or the folder was begun at another commit.
     """
-    at = commit()
+    at, store = commit(), store or out / "store.jsonl"
     done: list[str] = []
     with ExitStack() as stack:
         stack.enter_context(folder.opened(out, {"commit": at, "engine": ENGINE}))
@@ -85,7 +89,7 @@ def make(
             if part.name not in times:
                 print(f"\n== {number} of {len(wanted)}: {part.title} ==", flush=True)
                 started = time.perf_counter()
-                where = ("--out", str(out / part.name), "--store", str(out / STORE))
+                where = ("--out", str(out / part.name), "--store", str(store))
                 try:
                     code = run([*part.command, *where])
                 finally:
@@ -99,7 +103,7 @@ def make(
                 times[part.name] = round(spent[part.name])
                 write_json(out / TIMES, times)
             done.append(part.name)
-            page.write(wanted, times, f"{at}{_work(out / STORE)}", out, docs)
+            page.write(wanted, times, f"{at}{_work(store)}", out, docs)
     took = duration(sum(times[name] for name in done))
     print(f"\nAll {len(done)} parts are done, in {took}: {out / page.NAME}", flush=True)
     return done

@@ -66,14 +66,14 @@ class Runs:
 
 def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "abc")
-    out, docs = tmp_path / "out", tmp_path / "docs"
+    out, docs, store = tmp_path / "out", tmp_path / "docs", tmp_path / "shared.jsonl"
     broken = Runs("two")
     with pytest.raises(UserError, match="two ended with exit code 3"):
-        making.make(SOME, out, docs, broken)
+        making.make(SOME, out, docs, store, broken)
     assert "Not made yet: two" in (docs / "results.md").read_text()
     before = read_json(out / making.SPENT)["two"]
     again = Runs()
-    assert making.make(SOME, out, docs, again) == ["one", "two"]
+    assert making.make(SOME, out, docs, store, again) == ["one", "two"]
     assert read_json(out / making.SPENT)["two"] > before > 0  # both attempts count
     assert (broken.ran, again.ran) == (["one", "two"], ["two"])
     page = (docs / "results.md").read_text()
@@ -81,10 +81,10 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     assert "table of one" in page and "table of two" in page
     assert "--data DIR --weights FILE" in page and "/mine" not in page
     assert (docs / "results" / "two.png").read_bytes() == b"picture"
-    assert making.make(SOME, out, docs, Runs("one")) == ["one", "two"]
+    assert making.make(SOME, out, docs, store, Runs("one")) == ["one", "two"]
     monkeypatch.setattr(making, "commit", lambda: "def")
     with pytest.raises(UserError, match='commit = "abc", not "def"'):
-        making.make(SOME, out, docs, Runs())
+        making.make(SOME, out, docs, store, Runs())
 
 
 @pytest.mark.parametrize(("flags", "complaint"), [
