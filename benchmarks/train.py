@@ -2,6 +2,7 @@
 
     python -m benchmarks.train --json train.json
     python -m benchmarks.train --nets compact --sizes 128x96 --repeats 3 --no-reward
+    taskset -c 0 python -m benchmarks.train --nets lite0 --threads 1    # one core each, as a worker has
 
 Each row is one net at one size: `forward` is bytes to logits at full resolution, `step` a whole update (loss,
 gradient, SGD or Adam), with the learning rate at 0 so that random images do no harm. Of lite0 there are also
@@ -232,6 +233,7 @@ def reward_row(
 ) -> Row:
     """Seconds of each part of one quick reward of ``experiments.camvid``, in this process.
 
+    A frozen trunk's features of the real images are computed once per run, so they are there already.
     Steps and images, as many as whole streets give, are the preset's by default.
 
     ``compile`` is what the first training and scoring of a process take longer than the second: a search
@@ -256,13 +258,17 @@ def reward_row(
     render_s, dataset = seconds(rendered)
     labels = (dataset.labels % CLASSES).astype(np.uint8)  # any of the table's ids cost the same
 
+    kept = features(real[0], settings.dtype) if settings.frozen else None  # once per run
+
+    def scored(params: Any) -> Any:
+        return score(params, *real, settings, CLASSES, features=kept)
+
     def short() -> None:
-        params = train(0, dataset.images, labels, replace(settings, steps=1), CLASSES)
-        score(params, *real, settings, CLASSES)
+        scored(train(0, dataset.images, labels, replace(settings, steps=1), CLASSES))
 
     cold, warm = seconds(short)[0], seconds(short)[0]
     train_s, params = seconds(lambda: train(1, dataset.images, labels, settings, CLASSES))
-    score_s, _ = seconds(lambda: score(params, *real, settings, CLASSES))
+    score_s, _ = seconds(lambda: scored(params))
     return {
         "size": f"{stage.width}x{stage.height}",
         "images": len(labels),
