@@ -13,7 +13,7 @@ from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.learn import Learnt, learn, plan_of, work_of
 from experiments.run.nets import Nets, begin, paired_seeds, score_lists
-from experiments.searches.report import FORM, OVER
+from experiments.searches.report import BASELINES, FORM, OVER
 from experiments.study.form import Report, about, nets
 from experiments.study.searches import core_seconds, rewards
 from experiments.study.skeleton import Study
@@ -27,6 +27,8 @@ OWN: dict[Preset, dict[str, Any]] = {
     "paper": {"searches": 1, "methods": ("sdr",)},
 }
 """What differs from the main job, by preset."""
+OWN_ANSWER = "own "
+"""Before the name of a search: what its method itself would answer, with no judge."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -81,7 +83,7 @@ def plan(config: ManyConfig) -> list[Work]:
     for kind in zip(*(work_of(each) for each in own.values()), strict=True):
         count = sum(each.nets for each in kind)
         work.append(kind[0]._replace(what=f"{kind[0].what}, {len(own)} searches", nets=count))
-    rendered = (len(own) + len(OVER)) * config.seeds
+    rendered = (2 * len(own) + len(OVER)) * config.seeds
     alone = (1 + (config.few is not None)) * config.seeds
     return [
         *work,
@@ -99,7 +101,11 @@ def scores(run: Run[ManyConfig], _: Any) -> Report:
         streets: dict[str, Source] = {
             name: named(name, config.space, config.default_width) for name in OVER
         }
-        streets |= {name: answer.learnt.streets for name, answer in answers.items()}
+        for name, answer in answers.items():
+            streets |= {
+                name: answer.learnt.streets,
+                OWN_ANSWER + name: answer.learnt.found.solution,
+            }
         sets: dict[str, Source] = dict(streets)
         if config.few is not None:
             beside = few.rows(run, streets, config.final)
@@ -118,7 +124,7 @@ def scores(run: Run[ManyConfig], _: Any) -> Report:
         "rewards_at": config.reward.size,
         "evaluations": plan_of(config).evaluations,
         "space": config.space,
-        "baselines": {name: nets(scored[name]) for name in final.sources if name not in answers},
+        "baselines": {name: nets(own) for name, own in scored.items() if name in BASELINES},
         "searches": [
             {
                 "method": answer.method,
@@ -128,6 +134,7 @@ def scores(run: Run[ManyConfig], _: Any) -> Report:
                 "core_seconds": core_seconds(answer.learnt.found),
                 **describe(answer.learnt.streets),
                 "nets": nets(scored[name]),
+                "own_nets": nets(scored[OWN_ANSWER + name]),
             }
             for name, answer in answers.items()
         ],

@@ -32,6 +32,8 @@ BASELINES = {
     "real": "the reward images themselves",
 }
 """Rows that no search makes."""
+NETS = ("nets", "own_nets")
+"""Of a search: on the answer that the judge chose, and on its method's own."""
 OVER = ("random", "default")
 """Rendered rows that need no search: what gains are measured over."""
 HEAD = (
@@ -39,7 +41,7 @@ HEAD = (
     "gain over random", "95 % interval", "gain over by eye", "95 % interval", "of real, %",
 )  # fmt: skip
 EACH = (
-    "search", "seed", "answer", "mIoU", "over random", "over by eye",
+    "search", "seed", "answer", "mIoU", "over random", "over by eye", "its method's own answer, mIoU",
     "reward, first third", "last third", "best",
 )  # fmt: skip
 
@@ -68,11 +70,14 @@ def less(values: Scores, baseline: Sequence[float | None]) -> Scores:
 
 
 def derive(report: Report) -> Report:
-    """The report with a row for each method, over its searches and nets, and what each search gained."""
+    """The report with rows for each method, over its searches and nets, and what each search gained.
+
+    A method has two: of the answers that the judge chose, and of its own ones, where these have nets.
+    """
     baselines = {name: miou(own) for name, own in report["baselines"].items()}
     real = mean(baselines["real"])
 
-    def row(name: str, values: Scores, searches: int) -> Report:
+    def row(name: str, values: Scores, searches: int, judged: bool = True) -> Report:
         own = over_both(values)
         gains = {
             f"gain_over_{base}": None
@@ -81,17 +86,21 @@ def derive(report: Report) -> Report:
             for base in OVER
         }
         share = None if own["mean"] is None or not real else 100 * own["mean"] / real
-        return {"name": name, "searches": searches, **own, **gains, "of_real": share}
+        of_whom = {"name": name, "judged": judged, "searches": searches}
+        return {**of_whom, **own, **gains, "of_real": share}
 
     rows = [row(name, [values], 0) for name, values in baselines.items() if name != "real"]
     searches = []
     for search in report["searches"]:
         values = miou(search["nets"])
         gains = {f"over_{base}": statistics(values, baselines[base])["gain"] for base in OVER}
-        searches.append({**search, "learnt": mean(values), **gains})
-    for method in dict.fromkeys(search["method"] for search in searches):
-        own = [miou(search["nets"]) for search in searches if search["method"] == method]
-        rows.append(row(method, own, len(own)))
+        own = {"own_answer": mean(miou(search["own_nets"]))} if "own_nets" in search else {}
+        searches.append({**search, "learnt": mean(values), **gains, **own})
+    for kind in NETS:
+        for method in dict.fromkeys(search["method"] for search in searches):
+            nets = [s[kind] for s in searches if s["method"] == method and kind in s]
+            if nets:
+                rows.append(row(method, list(map(miou, nets)), len(nets), kind == "nets"))
     rows.append(row("real", [baselines["real"]], 0))
     return {**report, "rows": rows, "searches": searches}
 
@@ -113,20 +122,26 @@ def text(report: Report) -> str:
         best = max(known) if known else None
         each.append([
             words(search["method"]), str(search["seed"]), search["chosen_candidate"],
-            number(search["learnt"]), *gains, number(first), number(last), number(best),
+            number(search["learnt"]), *gains, number(search.get("own_answer")),
+            number(first), number(last), number(best),
         ])  # fmt: skip
     few = len(report.get("few_images", ()))
-    nets = [{"nets": own} for own in report["baselines"].values()] + report["searches"]
+    nets = [{"nets": own} for own in report["baselines"].values()]
+    nets += [
+        {"nets": search[kind]} for search in report["searches"] for kind in NETS if kind in search
+    ]
     lines = [
         introduction(report),
         "",
         f"Every search had {report['evaluations']} rewards at {report['rewards_at']} in the space "
-        f"{report['space']}; its answer was chosen on the reward images. Intervals of methods are over "
-        "searches and seeds of nets, both drawn at random: a two-way analysis of variance with "
+        f"{report['space']}; its answer was chosen on the reward images, among its method's in several "
+        "readings and the street set by eye. Intervals of methods are over searches and seeds of nets, "
+        "both drawn at random: a two-way analysis of variance with "
         "Satterthwaite's degrees of freedom.",
         *([f"All rendered sets stand beside {few} labelled images."] if few else []),
         "",
         *markdown(HEAD, rows),
+        *_by_eye(report["searches"]),
         "",
         "Every search, mIoU of its nets and rewards in percent:",
         "",
@@ -137,9 +152,20 @@ def text(report: Report) -> str:
     return "\n".join(lines)
 
 
+def _by_eye(searches: Sequence[Report]) -> list[str]:
+    """A sentence about answers that are no gain over by eye by what they are, if there are any."""
+    counts = []
+    for method in dict.fromkeys(search["method"] for search in searches):
+        own = [s["chosen_candidate"] == "default" for s in searches if s["method"] == method]
+        if any(own):
+            counts.append(f"{sum(own)} of {len(own)} of {words(method)}")
+    return ["", f"Answers that are by eye itself: {', '.join(counts)}."] if counts else []
+
+
 def _title(row: Report) -> str:
     """What the nets of a row were trained on."""
-    return BASELINES.get(row["name"], f"learnt by {words(row['name'])}")
+    own = "" if row["judged"] else ", without the judge"
+    return BASELINES.get(row["name"], f"learnt by {words(row['name'])}{own}")
 
 
 def picture(report: Report) -> bytes:
@@ -151,7 +177,8 @@ def picture(report: Report) -> bytes:
         color = "C0" if learnt else "0.4"
         bar = half(row)
         axis.errorbar(row["mean"], place, xerr=bar, fmt="o", capsize=4, color=color, zorder=3)
-        own = [s["learnt"] for s in report["searches"] if s["method"] == row["name"]]
+        mine = "learnt" if row["judged"] else "own_answer"
+        own = [s[mine] for s in report["searches"] if s["method"] == row["name"] and mine in s]
         axis.plot(own, [place + 0.2] * len(own), "|", color=color, ms=9, alpha=0.7)
     axis.set_yticks(range(len(rows)), list(map(_title, rows)))
     axis.invert_yaxis()
