@@ -67,7 +67,7 @@ RECIPES = {
 ImageNet weights: set `weights`, or hardly anything is learnt in 1000 steps.
 
 `vgg-adam`: ours, where there are such weights but no time for `paper`: Adam and class weights. FCN8s learns
-more from 150 such steps than from 200 of `paper` (`docs/results.md`).
+more from 150 such steps than from 200 of `paper` (`docs/findings.md`).
 
 `scratch`: ours, where there are no such weights: Adam, GroupNorm after every convolution, the compact net's
 augmentation and class weights.

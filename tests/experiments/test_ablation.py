@@ -78,7 +78,7 @@ def test_an_ablation_leaves_its_figures(tiny, counted, capsys):
 
 
 def test_what_failed_is_told_and_left_out():
-    report = read_json(ROOT / "docs" / "results" / "ablation.json")
+    report = read_json(ROOT / "docs" / "results" / "compact" / "ablation.json")
     report["rows"][1]["nets"] = [None] * 3
     report["rows"][1]["search"]["rewards"][0] = None
     found = FORM.derive(report)
