@@ -11,7 +11,7 @@ from pathlib import Path
 
 from experiments.results import page
 from experiments.results.parts import Part
-from experiments.reward.store import read
+from experiments.reward.store import outcome_of, read
 from scene.version import ENGINE
 from shell import folder
 from shell.errors import UserError
@@ -19,7 +19,7 @@ from shell.files import read_json, write_json
 from shell.progress import duration
 
 TIMES, SPENT = "times.json", "spent.json"
-"""Seconds of the parts that are done, and of those that are under way."""
+"""Seconds of the parts that are done, and of all attempts at any part."""
 
 Runner = Callable[[Sequence[str]], int]
 """Runs a command; returns its exit code."""
@@ -51,9 +51,9 @@ def _work(store: Path) -> str:
     """What the nets of a store took, whichever runs they are from."""
     if not store.exists():
         return ""
-    records = [record for record, _ in read(store).values()]
-    seconds = sum(record["render_seconds"] + record["train_seconds"] for record in records)
-    return f", from {len(records)} nets that took a core {duration(seconds)}, images included"
+    nets = [outcome_of(record) for record, _ in read(store).values()]
+    seconds = sum(net.seconds for net in nets)
+    return f", from {len(nets)} nets that took a core {duration(seconds)}, images included"
 
 
 def make(
