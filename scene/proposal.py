@@ -19,6 +19,8 @@ from shell.files import read_json
 
 RELAXATION = 0.15
 """Width of the intervals around the street set by eye, as a share of each range."""
+NAMES = ("default", "random", "mixed")
+"""Of streets that `streets_named` knows."""
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 UNITS_STREAM = 1
 """Third word of the seed, apart from the streams that the streets themselves draw from."""
@@ -115,6 +117,19 @@ def named(name: str, space: SpaceName, width: float = RELAXATION) -> Proposal:
     return random_proposal(space) if name == "random" else default_proposal(width, space)
 
 
+def streets_named(name: str, space: SpaceName, width: float = RELAXATION) -> Streets:
+    """Streets as `named` has them, or ``mixed``: half ``default``, half ``random``.
+
+    Raises:
+        ValueError: unknown name.
+    """
+    if name not in NAMES:
+        raise ValueError(f"unknown streets {name!r}; known: {', '.join(NAMES)}")
+    if name != "mixed":
+        return named(name, space, width)
+    return mixture((0.5, 0.5), (default_proposal(width, space), random_proposal(space)))
+
+
 def describe(streets: Streets) -> dict[str, list[dict[str, Any]]]:
     """Streets as ``attributes.json`` holds them: shares, every attribute in unit and physical values."""
     return {
@@ -201,8 +216,8 @@ def streets_in(path: Path) -> Streets:
 
 
 def read_streets(source: str, space: SpaceName) -> Streets:
-    """The streets of a name, "default" or "random", in a space, or of a file; raises as `streets_in`."""
-    return named(source, space) if source in ("default", "random") else streets_in(Path(source))
+    """The streets of a name (`NAMES`) in a space, or of a file; raises as `streets_in`."""
+    return streets_named(source, space) if source in NAMES else streets_in(Path(source))
 
 
 def _parsed(value: Any) -> Proposal:

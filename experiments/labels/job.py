@@ -21,7 +21,7 @@ from experiments.target.few import spread
 from scene.proposal import Streets
 from shell.errors import UserError, refuse_repeats
 
-Renders = Literal["random", "default", "learnt"]
+Renders = Literal["random", "default", "mixed", "learnt"]
 FIRST, SHARES = (0, 7, 14), (0.1, 0.25, 0.5, 1.0)
 """How many labelled images by default: these, and then shares of all there are."""
 
@@ -33,8 +33,8 @@ class LabelsConfig(LearntConfig, ShareConfig):
     counts: tuple[int, ...] | None = None
     """Labelled images that nets are trained on; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
     renders: tuple[Renders, ...] | None = None
-    """What stands beside them: streets with random attributes, set by eye (default) or learnt; by default
-    learnt with --learnt, else default."""
+    """What stands beside them: streets with random attributes, set by eye (default), half of either (mixed)
+    or learnt; by default learnt with --learnt, else default."""
 
     @property
     def rendered(self) -> tuple[Renders, ...]:

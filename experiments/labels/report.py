@@ -30,6 +30,7 @@ RENDERS = {
     ALONE: "none",
     "random": "random attributes",
     "default": "attributes set by eye",
+    "mixed": "half of them random, half by eye",
     "learnt": "learnt attributes",
 }
 BESIDE = (0, 14)

@@ -31,8 +31,12 @@ def parser() -> Parser:
     add = options.add_argument
     add("--port", type=int, default=PORT, help=f"of 127.0.0.1; by default {PORT}")
     add("--no-browser", action="store_true", help="only serve; open no browser")
-    add("--attributes", default="default", help="default, random, or a JSON file to begin with")
-    add("--space", choices=SPACES, default="scenex", help="attributes of default and random")
+    add(
+        "--attributes",
+        default="default",
+        help="default, random, mixed, or a JSON file to begin with",
+    )
+    add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
     add("--real", type=Path, metavar="DIR", help="real images to look at beside the street")
     add("--size", type=size, default=(480, 270), help="WIDTHxHEIGHT in pixels")
     add("--samples", type=int, default=2, help="rays per pixel along each axis")

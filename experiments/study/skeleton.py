@@ -18,7 +18,7 @@ from experiments.run.context import AnyConfig, Run, Work, opened
 from experiments.run.learn import judged_on, learn, work_of
 from experiments.study.form import Form, Report, rewrite, write_report
 from experiments.target.base import Target
-from scene.proposal import Streets, named
+from scene.proposal import Streets, streets_named
 from shell.progress import duration
 
 
@@ -109,10 +109,10 @@ def learnt_attributes(run: Run[Any]) -> Streets:
 
 
 def attributes(run: Run[Any], name: str) -> Streets:
-    """From which streets are drawn: ``random``, ``default`` (set by eye), or ``learnt``."""
+    """From which streets are drawn: by a name that `streets_named` knows, or ``learnt``."""
     if name == "learnt":
         return learnt_attributes(run)
-    return named(name, run.config.space, run.config.default_width)
+    return streets_named(name, run.config.space, run.config.default_width)
 
 
 def learnt_from(config: LearntConfig) -> str:

@@ -27,7 +27,7 @@ from scene.preview.closeup import all_classes, class_page
 from scene.preview.layout import Studio
 from scene.preview.streets import all_sweeps, contact_sheet, sweep
 from scene.preview.themes import THEMES, all_themes, theme_page
-from scene.proposal import draw, named
+from scene.proposal import NAMES, draw, streets_named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from shell.command import Parser, exit_code, size
 
@@ -51,7 +51,7 @@ def parser() -> Parser:
     what.add_argument("--sweep", metavar="ATTRIBUTE", help="an attribute from 0 to 1; or 'all'")
     what.add_argument("--theme", metavar="THEME", help=f"{', '.join(THEMES)}; or 'all'")
     what.add_argument("--asset", metavar="CLASS", help="assets of a class or family; or 'all'")
-    line.add_argument("--attributes", choices=("default", "random"), default="default")
+    line.add_argument("--attributes", choices=NAMES, default="default")
     line.add_argument("--space", choices=SPACES, default="scenex", help="attributes of the streets")
     line.add_argument("--renderer", choices=(*RENDERERS, BOTH), default="embree")
     line.add_argument("--streets", type=int, default=3)
@@ -107,8 +107,8 @@ def page(options: argparse.Namespace) -> np.ndarray:
         if everything:
             return all_classes(columns, studio)
         return class_page(options.asset, options.count, columns, studio)
-    proposal = named(options.attributes, options.space)
-    rows = draw(proposal, options.seed, options.streets)
+    streets = streets_named(options.attributes, options.space)
+    rows = draw(streets, options.seed, options.streets)
     return contact_sheet(rows, options.seed, options.shots, studio)
 
 

@@ -40,12 +40,10 @@ def parser() -> Parser:
     add(
         "--attributes",
         default="default",
-        help="default (around a street set by eye), random, or a JSON file: a run's attributes.json, "
-        "or every attribute's name with a value in [0, 1]",
+        help="default (around a street set by eye), random, mixed (half of either), or a JSON file: a "
+        "run's attributes.json, or every attribute's name with a value in [0, 1]",
     )
-    add(
-        "--space", choices=SPACES, default="scenex", help="attributes of default and random streets"
-    )
+    add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
     add("--images", type=int, default=180)
     add("--size", type=size, default=(640, 320), help="WIDTHxHEIGHT in pixels")
     add("--format", choices=FORMATS, default="cityscapes")

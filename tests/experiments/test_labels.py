@@ -9,6 +9,7 @@ from experiments.labels.job import counts_of, defaults
 from experiments.labels.report import FORM, reached
 from experiments.reward.truth import Truth, WithFew
 from experiments.target.base import Target
+from scene.proposal import Mixture, describe, streets_named
 
 from .conftest import Counted, never
 
@@ -68,6 +69,17 @@ def test_numbers_are_what_the_data_allow(images, counts):
     names = tuple(map(str, range(images)))
     target = Target("camvid", True, "camvid", "", names, names, (), never)
     assert counts_of(defaults("camvid", "quick"), target) == counts
+
+
+def test_renders_may_be_half_random_and_half_by_eye(reported):
+    scores = Counted()
+    _, words = reported("labels", "--renders", "random", "mixed", evaluate=scores)
+    renders = [getattr(source, "rendered", source) for _, source, _, _ in scores.calls]
+    own = streets_named("mixed", "scenex")
+    assert (
+        sum(isinstance(each, Mixture) and describe(each) == describe(own) for each in renders) == 6
+    )
+    assert "| 0 | half of them random, half by eye |" in words
 
 
 def test_every_net_sees_its_labels_and_pairs_share_them(reported):

@@ -123,6 +123,18 @@ def test_a_mixture_draws_each_component_its_share(weights, seed):
         assert np.isclose(units[:, 0], part.centre[0]).mean() == pytest.approx(share, abs=0.02)
 
 
+def test_streets_by_name_and_half_of_either():
+    by_eye = default_proposal(0.3, "extended")
+    mixed = module.streets_named("mixed", "extended", 0.3)
+    units = draw(mixed, 5, 8)
+    near = (np.abs(units - by_eye.centre) <= by_eye.width / 2 + 1e-6).all(axis=1)
+    assert near.sum() == 4 and mixed.shares == (0.5, 0.5)
+    assert module.space_in(module.read_streets("mixed", "scenex")) == "scenex"
+    np.testing.assert_array_equal(module.streets_named("default", "extended", 0.3), by_eye)
+    complaint = "unknown streets 'half'; known: default, random, mixed"
+    refused(ValueError, complaint, module.streets_named, "half", "scenex")
+
+
 def test_components_that_are_equal_are_one():
     by_eye, other = default_proposal(), random_proposal()
     assert module.mixture((0.5, 0.5), (by_eye, by_eye)) is by_eye
