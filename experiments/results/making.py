@@ -6,7 +6,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from experiments.results import page
@@ -18,15 +18,21 @@ from shell.errors import UserError
 from shell.files import read_json, write_json
 from shell.progress import duration
 
-TIMES, SPENT = "times.json", "spent.json"
-"""Seconds of the parts that are done, and of all attempts at any part."""
+PARTS = "parts.json"
+"""By part: seconds of all attempts, and whether it is done."""
+TICK = 10.0
+"""Seconds between two notes of how long a command has run, so that a kill loses no more."""
 
-Runner = Callable[[Sequence[str]], int]
-"""Runs a command; returns its exit code."""
+Runner = Callable[[Sequence[str], Callable[[], None]], int]
+"""Runs a command, calls the second argument now and then; returns the command's exit code."""
 
 
-def _run(command: Sequence[str]) -> int:
-    return subprocess.run([sys.executable, *command[1:]], check=False).returncode
+def _run(command: Sequence[str], note: Callable[[], None]) -> int:
+    with subprocess.Popen([sys.executable, *command[1:]]) as process:
+        while True:
+            with suppress(subprocess.TimeoutExpired):
+                return process.wait(TICK)
+            note()
 
 
 def commit() -> str:
@@ -82,28 +88,33 @@ def make(
     done: list[str] = []
     with ExitStack() as stack:
         stack.enter_context(folder.opened(out, {"commit": at, "engine": ENGINE}))
-        times, spent = (
-            read_json(out / name) if (out / name).exists() else {} for name in (TIMES, SPENT)
-        )
+        known = read_json(out / PARTS) if (out / PARTS).exists() else {}
+
+        def attempt(part: Part) -> int:
+            """Run its command; how long that took is in the file as it goes."""
+            started = time.perf_counter()
+            before = known.get(part.name, {"seconds": 0.0})["seconds"]
+
+            def note(done: bool = False) -> None:
+                seconds = before + time.perf_counter() - started
+                known[part.name] = {"seconds": seconds, "done": done}
+                write_json(out / PARTS, known)
+
+            code = run([*part.command, "--out", str(out / part.name), "--store", str(store)], note)
+            note(code == 0)
+            return code
+
         for number, part in enumerate(wanted, 1):
-            if part.name not in times:
+            if not known.get(part.name, {}).get("done"):
                 print(f"\n== {number} of {len(wanted)}: {part.title} ==", flush=True)
-                started = time.perf_counter()
-                where = ("--out", str(out / part.name), "--store", str(store))
-                try:
-                    code = run([*part.command, *where])
-                finally:
-                    spent[part.name] = spent.get(part.name, 0) + time.perf_counter() - started
-                    write_json(out / SPENT, spent)
-                if code != 0:
+                if (code := attempt(part)) != 0:
                     raise UserError(
                         f"{part.name} ended with exit code {code}; once that is put right, the same "
                         "command goes on"
                     )
-                times[part.name] = round(spent[part.name])
-                write_json(out / TIMES, times)
             done.append(part.name)
+            times = {name: own["seconds"] for name, own in known.items() if own["done"]}
             page.write(wanted, times, f"{at}{_work(store)}", out, docs)
-    took = duration(sum(times[name] for name in done))
+    took = duration(sum(known[name]["seconds"] for name in done))
     print(f"\nAll {len(done)} parts are done, in {took}: {out / page.NAME}", flush=True)
     return done

@@ -14,7 +14,7 @@ NAME = "results.md"
 
 
 def write(
-    parts: Sequence[Part], times: Mapping[str, int], origin: str, out: Path, docs: Path | None
+    parts: Sequence[Part], times: Mapping[str, float], origin: str, out: Path, docs: Path | None
 ) -> None:
     """Write the page into the folder of the runs and, with what it shows, into another.
 
@@ -40,7 +40,7 @@ def write(
 
 def text(
     parts: Sequence[Part],
-    times: Mapping[str, int],
+    times: Mapping[str, float],
     origin: str,
     out: Path,
     shown: str | None = None,

@@ -53,7 +53,8 @@ class Runs:
     def __init__(self, failing: str = "") -> None:
         self.failing, self.ran = failing, []
 
-    def __call__(self, words) -> int:
+    def __call__(self, words, note) -> int:
+        note()
         out = Path(words[words.index("--out") + 1])
         self.ran.append(out.name)
         out.mkdir(exist_ok=True)
@@ -71,10 +72,12 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     with pytest.raises(UserError, match="two ended with exit code 3"):
         making.make(SOME, out, docs, store, broken)
     assert "Not made yet: two" in (docs / "results.md").read_text()
-    before = read_json(out / making.SPENT)["two"]
+    before = read_json(out / making.PARTS)["two"]
+    assert not before["done"]
     again = Runs()
     assert making.make(SOME, out, docs, store, again) == ["one", "two"]
-    assert read_json(out / making.SPENT)["two"] > before > 0  # both attempts count
+    after = read_json(out / making.PARTS)["two"]
+    assert after["done"] and after["seconds"] > before["seconds"] > 0  # both attempts count
     assert (broken.ran, again.ran) == (["one", "two"], ["two"])
     page = (docs / "results.md").read_text()
     assert "commit abc, from 1 nets that took a core 5.0 h, images included." in page
@@ -85,6 +88,14 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     monkeypatch.setattr(making, "commit", lambda: "def")
     with pytest.raises(UserError, match='commit = "abc", not "def"'):
         making.make(SOME, out, docs, store, Runs())
+
+
+def test_a_command_that_runs_on_is_noted_as_it_goes(monkeypatch):
+    monkeypatch.setattr(making, "TICK", 0.01)
+    notes = []
+    words = ["python", "-c", "import sys, time; time.sleep(0.3); sys.exit(7)"]
+    assert making._run(words, lambda: notes.append(1)) == 7
+    assert notes
 
 
 @pytest.mark.parametrize(("flags", "complaint"), [
