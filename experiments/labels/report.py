@@ -150,11 +150,11 @@ def _said(entry: Report) -> list[str]:
     ours = f"{entry['beside']} labelled images beside them" if entry["beside"] else "alone"
     bound = f"{entry['bound']} " if entry["bound"] else ""
     ci95 = entry["ci95"]
-    sure = (
-        ""
-        if ci95 is None
-        else f" (95 % interval by bootstrap over seeds {ci95[0]:.0f} to {ci95[1]:.0f})"
-    )
+    sure = ""
+    if ci95 is not None:
+        low, high = (f"{end:.0f}" for end in ci95)
+        ends = f"{low} to {high}" if low != high else f"{bound}{low}"
+        sure = f" (95 % interval by bootstrap over seeds {ends})"
     verb = "with " if entry["beside"] else ""
     return [
         f"{what} {verb}{ours} are worth {bound}{entry['labels']:.0f} labelled images{sure}.",
