@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from sdr_jax.models.effects import Effects, effects_of
 from sdr_jax.models.features import affordable, check_degrees, lay_out, own_variances
 from sdr_jax.relaxation import bin_centres, bin_mask, ordered
-from sdr_jax.space import Space
+from sdr_jax.space import Space, Width
 
 NARROW = 1 / 16
 """Narrower intervals are alike to the model."""
@@ -43,22 +43,33 @@ def runs(bins: int, in_order: bool = True) -> tuple[np.ndarray, np.ndarray]:
     return (first + many / 2) / bins, many / bins
 
 
-def choices(space: Space, start: Start) -> Choices:
+def choices(space: Space, start: Start, width: Width = None) -> Choices:
     """The runs of bins of each attribute, and after them the start's own interval if it is none of them.
 
     Args:
         space: the attributes, their bins and groups.
         start: where the search begins.
+        width: where 0, an attribute has no intervals: its choices, the start's too, are single values, but
+            without an order single bins. Else it plays no part.
     """
     rows, began = [], []
+    no_width = np.broadcast_to(1.0 if width is None else width, space.attributes) == 0
     for attribute, bins in enumerate(space.bins):
-        centre, width = runs(bins, attribute not in space.unordered)
+        in_order = attribute not in space.unordered
+        centre, wide = runs(bins, in_order)
         first = np.asarray([part[attribute] for part in start], np.float32)
-        alike = np.all(np.abs(np.stack([centre, width]) - first[:, None]) < 1e-5, axis=0)
+        if no_width[attribute]:
+            centre = centre[wide < 1.5 / bins]
+            if in_order:
+                first[1] = 0.0
+            else:
+                first[:] = (min(int(first[0] * bins), bins - 1) + 0.5) / bins, 1 / bins
+            wide = np.full(len(centre), first[1])
+        alike = np.all(np.abs(np.stack([centre, wide]) - first[:, None]) < 1e-5, axis=0)
         if not alike.any():
-            centre, width = np.append(centre, first[0]), np.append(width, first[1])
+            centre, wide = np.append(centre, first[0]), np.append(wide, first[1])
             alike = np.append(alike, True)
-        rows.append((centre, width))
+        rows.append((centre, wide))
         began.append(int(np.argmax(alike)))
     sizes = tuple(len(centre) for centre, _ in rows)
     padded = [np.full((space.attributes, max(sizes)), fill, np.float32) for fill in (0.5, 1.0)]
@@ -66,8 +77,8 @@ def choices(space: Space, start: Start) -> Choices:
         for part, own in zip(padded, row, strict=True):
             part[attribute, : len(own)] = own
     scale = np.full((space.attributes, max(sizes)), -1, np.int32)
-    for attribute, (_, width) in enumerate(rows):
-        scale[attribute, : len(width)] = np.unique(width.round(6), return_inverse=True)[1]
+    for attribute, (_, wide) in enumerate(rows):
+        scale[attribute, : len(wide)] = np.unique(wide.round(6), return_inverse=True)[1]
     chosen = Space(space.names, sizes, space.groups, space.unordered)
     return Choices(chosen, padded[0], padded[1], np.asarray(began, np.int32), scale)
 

@@ -14,7 +14,7 @@ from sdr_jax.models.choices import Start, choices, make_effects
 from sdr_jax.models.features import maximise_each
 from sdr_jax.models.regression import Posterior
 from sdr_jax.models.surely import surely
-from sdr_jax.relaxation import random_bins
+from sdr_jax.relaxation import check_relaxation, random_bins
 from sdr_jax.space import Proposal, Space, Width
 
 REACHES = np.asarray([0.5, 1.0, 2.0], np.float32)
@@ -60,8 +60,8 @@ def intervals(
     """Which attributes to narrow, and to what, by a Bayesian regression on what intervals have in them.
 
     Actions are intervals: runs of an attribute's bins, from single ones to all of them (`choices.runs`), or
-    its own in `start`; relaxation plays no part. The reward of a data set is modelled as linear in its
-    density,
+    its own in `start`; without relaxation single values. The reward of a data set is modelled as linear in
+    its density,
 
         y = b + sum_i w_i . phi(c_i, w_i) + sum_{i<j in a group} phi(i) W_ij phi(j) + noise
 
@@ -81,7 +81,8 @@ def intervals(
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
-        width: plays no part.
+        width: 0, of all attributes or of one, is no relaxation: single values, but of bins without an order.
+            Else it plays no part.
         start: centres and widths of where to begin; by default random attributes.
         caution: see above, 0 or more; 0 moves wherever it pays on average.
         degree: cosines per attribute.
@@ -97,10 +98,10 @@ def intervals(
     1973, "Evolutionsstrategie", and trust regions as in Eriksson et al. 2019, "Scalable Global Optimization
     via Local Bayesian Optimization".
     """
-    del width
     if not (caution >= 0 and np.isfinite(caution)):
         raise ValueError(f"caution is {caution}, but must be 0 or more")
-    chosen = choices(space, _checked(space, start))
+    check_relaxation(space, width, "random")
+    chosen = choices(space, _checked(space, start), width)
     model = make_effects(space, chosen, degree, pair_degree)
     began, scale_of = jnp.asarray(chosen.began), jnp.asarray(chosen.scale)
     scales = scale_of.max(axis=1) + 1
@@ -139,8 +140,10 @@ def intervals(
         allowed = jnp.where(anew[..., None], alike, own)
         changed = maximise_each(start_key, chosen.space, model.layout, weights, allowed)
         turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)[:, None]
-        mixed = jnp.where(chance < 0.5, random_bins(open_key, chosen.space, n), began[None, :])
-        other = jnp.zeros_like(began)[None, :] if chosen.began.any() else mixed
+        anywhere = random_bins(open_key, chosen.space, n)
+        mixed = jnp.where(chance < 0.5, anywhere, began[None, :])
+        # The first choice is the whole range, where intervals are allowed.
+        other = jnp.where(chosen.width[:, 0] == 1, 0, anywhere) if chosen.began.any() else mixed
         opening = jnp.where(turn % 2 == 0, began[None, :], other)
         actions = jnp.where(state.seen.noise > 0, changed, opening)
         actions = memories.untried(state.memory, chosen.space, model.layout, weights, actions)

@@ -346,6 +346,22 @@ def test_choices_differ_and_hold_the_start_once(bins, seed):
         assert np.all(own[0] - own[1] / 2 > -1e-6) and np.all(own[0] + own[1] / 2 < 1 + 1e-6)
 
 
+@given(st.lists(st.integers(2, 12), min_size=2, max_size=4), st.integers(0, 99))
+def test_without_relaxation_choices_are_single_values(bins, seed):
+    rng = np.random.default_rng(seed)
+    names = [f"x{k}" for k in range(len(bins))]
+    start = rng.uniform(0.1, 0.9, len(bins)).astype(np.float32), np.full(len(bins), 0.2, np.float32)
+    chosen = choices(space(names, bins, unordered=names[1:2]), start, 0.0)
+    for k, (own, count) in enumerate(zip(chosen.width, chosen.space.bins, strict=True)):
+        np.testing.assert_allclose(own[:count], 1 / bins[k] if k == 1 else 0)
+        centres = chosen.centre[k, :count]
+        np.testing.assert_allclose(centres[: bins[k]], (np.arange(bins[k]) + 0.5) / bins[k])
+        assert len(np.unique(centres.round(5))) == count
+    there = chosen.centre[np.arange(len(bins)), chosen.began]
+    np.testing.assert_allclose(np.delete(there, 1), np.delete(start[0], 1), atol=1e-6)
+    assert chosen.space.bins[1] == bins[1] and abs(there[1] - start[0][1]) <= 0.5 / bins[1] + 1e-6
+
+
 @given(st.floats(0, 1), st.floats(0.01, 1))
 def test_features_of_an_interval_are_means_over_it(place, width):
     low = place * (1 - width)
@@ -386,6 +402,20 @@ def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     method = sdr_jax.registry.make("intervals", PAIR, start=((0.5, 0.5), (0.1, 0.1)))
     state = told(method, lambda centre, width: width.sum(axis=1), noise=0.02)
     assert np.asarray(method.solution(state).width).min() >= 0.5
+
+
+def test_without_relaxation_every_data_set_is_of_single_values():
+    method = sdr_jax.registry.make("intervals", PAIR, 0.0, start=BEGAN)
+    _, first = method.sample(KEY, method.init(KEY), 8)
+    np.testing.assert_allclose(first.centre[::2], [BEGAN[0]] * 4)
+    assert len(np.unique(first.centre[1::2])) > 2  # and anywhere, in turn
+    state = told(method, lambda centre, width: centre[:, 0] - 9 * width.sum(axis=1), noise=0.05)
+    proposals = method.sample(KEY, state, 16)[1]
+    for answer in (first, proposals, method.solution(state), method.spread(state)):
+        assert (np.asarray(answer.width) == 0).all()
+    assert method.solution(state).centre[0] > 0.8
+    with pytest.raises(ValueError, match=r"width is 1.5, but must lie in \[0, 1\]"):
+        sdr_jax.registry.make("intervals", PAIR, 1.5)
 
 
 def test_repeats_tell_whether_rewards_have_noise_by_hand() -> None:
