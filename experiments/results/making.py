@@ -84,7 +84,9 @@ def make(
     Raises:
         UserError: a part failed, or the folder was begun at another commit.
     """
-    at, store = commit(), store or out / "store.jsonl"
+    at = commit()
+    shared = " What the shared store held took this run no time." if store else ""
+    store = store or out / "store.jsonl"
     done: list[str] = []
     with ExitStack() as stack:
         stack.enter_context(folder.opened(out, {"commit": at, "engine": ENGINE}))
@@ -114,7 +116,7 @@ def make(
                     )
             done.append(part.name)
             times = {name: own["seconds"] for name, own in known.items() if own["done"]}
-            page.write(wanted, times, f"{at}{_work(store)}", out, docs)
+            page.write(wanted, times, f"{at}{_work(store)}.{shared}", out, docs)
     took = duration(sum(known[name]["seconds"] for name in done))
     print(f"\nAll {len(done)} parts are done, in {took}: {out / page.NAME}", flush=True)
     return done

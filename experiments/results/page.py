@@ -21,7 +21,7 @@ def write(
     Args:
         parts: in the order of the page.
         times: seconds that the finished ones took, by name.
-        origin: commit of the program, and what all of it took.
+        origin: commit of the program, and what all of it took; ends a sentence.
         out: folder of all runs.
         docs: where else; pictures and reports go into ``results/`` there.
     """
@@ -50,7 +50,7 @@ def text(
     lines = [
         "# Results on real CamVid",
         "",
-        f"Made by `make results` at commit {origin}.",
+        f"Made by `make results` at commit {origin}",
         *([f"Not made yet: {', '.join(missing)}."] if missing else []),
     ]
     for part in parts:

@@ -80,7 +80,10 @@ def test_parts_are_done_once_and_told_on_one_page(tmp_path, monkeypatch):
     assert after["done"] and after["seconds"] > before["seconds"] > 0  # both attempts count
     assert (broken.ran, again.ran) == (["one", "two"], ["two"])
     page = (docs / "results.md").read_text()
-    assert "commit abc, from 1 nets that took a core 5.0 h, images included." in page
+    assert (
+        "commit abc, from 1 nets that took a core 5.0 h, images included. What the shared store held"
+        in page
+    )
     assert "table of one" in page and "table of two" in page
     assert "--data DIR --weights FILE" in page and "/mine" not in page
     assert (docs / "results" / "two.png").read_bytes() == b"picture"
