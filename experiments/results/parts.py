@@ -140,7 +140,7 @@ def parts(
             "sensitivity", "sensitivity", "Which attributes matter",
             "A model of the rewards of all searches above.",
             "--target", "camvid", *extended,
-            "--records", str(out / "searches/evaluations.jsonl"),
+            "--records", str(out / "searches"),
         ),
         study(
             "twins", "searches", "The twin (not real data)",

@@ -41,6 +41,16 @@ def test_every_part_is_a_sound_command(preset, weights, learnt_file, tmp_path):
             check(job.STUDY, config)
 
 
+@pytest.mark.slow
+def test_what_parts_leave_to_others_is_what_these_read(camvid_dir, tmp_path, monkeypatch):
+    monkeypatch.setattr(making, "commit", lambda: "abc")
+    wanted = results.parts(camvid_dir, tmp_path / "out", "smoke", 1)
+    some = [part for part in wanted if part.name in ("searches", "table", "sensitivity")]
+    assert making.make(some, tmp_path / "out") == ["searches", "table", "sensitivity"]
+    page = (tmp_path / "out" / "results.md").read_text()
+    assert "recorded in" in page and "Not made yet" not in page
+
+
 NET = {
     "key": "0", "config": "1", "engine": 3, "centre": None, "width": None, "seed": 0, "reward": 0.4,
     "class_iou": [], "render_seconds": 3600.0, "train_seconds": 4 * 3600.0, "failed": None,
