@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 
 from sdr_jax.models.effects import Effects, effects_of
 from sdr_jax.models.features import affordable, check_degrees, lay_out, own_variances
-from sdr_jax.relaxation import bin_centres, bin_mask, ordered
+from sdr_jax.relaxation import bin_centres, bin_mask, bin_widths, ordered
 from sdr_jax.space import Space, Width
 
 NARROW = 1 / 16
@@ -53,18 +53,18 @@ def choices(space: Space, start: Start, width: Width = None) -> Choices:
             without an order single bins. Else it plays no part.
     """
     rows, began = [], []
+    single = np.asarray(bin_widths(space, 0.0))
     no_width = np.broadcast_to(1.0 if width is None else width, space.attributes) == 0
     for attribute, bins in enumerate(space.bins):
         in_order = attribute not in space.unordered
         centre, wide = runs(bins, in_order)
         first = np.asarray([part[attribute] for part in start], np.float32)
         if no_width[attribute]:
-            centre = centre[wide < 1.5 / bins]
-            if in_order:
-                first[1] = 0.0
-            else:
-                first[:] = (min(int(first[0] * bins), bins - 1) + 0.5) / bins, 1 / bins
-            wide = np.full(len(centre), first[1])
+            centre = centre[-bins:]  # single bins come last
+            if not in_order:
+                first[0] = centre[min(int(first[0] * bins), bins - 1)]
+            first[1] = single[attribute]
+            wide = np.full(bins, first[1])
         alike = np.all(np.abs(np.stack([centre, wide]) - first[:, None]) < 1e-5, axis=0)
         if not alike.any():
             centre, wide = np.append(centre, first[0]), np.append(wide, first[1])
