@@ -10,7 +10,6 @@ Kill it at any moment; the same command goes on where it was.
 from __future__ import annotations
 
 import sys
-from dataclasses import replace
 from functools import partial
 
 if __name__ == "__main__":
@@ -21,8 +20,5 @@ if __name__ == "__main__":
     from experiments.presets import defaults
     from experiments.study.skeleton import do
 
-    def work(config: MainConfig) -> None:
-        """The main job on the data, if there are any."""
-        do(MAIN, config if config.data is None else replace(config, target="cityscapes"))
-
-    sys.exit(main("cityscapes", partial(defaults, MainConfig), work, __doc__, target="twin"))
+    own, work = partial(defaults, MainConfig), partial(do, MAIN)
+    sys.exit(main("cityscapes", own, work, __doc__, target="twin", with_data="cityscapes"))

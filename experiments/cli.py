@@ -28,6 +28,7 @@ class _Choice:
 
     preset: Preset = "quick"
     target: TargetName = "twin"
+    data: Path | None = None
     space: SpaceName = "scenex"
 
 
@@ -75,6 +76,7 @@ def main(
     arguments: Sequence[str] | None = None,
     *,
     target: TargetName | None = None,
+    with_data: TargetName | None = None,
 ) -> int:
     """Parse, work, and turn what went wrong into one line.
 
@@ -85,6 +87,7 @@ def main(
         description: the help's first part.
         arguments: of the command; by default the program's.
         target: of a command that has no ``--target``.
+        with_data: its target where ``--data`` is given, if that is another one.
 
     Returns:
         The exit code: 2 for what the user can put right, 1 for workers that died or `Unmet`, 130 after
@@ -98,13 +101,18 @@ def main(
     def run() -> None:
         choice, _ = tyro.cli(_Choice, args=arguments, return_unknown_args=True, add_help=False)
         chosen = target or choice.target
+        if with_data is not None and choice.data is not None:
+            chosen = with_data
         default = in_space(defaults(chosen, choice.preset), choice.space)
+        others = ("--preset", *(["--data DIR"] if with_data else [] if target else ["--target"]))
         words = (name, choice.preset) if target else (name, chosen, choice.preset)
         default = _with_nets(replace(default, out=Path("runs") / "-".join(words)), arguments)
         config = tyro.cli(
             type(default),
             prog=called(f"experiments.{name}"),
-            description=f"{description or ''}\n{DEBUG} shows where an error comes from.",
+            description=f"{description or ''}\nThe defaults below are those of --preset {choice.preset} for "
+            f"{chosen}; {' and '.join(others)} beside --help show others.\n"
+            f"{DEBUG} shows where an error comes from.",
             default=default,
             args=arguments,
         )

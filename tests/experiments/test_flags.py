@@ -1,6 +1,8 @@
 """Presets, groups, and every option that can be wrong."""
 
-from dataclasses import fields, replace
+import runpy
+import sys
+from dataclasses import asdict, fields, replace
 from functools import partial
 
 import pytest
@@ -8,13 +10,26 @@ import tyro
 
 from experiments.cli import main
 from experiments.config import MainConfig, check, make_space
-from experiments.presets import CAMVID_GROUPS, CITYSCAPES_GROUPS, TARGETS, defaults, in_space
+from experiments.main.job import MAIN
+from experiments.presets import (
+    CAMVID_GROUPS,
+    CITYSCAPES_GROUPS,
+    PRESETS,
+    TARGETS,
+    defaults,
+    in_space,
+)
 from experiments.run.learn import plan_of
+from experiments.study.skeleton import do
 from experiments.target.twin import FIRST_ASSET
 from scene.attributes import NAMES, names
+from scene.version import ENGINE
 from seg.recipes import RECIPES
+from shell.errors import UserError
+from shell.files import write_json
+from shell.folder import plain
 
-from .conftest import by_preset, main_job
+from .conftest import by_preset, main_job, never
 
 
 def parse(*arguments: str) -> MainConfig:
@@ -203,6 +218,65 @@ def test_the_preset_decides_the_defaults(arguments, default):
     (config,) = seen
     assert config.preset == default and str(config.out) == f"runs/cityscapes-{default}"
     assert config.final == defaults(MainConfig, "twin", default).final
+
+
+@pytest.fixture
+def called(monkeypatch):
+    """Calls ``python -m experiments.cityscapes``; returns the configuration that it would work with."""
+
+    def call(*arguments: str) -> MainConfig:
+        seen = []
+        with monkeypatch.context() as patch:
+            patch.setattr(sys, "argv", ["cityscapes", *arguments])
+            patch.setattr(
+                "experiments.study.skeleton.do", lambda study, config: seen.append(config)
+            )
+            with pytest.raises(SystemExit, match=r"^0$"):
+                runpy.run_module("experiments.cityscapes", run_name="__main__")
+        return seen[0]
+
+    return call
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_data_give_cityscapes_defaults_and_none_the_twins(preset, called, cityscapes):
+    data = ("--data", str(cityscapes))
+    for given, target in (
+        (data, "cityscapes"),
+        ((f"--data={cityscapes}",), "cityscapes"),
+        ((), "twin"),
+    ):
+        config = called(*given, "--preset", preset)
+        wanted = defaults(MainConfig, target, preset)
+        assert config == replace(wanted, data=config.data, out=config.out)
+        assert config.target == target and (config.data is None) == (target == "twin")
+    config = called("--preset", preset, "--reward.width", "96", *data)
+    assert config.reward == replace(defaults(MainConfig, "cityscapes", preset).reward, width=96)
+
+
+def test_the_help_shows_the_defaults_that_hold(capsys, called, monkeypatch):
+    for given, target, width in ((), "twin", 128), (("--data", "DIR"), "cityscapes", 256):
+        monkeypatch.setattr(sys, "argv", ["cityscapes", *given, "--help"])
+        with pytest.raises(SystemExit, match=r"^0$"):
+            runpy.run_module("experiments.cityscapes", run_name="__main__")
+        text = capsys.readouterr().out
+        assert f"those of --preset quick for {target}; --preset and --data DIR beside" in text
+        assert f"(default: {width})" in text.partition("--reward.width")[2][:300]
+
+
+def test_a_folder_with_the_twins_sizes_is_not_continued_with_others(
+    called, cityscapes, out, scored_by
+):
+    scored_by(never)
+    old = replace(
+        defaults(MainConfig, "twin", "quick"), target="cityscapes", data=cityscapes, out=out
+    )
+    out.mkdir()
+    write_json(out / "config.json", plain({"engine": ENGINE, **asdict(old)}))
+    flags = ("--data", str(cityscapes), "--out", str(out), "--workers", "0")
+    with pytest.raises(UserError, match=r"a run with final.height = 96, not 320; put that back"):
+        do(MAIN, called(*flags))
+    assert [path.name for path in out.iterdir()] == ["config.json"]
 
 
 @pytest.mark.parametrize(("arguments", "recipe", "steps"), [
