@@ -81,14 +81,30 @@ def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
     return with_net(own, name, str(config.weights) if vgg and config.weights else None)
 
 
-def others(config: TableConfig, target: Target) -> dict[str, Truth]:
-    """Training sets that others have made, by name; labels are ids of the target's table.
+Others = dict[NetName, dict[str, Truth]]
+"""Training sets that others have made, by net and name."""
+
+
+def others(config: TableConfig, target: Target) -> Others:
+    """Training sets that others have made, as large as each net's rendered ones; ids of the target's table.
 
     Raises:
         UserError, DataError: the data are not as they should be.
     """
-    limit = None if config.all_images else config.final.images
-    size = (config.final.height, config.final.width)
+    read: dict[tuple[int, int, int], dict[str, Truth]] = {}  # nets of one size share them
+    found: Others = {}
+    for name in config.nets:
+        own = fidelity_of(config, name)
+        shape = (own.height, own.width, own.images)
+        if shape not in read:
+            read[shape] = _read(config, target, own)
+        found[name] = read[shape]
+    return found
+
+
+def _read(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, Truth]:
+    limit = None if config.all_images else fidelity.images
+    size = (fidelity.height, fidelity.width)
     found = {}
     for layout in OTHERS:
         root = getattr(config, layout)
@@ -118,7 +134,7 @@ def plan(config: TableConfig) -> list[Work]:
     return work
 
 
-def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
+def scores(run: Run[TableConfig], given: Others) -> Report:
     """Train the nets of the whole table, or what is left of them."""
     config, seeds = run.config, paired_seeds(run)
 
@@ -126,7 +142,7 @@ def scores(run: Run[TableConfig], given: dict[str, Truth]) -> Report:
         found = []
         for name in config.nets:
             fidelity = fidelity_of(config, name)
-            sources = training_sets(run, learnt, fidelity, **given)
+            sources = training_sets(run, learnt, fidelity, **given[name])
             found.append(Nets(f"table, {name}", sources, run.recipe(fidelity)))
         return found
 

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from experiments.reward.truth import WithFew
+from experiments.reward.truth import Truth, WithFew
 from experiments.run.nets import with_net
 from experiments.study.stats import mean_ci95, paired_gain
 from experiments.table.job import defaults, fidelity_of
@@ -74,6 +74,21 @@ def test_data_sets_of_others_are_cut_and_told_in_the_target_s_classes(table, gta
     assert set(np.unique(gta.labels).tolist()) <= {*range(11), IGNORE_LABEL}
     out.rename(out.with_name("cut"))
     assert table("--gta5", str(gta5), "--all-images")[0]["rows"][3]["images"] == 7
+
+
+def test_data_sets_of_others_have_the_size_and_number_that_each_net_s_renders_have(table, gta5):
+    seen = Counted()
+    flags = ("--nets", "compact", "fcn8s", "--final.train.net", "fcn8s", "--gta5", str(gta5))
+    small = ("--compact.width", "32", "--compact.height", "24", "--compact.streets", "2")
+    rows = table(*flags, *small, evaluate=seen)[0]["rows"]
+    told = {row["net"]: (row["size"], row["images"]) for row in rows if row["trained_on"] == "gta5"}
+    assert told == {"compact": ("32x24", 4), "fcn8s": ("64x48", 6)}
+    for recipe, source, _, truth, *_ in seen.calls:
+        size = (recipe.fidelity.height, recipe.fidelity.width)
+        assert truth.images.shape[1:3] == size
+        if isinstance(source, Truth):
+            assert source.images.shape[1:3] == source.labels.shape[1:3] == size
+            assert len(source.images) in (4, recipe.fidelity.images)
 
 
 def test_a_few_labelled_images_add_rows(table):
