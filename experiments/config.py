@@ -28,6 +28,7 @@ from scene.render import RenderSettings, check_settings
 from scene.workers import ExecutorName
 from sdr_jax.registry import MethodName
 from seg.beside import drawn
+from seg.nets.lite0 import SMALLEST
 from seg.settings import TrainSettings
 from seg.settings import check_settings as check_train_settings
 from seg.weights import check as check_weights
@@ -299,9 +300,8 @@ def check(config: Config) -> None:
         raise UserError(f"--seed must be less than {SEED_END}, not {config.seed}")
     with flagged("--assets", "--asset"):
         check_pool(config.pool, "--asset-")
-    for name in ("reward", "final"):
-        if hasattr(config, name):
-            _check_fidelity(f"--{name}", getattr(config, name))
+    for name, fidelity in fidelities(config).items():
+        _check_fidelity(f"--{name}", fidelity)
     search = getattr(config, "search", None)
     if search is not None:
         _check_search(search)
@@ -311,6 +311,11 @@ def check(config: Config) -> None:
         _check_answer(config)
     if isinstance(config, ShareConfig):
         _check_few(config)
+
+
+def fidelities(config: Config) -> dict[str, Fidelity]:
+    """The fidelities of a configuration, by field."""
+    return {name: own for name, own in vars(config).items() if isinstance(own, Fidelity)}
 
 
 def _at_least(flag: str, value: float | None, least: int) -> None:
@@ -368,12 +373,18 @@ def _check_fidelity(flag: str, fidelity: Fidelity) -> None:
         raise UserError(f"{flag}.train.warmup must be less than {SEED_END}, not {train.warmup}")
     if not 0 < train.lr < math.inf:
         raise UserError(f"{flag}.train.lr must be positive, not {train.lr}")
-    check_net(f"{flag}.train", train)
+    check_net(flag, f"{flag}.train", fidelity)
 
 
-def check_net(flag: str, train: TrainSettings) -> None:
-    """Raise UserError for settings or weights that do not fit the net, by flag."""
-    with flagged(flag):
+def check_net(flag: str, train_flag: str, fidelity: Fidelity) -> None:
+    """Raise UserError for a size, settings or weights that do not fit the net, by flag."""
+    train = fidelity.train
+    if train.net == "lite0" and min(fidelity.width, fidelity.height) < SMALLEST:
+        raise UserError(
+            f"{flag}: images of {fidelity.size} are too small for lite0, which needs "
+            f"{SMALLEST} pixels in width and height"
+        )
+    with flagged(train_flag):
         check_train_settings(train)
     check_weights(train, 1)  # of any number of classes: the last layer is not among them
 
@@ -411,8 +422,8 @@ def _check_few(config: Any) -> None:
             raise UserError("--few needs rewards of labelled images: --reward-kind miou")
     if not 0 < config.few_share < 1:
         raise UserError(f"--few-share must lie in (0, 1), not {config.few_share}")
-    for name in ("reward", "final"):
-        train = getattr(config, name).train
+    for name, fidelity in fidelities(config).items():
+        train = fidelity.train
         images = train.steps * train.batch
         if drawn(config.few_share, images) in (0, images):
             what = "none" if config.few_share < 0.5 else "all"

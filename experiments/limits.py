@@ -6,14 +6,13 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from experiments.config import Config, Fidelity
+from experiments.config import Config, Fidelity, fidelities
 from scene.render.protocol import MAX_PIXELS, refuse_large_images, refuse_many_shots
 from scene.workers import refuse_many_workers
 from seg.augment import DRAWS
 from shell.errors import UserError
 from shell.memory import refuse_larger
 
-FIDELITIES = ("reward", "final", "compact", "vgg")
 COUNTS = ("seeds", "candidate_seeds", "evaluations", "proposals", "repeats", "repeated")
 """Fields that count nets."""
 PIXEL, FEATURES, SCORES = 4, 3.6, 4 * (3 + 11)
@@ -28,10 +27,8 @@ RECORD = 1000
 def refuse_too_large(config: Config) -> None:
     """Raise UserError for a size that this machine cannot hold; names flag, memory and bound."""
     refuse_many_workers("--workers", config.workers)
-    for name in FIDELITIES:
-        fidelity = getattr(config, name, None)
-        if isinstance(fidelity, Fidelity):
-            _refuse_fidelity(f"--{name}", fidelity)
+    for name, fidelity in fidelities(config).items():
+        _refuse_fidelity(f"--{name}", fidelity)
     for name in COUNTS:
         value = getattr(config, name, None)
         if value is not None:

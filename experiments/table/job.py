@@ -69,7 +69,7 @@ def check(config: TableConfig) -> None:
     if config.weights is not None and not set(config.nets) & set(VGG_NETS):
         raise UserError("--weights are for VGG nets; --nets names none")
     for name in config.nets:
-        check_net("--nets", fidelity_of(config, name).train)
+        check_net("--nets", "--nets", fidelity_of(config, name))
 
 
 def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:

@@ -1,15 +1,17 @@
 """Presets, groups, and every option that can be wrong."""
 
+import math
 import runpy
 import sys
 from dataclasses import asdict, fields, replace
 from functools import partial
+from typing import get_type_hints
 
 import pytest
 import tyro
 
 from experiments.cli import main
-from experiments.config import MainConfig, check, make_space
+from experiments.config import Fidelity, MainConfig, check, fidelities, make_space
 from experiments.main.job import MAIN
 from experiments.presets import (
     CAMVID_GROUPS,
@@ -20,16 +22,19 @@ from experiments.presets import (
     in_space,
 )
 from experiments.run.learn import plan_of
+from experiments.study.skeleton import check as refuse_wrong
 from experiments.study.skeleton import do
+from experiments.table import job as table
 from experiments.target.twin import FIRST_ASSET
 from scene.attributes import NAMES, names
 from scene.version import ENGINE
 from seg.recipes import RECIPES
+from seg.settings import TrainSettings
 from shell.errors import UserError
 from shell.files import write_json
 from shell.folder import plain
 
-from .conftest import by_preset, main_job, never
+from .conftest import by_preset, main_job, never, study
 
 
 def parse(*arguments: str) -> MainConfig:
@@ -177,6 +182,43 @@ def test_a_wrong_option_is_one_line_and_exit_code_2(arguments, words, error_line
     line = error_line()
     assert all(word in line for word in words), line
     assert not out.parent.exists()
+
+
+FIDELITIES = [*fidelities(table.defaults("camvid", "smoke"))]
+
+
+@pytest.mark.parametrize("name", FIDELITIES)
+def test_every_number_of_every_fidelity_is_checked(name):
+    config = table.defaults("camvid", "smoke")
+    own = getattr(config, name)
+    wrong, tried = {int: (-1,), float: (-1.0, math.nan)}, 0
+    for kind, old in ((Fidelity, own), (TrainSettings, own.train)):
+        for field, of in get_type_hints(kind).items():
+            for value in wrong.get(of, ()):
+                new = replace(old, **{field: value})
+                fidelity = new if old is own else replace(own, train=new)
+                with pytest.raises(UserError, match=rf"^--{name}\b.*{field.replace('_', '[-_]')}"):
+                    refuse_wrong(table.STUDY, replace(config, **{name: fidelity}))
+                tried += 1
+    assert tried > 20
+
+
+@pytest.mark.parametrize("name", FIDELITIES)
+@pytest.mark.parametrize(("flags", "said"), [
+    (("train.lr=-1",), ".train.lr must be positive, not -1.0"),
+    (("train.net=lite0", "width=24"), ": images of 24x48 are too small for lite0"),
+])  # fmt: skip
+def test_a_wrong_fidelity_has_exit_code_2(name, flags, said, error_line, out):
+    given = [f"--{name}.{flag}" for flag in flags]
+    fixed = ("--target", "camvid", "--preset", "smoke", "--data", "none", "--out", str(out))
+    assert study("table", *fixed, *given) == 2
+    assert error_line().startswith(f"error: --{name}{said}") and not out.exists()
+
+
+def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
+    fixed = ("--target", "camvid", "--preset", "smoke", "--data", "none", "--out", str(out))
+    assert study("table", *fixed, "--nets", "lite0", "--final.width", "24") == 2
+    assert error_line().startswith("error: --nets: images of 24x48 are too small for lite0")
 
 
 @pytest.mark.parametrize(("arguments", "words"), [
