@@ -92,8 +92,10 @@ def _search(
             "least as many, or use another --out"
         )
     limits = settings.timeout_seconds, settings.retries, settings.repeats
-    simulator = Simulator(command, settings.attributes, out / EVALUATIONS, *limits)
     progress = Progress(total)
+    simulator = Simulator(
+        command, settings.attributes, out / EVALUATIONS, *limits, say=progress.say
+    )
     progress.advance(told, replayed=True)
     if told:
         progress.say(f"continuing {out}: {told} of {total} evaluations are done")

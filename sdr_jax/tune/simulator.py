@@ -8,9 +8,10 @@ import os
 import shutil
 import signal
 import subprocess
+import sys
 import threading
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -21,12 +22,31 @@ import numpy as np
 from sdr_jax.ask_tell import Trial
 from sdr_jax.tune.units import Attribute, describe
 from shell.errors import UserError
+from shell.progress import duration
 
 PLACEHOLDER = "{attributes.json}"
 WANTED = 'a number or a JSON object with "score"'
 LARGEST = float(np.finfo(np.float32).max)
 TAIL = 65536
 """Bytes at the end of an output in which its last line is looked for."""
+SILENCE = 60.0
+"""Seconds; a simulator that prints nothing for so long is mentioned."""
+SUPERVISOR = """
+import os, signal, sys
+for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
+    signal.signal(number, signal.SIG_IGN)
+running = set()
+for line in sys.stdin:
+    running ^= {int(line)}
+for group in running:
+    try: os.killpg(group, signal.SIGKILL)
+    except OSError: pass
+"""
+"""What outlives this process, to end simulators that a kill would leave running.
+
+It is told the number of a process group as one starts, and again as it has ended. However this process
+ends, the pipe closes then, and the groups that are left are killed.
+"""
 
 
 class Outcome(NamedTuple):
@@ -76,9 +96,16 @@ class Simulator:
     timeout: float  # seconds that one run may take
     retries: int  # how often a failed run is tried again, with another seed
     repeats: int  # runs per evaluation
+    say: Callable[[str], None] = print  # tells the user, from any thread
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _running: set[subprocess.Popen] = field(default_factory=set)
     _stopped: bool = False
+
+    def __post_init__(self) -> None:
+        self._supervisor = subprocess.Popen(
+            [sys.executable, "-I", "-S", "-c", SUPERVISOR],
+            stdin=subprocess.PIPE, bufsize=0, start_new_session=True,
+        )  # fmt: skip
 
     def evaluate(self, trial: Trial) -> Outcome:
         """Scores one trial; its seeds follow from the trial's, whatever happens beside it.
@@ -111,6 +138,7 @@ class Simulator:
             running = list(self._running)
         for process in running:
             _kill(process)
+        self._supervisor.communicate()  # closes its pipe, and waits
 
     def _run(self, trial: Trial, folder: Path, seed: int) -> float:
         if folder.exists():  # of a session that was killed
@@ -124,16 +152,15 @@ class Simulator:
         out, err = folder / "stdout.txt", folder / "stderr.txt"
         with open(out, "wb") as stdout, open(err, "wb") as stderr:
             process = self._start(command, stdout=stdout, stderr=stderr)
-        try:
-            code = process.wait(self.timeout)
-        except subprocess.TimeoutExpired:
-            _kill(process)
-            raise _Failed(f"no score after {self.timeout:g} s") from None
-        finally:
-            with self._lock:
-                self._running.discard(process)
-                if self._stopped:
-                    raise Stopped
+            try:
+                code = self._wait(process, trial.id, (stdout.fileno(), stderr.fileno()))
+            finally:
+                _kill(process)  # with what it left in the background
+                with self._lock:
+                    self._running.discard(process)
+                    if self._stopped:
+                        raise Stopped
+                    self._note(process)
         if code != 0:
             said = _last_line(err)
             raise _Failed(_ending(code) + (f": {said}" if said else ""))
@@ -144,14 +171,36 @@ class Simulator:
             if self._stopped:
                 raise Stopped
             try:
-                # A group of its own: a time-out ends its children too, Ctrl-C is ours to pass on.
+                # A group of its own: its end is its children's, and Ctrl-C is ours to pass on.
                 process = subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, start_new_session=True, **streams
                 )
             except OSError as error:
                 raise _Failed(f"cannot be started: {error.strerror or error}") from None
             self._running.add(process)
+            self._note(process)
             return process
+
+    def _note(self, process: subprocess.Popen) -> None:
+        """Tells the supervisor that a simulator has started, or has ended."""
+        assert self._supervisor.stdin is not None
+        with suppress(BrokenPipeError):  # it was killed: the search goes on without it
+            self._supervisor.stdin.write(f"{process.pid}\n".encode())
+
+    def _wait(self, process: subprocess.Popen, id: int, outputs: Sequence[int]) -> int:
+        """The exit code; while the outputs (file descriptors) do not grow, says so."""
+        started, size = time.monotonic(), 0
+        while (left := started + self.timeout - time.monotonic()) > 0:
+            with suppress(subprocess.TimeoutExpired):
+                return process.wait(min(left, SILENCE))
+            before, size = size, sum(os.fstat(output).st_size for output in outputs)
+            ran = time.monotonic() - started
+            if size == before and ran < self.timeout:
+                self.say(
+                    f"evaluation {id} has run for {duration(ran)}, and printed nothing in the last "
+                    f"{duration(SILENCE)}"
+                )
+        raise _Failed(f"no score after {self.timeout:g} s")
 
 
 def parse_score(line: str) -> float:

@@ -1,11 +1,13 @@
 """Simulators that are programs: how they are run, what goes wrong, and runs that are cut short."""
 
 import json
+import re
 import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
-from subprocess import PIPE, Popen
+from signal import SIG_DFL, SIGHUP, SIGINT, SIGKILL, SIGTERM, default_int_handler
+from subprocess import PIPE, Popen, TimeoutExpired
 
 import numpy as np
 import pytest
@@ -111,7 +113,10 @@ def run_one(folder: Path, code: str, **options):
     out = folder / "evaluations"
     simulator = Simulator(program(folder, code), (Attribute("a"),), out, **options)
     proposal = Proposal(np.float32([0.5]), np.float32([0.1]))
-    return simulator.evaluate(Trial(7, proposal, 123)), out / "000007"
+    try:
+        return simulator.evaluate(Trial(7, proposal, 123)), out / "000007"
+    finally:
+        simulator.stop()
 
 
 def test_the_last_line_is_the_score_and_each_run_has_a_folder_and_a_seed(tmp_path: Path) -> None:
@@ -139,15 +144,50 @@ def test_a_failed_run_says_why(tmp_path: Path, code: str, reason: str) -> None:
     assert outcome.score is None and len(outcome.failures) == 2 and reason in outcome.failures[0]
 
 
-def test_a_time_out_ends_the_children_too(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("then", "failures"), [
+    ("child.wait()", ["no score after 1.5 s"]), ("print(1)", []), ("sys.exit(3)", ["exit code 3"]),
+])  # fmt: skip
+def test_however_a_run_ends_its_children_end_too(tmp_path: Path, then, failures) -> None:
     pid = tmp_path / "pid"
     code = (
         "import subprocess\nchild = subprocess.Popen(['sleep', '300'])\n"
-        f"open({str(pid)!r}, 'w').write(str(child.pid))\nchild.wait()"
+        f"open({str(pid)!r}, 'w').write(str(child.pid))\n{then}"
     )
     outcome, _ = run_one(tmp_path, code, timeout=1.5)
-    assert outcome.score is None and outcome.failures == ["no score after 1.5 s"]
+    assert outcome.failures == failures
     assert gone(int(pid.read_text()))
+
+
+@pytest.mark.parametrize(("writes", "told"), [(b"", 3), (b"at work", 0)])
+def test_a_simulator_that_prints_nothing_is_told_of(tmp_path: Path, writes, told) -> None:
+    class Process(Popen):
+        """Is looked at three times before it ends."""
+
+        looks = 0
+
+        def __init__(self) -> None:
+            pass
+
+        def wait(self, seconds: float) -> int:
+            self.looks += 1
+            output.write(writes)
+            if self.looks > 3:
+                return 0
+            raise TimeoutExpired("simulator", seconds)
+
+    said: list[str] = []
+    simulator = Simulator([], [], tmp_path, 1000.0, 0, 1, say=said.append)
+    with open(tmp_path / "output", "wb", buffering=0) as output:
+        assert simulator._wait(Process(), 7, [output.fileno()]) == 0
+    simulator.stop()
+    assert said == ["evaluation 7 has run for 0 s, and printed nothing in the last 60 s"] * told
+
+
+def test_silence_is_a_line_of_progress(runs: Runs, monkeypatch) -> None:
+    monkeypatch.setattr(simulators, "SILENCE", 0.2)
+    printed = runs.done(code="import time; time.sleep(0.5); print(1)")
+    line = r"^evaluation 0 has run for \d+ s, and printed nothing in the last 0 s$"
+    assert re.search(line, printed, re.MULTILINE)
 
 
 def test_a_run_leaves_its_answer_and_is_done_when_called_again(runs: Runs) -> None:
@@ -287,23 +327,31 @@ def test_the_example_killed_and_continued_ends_with_the_same_answer(runs: Runs) 
     assert answer.read_bytes() == whole and len(runs.lines()) == 16
 
 
-def test_ctrl_c_ends_the_simulators_and_the_folder_is_locked_until_then(runs: Runs) -> None:
+# What a shell runs in the background is in its group.
+WAITING = """grep -q '"evaluation": 0' "$1" && echo 1 && exit
+sleep 300 & echo $! $$ >> PIDS; wait"""
+
+
+@pytest.mark.parametrize("number", [SIGINT, SIGTERM, SIGHUP, SIGKILL], ids=lambda s: s.name)
+def test_no_signal_leaves_a_simulator_and_the_folder_is_locked_until_then(
+    runs: Runs, number
+) -> None:
     pids = runs.folder / "pids"
-    code = (
-        "import os, time\nif at['evaluation'] == 0: print(1); sys.exit()\n"
-        f"open({str(pids)!r}, 'a').write(f'{{os.getpid()}}\\n')\ntime.sleep(300)"
-    )
-    arguments = runs.arguments("--workers", "3", code=code)
-    # Shells start background jobs with SIGINT ignored, and children would inherit that.
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    simulator = ["sh", "-c", WAITING.replace("PIDS", str(pids)), "sh", PLACEHOLDER]
+    options = ["--out", str(runs.out), "--workers", "3"]
+    arguments = [str(toml(runs.folder)), *options, "--", *simulator]
+    # Shells start background jobs with SIGINT ignored, `nohup` with SIGHUP, and children inherit that.
+    before = {s: signal.signal(s, d) for s, d in ((SIGINT, default_int_handler), (SIGHUP, SIG_DFL))}
     command = [sys.executable, "-m", "sdr_jax.tune", *arguments]
     process = Popen(command, cwd=ROOT, stdout=PIPE, stderr=PIPE, text=True)
-    signal.signal(signal.SIGINT, before)
+    for s, handler in before.items():
+        signal.signal(s, handler)
     wait_for_lines(process, runs.out / LOG, 1)
     wait_for_lines(process, pids, 2)
     assert "is in use by another run" in runs.refused(*arguments)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, error = process.communicate(timeout=60)
-    assert process.returncode == 130, error
-    assert error.strip() == "stopped; the same command goes on where it was"
+    assert process.returncode == (130 if number in (SIGINT, SIGTERM) else -number), error
+    if process.returncode == 130:
+        assert error.strip() == "stopped; the same command goes on where it was"
     assert all(gone(int(pid)) for pid in pids.read_text().split()) and len(runs.lines()) == 1
