@@ -36,6 +36,11 @@ def _parser() -> Parser:
     add("--workers", type=int, help="simulators at once; the answer does not depend on it")
     add("--timeout", type=float, dest="timeout_seconds", help="seconds that one run may take")
     add("--retries", type=int, help="how often a failed run is tried again")
+    add(
+        "--retry-failed",
+        action="store_true",
+        help="after an outage: repeat the evaluations that failed last, from their first update on",
+    )
     add("--seed", type=int)
     add("--method", help=", ".join(METHODS))
     return parser
@@ -51,9 +56,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
     flags = vars(_parser().parse_args(arguments[:split]))
     debug, path = flags.pop("debug"), flags.pop("space")
     out = flags.pop("out", Path("runs") / path.stem)
+    retry_failed = flags.pop("retry_failed", False)
 
     def work() -> None:
-        answer = tune(read(path, flags), command, out)
+        answer = tune(read(path, flags), command, out, retry_failed=retry_failed)
         print(table(answer))
         print(
             f"{answer['evaluations']} evaluations by {answer['method']}, {answer['failed']} failed; "

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import asdict
 from pathlib import Path
@@ -21,8 +22,9 @@ from sdr_jax.tune.settings import Settings
 from sdr_jax.tune.simulator import Outcome, Simulator, check_command
 from sdr_jax.tune.units import describe
 from shell.errors import UserError
-from shell.files import write_json
+from shell.files import write, write_json
 from shell.folder import CONFIG, opened
+from shell.lines import JsonLines
 from shell.progress import Progress
 
 FREE = ("evaluations", "timeout_seconds", "retries", "workers")
@@ -31,19 +33,24 @@ FREE = ("evaluations", "timeout_seconds", "retries", "workers")
 PACKAGES = ("sdr-jax", "jax", "numpy")
 HISTORY, EVALUATIONS = "evaluations.jsonl", "evaluations"
 """A line, and a folder, for every evaluation."""
+ANSWER, RETRIED = "answer.json", "retried.jsonl"
+"""What came out, and lines of evaluations that were repeated."""
 
 
 class _NeverWorked(UserError):
     """A first update without a single score is a broken simulator, not bad luck."""
 
 
-def tune(settings: Settings, command: Sequence[str], out: Path) -> dict[str, Any]:
+def tune(
+    settings: Settings, command: Sequence[str], out: Path, *, retry_failed: bool = False
+) -> dict[str, Any]:
     """Runs the whole optimisation, or what is left of it.
 
     Args:
         settings: what to optimise and how.
         command: the simulator; `{attributes.json}` in it stands for the path of its input.
         out: the run folder, made if need be.
+        retry_failed: first take back the evaluations since the last failures in a row began.
 
     Returns:
         The answer, as written to `answer.json`.
@@ -55,10 +62,15 @@ def tune(settings: Settings, command: Sequence[str], out: Path) -> dict[str, Any
     check_command(command)
     method = _method(settings)
     config = {**asdict(settings), "command": list(command)}
+    if retry_failed and not (out / HISTORY).exists():
+        raise UserError(f"--out {out} has no evaluations to repeat; leave --retry-failed out")
+    ours = EVALUATIONS, RETRIED, ANSWER
     try:
-        with opened(out, config, free=FREE, ours=(EVALUATIONS,), packages=PACKAGES):
+        with opened(out, config, free=FREE, ours=ours, packages=PACKAGES):
+            if retry_failed:
+                _take_back(_told(settings, method, out).history, out)
             answer = _search(settings, method, command, out)
-            write_json(out / "answer.json", answer)
+            write_json(out / ANSWER, answer)
             return answer
     except _NeverWorked:
         # There is no run here; what the simulator left stays to be looked at.
@@ -80,11 +92,51 @@ def _method(settings: Settings) -> Method:
     return method
 
 
+def outage(history: Sequence[Mapping[str, Any]]) -> int | None:
+    """How many lines of a history come before the update in which its last failures in a row begin.
+
+    Args:
+        history: lines with `update` and `reward`, None where the evaluation failed.
+
+    Returns:
+        The number; None if no evaluation of the last update failed.
+    """
+    first = failures = max(
+        (k for k, line in enumerate(history) if line["reward"] is None), default=-1
+    )
+    if failures < 0 or history[failures]["update"] < history[-1]["update"]:
+        return None
+    while first > 0 and history[first - 1]["reward"] is None:
+        first -= 1
+    return next(k for k, line in enumerate(history) if line["update"] == history[first]["update"])
+
+
+def _take_back(history: list[dict[str, Any]], out: Path) -> None:
+    """Sets a history back to before its last failures; the lines are kept in a file."""
+    kept = outage(history)
+    if kept is None:
+        raise UserError(
+            f"the evaluations of --out {out} do not end in failures; leave --retry-failed out"
+        )
+    JsonLines(out / RETRIED).append(*history[kept:])
+    write(out / HISTORY, (json.dumps(line) + "\n" for line in history[:kept]))
+    print(
+        f"--retry-failed repeats {len(history) - kept} evaluations; what was told of them is in "
+        f"{out / RETRIED}",
+        flush=True,
+    )
+
+
+def _told(settings: Settings, method: Method, out: Path) -> AskTell:
+    n = settings.datasets_per_update
+    return AskTell(settings.space(), method, n, settings.seed, out / HISTORY)
+
+
 def _search(
     settings: Settings, method: Method, command: Sequence[str], out: Path
 ) -> dict[str, Any]:
     n, total = settings.datasets_per_update, settings.evaluations
-    search = AskTell(settings.space(), method, n, settings.seed, out / HISTORY)
+    search = _told(settings, method, out)
     told = len(search.history)
     if told > total:
         raise UserError(
@@ -168,7 +220,8 @@ def _refuse_failures(
             f"all {search.n} evaluations of the first update failed; the simulator "
             f"{' '.join(command)}: {reason} {where}"
         )
-    refuse_failures(len(failed), settings.evaluations, f"{reason} {where}")
+    cure = "once the simulator works again, --retry-failed repeats the last ones that failed"
+    refuse_failures(len(failed), settings.evaluations, f"{reason} {where}; {cure}")
 
 
 def _answer(search: AskTell, settings: Settings) -> dict[str, Any]:

@@ -115,11 +115,14 @@ class Simulator:
             OSError: the folder cannot be written.
         """
         started = time.monotonic()
+        own = self.folder / f"{trial.id:06d}"
+        if own.exists():  # it was under way when a session was killed, or is repeated
+            shutil.rmtree(own)
         scores: list[float] = []
         failures: list[str] = []
         for repeat in range(self.repeats):
             for attempt in range(self.retries + 1):
-                folder = self.folder / f"{trial.id:06d}" / f"run-{repeat}-{attempt}"
+                folder = own / f"run-{repeat}-{attempt}"
                 seeds = np.random.SeedSequence([trial.seed, repeat, attempt])
                 try:
                     scores.append(self._run(trial, folder, int(seeds.generate_state(1)[0])))
@@ -141,8 +144,6 @@ class Simulator:
         self._supervisor.communicate()  # closes its pipe, and waits
 
     def _run(self, trial: Trial, folder: Path, seed: int) -> float:
-        if folder.exists():  # of a session that was killed
-            shutil.rmtree(folder)
         folder.mkdir(parents=True)
         path = folder.resolve() / "attributes.json"
         attributes = describe(self.attributes, trial.proposal)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import signal
 import sys
 from dataclasses import replace
@@ -15,6 +16,7 @@ import pytest
 from sdr_jax import Proposal, Trial
 from sdr_jax.tune import simulator as simulators
 from sdr_jax.tune.__main__ import main
+from sdr_jax.tune.search import outage
 from sdr_jax.tune.settings import read
 from sdr_jax.tune.simulator import PLACEHOLDER, Simulator, parse_score
 from sdr_jax.tune.units import Attribute, describe, physical
@@ -221,6 +223,57 @@ def test_failed_evaluations_are_recorded_and_more_than_a_tenth_are_one_error(run
     runs.out = runs.folder / "other"
     printed = runs.done("--retries", "1", code=code.replace("> 1", ""))
     assert "evaluation 0 failed after 2 attempts: the last line printed is 'rubbish'" in printed
+
+
+# Lines of updates, in the order in which they were told: s has a score, f has none.
+@pytest.mark.parametrize(("told", "kept"), [
+    ("sss sff fff", 3),  # over several updates
+    ("sss sss sf", 6),  # a part of an update
+    ("fff fff", 0), ("f", 0), ("sf", 0), ("ssf fff", 0),  # from the first on
+    ("sfs sss ffs", 6),  # the last line has a score, and another failed long before
+    ("fff sfs fff f", 6),
+    ("", None), ("s", None), ("sff sss", None), ("fff s", None),
+])  # fmt: skip
+def test_a_history_is_cut_where_its_last_failures_begin(told: str, kept: int | None) -> None:
+    history = [
+        {"update": update, "reward": {"s": 1.0, "f": None}[letter]}
+        for update, letters in enumerate(told.split())
+        for letter in letters
+    ]
+    assert outage(history) == kept
+
+
+def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs: Runs) -> None:
+    down = runs.folder / "down"
+    code = (
+        f"import os\nif os.path.exists({str(down)!r}) and at['evaluation'] > 6: sys.exit('down')\n"
+        "print(a['centre'])"
+    )
+    options = ["--evaluations", "30"]
+    command, again = runs.arguments(*options, code=code), ["--retry-failed", *options]
+    assert "no evaluations to repeat; leave --retry-failed out" in runs.refused(*again, *command)
+    assert not runs.out.exists()
+    whole = (runs.done(*options, code=code), (runs.out / "answer.json").read_bytes())[1]
+    before = {path: path.read_bytes() for path in runs.out.iterdir() if path.is_file()}
+    assert "do not end in failures" in runs.refused(*runs.arguments(*again, code=code))
+    assert {path: path.read_bytes() for path in before} == before
+    shutil.rmtree(runs.out)
+
+    down.touch()
+    assert "5 of 30 evaluations failed" in (error := runs.refused(*command))
+    assert "exit code 1: down" in error and "--retry-failed" in error
+    failed = (runs.out / LOG).read_bytes().splitlines(keepends=True)[6:]
+    assert len(failed) == 6 and runs.refused(*command) == error
+    # The simulator is down still: as before, and nothing is lost.
+    assert runs.refused(*runs.arguments(*again, code=code)) == error
+    down.unlink()
+    assert "repeats 6 evaluations" in runs.done(*again, code=code)
+    assert (runs.out / "answer.json").read_bytes() == whole
+    assert [line["id"] for line in runs.lines()] == list(range(30))
+    aside = (runs.out / "retried.jsonl").read_bytes().splitlines(keepends=True)
+    assert aside[:6] == failed and len(aside) == 12
+    # An attempt at it failed before.
+    assert [path.name for path in (runs.out / "evaluations/000007").iterdir()] == ["run-0-0"]
 
 
 @pytest.mark.parametrize(("code", "timeout", "reason"), [
