@@ -3,8 +3,10 @@
 import errno
 import json
 import os
+import struct
 import sys
 import time
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from importlib.metadata import version
@@ -51,6 +53,29 @@ def printed(code: str, **environment: str) -> list[str]:
     done = run([sys.executable, "-c", code], stdin=DEVNULL, timeout=120, **options)
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
+
+
+def packed_png(ids: Any, bits: int, colour_type: int) -> bytes:
+    """A PNG of whole numbers [h, w] of so many bits: grey (0), or places in a palette (3)."""
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return (
+            struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+        )
+
+    rows = b""
+    for row in ids:
+        digits = "".join(f"{value:0{bits}b}" for value in row)
+        digits += "0" * (-len(digits) % 8)
+        rows += b"\0" + int(digits, 2).to_bytes(len(digits) // 8, "big")
+    header = struct.pack(">IIBBBBB", len(ids[0]), len(ids), bits, colour_type, 0, 0, 0)
+    palette = chunk(b"PLTE", bytes((37 * k + 11) % 256 for k in range(3 * 2 ** min(bits, 8))))
+    parts = (
+        chunk(b"IHDR", header),
+        palette * (colour_type == 3),
+        chunk(b"IDAT", zlib.compress(rows)),
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts) + chunk(b"IEND", b"")
 
 
 def refused(error: type[Exception], message: str, call: Callable, *arguments, **options) -> Any:

@@ -12,8 +12,9 @@ import numpy as np
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.formats.segments import TRAIN_OF_LABEL
 from scene.dataset.read import DESCRIPTION, pictures
+from shell.errors import UserError
 from shell.files import read_bytes
-from shell.pictures import MOST_BYTES, too_large
+from shell.pictures import MOST_BYTES, label_ids, too_large
 
 _CAMVID: dict[str, tuple[str, ...]] = {
     "sky": ("sky",),
@@ -80,19 +81,23 @@ def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
 
 
 def _read(image_path: Path, label_path: Path, legal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    image = _decode(image_path, cv2.IMREAD_COLOR)[..., ::-1]
-    label = legal[_decode(label_path, cv2.IMREAD_GRAYSCALE)]
-    if image.shape[:2] != label.shape:
+    image = cv2.imdecode(np.frombuffer(_bytes(image_path) or b"-", np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ValueError(f"{image_path} cannot be decoded")
+    try:
+        ids = label_ids(_bytes(label_path))
+    except UserError as error:
+        raise ValueError(f"{label_path}: {error}") from None
+    if image.shape[:2] != ids.shape:
         raise ValueError(f"{label_path} and {image_path} differ in size")
-    return image, label
+    if ids.max() > 255:
+        raise ValueError(f"{label_path}: label value {ids.max()}; expected 0..255")
+    return image[..., ::-1], legal[ids]
 
 
-def _decode(path: Path, flags: int) -> np.ndarray:
+def _bytes(path: Path) -> bytes:
     data = read_bytes(path, MOST_BYTES)
     why = too_large(data)
     if why is not None:
         raise ValueError(f"{path}: {why}")
-    found = cv2.imdecode(np.frombuffer(data or b"-", np.uint8), flags)
-    if found is None:
-        raise ValueError(f"{path} cannot be decoded")
-    return found
+    return data

@@ -12,7 +12,7 @@ from seg.classes import ClassTable
 from seg.errors import DataError
 from shell.errors import UserError
 from shell.files import read_bytes
-from shell.pictures import MOST_BYTES, too_large
+from shell.pictures import MOST_BYTES, label_ids, too_large
 
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
@@ -66,11 +66,8 @@ def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
 def read_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
     """Read a label file and map its values to the ids of a table, 255 for void.
 
-    Grey files, 8 or 16 bits, go through OpenCV; palette files through Pillow, because OpenCV would
-    replace each id by its colour.
-
     Args:
-        path: PNG of one channel.
+        path: PNG of one channel, grey of 1 to 16 bits or with a palette.
         table: which values are legal, and what they mean.
 
     Raises:
@@ -78,20 +75,9 @@ def read_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
     """
     data = _read_bytes(path)
     try:
-        with Image.open(io.BytesIO(data)) as header:
-            mode = header.mode
-            palette_ids = np.asarray(header, np.uint8) if mode == "P" else None
-    except (OSError, SyntaxError, ValueError) as error:
-        raise _unreadable(path, error) from error
-    if mode not in ("P", "L", "1") and not mode.startswith("I"):
-        raise DataError(
-            f"{path}: a label of mode {mode}, that is colours; expected one channel of class ids "
-            f"(values 0..{np.flatnonzero(table.legal)[-1]} of {table.name})"
-        )
-    if palette_ids is not None:
-        values = palette_ids
-    else:
-        values = _decode(path, data, cv2.IMREAD_UNCHANGED)
+        values = label_ids(data)
+    except UserError as error:
+        raise DataError(f"{path}: {error}") from error
     return _mapped(path, values, table)
 
 

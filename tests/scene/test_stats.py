@@ -9,10 +9,12 @@ import pytest
 from scene import CLASS_NAMES, AssetPool, RenderSettings, export_dataset
 from scene.dataset.export import read_dataset
 from scene.dataset.formats.png import encode as png
+from scene.dataset.formats.png import read_png
 from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN
 from scene.proposal import draw, random_proposal
 from scene.stats import compare, count, main
 from seg.classes import CAMVID_11
+from tests.conftest import packed_png
 
 
 @pytest.fixture(scope="module")
@@ -76,6 +78,16 @@ def test_camvid_is_the_measure_in_its_own_classes_all_of_it_or_some_sequences(da
         compare(dataset, camvid, ("Seq05",))
 
 
+@pytest.mark.parametrize(("bits", "colour_type"), [(4, 0), (4, 3), (8, 3), (16, 0)])
+def test_labels_of_a_palette_and_of_other_bits_are_counted_alike(camvid, bits, colour_type):
+    _, plain = compare(camvid, None, ())
+    for path in (camvid / "trainannot").iterdir():
+        path.write_bytes(packed_png(read_png(path).tolist(), bits, colour_type))
+    _, found = compare(camvid, None, ())
+    np.testing.assert_array_equal(found["dataset"].frequency, plain["dataset"].frequency)
+    assert found["dataset"].void == plain["dataset"].void
+
+
 def test_a_folder_like_cityscapes_is_read_without_a_description(dataset, tmp_path):
     # Real labels hold ids that do not count.
     extra = (("leftImg8bit", "leftImg8bit", np.zeros((2, 2, 3), np.uint8)),
@@ -111,6 +123,9 @@ def test_the_command_line_prints_and_writes_the_same_figures(dataset, camvid, tm
     (lambda root: (root / "trainannot/0001TP_1.png").unlink(), "0001TP_1.png"),
     (lambda root: (root / "trainannot/0001TP_1.png").write_bytes(png(np.zeros((3, 3), np.uint8))),
      "differ in size"),
+    (lambda root: (root / "trainannot/0001TP_1.png").write_bytes(packed_png([[300] * 2] * 2, 16, 0)),
+     "label value 300; expected 0..255"),
+    (lambda root: shutil.copy(root / "train/0001TP_1.png", root / "trainannot"), "mode RGB"),
     (lambda root: (root / "trainannot").rename(root / "labels"), "expected dataset.json"),
 ])  # fmt: skip
 def test_a_broken_target_is_one_line_and_exit_code_two(damage, message, dataset, camvid, refusal):

@@ -9,6 +9,7 @@ from PIL import Image
 from seg.classes import CAMVID_11, CITYSCAPES_19
 from seg.data import list_unlabelled, load_unlabelled
 from seg.data.images import read_image, read_label
+from tests.conftest import packed_png
 
 from .conftest import pixels, refuses_file, write_image, write_label
 
@@ -34,6 +35,14 @@ def test_labels_of_8_and_16_bits_and_of_palettes_keep_their_ids(tmp_path):
     picture.save(path)
     assert Image.open(path).mode == "P"
     np.testing.assert_array_equal(read_label(path, CAMVID_11), [[0, 3, 10], [255, 5, 1]])
+
+
+@pytest.mark.parametrize("colour_type", [0, 3], ids=["grey", "palette"])
+@pytest.mark.parametrize("bits", [1, 2, 4, 8])
+def test_labels_of_few_bits_keep_their_ids(tmp_path, bits, colour_type):
+    ids = np.array([[0, 1, 1, 0, 1], [1, 0, 0, 0, 1]]) * min(2**bits - 1, 10)
+    (path := tmp_path / "label.png").write_bytes(packed_png(ids, bits, colour_type))
+    np.testing.assert_array_equal(read_label(path, CAMVID_11), ids)
 
 
 @pytest.mark.parametrize(("mode", "extension", "keep"), [
