@@ -164,7 +164,9 @@ def _draw_street(plan: Plan, index: int, unit: np.ndarray) -> tuple[Files, dict[
     all_files: Files = []
     for shot in range(plan.shots_of(index)):
         name = stem(index, shot)
-        files, known = shot_files(frames[shot], street.cameras[shot], plan.settings, kind_of)
+        files, known = shot_files(
+            frames[shot], street.cameras[shot], street.ground.path, plan.settings, kind_of
+        )
         paths = kind_of.paths(plan.split, name)
         all_files += [(paths[k], f"{name}.{k}", files[k]) for k in files]
         sizes = [len(files[k]) for k in files]

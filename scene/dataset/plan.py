@@ -142,7 +142,9 @@ def check_room(plan: Plan, units: np.ndarray) -> None:
     """Measure one image, and refuse an export that the disk cannot take."""
     street = street_of(units[0], plan.seed, 0, 1, plan.pool)
     frame = renderer(plan.renderer).render(street, plan.settings)[0]
-    files, record = shot_files(frame, street.cameras[0], plan.settings, layout(plan.format))
+    files, record = shot_files(
+        frame, street.cameras[0], street.ground.path, plan.settings, layout(plan.format)
+    )
     sizes = [*(len(content) for content in files.values()), 2 * len(json.dumps(record, indent=2))]
     image = sum(-(-size // BLOCK) * BLOCK for size in sizes)
     finished = sum(1 for _ in (plan.work / "streets").glob("*.json"))

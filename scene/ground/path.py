@@ -104,6 +104,14 @@ def slope_at(path: Path, x: float | Array) -> Array:
     return _values(path.slopes, np.asarray(x, float))
 
 
+def road_axes(path: Path, x: float) -> Array:
+    """Rows: the directions ahead, left and up of the road in the world, f64[3, 3], as of a car on it."""
+    heading, rise = float(heading_at(path, x)), math.atan(float(slope_at(path, x)))
+    ahead = math.cos(rise) * math.cos(heading), math.cos(rise) * math.sin(heading), math.sin(rise)
+    left = -math.sin(heading), math.cos(heading), 0.0
+    return np.stack([ahead, left, np.cross(ahead, left)])
+
+
 def to_world(path: Path, x: float | Array, y: float | Array) -> Array:
     """World points f64[..., 2] of road coordinates, which broadcast together."""
     line = course(path)

@@ -9,14 +9,17 @@ import numpy as np
 import pytest
 from hypothesis import given
 from pycocotools import mask as coco_mask
+from scipy.spatial.transform import Rotation
 
 from scene.dataset.description import outcome
 from scene.dataset.edges import overlap
 from scene.dataset.formats import coco, planes, png, rle, shot
 from scene.dataset.formats.layout import FORMATS, layout
 from scene.dataset.formats.segments import label_ids, panoptic_ids, segments
+from scene.ground.path import height_at, nearest, to_world
 from scene.render import RenderSettings
-from tests.scene.conftest import SEEDS, refused
+from scene.street.camera import camera_axes
+from tests.scene.conftest import DEFAULT, SEEDS, refused, street
 
 ROAD, SKY, PERSON, CAR = 0, 10, 11, 13
 
@@ -159,3 +162,47 @@ def test_no_two_files_of_a_format_share_a_path(name):
     paths += found.summaries("train").values()
     assert len(set(paths)) == len(paths)
     refused(ValueError, "unknown format 'voc'; known: cityscapes, coco", layout, "voc")
+
+
+@pytest.mark.parametrize("course", [
+    {}, {"bend": 25.0}, {"gradient": 10.0}, {"bend": 25.0, "gradient": 10.0},
+])  # fmt: skip
+def test_the_camera_is_where_it_is_on_its_car_whichever_way_the_road_goes(course):
+    height, yaw, pitch, roll = 1.6, 0.1, 0.05, 0.04
+    params = DEFAULT._replace(
+        camera_position_y=height, camera_rotation_y=yaw, camera_rotation_x=pitch, camera_roll=roll,
+        **course,
+    )  # fmt: skip
+    drawn_streets = [street(params, seed, shots=8) for seed in (0, 3, 4)]
+    for drawn in drawn_streets:
+        path = drawn.ground.path
+        for camera in drawn.cameras:
+            found = shot.camera_entry(camera, path, RenderSettings())["extrinsic"]
+            assert found["x"] == found["y"] == 0
+            angles = [found[name] for name in ("yaw", "pitch", "roll")]
+            assert angles == pytest.approx([-yaw, pitch, roll], abs=2e-3)  # right is negative
+            # The car: from the road a metre before and after it.
+            [x], _ = nearest(path, np.array([camera.position[:2]]))
+            ends = x + np.array([-1.0, 1.0])
+            before, after = np.column_stack([to_world(path, ends, 0.0), height_at(path, ends)])
+            ahead = (after - before) / np.linalg.norm(after - before)
+            left = np.cross([0, 0, 1], ahead) / np.hypot(*ahead[:2])
+            car = np.stack([ahead, left, np.cross(ahead, left)], axis=1)
+            assert found["z"] == pytest.approx(height * car[2, 2], abs=1e-5)
+            right, up, forward = camera_axes(camera)
+            turn = car @ Rotation.from_euler("ZYX", angles).as_matrix()
+            np.testing.assert_allclose(turn.T, [forward, -right, up], atol=1e-3)
+    places = np.array([(*c.position, c.yaw) for d in drawn_streets for c in d.cameras])
+    assert (np.ptp(places[:, 3]) > 0.3) == ("bend" in course)
+    assert (np.ptp(places[:, 2]) > 1.0) == ("gradient" in course)
+
+
+def test_angles_are_those_of_published_calibrations():
+    """Yaw -0.0195, pitch 0.038: the camera looks 0.0195 to the right and 0.038 down."""
+    camera = street(
+        DEFAULT._replace(camera_rotation_y=0.0195, camera_rotation_x=0.038, camera_roll=0.0)
+    )
+    found = shot.camera_entry(camera.cameras[0], camera.ground.path, RenderSettings())["extrinsic"]
+    assert [found[k] for k in ("yaw", "pitch", "roll")] == pytest.approx([-0.0195, 0.038, 0])
+    forward = [0.99909, -0.01948, -0.03799]
+    assert camera_axes(camera.cameras[0])[2] == pytest.approx(forward, abs=1e-5)

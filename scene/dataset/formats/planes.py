@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
 
 if TYPE_CHECKING:  # who only reads datasets need not load the engine
     from scene.render.protocol import Frame, RenderSettings
-    from scene.street.camera import Camera
 
 DEPTH_PER_METRE = 100
 BASELINE = 0.209313
@@ -87,28 +86,3 @@ PLANES: dict[str, Callable[["Frame", np.ndarray, "RenderSettings"], np.ndarray]]
     "normals": lambda frame, ids, settings: normals_plane(frame.normal),
 }
 """Kind -> picture, from (frame, segment ids, settings); colours are RGB."""
-
-
-def camera_entry(camera: Camera, settings: RenderSettings) -> dict[str, Any]:
-    """One camera as in Cityscapes: pixels, metres and radians; x along the road, y left, z up.
-
-    Pixel centres are whole numbers. Yaw is left positive, pitch down positive, roll clockwise.
-    """
-    x, y, z = camera.position
-    return {
-        "extrinsic": {
-            "baseline": BASELINE,
-            "pitch": camera.pitch,
-            "roll": camera.roll,
-            "x": x,
-            "y": y,
-            "yaw": -camera.yaw,
-            "z": z,
-        },
-        "intrinsic": {
-            "fx": focal_length(settings),
-            "fy": focal_length(settings),
-            "u0": (settings.width - 1) / 2,
-            "v0": (settings.height - 1) / 2,
-        },
-    }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from typing import Any
 
 import numpy as np
@@ -10,21 +11,23 @@ import numpy as np
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.formats import png
 from scene.dataset.formats.layout import Layout
-from scene.dataset.formats.planes import PLANES, camera_entry
+from scene.dataset.formats.planes import BASELINE, PLANES, focal_length
 from scene.dataset.formats.rle import Runs, encode
 from scene.dataset.formats.segments import PER_CLASS, panoptic_ids, segments
+from scene.ground.path import Path, height_at, nearest, road_axes
 from scene.render.protocol import Frame, RenderSettings, seen_through
-from scene.street.camera import Camera
+from scene.street.camera import Camera, camera_axes
 
 
 def shot_files(
-    frame: Frame, camera: Camera, settings: RenderSettings, layout: Layout
+    frame: Frame, camera: Camera, path: Path, settings: RenderSettings, layout: Layout
 ) -> tuple[dict[str, bytes], dict[str, Any]]:
     """All files of one shot, and its record.
 
     Args:
         frame: what was rendered.
         camera: where from.
+        path: of the road it drives on.
         settings: size and field of view.
         layout: which files there are.
 
@@ -35,7 +38,7 @@ def shot_files(
     settings = seen_through(camera, settings)
     ids = panoptic_ids(frame.label, frame.instance)
     files = {
-        kind: json.dumps(camera_entry(camera, settings), indent=1).encode()
+        kind: json.dumps(camera_entry(camera, path, settings), indent=1).encode()
         if kind == "camera"
         else png.encode(PLANES[kind](frame, ids, settings))
         for kind in layout.files
@@ -61,4 +64,44 @@ def image_record(image: np.ndarray, label: np.ndarray, ids: np.ndarray) -> dict[
         "pixels": np.bincount(label.ravel(), minlength=VOID + 1)[: len(CLASS_NAMES)].tolist(),
         "rgb": [int(image[..., channel].sum(dtype=np.int64)) for channel in range(3)],
         "segments": found,
+    }
+
+
+def camera_entry(camera: Camera, path: Path, settings: RenderSettings) -> dict[str, Any]:
+    """One camera as in Cityscapes: pixels, metres and radians; pixel centres are whole numbers.
+
+    The extrinsics say where the camera is on its car: x ahead, y left, z up from the road. Its axes in the
+    car's frame are the columns of Rz(yaw) Ry(pitch) Rx(roll): yaw is left positive, pitch down positive,
+    roll clockwise. No car is modelled here: its frame follows the road's direction and slope, with its
+    origin on the road below the camera, so that x and y are 0 (in Cityscapes it is below the rear axle).
+
+    Args:
+        camera: of the shot.
+        path: of the road it drives on.
+        settings: size and field of view.
+
+    Source: ``docs/csCalibration.pdf`` and ``helpers/box3dImageTransform.py`` of cityscapesScripts; the
+    vehicle's frame is that of ISO 8855.
+    """
+    at, _ = nearest(path, np.array([camera.position[:2]]))
+    height = camera.position[2] - height_at(path, at[0])
+    car = road_axes(path, at[0])
+    right, up, forward = camera_axes(camera)
+    turn = car @ np.stack([forward, -right, up], axis=1)
+    return {
+        "extrinsic": {
+            "baseline": BASELINE,
+            "pitch": -math.asin(turn[2, 0]),
+            "roll": math.atan2(turn[2, 1], turn[2, 2]),
+            "x": 0.0,
+            "y": 0.0,
+            "yaw": math.atan2(turn[1, 0], turn[0, 0]),
+            "z": float(height * car[2, 2]),  # square to a slope
+        },
+        "intrinsic": {
+            "fx": focal_length(settings),
+            "fy": focal_length(settings),
+            "u0": (settings.width - 1) / 2,
+            "v0": (settings.height - 1) / 2,
+        },
     }
