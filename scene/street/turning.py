@@ -55,7 +55,7 @@ def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random
     if rng.random() >= share:
         return
     # Who comes out towards the road keeps to the side of the street that traffic keeps to here.
-    out = x - BESIDE * side * drive
+    out = x + BESIDE * side * drive
     y = ground.half_width + 1.2
     for _ in range(int(rng.integers(0, 4))):
         family, ref, length = _vehicle(plot, rng)
@@ -68,9 +68,13 @@ def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random
         plot.put(family, ref, 2 * x - out, side * away, side * math.pi / 2)
     if rng.random() < 0.5:
         family, ref, length = _vehicle(plot, rng, 5.2)
-        turn = float(rng.uniform(0.6, 1.3)) * (1.0 if rng.random() < 0.5 else -1.0)
-        y = ground.half_width - 0.5 * length * abs(math.cos(turn)) - 1.0
-        plot.put(family, ref, x + float(rng.uniform(-3, 3)), side * y, -side * math.pi / 2 + turn)
+        angle, near = float(rng.uniform(0.6, 1.3)), rng.random() < 0.5
+        # Along an arc into the lane on this side of the centre line, or over it into the other one.
+        radius = (0.5 if near else 1.5) * ground.half_width
+        turn = angle * (drive if near else -drive)
+        y = ground.half_width - radius * math.sin(angle)
+        x = out + side * math.copysign(radius, turn) * (1 - math.cos(angle))
+        plot.put(family, ref, x, side * y, -side * math.pi / 2 + turn)
 
 
 def _pulling_out(plot: Plot, share: float, rng: np.random.Generator) -> None:

@@ -9,10 +9,15 @@ from hypothesis import given, settings
 
 from scene import AssetPool, sample_street
 from scene.assets.catalogue import bounds
+from scene.ground.arms import with_junction
 from scene.ground.ground import sample_ground
+from scene.ground.junction import sample_junction
 from scene.street.background import BEHIND, LINES_END
 from scene.street.extras import Mix, extras
+from scene.street.junction import junction_objects
 from scene.street.lines import Setting
+from scene.street.plot import Plot
+from scene.street.turning import turning
 from tests.scene.conftest import DEFAULT, POOL, SEEDS
 
 ALL = Mix(*[1.0] * len(Mix._fields))
@@ -49,6 +54,57 @@ def test_vehicles_never_overlap_and_drive_on_their_side_of_the_road(seed):
     for (family, ref, pose), other in combinations(full, 2):
         low, high = bounds(family, ref)
         assert not inside((low + share * (high - low)) @ pose[:3, :3].T + pose[:3, 3], *other).any()
+
+
+def keeps(pose, drive, x=None):
+    """How far, metres, an object is on the traffic's side of a street's middle, seen the way that it looks.
+
+    The street is the road, or one that meets it ``x`` metres along.
+    """
+    heading = pose[0, 0] if x is None else pose[1, 0]
+    return drive * heading * (pose[1, 3] if x is None else x - pose[0, 3])
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("drive", [1.0, -1.0])
+def test_traffic_of_side_streets_keeps_to_the_side_of_the_road_s_own(drive, side):
+    ground = sample_ground(np.random.default_rng(0), drive=drive)._replace(
+        side_streets=((40.0, side),), driveways=()
+    )
+    inside = on_road = 0
+    for seed in range(40):
+        plot = Plot(Setting(DEFAULT, ground, AssetPool(), drive), [])
+        turning(plot, 1.0, np.random.default_rng(seed))
+        for _, _, pose in plot.added:
+            if abs(pose[1, 3]) > ground.half_width:
+                assert keeps(pose, drive, 40.0) > 1
+                inside += 1
+            elif abs(pose[0, 0]) > 0.75:  # it drives along the road rather than across
+                assert keeps(pose, drive) > 0
+                on_road += 1
+    assert min(inside, on_road) > 30
+
+
+@pytest.mark.parametrize("drive", [1.0, -1.0])
+def test_at_junctions_what_drives_and_what_it_heeds_are_on_the_traffic_s_side(drive):
+    found = dict.fromkeys(("car", "bus", "truck", "rider", "traffic sign", "traffic light"), 0)
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        ground = sample_ground(rng, drive=drive)
+        junction = sample_junction(rng, 1.0, ground.half_width, ground.footway)
+        setting = Setting(DEFAULT, with_junction(ground, junction), AssetPool(), drive)
+        objects = junction_objects(setting, rng)
+        lights = [pose for family, _, pose in objects if family == "traffic light"]
+        for family, _, pose in objects:
+            arm = abs(pose[0, 3] - junction.x) < junction.outer
+            if family not in found or abs(pose[1, 3]) < ground.half_width or not arm:
+                continue
+            ours = keeps(pose, drive, junction.x)
+            if family == "traffic light":  # a second one stands across from the first
+                ours = max(keeps(p, drive, junction.x) for p in lights if p[1, 0] == pose[1, 0])
+            assert ours > 0, family
+            found[family] += 1
+    assert min(found.values()) > 5, found
 
 
 def test_the_camera_stays_clear_open_sides_have_no_houses_and_all_ingredients_come_up():
