@@ -36,7 +36,7 @@ from shell.errors import UserError, refuse_repeats
 
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes"]
-Candidate = Literal["argmax", "spread", "broad", "camera", "half", "seen", "default", "random"]
+Candidate = Literal["argmax", "seen", "broad", "random", "default"]
 RewardKind = Literal["miou", "mmd"]
 
 Group = Annotated[
@@ -217,17 +217,16 @@ class SearchConfig(GroupsConfig):
 
     search: Search
     candidates: tuple[Candidate, ...] = get_args(Candidate)
-    """What may be the answer: argmax (the best found), spread (as wide as the search is unsure), broad (the
-    same, at least half of each range), camera (the best found for the camera, all else where the search
-    began), half (of the streets argmax, of the others camera), seen (the dataset with the best reward),
-    default (the street set by eye) or random (all attributes random)."""
-    candidate_seeds: int = 2
-    """Nets that each candidate is scored with, at the final size, on the reward images."""
+    """What may be the answer: argmax (the best found), seen (the dataset with the best reward), broad (as
+    wide as the search is unsure, at least half of each range), random (all attributes random) or default
+    (the hand-set street, which the others must be significantly better than)."""
+    candidate_seeds: int = 10
+    """Nets of each candidate on each rung, scored on the reward images; with 1 the hand-set street stays."""
     parts: int | None = None
-    """Parts of the reward images that candidates must be good on, each for itself; by default one for each
+    """Parts of the reward images that candidates are also scored on, for the report; by default one for each
     sequence or city, 2 to 4."""
     ladder: bool = False
-    """Score candidates on a ladder of fidelities up to the final one, the worse half leaving at each rung."""
+    """Compare candidates on a ladder of sizes up to the final one, the better half going on to the next."""
     default_width: float = RELAXATION
     """Relaxation of the street set by eye, as a share of each range."""
     reward_kind: RewardKind = "miou"

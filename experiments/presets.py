@@ -118,7 +118,7 @@ def _smoke(target: TargetName) -> dict[str, Any]:
         "reward_images": 8,
         "test_images": 8,
         "candidate_seeds": 1,
-        "candidates": ("argmax", "spread"),
+        "candidates": ("argmax", "broad"),
         "seeds": 2,
         "asset_count": 4,
     }

@@ -11,6 +11,7 @@ from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.learn import Learnt
 from experiments.study.form import Report, about, class_means, miou, nets, starts, statistics
+from experiments.study.searches import selection
 from scene.attributes import ATTRIBUTES
 from scene.proposal import describe
 from shell.command import given
@@ -28,7 +29,7 @@ ROWS = tuple(row for row in TRAINED_ON if row not in few.TRAINED_ON)
 
 
 def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Report:
-    """All that is measured; scores in percent, of candidates by seed and part; unit values in [0, 1]."""
+    """All that is measured; scores in percent, unit values in [0, 1]."""
     config, target = run.config, run.target
     lines = run.evaluations.records + run.finals.records
     return {
@@ -44,12 +45,7 @@ def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Rep
             "total": round(run.progress.elapsed, 1),
         },
         "nets": {row: nets(outcomes) for row, outcomes in rows.items()},
-        "candidates": {
-            name: [[100 * v if np.isfinite(v) else None for v in own] for own in values]
-            for name, values in learnt.scores.items()
-        },
-        "parts": list(learnt.parts),
-        "chosen_candidate": learnt.chosen,
+        **selection(learnt),
         **describe(learnt.streets),
         "hidden_centres": None if target.twin is None else target.twin.centre.tolist(),
     }
@@ -131,6 +127,8 @@ def text(report: Report) -> str:
     )
     for other, gain in report.get("gain_beside_few", {}).items():
         lines.append(f"  {'gain':{wide}s} {_said(gain, '+5.1f')}  few+learnt minus {other}")
+    if "selection" in report:
+        lines.append(f"  answer: {report['chosen_candidate']}, {report['selection']['verdict']}")
     if report["classes_absent_from_truth"]:
         absent = ", ".join(report["classes_absent_from_truth"])
         lines.append(f"  left out of the mean, for they never occur in the truth: {absent}")

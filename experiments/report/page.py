@@ -138,28 +138,39 @@ def search(run: Kept) -> Section:
         if run.expected is not None
         else ""
     )
-    body = plot(searching.curve(run), 380) + _judged(run)
+    body = plot(searching.curve(run), 380) + _selection(run)
     note = f"{count} rewards of {method}, each of a fresh net on a dataset of its own.{model}"
     return Section("search", "Search", body, note)
 
 
-def _judged(run: Kept) -> str:
-    """What the candidates for the answer scored on each part of the reward images."""
+def _selection(run: Kept) -> str:
+    """How the answer was chosen among the candidates; nothing of a run that used another rule."""
     report = run.summary
-    parts, scores = report.get("parts") or ["all reward images"], report["candidates"]
-    if not scores:
+    found = report.get("selection")
+    if found is None:
         return ""
-    unit = "%" if run.percent else "-MMD²"
+    scale, form = (1, ".1f") if run.percent else (0.01, ".4f")
+
+    def said(value: float | None) -> str:
+        return number(None if value is None else scale * value, form)
+
+    parts, unit = report["parts"], "%" if run.percent else "-MMD²"
     rows = []
-    for name, values in scores.items():
-        by_part = [[own[k] for own in values if own[k] is not None] for k in range(len(parts))]
-        means = [sum(own) / len(own) if own else None for own in by_part]
+    for name, mean in found["means"].items():
         mark = " ← answer" if name == report["chosen_candidate"] else ""
-        form = ".1f" if run.percent else ".4f"
-        scaled = means if run.percent else [None if m is None else m / 100 for m in means]
-        rows.append([text(name + mark), *(number(m, form) for m in scaled)])
-    head = ["candidate", *(f"{text(part)}, {unit}" for part in parts)]
-    return "<h3>Candidates for the answer, by part of the reward images</h3>" + table(head, rows)
+        by_part = report["candidate_parts"][name] or [None] * len(parts)
+        t = number(found["t"].get(name), ".2f")
+        rows.append([text(name + mark), said(mean), t, *map(said, by_part)])
+    head = ["candidate", f"mean, {unit}", "t", *(f"{text(part)}, {unit}" for part in parts)]
+    nets = max(map(len, report["candidates"].values()))
+    bound = (
+        "" if found["critical"] is None else f" The critical value of t is {found['critical']:.2f}."
+    )
+    verdict = text(found["verdict"][0].upper() + found["verdict"][1:])
+    return (
+        f"<h3>Model selection: candidates for the answer, {nets} paired seeds, on the reward images</h3>"
+        f"<p>{verdict}.{bound} The parts of the reward images are only reported.</p>{table(head, rows)}"
+    )
 
 
 def classes(run: Kept) -> Section:

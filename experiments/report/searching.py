@@ -195,8 +195,8 @@ def importance(found: Sequence[Report]) -> Figure:
     return {"data": data, "layout": layout}
 
 
-STAGES = {"candidate": "judging", "final": "final nets"}
-"""What logs call nets, for people; rungs of the ladder judge, too."""
+STAGES = {"candidate": "model selection", "final": "final nets"}
+"""What logs call nets, for people; rungs of the ladder select, too."""
 
 
 def costs(run: Kept) -> dict[str, dict[str, float]]:
@@ -217,7 +217,9 @@ def costs(run: Kept) -> dict[str, dict[str, float]]:
 def _stage(line: Record) -> str:
     name = str(line.get("nets", "other nets"))
     return (
-        f"judging, {name.replace('-', ' ')}" if name.startswith("rung") else STAGES.get(name, name)
+        f"model selection, {name.replace('-', ' ')}"
+        if name.startswith("rung")
+        else STAGES.get(name, name)
     )
 
 

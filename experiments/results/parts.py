@@ -40,9 +40,12 @@ class Part(NamedTuple):
 
 
 SEARCH = (
-    "--search.updates-per-group", "5", "--search.datasets-per-update", "2", "--candidate-seeds", "1",
-)  # fmt: skip
-"""Of every search: 90 rewards in place of the preset's 288, and half of its nets for the judge."""
+    "--search.updates-per-group",
+    "5",
+    "--search.datasets-per-update",
+    "2",
+)
+"""Of every search: 90 rewards in place of the preset's 288."""
 SMALL = ("--final.width", "240", "--final.height", "176")
 """Final nets of studies that compare searches: as large as rewards."""
 

@@ -101,7 +101,8 @@ class Evaluator:
         side: which of its images score.
         truth: those images, at the recipe's size; or their features, for rewards without labels.
         shelf: who renders and trains, and where they find real images.
-        parts: of those images that are scored each for itself, too; only for mIoU.
+        parts: of those images that are scored each for itself, too; only for mIoU. They do not name an
+            evaluation: one that is known already may tell of other parts, or of none.
     """
 
     def __init__(
@@ -118,7 +119,7 @@ class Evaluator:
             evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
         )
         self._parts = (parts,) if parts else ()
-        self.about = about(recipe, target, side, truth, parts)
+        self.about = about(recipe, target, side, truth)
 
     def key(self, source: Source, seed: int) -> str:
         """The name of an evaluation."""
@@ -248,9 +249,7 @@ def _rendered_by_all(task: tuple, workers: Workers) -> tuple[tuple, float]:
     return (evaluate, recipe, own, seed, truth, *parts), busy * (time.perf_counter() - started)
 
 
-def about(
-    recipe: Recipe, target: Target, side: Side, truth: Truth | Reference, parts: Parts = ()
-) -> dict[str, Any]:
+def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) -> dict[str, Any]:
     """What all evaluations of a recipe share: a hash of what decides them, words for people."""
     names = target.reward_names if side == "reward" else target.test_names
     if isinstance(truth, Reference):
@@ -277,8 +276,6 @@ def about(
     if kind == "miou" and by_target(fidelity.train):
         real = target.at(fidelity.height, fidelity.width).reward
         decides["statistics"] = digest_of(real.images)
-    if parts:
-        decides["parts"] = parts
     return {
         "config": digest(decides)[:16],
         "target": target.name,

@@ -13,9 +13,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
-from typing import Any, Generic, Literal, NamedTuple, TypeVar
+from pathlib import Path
+from typing import Any, Generic, Literal, NamedTuple, TypeVar, get_args
 
-from experiments.config import Config, Fidelity, RewardKind
+from experiments.config import Candidate, Config, Fidelity, RewardKind
 from experiments.reward.evaluator import Asked, Evaluator, Job, Memory, Side, evaluated
 from experiments.reward.miou import Outcome, Parts, Recipe, worker_environment
 from experiments.reward.mmd import FeatureNet, Reference, feature_net
@@ -34,6 +35,7 @@ from sdr_jax import refuse_failures
 from seg.weights import described
 from shell import folder
 from shell.errors import UserError
+from shell.files import parse_json
 from shell.progress import Progress, Stage, duration
 
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
@@ -214,6 +216,21 @@ def plan_text(plan: Sequence[Work], workers: int) -> str:
     return "\n".join(lines)
 
 
+def _refuse_former(out: Path) -> None:
+    """Raise UserError for the folder of a run with candidates that are none any more."""
+    file, known = out / folder.CONFIG, get_args(Candidate)
+    try:
+        stored = parse_json(file.read_bytes())["candidates"]
+        gone = [str(name) for name in stored if name not in known]
+    except (OSError, ValueError, KeyError, TypeError):
+        return  # no folder of a run that selects, which `folder.refuse_foreign` says
+    if gone:
+        raise UserError(
+            f"{file}: candidates holds {gone[0]!r}, which an earlier version had; now there are "
+            f"{', '.join(known)}; use another --out"
+        )
+
+
 @contextmanager
 def opened(
     config: AnyConfig, refuse: Callable[[Target], None] | None = None
@@ -236,6 +253,7 @@ def opened(
     environment = worker_environment()
     with workers_of(config.executor, config.workers, config.scheduler, environment) as workers:
         target = named_target(config, workers)
+        _refuse_former(config.out)
         folder.refuse_foreign(config.out, plain, FREE_FIELDS)
         if refuse is not None:
             refuse(target)

@@ -1,27 +1,49 @@
-"""Which candidate is the answer: surely better than the street set by eye, and no worse on any part.
+"""Model selection: is a challenger significantly better than the hand-set street?
 
-A search fits its reward images. So its candidates are scored on parts of them, by sequence or city, with
-several seeds, and the lower end of what they gain over the street set by eye decides.
+All candidates have one net for each of the same n seeds, and a net has one score, on all reward images. So
+seeds are the independent units, and k challengers are compared with the hand-set street by Dunnett's
+one-sided test, paired by seed:
+
+    t[i] = mean_j(y[i, j] - y[0, j]) / sqrt(2 s^2 / n)
+
+with s^2 the residual variance of the two-way layout y[i, j] = candidate[i] + seed[j] + error, which has
+k (n - 1) degrees of freedom. Where no challenger is better, any t is above the critical value in 5 % of runs.
+The test takes nets of all candidates to vary equally much.
+
+Source: Dunnett (1955), "A Multiple Comparison Procedure for Comparing Several Treatments with a Control".
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
+from functools import cache
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+from scipy import optimize, stats
 
 from experiments.reward.miou import Parts
 from shell.errors import UserError
 
 FEWEST, MOST = 2, 4
 """Parts, where nobody says how many."""
-ERRORS = 1.0
-"""Standard errors below the mean gain where its lower end is, and what a part may lose."""
+LEVEL = 0.05
+"""Probability that any challenger passes where none is better: the family-wise error rate."""
 
-Rewards = Mapping[str, Sequence[Sequence[float]]]
-"""By candidate and seed, one for each part of the images; NaN where training failed."""
+Scores = Mapping[str, Sequence[float]]
+"""By candidate, one score for each seed; NaN where training failed."""
+
+
+class Selection(NamedTuple):
+    """Which candidate was chosen, and why."""
+
+    chosen: str
+    scores: Scores  # of all that were compared
+    means: dict[str, float]  # over the seeds with no failed net; NaN where there is none
+    t: dict[str, float]  # of the challengers; empty where nothing was tested
+    critical: float | None  # what t must exceed; None where nothing was tested
+    verdict: str  # in words
 
 
 def parts_of(sequences: Sequence[str], count: int | None = None) -> Parts:
@@ -59,43 +81,77 @@ def parts_of(sequences: Sequence[str], count: int | None = None) -> Parts:
     return tuple(pairwise(sorted(cuts)))
 
 
-def gains(rewards: Rewards, names: Sequence[str], safe: str | None) -> dict[str, np.ndarray]:
-    """What candidates gain, f64[seeds parts] each, over the safe one; without one, over their mean."""
-    values = {name: np.asarray(rewards[name], float) for name in names}
-    level = np.mean(list(values.values()), axis=0) if safe is None else values[safe]
-    return {name: own - level for name, own in values.items()}
+def complete(scores: Scores) -> np.ndarray:
+    """Scores f64[candidates n] with the n seeds of which no candidate's net failed."""
+    values = np.array(list(scores.values()), float)
+    return values[:, np.isfinite(values).all(axis=0)]
 
 
-def surest(rewards: Rewards, names: Sequence[str], safe: str | None = None) -> str:
-    """The candidate whose gain has the highest lower end, and that surely loses on no part.
+def means_of(scores: Scores) -> dict[str, float]:
+    """Each candidate's mean over the seeds of which no net failed; NaN where there is none."""
+    values = complete(scores)
+    level = values.mean(axis=1) if values.size else np.full(len(values), np.nan)
+    return dict(zip(scores, level.tolist(), strict=True))
 
-    The lower end is mean(d) - s / sqrt(n), d = gain on a part with a seed, s its standard deviation; that
-    of one d alone is d. The safe candidate's is 0.
+
+@cache
+def critical_value(challengers: int, seeds: int) -> float:
+    """What t must exceed for a family-wise error rate of `LEVEL`, one-sided.
 
     Args:
-        rewards: of the candidates, all with the same seeds and parts.
-        names: of those to choose from; of equals the first.
-        safe: the candidate that gains are over, one of the names, and the answer where none is better.
+        challengers: k, that are compared with one reference.
+        seeds: n of each, 2 or more; the variance has k (n - 1) degrees of freedom.
     """
+    # Differences to one reference share its noise, half of theirs.
+    correlation = np.full((challengers, challengers), 0.5) + 0.5 * np.eye(challengers)
+    freedom = challengers * (seeds - 1)
 
-    def lower(name: str) -> float:
-        known = found[name][np.isfinite(found[name])]
-        if not len(known):
-            return -math.inf
-        if safe is not None and name != safe and _loses(found[name]):
-            return -math.inf
-        error = known.std(ddof=1) / math.sqrt(len(known)) if len(known) > 1 else 0.0
-        return float(known.mean() - ERRORS * error)
+    def short(bound: float) -> float:
+        at = np.full(challengers, bound)
+        # It integrates at random points: without a seed every call would give another value.
+        below = stats.multivariate_t.cdf(at, shape=correlation, df=freedom, random_state=0)
+        return float(below) - (1 - LEVEL)
 
-    found = gains(rewards, names, safe)
-    best = max(names, key=lower)
-    return safe if safe is not None and lower(best) <= 0 else best
+    return float(optimize.brentq(short, 0, 100, xtol=1e-4))
 
 
-def _loses(gain: np.ndarray) -> bool:
-    """Whether the mean gain on any part is negative, by more than its error over two or more seeds."""
-    known = gain[np.isfinite(gain).all(axis=1)]
-    if not len(known):
-        return False
-    variance = known.var(axis=0, ddof=1).mean() if len(known) > 1 else 0.0
-    return bool((known.mean(axis=0) < -ERRORS * math.sqrt(variance / len(known))).any())
+def select(scores: Scores, reference: str | None = None) -> Selection:
+    """The challenger with the highest mean, if it is significantly better than the reference; else that.
+
+    Args:
+        scores: of all candidates with the same seeds; a failed net drops its seed for all of them.
+        reference: the candidate that others must be better than. Where it is not among the scores, the
+            highest mean decides, of equal ones the first.
+    """
+    values, means = complete(scores), means_of(scores)
+    n = values.shape[1]
+
+    def untested(chosen: str, why: str) -> Selection:
+        return Selection(chosen, scores, means, {}, None, f"not tested: {why}")
+
+    challengers = [name for name in scores if name != reference]
+    if reference not in scores:
+        why = "no hand-set street among the candidates, so the highest mean is taken"
+        return untested(max(challengers, key=means.__getitem__), why)
+    if not challengers:
+        return untested(reference, "no challenger differs from the hand-set street")
+    if n < 2:
+        lost = "" if n == len(scores[reference]) else " without a failed net"
+        return untested(reference, f"{'one' if n else 'no'} seed{lost}")
+    residual = values - values.mean(axis=1, keepdims=True) - values.mean(axis=0) + values.mean()
+    variance = np.sum(residual**2) / (len(challengers) * (n - 1))
+    gain = np.array([means[name] - means[reference] for name in challengers])
+    with np.errstate(divide="ignore", invalid="ignore"):  # without any noise t has no bound
+        t = gain / np.sqrt(2 * variance / n)
+    bound, best = critical_value(len(challengers), n), int(gain.argmax())
+    passed = bool(t[best] > bound)
+    which = challengers[best] if passed else "no challenger"
+    return Selection(
+        challengers[best] if passed else reference,
+        scores,
+        means,
+        dict(zip(challengers, t.tolist(), strict=True)),
+        bound,
+        f"{'replaced' if passed else 'kept'}: {which} is significantly better "
+        f"at family-wise {100 * LEVEL:g} %",
+    )

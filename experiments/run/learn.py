@@ -1,57 +1,53 @@
-"""Learnt attributes: a search, and the candidate for its answer that is surely best at the final size.
+"""Learnt attributes: a search, and the candidate for its answer that model selection chooses.
 
-The cheap reward favours what is easy to learn, and a search fits the images that it is scored on. So the
-answer is chosen at the final size, on parts of the reward images each for itself (`judge`); only the chosen
-one ever meets the test images.
+The cheap reward favours what is easy to learn, and the dataset with the highest reward was also lucky. So
+candidates are compared with nets of the final size and fresh seeds (`judge`); only the chosen one ever meets
+the test images.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from experiments.config import Candidate, Fidelity, SearchConfig, make_method, make_space, start_of
-from experiments.reward.miou import Parts, Source
+from experiments.config import (
+    Candidate,
+    Fidelity,
+    SearchConfig,
+    make_method,
+    make_space,
+)
+from experiments.reward.miou import Outcome, Parts, Source
 from experiments.run.context import Run, Work
 from experiments.run.few import beside
-from experiments.run.judge import parts_of, surest
-from experiments.run.ladder import Rung, climb, cost_of, ladder, most_cost, most_nets
+from experiments.run.judge import Scores, Selection, parts_of
+from experiments.run.ladder import climb, compared, cost_of, fidelities
 from experiments.run.nets import score_nets
 from experiments.run.search import Found, SearchPlan, search
 from experiments.target.base import Target
 from scene.attributes import names
-from scene.proposal import (
-    Mixture,
-    Proposal,
-    Streets,
-    describe,
-    mixture,
-    named,
-    slide,
-)
+from scene.proposal import Proposal, describe, named, slide
 from shell.files import write_json
 
 BROAD = 0.5
 """Least width of the broad candidate's intervals."""
-CAMERA = ("field_of_view", "exposure", "white_balance")
-"""Attributes of the camera, beside those whose names begin with the word."""
-CANDIDATE_SEED = 1_000_000
-"""Candidates are scored with seeds that no row of the result uses."""
-SAFE: Candidate = "default"
-"""The candidate that others must surely be better than, if it is among them."""
+SELECTION_SEED = 1_000_000
+"""From the seeds of a result's rows, or of one rung, to those of the next."""
+REFERENCE: Candidate = "default"
+"""The hand-set street: where it is among the candidates, the others must be better."""
 
 
 class Learnt(NamedTuple):
     """What was learnt, and how."""
 
-    streets: Streets
+    streets: Proposal
     found: Found
-    chosen: Candidate
-    scores: dict[str, list[list[float]]]  # rewards at the final size, by candidate, seed and part
+    selection: Selection
     parts: tuple[str, ...]  # of the reward images, in words
+    by_part: dict[str, list[tuple[float, ...]]]
+    """Of the candidates in the selection, by seed, scores on each part; empty where they are not known."""
 
 
 def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
@@ -79,16 +75,17 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
 def work_of(config: SearchConfig) -> list[Work]:
     """The nets that `learn` trains."""
     work = [Work.at("rewards of the search", plan_of(config).evaluations, config.reward)]
-    candidates = len(config.candidates)
-    if not config.ladder:
-        nets = candidates * config.candidate_seeds
-        return [*work, Work.at("nets of candidates", nets, config.final)]
-    rungs = _ladder(config)
+    challengers = len(set(config.candidates) - {REFERENCE})
+    rungs = _rungs(config)
+    counts = compared(challengers, len(rungs), REFERENCE in config.candidates)
     return work + [
-        Work.at(f"nets of candidates at most, rung {number}", nets, rung.fidelity)
-        for number, (nets, rung) in enumerate(
-            zip(most_nets(candidates, rungs), rungs, strict=True), start=1
+        Work.at(
+            f"nets of candidates, {_called(config, rung)}",
+            count * config.candidate_seeds,
+            rungs[rung],
         )
+        for rung, count in enumerate(counts)
+        if count
     ]
 
 
@@ -107,17 +104,17 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
     config = config or run.config
     parts, words = judged_on(run.target, config)
     found = search(run, plan_of(config, name or "search"), config.reward_kind)
-    streets = {each: candidate(each, found, config) for each in config.candidates}
-    judge = _Judge(run, config, streets, parts, f"{name}, " if name else "")
-    chosen, scores = judge.climb() if config.ladder else judge.choose()
+    candidates = {each: candidate(each, found, config) for each in config.candidates}
+    selection, by_part = _selected(run, config, candidates, parts, f"{name}, " if name else "")
+    streets = candidates[cast(Candidate, selection.chosen)]
     file = config.out / (f"attributes/{name}.json" if name else "attributes.json")
     file.parent.mkdir(exist_ok=True)
-    write_json(file, describe(streets[chosen]))
-    return Learnt(streets[chosen], found, chosen, scores, words)
+    write_json(file, describe(streets))
+    return Learnt(streets, found, selection, words, by_part)
 
 
 def judged_on(target: Target, config: SearchConfig) -> tuple[Parts, tuple[str, ...]]:
-    """The parts of the reward images that candidates are judged on, and what they are in words.
+    """The parts of the reward images that candidates are also scored on, and what they are in words.
 
     Raises:
         UserError: fewer images than ``--parts``.
@@ -136,112 +133,73 @@ def _said(sequences: Sequence[str]) -> str:
     return f"{len(sequences)} images of {where}"
 
 
-def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
+def candidate(name: Candidate, found: Found, config: SearchConfig) -> Proposal:
     """What may be the answer: one way to read what a search found, or streets that it knew nothing of."""
     if name == "argmax":
         return found.solution
     if name == "seen":
         return found.best
-    if name == "camera":
-        return camera_of(found.solution, config)
-    if name == "half":
-        return mixture((0.5, 0.5), (found.solution, camera_of(found.solution, config)))
-    if name in ("random", "default"):
-        return named(name, config.space, config.default_width)
     if name == "broad":
         return slide(found.spread.centre, np.maximum(found.spread.width, BROAD))
-    return found.spread
+    return named(name, config.space, config.default_width)
 
 
-def camera_of(solution: Proposal, config: SearchConfig) -> Proposal:
-    """The camera of a solution, all else where the search began."""
-    own = [name.startswith("camera") or name in CAMERA for name in names(config.space)]
-    began = start_of(config)
-    return Proposal(*(np.where(own, a, b) for a, b in zip(solution, began, strict=True)))
+def selection_seeds(config: SearchConfig, rung: int) -> list[int]:
+    """Seeds of the nets on one rung; all candidates share them, and no row of the result uses them."""
+    first = SELECTION_SEED * (rung + 1) + config.seed
+    return list(range(first, first + config.candidate_seeds))
 
 
-Scores = dict[str, list[list[float]]]
-"""By candidate and seed, one reward for each part of the images."""
+def _rungs(config: SearchConfig) -> tuple[Fidelity, ...]:
+    """The sizes at which candidates meet."""
+    return fidelities(config.reward, config.final) if config.ladder else (config.final,)
 
 
-@dataclass(frozen=True)
-class _Judge:
-    """Scores candidates on the parts of the reward images."""
+def _called(config: SearchConfig, rung: int) -> str:
+    """What the log calls the nets of a rung."""
+    return f"rung-{rung + 1}" if config.ladder else "candidate"
 
-    run: Run[Any]
-    config: SearchConfig
-    streets: Mapping[Candidate, Streets]
-    parts: Parts
-    prefix: str  # of what the log calls the nets
 
-    def choose(self) -> tuple[Candidate, Scores]:
-        """The surest candidate at the final size, and every one's rewards."""
-        config, names = self.config, distinct(self.streets)
-        seeds = [CANDIDATE_SEED + config.seed + k for k in range(config.candidate_seeds)]
-        scores = self._rewards("candidate", names, config.final, seeds)
-        saved = (len(self.streets) - len(names)) * len(seeds) * cost_of(config.final)
-        self.run.progress.advance(saved, replayed=True)  # twins are trained once
-        best = surest(scores, names, _safe(names))
-        return next(name for name in names if name == best), scores
+def _selected(
+    run: Run[Any],
+    config: SearchConfig,
+    candidates: Mapping[Candidate, Proposal],
+    parts: Parts,
+    prefix: str,
+) -> tuple[Selection, dict[str, list[tuple[float, ...]]]]:
+    """Train and score nets of the candidates, choose one; also their scores on each part."""
+    rungs, cost = _rungs(config), sum(work.cost for work in work_of(config)[1:])
+    outcomes: dict[str, list[Outcome]] = {}
 
-    def climb(self) -> tuple[Candidate, Scores]:
-        """The surest candidate, and the rewards of those that reach the top of the ladder."""
-        rungs, kept = _ladder(self.config), distinct(self.streets)
-        left = most_cost(len(self.streets), rungs)
-
-        def score(number: int, names: Sequence[str], seeds: Sequence[int]) -> Scores:
-            nonlocal left
-            chosen = [name for name in kept if name in names]
-            fidelity = rungs[number].fidelity
-            ahead = left - most_cost(len(self.streets), rungs, number)
-            if ahead > 0:  # nets of those that left early on the rungs below
-                self.run.progress.advance(ahead, replayed=True)
-                left -= ahead
-            left -= len(names) * len(seeds) * cost_of(fidelity)
-            return self._rewards(f"rung-{number + 1}", chosen, fidelity, seeds)
-
-        best, scores = climb(kept, rungs, score, _safe(kept))
-        self.run.progress.advance(left, replayed=True)  # nets of those that left early
-        return next(name for name in kept if name == best), scores
-
-    def _rewards(
-        self, what: str, names: Sequence[Candidate], fidelity: Fidelity, seeds: Sequence[int]
-    ) -> Scores:
-        """Rewards of candidates on every part, in the order of the seeds."""
-        run, kind = self.run, self.config.reward_kind
+    def score(rung: int, names: Sequence[str]) -> Scores:
+        nonlocal outcomes, cost
+        fidelity, seeds = rungs[rung], selection_seeds(config, rung)
         sources: dict[str, Source] = {
-            name: beside(run, fidelity, self.streets[name]) for name in names
+            name: beside(run, fidelity, own) for name, own in candidates.items() if name in names
         }
+        cost -= len(sources) * len(seeds) * cost_of(fidelity)
         outcomes = score_nets(
-            run, f"{self.prefix}{what}", sources, run.recipe(fidelity), seeds,
-            side="reward", kind=kind, parts=self.parts,
+            run, prefix + _called(config, rung), sources, run.recipe(fidelity), seeds,
+            side="reward", kind=config.reward_kind, parts=parts,
         )  # fmt: skip
-        count = max(len(self.parts), 1)
-        return {
-            name: [list(o.parts) or [o.reward] * count for o in own]
-            for name, own in outcomes.items()
-        }
+        return {name: [outcome.reward for outcome in own] for name, own in outcomes.items()}
+
+    selection = climb(distinct(candidates), len(rungs), score, REFERENCE)
+    run.progress.advance(cost, replayed=True)  # of nets that candidates alike have in common
+    run.progress.say(f"Answer: {selection.chosen}, {selection.verdict}")
+    by_part = {
+        # What another run has scored may know other parts.
+        name: [own.parts if len(own.parts) == len(parts) else () for own in nets]
+        for name, nets in outcomes.items()
+    }
+    return selection, by_part
 
 
-def _safe(names: Iterable[str]) -> str | None:
-    return SAFE if SAFE in names else None
+def distinct(candidates: Mapping[Candidate, Proposal]) -> list[Candidate]:
+    """Names without those whose streets equal another's.
 
-
-def _ladder(config: SearchConfig) -> tuple[Rung, ...]:
-    return ladder(config.reward, config.final, config.candidate_seeds, config.seed)
-
-
-def distinct(streets: Mapping[Candidate, Streets]) -> list[Candidate]:
-    """Names without those that equal another: twins would hold two places on the ladder.
-
-    The safe candidate stays, of others the first.
+    The hand-set street stays, of others the first.
     """
-    order = sorted(streets, key=lambda name: name != SAFE)
-    known = {_bytes(streets[name]): name for name in reversed(order)}
-    return [name for name in streets if name in known.values()]
-
-
-def _bytes(streets: Streets) -> tuple:
-    if isinstance(streets, Mixture):
-        return streets.shares, *map(_bytes, streets.proposals)
-    return (np.asarray(streets, np.float32).tobytes(),)
+    order = sorted(candidates, key=lambda name: name != REFERENCE)
+    known = {np.asarray(candidates[name], np.float32).tobytes(): name for name in reversed(order)}
+    return [name for name in candidates if name in known.values()]

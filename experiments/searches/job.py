@@ -15,7 +15,7 @@ from experiments.run.learn import Learnt, learn, plan_of, work_of
 from experiments.run.nets import Nets, begin, paired_seeds, score_lists
 from experiments.searches.report import BASELINES, FORM, OVER
 from experiments.study.form import Report, about, nets
-from experiments.study.searches import core_seconds, rewards
+from experiments.study.searches import core_seconds, rewards, selection
 from experiments.study.skeleton import Study
 from scene.proposal import describe, named
 from sdr_jax.registry import MethodName
@@ -28,7 +28,7 @@ OWN: dict[Preset, dict[str, Any]] = {
 }
 """What differs from the main job, by preset."""
 OWN_ANSWER = "own "
-"""Before the name of a search: what its method itself would answer, with no judge."""
+"""Before the name of a search: what its method itself would answer, without model selection."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +38,7 @@ class ManyConfig(SearchConfig, FewConfig, Rederived):
     searches: int = 5
     """Searches of each method, of seeds --seed, --seed + 1, ..."""
     methods: tuple[MethodName, ...] = ("intervals", "sdr", "random_search")
-    """The search methods; all have the same rewards, candidates and judge."""
+    """The search methods; all have the same rewards and model selection."""
 
 
 class Answer(NamedTuple):
@@ -129,7 +129,7 @@ def scores(run: Run[ManyConfig], _: Any) -> Report:
             {
                 "method": answer.method,
                 "seed": answer.seed,
-                "chosen_candidate": answer.learnt.chosen,
+                **selection(answer.learnt),
                 "rewards": rewards(answer.learnt.found),
                 "core_seconds": core_seconds(answer.learnt.found),
                 **describe(answer.learnt.streets),

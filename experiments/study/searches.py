@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
+from experiments.run.learn import Learnt
 from experiments.run.search import Found
-from experiments.study.form import mean
+from experiments.study.form import Report, mean
 
 Rewards = list[float | None]
 """Of one search in percent, in the order of its evaluations; None where one failed."""
@@ -19,6 +22,34 @@ def rewards(found: Found) -> Rewards:
 def core_seconds(found: Found) -> float:
     """What the rewards took on a worker's one core; what another run had scored counts as done here."""
     return round(sum(outcome.seconds for outcome in found.outcomes), 2)
+
+
+def selection(learnt: Learnt) -> Report:
+    """How a search's answer was chosen; scores in percent, those of failed nets None.
+
+    ``candidates`` holds one score for each seed, ``candidate_parts`` the means on each part of the images.
+    """
+    found = learnt.selection
+    by_part = {
+        name: np.nanmean([own for own in nets if own], axis=0) if any(nets) else []
+        for name, nets in learnt.by_part.items()
+    }
+    return {
+        "candidates": {name: _percent(own) for name, own in found.scores.items()},
+        "parts": list(learnt.parts),
+        "candidate_parts": {name: _percent(own) for name, own in by_part.items()},
+        "chosen_candidate": found.chosen,
+        "selection": {
+            "means": dict(zip(found.means, _percent(found.means.values()), strict=True)),
+            "t": {name: t if np.isfinite(t) else None for name, t in found.t.items()},
+            "critical": found.critical,
+            "verdict": found.verdict,
+        },
+    }
+
+
+def _percent(values: Iterable[float]) -> Rewards:
+    return [100 * float(value) if np.isfinite(value) else None for value in values]
 
 
 def thirds(values: Sequence[float | None]) -> tuple[float | None, float | None]:

@@ -104,7 +104,7 @@ def test_every_preset_is_sound_and_says_which_it_is(target, preset):
 def test_every_field_is_a_flag():
     config = parse(
         "--search.method", "random_search", "--search.bins", "4", "--search.normalise",
-        "--reward.train.net", "fcn8s", "--final.width", "128", "--candidates", "spread", "argmax",
+        "--reward.train.net", "fcn8s", "--final.width", "128", "--candidates", "broad", "argmax",
         "--reward-images", "None", "--test-images", "3", "--twin-seed", "7", "--preset", "smoke",
     )  # fmt: skip
     search = config.search
@@ -112,7 +112,7 @@ def test_every_field_is_a_flag():
     assert (config.reward.train.net, config.final.train.net) == ("fcn8s", "compact")
     assert (config.reward.width, config.final.width) == (64, 128)
     assert (config.reward_images, config.test_images, config.twin_seed) == (None, 3, 7)
-    assert (config.candidates, config.groups) == (("spread", "argmax"), CITYSCAPES_GROUPS)
+    assert (config.candidates, config.groups) == (("broad", "argmax"), CITYSCAPES_GROUPS)
 
 
 def test_any_partition_can_be_given_as_groups():
@@ -153,7 +153,7 @@ SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train
     (["--search.relaxation", "2"], ["--search.relaxation", "[0, 1]"]),
     (["--search.relaxation", "2", "--search.method", "random_search"], ["--search.relaxation", "[0, 1]"]),
     (["--candidates"], ["--candidates", "at least one"]),
-    (["--candidates", "spread", "spread"], ["--candidates", "twice"]),
+    (["--candidates", "broad", "broad"], ["--candidates", "twice"]),
     (["--groups", ",".join(NAMES[1:])], ["--groups", NAMES[0], "in no group"]),
     (["--groups", "hats"], ["--groups", "unknown", "'hats'"]),
     (["--groups", ",".join(NAMES), NAMES[2]], ["--groups", NAMES[2]]),
@@ -230,6 +230,7 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
     (["--final.train.net", "resnet"], ["--final.train.net", "compact", "deeplabv2"]),
     (["--reward.train.optimizer", "lion"], ["--reward.train.optimizer", "adam", "sgd"]),
     (["--candidates", "best"], ["--candidates", "argmax", "broad"]),
+    (["--candidates", "camera"], ["--candidates", "argmax", "seen"]),
     (["--colour", "red"], ["--colour"]),
     (["--target", "camvid"], ["--target"]),
 ])  # fmt: skip

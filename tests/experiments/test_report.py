@@ -87,6 +87,11 @@ def test_the_figures_are_those_of_the_summary(run):
         assert any(cells[1:] == said for cells in page.rows)
         means = [t["x"] for t in page.plots[0]["data"] if t["y"] == [NAMES[row]]]
         assert means == [[entry["mean"]]]
+    (score,) = summary["candidates"]["argmax"]
+    by_part = summary["candidate_parts"]["argmax"]
+    told = ["argmax ← answer", f"{score:.1f}", "", *(f"{own:.1f}" for own in by_part)]
+    assert told in page.rows and len(by_part) == len(summary["parts"]) >= 2
+    assert summary["selection"]["verdict"][1:] in page.text
     traces = (trace for plot in page.plots for trace in plot.get("data", ()))
     (rewards,) = (trace["y"] for trace in traces if trace.get("name") == "reward")
     logged = [100 * line["reward"] for line in lines(run / "evaluations.jsonl")]
@@ -122,8 +127,13 @@ def test_a_page_is_made_anew_from_the_folder_and_of_an_older_run_without_what_it
     assert page.read_bytes() == before
     for name in ("nets", "pictures"):
         shutil.rmtree(run / name)
+    kept = read_json(run / "summary.json")
+    for name in ("selection", "candidate_parts"):
+        del kept[name]
+    write_json(run / "summary.json", {**kept, "candidates": {"spread": [[20.0, 30.0]]}})
     assert main([str(run), "--out", str(run / "old.html")]) == 0
     old = Page(run / "old.html")
+    assert "Model selection:" not in old.text
     assert "left no confusion matrices" in old.text and "No predictions" in old.text
     assert "Centres of what the search proposed" in old.text
     assert not [t for t, _ in old.tags if t == "img"] and len(old.plots) >= 5

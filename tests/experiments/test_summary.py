@@ -9,6 +9,7 @@ from experiments.config import MainConfig
 from experiments.main.summary import derive, scores, text
 from experiments.presets import defaults
 from experiments.reward.miou import Outcome
+from experiments.run.judge import select
 from experiments.run.learn import Learnt
 from experiments.target.base import Target
 from experiments.target.twin import twin_world
@@ -39,8 +40,10 @@ def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
     evaluations, finals = (SimpleNamespace(records=log) for log in logs)
     own = {"evaluations": evaluations, "finals": finals, "progress": SimpleNamespace(elapsed=99.25)}
     run = SimpleNamespace(config=config, target=target, **own)
-    tried = {"argmax": [[0.2, 0.2]], "spread": [[0.25, 0.3]]}
-    learnt = Learnt(slide(np.full(23, 0.5), 0.1), None, "spread", tried, ("3 images of s",))
+    tried = {"argmax": [0.2, 0.3, 0.31], "broad": [0.25, 0.3, np.nan], "default": [0.1, 0.17, 0.2]}
+    by_part = {"argmax": [(0.1, 0.3), (), (0.2, 0.4)], "broad": [(), (), ()]}
+    selection, words = select(tried, "default"), ("2 images of s", "1 images of t")
+    learnt = Learnt(slide(np.full(23, 0.5), 0.1), None, selection, words, by_part)
     return derive(scores(run, rows, learnt))
 
 
@@ -70,8 +73,17 @@ def test_figures_by_hand():
     assert summary["learnt"]["per_class"]["road"] == pytest.approx(40)
     assert summary["learnt"]["per_class"]["bicycle"] is None
     assert summary["classes_absent_from_truth"] == ["bicycle"]
-    assert summary["candidates"]["spread"] == [[25, 30]]
-    assert summary["chosen_candidate"] == "spread" and summary["parts"] == ["3 images of s"]
+    assert summary["candidates"]["broad"] == [25, 30, None]
+    assert summary["chosen_candidate"] == "broad"
+    assert summary["parts"] == ["2 images of s", "1 images of t"]
+    assert summary["candidate_parts"] == {"argmax": pytest.approx([15, 35]), "broad": []}
+    found = summary["selection"]
+    assert found["means"] == pytest.approx({"argmax": 25, "broad": 27.5, "default": 13.5})
+    # From seed to seed they gain 10, 5 and 7 points: residuals +-(8, -7, -1) / 6, k (n - 1) = 2.
+    error = np.sqrt(2 * (2 * (8**2 + 7**2 + 1) / 36 / 2) / 2)
+    assert found["t"] == pytest.approx({"argmax": 11.5 / error, "broad": 14 / error})
+    assert found["critical"] == pytest.approx(3.80, abs=0.01)
+    assert "replaced: broad is significantly better at family-wise 5 %" in text(summary)
     assert [row["share"] for row in summary["components"]] == [1.0]
     assert summary["recovery"]["learnt_error"] == summary["recovery"]["centre_error"]
     one = made(seeds=1)
