@@ -22,7 +22,7 @@ from scene.proposal import RELAXATION, Proposal, default_proposal, random_propos
 from shell.errors import UserError
 
 FIDELITY_SEED = 10_000_000
-"""Seeds begin here, above those of runs and their ladders."""
+"""Seeds begin here, above those of a run's rows."""
 MOST_REPEATS = 1_000_000
 """Seeds of one rung end where those of the next begin."""
 

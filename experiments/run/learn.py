@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from experiments.config import (
+    SEED_END,
     Candidate,
     Fidelity,
     SearchConfig,
@@ -29,12 +30,10 @@ from experiments.run.search import Found, SearchPlan, search
 from experiments.target.base import Target
 from scene.attributes import names
 from scene.proposal import Proposal, describe, named, slide
-from shell.files import write_json
+from shell.files import digest, write_json
 
 BROAD = 0.5
 """Least width of the broad candidate's intervals."""
-SELECTION_SEED = 1_000_000
-"""From the seeds of a result's rows, or of one rung, to those of the next."""
 REFERENCE: Candidate = "default"
 """The hand-set street: where it is among the candidates, the others must be better."""
 
@@ -145,9 +144,13 @@ def candidate(name: Candidate, found: Found, config: SearchConfig) -> Proposal:
 
 
 def selection_seeds(config: SearchConfig, rung: int) -> list[int]:
-    """Seeds of the nets on one rung; all candidates share them, and no row of the result uses them."""
-    first = SELECTION_SEED * (rung + 1) + config.seed
-    return list(range(first, first + config.candidate_seeds))
+    """Seeds of the nets on one rung; all candidates share them.
+
+    Named by the search alone: another search has others, and the same one has the same in every job.
+    """
+    search = [config.search.method, config.seed, config.space]
+    names = [["selection", *search, rung, net] for net in range(config.candidate_seeds)]
+    return [int(digest(name), 16) % SEED_END for name in names]
 
 
 def _rungs(config: SearchConfig) -> tuple[Fidelity, ...]:

@@ -25,7 +25,7 @@ from shell import folder
 from shell.errors import UserError
 
 SENSITIVITY_SEED = 20_000_000
-"""Seeds begin here, above those of runs, ladders and the measurement of fidelity."""
+"""Seeds begin here, above those of a run's rows and of the measurement of fidelity."""
 LEAST = 8
 """Rewards that a model is fitted to."""
 

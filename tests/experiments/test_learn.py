@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from experiments.config import MainConfig, check
+from experiments import presets
+from experiments.config import SEED_END, MainConfig, check
 from experiments.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.run import judge, ladder
@@ -26,6 +28,7 @@ from experiments.run.learn import (
     work_of,
 )
 from experiments.run.search import Found
+from experiments.searches.job import ManyConfig, searches
 from scene.proposal import default_proposal, random_proposal, slide
 from shell.errors import UserError
 from shell.files import read_json, write_json
@@ -201,6 +204,24 @@ def test_the_better_half_goes_on_and_the_hand_set_street_waits_at_the_top():
     asked.clear()
     ladder.climb(["a", "default"], 3, score, "default")  # one challenger has nobody to beat below
     assert asked == [(2, ("a", "default"))]
+
+
+@given(st.integers(0, 2**31 - 1), st.integers(0, 2**31 - 1))
+def test_searches_share_no_seeds_of_their_selection(one, other):
+    def seeds(seed, method="intervals", space="scenex", **changes):
+        config = defaults(MainConfig, "camvid", "smoke", seed=seed, candidate_seeds=10, **changes)
+        config = replace(config, space=space, search=replace(config.search, method=method))
+        return [s for rung in range(3) for s in selection_seeds(config, rung)]
+
+    own = seeds(one)
+    assert len(set(own)) == len(own) == 30 and all(0 <= s < SEED_END for s in own)
+    others = [seeds(one, "sdr"), seeds(one, space="extended"), seeds(one + 1), seeds(other)]
+    assert all(set(own).isdisjoint(theirs) for theirs in others[: 4 if one != other else 3])
+    # They depend on nothing else of the job, nor on which job it is.
+    assert own == seeds(one, seeds=9, workers=7, out=Path("elsewhere"))
+    study = presets.defaults(ManyConfig, "camvid", "smoke", seed=one, candidate_seeds=10)
+    same = searches(study)[f"intervals-{one}"]
+    assert selection_seeds(same, 0) == own[:10]
 
 
 @pytest.fixture
