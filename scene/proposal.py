@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from scene import streams
 from scene.attributes import SPACES, SpaceName, check_unit, default_unit, names, space_of
 from shell.files import read_json
 
@@ -22,8 +23,6 @@ RELAXATION = 0.15
 NAMES = ("default", "random", "mixed")
 """Of streets that `streets_named` knows."""
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
-UNITS_STREAM = 1
-"""Third word of the seed, apart from the streams that the streets themselves draw from."""
 ROUNDING = 1e-5
 """By so much an interval in a file may stick out of [0, 1]: its ends are rounded."""
 GOLDEN = (math.sqrt(5) - 1) / 2
@@ -267,7 +266,7 @@ def draw(streets: Streets, seed: int, count: int) -> np.ndarray:
     units = np.empty((count, len(intervals[0].centre)), np.float32)
     for street in range(count):
         centre, width = intervals[component_of(streets, street)]
-        rng = np.random.default_rng([seed, street, UNITS_STREAM])
+        rng = streams.units(seed, street)
         units[street] = centre - width / 2 + width * rng.random(len(centre), dtype=np.float32)
     return np.clip(units, 0.0, BELOW_ONE)  # rounding could reach 1
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from scene.classes import TrainId
 from scene.ground.arms import arm_land, arm_road, corners, kept
 from scene.ground.ground import Ground
@@ -12,6 +10,7 @@ from scene.ground.relief import arm_sides, open_land, sidewalk_quads, terrain_qu
 from scene.ground.roadway import road_quads
 from scene.mesh.asset import Asset
 from scene.mesh.quads import to_asset
+from scene.streams import seeded
 
 GROUND_INSTANCES: dict[int, int] = {
     1: int(TrainId.ROAD),
@@ -23,7 +22,7 @@ GROUND_INSTANCES: dict[int, int] = {
 
 def ground_assets(ground: Ground) -> dict[int, Asset]:
     """The three surfaces by instance id."""
-    rng = np.random.default_rng(ground.seed)
+    rng = seeded(ground.seed)
     drawn = [draw(ground, rng) for draw in (road_quads, sidewalk_quads, terrain_quads)]
     if ground.junction:
         junction = ground.junction

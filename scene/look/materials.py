@@ -14,6 +14,7 @@ import numpy as np
 from scene.look.patterns import LANE_TILE, PATTERNS
 from scene.look.patterns import fractal_noise as fractal_noise
 from scene.look.patterns import value_noise as value_noise
+from scene.streams import table_row
 
 TEXTURE_SIZE = 256
 """Pixels along each side of every texture."""
@@ -85,7 +86,7 @@ def material_id(name: str) -> int:
 
 def _texture(index: int, material: Material) -> np.ndarray:
     """A multiplier f32[size, size] around 1; nearly all of it within 1 -+ 0.8 contrast."""
-    rng = np.random.default_rng([19, index])
+    rng = table_row("textures", index)
     pattern = PATTERNS[material.pattern](rng, TEXTURE_SIZE).astype(np.float32)
     centred = pattern - pattern.mean()
     # Not the maximum: a few dark cracks should not pale all the rest.

@@ -17,6 +17,7 @@ from scene.preview.layout import Studio, captioned, grid, stack
 from scene.render.sensor import CameraResponse
 from scene.sky.sky import Sky, sample_sky
 from scene.sky.weather import SKIES
+from scene.streams import seeded
 from scene.street.camera import Camera, camera_axes
 from scene.street.placing import FIRST_INSTANCE, Placement
 from scene.street.street import Street
@@ -50,7 +51,7 @@ VIEWPOINTS = {
 
 def bare(road: int = 0, sidewalk: int = 0, terrain: int = 0) -> Ground:
     """An unpainted ground of the surfaces in these rows of their tables, as wide as the stages say."""
-    rng = np.random.default_rng(0)
+    rng = seeded(0)
     return plain(sample_ground(rng))._replace(
         half_width=5.0,
         footway=3.0,
@@ -71,7 +72,7 @@ def named_sky(name: str) -> Sky:
         raise ValueError(f"unknown weather {name!r}")
     for elevation in SUNS:
         for seed in range(TRIES):
-            rng = np.random.default_rng(seed)
+            rng = seeded(seed)
             found = sample_sky(
                 rng, intensity=1.0, elevation=math.radians(elevation), azimuth=SUN_AZIMUTH
             )

@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 from numba import njit
 
+from scene.streams import table_row
+
 KEY = 0.39
 """Mean radiance of a scene that the meter leaves alone."""
 BRIGHTEST = 2.0
@@ -133,7 +135,7 @@ def _tone_table(contrast: float, gamma: float) -> np.ndarray:
 @cache
 def _grain() -> np.ndarray:
     """Noise f32[GRAIN, GRAIN, 3] of mean 0 and deviation 1; neighbours share some, as in raw files."""
-    white = np.random.default_rng(7).standard_normal((GRAIN, GRAIN, 3), dtype=np.float32)
+    white = table_row("grain").standard_normal((GRAIN, GRAIN, 3), dtype=np.float32)
     mixed = white + 0.3 * sum(np.roll(white, s, a) for a in (0, 1) for s in (-1, 1))
     mixed = 0.8 * mixed + 0.6 * mixed.mean(axis=2, keepdims=True)
     mixed = ((mixed - mixed.mean()) / mixed.std()).astype(np.float32)

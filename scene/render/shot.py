@@ -22,11 +22,10 @@ from scene.render.sensor import develop, set_to, vary
 from scene.render.spots import Spots, group
 from scene.sky.clouds import cloud_relief
 from scene.sky.sky import panorama
+from scene.streams import stream
 from scene.street.camera import Camera, camera_axes
 from scene.street.street import Street
 
-CAMERA_DRAW = 2**16
-"""Tells the draw of a street's camera from the draws of its shots."""
 BRIGHTEST = 4.0
 """Radiance above which samples of a pixel count as alike, so that bright sky does not eat thin poles."""
 SKY_STEP = 2
@@ -232,9 +231,9 @@ def expose(
     street, hits = around.street, seen.hits
     image = radiance(around, rays, seen, light, settings)
     camera = street.cameras[shot]
-    usual = vary(settings.response, np.random.default_rng([street.seed, CAMERA_DRAW]))
+    usual = vary(settings.response, stream(street.seed, "camera"))
     response = set_to(usual, camera.exposure, camera.warmth)
-    image = develop(image, response, np.random.default_rng([street.seed, shot]))
+    image = develop(image, response, stream(street.seed, "noise", shot))
 
     k = label_sample(settings.samples)
     pick = np.s_[k :: settings.samples, k :: settings.samples]

@@ -8,6 +8,7 @@ from functools import cache
 import numpy as np
 
 from scene.look.patterns import fractal_noise
+from scene.streams import table_row
 
 SIZE = 512
 """Pixels along each side of a map."""
@@ -97,7 +98,7 @@ def cloud_relief(kind: str) -> Array:
     A share ``c`` of its thickness lies above 1 - c. Slopes are those of the cloud's underside or
     flank, in [-1, 1]; they point to where it gets thicker. Read-only.
     """
-    height = KINDS[kind](np.random.default_rng([41, list(KINDS).index(kind)])).astype(np.float32)
+    height = KINDS[kind](table_row("clouds", list(KINDS).index(kind))).astype(np.float32)
     rank = np.empty(height.size, np.float32)
     rank[np.argsort(height, axis=None)] = np.arange(height.size) / height.size
     smooth = sum(np.roll(height, (r, c), (0, 1)) for r in (-1, 0, 1) for c in (-1, 0, 1)) / 9

@@ -6,10 +6,10 @@ street is that of its lines alone.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
-import numpy as np
-
+from scene import streams
 from scene.street import furniture, people
 from scene.street.lines import Setting
 from scene.street.open_side import open_side
@@ -19,8 +19,6 @@ from scene.street.plot import Plot
 from scene.street.traffic import lane_rows
 from scene.street.turning import turning
 
-OPEN, PARKED, QUEUES, PEOPLE, LAND, FURNITURE = 30, 31, 32, 33, 34, 35
-"""Streams of random numbers."""
 SIDES = (1.0, -1.0)
 """Left and right of the road."""
 
@@ -53,8 +51,7 @@ taught nets nothing (``python -m benchmarks.transfer --only content``)."""
 
 def open_sides(setting: Setting, seed: int) -> tuple[float, ...]:
     """The sides of the road without a row of houses."""
-    rng = np.random.default_rng([seed, OPEN])
-    shares = rng.random(2)
+    shares = streams.stream(seed, "open").random(2)
     return tuple(s for s, u in zip(SIDES, shares, strict=True) if u < setting.params.open_share)
 
 
@@ -73,33 +70,31 @@ def extras(
     plot, params = Plot(setting, standing), setting.params
     is_open = open_sides(setting, seed)
 
-    def stream(number: int, part: int = 0) -> np.random.Generator:
-        return np.random.default_rng([seed, number, part])
-
-    furniture.islands(plot, mix.islands, stream(FURNITURE, 0))
+    stream = partial(streams.stream, seed)
+    furniture.islands(plot, mix.islands, stream("furniture", 0))
     narrow = []
     for k, side in enumerate(SIDES):
-        rng = stream(PARKED, k)
+        rng = stream("parked", k)
         wanted = rng.random() < params.parked_share
         if wanted and parked_row(plot, side, side in is_open, rng):
             narrow.append(side)
-    turning(plot, mix.turning, stream(QUEUES, 1))
-    lane_rows(plot, tuple(narrow), stream(QUEUES))
+    turning(plot, mix.turning, stream("traffic", 1))
+    lane_rows(plot, tuple(narrow), stream("traffic"))
     for k, side in enumerate(SIDES):
         if side in is_open:
-            open_side(plot, side, stream(LAND, k))
+            open_side(plot, side, stream("land", k))
         else:
-            furniture.scaffolds(plot, side, mix.scaffolds, stream(FURNITURE, 1 + k))
-        furniture.shelters(plot, side, mix.shelters, stream(FURNITURE, 3 + k))
-        furniture.stalls(plot, side, mix.stalls, side in is_open, stream(FURNITURE, 5 + k))
+            furniture.scaffolds(plot, side, mix.scaffolds, stream("furniture", 1 + k))
+        furniture.shelters(plot, side, mix.shelters, stream("furniture", 3 + k))
+        furniture.stalls(plot, side, mix.stalls, side in is_open, stream("furniture", 5 + k))
         if side not in is_open:
-            furniture.gardens(plot, side, mix.gardens, stream(FURNITURE, 7 + k))
-        furniture.railings(plot, side, mix.railings, stream(FURNITURE, 11 + k))
-        furniture.bollards(plot, side, mix.bollards, stream(FURNITURE, 9 + k))
-    people.crossing(plot, mix.crossing, stream(PEOPLE, 0))
+            furniture.gardens(plot, side, mix.gardens, stream("furniture", 7 + k))
+        furniture.railings(plot, side, mix.railings, stream("furniture", 11 + k))
+        furniture.bollards(plot, side, mix.bollards, stream("furniture", 9 + k))
+    people.crossing(plot, mix.crossing, stream("people", 0))
     for k, side in enumerate(SIDES):
-        people.riders(plot, side, mix.riders, stream(PEOPLE, 1 + k))
-        people.cycle_stands(plot, side, mix.cycle_stands, stream(PEOPLE, 3 + k))
-        people.benches(plot, side, mix.benches, stream(PEOPLE, 5 + k))
-        people.groups(plot, side, mix.groups, stream(PEOPLE, 7 + k))
+        people.riders(plot, side, mix.riders, stream("people", 1 + k))
+        people.cycle_stands(plot, side, mix.cycle_stands, stream("people", 3 + k))
+        people.benches(plot, side, mix.benches, stream("people", 5 + k))
+        people.groups(plot, side, mix.groups, stream("people", 7 + k))
     return plot.added

@@ -12,6 +12,7 @@ from scene.assets.bollard import KINDS as BOLLARDS
 from scene.assets.catalogue import pick
 from scene.assets.person import STANDING
 from scene.assets.shelter import SHELTERS, STALLS
+from scene.streams import child
 from scene.street.lines import LINE_END, LINE_START
 from scene.street.open_side import HEDGES, LOW_WALLS
 from scene.street.parked import clear, kept_free
@@ -147,7 +148,7 @@ def gardens(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
     edge, back = ground.outer + 0.25, plot.street.params.building_position - 0.7
     x, closed = LINE_START, kept_free(ground, side)
     while x < LINE_END:
-        plot_rng = np.random.default_rng(rng.integers(2**32))
+        plot_rng = child(rng)
         width, start = float(plot_rng.uniform(7, 16)), x
         x += width
         if plot_rng.random() >= share or back - edge < 0.9:

@@ -19,6 +19,7 @@ from scene.assets.catalogue import AssetPool, in_season, pick
 from scene.assets.families import FAMILIES
 from scene.attributes import StreetParams
 from scene.ground.ground import Ground
+from scene.streams import seeded
 from scene.street.placing import Standing, pose_at
 
 LINE_START, LINE_END = -15.0, 150.0
@@ -69,7 +70,7 @@ def line_objects(
         if not filled or ref is None:
             continue
         if family == "tree":
-            season_rng = np.random.default_rng(seed)
+            season_rng = seeded(seed)
             ref = in_season(family, ref, street.params.bare_tree_share, street.pool, season_rng)
         step = STEP * (slot % 3) if FAMILIES[family].front == "right" else 0.0
         for shift in _panels(family, ref, interval):
@@ -97,7 +98,7 @@ def parts_of(
     whole = isinstance(ref, str) and row.front == "back"
     if not row.on or (whole and catalogue.bounds(family, ref)[0, 2] < OWN_POST):
         return [(family, ref)]
-    rng = np.random.default_rng(seed)
+    rng = seeded(seed)
     base = row.on
     if not isinstance(base, str):  # a user's own rider says not what it rides
         kind = ref if isinstance(ref, int) else int(rng.integers(len(row.kinds)))

@@ -10,6 +10,7 @@ from scene.assets import company
 from scene.assets.catalogue import pick
 from scene.assets.person import STANDING, WALKING
 from scene.assets.rider import MOUNT
+from scene.streams import child
 from scene.street.parked import kept_free
 from scene.street.plot import Plot, draw_kind
 
@@ -30,7 +31,7 @@ def groups(plot: Plot, side: float, share: float, rng: np.random.Generator) -> N
     """People on one sidewalk; each stretch of it has a group with the probability ``share``."""
     ground = plot.ground
     for stretch in np.arange(START, END, STRETCH).tolist():
-        group_rng = np.random.default_rng(rng.integers(2**32))
+        group_rng = child(rng)
         if group_rng.random() >= share:
             continue
         x = stretch + float(group_rng.uniform(0, STRETCH))
@@ -86,7 +87,7 @@ def benches(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
     """People on benches at the back of one sidewalk, or in the green behind it, who look at the road."""
     ground = plot.ground
     for stretch in np.arange(START, END, 2 * STRETCH).tolist():
-        bench_rng = np.random.default_rng(rng.integers(2**32))
+        bench_rng = child(rng)
         if bench_rng.random() >= share:
             continue
         x = stretch + float(bench_rng.uniform(0, STRETCH))
@@ -102,7 +103,7 @@ def crossing(plot: Plot, share: float, rng: np.random.Generator) -> None:
     ground = plot.ground
     elsewhere = rng.uniform(6, END, 3).tolist()
     for k, place in enumerate([*ground.crosswalks, *elsewhere]):
-        place_rng = np.random.default_rng(rng.integers(2**32))
+        place_rng = child(rng)
         marked = k < len(ground.crosswalks)
         if place_rng.random() >= share * (1.0 if marked else 0.5):
             continue
@@ -124,7 +125,7 @@ def riders(plot: Plot, side: float, share: float, rng: np.random.Generator) -> N
     ground = plot.ground
     forward = 0.0 if side == plot.street.drive else math.pi
     for stretch in np.arange(START + 4, END, 2 * STRETCH).tolist():
-        group_rng = np.random.default_rng(rng.integers(2**32))
+        group_rng = child(rng)
         if group_rng.random() >= share:
             continue
         x = stretch + float(group_rng.uniform(0, 2 * STRETCH))
@@ -153,7 +154,7 @@ def cycle_stands(plot: Plot, side: float, share: float, rng: np.random.Generator
     """Rows of bicycles, or motorcycles, side by side on the sidewalk or at the kerb."""
     ground = plot.ground
     for stretch in np.arange(0.0, END, 30.0).tolist():
-        row_rng = np.random.default_rng(rng.integers(2**32))
+        row_rng = child(rng)
         if row_rng.random() >= share:
             continue
         family = "bicycle" if row_rng.random() < 0.8 else "motorcycle"

@@ -18,6 +18,7 @@ from scene.ground.ground import Ground, ground_height, sample_ground
 from scene.ground.junction import sample_junction
 from scene.ground.path import folded, sample_path
 from scene.sky.sky import Sky, sample_sky
+from scene.streams import child, stream
 from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
 from scene.street.clearing import cleared
@@ -33,11 +34,6 @@ from scene.street.placing import (
     pose_at,
     settled,
 )
-
-BACKGROUND, SEASON, CLOUD = 7, 8, 9
-"""Streams of random numbers for the background, its leaves, and whether clouds close."""
-PATH, JUNCTION, CORNERS = 20, 21, 22
-"""Those for the road's course, its junction, and what stands there."""
 
 
 class Street(NamedTuple):
@@ -67,7 +63,7 @@ def sample_street(
         mix: shares of what has no attribute; None: ``extras.MIX``.
     """
     pool = pool or AssetPool()
-    rng = np.random.default_rng(seed)
+    rng = stream(seed, "street")
     sky = sample_sky(
         rng,
         intensity=params.illumination_intensity,
@@ -85,11 +81,11 @@ def sample_street(
     is_open = open_sides(setting, seed)
     for line in LINES:
         # A line draws from a generator of its own, so moving one line leaves the others as they are.
-        line_rng = np.random.default_rng(rng.integers(2**32))
+        line_rng = child(rng)
         for side in (1.0, -1.0):
             row = line_objects(line, side, setting, line_rng)
             objects += [o for o in row if line != "building" or side not in is_open]
-    corners = junction_objects(setting, np.random.default_rng([seed, CORNERS]))
+    corners = junction_objects(setting, stream(seed, "corners"))
     objects = [*cleared(ground, objects, corners), *corners]
     objects += cleared(ground, extras(setting, seed, objects, mix), corners)
     objects = settled(ground, objects, params.building_position)
@@ -102,7 +98,7 @@ def sample_street(
     )  # fmt: skip
     # The background is too far away to be in the way.
     cameras = camera_path(first, shots, obstacles(near), rng, ground.path)
-    far_rng, season_rng = (np.random.default_rng([seed, s]) for s in (BACKGROUND, SEASON))
+    far_rng, season_rng = stream(seed, "background"), stream(seed, "season")
     objects = []
     stands = background(params, far_rng)
     if not ground.path.straight:
@@ -123,9 +119,9 @@ def sample_street(
 
 def _shaped(ground: Ground, params: StreetParams, seed: int) -> Ground:
     """The ground with its course, and by chance a junction."""
-    rng = np.random.default_rng([seed, JUNCTION])
+    rng = stream(seed, "junction")
     junction = sample_junction(rng, params.junction_share, ground.half_width, ground.footway)
-    rng = np.random.default_rng([seed, PATH])
+    rng = stream(seed, "course")
     calm = junction.x if junction else None
     path = sample_path(rng, params.bend / 1000, params.gradient / 100, calm)
     ground = ground._replace(path=path)
@@ -136,4 +132,4 @@ def _closed(params: StreetParams, seed: int) -> bool | None:
     """Whether cloud covers the whole sky of a street; None leaves it to the table of skies."""
     if params.overcast_share is None:
         return None
-    return bool(np.random.default_rng([seed, CLOUD]).random() < params.overcast_share)
+    return bool(stream(seed, "cloud").random() < params.overcast_share)

@@ -9,6 +9,7 @@ import numpy as np
 from scene.assets import catalogue
 from scene.assets.catalogue import pick
 from scene.assets.rider import MOUNT
+from scene.streams import child
 from scene.street.lines import LINE_END, LINE_START
 from scene.street.parked import clear
 from scene.street.plot import Plot, draw_family, draw_kind
@@ -44,7 +45,7 @@ def lane_rows(plot: Plot, parked: tuple[float, ...], rng: np.random.Generator) -
         rng: consumed.
     """
     for side in (1.0, -1.0):
-        lanes = [np.random.default_rng(rng.integers(2**32)) for _ in range(2)]
+        lanes = [child(rng) for _ in range(2)]
         for centre, lane_rng in zip(lane_centres(plot, side, side in parked), lanes, strict=False):
             if lane_rng.random() < plot.street.params.queue_share:
                 _fill(plot, side, centre, lane_rng)

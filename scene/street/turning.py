@@ -8,6 +8,7 @@ import numpy as np
 
 from scene.assets import catalogue
 from scene.assets.catalogue import pick
+from scene.streams import child
 from scene.street.plot import Plot, draw_family
 
 VEHICLES = {"car": 0.94, "truck": 0.06}
@@ -24,9 +25,9 @@ def turning(plot: Plot, share: float, rng: np.random.Generator) -> None:
     """
     ground = plot.ground
     for x, side in ground.side_streets:
-        _side_street(plot, x, side, share, np.random.default_rng(rng.integers(2**32)))
+        _side_street(plot, x, side, share, child(rng))
     for x, side in ground.driveways:
-        drive_rng = np.random.default_rng(rng.integers(2**32))
+        drive_rng = child(rng)
         wanted, tail_in = drive_rng.random() < share, drive_rng.random() < 0.5
         family, ref, length = _vehicle(plot, drive_rng, 6.0)
         y = ground.outer + 0.3 + length / 2 + float(drive_rng.uniform(0, 1))
@@ -34,7 +35,7 @@ def turning(plot: Plot, share: float, rng: np.random.Generator) -> None:
             yaw = side * math.pi / 2 + math.pi * tail_in + 0.03 * float(drive_rng.normal())
             plot.put(family, ref, x, side * y, yaw)
     for _ in range(2):
-        _pulling_out(plot, share, np.random.default_rng(rng.integers(2**32)))
+        _pulling_out(plot, share, child(rng))
 
 
 def _vehicle(

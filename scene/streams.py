@@ -1,0 +1,61 @@
+"""All streams of random numbers of a street, by name: no two names share one.
+
+``numpy.random.SeedSequence`` fills short keys with zeros: ``[s]``, ``[s, 0]`` and ``[s, 0, 0]`` are one key.
+So all keys of a street have the same length: seed, number of the name, part.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+STREAMS = {
+    "street": 0,  # sky, ground, seeds of the lines, camera path
+    "background": 7,
+    "season": 8,  # of the background's trees
+    "cloud": 9,  # whether it covers the sky
+    "course": 20,  # of the road
+    "junction": 21,
+    "corners": 22,  # what stands at the junction
+    "open": 30,  # which sides have no houses
+    "parked": 31,
+    "traffic": 32,
+    "people": 33,
+    "land": 34,  # beside the road
+    "furniture": 35,
+    "noise": 40,  # of one shot's image
+    "camera": 2**16,  # how it responds
+}
+"""Number of each stream; a new one takes a new number."""
+TABLES = {"grain": 7, "textures": 19, "clouds": 41}
+"""Number of what is drawn once for all streets."""
+
+
+def stream(seed: int, name: str, part: int = 0) -> np.random.Generator:
+    """The stream of one name.
+
+    Args:
+        seed: of the street.
+        name: of ``STREAMS``.
+        part: which of the streams with this name: a side of the road, an ingredient, a shot.
+    """
+    return np.random.default_rng([seed, STREAMS[name], part])
+
+
+def seeded(seed: int) -> np.random.Generator:
+    """The stream of a seed that another stream drew, of 31 or 32 bits."""
+    return np.random.default_rng(seed)
+
+
+def child(rng: np.random.Generator) -> np.random.Generator:
+    """A stream of its own for one part of what ``rng`` draws, so that it moves no other; takes one number."""
+    return seeded(int(rng.integers(2**32)))
+
+
+def units(seed: int, street: int) -> np.random.Generator:
+    """The stream of the attributes of one street; ``seed`` is the dataset's, not the street's own."""
+    return np.random.default_rng([seed, street, 1])
+
+
+def table_row(table: str, place: int = 0) -> np.random.Generator:
+    """The stream of one row of a table (of ``TABLES``), the same in all streets."""
+    return np.random.default_rng([TABLES[table], place])
