@@ -123,6 +123,9 @@ def pixel_rays(settings: RenderSettings, samples: int) -> tuple[np.ndarray, np.n
     return x, y
 
 
-def label_sample(samples: int) -> int:
-    """Which of the ``samples`` along each axis gives a pixel its label, instance and depth."""
-    return samples // 2
+def through_middles(settings: RenderSettings) -> RenderSettings:
+    """The settings with a sample in the middle of each pixel, which gives label, instance, depth and normal.
+
+    An even number has none there: then it is one sample a pixel, in a pass of its own.
+    """
+    return settings if settings.samples % 2 else settings._replace(samples=1)

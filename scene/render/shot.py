@@ -17,7 +17,7 @@ from scene.cache import kept
 from scene.ground.land import road_height
 from scene.render import shade, visibility
 from scene.render.geometry import Geometry
-from scene.render.protocol import Frame, RenderSettings, label_sample, pixel_rays
+from scene.render.protocol import Frame, RenderSettings, pixel_rays, through_middles
 from scene.render.sensor import develop, set_to, vary
 from scene.render.spots import Spots, group
 from scene.sky.clouds import cloud_relief
@@ -56,8 +56,9 @@ class Hits(NamedTuple):
 
 
 class Visible(NamedTuple):
-    """What each spot is."""
+    """What the rays of a shot see, and what each spot is."""
 
+    rays: Rays  # one per sample
     hits: Hits  # of the samples
     spots: Spots
     flat: np.ndarray  # f32[m, 3] normal of the face, turned towards the viewer; up for the sky
@@ -144,7 +145,7 @@ def visible(around: Surroundings, rays: Rays, hits: Hits, settings: RenderSettin
     surfaces = geometry.surfaces
     spots = group(
         hits.face, hits.instance, hits.distance, rays.directions, surfaces, geometry.pose,
-        rays.columns, samples, label_sample(samples),
+        rays.columns, samples,
     )  # fmt: skip
     flat, smooth, points = (np.empty((len(spots.sample), 3), np.float32) for _ in range(3))
     side = np.empty(len(spots.sample), np.int8)
@@ -153,7 +154,7 @@ def visible(around: Surroundings, rays: Rays, hits: Hits, settings: RenderSettin
         hits.u, hits.v, surfaces, geometry.pose, shade.material_rows(),
         around.street.sky.sun_direction, flat, smooth, points, side,
     )  # fmt: skip
-    return Visible(hits, spots, flat, smooth, points, side)
+    return Visible(rays, hits, spots, flat, smooth, points, side)
 
 
 def sky_grid(settings: RenderSettings) -> tuple[int, int]:
@@ -193,7 +194,7 @@ def spread(free: np.ndarray, seen: Visible, settings: RenderSettings) -> np.ndar
 
 
 def radiance(
-    around: Surroundings, rays: Rays, seen: Visible, light: Light, settings: RenderSettings
+    around: Surroundings, seen: Visible, light: Light, settings: RenderSettings
 ) -> np.ndarray:
     """Linear radiance f32[h, w, 3] of every pixel."""
     sky, geometry, hits, spots = around.street.sky, around.geometry, seen.hits, seen.spots
@@ -201,7 +202,7 @@ def radiance(
     image = shade.shade(
         spots.first, spots.sample, spots.share / np.float32(settings.samples**2), hits.face,
         hits.instance, spots.distance, spots.directions, seen.points, seen.flat, seen.smooth,
-        light.lit, light.opened, np.float32(rays.spacing * settings.samples),
+        light.lit, light.opened, np.float32(seen.rays.spacing * settings.samples),
         np.float32(brightest), settings.textures,
         geometry.surfaces, shade.material_rows(), *shade.texture_levels(),
         sky.sun_direction, sky.sun, sky.ambient, sky.horizon,
@@ -213,9 +214,9 @@ def radiance(
 def expose(
     around: Surroundings,
     shot: int,
-    rays: Rays,
     seen: Visible,
     light: Light,
+    middles: Visible,
     settings: RenderSettings,
 ) -> Frame:
     """Shade, average and develop the samples, and pick label, instance, depth and normal of every pixel.
@@ -223,20 +224,20 @@ def expose(
     Args:
         around: the street, which gives the light and the seed of what the camera adds.
         shot: which of the street's cameras.
-        rays: the samples.
-        seen: what they see.
+        seen: what the samples see.
         light: what reaches it.
+        middles: what the middles of the pixels see, by the samples of ``through_middles``.
         settings: size and quality.
     """
-    street, hits = around.street, seen.hits
-    image = radiance(around, rays, seen, light, settings)
+    street = around.street
+    image = radiance(around, seen, light, settings)
     camera = street.cameras[shot]
     usual = vary(settings.response, stream(street.seed, "camera"))
     response = set_to(usual, camera.exposure, camera.warmth)
     image = develop(image, response, stream(street.seed, "noise", shot))
 
-    k = label_sample(settings.samples)
-    pick = np.s_[k :: settings.samples, k :: settings.samples]
+    rays, hits, samples = middles.rays, middles.hits, through_middles(settings).samples
+    pick = np.s_[samples // 2 :: samples, samples // 2 :: samples]
 
     def pixels(values: np.ndarray) -> np.ndarray:
         return values.reshape(rays.rows, rays.columns, *values.shape[1:])[pick]
@@ -245,7 +246,7 @@ def expose(
     axes = camera_axes(camera).astype(np.float32)
     axes[2] *= -1
     normal = np.empty((*instance.shape, 3), np.float32)
-    _turn(seen.smooth, seen.spots.first, instance, axes, normal)
+    _turn(middles.smooth, middles.spots.first, instance, axes, normal)
     return Frame(
         image=image,
         label=around.geometry.train_id[instance],

@@ -1,7 +1,7 @@
 """What the samples of a pixel see, as few spots as can be told apart: light and shading cost per spot.
 
 With several samples a pixel most pixels see one plain surface with all of them. Shaded once, in their
-middle, they look as they would shaded one by one. Labels, instances and depths are those of samples.
+middle, they look as they would shaded one by one.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ THICK = f32(0.005)
 
 
 class Spots(NamedTuple):
-    """Which samples are shaded as one; a pixel's first spot is that of the sample that labels it."""
+    """Which samples are shaded as one; first in a pixel comes the spot of the sample in or next to its middle."""
 
     first: np.ndarray  # i32[pixels + 1]: spots first[p] to first[p + 1] are those of pixel p
     sample: np.ndarray  # i32[m] the sample by which it is seen
@@ -44,7 +44,6 @@ def group(
     pose: np.ndarray,
     columns: int,
     samples: int,
-    label: int,
 ) -> Spots:
     """Spots of ``samples`` x ``samples`` a pixel; with one sample, each is a spot.
 
@@ -57,7 +56,6 @@ def group(
         pose: f32[instances, 3, 4], see ``Geometry``.
         columns: samples in a row.
         samples: of a pixel, along each axis.
-        label: which of them along each axis labels the pixel.
     """
     n = len(face)
     if samples == 1:
@@ -67,7 +65,7 @@ def group(
     sample, share, middle = np.empty(n, np.int32), np.empty(n, f32), np.empty((n, 3), f32)
     away, owner = np.empty(n, f32), np.empty(n, np.int32)
     m = _group(
-        face, instance, distance, directions, surfaces, pose, columns, samples, label,
+        face, instance, distance, directions, surfaces, pose, columns, samples,
         first, sample, share, middle, away, owner,
     )  # fmt: skip
     return Spots(first, sample[:m], share[:m], middle[:m], away[:m], owner)
@@ -83,7 +81,6 @@ def _group(
     pose: np.ndarray,
     columns: int,
     samples: int,
-    label: int,
     first: np.ndarray,
     sample: np.ndarray,
     share: np.ndarray,
@@ -98,7 +95,7 @@ def _group(
     for p in range(first.shape[0] - 1):
         first[p] = count
         corner = (p // wide) * samples * columns + (p % wide) * samples
-        left[0] = corner + label * columns + label
+        left[0] = corner + samples // 2 * (columns + 1)
         f, j, same = face[left[0]], instance[left[0]], True
         x, y, z = f32(0), f32(0), f32(0)
         for row in range(samples):

@@ -13,7 +13,7 @@ from scene.mesh.solids import box
 from scene.render import RENDERERS, RenderSettings, check_settings, renderer, shot
 from scene.render.embree import depth_buffer, sunlight
 from scene.render.geometry import SKY_INSTANCE, build
-from scene.render.protocol import label_sample, pixel_rays
+from scene.render.protocol import pixel_rays, through_middles
 from scene.sky.sky import sample_sky
 from scene.street.camera import Camera, camera_axes
 from scene.street.placing import Placement
@@ -65,8 +65,12 @@ def test_axes_are_right_handed_and_rays_span_the_field_of_view_symmetrically():
     assert x == pytest.approx(np.arange(-3.5, 4) / 4)
     assert y == pytest.approx(np.arange(7.5, -8, -1) / 4)
     for samples in range(1, 9):
-        offset = abs(np.arange(samples) + 0.5 - samples / 2)
-        assert offset[label_sample(samples)] == pytest.approx(offset.min())
+        found = through_middles(SMALL._replace(samples=samples))
+        x, y = pixel_rays(found, found.samples)
+        assert 0 < found.samples <= samples and found.samples % 2
+        middle = slice(found.samples // 2, None, found.samples)
+        expected = pixel_rays(SMALL, 1)
+        assert x[middle] == pytest.approx(expected[0]) and y[middle] == pytest.approx(expected[1])
 
 
 def test_a_camera_sees_with_its_own_lens_exposure_and_white_balance(draw):
@@ -175,11 +179,15 @@ def test_the_parts_of_a_frame_agree(draw, seed):
     assert (frame.depth[~sky] > 0.04).all() and frame.depth.max() < 1000
 
 
-def test_labels_do_not_depend_on_light_or_quality_nor_much_on_odd_samples(draw):
+def test_labels_do_not_depend_on_light_or_quality_nor_much_on_samples(draw):
     drawn = street(seed=1)
     plain = SMALL._replace(shadows=False, occlusion=False, textures=False)
     one, dark = draw(drawn), draw(drawn._replace(sky=street(seed=2).sky))
     assert (one.label == dark.label).all() and (one.label == draw(drawn, plain).label).all()
+    for samples in (2, 4):  # their labels are those of a ray through each pixel's middle
+        even = draw(drawn, QUIET._replace(samples=samples))
+        assert (even.image != one.image).any()
+        assert all(a.tobytes() == b.tobytes() for a, b in zip(even[1:], one[1:], strict=True))
     three = draw(drawn, QUIET._replace(samples=3))
     assert (one.label != three.label).mean() < 0.003  # twigs, at most
     assert np.abs(one.image.astype(int) - three.image).mean() > 0.5  # yet edges are smoother

@@ -23,9 +23,12 @@ from scene.render.protocol import (
     check_settings,
     no_lap,
     seen_through,
+    through_middles,
 )
 from scene.render.shot import (
     Light,
+    Surroundings,
+    Visible,
     expose,
     sample_rays,
     sky_grid,
@@ -35,6 +38,7 @@ from scene.render.shot import (
     visible,
 )
 from scene.render.visibility import REACH
+from scene.street.camera import Camera
 from scene.street.street import Street
 
 
@@ -59,23 +63,27 @@ class EmbreeRenderer:
         lap("build")
         bvh = _scene_bvh(street, geometry)
         lap("bvh")
-        frames = []
+        frames, middle = [], through_middles(settings)
         for shot, camera in enumerate(street.cameras):
-            rays = sample_rays(camera, settings)
-            hits = nearest(geometry, camera, settings, rays)
-            seen = visible(around, rays, hits, settings)
+            seen = _look(around, camera, settings)
+            middles = seen if middle == settings else _look(around, camera, middle)
             lit, opened = (np.ones(len(seen.points), np.float32) for _ in range(2))
             if settings.shadows:
-                lit = sunlight(bvh, rays, seen, street.sky.sun_direction, settings)
+                lit = sunlight(bvh, seen, street.sky.sun_direction, settings)
             if settings.occlusion:
                 away = sky_segments(seen, around, settings)
                 order = by_tiles(away.wanted, *sky_grid(settings), 4, 2)
                 found = free(bvh, away.starts, away.directions, order, REACH)
                 opened = spread(found, seen, settings)
             lap("rays")
-            frames.append(expose(around, shot, rays, seen, Light(lit, opened), settings))
+            frames.append(expose(around, shot, seen, Light(lit, opened), middles, settings))
             lap("shade")
         return frames
+
+
+def _look(around: Surroundings, camera: Camera, settings: RenderSettings) -> Visible:
+    rays = sample_rays(camera, settings)
+    return visible(around, rays, nearest(around.geometry, camera, settings, rays), settings)
 
 
 @lru_cache(maxsize=2048)

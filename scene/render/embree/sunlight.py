@@ -12,7 +12,7 @@ from numba import njit
 from scene.render.embree.api import SceneBVH
 from scene.render.embree.rays import free
 from scene.render.protocol import RenderSettings
-from scene.render.shot import Rays, Visible
+from scene.render.shot import Visible
 from scene.render.visibility import OFFSET
 
 f32 = np.float32
@@ -23,15 +23,12 @@ WIDE, HIGH = 4, 2
 """Pixels of a tile, whose rays go together."""
 
 
-def sunlight(
-    bvh: SceneBVH, rays: Rays, seen: Visible, sun: np.ndarray, settings: RenderSettings
-) -> np.ndarray:
+def sunlight(bvh: SceneBVH, seen: Visible, sun: np.ndarray, settings: RenderSettings) -> np.ndarray:
     """Share f32[m] of the sunlight that reaches each spot; 0 where none could.
 
     Args:
         bvh: what may be in the way.
-        rays: the samples.
-        seen: the spots.
+        seen: the samples and their spots.
         sun: f32[3] towards the sun.
         settings: size and samples.
     """
@@ -46,7 +43,7 @@ def sunlight(
     if settings.samples > 1:
         edge = _edges(spots.first, spots.share, lit, *where)
         spot, starts = _every_sample(
-            edge, spots.first, spots.owner, rays.origin, rays.directions, seen.hits.distance,
+            edge, spots.first, spots.owner, seen.rays.origin, seen.rays.directions, seen.hits.distance,
             seen.flat, seen.side, settings.samples, settings.width,
         )  # fmt: skip
         found = free(bvh, starts, direction, np.arange(len(spot)))

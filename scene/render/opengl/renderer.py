@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
@@ -26,6 +26,7 @@ from scene.render.protocol import (
     check_settings,
     no_lap,
     seen_through,
+    through_middles,
 )
 from scene.render.shot import (
     Hits,
@@ -122,19 +123,32 @@ def _render(street: Street, settings: RenderSettings, lap: Lap) -> list[Frame]:
             merged.vertices, np.arange(len(merged.vertices), dtype=np.int32).reshape(-1, 3)
         )
         lap("bvh")
-        frames = []
+        look = partial(_look, rasterizer, around, merged)
+        frames, middle = [], through_middles(settings)
         for shot, camera in enumerate(street.cameras):
-            rays = sample_rays(camera, settings)
-            picture = rasterizer.draw(*_view(camera, settings), rays.columns, rays.rows)
-            seen = visible(around, rays, _hits(picture, rays, merged), settings)
-            light = _light(rasterizer, around, merged, camera, rays, picture, seen, settings)
+            picture, seen = look(camera, settings)
+            middles = seen if middle == settings else look(camera, middle)[1]
+            light = _light(rasterizer, around, merged, camera, picture, seen, settings)
             lap("rays")
-            frames.append(expose(around, shot, rays, seen, light, settings))
+            frames.append(expose(around, shot, seen, light, middles, settings))
             lap("shade")
         return frames
     except BaseException:
         _release()
         raise
+
+
+def _look(
+    rasterizer: Rasterizer,
+    around: Surroundings,
+    merged: World,
+    camera: Camera,
+    settings: RenderSettings,
+) -> tuple[np.ndarray, Visible]:
+    """What is drawn of a shot, and what that says its samples see."""
+    rays = sample_rays(camera, settings)
+    picture = rasterizer.draw(*_view(camera, settings), rays.columns, rays.rows)
+    return picture, visible(around, rays, _hits(picture, rays, merged), settings)
 
 
 def _hits(picture: np.ndarray, rays: Rays, merged: World) -> Hits:
@@ -196,17 +210,16 @@ def _light(
     around: Surroundings,
     merged: World,
     camera: Camera,
-    rays: Rays,
     picture: np.ndarray,
     seen: Visible,
     settings: RenderSettings,
 ) -> Light:
     """Sun and sky at each spot, from pictures instead of rays."""
-    lit = np.ones(len(seen.points), np.float32)
+    rays, lit = seen.rays, np.ones(len(seen.points), np.float32)
     if settings.shadows:
         drawn = picture[..., 0].ravel().astype(np.int32)
         towards = around.street.sky.sun_direction
-        cast_shadows(rasterizer, merged, rays, seen, drawn, towards, lit)
+        cast_shadows(rasterizer, merged, seen, drawn, towards, lit)
     opened = np.ones(len(seen.points), np.float32)
     if settings.occlusion:
         segments = sky_segments(seen, around, settings)

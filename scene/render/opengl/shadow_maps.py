@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 from scene.render.geometry import World
-from scene.render.shot import Rays, Visible
+from scene.render.shot import Visible
 
 if TYPE_CHECKING:
     from scene.render.opengl.raster import Rasterizer
@@ -28,7 +28,6 @@ def pose_of(axes: np.ndarray, place: np.ndarray) -> np.ndarray:
 def cast_shadows(
     rasterizer: Rasterizer,
     merged: World,
-    rays: Rays,
     seen: Visible,
     drawn: np.ndarray,
     towards: np.ndarray,
@@ -44,11 +43,11 @@ def cast_shadows(
     axes = np.stack([across, np.cross(towards, across), towards])
     axes /= np.linalg.norm(axes, axis=1, keepdims=True)
     top = float((merged.vertices @ axes[2].astype(np.float32)).max()) + 1.0
-    size = int(np.clip(2 ** math.ceil(math.log2(1.5 * rays.columns)), 256, 2048))
+    size = int(np.clip(2 ** math.ceil(math.log2(1.5 * seen.rays.columns)), 256, 2048))
     cascade = np.empty(len(lit), np.int8)
     local = np.empty((len(lit), 3), np.float32)
     outwards = seen.side[:, None] * seen.flat
-    depth = seen.spots.distance * rays.along[seen.spots.sample]
+    depth = seen.spots.distance * seen.rays.along[seen.spots.sample]
     bounds = _seen_by_the_sun(
         depth, seen.side, seen.points, axes.astype(np.float32), CASCADES, cascade, local
     )
