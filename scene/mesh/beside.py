@@ -8,6 +8,7 @@ from typing import Any
 from trimesh.resolvers import Resolver
 
 from scene.mesh.bombs import MOST_BYTES, MeshError
+from scene.mesh.mtl import texture
 from shell.files import leads_out, read_bytes
 
 
@@ -32,8 +33,8 @@ class Beside(Resolver):
         return path
 
     def get(self, name: str) -> bytes:
-        """The bytes of a file."""
-        return read_bytes(self.check(name.strip()), MOST_BYTES)
+        """The bytes of a file; the loader of OBJ asks for a texture by all that stands after `map_Kd`."""
+        return read_bytes(self.check(texture(name).texture), MOST_BYTES)
 
     def keys(self) -> list[str]:
         """Names of all files: a loader asks by name only."""

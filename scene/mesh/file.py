@@ -2,7 +2,7 @@
 
 Textures are read once for each face, at points spread over it; the engine draws flat-coloured faces.
 glTF is y up with its front along z, and its colours are linear; everywhere else z is up, the front
-along x, and colours are sRGB.
+along x, and colours are sRGB. Colours are not mixed: a face is opaque, left out or glass.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from scene.look.materials import material_id
 from scene.mesh.asset import Asset
 from scene.mesh.bombs import MeshError, gltf_content, refuse_bomb
 from scene.mesh.mesh import Mesh
+from scene.mesh.mtl import Look, looks
 from shell.pictures import MOST_PIXELS
 
 if TYPE_CHECKING:
@@ -42,6 +43,8 @@ CLEAR = 0.9
 """Below this opacity a plain colour is glass."""
 HOLE = 0.5
 """Below this opacity a textured face is left out: it is the air between the leaves."""
+CUTOFF = 0.5
+"""Below this opacity a texel of glTF's mode MASK is not there, unless the material says otherwise."""
 
 
 def read_mesh(
@@ -65,18 +68,20 @@ def read_mesh(
 
     beside = Beside(path.parent, root or path.parent)
     refuse_bomb(path)
-    for name in _referenced(path):
-        beside.check(name)
     try:
+        for name in _referenced(path):
+            beside.check(name)
         with path.open("rb") as file:
             kind = path.suffix[1:].lower()
             loaded = trimesh.load_scene(file, file_type=kind, resolver=beside, process=False)
+        libraries = _looks(path) if kind == "obj" else {}
         pieces, left = [], MOST_FACES
         for geometry, matrix in _placed(loaded):
             left -= len(geometry.faces)
             if left < 0:  # one mesh may stand in many places
                 raise MeshError(f"has more than {MOST_FACES:,} faces, the most that are allowed")
-            pieces.append(_piece(geometry, np.asarray(matrix), path.suffix.lower() in GLTF))
+            gltf = path.suffix.lower() in GLTF
+            pieces.append(_piece(geometry, np.asarray(matrix), gltf, libraries))
     except MeshError:
         raise
     except Exception as error:  # loaders raise whatever their formats make them stumble over
@@ -122,15 +127,19 @@ def _referenced(path: Path) -> Iterator[str]:
         uris = [row.get("uri", "") for k in ("buffers", "images") for row in content.get(k, [])]
         yield from (unquote(uri) for uri in uris if uri and not uri.startswith("data:"))
     if suffix == ".obj":
-        for library in _words_after(path, "mtllib"):
-            yield library
-            if (path.parent / library).is_file():
-                for word in ("map_Kd", "map_kd"):
-                    yield from (
-                        line.split()[-1] for line in _words_after(path.parent / library, word)
-                    )
+        yield from _words_after(path, "mtllib")
+        yield from (look.texture for look in _looks(path).values() if look.texture)
     if suffix == ".ply":
         yield from _words_after(path, "comment TextureFile")
+
+
+def _looks(path: Path) -> dict[str, Look]:
+    """What an OBJ's libraries say of its materials, by name."""
+    found: dict[str, Look] = {}
+    for library in _words_after(path, "mtllib"):
+        with (path.parent / library).open(encoding="utf-8", errors="replace") as file:
+            found |= looks(file)
+    return found
 
 
 def _words_after(path: Path, keyword: str) -> Iterator[str]:
@@ -155,11 +164,23 @@ def _placed(loaded: trimesh.Scene) -> Iterator[tuple[trimesh.Trimesh, np.ndarray
             yield geometry, matrix
 
 
-def _piece(mesh: trimesh.Trimesh, matrix: np.ndarray, linear: bool) -> Asset:
+def _piece(
+    mesh: trimesh.Trimesh, matrix: np.ndarray, gltf: bool, libraries: dict[str, Look]
+) -> Asset:
     """One mesh of a file in the file's own axes, its see-through faces left out."""
-    rgba, textured = _colors(mesh, linear)
-    keep = rgba[:, 3] >= HOLE if textured else np.ones(len(rgba), bool)
-    clear = (rgba[:, 3] < CLEAR) & (not textured)
+    own = getattr(mesh.visual, "material", None)
+    look = libraries.get(getattr(own, "name", ""), Look())
+    rgba, textured = _colors(mesh, gltf, look)
+    mode = getattr(own, "alphaMode", None) or ("OPAQUE" if gltf else "BLEND")
+    if mode == "OPAQUE":
+        rgba[..., 3] = 1
+    if mode == "MASK":
+        cutoff = getattr(own, "alphaCutoff", None)
+        rgba[..., 3] = rgba[..., 3] >= (CUTOFF if cutoff is None else cutoff)
+    rgba = rgba.mean(axis=1)
+    cut = textured or mode == "MASK"
+    keep = (rgba[:, 3] >= HOLE) | (not cut)
+    clear = (rgba[:, 3] < CLEAR) & (not cut) | (look.opacity < CLEAR)
     vertices = np.asarray(mesh.vertices) @ matrix[:3, :3].T + matrix[:3, 3]
     material = np.where(clear, material_id("glass"), material_id("plain")).astype(np.uint8)
     return Asset(
@@ -169,13 +190,13 @@ def _piece(mesh: trimesh.Trimesh, matrix: np.ndarray, linear: bool) -> Asset:
     )
 
 
-def _colors(mesh: trimesh.Trimesh, linear: bool) -> tuple[np.ndarray, bool]:
-    """Linear RGB and opacity f64[faces, 4] of a mesh, and whether they come from a texture."""
+def _colors(mesh: trimesh.Trimesh, linear: bool, look: Look) -> tuple[np.ndarray, bool]:
+    """Linear RGB and opacity f64[faces, points, 4] of a mesh, and whether they come from a texture."""
     count = len(mesh.faces)
     visual = mesh.visual
-    plain = np.tile((*GREY, 1.0), (count, 1))
+    plain = np.tile((*GREY, 1.0), (count, 1, 1))
     if visual.kind in ("vertex", "face"):
-        return _linear(np.asarray(visual.face_colors, float) / 255, linear), False
+        return _linear(np.asarray(visual.face_colors, float)[:, None] / 255, linear), False
     if visual.kind != "texture":
         return plain, False
     material = getattr(visual, "material", None)
@@ -187,17 +208,18 @@ def _colors(mesh: trimesh.Trimesh, linear: bool) -> tuple[np.ndarray, bool]:
         np.ones(4) if factor is None else _linear(np.asarray(factor, float)[None] / 255, linear)[0]
     )
     if picture is None or visual.uv is None:
-        return (np.tile(tint, (count, 1)) if factor is not None else plain), False
+        return (np.tile(tint, (count, 1, 1)) if factor is not None else plain), False
     if picture.width * picture.height > MOST_PIXELS:
         raise MeshError(f"has a texture of more than {MOST_PIXELS:,} pixels")
     pixels = np.asarray(picture.convert("RGBA"))
-    uv = np.einsum("sk,fkc->fsc", SAMPLES, np.asarray(visual.uv)[np.asarray(mesh.faces)])
+    uv = np.asarray(visual.uv)[:, :2] * look.scale + look.offset
+    uv = np.einsum("sk,fkc->fsc", SAMPLES, uv[np.asarray(mesh.faces)])
     if not np.isfinite(uv).all():
         raise MeshError("has texture coordinates that are not finite numbers")
     height, width = pixels.shape[:2]
     columns = np.floor((uv[..., 0] % 1) * width).astype(int) % width
     rows = np.floor(((1 - uv[..., 1]) % 1) * height).astype(int) % height
-    return _linear(pixels[rows, columns] / 255, False).mean(axis=1) * tint, True
+    return _linear(pixels[rows, columns] / 255, False) * tint, True
 
 
 def _linear(rgba: np.ndarray, linear: bool) -> np.ndarray:

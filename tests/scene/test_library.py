@@ -1,6 +1,8 @@
 """Own assets: read from every format, stood on the ground in metres, or refused by name."""
 
+import io
 import json
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +15,7 @@ from trimesh.visual.material import PBRMaterial, SimpleMaterial
 from scene.assets import catalogue, library
 from scene.assets.library import FOLDERS, LibraryError, check, load, manifest, scan
 from scene.look.materials import material_id
+from scene.mesh.file import MeshError, read_mesh
 from tests.scene.conftest import refused
 
 CAR = (4.4, 1.8, 1.5)
@@ -66,7 +69,12 @@ def test_colours_of_vertices_become_linear_those_of_gltf_are_and_clear_ones_are_
     asset = only(shelf("car/box.ply", car()))
     expected = [((v / 255 + 0.055) / 1.055) ** 2.4 for v in RED[:2]]
     assert asset.color[:, :2] == pytest.approx(np.tile(expected, (12, 1)), abs=1e-3)
-    mesh = textured(block((9, 2.5, 3)), np.zeros((8, 2)), baseColorFactor=[0.2, 0.4, 0.6, 0.5])
+    mesh = textured(
+        block((9, 2.5, 3)),
+        np.zeros((8, 2)),
+        baseColorFactor=[0.2, 0.4, 0.6, 0.5],
+        alphaMode="BLEND",
+    )
     asset = only(shelf("bus/box.glb", mesh), "bus")
     assert asset.color == pytest.approx(np.tile([0.2, 0.4, 0.6], (12, 1)), abs=3e-3)
     assert set(asset.material) == {material_id("glass")}
@@ -81,7 +89,7 @@ def card(opacity=255):
     u = np.clip((vertices[:, 0] + 1) / 2, *np.repeat([[0.01, 0.51], [0.49, 0.99]], 4, axis=1))
     uv = np.column_stack([u, vertices[:, 2] / 2])
     mesh = trimesh.Trimesh(vertices, faces, process=False)
-    return textured(mesh, uv, baseColorTexture=Image.fromarray(picture))
+    return textured(mesh, uv, baseColorTexture=Image.fromarray(picture), alphaMode="MASK")
 
 
 def test_a_texture_gives_each_face_its_colour_and_leaves_out_what_is_clear(shelf):
@@ -94,6 +102,110 @@ def test_a_texture_gives_each_face_its_colour_and_leaves_out_what_is_clear(shelf
     mesh, picture = block(CAR), Image.new("RGB", (2, 2), (0, 255, 0))  # and of OBJ
     mesh.visual = TextureVisuals(uv=np.full((8, 2), 0.3), material=SimpleMaterial(image=picture))
     assert (only(shelf("car/box.obj", mesh)).color == [0, 1, 0]).all()
+
+
+def glb(material, alpha=None):
+    """Two triangles, in a file written by hand.
+
+    The first has the material, and with `alpha` a texture of that opacity; the second has none.
+    """
+    corners, uv = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]), np.zeros((3, 2), np.float32)
+    parts = [corners.tobytes(), uv.tobytes()]
+    both = {"attributes": {"POSITION": 0, "TEXCOORD_0": 1}}
+    content = {
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{**both, "material": 0}, both]}], "materials": [material],
+        "accessors": [{"bufferView": k, "componentType": 5126, "count": 3, "type": f"VEC{3 - k}"}
+                      for k in range(2)],
+    }  # fmt: skip
+    if alpha is not None:
+        Image.new("RGBA", (1, 1), (255, 0, 0, alpha)).save(picture := io.BytesIO(), "PNG")
+        parts.append(picture.getvalue())
+        content["images"] = [{"bufferView": 2, "mimeType": "image/png"}]
+        content["textures"] = [{"source": 0}]
+        look = {"baseColorTexture": {"index": 0}, **material.get("pbrMetallicRoughness", {})}
+        content["materials"] = [{**material, "pbrMetallicRoughness": look}]
+    data = b"".join(parts)
+    starts = [data.index(part) for part in parts]
+    content["bufferViews"] = [
+        {"buffer": 0, "byteOffset": start, "byteLength": len(part)}
+        for start, part in zip(starts, parts, strict=True)
+    ]
+    content["buffers"] = [{"byteLength": len(data)}]
+    chunks = (b"JSON", json.dumps(content).encode(), b" "), (b"BIN\0", data, b"\0")
+    body = b""
+    for kind, text, space in chunks:
+        text += space * (-len(text) % 4)
+        body += struct.pack("<I", len(text)) + kind + text
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+
+def base(alpha):
+    return {"pbrMetallicRoughness": {"baseColorFactor": [1, 0, 0, alpha]}}
+
+
+MASK, BLEND = {"alphaMode": "MASK"}, {"alphaMode": "BLEND"}
+
+
+@pytest.mark.parametrize(("material", "alpha", "expected"), [
+    *((mode, 0, "plain") for mode in ({}, {"alphaMode": "OPAQUE"})),  # of textures
+    (MASK, 127, None), (MASK, 128, "plain"), (MASK | {"alphaCutoff": 0.2}, 52, "plain"),
+    (MASK | {"alphaCutoff": 0.2}, 50, None), (MASK | {"alphaCutoff": 0}, 0, "plain"),
+    (MASK | base(0.5), 200, None),  # 0.39 in all
+    (BLEND, 100, None), (BLEND, 200, "plain"),
+    *((mode | base(0), None, "plain") for mode in ({}, {"alphaMode": "OPAQUE"})),  # of colours
+    (MASK | base(0.6), None, "plain"), (MASK | base(0.4), None, None),
+    (BLEND | base(0.6), None, "glass"), (BLEND | base(1), None, "plain"),
+])  # fmt: skip
+def test_gltf_says_what_opacity_means(tmp_path, material, alpha, expected):
+    (path := tmp_path / "two.glb").write_bytes(glb(material, alpha))
+    asset = read_mesh(path)
+    red = asset.color[:, 1] == 0
+    assert (~red).sum() == 1 and red.sum() == (expected is not None)
+    assert set(asset.material[red]) == ({material_id(expected)} if expected else set())
+
+
+def obj(folder, library, picture="my paint.png"):
+    """A square of two triangles with texture coordinates 0.25 in a file written by hand."""
+    pixels = np.uint8([[(255, 0, 0), (0, 255, 0)], [(0, 0, 255), (255, 255, 255)]])
+    Image.fromarray(pixels).save(folder / picture)
+    (folder / "all of it.mtl").write_text(f"newmtl two words\n{library}\n")
+    (path := folder / "square.obj").write_text(
+        "mtllib all of it.mtl\nv 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nvt .25 .25\n"
+        "usemtl two words\nf 1/1 2/1 3/1 4/1\n"
+    )
+    return read_mesh(path)
+
+
+CRIMSON, GREEN, BLUE, WHITE = (1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)
+
+
+@pytest.mark.parametrize(("options", "colour"), [
+    ("", BLUE), ("-bm 0.5 -clamp on ", BLUE), ("-blendu off -mm 0 1 -texres 64 -imfchan l ", BLUE),
+    ("-o 0.5 ", WHITE), ("-o 0 .5 ", CRIMSON), ("-s 3 3 1 ", GREEN), ("-s 1 3 -o 5e-1 0 0 ", GREEN),
+    ("-t 0.1 0 0 -boost 2 -cc on -type sphere ", BLUE),
+])  # fmt: skip
+def test_a_texture_of_obj_may_have_options_and_spaces_in_its_name(tmp_path, options, colour):
+    asset = obj(tmp_path, f"map_Kd {options}my paint.png")
+    assert (asset.color == colour).all() and len(asset.color) == 2
+
+
+@pytest.mark.parametrize(("library", "expected"), [
+    ("d 0.3", "glass"), ("Tr 0.7", "glass"), ("d -halo 0.3", "glass"), ("Tr 0.7\nd 1", "plain"),
+    ("d 1\nTr 0.7", "plain"), ("d 1", "plain"), ("Tr 0", "plain"), ("d 0.3\nmap_Kd my paint.png", "glass"),
+])  # fmt: skip
+def test_a_material_of_obj_that_is_clear_is_glass(tmp_path, library, expected):
+    asset = obj(tmp_path, f"Kd 1 0 0\n{library}")
+    assert set(asset.material) == {material_id(expected)} and len(asset.material) == 2
+    assert (asset.color == (BLUE if "map" in library else CRIMSON)).all()
+
+
+@pytest.mark.parametrize(("library", "complaint"), [
+    ("d clear", "broken: could not convert string to float: 'clear'"),
+    ("map_Kd -bm 1 ../my paint.png", r"refers to \.\./my paint\.png, which leads out of"),
+])  # fmt: skip
+def test_a_bad_material_of_obj_is_told(tmp_path, library, complaint):
+    refused(MeshError, complaint, obj, tmp_path, library)
 
 
 def test_a_class_folder_may_be_written_with_an_underscore_or_be_a_family(shelf):
