@@ -129,7 +129,10 @@ def sample_bus(rng: np.random.Generator, kind: str) -> BusParams:
 
 
 def bus(params: BusParams) -> Asset:
-    """The bus of ``params``, driving towards +x, its doors on the right."""
+    """The bus of ``params``, driving towards +x, its doors on the right.
+
+    Streets where traffic keeps left mirror it, see ``street/placing.py``.
+    """
     p = params
     shape = _shape(p)
     side = walls(shape.length, p.width, _FLOOR, shape.high, x=shape.x)

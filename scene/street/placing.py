@@ -38,6 +38,8 @@ TILTED = frozenset(
     }
 )
 """Families that lean with the slope of the road; all else stands upright."""
+MIRROR = np.diag([1.0, -1.0, 1.0, 1.0])
+"""Swaps left and right in an asset's own frame."""
 CLEAR = 1.5
 """Metres that a house may come nearer to the road than its front, before it is left out."""
 
@@ -52,7 +54,7 @@ class Placement(NamedTuple):
     asset: int | str  # index of the asset in its family, or the path of a user's own
     train_id: int
     instance: int
-    pose: np.ndarray  # f64[4, 4] asset frame -> world
+    pose: np.ndarray  # f64[4, 4] asset frame -> world; of some buses with a reflection
     far: bool = False  # no camera comes near: fewer, larger leaves will do
 
 
@@ -93,6 +95,19 @@ def pose_at(ground: Ground, x: float, y: float, yaw: float) -> np.ndarray:
         x, y, yaw = place.east, place.north, yaw + place.heading
     c, s = math.cos(yaw), math.sin(yaw)
     return np.array([[c, -s, 0, x], [s, c, 0, y], [0, 0, 1, z], [0, 0, 0, 1]])
+
+
+def doors_at_the_kerb(objects: list[Standing], drive: float) -> list[Standing]:
+    """Objects with buses mirrored where traffic keeps left (``drive`` 1): their doors are on the right.
+
+    A user's own buses stay as they are.
+    """
+    if drive < 0:
+        return objects
+    return [
+        (family, ref, pose @ MIRROR if family == "bus" and isinstance(ref, int) else pose)
+        for family, ref, pose in objects
+    ]
 
 
 def settled(ground: Ground, objects: list[Standing], front: float = 0.0) -> list[Standing]:

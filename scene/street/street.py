@@ -29,6 +29,7 @@ from scene.street.placing import (
     FIRST_INSTANCE,
     Placement,
     Standing,
+    doors_at_the_kerb,
     obstacles,
     placed,
     pose_at,
@@ -89,7 +90,7 @@ def sample_street(
     objects = [*cleared(ground, objects, corners), *corners]
     objects += cleared(ground, extras(setting, seed, objects, mix), corners)
     objects = settled(ground, objects, params.building_position)
-    near = placed(objects, path=ground.path)
+    near = placed(doors_at_the_kerb(objects, drive), path=ground.path)
     y = drive * params.camera_position_x
     place = (0.0, y, ground_height(ground, y) + params.camera_position_y)
     first = Camera(

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from scene import AssetPool, TrainId
 from scene.assets import catalogue
 from scene.ground.ground import ground_height
+from scene.look.materials import material_id
 from scene.street.background import BEHIND, LINES_END, VISTA_END, background
 from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
-from scene.street.placing import FIRST_INSTANCE, Placement, bounds
+from scene.street.placing import FIRST_INSTANCE, Placement, bounds, doors_at_the_kerb
 from tests.scene.conftest import DEFAULT, SEEDS, UNITS, lines_alone, street
 
 LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
@@ -63,7 +64,7 @@ def test_every_object_stands_on_the_ground_and_the_camera_drives_on_at_its_heigh
         y, z = p.pose[1:3, 3]
         assert z == ground_height(drawn.ground, y)
         assert p.pose[:3, 2].tolist() == [0, 0, 1]  # upright
-        assert np.linalg.det(p.pose[:3, :3]) == pytest.approx(1)
+        assert p.pose[:3, :3] @ p.pose[:3, :3].T == pytest.approx(np.eye(3))
         low = catalogue.bounds(p.family, p.asset)[0, 2]
         lifted = p.family in ("rider", "traffic sign", "traffic light")  # by a machine or a post
         assert low > 0.05 if lifted else abs(low) <= 0.02
@@ -160,6 +161,26 @@ def test_families_of_a_line_come_in_their_shares_riders_on_machines_signs_on_pos
     poles = [p.family for seed in range(60) for p in objects(by_line(seed=seed)["pole"])]
     shares = {family: poles.count(family) / len(poles) for family in LINES["pole"]}
     assert shares == pytest.approx(LINES["pole"], abs=0.05)
+
+
+@pytest.mark.parametrize("drive", [1.0, -1.0])
+def test_doors_of_buses_are_on_the_side_of_the_kerb(drive):
+    params = DEFAULT._replace(camera_position_probability=float(drive < 0), car_interval=5.0)
+    sides, wide = [], AssetPool(0, 28)
+    for seed in range(20):
+        for p in foreground(street(params, seed, pool=wide).placements):
+            if p.family != "bus":
+                continue
+            asset = catalogue.asset("bus", p.asset)
+            glass = asset.material == material_id("glass")
+            corners = asset.mesh.vertices[asset.mesh.faces]
+            (doors,) = np.where(glass & (corners[..., 2].min(axis=1) < 0.7))
+            y = corners[doors][..., 1].mean()
+            sides.append(abs(p.pose[1, 3] + p.pose[1, 1] * y) - abs(p.pose[1, 3]))
+    assert len(sides) > 20 and min(sides) > 1
+    row = [("bus", ref, np.eye(4)) for ref in (0, "their/own.glb")] + [("car", 0, np.eye(4))]
+    turned = [(pose != np.eye(4)).any() for _, _, pose in doors_at_the_kerb(row, drive)]
+    assert turned == [drive > 0, False, False]
 
 
 def test_the_camera_moves_on_out_of_a_bus_in_its_way():
