@@ -6,7 +6,6 @@ to one that comes later, once, so that no disk need be shared; see ``docs/cluste
 
 from __future__ import annotations
 
-import hashlib
 import logging
 import os
 import threading
@@ -22,7 +21,7 @@ from distributed import Client, KilledWorker, WorkerPlugin
 from scene.version import ENGINE
 from scene.workers import WorkerError, Workers
 from shell.errors import UserError
-from shell.files import file_digest
+from shell.files import file_digest, files_below, folder_digest
 from shell.sent import received
 
 PATIENCE = 10.0
@@ -93,18 +92,22 @@ class Cluster(Workers):
         Raises:
             UserError: the scheduler is gone.
         """
-        if path and path not in self._names:
-            root = Path(path)
-            files = sorted(p for p in root.rglob("*") if p.is_file()) if root.is_dir() else [root]
-            name = f"{_digest(root, files)}/{root.name}"
-            for file in files:
-                own = "" if file == root else file.relative_to(root).as_posix()
-                for start, piece in _pieces(file):
-                    sent = _Piece(name, own, start, piece)
-                    self._register(sent, f"{self._client.id} {name} {own} {start}")
-            received(name, root)  # this process calls it the same
+        root = Path(path).absolute()
+        if path and (root.is_dir() or path not in self._names):
+            digest = folder_digest(root) if root.is_dir() else file_digest(root)
+            name = f"{digest[:16]}/{root.name}"
+            if name not in self._names.values():
+                self._send(root, name)
+                received(name, root)  # this process calls it the same
             self._names[path] = name
         return self._names.get(path, path)
+
+    def _send(self, root: Path, name: str) -> None:
+        for file in files_below(root) if root.is_dir() else [root]:
+            own = "" if file == root else file.relative_to(root).as_posix()
+            for start, piece in _pieces(file):
+                sent = _Piece(name, own, start, piece)
+                self._register(sent, f"{self._client.id} {name} {own} {start}")
 
     def _register(self, plugin: WorkerPlugin, name: str) -> None:
         for attempt in range(TRIES):
@@ -197,14 +200,6 @@ def _alone(engine: int, function: Callable[..., Any], *task: Any) -> Any:
 
 def _after(ready: Any, function: Callable[..., Any], *task: Any) -> Any:
     return function(*task, ready=ready)
-
-
-def _digest(root: Path, files: Iterable[Path]) -> str:
-    found = hashlib.sha256()
-    for file in files:
-        name = "" if file == root else file.relative_to(root).as_posix()
-        found.update(f"{name} {file_digest(file)}\n".encode())
-    return found.hexdigest()[:16]
 
 
 def _pieces(file: Path) -> Iterator[tuple[int, bytes]]:

@@ -63,7 +63,7 @@ class Workers:
 
     def share(self, path: str) -> str:
         """What tasks call a file or folder of this machine; its content is not to change any more."""
-        return path
+        return str(Path(path).absolute()) if path else path
 
     def begin(self, function: Callable[..., Any], *task: Any, first: Any = None) -> Future | None:
         """A net behind all that is urgent, for ``map`` to wait for; None with 0 workers."""

@@ -6,14 +6,18 @@ import hashlib
 import json
 import os
 import shutil
+import time
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import lru_cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, NoReturn
 
 from shell.errors import UserError
 
+FRESH = 2.0
+"""Seconds in which a file's time does not tell whether it has changed."""
 LARGEST = 2**30
 """Bytes of a file of JSON, at most: the lists of a dataset of a million images."""
 
@@ -164,11 +168,37 @@ def file_digest(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
+def files_below(root: Path) -> list[Path]:
+    """All files below a folder, sorted, but for hidden ones; folders may be links."""
+    found, seen = [], set()
+    for folder, inner, names in os.walk(root, followlinks=True):
+        seen.add(os.path.realpath(folder))
+        inner[:] = [
+            name for name in inner
+            if name[0] != "." and os.path.realpath(os.path.join(folder, name)) not in seen
+        ]  # fmt: skip
+        found += [Path(folder, name) for name in names if name[0] != "."]
+    return sorted(path for path in found if path.is_file())
+
+
 def folder_digest(root: Path) -> str:
-    """Sha256 of the names and bytes of all files below a folder."""
+    """Sha256 of the names and bytes of ``files_below`` a folder.
+
+    They are read again only where a name, size or time has changed. Raises OSError.
+    """
+    files = [(path, path.stat()) for path in files_below(root)]
+    state = tuple((path, s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino) for path, s in files)
+    # What has just been written may change again within one tick of its clock.
+    if max((s.st_ctime for _, s in files), default=0.0) > time.time() - FRESH:
+        return _digest_of.__wrapped__(root, state)
+    return _digest_of(root, state)
+
+
+@lru_cache(maxsize=16)
+def _digest_of(root: Path, state: tuple[tuple[Any, ...], ...]) -> str:
     found = hashlib.sha256()
-    for path in sorted(p for p in root.rglob("*") if p.is_file()):
-        found.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    for path, *_ in state:
+        found.update(f"{path.relative_to(root).as_posix()} {file_digest(path)}\n".encode())
     return found.hexdigest()
 
 

@@ -2,14 +2,14 @@
 
 The catalogue is open-ended: any index gives an asset, its kind ``index % len(kinds)``, the rest drawn
 from a generator seeded by family and index, so the same (family, index) is the same asset anywhere. A
-user's own assets stand beside them, named by the path of their file.
+user's own assets stand beside them, named by their files' content and path (``library.scan``).
 """
 
 from __future__ import annotations
 
 import zlib
 from functools import lru_cache
-from pathlib import PurePath
+from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,7 +48,7 @@ MOST = 1_000_000
 
 
 def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
-    """The pool itself.
+    """The pool itself, its folder of own assets by its absolute path.
 
     Args:
         pool: the pool.
@@ -75,11 +75,11 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
         raise library.LibraryError(f"{named}use 'own' needs a folder of own assets")
     if pool.own:
         library.check(pool.own)
-    return pool
+    return pool._replace(own=str(Path(pool.own).absolute())) if pool.own else pool
 
 
 def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | None:
-    """Draw one asset of ``family``: an index, or the path of an own one; None where there is none.
+    """Draw one asset of ``family``: an index, or what an own one is called; None where there is none.
 
     With both in use, every asset is as likely as any other. Always takes one number from ``rng``.
     """
@@ -134,7 +134,7 @@ def _built_in(pool: AssetPool, family: str) -> int:
 
 
 def own_assets(pool: AssetPool, family: str) -> tuple[str, ...]:
-    """Paths of the own assets that a pool offers for a family, in a fixed order."""
+    """What the own assets are called that a pool offers for a family, in a fixed order."""
     if not pool.own or pool.use == "built-in" or family in pool.without:
         return ()
     found = library.scan(pool.own).get(family, ())
@@ -150,9 +150,7 @@ def absent(pool: AssetPool) -> tuple[str, ...]:
 
 @lru_cache(maxsize=256)  # what is drawn often is kept by the renderers, as arrays
 def asset(family: str, ref: int | str) -> Asset:
-    """The built-in asset of a family with an index, or the own asset at a path.
-
-    Files are read once in a process; what changes on disk later is not seen.
+    """The built-in asset of a family with an index, or the own asset that ``library.scan`` calls so.
 
     Raises:
         ValueError: unknown family or negative index.

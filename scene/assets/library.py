@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -25,6 +26,7 @@ from scene.classes import CLASS_NAMES
 from scene.mesh.asset import Asset, rotate, translate
 from scene.mesh.file import SUFFIXES, MeshError, read_mesh
 from shell.errors import UserError
+from shell.files import folder_digest
 from shell.sent import here
 
 MANIFEST = "assets.csv"
@@ -45,6 +47,11 @@ POLE_RADIUS = 0.06
 """Metres by which it keeps clear of the built-in pole."""
 
 
+DIGITS = 16
+"""Of a folder's digest in its name."""
+_SNAPSHOT = re.compile(rf"[0-9a-f]{{{DIGITS}}}:")
+
+
 class LibraryError(UserError):
     """A folder of own assets, or a file in it, cannot be used; the message names it."""
 
@@ -61,15 +68,46 @@ class Row(NamedTuple):
     scale: float = 1.0  # metres per unit of the file
 
 
-@lru_cache(maxsize=16)
+def snapshot(folder: str) -> str:
+    """A folder by its content: a digest of its files, a colon, its absolute path.
+
+    What is cached under such a name, or one that begins with it, is never that of other files. A snapshot
+    is its own, and that of no folder (an empty name) is empty.
+
+    Raises:
+        LibraryError: a file cannot be read.
+    """
+    if not folder or _SNAPSHOT.match(folder):
+        return folder
+    root = here(folder).resolve()
+    try:
+        return f"{folder_digest(root)[:DIGITS]}:{root}"
+    except OSError as error:
+        raise LibraryError(f"{error.filename}: {error.strerror}") from error
+
+
+def _refuse_changed(name: str, root: Path) -> None:
+    """Raise unless a folder still is what it is called: what was just read may be of other files."""
+    if not snapshot(str(root)).startswith(name[: DIGITS + 1]):
+        raise LibraryError(f"{root} changed while it was read; run the same command again")
+
+
 def manifest(folder: str) -> tuple[Row, ...]:
     """The rows of a folder's ``assets.csv``, one for each mesh file, in order of the files' names.
+
+    Args:
+        folder: its path, or a snapshot.
 
     Raises:
         LibraryError: no folder, no manifest, a column, author or licence missing, a row without its
             file, a file without its row, an unknown sub-folder, no mesh file at all.
     """
-    root = here(folder)
+    return _manifest(snapshot(folder))
+
+
+@lru_cache(maxsize=16)
+def _manifest(name: str) -> tuple[Row, ...]:
+    root = _path(name)
     if not root.is_dir():
         raise LibraryError(f"{root} is {'not a folder' if root.exists() else 'not there'}")
     files = _mesh_files(root)
@@ -82,17 +120,21 @@ def manifest(folder: str) -> tuple[Row, ...]:
     for file in rows:
         if file not in files:
             raise LibraryError(f"{root / MANIFEST} names {file}, which is not there")
+    _refuse_changed(name, root)
     return tuple(rows[file] for file in files)
 
 
-@lru_cache(maxsize=16)
 def scan(folder: str) -> dict[str, tuple[str, ...]]:
-    """Absolute paths of a folder's mesh files by family."""
+    """What a folder's mesh files are called, by family: its snapshot, a slash, the path below it."""
+    return _scan(snapshot(folder))
+
+
+@lru_cache(maxsize=16)
+def _scan(name: str) -> dict[str, tuple[str, ...]]:
     found: dict[str, tuple[str, ...]] = {}
-    for row in manifest(folder):
-        path = here(folder).resolve() / row.file
-        family = FOLDERS[_plain(path.parent.name)]
-        found[family] = (*found.get(family, ()), str(path))
+    for row in _manifest(name):
+        family = FOLDERS[_plain(row.file.partition("/")[0])]
+        found[family] = (*found.get(family, ()), f"{name}/{row.file}")
     return found
 
 
@@ -103,24 +145,23 @@ def check(folder: str) -> int:
         LibraryError: whatever is wrong first.
     """
     found = scan(folder)
-    for family, paths in found.items():
-        for path in paths:
-            load(family, path)
-    return sum(len(paths) for paths in found.values())
+    for family, refs in found.items():
+        for ref in refs:
+            load(family, ref)
+    return sum(len(refs) for refs in found.values())
 
 
-def load(family: str, path: str) -> Asset:
-    """The own asset in a file, placed as the family's built-in ones are.
+def load(family: str, ref: str) -> Asset:
+    """The own asset that ``scan`` calls ``ref``, placed as the family's built-in ones are.
 
     Raises:
-        LibraryError: broken, empty or of no plausible size; the message names the file.
+        LibraryError: broken, empty, of no plausible size, or not the file any more that it was; the message
+            names the file.
     """
-    file = Path(path)
+    file = _path(ref)
     root = file.parents[1]
-    name = file.relative_to(root).as_posix()
-    row = next((r for r in manifest(str(root)) if r.file == name), None)
-    if row is None:
-        raise LibraryError(f"{root / MANIFEST} has no row for {name}")
+    name = ref.removesuffix(f"/{file.relative_to(root).as_posix()}")
+    row = next(r for r in _manifest(name) if file == root / r.file)
     try:
         asset = read_mesh(file, up=row.up, forward=row.forward, scale=row.scale, root=root)
         _check_size(asset, family)
@@ -128,7 +169,13 @@ def load(family: str, path: str) -> Asset:
         raise LibraryError(f"{file}: {error}") from error
     except OSError as error:
         raise LibraryError(f"{file}: {error.strerror}") from error
+    _refuse_changed(name, root)
     return _stand(asset, family)
+
+
+def _path(name: str) -> Path:
+    """Where a snapshot, or a file in it, lies."""
+    return Path(name[DIGITS + 1 :])
 
 
 def _plain(name: str) -> str:

@@ -21,7 +21,7 @@ from scene.dataset import description
 from scene.dataset.formats.layout import SPLITS, layout, stem
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.plan import ExportError as ExportError
-from scene.dataset.plan import Plan, check_room, complete, finished, locked
+from scene.dataset.plan import Plan, check_room, complete, finished, locked, own_files
 from scene.dataset.plan import settings as settings_of
 from scene.dataset.read import DESCRIPTION, pictures
 from scene.dataset.render import Dataset, check_request, street_of
@@ -141,6 +141,11 @@ def _export(
         tasks = [(sent, k, unit) for k, unit in enumerate(units) if k not in done_before]
         for position, (files, record) in processes.map(_draw_street, tasks):
             street = tasks[position][1]
+            if own_files(plan) != wanted["own_files"]:
+                raise ExportError(
+                    f"{plan.own} has changed since {plan.folder} was begun; put the files back and run the "
+                    "same command to go on, or choose another folder"
+                )
             written += _write_street(plan, street, files, record)
             done += plan.shots_of(street)
             if progress is not None:

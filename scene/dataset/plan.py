@@ -23,7 +23,7 @@ from scene.proposal import Streets, describe, shortest
 from scene.render import RenderSettings, renderer
 from scene.version import ENGINE
 from shell.errors import UserError
-from shell.files import read_json
+from shell.files import folder_digest, read_json
 from shell.folder import differences, plain
 
 BLOCK = 4096
@@ -82,6 +82,7 @@ def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str
         "render": plain(render),
         "assets": {**plan.pool.decides, "own": Path(plan.pool.own).name},
         "own_assets": _own_assets(plan.own),
+        "own_files": own_files(plan),
         "attributes": None if streets is None else _units(streets),
         "streets": [[shortest(value) for value in row] for row in units.tolist()],
     }
@@ -95,6 +96,11 @@ def _units(streets: Streets) -> dict[str, Any]:
     ]
     attributes: dict[str, Any] = rows[0]["attributes"]
     return {"components": rows} if len(rows) > 1 else attributes
+
+
+def own_files(plan: Plan) -> str:
+    """What all files of the folder of own assets come to, textures and manifest among them; empty without."""
+    return folder_digest(Path(plan.own)) if plan.own else ""
 
 
 def _own_assets(folder: str) -> list[dict[str, Any]]:

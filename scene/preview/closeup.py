@@ -86,7 +86,7 @@ def asset_street(family: str, ref: int | str, aspect: float, fov: float) -> Stre
 
     Args:
         family: of the asset.
-        ref: index, or path of an own asset.
+        ref: index, or name of an own asset.
         aspect: width over height of the picture.
         fov: horizontal field of view, degrees.
     """

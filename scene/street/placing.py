@@ -44,14 +44,16 @@ CLEAR = 1.5
 """Metres that a house may come nearer to the road than its front, before it is left out."""
 
 Standing = tuple[str, int | str, np.ndarray]
-"""An asset and its pose: family, index or path, f64[4, 4]."""
+"""An asset and its pose: family, index or name, f64[4, 4]."""
 
 
 class Placement(NamedTuple):
     """One asset standing in the street."""
 
     family: str
-    asset: int | str  # index of the asset in its family, or the path of a user's own
+    asset: (
+        int | str
+    )  # index of the asset in its family, or what ``library.scan`` calls a user's own
     train_id: int
     instance: int
     pose: np.ndarray  # f64[4, 4] asset frame -> world; of some buses with a reflection

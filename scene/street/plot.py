@@ -68,7 +68,7 @@ class Plot:
 
         Args:
             family: of the asset.
-            ref: its index or path; None, of which a pool has none, never stands.
+            ref: its index, or name of an own one; None, of which a pool has none, never stands.
             x: metres along the road.
             y: metres left of the centre line.
             yaw: radians left of the driving direction.

@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.catalogue import AssetPool, in_season, pick
+from scene.assets.library import snapshot
 from scene.attributes import StreetParams
 from scene.ground.arms import with_junction
 from scene.ground.ground import Ground, ground_height, sample_ground
@@ -64,6 +65,7 @@ def sample_street(
         mix: shares of what has no attribute; None: ``extras.MIX``.
     """
     pool = pool or AssetPool()
+    pool = pool._replace(own=snapshot(pool.own))  # here, for all objects of the street
     rng = stream(seed, "street")
     sky = sample_sky(
         rng,

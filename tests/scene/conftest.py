@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from scene import AssetPool, Street, StreetParams, default_unit, sample_street, street_params
 from scene.assets.families import FAMILIES
-from scene.assets.library import manifest, scan
 from scene.render import Renderer, RendererError, RenderSettings, renderer
 from scene.render.embree import api, rays
 from scene.street.extras import Mix
@@ -137,8 +136,6 @@ def shelf(tmp_path):
         header = dict.fromkeys(key for row in rows for key in row)
         lines = [header, *([row.get(key, "") for key in header] for row in rows)]
         (folder / "assets.csv").write_text("".join(",".join(line) + "\n" for line in lines))
-        manifest.cache_clear()
-        scan.cache_clear()
         return str(folder)
 
     return put
