@@ -80,7 +80,7 @@ def parts(
     def study(name: str, module: str, title: str, asks: str, *flags: str) -> Part:
         return Part(name, title, asks, f"experiments.{module}", flags)
 
-    # So that all of it takes two cores about seven hours; the smoke preset is small by itself.
+    # By its plan all of it takes two cores 18 hours; the smoke preset is small by itself.
     quick = preset == "quick"
     budget = SEARCH if quick else ()
     small = SMALL if quick else ()
