@@ -39,8 +39,13 @@ def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | Non
         var(mean) = max(A, B, E, A + B - E) / (I J)
 
     (the largest: where chance makes A or B less than E, E is what they estimate), with Student's t of
-    Satterthwaite's degrees of freedom. Where there is one search or one seed, the interval is over the other
-    alone: None where both are one.
+    Satterthwaite's degrees of freedom. With two searches or two seeds these are too many (the interval would
+    cover the mean in down to 88 %): there the interval is the widest of this one and those of A, B and E
+    with their own degrees. Where there is one search or one seed, the interval is over the other alone: None
+    where both are one.
+
+    It is conservative. In simulations with 2 to 10 searches and 3 to 10 seeds it covers the mean in 93 to
+    97 % where searches or seeds differ more than the rest does, and in 98 to 99.8 % where they do not differ.
 
     Args:
         values: one row for each of the I searches, with a value for each of the same J seeds.
@@ -65,8 +70,10 @@ def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | Non
         degrees = whole**2 / (squares**2 / free).sum() if whole > 0 else float(free.min())
     else:
         degrees = float(free[squares.argmax()])
-    variance = max(whole, squares.max()) / y.size
-    half = float(stats.t.ppf(0.975, max(degrees, 1.0)) * math.sqrt(variance))
+    pairs = [(max(whole, squares.max()), max(degrees, 1.0))]
+    if min(searches, seeds) == 2:
+        pairs += zip(squares, free, strict=True)
+    half = float(max(stats.t.ppf(0.975, own) * math.sqrt(square / y.size) for square, own in pairs))
     return mean, [mean - half, mean + half]
 
 
@@ -127,6 +134,9 @@ class Estimate(NamedTuple):
 
 def bootstrap(counts: Sequence[int], statistic: Callable[..., float], seed: int) -> Estimate:
     """A statistic of one or more sets, with the interval of the percentile bootstrap.
+
+    It is for sets of about fourteen or more: of rank correlations of that many pairs it covers the truth in
+    94 to 99 % of simulations, of statistics of 3, 5 and 10 seeds in about 74, 84 and 91 %.
 
     Args:
         counts: how many each set holds; every set is drawn anew by itself.

@@ -10,8 +10,6 @@ from scipy import stats
 
 from experiments.study.stats import bootstrap, crossed, holm, mean_ci95, paired_gain, stars, welch
 
-SHAPES = ((5, 1), (1, 3), (5, 3))
-
 
 def test_intervals_and_paired_gains_by_hand():
     # 1 2 3 4 5: s^2 = 2.5, s / sqrt(5) = sqrt(0.5); t(0.975, 4) = 2.7764 from a printed table.
@@ -41,25 +39,30 @@ def test_the_interval_is_that_of_scipy_and_a_gain_that_of_the_differences(pairs)
 
 
 def test_intervals_over_searches_and_seeds_by_hand():
-    # Mean squares 54 of searches, 26 of seeds, 2 of the rest: 78 / 6 = 13 is the mean's variance.
+    # Mean squares 27 of searches, 39 of seeds, 1 of the rest: 65 / 9 is the mean's variance.
+    mean, (low, high) = crossed([[0, 4, 8], [6, 12, 12], [3, 8, 10]])
+    degrees = 65**2 / (27**2 / 2 + 39**2 / 2 + 1**2 / 4)
+    assert mean == 7 and high - 7 == pytest.approx(7 - low)
+    assert high - 7 == pytest.approx(stats.t.ppf(0.975, degrees) * math.sqrt(65 / 9))
+    # Two searches alone: mean squares 54, 26 and 2, and the one degree of the 54 decides.
     mean, (low, high) = crossed([[0, 4, 8], [6, 12, 12]])
-    degrees = 78**2 / (54**2 / 1 + 26**2 / 2 + 2**2 / 2)
-    assert mean == 7 and high - 7 == 7 - low
-    assert high - 7 == pytest.approx(stats.t.ppf(0.975, degrees) * math.sqrt(13))
+    assert high - mean == pytest.approx(12.7062 * math.sqrt(54 / 6), rel=1e-5)
     # Searches alike: what is left is the seeds' own variance. One search, or one seed: Student's t.
     assert crossed([[1, 2, 6], [1, 2, 6]])[1] == pytest.approx(mean_ci95([1, 2, 6])[1])
     assert crossed([[1, 2, 6]]) == crossed([[1], [2], [6]]) == mean_ci95([1, 2, 6])
     assert crossed([[5, 5], [5, 5]]) == (5, [5, 5]) and crossed([[5]]) == (5, None)
 
 
-@pytest.mark.parametrize("spreads", [(1, 1, 1), (2, 0, 0.5), (0, 2, 0.5), (0, 0, 1)])
-def test_intervals_over_both_hold_the_truth_as_often_as_they_say(spreads):
-    rng, held = np.random.default_rng(0), 0
-    for _ in range(400):
-        parts = [s * rng.normal(size=shape) for s, shape in zip(spreads, SHAPES, strict=True)]
-        low, high = crossed(sum(parts))[1]
+@pytest.mark.parametrize("spreads", [(1, 1, 1), (1.2, 0.4, 0.1), (0, 2, 0.5), (0, 0, 1)])
+@pytest.mark.parametrize("shape", [(2, 10), (3, 3), (3, 5), (3, 10), (5, 3), (5, 5)])
+def test_intervals_over_both_hold_the_truth_as_often_as_they_say(shape, spreads):
+    searches, seeds = shape
+    rng, held, runs = np.random.default_rng(0), 0, 600
+    for _ in range(runs):
+        parts = (rng.normal(size=size) for size in ((searches, 1), (1, seeds), shape))
+        low, high = crossed(sum(s * part for s, part in zip(spreads, parts, strict=True)))[1]
         held += low <= 0 <= high
-    assert held >= 370  # 380 on average, or more where chance alone tells searches apart
+    assert held >= 0.93 * runs - 12  # chance: two standard deviations
 
 
 def test_welch_and_the_bootstrap_by_hand():
