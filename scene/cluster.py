@@ -18,10 +18,11 @@ from typing import Any
 import cv2
 from distributed import Client, KilledWorker, WorkerPlugin
 
+from scene.dataset.description import MAKERS
 from scene.version import ENGINE
 from scene.workers import WorkerError, Workers
 from shell.errors import UserError
-from shell.files import file_digest, files_below, folder_digest
+from shell.files import file_digest, files_below, folder_digest, versions
 from shell.sent import received
 
 PATIENCE = 10.0
@@ -30,6 +31,8 @@ PIECE = 64 * 2**20
 """Bytes of a file that are sent at once."""
 TRIES = 5
 """How often something is sent while workers die meanwhile."""
+OURS = {"engine": ENGINE, **versions(MAKERS)}
+"""What decides pictures here."""
 _ONE_AT_A_TIME = threading.Lock()
 
 
@@ -127,8 +130,8 @@ class Cluster(Workers):
         work: tuple = (function, *task)
         if first is not None and wanted:
             own = {"resources": self._wants[False], "pure": False, **options}
-            work = (_after, self._client.submit(_alone, ENGINE, first, *task, **own), *work)
-        return self._executor.submit(_alone, ENGINE, *work, resources=wanted, **options)
+            work = (_after, self._client.submit(_alone, OURS, first, *task, **own), *work)
+        return self._executor.submit(_alone, OURS, *work, resources=wanted, **options)
 
     def result(self, future: Future) -> Any:
         """The result of what has ended."""
@@ -164,7 +167,7 @@ class _Prepared(WorkerPlugin):
         self._environment = environment
 
     def setup(self, worker: Any) -> None:
-        os.environ.update(self._environment)
+        os.environ.update({"OPENBLAS_NUM_THREADS": "1", **self._environment})
         cv2.setNumThreads(1)
 
 
@@ -187,13 +190,14 @@ class _Piece(WorkerPlugin):
         received(self._name, root)
 
 
-def _alone(engine: int, function: Callable[..., Any], *task: Any) -> Any:
-    """Work of a task, one at a time; runs in a worker."""
-    if engine != ENGINE:
-        raise UserError(
-            f"a worker of the cluster has engine {ENGINE}, this program {engine}: install the same "
-            "version on both"
-        )
+def _alone(theirs: dict[str, Any], function: Callable[..., Any], *task: Any) -> Any:
+    """Work of a task, one at a time; runs in a worker, which must make the same pictures."""
+    for name, value in theirs.items():
+        if OURS.get(name) != value:
+            raise UserError(
+                f"a worker of the cluster has {name} {OURS.get(name)}, this program {value}: install "
+                "the same version on both"
+            )
     with _ONE_AT_A_TIME:
         return function(*task)
 

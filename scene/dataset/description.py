@@ -7,15 +7,16 @@ from collections import Counter
 from collections.abc import Iterable
 from typing import Any
 
+import llvmlite.binding
 import numpy as np
 
 from scene.classes import CLASS_NAMES
 from shell import files
 
-PACKAGES = (
-    *("sdr-jax", "numpy", "numba", "scipy", "opencv-python-headless", "trimesh"),
-    *("embreex", "pyrender"),
-)
+MAKERS = ("numpy", "numba", "embreex", "opencv-python-headless")
+"""Libraries that make pictures: random numbers, compiled shading, rays, the camera's blur and JPEG. With
+another version of one of them the same settings may give other bytes."""
+PACKAGES = ("sdr-jax", *MAKERS, "scipy", "trimesh", "pyrender")
 ENCODINGS = {
     "depth": "u16, centimetres along the optical axis, 0 for the sky",
     "normals": "u8 RGB, 127.5 (n + 1); camera frame: x right, y up, z towards the camera; black: sky",
@@ -54,5 +55,6 @@ def _by_class(values: np.ndarray) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what decides the bytes."""
-    return {"python": platform.python_version(), **files.versions(PACKAGES)}
+    """Versions of all that has a part in the bytes, and the processor that shading is compiled for."""
+    cpu = llvmlite.binding.get_host_cpu_name()
+    return {"python": platform.python_version(), "processor": cpu, **files.versions(PACKAGES)}

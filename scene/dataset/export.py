@@ -125,7 +125,7 @@ def _export(
     shutil.rmtree(scratch, ignore_errors=True)  # what a kill left half-written
     scratch.mkdir(parents=True)
     if not (work / "settings.json").exists():
-        write_json(work / "settings.json", {**wanted, "versions": description.versions()})
+        write_json(work / "settings.json", wanted)
     paths = layout(plan.format).paths(plan.split, "").values()
     summaries = layout(plan.format).summaries(plan.split).values()
     for folder in {(plan.folder / path).parent for path in (*paths, *summaries)}:

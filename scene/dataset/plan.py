@@ -15,6 +15,7 @@ from filelock import FileLock, Timeout
 
 from scene.assets import library
 from scene.assets.catalogue import AssetPool
+from scene.dataset.description import MAKERS, versions
 from scene.dataset.formats.layout import layout
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK
@@ -73,6 +74,7 @@ def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str
     render = {**plan.settings._asdict(), "response": plan.settings.response._asdict()}
     return {
         "engine": ENGINE,
+        "versions": versions(),
         "format": plan.format,
         "split": plan.split,
         "images": plan.images,
@@ -136,6 +138,8 @@ def complete(folder: Path, wanted: dict[str, Any]) -> bool:
             "with the release that began it, or choose another folder"
         )
     for name, ours, other in differences(wanted, {key: theirs.get(key) for key in wanted}):
+        if name.startswith("versions.") and name.partition(".")[2] not in MAKERS:
+            continue  # it is for the record
         values = "" if isinstance(ours, list | dict) else f" = {other}, not {ours}"
         raise ExportError(
             f"{folder} holds an export with {'' if values else 'other '}{name}{values}; "

@@ -83,3 +83,13 @@ def test_without_the_extra_it_says_what_to_install(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "scene.cluster", None)
     with pytest.raises(UserError, match=r"needs the extra dask: pip install -e '\.\[dask\]'"):
         workers_of("dask", 1, "tcp://127.0.0.1:9")
+
+
+def test_a_worker_that_makes_other_pictures_is_refused():
+    cluster = pytest.importorskip("scene.cluster")
+    assert cluster._alone(cluster.OURS, doubled, 3) == 6
+    for name in ("engine", "numba", "numpy"):
+        message = (
+            f"a worker of the cluster has {name} {cluster.OURS[name]}, this program 0: install"
+        )
+        refused(UserError, message, cluster._alone, {**cluster.OURS, name: 0}, doubled, 3)

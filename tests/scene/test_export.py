@@ -14,6 +14,7 @@ import trimesh
 from scene import AssetPool, RenderSettings
 from scene.attributes import NAMES
 from scene.dataset import export
+from scene.dataset.description import MAKERS, versions
 from scene.dataset.export import ExportError, export_dataset, read_dataset
 from scene.dataset.formats.layout import FORMATS
 from scene.proposal import draw, random_proposal
@@ -64,6 +65,7 @@ def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
     np.testing.assert_array_equal(np.array(found["streets"], np.float32), UNITS)
     assert found["attributes"]["car_position"] == {"centre": 0.5, "width": 1.0}
     assert found["versions"]["numpy"] == np.__version__
+    assert found["versions"].keys() > {*MAKERS, "processor"}
     share = np.bincount(dataset.labels.ravel(), minlength=19) / dataset.labels.size
     np.testing.assert_allclose(list(found["class_frequency"].values()), share, atol=1e-9)
     containing = [int((dataset.labels == k).any(axis=(1, 2)).sum()) for k in range(19)]
@@ -146,9 +148,22 @@ def test_an_export_of_other_settings_or_another_engine_is_kept(finished, tmp_pat
     before = tree(folder)
     for changes, message in OTHERS:
         refused(ExportError, f"{folder} holds an export with .*({message})", run, folder, **changes)
+    with monkeypatch.context() as other:
+        for name, version in (("numba", "0.1"), ("numpy", "0.2")):
+            other.setattr(
+                "scene.dataset.plan.versions", lambda n=name, v=version: {**versions(), n: v}
+            )
+            refused(ExportError, f"versions.{name} = [0-9.]+, not {version}; use the", run, folder)
     monkeypatch.setattr("scene.dataset.plan.ENGINE", ENGINE + 1)
     refused(ExportError, f"version {ENGINE}, and this is {ENGINE + 1}; cont", run, folder)
     assert tree(folder) == before
+
+
+def test_what_makes_no_picture_may_have_another_version(tmp_path, monkeypatch):
+    first = run(tmp_path)
+    found = {**versions(), "python": "3.99.0", "trimesh": "99"}
+    monkeypatch.setattr("scene.dataset.plan.versions", lambda: found)
+    assert run(tmp_path) == first
 
 
 def test_other_folders_are_kept_and_a_second_process_is_kept_out(tmp_path):
