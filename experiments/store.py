@@ -4,9 +4,9 @@
     python -m experiments.store merge A.jsonl B.jsonl runs/c --out C.jsonl
 
 Two evaluations are the same if all that decides them is: sizes, net and training, class table, renderer,
-assets, real images, version of the engine, proposal and seed. The file is lines of JSON behind one that
-names the attributes; a half-written last line is dropped, and many runs may write at once. Run folders, whose
-own evaluations are recorded alike, may stand in place of files.
+assets, real images, version of the engine, JAX's backend, versions of libraries, proposal and seed. The file
+is lines of JSON behind one that names the attributes; a half-written last line is dropped, and many runs may
+write at once. Run folders, whose own evaluations are recorded alike, may stand in place of files.
 """
 
 from __future__ import annotations
@@ -18,13 +18,14 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.reward.made_with import told_apart
 from experiments.reward.store import kinds_of, merged, read, write_store
 from shell.command import Parser, exit_code
 from shell.errors import UserError
 
 
-def merge(paths: Sequence[Path], out: Path) -> int:
-    """Write all evaluations of several stores into a new one; returns how many they are.
+def merge(paths: Sequence[Path], out: Path) -> str:
+    """Write all evaluations of several stores into a new one; says how many they are, and of what backends.
 
     Args:
         paths: stores, or run folders.
@@ -36,8 +37,9 @@ def merge(paths: Sequence[Path], out: Path) -> int:
     if out.exists():
         raise UserError(f"--out {out} exists already; name a new file")
     found = merged(entry for path in paths for entry in read(path).values())
-    write_store(out, [record for record, _ in found.values()])
-    return len(found)
+    records = [record for record, _ in found.values()]
+    write_store(out, records)
+    return "\n".join(filter(None, (f"{out}: {len(records)} evaluations", told_apart(records))))
 
 
 def table(path: Path) -> str:
@@ -55,6 +57,8 @@ def table(path: Path) -> str:
             f"  {config}  {kind:36s} {len(own):6d} evaluations, {len(own) - len(rewards)} failed"
             f" | mIoU best {best:5.2f}, mean {mean:5.2f}"
         )
+    if apart := told_apart(records):
+        lines.append(f"  {apart}")
     return "\n".join(lines)
 
 
@@ -72,7 +76,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.command == "show":
             print("\n".join(table(path) for path in options.files))
         else:
-            print(f"{options.out}: {merge(options.files, options.out)} evaluations")
+            print(merge(options.files, options.out))
 
     return exit_code(work, debug=options.debug, goes_on=False)
 

@@ -65,9 +65,11 @@ class Workers:
         """What tasks call a file or folder of this machine; its content is not to change any more."""
         return str(Path(path).absolute()) if path else path
 
-    def begin(self, function: Callable[..., Any], *task: Any, first: Any = None) -> Future | None:
-        """A net behind all that is urgent, for ``map`` to wait for; None with 0 workers."""
-        return self._submit(function, task, True, first, True) if self.workers else None
+    def begin(
+        self, function: Callable[..., Any], *task: Any, first: Any = None, behind: bool = True
+    ) -> Future | None:
+        """A net, by default behind all that is urgent, for ``map`` to wait for; None with 0 workers."""
+        return self._submit(function, task, True, first, behind) if self.workers else None
 
     def map(
         self,
@@ -153,17 +155,18 @@ class Workers:
 
 
 class WorkerPool(Workers):
-    """``workers`` processes of this machine, one core each, and as many behind them, when needed.
+    """``workers`` processes of this machine, one thread each, and as many behind them, when needed.
 
-    Those behind are the least urgent to the system: they have a core while nobody else wants it. Where there
-    are GPUs, each process sees one.
+    The system chooses their cores, since other jobs may be there, too. Those behind are the least urgent to
+    it: they have a core while nobody else wants it. Where there are GPUs, each process sees one.
     """
 
     def __init__(self, workers: int, environment: dict[str, str] | None = None) -> None:
         if workers < 0:
             raise ValueError(f"workers must be 0 or more, not {workers}")
         self.workers = workers
-        self._environment = environment or {}
+        # Threads of OpenBLAS spin: XLA's Cholesky is 300 times slower where cores are shared.
+        self._environment = {"OPENBLAS_NUM_THREADS": "1", **(environment or {})}
         self._executors: dict[bool, ProcessPoolExecutor] = {}
         self._cores = Cores()
 
@@ -243,16 +246,13 @@ def _inherited(environment: dict[str, str]) -> Iterator[None]:
 
 
 def _start(counter: Any, nice: int) -> None:
-    """Give each worker one core and one GPU of its own, leave Ctrl-C to the parent, and end with it."""
+    """Give each worker one thread and one GPU of its own, leave Ctrl-C to the parent, and end with it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     with counter.get_lock():
         number = counter.value
         counter.value += 1
     cv2.setNumThreads(1)
-    if hasattr(os, "sched_setaffinity"):
-        cores = sorted(os.sched_getaffinity(0))
-        os.sched_setaffinity(0, {cores[number % len(cores)]})
     if nice and hasattr(os, "nice"):
         os.nice(nice)
     gpus = _gpus()

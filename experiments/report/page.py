@@ -255,7 +255,8 @@ def making(run: Kept) -> Section:
     told = (
         f"<pre>{text(command)}</pre>" if command else missing("The run did not record its command.")
     )
-    pairs = [("engine of scenes", str(config.get("engine", "?"))), *versions.items()]
+    pairs = [("engine of scenes", str(config.get("engine", "?")))]
+    pairs += (config.pop("made_with", {}) | versions).items()
     everything = json.dumps(config, indent=2)
     return Section(
         "made",

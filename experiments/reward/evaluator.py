@@ -11,6 +11,7 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
+from experiments.reward.made_with import FIELD
 from experiments.reward.miou import (
     Outcome,
     Parts,
@@ -272,6 +273,7 @@ def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) 
         # Names alone do not tell one twin from another.
         "truth": [target.name, side, digest(list(names)), source],
         "engine": ENGINE,
+        FIELD: dict(recipe.made_with),
     }
     if kind == "miou" and by_target(fidelity.train):
         real = target.at(fidelity.height, fidelity.width).reward
@@ -286,4 +288,5 @@ def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) 
         "steps": fidelity.train.steps,
         "net": fidelity.train.net,
         "engine": ENGINE,
+        FIELD: decides[FIELD],
     }

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.config import Fidelity
+from experiments.reward.made_with import MadeWith, refuse_other
 from experiments.reward.seen import Sight, picked, sight
 from experiments.reward.truth import Shared, Truth, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
@@ -40,6 +41,7 @@ class Recipe(NamedTuple):
     renderer: str
     pool: AssetPool  # the assets that may appear
     statistics: Statistics | None = None  # that lite0's head normalises by; or its training set's
+    made_with: MadeWith = ()  # backend and versions of all workers of the run
 
     @property
     def classes(self) -> ClassTable:
@@ -207,7 +209,9 @@ def trained(
 
     Raises:
         TrainingError: training diverged.
+        UserError: this process makes nets with another backend than the run.
     """
+    refuse_other(recipe.made_with)
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
     return train(
         seed,
@@ -267,11 +271,8 @@ def worker_environment() -> dict[str, str]:
     a core, to load what another has compiled 1.2 s: who waited for the other would be ready later.
     """
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "sdr-jax" / "xla"
-    flags = os.environ.get("XLA_FLAGS", "")
     return {
-        "XLA_FLAGS": f"{flags} --xla_cpu_multi_thread_eigen=false".strip(),
-        # XLA's Cholesky is OpenBLAS's, whose threads spin: 300 times slower where cores are shared.
-        "OPENBLAS_NUM_THREADS": "1",
+        "NPROC": "1",  # of XLA's threads; what convolutions sum up depends on their number
         "JAX_COMPILATION_CACHE_DIR": os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)),
         # With 1 s, the default, parts of the head would be compiled by every worker: 2.6 s, not 1.2.
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",

@@ -19,6 +19,7 @@ import jax
 import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 
+from experiments.reward.made_with import refuse_other
 from experiments.reward.miou import Outcome, Recipe, render, training_set
 from experiments.reward.shelf import sent
 from scene.proposal import Proposal, random_proposal
@@ -89,6 +90,7 @@ def train_features(recipe: Recipe) -> Any:
     own = recipe.fidelity.train
     # Compact whatever the recipe trains, with the settings that suit it.
     settings = TrainSettings(steps=own.steps, batch=own.batch)
+    refuse_other(recipe.made_with)
     images, labels, *_ = training_set(recipe, random_proposal(), SEED)
     params = train(SEED, images, labels, settings, len(recipe.classes.classes))
     return jax.tree.map(np.asarray, params)
@@ -96,6 +98,7 @@ def train_features(recipe: Recipe) -> Any:
 
 def evaluate_mmd(recipe: Recipe, source: Proposal, seed: int, real: Reference) -> Outcome:
     """Render and compare; the arguments are those of ``evaluate_miou``, but for the last."""
+    refuse_other(recipe.made_with)
     started = time.perf_counter()
     dataset = render(recipe, source, seed)
     rendered = time.perf_counter()

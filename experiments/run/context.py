@@ -18,6 +18,7 @@ from typing import Any, Generic, Literal, NamedTuple, TypeVar, get_args
 
 from experiments.config import Candidate, Config, Fidelity, RewardKind
 from experiments.reward.evaluator import Asked, Evaluator, Job, Memory, Side, evaluated
+from experiments.reward.made_with import FIELD, MadeWith, asked
 from experiments.reward.miou import Outcome, Parts, Recipe, worker_environment
 from experiments.reward.mmd import FeatureNet, Reference, feature_net
 from experiments.reward.shelf import Shelf
@@ -38,7 +39,8 @@ from shell.errors import UserError
 from shell.files import parse_json
 from shell.progress import Progress, Stage, duration
 
-PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
+PACKAGES = ("sdr-jax", "trimesh", "pyrender")
+"""Whose versions ``config.json`` holds, beside those that decide evaluations."""
 FREE_FIELDS = ("out", "workers", "executor", "scheduler", "store")
 """Fields that may differ when a job is continued."""
 REWARD_NAMES: dict[RewardKind, str] = {"miou": "mIoU", "mmd": "-MMD^2"}
@@ -80,6 +82,8 @@ class Run(Generic[AnyConfig]):
     store: Store | None
     """Evaluations shared with other runs."""
     progress: Progress
+    made_with: MadeWith = ()
+    """Backend and versions of its workers."""
     shelf: Shelf = field(init=False)
     """The workers, and real images in files that they share."""
     ahead: Ahead = field(init=False)
@@ -94,7 +98,8 @@ class Run(Generic[AnyConfig]):
         """How nets are made at a fidelity; fields of the pool of assets may be changed."""
         config = self.config
         assets = config.pool._replace(**pool)
-        return Recipe(fidelity, self.target.table, config.renderer, assets)
+        table, own = self.target.table, self.made_with
+        return Recipe(fidelity, table, config.renderer, assets, made_with=own)
 
     def truth(self, fidelity: Fidelity, side: Side | Literal["few", "labelled"]) -> Truth:
         """The target's labelled images of a side, at a fidelity's size; the few, or all but the test's."""
@@ -166,13 +171,20 @@ class Run(Generic[AnyConfig]):
         self.progress.say(plan_text(plan, self.workers.workers))
         if self.workers.dashboard is not None:
             self.progress.say(f"Dashboard: {self.workers.dashboard}")
-        shared = "" if self.store is None else f" | {self.store.path} holds {len(self.store)}"
+        shared = "" if self.store is None else f" | {self._held(self.store)}"
         self.progress.say(f"Folder: {self.config.out}{shared}")
         if lines:
             self.progress.say(
                 f"Continuing: {len(self.evaluations.records)} rewards and "
                 f"{len(self.finals.records)} other nets are done, in {duration(elapsed)}"
             )
+
+    def _held(self, store: Store) -> str:
+        """How many evaluations a store holds, and how many of them this run may take."""
+        ours = sum(record.get(FIELD) == dict(self.made_with) for record in store.records)
+        others = len(store) - ours
+        note = f", {others} of them made with other backends or versions" if others else ""
+        return f"{store.path} holds {len(store)}{note}"
 
 
 def refuse_failed(outcomes: Sequence[Outcome], total: int) -> None:
@@ -252,9 +264,10 @@ def opened(
     plain = {"engine": ENGINE, **asdict(config)}
     environment = worker_environment()
     with workers_of(config.executor, config.workers, config.scheduler, environment) as workers:
+        answer = asked(workers)
         target = named_target(config, workers)
         _refuse_former(config.out)
-        folder.refuse_foreign(config.out, plain, FREE_FIELDS)
+        folder.refuse_foreign(config.out, plain, (*FREE_FIELDS, FIELD))
         if refuse is not None:
             refuse(target)
         store = None if config.store is None else Store(config.store)
@@ -264,9 +277,11 @@ def opened(
         target.at(config.reward.height, config.reward.width)
         if target.real:
             print(title, flush=True)
+        ((_, own),) = answer
+        plain[FIELD] = dict(own)
         with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
             evaluations, finals = (Log(config.out / name) for name in LOGS)
-            run = Run(config, target, workers, evaluations, finals, store, Progress(1.0))
+            run = Run(config, target, workers, evaluations, finals, store, Progress(1.0), own)
             try:
                 yield run
             finally:

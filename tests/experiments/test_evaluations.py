@@ -43,7 +43,8 @@ def record(key: str = "k", reward: float | None = 0.25, **others) -> dict:
     failed = None if reward is not None else "the loss is nan"
     scores = (math.nan, []) if failed else (reward, [0.5, None])
     outcome = Outcome(*scores, 1.0, 2.0, failed)
-    return record_of(key, random_proposal(), 1, outcome) | {"config": "c", "engine": 1} | others
+    own = {"config": "c", "engine": 1, "made_with": {"backend": "cpu"}}
+    return record_of(key, random_proposal(), 1, outcome) | own | others
 
 
 @pytest.fixture

@@ -2,17 +2,34 @@
 
 import json
 from dataclasses import asdict, replace
+from functools import partial
 from unittest.mock import Mock
 
+import jax
+import numpy as np
 import pytest
 
+from experiments.config import MainConfig
+from experiments.presets import defaults
+from experiments.reward.made_with import made_with
+from experiments.reward.miou import Recipe, trained, worker_environment
+from experiments.reward.mmd import train_features
+from experiments.reward.store import digest_of, read, write_store
+from experiments.reward.truth import Truth
 from experiments.run import context
 from experiments.run.nets import score_nets
+from experiments.store import main as merge_stores
+from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from scene.render import RendererError
+from scene.workers import WorkerPool
+from shell.errors import UserError
 from shell.folder import plain
+from tests.conftest import printed
 
 from .conftest import formula, main_job, never
+
+FINAL = defaults(MainConfig, "camvid", "smoke").final
 
 
 @pytest.fixture
@@ -29,8 +46,9 @@ def fails(error_line, camvid):
 def test_a_folder_says_everything_needed_to_repeat_the_run(tiny_camvid):
     with context.opened(tiny_camvid):
         stored = json.loads((tiny_camvid.out / "config.json").read_text())
-    assert set(stored.pop("versions")) >= {"jax", "numpy", "sdr-jax"}
-    assert stored == plain({"engine": context.ENGINE, **asdict(tiny_camvid)})
+    assert set(stored.pop("versions")) >= {"sdr-jax"}
+    own = {"engine": context.ENGINE, "made_with": dict(made_with())}
+    assert stored == plain({**own, **asdict(tiny_camvid)})
 
 
 def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_by, capsys):
@@ -67,3 +85,100 @@ def test_a_folder_in_use_and_a_missing_renderer(fails, tiny_camvid, camvid, monk
     monkeypatch.setattr(context, "renderer", Mock(side_effect=missing))
     assert "EGL is missing; install libegl1" in fails(tmp_path / "new")
     assert not (tmp_path / "new").exists()
+
+
+def gradient():
+    """Digest of a convolution's gradient, whose sums depend on how many threads XLA has."""
+    shapes = ((4, 32, 32, 8), (3, 3, 8, 8))
+    x, kernel = (jax.random.normal(jax.random.key(k), shape) for k, shape in enumerate(shapes))
+
+    def loss(kernel):
+        names = ("NHWC", "HWIO", "NHWC")
+        y = jax.lax.conv_general_dilated(x, kernel, (1, 1), "SAME", dimension_numbers=names)
+        return (y**2).sum()
+
+    return digest_of(np.asarray(jax.jit(jax.grad(loss))(kernel)))
+
+
+def test_nets_are_the_same_in_a_worker_and_in_the_main_process():
+    # Where there is more than one core.
+    code = (
+        "from functools import partial\n"
+        "from experiments.cli import main\n"
+        "from experiments.config import MainConfig\n"
+        "from experiments.presets import defaults\n"
+        "from tests.experiments.test_run import gradient\n"
+        "work = lambda config: print(gradient())\n"
+        "main('camvid', partial(defaults, MainConfig), work, '', (), target='camvid')\n"
+    )
+    with WorkerPool(1, worker_environment()) as pool:
+        ((_, found),) = pool.map(gradient, [()])
+    assert printed(code)[-1] == found
+
+
+@pytest.fixture
+def elsewhere(monkeypatch):
+    """From here on nets are made by another backend."""
+
+    def change() -> None:
+        found = (("backend", "gpu"), *made_with()[1:])
+        monkeypatch.setattr("experiments.reward.made_with.made_with", lambda: found)
+
+    return change
+
+
+def test_a_run_keeps_to_its_backend_and_versions(tiny_camvid, fails, elsewhere):
+    with context.opened(tiny_camvid):
+        stored = json.loads((tiny_camvid.out / "config.json").read_text())
+    ours = stored["made_with"]
+    assert (ours["backend"], ours["jax"], ours["numpy"]) == ("cpu", jax.__version__, np.__version__)
+    elsewhere()
+    line = fails(tiny_camvid.out)
+    assert 'a run with made_with.backend = "cpu", not "gpu"; put that back to continue it' in line
+    assert json.loads((tiny_camvid.out / "config.json").read_text()) == stored
+
+
+def test_a_store_keeps_two_backends_apart(tiny_camvid, counted, elsewhere, capsys):
+    store = tiny_camvid.out.with_name("store.jsonl")
+
+    def score(out: str) -> int:
+        counted.calls.clear()
+        config = replace(tiny_camvid, out=tiny_camvid.out.with_name(out), store=store)
+        with context.opened(config) as run:
+            run.begin([context.Work.at("final nets", 2, config.final)])
+            recipe = run.recipe(config.final)
+            score_nets(run, "final", {"random": random_proposal()}, recipe, [1, 2])
+        return len(counted.calls)
+
+    assert (score("a"), score("again")) == (2, 0)
+    elsewhere()
+    capsys.readouterr()
+    assert (score("b"), score("more")) == (2, 0)
+    said = [line for line in capsys.readouterr().out.splitlines() if "holds" in line]
+    assert said[0].endswith("holds 2, 2 of them made with other backends or versions")
+    assert said[1].endswith("holds 4, 2 of them made with other backends or versions")
+    runs = [str(tiny_camvid.out.with_name(name)) for name in ("a", "b")]
+    merged = store.with_name("merged.jsonl")
+    assert merge_stores(["merge", *runs, "--out", str(merged)]) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert len(read(merged)) == 4 and told == [
+        f"{merged}: 4 evaluations",
+        "Runs take only what their own backend and versions made: 2 with backend cpu; 2 with backend gpu",
+    ]
+    # As it was before a record said so.
+    old = [record for record, _ in read(merged).values()]
+    del old[0]["made_with"]
+    write_store(store.with_name("old.jsonl"), old)
+    assert merge_stores(["show", str(store.with_name("old.jsonl"))]) == 0
+    assert "own backend and versions made: 1 with no record; 1 with" in capsys.readouterr().out
+
+
+def test_a_worker_of_another_backend_is_refused(elsewhere):
+    recipe = Recipe(FINAL, "camvid", "embree", AssetPool(), made_with=made_with())
+    elsewhere()
+    real = Truth(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
+    for work in (partial(trained, recipe, real, 0), partial(train_features, recipe)):
+        with pytest.raises(
+            UserError, match="a worker has backend gpu, the run began with cpu: give"
+        ):
+            work()
