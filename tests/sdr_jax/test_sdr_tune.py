@@ -243,12 +243,18 @@ def test_a_history_is_cut_where_its_last_failures_begin(told: str, kept: int | N
     assert outage(history) == kept
 
 
-def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs: Runs) -> None:
-    down = runs.folder / "down"
-    code = (
-        f"import os\nif os.path.exists({str(down)!r}) and at['evaluation'] > 6: sys.exit('down')\n"
+def failing(down: Path) -> str:
+    """A simulator that fails from the evaluation on that a file says, while there is one."""
+    return (
+        f"import os\nif os.path.exists({str(down)!r}):\n"
+        f"    if at['evaluation'] >= int(open({str(down)!r}).read()): sys.exit('down')\n"
         "print(a['centre'])"
     )
+
+
+def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs: Runs) -> None:
+    down = runs.folder / "down"
+    code = failing(down)
     options = ["--evaluations", "30"]
     command, again = runs.arguments(*options, code=code), ["--retry-failed", *options]
     assert "no evaluations to repeat; leave --retry-failed out" in runs.refused(*again, *command)
@@ -259,7 +265,7 @@ def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs: Ru
     assert {path: path.read_bytes() for path in before} == before
     shutil.rmtree(runs.out)
 
-    down.touch()
+    down.write_text("7")
     assert "5 of 30 evaluations failed" in (error := runs.refused(*command))
     assert "exit code 1: down" in error and "--retry-failed" in error
     failed = (runs.out / LOG).read_bytes().splitlines(keepends=True)[6:]
@@ -274,6 +280,20 @@ def test_after_an_outage_what_failed_is_repeated_and_its_lines_are_kept(runs: Ru
     assert aside[:6] == failed and len(aside) == 12
     # An attempt at it failed before.
     assert [path.name for path in (runs.out / "evaluations/000007").iterdir()] == ["run-0-0"]
+
+
+def test_a_folder_can_be_used_after_a_retry_without_a_score(runs: Runs) -> None:
+    (down := runs.folder / "down").write_text("1")
+    code = failing(down)
+    assert "5 of 30 evaluations failed" in runs.refused(
+        *runs.arguments("--evaluations", "30", code=code)
+    )
+    down.write_text("0")
+    again = runs.arguments("--retry-failed", "--evaluations", "30", code=code)
+    assert "all 3 evaluations of the first update failed" in runs.refused(*again)
+    assert len((runs.out / "retried.jsonl").read_bytes().splitlines()) == 6
+    down.unlink()
+    runs.done("--evaluations", "6", code=code)
 
 
 @pytest.mark.parametrize(("code", "timeout", "reason"), [
