@@ -11,7 +11,8 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from scene.compiled import njit
 
 Array = np.ndarray
 Knots = tuple[tuple[float, float], ...]

@@ -12,11 +12,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from scene.assets import catalogue
 from scene.cache import Arrays, kept
 from scene.classes import TrainId
+from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES, ground_assets
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import Asset

@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 
+from scene.compiled import njit
 from scene.streams import table_row
 
 KEY = 0.39

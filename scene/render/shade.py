@@ -1,7 +1,6 @@
 """The shader of all renderers: sun, sky light, texture, gloss and haze of every spot.
 
-Everything here is compiled and alike for all renderers. A compiled function calls only functions of its
-own file: the compiler's cache does not notice changes elsewhere.
+Everything here is compiled and alike for all renderers.
 """
 
 from __future__ import annotations
@@ -11,9 +10,10 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import carray, njit
+from numba import carray
 
 from scene.cache import kept
+from scene.compiled import njit
 from scene.look.materials import MATERIALS, textures
 from scene.render.address import float_pointer
 from scene.render.geometry import ROW

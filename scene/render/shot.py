@@ -11,9 +11,9 @@ from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from scene.cache import kept
+from scene.compiled import njit
 from scene.ground.land import road_height
 from scene.render import shade, visibility
 from scene.render.geometry import Geometry

@@ -10,8 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import carray, njit
+from numba import carray
 
+from scene.compiled import njit
 from scene.render.address import float_pointer
 from scene.render.geometry import ROW
 

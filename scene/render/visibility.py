@@ -1,7 +1,6 @@
 """What lies at each spot and what light can reach it: normals, points, and the rays that ask.
 
-Everything here is compiled and alike for all renderers; they only answer the rays. A compiled function calls
-only functions of its own file: the compiler's cache does not notice changes elsewhere.
+Everything here is compiled and alike for all renderers; they only answer the rays.
 """
 
 from __future__ import annotations
@@ -9,8 +8,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import carray, njit
+from numba import carray
 
+from scene.compiled import njit
 from scene.render.address import float_pointer
 from scene.render.geometry import ROW
 

@@ -6,8 +6,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from scene.compiled import njit
 from scene.sky.clouds import cloud_relief
 from scene.sky.weather import SKIES as SKIES
 from scene.sky.weather import Range, sample_weather

@@ -6,12 +6,12 @@ from bisect import bisect_right
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 
 from scene.assets import catalogue
 from scene.assets.catalogue import AssetPool, kind, pick
 from scene.assets.families import FAMILIES
 from scene.classes import TrainId
+from scene.compiled import njit
 from scene.ground.path import place_at, to_world
 from scene.street.camera import DRIVE, SEARCH, VIEW
 from scene.street.lines import LINE_END, LINE_START, Setting, parts_of

@@ -7,11 +7,11 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from scene.assets import catalogue
 from scene.assets.families import FAMILIES
 from scene.classes import TrainId
+from scene.compiled import njit
 
 STEM = 0.3
 """Half the width, metres, that crowns, lamps and signs take on the ground: one stands below the rest."""

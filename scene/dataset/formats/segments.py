@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from scene.classes import LABEL_IDS, VOID, TrainId
+from scene.compiled import njit
 
 FIRST_THING = int(TrainId.PERSON)
 """Train ids from here on are things: their objects are told apart."""

@@ -13,8 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import carray, njit
+from numba import carray
 
+from scene.compiled import njit
 from scene.render.address import float_pointer, int_pointer
 from scene.render.geometry import SKY_INSTANCE, Geometry
 from scene.render.protocol import RenderSettings, pixel_rays

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from scene.compiled import njit
 from scene.render.embree.api import LANES, SceneBVH, occluded8, query_arguments
 
 EVERYTHING = 0xFFFFFFFF

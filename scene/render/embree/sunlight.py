@@ -7,8 +7,8 @@ others are known; all others are cast as well. At the edge of a shadow every sam
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from scene.compiled import njit
 from scene.render.embree.api import SceneBVH
 from scene.render.embree.rays import free
 from scene.render.protocol import RenderSettings

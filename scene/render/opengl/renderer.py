@@ -13,8 +13,8 @@ from functools import cache, partial
 from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
-from numba import njit
 
+from scene.compiled import njit
 from scene.render import shade
 from scene.render.geometry import World, build, world
 from scene.render.opengl.shadow_maps import cast_shadows, pose_of

@@ -6,8 +6,8 @@ import math
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
 
+from scene.compiled import njit
 from scene.render.geometry import World
 from scene.render.shot import Visible
 

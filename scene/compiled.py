@@ -1,0 +1,89 @@
+"""Compiled functions, kept on disk between processes.
+
+Numba looks at a function's own file to see whether what it keeps is of that function. Ours call functions
+and hold constants of other files, so each state of the sources has a folder of its own.
+"""
+
+from __future__ import annotations
+
+import atexit
+import hashlib
+import os
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numba
+
+F = TypeVar("F", bound=Callable[..., Any])
+VARIABLE = "NUMBA_CACHE_DIR"
+NAME = "kernels-"
+"""What the folders' names begin with; a digest follows."""
+WITHOUT = ("assets", "preview")
+"""Folders of ``scene`` that hold no compiled functions, and nothing that these hold."""
+
+
+def njit(**options: Any) -> Callable[[F], F]:
+    """``numba.njit`` with these options, which keeps what it compiles by the state of all sources."""
+
+    def decorate(function: F) -> F:
+        before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _folder()
+        try:
+            compiled: F = numba.njit(**options)(function)
+        finally:
+            numba.config.CACHE_DIR = before
+        return compiled
+
+    return decorate
+
+
+@cache
+def _folder() -> str:
+    """The first folder that can be written to: the user's choice, beside the sources, in the home."""
+    package = Path(__file__).parent
+    name = NAME + _sources(package)
+    for root in _roots(package):
+        folder = root / name
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            tempfile.TemporaryFile(dir=folder).close()
+        except OSError:
+            continue
+        if root.parent == package:  # of earlier states of the same sources
+            for other in root.glob(NAME + "*"):
+                if other != folder:
+                    shutil.rmtree(other, ignore_errors=True)
+        return str(folder)
+    # No name that others know: what lies there is run. Processes that are started from here find it, too.
+    made = os.environ[VARIABLE] = tempfile.mkdtemp(prefix="sdr-jax-")
+    atexit.register(shutil.rmtree, made, ignore_errors=True)
+    print(
+        f"Neither {package} nor a home folder can be written to: functions are compiled for this run only, "
+        f"which takes a minute. Set {VARIABLE} to a folder that can be.",
+        file=sys.stderr,
+        flush=True,
+    )
+    return str(Path(made) / name)
+
+
+def _roots(package: Path) -> Iterator[Path]:
+    if os.environ.get(VARIABLE):
+        yield Path(os.environ[VARIABLE]).absolute()
+    yield package / "__pycache__"
+    with suppress(RuntimeError):  # no home
+        yield Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sdr-jax"
+
+
+def _sources(package: Path) -> str:
+    """What all files that compiled functions depend on come to."""
+    found = hashlib.sha256()
+    for path in sorted(package.rglob("*.py")):
+        own = path.relative_to(package)
+        if own.parts[0] not in WITHOUT:
+            found.update(f"{own.as_posix()} ".encode() + path.read_bytes() + b"\0")
+    return found.hexdigest()[:16]
