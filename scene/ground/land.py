@@ -31,20 +31,27 @@ RASTER = 4.0
 """Side of the cells in which the height below a point is looked up, metres."""
 
 
-def bent(parts: list[Quads], path: Path) -> list[Quads]:
-    """Faces in road coordinates, cut into pieces short enough to follow the road, in the world."""
-    if path.straight:
-        return parts
-    piece = _pieces(Quads(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True))))
-    x, y, z = np.moveaxis(piece.corners, -1, 0)
-    corners = np.empty_like(piece.corners)
+def bent(part: Quads, path: Path) -> Quads:
+    """Faces in road coordinates, in the world."""
+    x, y, z = np.moveaxis(part.corners, -1, 0)
+    corners = np.empty_like(part.corners)
     corners[..., :2] = to_world(path, x, y)
     corners[..., 2] = z + height_at(path, x)
-    return [piece._replace(corners=corners)]
+    return part._replace(corners=corners)
 
 
-def _pieces(part: Quads) -> Quads:
-    """Faces cut so that no edge runs more than ``CHORD`` along the road."""
+def above_road(part: Quads, path: Path) -> Quads:
+    """Faces in the world, each corner as high as it lies above the nearest place of the road."""
+    if not path.slopes:
+        return part
+    corners = part.corners.copy()
+    corners[..., 2] -= road_height(path, corners.reshape(-1, 3)).reshape(corners.shape[:-1])
+    return part._replace(corners=corners)
+
+
+def pieces(parts: list[Quads]) -> Quads:
+    """Faces cut so that no edge runs more than ``CHORD`` along the road, which then can bend."""
+    part = Quads(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
     edge = np.abs(part.corners - np.roll(part.corners, -1, axis=1))[..., 0]
     counts = np.stack([np.maximum(edge[:, 0], edge[:, 2]), np.maximum(edge[:, 1], edge[:, 3])], 1)
     counts = np.maximum(np.ceil(counts / CHORD - 1e-6), 1).astype(int)

@@ -17,7 +17,7 @@ from scene.assets import catalogue
 from scene.cache import Arrays, kept
 from scene.classes import TrainId
 from scene.compiled import njit
-from scene.ground.build import GROUND_INSTANCES, ground_assets
+from scene.ground.build import GROUND_INSTANCES, ground_surfaces
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import Asset
 from scene.mesh.mesh import cross
@@ -94,6 +94,10 @@ class Geometry(NamedTuple):
     pose: np.ndarray  # f32[instances, 3, 4] shape -> world
     train_id: np.ndarray  # u8[instances]; instance 0 is the sky
     boxes: np.ndarray  # f32[instances, 8, 3] corners of a box around each, in its own frame
+    laid: tuple[
+        np.ndarray, ...
+    ] = ()  # f32[f, 2, 3, 3] of instances 1, 2, 3, the ground, where it bends
+    # or slopes: the corners of its faces in the world, and in road coordinates
 
     @property
     def surfaces(self) -> np.ndarray:
@@ -228,8 +232,12 @@ def _sound(found: Arrays) -> bool:
 
 def build(street: Street) -> Geometry:
     """Collect a street's shapes and poses."""
-    ground = ground_assets(street.ground)
-    shapes = [shape_of(ground[instance]) for instance in range(1, FIRST_INSTANCE)]
+    ground = ground_surfaces(street.ground)
+    shapes = [shape_of(ground[instance].asset) for instance in range(1, FIRST_INSTANCE)]
+    laid = [] if street.ground.path.straight else [
+        np.stack([shape.vertices[shape.faces], road.astype(np.float32)[shape.faces]], axis=1)
+        for shape, (_, road) in zip(shapes, ground.values(), strict=True)
+    ]  # fmt: skip
     shapes += [asset_shape(p.family, p.asset, p.far) for p in street.placements]
     pose = np.zeros((1 + len(shapes), 3, 4), np.float32)
     pose[:FIRST_INSTANCE] = np.eye(3, 4)
@@ -240,7 +248,7 @@ def build(street: Street) -> Geometry:
     for placement in street.placements:
         pose[placement.instance] = placement.pose[:3]
         train_id[placement.instance] = placement.train_id
-    return stand(shapes, pose, train_id)
+    return stand(shapes, pose, train_id)._replace(laid=tuple(laid))
 
 
 def stand(shapes: Sequence[Shape], pose: np.ndarray, train_id: np.ndarray) -> Geometry:

@@ -18,6 +18,7 @@ from scene.ground.land import road_height
 from scene.render import shade, visibility
 from scene.render.geometry import Geometry
 from scene.render.protocol import Frame, RenderSettings, pixel_rays, through_middles
+from scene.render.road import on_road
 from scene.render.sensor import develop, set_to, vary
 from scene.render.spots import Spots, group
 from scene.sky.clouds import cloud_relief
@@ -199,9 +200,13 @@ def radiance(
     """Linear radiance f32[h, w, 3] of every pixel."""
     sky, geometry, hits, spots = around.street.sky, around.geometry, seen.hits, seen.spots
     brightest = BRIGHTEST if settings.samples > 1 else UNBOUNDED
+    places, flat = on_road(
+        geometry, around.street.ground.path, hits.instance[spots.sample],
+        hits.face[spots.sample], seen.points, seen.flat,
+    )  # fmt: skip
     image = shade.shade(
         spots.first, spots.sample, spots.share / np.float32(settings.samples**2), hits.face,
-        hits.instance, spots.distance, spots.directions, seen.points, seen.flat, seen.smooth,
+        hits.instance, spots.distance, spots.directions, places, flat, seen.smooth,
         light.lit, light.opened, np.float32(seen.rays.spacing * settings.samples),
         np.float32(brightest), settings.textures,
         geometry.surfaces, shade.material_rows(), *shade.texture_levels(),

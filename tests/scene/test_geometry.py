@@ -27,7 +27,7 @@ vector = st.tuples(number, number, number)
 def test_arrays_fit_together_the_same_each_time(seed):
     drawn = street(seed=seed)
     g, again = build(drawn), build(drawn)
-    for a, b in zip((g[3:], *g.shapes), (again[3:], *again.shapes), strict=True):
+    for a, b in zip((g[3:6], *g.shapes), (again[3:6], *again.shapes), strict=True):
         assert [x.tobytes() for x in a[:4]] == [x.tobytes() for x in b[:4]]
     n = 4 + len(drawn.placements)
     assert len(g.shapes) + 1 == len(g.surfaces) == len(g.pose) == len(g.train_id) == n

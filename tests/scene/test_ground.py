@@ -8,7 +8,7 @@ from hypothesis import given
 
 from scene.classes import TrainId
 from scene.ground import markings
-from scene.ground.build import GROUND_INSTANCES, ground_assets
+from scene.ground.build import GROUND_INSTANCES, ground_surfaces
 from scene.ground.extent import FOOTWAYS, HALF_WIDTHS, KERB_HEIGHT, KERB_WIDTH
 from scene.ground.ground import ground_height, plain, sample_ground
 from scene.look.materials import material_id
@@ -19,6 +19,11 @@ from tests.scene.conftest import SEEDS
 
 def ground(seed, **arguments):
     return sample_ground(np.random.default_rng(seed), **arguments)
+
+
+def ground_assets(drawn):
+    """The three surfaces in the world."""
+    return {instance: surface.asset for instance, surface in ground_surfaces(drawn).items()}
 
 
 def painted_on(drawn):

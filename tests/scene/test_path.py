@@ -11,6 +11,8 @@ from scene.ground import path as paths
 from scene.ground.extent import STRIP
 from scene.ground.ground import ground_height
 from scene.ground.path import Path, heading_at, height_at, nearest, place_at, sample_path, to_world
+from scene.render.geometry import build
+from scene.render.road import on_road
 from scene.street.camera import Camera
 from scene.street.clearing import VEHICLES, boxes
 from tests.scene.conftest import DEFAULT, SEEDS, chosen, street
@@ -91,3 +93,31 @@ def test_labels_of_a_junction_from_above_are_those_of_the_place(seed):
         inner, outer = (junction.paved(x, y, d) or abs(y) < half + d for d in (-0.3, 0.3))
         assert inner != outer or inner == (label == TrainId.ROAD)
     assert (frame.label == TrainId.SIDEWALK).mean() > 0.05
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_points_of_the_ground_are_found_again_where_the_road_goes(seed):
+    drawn = street(SHAPED, seed)
+    path, geometry = drawn.ground.path, build(drawn)
+    rng = np.random.default_rng(seed)
+    for surface in (1, 2, 3):
+        shape = geometry.shapes[surface - 1]
+        faces = rng.choice(np.flatnonzero(shape.normal.any(axis=1)), 3000).astype(np.int32)
+        share = rng.dirichlet(np.ones(3), len(faces))[:, :, None]
+        points = (share * shape.vertices[shape.faces[faces]]).sum(axis=1).astype(np.float32)
+        instance, normals = np.full(len(faces), surface, np.int32), shape.normal[faces]
+        found, turned = on_road(geometry, path, instance, faces, points, normals)
+        x, y, above = found.astype(float).T
+        off = np.linalg.norm(to_world(path, x, y) - points[:, :2], axis=1)
+        climbed = np.abs(height_at(path, x) + above - points[:, 2])
+        # The open land keeps its place in the world; so does what lies where the road is straight.
+        land = np.abs(found[:, :2] - points[:, :2]).max(axis=1) < 0.01
+        assert surface == 3 or not land.all()
+        most = 0.03 if surface < 3 else 0.3  # far from the road, faces are large
+        assert off[~land].max() < most and climbed[~land].max() < most
+        level = normals[:, 2] > 0.99
+        assert level.any() and (turned[level & ~land, 2] > 0.999).all()
+        steep = ~land & (np.abs(normals[:, 2]) < 0.3)  # kerbs face the road, whichever way it goes
+        assert (np.abs(turned[steep, 1]) > 0.95).sum() >= 0.8 * steep.sum()
+    plain = points, normals
+    assert on_road(geometry, paths.STRAIGHT, instance, faces, *plain) == plain

@@ -9,6 +9,7 @@ from scene import CLASS_NAMES, CameraResponse, Street, TrainId
 from scene.assets.families import FAMILIES
 from scene.attributes import BY_NAME
 from scene.ground.ground import plain, sample_ground
+from scene.ground.path import STRAIGHT, Path, place_at
 from scene.mesh.solids import box
 from scene.render import RENDERERS, RenderSettings, check_settings, renderer, shot
 from scene.render.embree import depth_buffer, sunlight
@@ -251,6 +252,43 @@ def test_occlusion_darkens_what_is_close_to_other_things_and_textures_roughen_th
     rough, flat = draw(drawn), draw(drawn, QUIET._replace(textures=False))
     grain = [np.diff(f.image[-20:, 40:56].astype(float), axis=1).std() for f in (rough, flat)]
     assert grain[0] > 1.5 * grain[1]
+
+
+def test_textures_of_the_ground_follow_a_bend(draw):
+    """Seen from above, a road that bends looks as a straight one does at the same place along it."""
+    settings = QUIET._replace(shadows=False, occlusion=False)
+    straight = bare_street()._replace(cameras=())
+    ground = straight.ground._replace(
+        road=straight.ground.road._replace(material="patched asphalt")
+    )
+    seen = []
+    for path in (STRAIGHT, Path(bends=((-40.0, 1 / 40), (100.0, 1 / 40)))):
+        patches = []
+        for x, y in ((30.0, 1.0), (55.0, -2.0)):
+            place = place_at(path, x, y)
+            above = Camera((place.east, place.north, 3.0), -place.heading, math.radians(89.9))
+            drawn = straight._replace(ground=ground._replace(path=path), cameras=(above,))
+            patches.append(draw(drawn, settings).image[8:-8, 12:-12, 1].ravel())
+        seen.append(patches)
+    for one, other in zip(*seen, strict=True):
+        assert one.std() > 2 and np.corrcoef(one, other)[0, 1] > 0.7
+    assert abs(np.corrcoef(*seen[1])[0, 1]) < 0.5  # elsewhere it looks different
+
+
+@pytest.mark.parametrize("slope", [0.1, -0.1])
+def test_wetness_goes_by_the_height_above_the_road_not_by_that_of_the_road(draw, slope):
+    place, over = (18.0, -2.0, slope * 18.0), (0.0, 0.0, 4.0)
+    camera = LEVEL._replace(position=over, pitch=0.1 - math.atan(slope))
+    bent = bare_street(at("car", *place), camera=camera)
+    path = Path(slopes=((-40.0, slope), (350.0, slope)))
+    bent = bent._replace(ground=bent.ground._replace(path=path))
+    wet, dry = (draw(bent._replace(sky=bent.sky._replace(wetness=w))) for w in (0.7, 0.0))
+    changed = (wet.image != dry.image).any(axis=2)
+    near = (wet.depth > 0) & (wet.depth < 60)
+    paved = near & np.isin(wet.label, (TrainId.ROAD, TrainId.SIDEWALK)) & (wet.normal[..., 1] > 0.9)
+    car = wet.label == TrainId.CAR
+    assert paved.sum() > 500 and changed[paved].mean() > 0.98
+    assert car.sum() > 50 and changed[car].mean() < 0.02
 
 
 def test_the_picture_brightens_with_the_sun_and_haze_takes_distant_things_into_the_horizon(draw):

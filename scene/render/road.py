@@ -1,0 +1,84 @@
+"""Where spots lie on the road, by which textures of the ground and wetness go.
+
+On a straight and level road that is where they lie in the world.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scene.compiled import njit
+from scene.ground.land import road_height
+from scene.ground.path import Path
+from scene.render.geometry import Geometry
+
+LEVEL = 0.7
+"""Least upward part of a level face's normal: of its height, shading asks only whether water lies on it."""
+
+
+def on_road(
+    geometry: Geometry,
+    path: Path,
+    instance: np.ndarray,
+    face: np.ndarray,
+    points: np.ndarray,
+    flat: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Points f32[m, 3] and normals f32[m, 3] of spots as shading wants them, see ``shade``.
+
+    Those of the ground in road coordinates; of the rest only the height of level faces changes, which is
+    that above the road.
+
+    Args:
+        geometry: of the street.
+        path: of its road.
+        instance: i32[m] that each spot belongs to, 0 for the sky.
+        face: i32[m] of its shape.
+        points: f32[m, 3] in the world.
+        flat: f32[m, 3] in the world.
+    """
+    if path.straight:
+        return points, flat
+    points, flat = points.copy(), flat.copy()
+    if path.slopes:
+        level = np.flatnonzero((flat[:, 2] > LEVEL) & (instance > len(geometry.laid)))
+        points[level, 2] -= road_height(path, points[level])
+    for ground, corners in enumerate(geometry.laid, 1):
+        _lay(ground, corners, instance, face, points, flat)
+    return points, flat
+
+
+@njit(cache=True, error_model="numpy")
+def _lay(
+    ground: int,
+    corners: np.ndarray,
+    instance: np.ndarray,
+    face: np.ndarray,
+    points: np.ndarray,
+    flat: np.ndarray,
+) -> None:
+    """Put the points and normals of one surface where they are as its faces lie on the road."""
+    for i in range(len(instance)):
+        if instance[i] != ground:
+            continue
+        standing, lying = corners[face[i], 0], corners[face[i], 1]
+        # Barycentric coordinates of the point, from dot products with the two edges.
+        bb = bc = cc = pb = pc = 0.0
+        for k in range(3):
+            b, c = standing[1, k] - standing[0, k], standing[2, k] - standing[0, k]
+            p = points[i, k] - standing[0, k]
+            bb += b * b
+            bc += b * c
+            cc += c * c
+            pb += p * b
+            pc += p * c
+        area = bb * cc - bc * bc
+        u, v = (cc * pb - bc * pc) / area, (bb * pc - bc * pb) / area
+        b0, b1, b2 = lying[1, 0] - lying[0, 0], lying[1, 1] - lying[0, 1], lying[1, 2] - lying[0, 2]
+        c0, c1, c2 = lying[2, 0] - lying[0, 0], lying[2, 1] - lying[0, 1], lying[2, 2] - lying[0, 2]
+        points[i, 0] = lying[0, 0] + u * b0 + v * c0
+        points[i, 1] = lying[0, 1] + u * b1 + v * c1
+        points[i, 2] = lying[0, 2] + u * b2 + v * c2
+        x, y, z = b1 * c2 - b2 * c1, b2 * c0 - b0 * c2, b0 * c1 - b1 * c0
+        shrink = (1.0 if z * flat[i, 2] >= 0 else -1.0) / np.sqrt(x * x + y * y + z * z)
+        flat[i, 0], flat[i, 1], flat[i, 2] = shrink * x, shrink * y, shrink * z
