@@ -81,18 +81,18 @@ class Plot:
             return False
         pose = pose_at(self.ground, x, y, yaw)
         pose = pose if tilt is None else pose @ tilt
-        box = footprint(family, ref, pose)
+        found = parts_of(family, ref, seed, self.street.pool)
+        parts = [(part, own) for part, own in found if own is not None]
+        box = footprint(parts, pose)
         if self._taken.meet(box, spare):
             return False
         if bare and any(laid.meet(box, spare) for laid in self._laid.values()):
             return False
-        block = self._block(family, ref, box)
+        block = self._block(parts, box)
         if block is not None and not _bearable(block, self._blocks):
             return False
         self._occupy(family, box, block)
-        for part, part_ref in parts_of(family, ref, seed, self.street.pool):
-            if part_ref is not None:
-                self.added.append((part, part_ref, pose))
+        self.added += [(part, own, pose) for part, own in parts]
         return True
 
     def lay(self, family: str, ref: int | str | None, x: float, y: float, yaw: float) -> bool:
@@ -103,7 +103,7 @@ class Plot:
         # Tiles are flat: where the land is not, they lie on its highest points.
         params = self.street.params
         pose[2, 3] += min(STEEP_LIFT * params.gradient + BENT_LIFT * params.bend, MOST_LIFT)
-        box = footprint(family, ref, pose)
+        box = footprint([(family, ref)], pose)
         if self._houses.meet(box, -0.05):
             return False
         if any(laid.meet(box, -0.05) for f, laid in self._laid.items() if f != family):
@@ -128,8 +128,8 @@ class Plot:
         return self._houses.meet(Rectangle(east, north, 1.0, 0.0, 0.0, 0.0), 0.0)
 
     def _stand(self, family: str, ref: int | str, pose: np.ndarray) -> None:
-        box = footprint(family, ref, pose)
-        self._occupy(family, box, self._block(family, ref, box))
+        box = footprint([(family, ref)], pose)
+        self._occupy(family, box, self._block([(family, ref)], box))
 
     def _occupy(self, family: str, box: Rectangle, block: tuple[float, float] | None) -> None:
         if block is not None:
@@ -138,10 +138,12 @@ class Plot:
         if FAMILIES[family].train_id in HOUSES:
             self._houses.add(box)
 
-    def _block(self, family: str, ref: int | str, box: Rectangle) -> tuple[float, float] | None:
+    def _block(
+        self, parts: list[tuple[str, int | str]], box: Rectangle
+    ) -> tuple[float, float] | None:
         """From where to where an object is in the way of the camera, metres along the road."""
         lens = self.street.params.camera_position_y
-        if catalogue.bounds(family, ref)[1, 2] < lens - BELOW:
+        if all(catalogue.bounds(*part)[1, 2] < lens - BELOW for part in parts):
             return None
         first, last = _met(self._path, *box, BESIDE)
         return (float(self._along[first]), float(self._along[last])) if last >= 0 else None

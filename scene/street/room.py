@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -30,9 +31,17 @@ class Rectangle(NamedTuple):
     wide: float
 
 
-def footprint(family: str, ref: int | str, pose: np.ndarray) -> Rectangle:
-    """The rectangle below an asset in a pose f64[4, 4]."""
-    x, y, long, wide = _own(family, ref)
+def footprint(parts: Sequence[tuple[str, int | str]], pose: np.ndarray) -> Rectangle:
+    """The rectangle below assets, families and references, that share a pose f64[4, 4]."""
+    own = [_own(family, ref) for family, ref in parts]
+    left, right = min(x - long for x, _, long, _ in own), max(x + long for x, _, long, _ in own)
+    back, front = min(y - wide for _, y, _, wide in own), max(y + wide for _, y, _, wide in own)
+    x, y, long, wide = (
+        (left + right) / 2,
+        (back + front) / 2,
+        (right - left) / 2,
+        (front - back) / 2,
+    )
     (a, b, _, east), (c, d, _, north) = pose[:2].tolist()
     size = math.hypot(a, c)
     return Rectangle(a * x + b * y + east, c * x + d * y + north, a / size, c / size, long, wide)

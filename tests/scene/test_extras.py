@@ -1,7 +1,7 @@
 """What comes to a street's lines: shares govern it, it overlaps nothing, and the camera stays clear."""
 
 import math
-from itertools import combinations, product
+from itertools import combinations, groupby, product
 
 import numpy as np
 import pytest
@@ -13,10 +13,11 @@ from scene.ground.arms import with_junction
 from scene.ground.ground import sample_ground
 from scene.ground.junction import sample_junction
 from scene.street.background import BEHIND, LINES_END
-from scene.street.extras import Mix, extras
+from scene.street.extras import MIX, Mix, extras
 from scene.street.junction import junction_objects
 from scene.street.lines import Setting
 from scene.street.plot import Plot
+from scene.street.room import Rectangles, footprint
 from scene.street.turning import turning
 from tests.scene.conftest import DEFAULT, POOL, SEEDS
 
@@ -105,6 +106,35 @@ def test_at_junctions_what_drives_and_what_it_heeds_are_on_the_traffic_s_side(dr
             assert ours > 0, family
             found[family] += 1
     assert min(found.values()) > 5, found
+
+
+def objects_of(standing):
+    """Objects: their parts, which share a pose."""
+    return [list(parts) for _, parts in groupby(standing, lambda stand: id(stand[2]))]
+
+
+def in_something(objects, before, passed_over=()):
+    """Of objects in their order, those of which a part stands in something that stood before it."""
+    taken, found = Rectangles(), []
+    for family, ref, pose in before:
+        taken.add(footprint([(family, ref)], pose))
+    for parts in objects:
+        boxes = [footprint([(family, ref)], pose) for family, ref, pose in parts]
+        if any(taken.meet(box, 0.0) for box in boxes):
+            found.append(parts)
+        for box in boxes if parts[0][0] not in passed_over else ():
+            taken.add(box)
+    return found
+
+
+def test_neither_riders_nor_what_they_ride_stand_in_something():
+    riders = 0
+    for seed in range(25):
+        objects = objects_of(added(seed, MIX._replace(riders=1.0), parked_share=1, queue_share=0.5))
+        bad = in_something(objects, [], ("slab", "land", "paving"))
+        assert not [parts for parts in bad if parts[0][0] == "rider"]
+        riders += sum(parts[0][0] == "rider" for parts in objects)
+    assert riders > 250
 
 
 def test_the_camera_stays_clear_open_sides_have_no_houses_and_all_ingredients_come_up():

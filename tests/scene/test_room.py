@@ -54,6 +54,6 @@ def test_spare_is_the_distance_between_sides_by_hand():
 
 def test_a_tree_takes_its_stem_and_a_car_all_of_it():
     pose = np.array([[0.0, -1, 0, 7], [1, 0, 0, 8], [0, 0, 1, 0], [0, 0, 0, 1]])
-    tree, car = footprint("tree", 0, pose), footprint("car", 0, pose)
+    tree, car = footprint([("tree", 0)], pose), footprint([("car", 0)], pose)
     assert max(tree.long, tree.wide) <= 0.3 and np.hypot(tree.x - 7, tree.y - 8) < 0.1
     assert car.long > 1.5 > car.wide > 0.6 and (car.cos, car.sin) == (0.0, 1.0)
