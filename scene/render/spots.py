@@ -26,7 +26,7 @@ THICK = f32(0.005)
 
 
 class Spots(NamedTuple):
-    """Which samples are shaded as one; first in a pixel comes the spot of the sample in or next to its middle."""
+    """Which samples are shaded as one; a pixel's first spot has the sample in or next to its middle."""
 
     first: np.ndarray  # i32[pixels + 1]: spots first[p] to first[p + 1] are those of pixel p
     sample: np.ndarray  # i32[m] the sample by which it is seen

@@ -6,6 +6,7 @@ All of it is placed in a frame of each arm (``Arm``): metres from the road's cen
 from __future__ import annotations
 
 import math
+from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from scene.street.background import WOODS
 from scene.street.clearing import VEHICLES, boxes
 from scene.street.lines import Setting, parts_of
 from scene.street.placing import Standing, pose_at
+from scene.street.plot import Plot
 
 GAP = 0.25
 """Least room between houses of a row, metres."""
@@ -65,8 +67,24 @@ class Arm(NamedTuple):
         return [(part, part_ref, pose) for part, part_ref in found if part_ref is not None]
 
 
+def with_room(street: Setting, standing: list[Standing], wanted: list[Standing]) -> list[Standing]:
+    """Of what belongs to a junction its houses, and what else has room beside them.
+
+    Args:
+        street: the street.
+        standing: of its lines, clear of the houses.
+        wanted: of the junction.
+    """
+    plot = Plot(street, [*standing, *(stand for stand in wanted if stand[0] == "building")])
+    others = (stand for stand in wanted if stand[0] != "building")
+    for _, parts in groupby(others, lambda stand: id(stand[2])):  # parts share their pose
+        plot.admit(list(parts))
+    kept = {id(pose) for _, _, pose in plot.added}
+    return [stand for stand in wanted if stand[0] == "building" or id(stand[2]) in kept]
+
+
 def junction_objects(street: Setting, rng: np.random.Generator) -> list[Standing]:
-    """All that belongs to the junction of a street; consumes ``rng``."""
+    """All that belongs to the junction of a street, see ``with_room``; consumes ``rng``."""
     junction = street.ground.junction
     if junction is None:
         return []

@@ -82,17 +82,30 @@ class Plot:
         pose = pose_at(self.ground, x, y, yaw)
         pose = pose if tilt is None else pose @ tilt
         found = parts_of(family, ref, seed, self.street.pool)
-        parts = [(part, own) for part, own in found if own is not None]
-        box = footprint(parts, pose)
+        return self.admit(
+            [(part, own, pose) for part, own in found if own is not None], spare, bare
+        )
+
+    def admit(self, parts: list[Standing], spare: float = SPARE, bare: bool = False) -> bool:
+        """Stand an object of parts that share a pose where there is room; says whether there was.
+
+        Args:
+            parts: the object first, then its post or machine.
+            spare: metres to the next object.
+            bare: whether it needs ground without tiles.
+        """
+        family, _, pose = parts[0]
+        assets = [(part, ref) for part, ref, _ in parts]
+        box = footprint(assets, pose)
         if self._taken.meet(box, spare):
             return False
         if bare and any(laid.meet(box, spare) for laid in self._laid.values()):
             return False
-        block = self._block(parts, box)
+        block = self._block(assets, box)
         if block is not None and not _bearable(block, self._blocks):
             return False
         self._occupy(family, box, block)
-        self.added += [(part, own, pose) for part, own in parts]
+        self.added += parts
         return True
 
     def lay(self, family: str, ref: int | str | None, x: float, y: float, yaw: float) -> bool:

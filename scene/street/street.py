@@ -24,7 +24,7 @@ from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
 from scene.street.clearing import cleared
 from scene.street.extras import Mix, extras, open_sides
-from scene.street.junction import junction_objects
+from scene.street.junction import junction_objects, with_room
 from scene.street.lines import LINES, Setting, line_objects
 from scene.street.placing import (
     FIRST_INSTANCE,
@@ -89,7 +89,9 @@ def sample_street(
             row = line_objects(line, side, setting, line_rng)
             objects += [o for o in row if line != "building" or side not in is_open]
     corners = junction_objects(setting, stream(seed, "corners"))
-    objects = [*cleared(ground, objects, corners), *corners]
+    objects = cleared(ground, objects, corners)
+    corners = with_room(setting, objects, corners)
+    objects = [*objects, *corners]
     objects += cleared(ground, extras(setting, seed, objects, mix), corners)
     objects = settled(ground, objects, params.building_position)
     near = placed(doors_at_the_kerb(objects, drive), path=ground.path)

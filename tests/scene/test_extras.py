@@ -137,6 +137,31 @@ def test_neither_riders_nor_what_they_ride_stand_in_something():
     assert riders > 250
 
 
+def test_what_stands_at_a_junction_stands_in_nothing_that_was_there(monkeypatch):
+    seen = {}
+
+    def wanted(*arguments):
+        seen["wanted"] = junction_objects(*arguments)
+        return seen["wanted"]
+
+    def last(setting, seed, standing, mix):
+        seen["standing"] = list(standing)
+        return []
+
+    monkeypatch.setattr("scene.street.street.junction_objects", wanted)
+    monkeypatch.setattr("scene.street.street.extras", last)
+    counts = dict.fromkeys(("person", "lamp", "tree", "car", "rider"), 0)
+    for seed in range(30):
+        sample_street(DEFAULT._replace(junction_share=1.0, person_position=8.0), seed, 1, POOL)
+        own = {id(pose) for family, _, pose in seen["wanted"] if family != "building"}
+        before = [stand for stand in seen["standing"] if id(stand[2]) not in own]
+        objects = objects_of(stand for stand in seen["standing"] if id(stand[2]) in own)
+        assert in_something(objects, before) == []
+        for parts in objects:
+            counts[parts[0][0]] = counts.get(parts[0][0], 0) + 1
+    assert min(counts.values()) > 5, counts
+
+
 def test_the_camera_stays_clear_open_sides_have_no_houses_and_all_ingredients_come_up():
     families = set()
     for seed, share in product(range(5), (0.0, 1.0)):
