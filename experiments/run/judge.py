@@ -130,7 +130,7 @@ def select(scores: Scores, reference: str | None = None) -> Selection:
         return Selection(chosen, scores, means, {}, None, f"not tested: {why}")
 
     challengers = [name for name in scores if name != reference]
-    if reference not in scores:
+    if reference is None or reference not in scores:
         why = "no hand-set street among the candidates, so the highest mean is taken"
         return untested(max(challengers, key=means.__getitem__), why)
     if not challengers:
