@@ -11,15 +11,16 @@ write at once. Run folders, whose own evaluations are recorded alike, may stand 
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from experiments.config import RewardKind
 from experiments.reward.made_with import told_apart
 from experiments.reward.store import kinds_of, merged, read, write_store
+from experiments.run.context import REWARD_NAMES, in_words
 from shell.command import Parser, exit_code
 from shell.errors import UserError
 
@@ -50,12 +51,13 @@ def table(path: Path) -> str:
         about = [str(own[0].get(name, "?")) for name in ("target", "side", "size", "images")]
         kind = f"{' '.join(about)} images"
         rewards = [r["reward"] for r in own if r["reward"] is not None]
-        best, mean = (
-            (100 * max(rewards), 100 * float(np.mean(rewards))) if rewards else (math.nan,) * 2
-        )
+        score: RewardKind = own[0].get("kind", "miou")
+        told = ""
+        if rewards:
+            best, mean = (in_words(score, v) for v in (max(rewards), float(np.mean(rewards))))
+            told = f" | {REWARD_NAMES[score]} best {best}, mean {mean}"
         lines.append(
-            f"  {config}  {kind:36s} {len(own):6d} evaluations, {len(own) - len(rewards)} failed"
-            f" | mIoU best {best:5.2f}, mean {mean:5.2f}"
+            f"  {config}  {kind:36s} {len(own):6d} evaluations, {len(own) - len(rewards)} failed{told}"
         )
     if apart := told_apart(records):
         lines.append(f"  {apart}")

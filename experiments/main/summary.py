@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from experiments.reward.miou import Outcome
+from experiments.reward.store import each
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.learn import Learnt
@@ -31,7 +32,7 @@ ROWS = tuple(row for row in TRAINED_ON if row not in few.TRAINED_ON)
 def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Report:
     """All that is measured; scores in percent, unit values in [0, 1]."""
     config, target = run.config, run.target
-    lines = run.evaluations.records + run.finals.records
+    lines = each(run.evaluations.records + run.finals.records)
     return {
         **about(run, config.final),
         **few.about(run),

@@ -10,6 +10,7 @@ import numpy as np
 
 from experiments.report.html import Figure
 from experiments.report.kept import Kept
+from experiments.reward.store import each
 from experiments.study.form import Report, words
 from scene.attributes import Attribute
 from shell.lines import Record
@@ -204,8 +205,8 @@ def costs(run: Kept) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = defaultdict(
         lambda: {"nets": 0, "render": 0.0, "train": 0.0}
     )
-    staged = [("search", line) for line in run.evaluations]
-    staged += [(_stage(line), line) for line in run.finals]
+    staged = [("search", line) for line in each(run.evaluations)]
+    staged += [(_stage(line), line) for line in each(run.finals)]
     for stage, line in staged:
         own = found[stage]
         own["nets"] += 1

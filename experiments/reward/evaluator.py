@@ -66,13 +66,15 @@ class Memory(NamedTuple):
         return stored or self.log.get(key) is not None
 
     def get(self, key: str, notes: dict[str, Any]) -> Outcome | None:
-        """What is known of an evaluation; what is known from the store enters the log, with these notes."""
+        """What is known of an evaluation; the log has a line for each of its jobs, by their notes."""
         known = self.log.get(key)
         if known is None and self.store is not None:
             known = self.store.get(key)
-            if known is not None:
-                self._log(known, notes)
-        return None if known is None else outcome_of(known)
+        if known is None:
+            return None
+        if not self.log.notes(key, notes):
+            self._log(known, notes)
+        return outcome_of(known)
 
     def add(self, record: Record, notes: dict[str, Any]) -> Outcome:
         """Keep a new evaluation; what another run has added to the store meanwhile stands."""
@@ -81,13 +83,6 @@ class Memory(NamedTuple):
             record = self.store.add(record)
         self._log(record, notes)
         return outcome_of(record)._replace(stored=False)
-
-    def again(self, key: str, notes: dict[str, Any]) -> Outcome:
-        """What has just been kept, for another job that is the same; the log has a line for each."""
-        record = self.log.get(key)
-        assert record is not None
-        self._log(record, notes)
-        return outcome_of(record)
 
     def _log(self, record: Record, notes: dict[str, Any]) -> None:
         self.log.add({**record, **notes, "elapsed": round(self.elapsed(), 2)})
@@ -236,7 +231,9 @@ def evaluated(
         outcome = outcome._replace(render_seconds=outcome.render_seconds + rendered[number])
         yield index, key, evaluator.keep(key, job, outcome, memory)
         for twin in missing[key][1:]:
-            yield twin, key, memory.again(key, asked[twin][1].notes)
+            known = memory.get(key, asked[twin][1].notes)
+            assert known is not None
+            yield twin, key, known
 
 
 def _rendered_by_all(task: tuple, workers: Workers) -> tuple[tuple, float]:

@@ -132,24 +132,36 @@ class Log:
     def __init__(self, path: Path) -> None:
         self.path = path
         self._lines = JsonLines(path, "remove it and all after it, or use another --out")
-        self._known: dict[str, Record] = {}
+        self._known: dict[str, list[Record]] = {}
         for number, record in enumerate(self.records):
             check_fields(self._lines.where(number), record)
-            self._known.setdefault(record["key"], record)
+            self._known.setdefault(record["key"], []).append(record)
 
     @property
     def records(self) -> list[Record]:
-        """Every line, in order; some may hold the same evaluation."""
+        """Every line, in order: one for each job, and some jobs are the same evaluation (`each`)."""
         return self._lines.lines
 
     def get(self, key: str) -> Record | None:
         """The evaluation of a key, if it is known."""
-        return self._known.get(key)
+        return self._known[key][0] if key in self._known else None
+
+    def notes(self, key: str, notes: Record) -> bool:
+        """Whether a line of an evaluation has these notes."""
+        return any(notes.items() <= line.items() for line in self._known.get(key, ()))
 
     def add(self, record: Record) -> None:
         """Keep an evaluation, and see it to the disk."""
         self._lines.append(record)
-        self._known.setdefault(record["key"], record)
+        self._known.setdefault(record["key"], []).append(record)
+
+
+def each(records: Iterable[Record]) -> list[Record]:
+    """Every evaluation once, its first line, of the lines of logs."""
+    found: dict[str, Record] = {}
+    for record in records:
+        found.setdefault(record["key"], record)
+    return list(found.values())
 
 
 class Store:

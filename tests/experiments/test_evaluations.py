@@ -17,7 +17,17 @@ from experiments.config import MainConfig
 from experiments.presets import defaults
 from experiments.reward import evaluator, mmd
 from experiments.reward.miou import Outcome, attempt, worker_environment
-from experiments.reward.store import HEADER, LOGS, Log, Store, identity, outcome_of, read, record_of
+from experiments.reward.store import (
+    HEADER,
+    LOGS,
+    Log,
+    Store,
+    each,
+    identity,
+    outcome_of,
+    read,
+    record_of,
+)
 from experiments.reward.truth import Truth
 from experiments.run.context import Run
 from experiments.run.ladder import cost_of, training_cost
@@ -187,11 +197,25 @@ def test_known_evaluations_are_not_made_again(a_run, tmp_path, scored_by):
     kept = Store(store).records
     assert len(kept) == 2 and "row" not in kept[0]
     ours, theirs = (lines(tmp_path / name / LOGS[1]) for name in ("run", "other"))
-    assert [line["row"] for line in ours] == ["r1", "r1", "r2"]  # a line for every job
-    assert untimed(theirs) == untimed(ours[:0:-1])
+    assert [line["row"] for line in ours] == ["r1", "r2"]
+    assert untimed(theirs) == untimed(ours[::-1])
     assert kept[0] == {k: v for k, v in ours[0].items() if k not in ("row", "elapsed")}
     assert kept[0]["centre"] == [0.5] * 23 and kept[0]["width"] == [1.0] * 23
     assert (kept[0]["seed"], kept[0]["side"], kept[0]["size"]) == (1, "reward", "64x48")
+
+
+def test_the_log_has_a_line_for_each_row_of_a_net_that_is_known_already(a_run, scored_by, capsys):
+    scored_by(formula)
+    run = a_run()
+    recipe = run.recipe(run.config.final)
+    for names in (("default",), ("default", "learnt"), ("default", "learnt")):
+        found = score_nets(run, "final", dict.fromkeys(names, default_proposal()), recipe, [0, 1])
+    for opened in (run, a_run()):  # nor does it grow when a run goes on
+        score_nets(opened, "final", dict.fromkeys(names, default_proposal()), recipe, [0, 1])
+    assert [(line["row"], line["seed"]) for line in opened.finals.records] == [
+        ("default", 0), ("default", 1), ("learnt", 0), ("learnt", 1),
+    ]  # fmt: skip
+    assert len(each(opened.finals.records)) == 2 and found["learnt"][0].stored
 
 
 def test_what_the_store_holds_stands(a_run, tmp_path, scored_by):
@@ -330,9 +354,16 @@ def test_show_counts_by_configuration(tmp_path, capsys):
     assert main(["show", str(store), str(log.parent)]) == 0
     first, one, other, run, own = capsys.readouterr().out.splitlines()
     assert first.endswith("4 evaluations")
-    assert "3 evaluations, 1 failed" in one and "best 30.00, mean 20.00" in one
-    assert "1 evaluations, 0 failed" in other and "best 50.00" in other
-    assert f"{log.parent}: 1 evaluations" in run and "best 10.00" in own
+    assert "3 evaluations, 1 failed" in one and "mIoU best 30.0, mean 20.0" in one
+    assert "1 evaluations, 0 failed" in other and "best 50.0" in other
+    assert f"{log.parent}: 1 evaluations" in run and "best 10.0" in own
+
+
+def test_show_tells_rewards_without_labels_as_they_are(tmp_path, capsys):
+    records = [record(key, reward, kind="mmd") for key, reward in (("a", -0.5), ("b", -0.25))]
+    assert main(["show", str(written(tmp_path / "s.jsonl", *records))]) == 0
+    said = capsys.readouterr().out
+    assert "-MMD^2 best -0.2500, mean -0.3750" in said and "mIoU" not in said
 
 
 def test_merge_folds_duplicates(tmp_path, capsys, refused):

@@ -35,7 +35,9 @@ def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
     if failed:
         rows["random"][0] = Outcome(float("nan"), [], 0.0, 1.0, "the loss is nan")
     line = {"failed": None, "render_seconds": 2.0, "train_seconds": 3.0}
-    logs = [[line] * 3, [line] * 4 + [{**line, "failed": "the loss is nan"}] * failed]
+    logs = [[{**line, "key": f"{log}{k}"} for k in range(n)] for log, n in (("e", 3), ("f", 4))]
+    logs[1] += [{**logs[1][0], "row": "learnt"}]  # the same net in another row
+    logs[1] += [{**line, "key": "failed", "failed": "the loss is nan"}] * 2 * failed
     config = defaults(MainConfig, "twin", "smoke", seeds=seeds)
     evaluations, finals = (SimpleNamespace(records=log) for log in logs)
     own = {"evaluations": evaluations, "finals": finals, "progress": SimpleNamespace(elapsed=99.25)}
