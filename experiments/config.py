@@ -155,7 +155,7 @@ class Config:
     out: Path = Path("runs/run")
     """The run folder. The same command continues a run that was stopped."""
     seed: int = 0
-    """Decides everything left to chance, but for the twin."""
+    """Decides everything left to chance, but for the twin and for the choice of real images."""
     renderer: Literal["embree", "opengl"] = "embree"
     """What renders."""
     workers: int = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
@@ -165,9 +165,10 @@ class Config:
     scheduler: str | None = None
     """Address of the cluster's scheduler, such as tcp://10.0.0.1:8786; its workers stand in for --workers."""
     reward_images: int | None = None
-    """At most so many real images for the reward (a seeded choice); by default all."""
+    """At most so many real images for the reward, a random choice that is the same for every --seed; by
+    default all."""
     test_images: int | None = None
-    """At most so many real images for the reported figures; by default all."""
+    """At most so many real images for the reported figures, chosen alike; by default all."""
     test_split: str | None = None
     """The split that is reported on; by default the data's own."""
     holdout: str | None = None
@@ -248,7 +249,7 @@ class FewConfig(ShareConfig):
 
     few: int | float | None = None
     """So many labelled images (or, below 1, this share of them) join every training set; then only the others
-    give the reward. A seeded choice, spread over sequences and time."""
+    give the reward. A random choice, spread over sequences and time, that is the same for every --seed."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -16,6 +16,8 @@ from shell.errors import UserError
 
 STREAM = 5
 """Second word of the seed that chooses images, apart from all others."""
+CHOICE = 0
+"""Seed of the choice of a target's few images: the same for every --seed, as the target is."""
 
 
 def with_few(target: Target, config: Config) -> Target:
@@ -28,7 +30,7 @@ def with_few(target: Target, config: Config) -> Target:
     if few is None:
         return target
     names, sequences = target.reward_names, target.reward_sequences
-    picked = spread(names, sequences, count_of(few, len(names), target.name), config.seed)
+    picked = spread(names, sequences, count_of(few, len(names), target.name), CHOICE)
     others = np.setdiff1d(np.arange(len(names)), picked)
 
     @lru_cache(maxsize=1)

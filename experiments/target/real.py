@@ -40,12 +40,13 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     """
     listing, test_split = LISTS[name]
     reward, test, where = _sides(listing, data, config.test_split or test_split, config)
-    test = subset(test, config.test_images, config.seed)
+    # The same for every --seed: a study's searches share their target with the main job of each one's seed.
+    test = subset(test, config.test_images)
     unlabelled: Path | None = getattr(config, "unlabelled", None)
     if unlabelled is not None:
         # No label is read, nor is there a place for one.
         reward = tuple(Entry(p.stem, "", p, p) for p in list_unlabelled(unlabelled))
-    reward = subset(reward, config.reward_images, config.seed)
+    reward = subset(reward, config.reward_images)
     refuse_overlap([e.name for e in reward], [e.name for e in test])
     table = class_table(name)
     # What gives -MMD^2 needs no labels, even where there are some.

@@ -58,7 +58,7 @@ def test_the_few_give_no_reward(tiny_camvid):
             assert np.array_equal(image, all_.images[k]) and np.array_equal(label, all_.labels[k])
     assert split.labelled.names == all_.names and split.test.names == target.test_names
     found = {named_target(replace(tiny_camvid, few=0.5, seed=s), POOL).few_names for s in range(9)}
-    assert len(found) > 1 and {len(names) for names in found} == {2}
+    assert found == {target.few_names}  # runs of all seeds share them
 
 
 @pytest.mark.parametrize(("flags", "words"), [

@@ -22,7 +22,18 @@ from scene.proposal import random_proposal
 from shell.errors import UserError
 from shell.files import read_json
 
-from .conftest import ROOT, Counted, Killed, by_preset, lines, never, searching, study, transferred
+from .conftest import (
+    ROOT,
+    Counted,
+    Killed,
+    by_preset,
+    lines,
+    main_job,
+    never,
+    searching,
+    study,
+    transferred,
+)
 
 TRAINED = ("table", "pretrain", "assets", "ablation", "compare", "labels")  # their rows are of nets
 RECORDED = [
@@ -90,6 +101,21 @@ def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
         one, *others = ((out / file).read_bytes() for out in (whole, broken, again))
         assert others == [one, one]
     assert min(Image.open(whole / f"{name}.png").size) > 200
+
+
+@pytest.mark.parametrize("flags", [("--few", "2"), ("--reward-images", "2")])
+def test_a_search_of_the_study_is_the_main_jobs_of_its_seed(flags, command, camvid, tmp_path):
+    store = tmp_path / "store.jsonl"
+    flags = (*flags, "--store", str(store))
+    searches = ("--methods", "random_search", "--searches", "2")
+    assert command("searches", tmp_path / "study", *searches, *flags) == 0
+    known = {line["key"] for line in lines(store)[1:]}
+    own = ("--seed", "1", "--search.method", "random_search", "--data", str(camvid))
+    assert main_job("camvid", "--out", str(tmp_path / "main"), *own, *flags) == 0
+    scored = [
+        line for log in LOGS for line in lines(tmp_path / "main" / log) if line["side"] == "reward"
+    ]
+    assert len(scored) > 12 and {line["key"] for line in scored} <= known
 
 
 @pytest.mark.parametrize("recorded", RECORDED, ids=lambda path: path.stem)
