@@ -1,21 +1,25 @@
 """Any number of images through a compiled function, which wants one shape."""
 
 from collections.abc import Callable
+from typing import Any
 
+import jax
 import numpy as np
-from jax.typing import ArrayLike
 from jaxtyping import Shaped
 
 
 def in_batches(
-    run: Callable[[Shaped[np.ndarray, "b ..."]], ArrayLike],
+    run: Callable[[Shaped[np.ndarray, "b ..."]], Any],
     images: Shaped[np.ndarray, "n ..."],
     size: int,
-) -> Shaped[np.ndarray, "n ..."]:
-    """What `run` makes of each image (or number of one), in batches of a fixed size; zeros fill the last."""
+) -> Any:
+    """What `run` makes of each image (or number of one), in batches of a fixed size; zeros fill the last.
+
+    That is an array, or a tree of arrays.
+    """
     parts = []
     for start in range(0, len(images), size):
         batch = images[start : start + size]
         padding = [(0, size - len(batch)), *[(0, 0)] * (batch.ndim - 1)]
-        parts.append(np.asarray(run(np.pad(batch, padding))))
-    return np.concatenate(parts)[: len(images)]
+        parts.append(jax.tree.map(np.asarray, run(np.pad(batch, padding))))
+    return jax.tree.map(lambda *arrays: np.concatenate(arrays)[: len(images)], *parts)

@@ -25,7 +25,7 @@ from seg.nets.lite0 import Lite0, Pyramid
 from seg.pyramid import Statistics
 from seg.settings import TrainSettings, check_settings
 from seg.step import Data, Functions, Params, TrainState, functions, plan
-from seg.views import view_images, view_labels
+from seg.views import view_labels, views
 from seg.weights import load
 
 _CHUNK = 50  # steps between two looks at the loss; also the length of a scan on an accelerator
@@ -108,9 +108,10 @@ def _statistics(parts: list[Part], settings: TrainSettings) -> Statistics:
 
 def _seen(part: Part, settings: TrainSettings) -> Part:
     """A part as a frozen trunk sees it: labels and features of all views."""
-    images, labels = part.images, view_labels(part.images, part.labels, settings)
-    maps = part.features or pyramid.features(view_images(images, settings), settings.dtype)
-    return part._replace(labels=labels, features=maps)
+    if part.features is not None:
+        return part._replace(labels=view_labels(part.images, part.labels, settings))
+    images, labels = views(part.images, part.labels, settings)
+    return part._replace(labels=labels, features=pyramid.features(images, settings.dtype))
 
 
 def _check(images: np.ndarray, labels: np.ndarray | None = None) -> None:

@@ -23,6 +23,8 @@ SEED = 2020
 """Of the numbers that augment a view, with the view's number and the image's checksum."""
 BATCH = 8
 """Images that are augmented at once."""
+IMAGES, LABELS = (0,), (1,)
+"""Which of the two are looked at."""
 LOOKS = ("views", "mirror", "scale", "colour", "mix", "blur", "noise")
 """The settings that decide what views show."""
 
@@ -32,8 +34,8 @@ def view_images(
 ) -> UInt8[np.ndarray, "views_n h w 3"]:
     """All views of all images: first the images, then the second view of each, and so on."""
     labels = np.zeros(images.shape[:3], np.uint8)
-    views = (_view(v, images, labels, settings, 0) for v in range(1, settings.views))
-    return np.concatenate([images, *views])
+    found = (_view(v, images, labels, settings, IMAGES) for v in range(1, settings.views))
+    return np.concatenate([images, *(x for (x,) in found)])
 
 
 def view_labels(
@@ -42,19 +44,34 @@ def view_labels(
     settings: TrainSettings,
 ) -> UInt8[np.ndarray, "views_n h w"]:
     """The labels of `view_images`; beside a picture that was shrunk they are void."""
-    views = (_view(v, images, labels, settings, 1) for v in range(1, settings.views))
-    return np.concatenate([labels, *views])
+    found = (_view(v, images, labels, settings, LABELS) for v in range(1, settings.views))
+    return np.concatenate([labels, *(y for (y,) in found)])
+
+
+def views(
+    images: UInt8[np.ndarray, "n h w 3"],
+    labels: UInt8[np.ndarray, "n h w"],
+    settings: TrainSettings,
+) -> tuple[UInt8[np.ndarray, "views_n h w 3"], UInt8[np.ndarray, "views_n h w"]]:
+    """What `view_images` and `view_labels` give, of one augmentation."""
+    found = [_view(v, images, labels, settings, IMAGES + LABELS) for v in range(1, settings.views)]
+    pictures, truth = zip((images, labels), *found, strict=True)
+    return np.concatenate(pictures), np.concatenate(truth)
 
 
 def _view(
-    view: int, images: np.ndarray, labels: np.ndarray, settings: TrainSettings, which: int
-) -> np.ndarray:
-    """One view of all images (`which` 0) or labels (1)."""
+    view: int,
+    images: np.ndarray,
+    labels: np.ndarray,
+    settings: TrainSettings,
+    which: tuple[int, ...],
+) -> tuple[np.ndarray, ...]:
+    """One view of all images, their labels, or both."""
     sums = np.array([zlib.crc32(image.tobytes()) for image in images], np.uint32)
     draws = np.stack([_draws(view, int(checksum)) for checksum in sums])
     see = _viewer(looks(settings), which)
 
-    def some(picks: np.ndarray) -> Array:
+    def some(picks: np.ndarray) -> tuple[Array, ...]:
         return see(images[picks], labels[picks], draws[picks], sums[picks] ^ np.uint32(view))
 
     return in_batches(some, np.arange(len(images)), min(BATCH, len(images)))
@@ -73,11 +90,12 @@ def looks(settings: TrainSettings) -> TrainSettings:
 
 
 @lru_cache(maxsize=8)
-def _viewer(settings: TrainSettings, which: int) -> Callable[..., Array]:
-    def one(image: Array, label: Array, draws: Array, number: Array) -> Array:
+def _viewer(settings: TrainSettings, which: tuple[int, ...]) -> Callable[..., tuple[Array, ...]]:
+    def one(image: Array, label: Array, draws: Array, number: Array) -> tuple[Array, ...]:
         key = jax.random.fold_in(jax.random.key(SEED), number)
         x, y = augment(image[None], label[None], draws[None], settings, key)
-        return y[0] if which else jnp.round(255 * x[0]).astype(jnp.uint8)
+        both = jnp.round(255 * x[0]).astype(jnp.uint8), y[0]
+        return tuple(both[k] for k in which)
 
     @jax.jit
     def see(
@@ -85,7 +103,7 @@ def _viewer(settings: TrainSettings, which: int) -> Callable[..., Array]:
         labels: UInt8[Array, "b h w"],
         draws: Float[Array, "b draws"],
         numbers: UInt32[Array, " b"],
-    ) -> UInt8[Array, "b h w *c"]:
+    ) -> tuple[UInt8[Array, "b h w *c"], ...]:
         return jax.vmap(one)(images, labels, draws, numbers)
 
     return see

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 import seg.augment
 from seg import TrainSettings
 from seg.augment import DRAWS, augment, blurred, coloured, draw, mirrored, mixed, noisy, scaled
-from seg.views import view_images, view_labels
+from seg.views import view_images, view_labels, views
 
 from .conftest import SEEDS, pixels
 
@@ -111,21 +111,24 @@ def test_mixing_keeps_grey_noise_has_its_size_and_draws_repeat():
 def test_views_are_the_images_then_augmented_ones():
     _, images, labels = random_batch(0)
 
-    def views(settings, some=slice(None)):
+    def seen_of(settings, some=slice(None)):
         x, y = images[some], labels[some]
-        return view_images(x, settings), view_labels(x, y, settings)
+        both = view_images(x, settings), view_labels(x, y, settings)
+        for alone, beside in zip(both, views(x, y, settings), strict=True):
+            np.testing.assert_array_equal(alone, beside)
+        return both
 
-    seen, named = views(TrainSettings(colour=False, blur=False, views=3))
+    seen, named = seen_of(TrainSettings(colour=False, blur=False, views=3))
     turned = images[:, :, ::-1]
     np.testing.assert_array_equal(seen, np.concatenate([images, turned, images]))
     np.testing.assert_array_equal(named * 20, seen[..., 0])
     full = TrainSettings(scale=True, mix=True, noise=True, views=2)
-    seen, named = views(full)
+    seen, named = seen_of(full)
     assert seen.shape == (8, 6, 8, 3) and named.shape == (8, 6, 8) and seen.dtype == np.uint8
     np.testing.assert_array_equal(seen[:4], images)
     assert not np.array_equal(seen[4:], turned) and (named[4:] == 255).any()
-    np.testing.assert_array_equal(seen, views(full)[0])
+    np.testing.assert_array_equal(seen, seen_of(full)[0])
     # An image's views do not depend on what stands beside it.
-    for part, whole in zip(views(full, slice(1, 3)), (seen, named), strict=True):
+    for part, whole in zip(seen_of(full, slice(1, 3)), (seen, named), strict=True):
         np.testing.assert_array_equal(part, whole[[1, 2, 5, 6]])
-    np.testing.assert_array_equal(views(TrainSettings(views=1))[0], images)
+    np.testing.assert_array_equal(seen_of(TrainSettings(views=1))[0], images)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+import seg.views
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, mean_iou, predict, score
 from seg.nets import Lite0, net
 from seg.nets.lite0 import BLOCKS, CHANNELS, Head, Pyramid, Trunk, statistics
@@ -195,6 +196,14 @@ def test_features_and_statistics_given_are_those_computed(fitted):
     settings = replace(BRIEF, weight_decay=0.1, head_statistics="target")
     other = channel_statistics(features(pixels(2, 48, 64, 3)))
     assert_statistics(train(0, images, labels, settings, 2, statistics=other), other)
+
+
+def test_training_augments_each_view_once(monkeypatch):
+    drawn = []
+    draws = seg.views._draws
+    monkeypatch.setattr("seg.views._draws", lambda *of: drawn.append(of) or draws(*of))
+    train(0, *TOY, replace(BRIEF, views=3), 2)
+    assert len(drawn) == len(set(drawn)) == 2 * len(TOY[0])
 
 
 MAPS = cache(lambda: features(TOY[0]))
