@@ -13,6 +13,9 @@ from seg.classes import IGNORE_LABEL
 from seg.data import RealSet
 from shell.errors import UserError
 
+SIZES = 2
+"""Sizes at which images are kept: that of the rewards and that of the final nets, which take turns."""
+
 
 class Split(NamedTuple):
     """Both sides of a target at one size."""
@@ -55,7 +58,7 @@ def part_of(images: RealSet, picked: np.ndarray) -> RealSet:
 def with_reward(target: Target, picked: np.ndarray) -> Target:
     """The target with some of its reward images, by index, as if it had no others."""
 
-    @lru_cache(maxsize=1)
+    @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Split:
         split = target.at(height, width)
         return split._replace(reward=part_of(split.reward, picked))

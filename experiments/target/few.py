@@ -10,7 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from experiments.config import Config
-from experiments.target.base import Split, Target, part_of
+from experiments.target.base import SIZES, Split, Target, part_of
 from seg.classes import IGNORE_LABEL, class_table
 from shell.errors import UserError
 
@@ -33,7 +33,7 @@ def with_few(target: Target, config: Config) -> Target:
     picked = spread(names, sequences, count_of(few, len(names), target.name), CHOICE)
     others = np.setdiff1d(np.arange(len(names)), picked)
 
-    @lru_cache(maxsize=1)
+    @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Split:
         whole, test, *_ = target.at(height, width)
         split = Split(part_of(whole, others), test, part_of(whole, picked), whole)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from experiments.config import Config
-from experiments.target.base import Split, Target, refuse_void
+from experiments.target.base import SIZES, Split, Target, refuse_void
 from experiments.target.few import with_few
 from experiments.target.real import real_target
 from experiments.target.twin import ASSETS, FIRST_ASSET, twin_names, twin_split, twin_world
@@ -45,7 +45,7 @@ def _twin(config: Config, workers: Workers) -> Target:
     world = twin_world(config.twin_seed)
     counts = {"train": config.reward_images, "test": config.test_images}
 
-    @lru_cache(maxsize=1)
+    @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Split:
         sides = [
             twin_split(

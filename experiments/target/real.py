@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from experiments.config import Config
-from experiments.target.base import Split, Target, refuse_overlap, refuse_void
+from experiments.target.base import SIZES, Split, Target, refuse_overlap, refuse_void
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data import (
     DataError,
@@ -52,7 +52,7 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     # What gives -MMD^2 needs no labels, even where there are some.
     scored = getattr(config, "reward_kind", "miou") == "miou"
 
-    @lru_cache(maxsize=1)
+    @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Split:
         size = (height, width)
         read = load(reward, table, size) if unlabelled is None else _void(reward, size)

@@ -126,6 +126,7 @@ def in_season(
     return ref
 
 
+@lru_cache(maxsize=256)  # the same for all that a street draws
 def _built_in(pool: AssetPool, family: str) -> int:
     """How many built-in assets of a family a pool offers."""
     size = FAMILIES[family].count if pool.size is None else pool.size

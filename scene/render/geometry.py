@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -64,6 +64,10 @@ class Shape(NamedTuple):
         table = (*addresses, len(vertices), len(faces))
         return cls(vertices, faces, surface, ball, table, box)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Addresses are those of one process: a copy has its own."""
+        return Shape.of, (self.vertices, self.faces, self.surface)
+
     @property
     def normal(self) -> np.ndarray:
         """Unit normals f32[f, 3] of the flat faces."""
@@ -98,6 +102,10 @@ class Geometry(NamedTuple):
         np.ndarray, ...
     ] = ()  # f32[f, 2, 3, 3] of instances 1, 2, 3, the ground, where it bends
     # or slopes: the corners of its faces in the world, and in road coordinates
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Addresses are those of one process: a copy has its own."""
+        return stand, (self.shapes, self.pose, self.train_id)
 
     @property
     def surfaces(self) -> np.ndarray:

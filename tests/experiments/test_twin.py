@@ -1,5 +1,6 @@
 """The twin: hidden, reproducible, made of other assets, and never taken for real data."""
 
+from dataclasses import replace
 from unittest.mock import Mock
 
 import numpy as np
@@ -9,7 +10,8 @@ from hypothesis import strategies as st
 
 from experiments.config import MainConfig
 from experiments.presets import defaults
-from experiments.target import twin
+from experiments.target import named, real, twin
+from experiments.target.base import with_reward
 from experiments.target.named import named_target
 from scene import CameraResponse, Dataset, default_unit
 from scene.assets.families import FAMILIES
@@ -84,6 +86,26 @@ def test_its_splits_are_disjoint_and_it_never_passes_for_real_data(renders):
     assert "twin 3" in target.title and "NOT real data" in target.title
     assert len(target.reward_names) == len(target.test_names) == 8
     np.testing.assert_array_equal(target.twin.centre, twin.twin_world(3).centre)
+
+
+def in_turns(target):
+    """Whether images of two sizes are still there when they are asked for in turns."""
+    small, large = target.at(8, 16), target.at(16, 32)
+    return all(target.at(8, 16) is small and target.at(16, 32) is large for _ in range(2))
+
+
+def test_images_of_two_sizes_are_rendered_once(renders, monkeypatch):
+    monkeypatch.setattr(named, "refuse_void", lambda split, *_: split)
+    target = named_target(defaults(MainConfig, "twin", "smoke"), POOL)
+    assert in_turns(target) and in_turns(with_reward(target, np.arange(3)))
+    assert len(renders) == 4  # two sides each
+
+
+def test_images_of_two_sizes_are_read_once(tiny_camvid, monkeypatch):
+    reads = Mock(side_effect=real.load)
+    monkeypatch.setattr(real, "load", reads)
+    assert in_turns(named_target(replace(tiny_camvid, few=2), POOL))
+    assert reads.call_count == 4
 
 
 @given(st.integers(1, 200))

@@ -16,7 +16,7 @@ from scene.assets.likeness import closest, looks
 from scene.classes import CLASS_NAMES
 from scene.mesh.solids import box
 from scene.render.geometry import asset_shape
-from tests.scene.conftest import refused
+from tests.scene.conftest import refused, street
 
 WANTED = {"person": 200, "car": 195, "building": 106, "truck": 39, "traffic sign": 40, "bus": 28,
           "rider": 30}  # fmt: skip
@@ -57,6 +57,13 @@ def test_every_class_with_a_shape_has_a_family_and_a_tone_brightens_its_assets()
     for family in ("tree", "person"):
         expected = np.minimum(FAMILIES[family].tone * asset(family, 3).color, 1)
         np.testing.assert_allclose(asset_shape(family, 3).color, expected, rtol=1e-6)
+
+
+def test_a_street_asks_once_a_family_how_many_assets_there_are():
+    catalogue._built_in.cache_clear()
+    street(seed=3, pool=AssetPool())
+    found = catalogue._built_in.cache_info()
+    assert found.misses <= len(FAMILIES) < found.hits
 
 
 @pytest.mark.parametrize("family", FAMILIES)

@@ -1,5 +1,7 @@
 """Meshes as plain arrays, the solids that trimesh makes, too, and a street of them."""
 
+import pickle
+
 import numpy as np
 import pytest
 import trimesh
@@ -42,6 +44,21 @@ def test_arrays_fit_together_the_same_each_time(seed):
         assert 0 <= shape.faces.min() <= shape.faces.max() < len(shape.vertices)
         assert ((shape.color >= 0) & (shape.color <= 1)).all()
         assert shape.material.max() < len(MATERIALS) and np.isfinite(shape.vertices).all()
+
+
+def test_a_pickled_street_has_addresses_of_its_own():
+    first = build(street(seed=2))
+    again = pickle.loads(pickle.dumps(first))
+    for one, other in zip(first.shapes, again.shapes, strict=True):
+        assert all(np.array_equal(a, b) for a, b in zip(one[:4], other[:4], strict=True))
+    for g in (first, again):
+        arrays = ("surface", "vertices", "faces")
+        for shape, row in zip(g.shapes, g.tables[1:], strict=True):
+            addresses = [getattr(shape, name).ctypes.data for name in arrays]
+            assert [*addresses, len(shape.vertices), len(shape.faces)] == list(shape.table)
+            assert list(shape.table) == row.tolist()
+    assert not np.isin(again.surfaces[1:], first.surfaces[1:]).any()
+    assert np.array_equal(first.pose, again.pose) and first.triangles == again.triangles
 
 
 def test_normals_are_unit_and_perpendicular_to_their_faces():
