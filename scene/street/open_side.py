@@ -18,6 +18,8 @@ KINDS = {"park": 0.5, "water": 0.22, "field": 0.28}
 """What lies there."""
 STEEP = 2.0
 """Per cent of slope beyond which no water lies beside the road."""
+ROUNDING = 1e-6
+"""Per cent by which a slope may be more: attributes come from unit values in single precision."""
 REACH = BEHIND - 2.0
 """Metres from the centre line at which it ends."""
 RAILINGS = ("spear railings", "rails", "pedestrian guard", "bow top", "cross rails", "chain link",
@@ -32,7 +34,7 @@ SPAN = (LINE_START, LINE_END)
 def open_side(plot: Plot, side: float, rng: np.random.Generator) -> None:
     """Lay out one side of the road."""
     shares = np.array(list(KINDS.values()))
-    if plot.street.params.gradient > STEEP:
+    if plot.street.params.gradient > STEEP + ROUNDING:
         shares[list(KINDS).index("water")] = 0
     kind = str(rng.choice(list(KINDS), p=shares / shares.sum()))
     edge = plot.ground.outer + 0.35

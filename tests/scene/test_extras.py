@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from scene import AssetPool, sample_street
-from scene.assets.catalogue import bounds
+from scene import AssetPool, default_unit, sample_street, street_params
+from scene.assets.catalogue import bounds, kind
 from scene.ground.arms import with_junction
 from scene.ground.ground import sample_ground
 from scene.ground.junction import sample_junction
@@ -16,6 +16,7 @@ from scene.street.background import BEHIND, LINES_END
 from scene.street.extras import MIX, Mix, extras
 from scene.street.junction import junction_objects
 from scene.street.lines import Setting
+from scene.street.open_side import KINDS, open_side
 from scene.street.plot import Plot
 from scene.street.room import Rectangles, footprint
 from scene.street.turning import turning
@@ -160,6 +161,24 @@ def test_what_stands_at_a_junction_stands_in_nothing_that_was_there(monkeypatch)
         for parts in objects:
             counts[parts[0][0]] = counts.get(parts[0][0], 0) + 1
     assert min(counts.values()) > 5, counts
+
+
+def share_of_water(params, count):
+    """Of so many open sides."""
+    ground, found = sample_ground(np.random.default_rng(0)), 0
+    for seed in range(count):
+        plot = Plot(Setting(params, ground, AssetPool(), 1.0), [])
+        open_side(plot, 1.0, np.random.default_rng(seed))
+        land = {kind(family, ref) for family, ref, _ in plot.added if family == "land"}
+        found += bool(land & {"water", "green water"})
+    return found / count
+
+
+@pytest.mark.parametrize("space", ["scenex", "extended"])
+def test_water_lies_beside_the_road_as_often_as_the_table_says_in_both_spaces(space):
+    params = street_params(default_unit(space))
+    assert share_of_water(params, 80) == pytest.approx(KINDS["water"], abs=0.08)
+    assert share_of_water(params._replace(gradient=2.01), 20) == 0  # it would lie on a slope
 
 
 def test_the_camera_stays_clear_open_sides_have_no_houses_and_all_ingredients_come_up():
