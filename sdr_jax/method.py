@@ -24,6 +24,17 @@ class Info(NamedTuple):
     entropy: Float[Array, ""]  # of the distribution sampled from, before, in nats; NaN if unknown
     grad_norm: Float[Array, ""]  # L2 norm of the policy's gradient; 0 without one
     group: Int[Array, ""]  # the group the update was for; 0 where groups have no order
+    clipped: Int[
+        Array, ""
+    ]  # rewards so far, far below the others, that count as the lowest of these
+
+
+def on_clipping(clipped: int, of: int) -> str:
+    """What there is to say, once, where some of so many rewards do not count as they are; see `Info`."""
+    return (
+        f"{clipped} of {of} scores are far worse than the others, by more than 5 interquartile ranges; "
+        "the search takes each for the worst of the others"
+    )
 
 
 def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
@@ -37,6 +48,7 @@ def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
         entropy=entropy,
         grad_norm=jnp.zeros((), jnp.float32),
         group=jnp.zeros((), jnp.int32),
+        clipped=jnp.zeros((), jnp.int32),
     )
 
 
@@ -76,6 +88,7 @@ class Method(NamedTuple):
     probabilities: ProbabilitiesFn  # of the bins `sample` would use; 0 for those an attribute lacks
     updates: int | None  # how many updates the method takes; None for any number
     traced: bool = True  # False for a host adapter, which is not to be jitted
+    level: bool = False  # whether a constant added to all rewards makes a difference
     expects: ExpectsFn | None = None
     """Mean and standard deviation of the reward of actions, as the method's model sees it, NaN before it has
     learnt anything; for reports, None without a model."""
@@ -90,6 +103,7 @@ def jitted(
     spread: ProposalFn | None = None,
     updates: int | None = None,
     expects: ExpectsFn | None = None,
+    level: bool = False,
 ) -> Method:
     """The method of these functions, each jitted; without a `spread`, that is the solution."""
     answer = jax.jit(solution)
@@ -101,5 +115,6 @@ def jitted(
         spread=answer if spread is None else jax.jit(spread),
         probabilities=jax.jit(probabilities),
         updates=updates,
+        level=level,
         expects=None if expects is None else jax.jit(expects),
     )

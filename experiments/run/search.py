@@ -18,6 +18,7 @@ from experiments.run.few import beside
 from experiments.run.ladder import cost_of
 from scene.attributes import SpaceName, names
 from scene.proposal import Proposal, random_proposal
+from sdr_jax.method import on_clipping
 from sdr_jax.registry import MethodName
 from shell.errors import UserError
 
@@ -162,6 +163,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     history: list[tuple] = []
     foreseen: list[np.ndarray] = []
     state: Any = None  # before the first update nothing is expected
+    clipped = False
     for update in range(plan.updates):
         with watch:
             before = state
@@ -172,6 +174,10 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         history.append(
             (np.asarray(record.rewards), float(info.baseline), int(info.group), probabilities)
         )
+        if info.clipped and not clipped:
+            clipped = True
+            told = sum(len(rewards) for rewards, *_ in history)
+            run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), told)}")
         run.progress.standing = _standing(kind, history)
         run.progress.update(_said(plan, kind, update, history))
     with watch:

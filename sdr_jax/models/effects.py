@@ -13,8 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, Key
 
-from sdr_jax.models import features, regression
+from sdr_jax.models import features, history, regression
 from sdr_jax.models.features import Features
+from sdr_jax.models.history import History
 from sdr_jax.models.regression import Posterior, Statistics
 from sdr_jax.relaxation import ordered
 from sdr_jax.space import Space
@@ -48,9 +49,10 @@ class Effects(NamedTuple):
 class EffectsState(NamedTuple):
     """What the model has learnt."""
 
+    history: History
     statistics: Statistics
-    scales: Float[Array, "effects"]  # prior variance of each effect; 0 before the first rewards
-    noise: Float[Array, ""]  # variance of a reward; 0 before the first
+    scales: Float[Array, "effects"]  # prior variance of each effect; 0 while no rewards differ
+    noise: Float[Array, ""]  # variance of a reward; 0 while none differ
 
 
 class Model(NamedTuple):
@@ -115,7 +117,8 @@ def init_effects(model: Effects) -> EffectsState:
     """A model that has seen nothing."""
     zero = jnp.zeros((), jnp.float32)
     scales = jnp.zeros(len(_first_scales(model)), jnp.float32)
-    return EffectsState(regression.empty(len(model.effect)), scales, zero)
+    seen = history.empty(model.space.attributes)
+    return EffectsState(seen, regression.empty(len(model.effect)), scales, zero)
 
 
 def observe(
@@ -127,20 +130,26 @@ def observe(
     """Counts evaluations in, and takes one step towards the scales of most evidence.
 
     The step is one of expectation maximisation, from where the last update left them. An effect's
-    scale is pulled towards the mean of its kind, so that none dies by chance.
+    scale is pulled towards the mean of its kind, so that none dies by chance. Rewards far below the
+    others are clipped (`history.py`).
     """
-    statistics = regression.add(state.statistics, _evaluate(model, actions), rewards)
+    seen, statistics, ratio = history.learn(
+        state.history, state.statistics, partial(_evaluate, model), actions, rewards
+    )
     data = regression.centred(statistics)
     variance = data.square / data.freedom
-    fresh = state.noise <= 0
+    fresh = ratio * state.noise <= 0
     state = EffectsState(
+        seen,
         statistics,
-        jnp.where(fresh, SIGNAL * variance * _first_scales(model), state.scales),
-        jnp.where(fresh, (1 - SIGNAL) * variance, state.noise),
+        jnp.where(fresh, SIGNAL * variance * _first_scales(model), ratio * state.scales),
+        jnp.where(fresh, (1 - SIGNAL) * variance, ratio * state.noise),
     )
     stepped = _maximise_evidence(model, state)
-    enough = statistics.seen > 1  # two rewards make a difference
-    zeros = EffectsState(statistics, jnp.zeros_like(state.scales), jnp.zeros_like(state.noise))
+    enough = statistics.square > 0  # some rewards differ
+    zeros = EffectsState(
+        seen, statistics, jnp.zeros_like(state.scales), jnp.zeros_like(state.noise)
+    )
     return jax.tree.map(lambda a, b: jnp.where(enough, a, b), stepped, zeros)
 
 
@@ -151,7 +160,7 @@ def _evaluate(model: Effects, actions: Array) -> Array:
 
 
 def posterior(model: Effects, state: EffectsState) -> Posterior:
-    """The belief about the weights; that of the prior before two rewards are known."""
+    """The belief about the weights; that of the prior while no rewards differ."""
     scales = jnp.where(state.noise > 0, state.scales, 1.0)
     noise = jnp.where(state.noise > 0, state.noise, 1.0)
     std = jnp.sqrt(jnp.asarray(model.variance) * scales[model.effect])
@@ -273,4 +282,4 @@ def _maximise_evidence(model: Effects, state: EffectsState) -> EffectsState:
     )
     variance = data.square / data.freedom
     noise = (misfit + NOISE_WEIGHT * NOISE_SHARE * variance) / (data.freedom + NOISE_WEIGHT)
-    return EffectsState(state.statistics, scales, jnp.maximum(noise, 1e-4 * variance))
+    return state._replace(scales=scales, noise=jnp.maximum(noise, 1e-4 * variance))

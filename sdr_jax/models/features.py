@@ -21,6 +21,9 @@ PAIR_FEATURES = 256
 MOST_PAIRS = 700
 """Spaces with more pairs of attributes in groups are modelled without interactions."""
 
+MOST_FEATURES = 4096
+"""More features of pairs are refused: a model keeps two matrices of so many rows and columns."""
+
 SWEEPS = 4
 """How often coordinate ascent goes round all attributes."""
 
@@ -88,8 +91,18 @@ def lay_out(
     pair_degree: int,
     interaction: float = 1.0,
 ) -> Features:
-    """The features of a basis and its prior variances, with products of two within groups."""
+    """The features of a basis and its prior variances, with products of two within groups.
+
+    Raises:
+        ValueError: too many products.
+    """
     pairs = [pair for group in space.groups for pair in combinations(group, 2)]
+    if len(pairs) * pair_degree**2 > MOST_FEATURES:
+        raise ValueError(
+            f"pair_degree is {pair_degree}, which makes {len(pairs) * pair_degree**2} features of "
+            f"{len(pairs)} pairs of attributes in groups; at most {MOST_FEATURES} are allowed: take a lower "
+            "one, 0 for none, or smaller groups"
+        )
     if pair_degree == 0:
         pairs = []
     i, j = np.asarray(pairs, np.int32).reshape(-1, 2).T

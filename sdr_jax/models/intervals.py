@@ -9,7 +9,6 @@ from jaxtyping import Array, Float, Int
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
 from sdr_jax.models import effects
-from sdr_jax.models import memory as memories
 from sdr_jax.models.choices import Start, choices, make_effects
 from sdr_jax.models.features import maximise_each
 from sdr_jax.models.regression import Posterior
@@ -44,7 +43,6 @@ class IntervalsState(NamedTuple):
     seen: effects.EffectsState
     belief: Posterior  # of the weights
     answer: Int[Array, "attributes"]  # choices
-    memory: memories.Memory
     reach: Float[Array, ""]  # share of attributes that data sets try anew, about
 
 
@@ -73,8 +71,8 @@ def intervals(
     half of its attributes at any choice. From then on each is the answer so far with some attributes changed,
     to what is best under a draw of the posterior (Thompson sampling), half of them among the intervals of one
     width, drawn for each: so wide ones are tried, too. How many are changed follows success: more where
-    changed data sets often do better than the answer, fewer where they seldom do. Where
-    repeats show that rewards have no noise, nothing is tried twice (`memory.py`).
+    changed data sets often do better than the answer, fewer where they seldom do. Rewards far below the
+    others, such as the penalty for a crash, are clipped (`history.py`).
 
     The answer is the start, but for the attributes of which a choice is better than the start's by more than
     `caution` standard deviations of that difference. In `spread` it must be by two.
@@ -106,11 +104,10 @@ def intervals(
     began, scale_of = jnp.asarray(chosen.began), jnp.asarray(chosen.scale)
     scales = scale_of.max(axis=1) + 1
 
-    def fitted(seen: effects.EffectsState, memory: memories.Memory, reach: Array) -> IntervalsState:
+    def fitted(seen: effects.EffectsState, reach: Array) -> IntervalsState:
         belief = effects.posterior(model, seen)
-        moved = jnp.where(seen.noise > 0, surely(model, belief, chosen.began, caution), began)
-        answer = jnp.where(memories.exact(memory), memory.best, moved)
-        return IntervalsState(seen, belief, answer, memory, reach)
+        answer = jnp.where(seen.noise > 0, surely(model, belief, chosen.began, caution), began)
+        return IntervalsState(seen, belief, answer, reach)
 
     def proposed(actions: Array) -> Proposal:
         rows = jnp.arange(space.attributes)
@@ -118,9 +115,8 @@ def intervals(
 
     def init(rng_key: RngKey) -> IntervalsState:
         del rng_key  # nothing is random before the first sample
-        memory = memories.empty(space.attributes)
         reach = jnp.asarray(FIRST_REACH if chosen.began.any() else 1.0, jnp.float32)
-        return fitted(effects.init_effects(model), memory, reach)
+        return fitted(effects.init_effects(model), reach)
 
     def sample(rng_key: RngKey, state: IntervalsState, n: int) -> tuple[Bins, Proposal]:
         keys = jax.random.split(rng_key, 7)
@@ -145,20 +141,19 @@ def intervals(
         # The first choice is the whole range, where intervals are allowed.
         other = jnp.where(chosen.width[:, 0] == 1, 0, anywhere) if chosen.began.any() else mixed
         opening = jnp.where(turn % 2 == 0, began[None, :], other)
-        actions = jnp.where(state.seen.noise > 0, changed, opening)
-        actions = memories.untried(state.memory, chosen.space, model.layout, weights, actions)
+        actions = jnp.where(state.seen.statistics.seen > 1, changed, opening)
         return actions, proposed(actions)
 
     def update(
         state: IntervalsState, actions: Bins, rewards: Rewards
     ) -> tuple[IntervalsState, Info]:
         seen = effects.observe(model, state.seen, actions, rewards)
-        memory = memories.remember(state.memory, actions, rewards)
         expected = effects.value(model, state.seen, state.belief, state.answer)
         signs = jnp.where(jnp.isfinite(rewards), (rewards > expected) - SUCCESS, 0.0)
         step = jnp.where(state.seen.noise > 0, PACE * signs.sum(), 0.0)
         reach = jnp.clip(state.reach * jnp.exp(step), 1 / space.attributes, 1.0)
-        return fitted(seen, memory, reach), plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+        info = plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+        return fitted(seen, reach), info._replace(clipped=seen.history.clipped)
 
     def solution(state: IntervalsState) -> Proposal:
         return proposed(state.answer)

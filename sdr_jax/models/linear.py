@@ -1,5 +1,6 @@
 """A Bayesian linear model of the reward: smooth in every attribute, pairwise within groups."""
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -8,8 +9,16 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
-from sdr_jax.models import regression
-from sdr_jax.models.features import evaluate, features, maximise, maximise_each, tables
+from sdr_jax.models import history, regression
+from sdr_jax.models.features import (
+    affordable,
+    evaluate,
+    features,
+    maximise,
+    maximise_each,
+    tables,
+)
+from sdr_jax.models.history import History
 from sdr_jax.models.regression import Posterior, Statistics
 from sdr_jax.relaxation import UNDECIDED, check_relaxation, moments, random_bins, relax, uniform
 from sdr_jax.space import Proposal, Space, Width
@@ -27,6 +36,7 @@ CAUTION = 2.0
 class LinearState(NamedTuple):
     """What the regression has learnt."""
 
+    history: History
     statistics: Statistics
     belief: Posterior  # of the weights
     noise: Float[Array, ""]  # variance of a reward
@@ -38,7 +48,7 @@ def linear(
     *,
     explore: float = 1.0,
     degree: int = 4,
-    pair_degree: int = 2,
+    pair_degree: int | None = None,
     interaction: float = 0.5,
 ) -> Method:
     """Thompson sampling on a ridge regression of the reward on the bins.
@@ -50,10 +60,12 @@ def linear(
     the noise is chosen by the evidence at every update, the noise by its posterior mean. Every
     data set is the best of a model drawn from the posterior: coordinate ascent from a few starts.
 
-    `solution` is the best of the posterior's mean model. `spread` asks for each attribute, the
-    others at the solution, which bin is best in models drawn from the posterior, at twice its
-    standard deviation, and takes the moments of that distribution: an attribute whose effect drowns
-    in the noise stays wide.
+    Rewards far below the others, such as the penalty for a crash, are clipped (`history.py`).
+
+    `solution` is the best of the posterior's mean model; while all rewards are the same, there is none.
+    `spread` asks for each attribute, the others at the solution, which bin is best in models drawn from
+    the posterior, at twice its standard deviation, and takes the moments of that distribution: an
+    attribute whose effect drowns in the noise stays wide.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
@@ -61,7 +73,8 @@ def linear(
         explore: factor on the posterior's standard deviation in `sample`; 1 is Thompson sampling,
             which explores for longer than a small budget lasts when there are many attributes.
         degree: cosines per attribute, at most its bins less one.
-        pair_degree: cosines per attribute in interactions; 0 is an additive model.
+        pair_degree: cosines per attribute in interactions, 0 for an additive model; by default 2, or fewer
+            where these would be more than about 256 features, and none in large groups.
         interaction: prior variance of an interaction's weights, relative to the attributes' own.
 
     Returns:
@@ -75,23 +88,24 @@ def linear(
     check_relaxation(space, width, "random")
     if not (explore >= 0 and np.isfinite(explore)):
         raise ValueError(f"explore is {explore}, but must be 0 or more")
+    if pair_degree is None:
+        pair_degree = min(2, affordable(space, degree))
     layout = features(space, degree, pair_degree, interaction)
     prior_std = np.sqrt(layout.variance)
     size = len(prior_std)
 
     def init(rng_key: RngKey) -> LinearState:
         del rng_key  # nothing is random before the first sample
-        statistics = regression.empty(size)
-        return fitted(statistics)
+        return fitted(history.empty(space.attributes), regression.empty(size))
 
-    def fitted(statistics: Statistics) -> LinearState:
+    def fitted(seen: History, statistics: Statistics) -> LinearState:
         stds = jnp.sqrt(jnp.asarray(SIGNALS))[:, None] * jnp.asarray(prior_std)[None, :]
         return LinearState(
-            statistics, *regression.by_evidence(regression.centred(statistics), stds)
+            seen, statistics, *regression.by_evidence(regression.centred(statistics), stds)
         )
 
     def known(state: LinearState) -> Array:
-        return state.statistics.seen > 1  # two rewards make a difference
+        return state.statistics.square > 0  # some rewards differ
 
     def thompson(rng_key: RngKey, belief: Posterior, n: int) -> Array:
         draw_key, start_key = jax.random.split(rng_key)
@@ -105,8 +119,11 @@ def linear(
         return actions, relax(space, actions, width)
 
     def update(state: LinearState, actions: Bins, rewards: Rewards) -> tuple[LinearState, Info]:
-        statistics = regression.add(state.statistics, evaluate(layout, actions), rewards)
-        return fitted(statistics), plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+        seen, statistics, _ = history.learn(
+            state.history, state.statistics, partial(evaluate, layout), actions, rewards
+        )
+        info = plain_info(rewards, jnp.asarray(jnp.nan, jnp.float32))
+        return fitted(seen, statistics), info._replace(clipped=seen.clipped)
 
     def best_of(belief: Posterior) -> Array:
         return maximise(jax.random.key(0), space, layout, belief.mean)

@@ -69,6 +69,27 @@ def add(
     )
 
 
+def with_rewards(
+    statistics: Statistics, x: Float[Array, "n features"], rewards: Float[Array, "n"]
+) -> Statistics:
+    """The statistics of the same evaluations, all of them given, with other rewards."""
+    known = jnp.isfinite(rewards)
+    offset = jnp.nanmean(rewards)
+    y = jnp.where(known, rewards - offset, 0.0)
+    return statistics._replace(
+        moment=jnp.where(known[:, None], x, 0.0).T @ y,
+        total=y.sum(),
+        square=jnp.sum(y**2),
+        offset=offset,
+    )
+
+
+def flat(statistics: Statistics) -> Statistics:
+    """The statistics of the same evaluations, had all rewards been the same."""
+    zero = jnp.zeros((), jnp.float32)
+    return statistics._replace(moment=jnp.zeros_like(statistics.moment), total=zero, square=zero)
+
+
 def centred(statistics: Statistics) -> Centred:
     """Takes the means out."""
     count = jnp.maximum(statistics.seen, 1)

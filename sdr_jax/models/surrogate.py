@@ -9,7 +9,6 @@ from jaxtyping import Array, Float, Int, Key
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
 from sdr_jax.models import effects
-from sdr_jax.models import memory as memories
 from sdr_jax.models.features import maximise_each
 from sdr_jax.models.regression import Posterior
 from sdr_jax.policy import entropy
@@ -29,8 +28,7 @@ class SurrogateState(NamedTuple):
     seen: effects.EffectsState
     belief: Posterior  # of the weights
     logits: Float[Array, "attributes bins"]  # minus infinity for bins an attribute lacks
-    best: Int[Array, "attributes"]  # bins of the answer, -1 before two rewards
-    memory: memories.Memory
+    best: Int[Array, "attributes"]  # bins of the answer, -1 while no rewards differ
 
 
 def surrogate(
@@ -58,11 +56,11 @@ def surrogate(
 
     Policies of independent attributes cannot say "both or neither". So every second data set, counted
     over all updates, is not drawn from them, but the best of a model drawn from the posterior (Thompson
-    sampling). Draws from the policies are stratified. Where repeats show that rewards have no noise, nothing
-    is tried twice (`memory.py`).
+    sampling). Draws from the policies are stratified. Rewards far below the others, such as the penalty for a
+    crash, are clipped (`history.py`).
 
-    The answer holds the bins of the model's highest mean, not of the luckiest draw; of rewards without
-    noise it is the best seen. `spread` has the moments of the policy: what drowns in the noise stays wide.
+    The answer holds the bins of the model's highest mean, not of the luckiest draw; while all rewards are the
+    same it holds none. `spread` has the moments of the policy: what drowns in the noise stays wide.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
@@ -92,9 +90,7 @@ def surrogate(
         undecided = jnp.full(space.attributes, UNDECIDED, jnp.int32)
         seen = effects.init_effects(model)
         belief = effects.posterior(model, seen)
-        return SurrogateState(
-            seen, belief, jnp.asarray(level), undecided, memories.empty(space.attributes)
-        )
+        return SurrogateState(seen, belief, jnp.asarray(level), undecided)
 
     def sample(rng_key: RngKey, state: SurrogateState, n: int) -> tuple[Bins, Proposal]:
         policy_key, draw_key, start_key = jax.random.split(rng_key, 3)
@@ -102,9 +98,8 @@ def surrogate(
         drawn = effects.draw_plain(draw_key, model, state.belief, n)
         believed = maximise_each(start_key, space, model.layout, drawn)
         turn = state.seen.statistics.seen.astype(jnp.int32) + jnp.arange(n)
-        second = (turn % 2 == 1) & (state.seen.noise > 0)
+        second = (turn % 2 == 1) & (state.seen.statistics.seen > 1)
         actions = jnp.where(second[:, None], believed, actions)
-        actions = memories.untried(state.memory, space, model.layout, drawn, actions)
         return actions, relax(space, actions, width)
 
     def update(
@@ -115,17 +110,14 @@ def surrogate(
         belief = effects.posterior(model, seen)
         best = effects.best_bins(model, belief)
         logits = follow(model, belief, best, temperature)
-        memory = memories.remember(state.memory, actions, rewards)
         known = seen.noise > 0
-        best = jnp.where(memories.exact(memory), memory.best, best)
         next_state = SurrogateState(
             seen,
             belief,
             jnp.where(known, logits, state.logits),
             jnp.where(known, best, state.best),
-            memory,
         )
-        return next_state, info
+        return next_state, info._replace(clipped=seen.history.clipped)
 
     def probabilities(state: SurrogateState) -> Float[Array, "attributes bins"]:
         return jax.nn.softmax(state.logits)

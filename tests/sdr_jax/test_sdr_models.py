@@ -12,13 +12,14 @@ from hypothesis import strategies as st
 
 import sdr_jax
 from sdr_jax import Method, Proposal, linear, run_on_host, space, surrogate
-from sdr_jax.models import effects, memory, regression
+from sdr_jax.models import effects, history, regression
 from sdr_jax.models.choices import choices, integrated, runs
 from sdr_jax.models.features import Features, evaluate, features, maximise, maximise_each, tables
 from sdr_jax.models.surrogate import follow, stratified
+from sdr_jax.registry import make
 from sdr_jax.relaxation import bin_mask
 
-from .conftest import KEY, SEEDS, assert_close, assert_same, learnt, tell
+from .conftest import KEY, SEEDS, assert_close, assert_same, learnt, refuses, tell
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
@@ -418,37 +419,119 @@ def test_without_relaxation_every_data_set_is_of_single_values():
         sdr_jax.registry.make("intervals", PAIR, 1.5)
 
 
-def test_repeats_tell_whether_rewards_have_noise_by_hand() -> None:
-    held, (a, b) = memory.empty(2), ([0, 1], [1, 1])
-    for actions, rewards, told in (
-        ([a, b, a], [1.0, 2.0, jnp.nan], (2, 0, 0, False)),
-        ([a, a], [1.0, 1.0], (4, 3, 0, True)),  # like the first, and like each other
-        ([b], [1.9], (5, 3, 1, False)),
-    ):
-        held = jax.jit(memory.remember)(held, jnp.asarray(actions), jnp.asarray(rewards))
-        assert (held.seen, held.same, held.differ, memory.exact(held)) == told
-        assert held.best.tolist() == b
+LOWEST = jax.jit(history.lowest)
 
 
-@pytest.mark.parametrize("name", ["surrogate", "intervals"])
-def test_without_noise_nothing_is_tried_twice_while_there_is_something_new(name: str) -> None:
-    method = sdr_jax.registry.make(name, space(["a", "b", "c"], [2, 3, 2], unordered=["b"]))
-    table = np.random.default_rng(0).normal(size=36)  # of all intervals
-    tried: set[tuple[float, ...]] = set()
-    state = method.init(KEY)
+def padded(*rewards: float) -> jax.Array:
+    return jnp.asarray([*rewards, *[np.nan] * (150 - len(rewards))], jnp.float32)
 
-    def proposed(t: int) -> list[tuple[float, ...]]:
-        actions, _ = method.sample(jax.random.key(t), state, 3)
-        return [tuple(row) for row in np.asarray(actions).tolist()]
 
-    for t in range(12):
-        rows = proposed(t)
-        tried |= set(rows)
-        state, _ = tell(method, rows, [table[int(np.dot(r, [12, 3, 1])) % 36] for r in rows], state)
-        if memory.exact(state.memory) and len(tried) < 9:
-            new = set(proposed(t + 1))
-            assert len(new) == 3 and not new & tried
-    assert memory.exact(state.memory) and len(tried) >= 12
+@pytest.mark.parametrize(
+    ("rewards", "lowest"),
+    [
+        # The quartiles of -1000 and 1 to 9 are 2.25 and 6.75, their median 4.5.
+        ([*range(1, 10), -1000], 1),
+        ([*range(1, 10), -17.9], -np.inf),  # 5 x 4.5 below it
+        ([*range(1, 10), -18.1], 1),
+        ([*range(1, 10), *[-1000] * 9], 1),  # a penalty counts once
+        ([*range(1, 10), *range(-1006, -1000)], 1),  # more than a quarter are penalties that differ
+        ([0, 0, 0, 1, 1, 0.5, -1e6, -1e6, -1e6, np.nan], 0),
+        ([*range(1, 7), -1000], -np.inf),  # too few
+        ([*range(0, 160, 5), *[200] * 5, *np.arange(200, 201, 0.01)], -np.inf),  # it has come near
+        ([5.0] * 9, -np.inf), ([5.0] * 9 + [-1000], -np.inf),
+        ([-1000, *[np.nan] * 9], -np.inf), ([np.nan] * 9, -np.inf),
+    ],
+)  # fmt: skip
+def test_what_is_far_below_the_others_by_hand(rewards: list[float], lowest: float) -> None:
+    assert float(LOWEST(padded(*rewards))) == lowest
+
+
+def test_penalties_count_as_the_worst_of_the_others_from_the_beginning() -> None:
+    """The same statistics as if they had been told so, even if they came first."""
+    actions, rewards = some(0, 24)
+    crashed = np.arange(24) % 4 == 0
+    told = np.where(crashed, np.float32(-1e6), rewards)
+    as_worst = np.where(crashed, rewards[~crashed].min(), rewards)
+    state, plain = effects.init_effects(MODEL), effects.init_effects(MODEL)
+    for part in np.split(np.arange(24), 6):
+        state = OBSERVE(state, actions[part], told[part])
+        plain = OBSERVE(plain, actions[part], as_worst[part])
+    assert (int(state.history.clipped), int(plain.history.clipped)) == (6, 0)
+    found, expected = (regression.centred(s.statistics) for s in (state, plain))
+    assert_close(found, expected, rtol=1e-4, atol=1e-3)
+    assert float(state.noise) == pytest.approx(float(plain.noise), rel=1.0)
+    # Were they no penalties, they would count as what they are.
+    more = -np.linspace(1e6, 4e6, 24, dtype=np.float32)
+    assert int(OBSERVE(state, actions, more).history.clipped) == 0
+
+
+def test_evaluations_that_are_not_kept_count_too(monkeypatch) -> None:
+    monkeypatch.setattr(history, "CAPACITY", 12)
+    observe = jax.jit(lambda *given: effects.observe(MODEL, *given))
+    state, (actions, rewards) = effects.init_effects(MODEL), some(0, 32)
+    rewards[3], rewards[30] = -1e6, -1e6
+    for part in np.split(np.arange(32), 4):
+        state = observe(state, actions[part], rewards[part])
+    assert state.history.rewards.shape == (12,) and int(state.history.clipped) == 1
+    counted = np.maximum(rewards, rewards[:8][rewards[:8] > -1e6].min())
+    square = float(regression.centred(state.statistics).square)
+    assert square == pytest.approx(31 * counted.var(ddof=1), rel=1e-3)
+
+
+BANDIT = space(["a", "b"], [4, 3])
+BANDIT_METHODS = {name: make(name, BANDIT) for name in ("surrogate", "intervals", "linear")}
+
+
+@pytest.mark.parametrize(("share", "penalty"), [(0, 0), (0.05, -1e6), (0.25, -1000), (0.45, -1e6)])
+@pytest.mark.parametrize("name", BANDIT_METHODS)
+def test_penalties_do_not_decide_the_answer(name: str, share: float, penalty: float) -> None:
+    """A crash says nothing of where it happened; 0 is the best answer, random attributes are at -1."""
+    method, best = BANDIT_METHODS[name], np.asarray([0.625, 1 / 6])
+
+    def value(proposal: Proposal) -> np.ndarray:
+        centre, width = map(np.asarray, proposal)
+        own = (centre - best) ** 2 + np.maximum(width**2 - [1 / 16, 1 / 9], 0) / 12
+        return -own.sum(axis=-1) / (0.125**2 + (1 / 3) ** 2 + (2 - 1 / 16 - 1 / 9) / 12)
+
+    lost, clipped = [], []
+    for seed in range(3):
+        rng = np.random.default_rng(seed)
+
+        def reward(t: int, actions: jax.Array, proposals: Proposal) -> np.ndarray:
+            noisy = value(proposals) + 0.1 * rng.normal(size=10)  # noqa: B023
+            return np.where(rng.random(10) < share, penalty, noisy)  # noqa: B023
+
+        state = learnt(method, reward, updates=20, n=10)
+        lost.append(-value(method.solution(state)))
+        seen = state.history if name == "linear" else state.seen.history
+        clipped.append(int(seen.clipped))
+    assert np.mean(lost) < 0.25
+    assert (min(clipped) > 0) == (share > 0)
+
+
+@pytest.mark.parametrize("name", BANDIT_METHODS)
+def test_a_flat_reward_decides_nothing_and_the_search_goes_on_looking(name: str) -> None:
+    method = BANDIT_METHODS[name]
+    state = learnt(method, lambda *_: [0.1] * 5, updates=4, n=5)
+    for answer in (method.solution(state), method.spread(state)):
+        np.testing.assert_allclose(answer, [[0.5, 0.5], [1, 1]], rtol=1e-6)
+    p = np.asarray(method.probabilities(state))
+    assert np.all(p[bin_mask(BANDIT)] > 0.1)
+    actions, _ = method.sample(jax.random.key(9), state, 20)
+    assert len(np.unique(actions, axis=0)) > 5
+    # One reward that differs is enough to prefer something.
+    state, _ = tell(method, actions[:1], [0.2], state)
+    assert np.any(np.asarray(method.solution(state).width) < 1)
+
+
+def test_interactions_are_only_as_many_as_fit() -> None:
+    names = [f"x{i}" for i in range(100)]
+    state = jax.eval_shape(linear(space(names, 10)).init, KEY)  # 4950 pairs in one group
+    assert state.statistics.gram.shape == (400, 400)
+    for name in BANDIT_METHODS:
+        refuses("makes 19800 features of 4950 pairs", make, name, space(names, 10), pair_degree=2)
+    small = jax.eval_shape(linear(space(names[:8], 10)).init, KEY)
+    assert small.statistics.sums.shape == (8 * 4 + 28 * 4,)
 
 
 def test_values_without_an_order_have_no_neighbours() -> None:
