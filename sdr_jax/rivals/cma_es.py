@@ -6,12 +6,14 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.special import ndtr
 
 from sdr_jax.method import Info, Method, Rewards, RngKey, Values
 from sdr_jax.relaxation import UNDECIDED, moments
 from sdr_jax.rivals import host
 from sdr_jax.space import Proposal, Space, Width
+
+DRAWS = 256
+"""Draws behind `spread` and `probabilities`."""
 
 
 class CmaState(NamedTuple):
@@ -79,9 +81,7 @@ def cma_es(
         return CmaState(optimizer, (), False)
 
     def sample(rng_key: RngKey, state: CmaState, n: int) -> tuple[Values, Proposal]:
-        # Asking moves nothing but the generator, and that starts afresh every time.
-        state.optimizer.reseed_rng(host.seed(rng_key))
-        asked = np.asarray([state.optimizer.ask() for _ in range(n)])  # [n, (rounded, raw), ...]
+        asked = drawn(state, host.seed(rng_key), n)
         return jnp.asarray(asked[:, 1], jnp.float32), relaxed(bins_of(asked[:, 0]))
 
     def update(state: CmaState, actions: Values, rewards: Rewards) -> tuple[CmaState, Info]:
@@ -107,19 +107,19 @@ def cma_es(
         best = bins_of(state.optimizer.mean)
         return relaxed(best if state.seen else np.full_like(best, UNDECIDED))
 
-    def deviations(state: CmaState) -> np.ndarray:
-        # Public attributes do not tell; the margin scales the discrete coordinates by _A.
-        cma = state.optimizer._cma
-        return cma._sigma * state.optimizer._A * np.sqrt(np.diag(cma._C))
+    def drawn(state: CmaState, seed: int, n: int) -> np.ndarray:
+        """What the optimiser asks for, f64[n 2 attributes]: rounded, and raw; the state stays as it is."""
+        asks = deepcopy(state.optimizer)
+        asks.reseed_rng(seed)
+        return np.asarray([asks.ask() for _ in range(n)])
 
     def spread(state: CmaState) -> Proposal:
         return moments(space, probabilities(state), width)
 
     def probabilities(state: CmaState) -> Float[Array, "attributes bins"]:
-        edges = np.arange(1, space.max_bins + 1)[None, :] / sizes[:, None]
-        z = (edges - state.optimizer.mean[:, None]) / deviations(state)[:, None]
-        # All that is beyond the last edge counts for the last bin.
-        below = np.where(edges >= 1 - 1e-9, 1.0, ndtr(z))
-        return jnp.asarray(np.diff(below, prepend=0.0, axis=1), jnp.float32)
+        # A fixed seed: the same evaluations give the same shares.
+        tried = bins_of(drawn(state, 0, DRAWS)[:, 0])
+        shares = (tried[:, :, None] == np.arange(space.max_bins)).mean(axis=0)
+        return jnp.asarray(shares, jnp.float32)
 
     return Method(init, sample, update, solution, spread, probabilities, None, traced=False)

@@ -242,6 +242,25 @@ def test_a_generation_is_filled_over_any_number_of_updates() -> None:
     np.testing.assert_array_equal(*ends)
 
 
+def test_cma_es_leaves_its_generator_alone_and_says_where_it_tries() -> None:
+    method = cma_es(SPACE)
+    rng = np.random.default_rng(0)
+    rewards = np.float32(rng.uniform(size=28))
+    state, _ = tell(method, np.float32(rng.uniform(size=(28, 3))), rewards)
+
+    def left() -> list:
+        return [np.asarray(part).tolist() for part in state.optimizer._rng.get_state()]
+
+    before = left()
+    method.sample(jax.random.key(1), state, 3)
+    p = np.asarray(method.probabilities(state))
+    assert left() == before
+    _, proposals = method.sample(jax.random.key(2), state, 2000)
+    for own, column, bins in zip(p, np.asarray(proposals.centre).T, SPACE.bins, strict=True):
+        counts, _ = np.histogram(column, bins, (0, 1))
+        np.testing.assert_allclose(own[:bins], counts / 2000, atol=0.11)
+
+
 def test_tpe_answers_with_the_best_it_has_seen() -> None:
     method = tpe(SPACE)
     state, _ = tell(method, [[0, 1, 2], [1, 9, 4], [1, 8, 3]], [0.1, 0.9, np.nan])
