@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from pathlib import Path
 from typing import Any, NamedTuple, cast
@@ -12,6 +13,7 @@ import numpy as np
 from jaxtyping import Array, Real
 
 from sdr_jax.method import Method, State
+from sdr_jax.rewards import LARGEST
 from sdr_jax.run import first_state
 from sdr_jax.space import Proposal, Space
 from shell.errors import UserError
@@ -44,6 +46,9 @@ class AskTell:
     which gives the same state to the last bit, host adapters included. Keys are used as
     `drive` uses them: the same seed proposes the same data sets here as there.
 
+    Methods compute in single precision, so they see rewards less the first one, unless their level matters
+    to the method. While all rewards are the same, there is no answer but that of before the first.
+
     Args:
         space: the attributes.
         method: what learns.
@@ -54,6 +59,7 @@ class AskTell:
     Attributes:
         state: the method's state after the last whole update.
         updates: whole updates made.
+        clipped: the most rewards so far that the method took for higher than they are, see `Info`.
         history: one record per trial told, in the order of telling.
 
     Raises:
@@ -75,7 +81,10 @@ class AskTell:
         rng_key = jax.random.key(seed)
         self._steps_key = jax.random.split(rng_key)[1]
         self.state: State = first_state(rng_key, method)
-        self.updates = 0
+        self.updates, self.clipped = 0, 0
+        self._start = self.state
+        self._first: float | None = None  # reward
+        self._differ = False  # whether any two rewards do
         self._actions: Real[Array, "n attributes"] = jnp.zeros((n, space.attributes), jnp.int32)
         self._trials: tuple[Trial, ...] = ()  # none before the actions are sampled
         self._rewards: dict[int, float] = {}
@@ -104,12 +113,13 @@ class AskTell:
 
         Args:
             id: of a trial that was asked for.
-            reward: higher is better. None, NaN or infinite: the evaluation failed, which is
-                recorded as such and never taken for a low reward.
+            reward: higher is better, from -1e15 to 1e15. None, NaN or infinite: the evaluation failed,
+                which is recorded as such and never taken for a low reward.
             notes: JSON values to be kept in the trial's record.
 
         Raises:
-            ValueError: an id that waits for no reward, or a note with the name of a field.
+            ValueError: an id that waits for no reward, a reward out of range, or a note with the name of
+                a field.
             OSError: the history cannot be written; the reward then counts as not told.
             RuntimeError: another process has written to it.
         """
@@ -120,19 +130,24 @@ class AskTell:
         if id not in waiting:
             known = f"waiting are {', '.join(map(str, waiting))}" if waiting else "none is waiting"
             raise ValueError(f"trial {id} waits for no reward; {known}")
-        with np.errstate(over="ignore"):  # beyond single precision is as good as infinite
-            value = np.float32(np.nan if reward is None else reward)
-        told = {"reward": float(value) if np.isfinite(value) else None, **notes}
+        value = math.nan if reward is None else float(reward)
+        if math.isfinite(value) and abs(value) > LARGEST:
+            raise ValueError(f"reward is {value:g}, but must lie within +-{LARGEST:g}")
+        told = {"reward": value if math.isfinite(value) else None, **notes}
         self._log.append({**self._asked(waiting[id]), **told})
-        self._take(id, float(value))
+        self._take(id, value)
 
     def solution(self) -> Proposal:
         """The method's answer after the last whole update, f32[attributes] each."""
-        return _plain(*self.method.solution(self.state))
+        return _plain(*self.method.solution(self._answering))
 
     def spread(self) -> Proposal:
         """The answer, left wide where the method is unsure, f32[attributes] each."""
-        return _plain(*self.method.spread(self.state))
+        return _plain(*self.method.spread(self._answering))
+
+    @property
+    def _answering(self) -> State:
+        return self.state if self._differ else self._start
 
     def _sample(self) -> None:
         if self._trials:
@@ -153,19 +168,29 @@ class AskTell:
         return {"id": trial.id, "update": self.updates, "actions": actions, "seed": trial.seed}
 
     def _take(self, id: int, reward: float) -> None:
-        self._rewards[id] = reward if np.isfinite(reward) else np.nan
+        self._rewards[id] = reward if math.isfinite(reward) else math.nan
         if len(self._rewards) < self.n:
             return
-        rewards = jnp.asarray([self._rewards[trial.id] for trial in self._trials], jnp.float32)
-        self.state, _ = self.method.update(self.state, self._actions, rewards)
+        rewards = np.asarray([self._rewards[trial.id] for trial in self._trials], np.float64)
+        known = rewards[np.isfinite(rewards)]
+        if self._first is None and len(known):
+            self._first = float(known[0])
+        self._differ |= bool(np.any(known != self._first))
+        if self._first is not None and not self.method.level:
+            rewards -= self._first
+        told = jnp.asarray(rewards, jnp.float32)
+        self.state, info = self.method.update(self.state, self._actions, told)
+        self.clipped = max(self.clipped, int(info.clipped))
         self.updates += 1
         self._trials, self._rewards = (), {}
 
     def _replay(self, record: dict[str, Any], where: str) -> None:
         waiting = {trial.id: trial for trial in self.ask()}
         id, reward = record.get("id"), record.get("reward")
-        if not (reward is None or isinstance(reward, float)):
-            raise UserError(f"{where}: reward must be a number or null, not {reward!r}")
+        if not (reward is None or (isinstance(reward, float) and abs(reward) <= LARGEST)):
+            raise UserError(
+                f"{where}: reward must be null or a number within +-{LARGEST:g}, not {reward!r}"
+            )
         ours = self._asked(waiting[id]) if id in waiting else None
         if ours is None or any(record.get(name) != value for name, value in ours.items()):
             raise UserError(

@@ -9,6 +9,7 @@ import numpy as np
 from jax.experimental import io_callback
 from jaxtyping import Array, Float, Key, Real
 
+from sdr_jax.rewards import LARGEST
 from sdr_jax.space import Proposal
 
 
@@ -85,7 +86,8 @@ def host_reward(
     A reward of NaN is an evaluation that failed; methods leave it out. An error in `evaluate`,
     Ctrl-C included, is another matter: it does not surface inside the callback; its rewards come
     back as NaN, so do those of later calls, which are not evaluated; the error is kept until
-    `reraise()` raises it. A wrong type, shape or dtype of the rewards is such an error, too.
+    `reraise()` raises it. A wrong type, shape or dtype of the rewards is such an error, too, and so is
+    a reward beyond 1e15.
 
         for state, record in drive(key, method, host_reward(evaluate), n=4):
             ...
@@ -109,3 +111,8 @@ def _check(rewards: object, n: int) -> None:
         raise TypeError(f"evaluate returned {type(rewards).__name__}, not a NumPy array")
     if rewards.dtype != np.float32 or rewards.shape != (n,):
         raise TypeError(f"evaluate returned {rewards.dtype}{list(rewards.shape)}, not float32[{n}]")
+    beyond = rewards[np.isfinite(rewards) & (np.abs(rewards) > LARGEST)]
+    if len(beyond):
+        raise ValueError(
+            f"evaluate returned a reward of {beyond[0]:g}, but it must lie within +-{LARGEST:g}"
+        )

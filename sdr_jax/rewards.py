@@ -3,6 +3,9 @@
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+LARGEST = 1e15
+"""Sums of the squares of larger rewards do not fit into single precision."""
+
 
 def identity(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
     """The score itself, as in the paper."""
@@ -10,11 +13,11 @@ def identity(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
 
 
 def squared_percent(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
-    """`(100 r)^2`, as in the authors' code: differences between good scores count for more.
+    """`sign(r) (100 r)^2`, as in the authors' code: differences between good scores count for more.
 
-    Only for rewards >= 0, such as a mean IoU in [0, 1].
+    For mean IoU. The sign is kept, or of two negative rewards the worse would count as the better.
     """
-    return (100 * rewards) ** 2
+    return jnp.sign(rewards) * (100 * rewards) ** 2
 
 
 def only_finite(rewards: Float[Array, "n"]) -> Float[Array, "n"]:

@@ -151,4 +151,7 @@ def sdr(
         undecided = proposal(jnp.full(space.attributes, UNDECIDED))
         return choose(begun(groups, state.descent), wide, undecided)
 
-    return jitted(init, sample, update, solution, probabilities, spread, updates=groups.updates)
+    level = transform is not identity
+    return jitted(
+        init, sample, update, solution, probabilities, spread, groups.updates, level=level
+    )

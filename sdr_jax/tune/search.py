@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 
 from sdr_jax.ask_tell import AskTell
-from sdr_jax.method import Method
+from sdr_jax.method import Method, on_clipping
 from sdr_jax.registry import make
 from sdr_jax.run import refuse_failures
 from sdr_jax.tune.settings import Settings
@@ -172,7 +172,7 @@ def _one_update(
     progress: Progress,
     settings: Settings,
 ) -> None:
-    update = search.updates
+    update, clipped = search.updates, search.clipped
     updates = settings.evaluations // settings.datasets_per_update
     waiting = {pool.submit(simulator.evaluate, trial): trial.id for trial in search.ask()}
     for future in as_completed(waiting):
@@ -188,6 +188,8 @@ def _one_update(
         if search.updates > update or sys.stdout.isatty():
             scores = _scores(search, update, settings.minimize)
             progress.update(f"update {update + 1}/{updates} | {scores}")
+    if search.clipped and not clipped:
+        progress.say(on_clipping(search.clipped, len(search.history)))
 
 
 def _reward(outcome: Outcome, settings: Settings) -> float | None:

@@ -20,13 +20,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sdr_jax.ask_tell import Trial
+from sdr_jax.rewards import LARGEST
 from sdr_jax.tune.units import Attribute, describe
 from shell.errors import UserError
 from shell.progress import duration
 
 PLACEHOLDER = "{attributes.json}"
 WANTED = 'a number or a JSON object with "score"'
-LARGEST = float(np.finfo(np.float32).max)
 TAIL = 65536
 """Bytes at the end of an output in which its last line is looked for."""
 SILENCE = 60.0
@@ -211,7 +211,7 @@ def parse_score(line: str) -> float:
         line: the last line of its output that is not empty; '' if there is none.
 
     Returns:
-        The score, finite in single precision.
+        The score, finite and not too large for the search.
     """
     if not line:
         raise _Failed(f"printed nothing; the last line must be {WANTED}")
@@ -228,7 +228,9 @@ def parse_score(line: str) -> float:
         if isinstance(score, bool) or not isinstance(score, int | float):
             raise _Failed(f"the last line printed is {shown}, but must be {WANTED}") from None
     if not abs(score) <= LARGEST:  # NaN included
-        raise _Failed(f"the last line printed is {shown}, but a score must be finite")
+        raise _Failed(
+            f"the last line printed is {shown}, but a score must be finite, within +-{LARGEST:g}"
+        )
     return float(score)
 
 

@@ -150,3 +150,6 @@ def test_a_wrong_answer_is_an_error(returned: object, message: str) -> None:
     reward_fn = host_reward(lambda data_sets: returned)
     assert np.all(np.isnan(reward_fn(KEY, relax(PAIR, jnp.zeros((2, 2), jnp.int32)))))
     refuses(message, reward_fn.reraise, error=TypeError)
+    reward_fn = host_reward(lambda data_sets: np.asarray([np.nan, -1e31], np.float32))
+    reward_fn(KEY, relax(PAIR, jnp.zeros((2, 2), jnp.int32)))
+    refuses(r"a reward of -1e\+31, but it must lie within \+-1e\+15", reward_fn.reraise)

@@ -140,6 +140,7 @@ def test_the_last_line_is_the_score_and_each_run_has_a_folder_and_a_seed(tmp_pat
     ("pass", "printed nothing"),
     ("print('done')", "the last line printed is 'done', but must be a number"),
     ("print(float('nan'))", "must be finite"),
+    ("print(-1e31)", "printed is '-1e+31', but a score must be finite, within +-1e+15"),
 ])  # fmt: skip
 def test_a_failed_run_says_why(tmp_path: Path, code: str, reason: str) -> None:
     outcome, _ = run_one(tmp_path, code, retries=1)
