@@ -117,7 +117,7 @@ ANSWER = {"solution": {}, "spread": {}, "evaluations": 1, "method": "", "failed"
 def test_spaces(text, counted, tmp_path):
     path = tmp_path / "space.toml"
     path.write_bytes(text)
-    only_read = patch.object(tune, "tune", lambda read, *_: read.space() and ANSWER)
+    only_read = patch.object(tune, "tune", lambda read, *_, **__: read.space() and ANSWER)
     with counted("spaces"), only_read:
         words = [str(path), "--out", str(tmp_path / "o"), "--", "true", "{attributes.json}"]
         ends_well(tune.main, words)
