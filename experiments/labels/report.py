@@ -138,8 +138,12 @@ def worth(
     differences = ours[:, None] - np.array(curves)
     mean = differences.mean(axis=0)
     half = stats.t.ppf(0.975, seeds - 1) * differences.std(axis=0, ddof=1) / math.sqrt(seeds)
-    low = reached(grid, half - mean, 0.0)  # no longer surely better than labels alone
-    high = reached(grid[::-1], (half + mean)[::-1], 0.0)  # the last that is not surely worse
+    low = reached(
+        grid.tolist(), (half - mean).tolist(), 0.0
+    )  # no longer surely better than labels alone
+    high = reached(
+        grid[::-1].tolist(), (half + mean)[::-1].tolist(), 0.0
+    )  # the last that is not surely worse
     return value, [None if low <= first else low, None if high >= last else high]
 
 

@@ -65,7 +65,7 @@ def material_rows() -> np.ndarray:
 
 
 @njit(cache=True, fastmath=True, error_model="numpy", inline="always")
-def _angle(y: float, x: float) -> np.float32:
+def _angle(y: np.float32, x: np.float32) -> np.float32:
     """``atan2`` to 1e-5, without its slow exactness: a polynomial in the smaller over the larger."""
     wide, high = abs(x), abs(y)
     a = min(wide, high) / (max(wide, high) + f32(1e-20))
