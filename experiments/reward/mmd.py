@@ -7,7 +7,6 @@ that no label of a real image is ever read.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import time
 from functools import lru_cache
@@ -22,6 +21,7 @@ from flax.traverse_util import flatten_dict, unflatten_dict
 from experiments.reward.made_with import refuse_other
 from experiments.reward.miou import Outcome, Recipe, render, training_set
 from experiments.reward.shelf import sent
+from experiments.reward.store import digest_of
 from scene.proposal import Proposal, random_proposal
 from scene.workers import Workers
 from seg.features import features
@@ -60,11 +60,8 @@ class FeatureNet(NamedTuple):
         if len(images) < 2:
             raise UserError("--reward-kind mmd needs at least 2 reward images")
         params = _load(str(self.path))
-        source = hashlib.sha256(np.ascontiguousarray(images).tobytes())
-        for leaf in jax.tree.leaves(params):
-            source.update(leaf.tobytes())
-        found = features(params, images, self.classes)
-        return Reference(found, str(self.path), source.hexdigest())
+        source = digest_of(images, *jax.tree.leaves(params))
+        return Reference(features(params, images, self.classes), str(self.path), source)
 
 
 def feature_net(recipe: Recipe, folder: Path, workers: Workers) -> FeatureNet:

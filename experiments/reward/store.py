@@ -10,7 +10,9 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import weakref
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -60,21 +62,35 @@ def identity(config: str, source: Source, seed: int) -> str:
         seed: of the streets and of the net.
     """
     if isinstance(source, Truth):
-        arrays: tuple[Any, ...] = source[:2]  # features follow from images
+        named: Any = digest_of(source.images, source.labels)  # features follow from images
     elif isinstance(source, Mixture):
-        arrays = tuple(
-            np.asarray([share, *c, *w], np.float32) for share, (c, w) in components(source)
-        )
+        named = [[share, _floats(c), _floats(w)] for share, (c, w) in components(source)]
     else:
-        arrays = tuple(np.asarray(source, np.float32))
-    return digest({"config": config, "source": digest_of(*arrays), "seed": int(seed)})
+        named = [_floats(part) for part in source]
+    return digest({"config": config, "source": named, "seed": int(seed)})
+
+
+_DIGESTS: dict[int, tuple[weakref.ref[np.ndarray], str]] = {}
+"""Of arrays that are still there, by id."""
 
 
 def digest_of(*arrays: np.ndarray) -> str:
-    """Sha256 of the bytes of arrays, one after the other."""
-    found = hashlib.sha256()
+    """Sha256 of images and the like. An array is read once; from then on it cannot be written to."""
     for array in arrays:
-        found.update(np.ascontiguousarray(array).data)
+        if id(array) not in _DIGESTS:
+            array.setflags(write=False)
+            gone = weakref.ref(array, partial(_forget, id(array)))
+            _DIGESTS[id(array)] = gone, _read(array)
+    return digest([_DIGESTS[id(array)][1] for array in arrays])
+
+
+def _forget(number: int, _: Any) -> None:
+    _DIGESTS.pop(number, None)
+
+
+def _read(array: np.ndarray) -> str:
+    found = hashlib.sha256(f"{array.dtype.str}{list(array.shape)}".encode())
+    found.update(np.ascontiguousarray(array).data)
     return found.hexdigest()
 
 

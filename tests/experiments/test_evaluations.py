@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from experiments.config import MainConfig
 from experiments.presets import defaults
-from experiments.reward import evaluator, mmd
+from experiments.reward import evaluator, mmd, store
 from experiments.reward.miou import Outcome, attempt, worker_environment
 from experiments.reward.store import (
     HEADER,
@@ -41,7 +41,7 @@ from scene.workers import WorkerPool
 from shell.errors import UserError
 from shell.progress import Progress
 
-from .conftest import POOL, diverge, formula, lines, never, searching, target_of, untimed
+from .conftest import POOL, diverge, formula, lines, main_job, never, searching, target_of, untimed
 
 CONFIG = defaults(MainConfig, "camvid", "smoke")
 TRUTH = Truth(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
@@ -90,6 +90,29 @@ def test_a_name_tells_seed_attributes_and_images(seed, value):
     mixed = [mixture(shares, (units, moved)) for shares in ((0.5, 0.5), (0.25, 0.75))]
     others += [identity("c", source, seed) for source in (moved, TRUTH, real, *mixed)]
     assert len(key) == 64 and len({key, *others}) == 1 + len(others)
+
+
+def test_an_array_is_read_once_and_stays_as_it_was(monkeypatch):
+    read, reads = store._read, []
+    monkeypatch.setattr(store, "_read", lambda array: reads.append(array.shape) or read(array))
+    a, b = np.arange(6, dtype=np.uint8), np.arange(6, dtype=np.uint8)
+    assert store.digest_of(a) == store.digest_of(a) == store.digest_of(b)
+    assert reads == [(6,), (6,)] and store.digest_of(a, b) == store.digest_of(b, a)
+    others = [a.reshape(2, 3), a.view(np.int8), a[::-1]]
+    assert len({store.digest_of(x) for x in (a, *others)}) == 4
+    with pytest.raises(ValueError, match="read-only"):
+        a[0] = 1
+    number = id(a)
+    del a, others
+    assert number not in store._DIGESTS
+
+
+@pytest.mark.parametrize("few", [(), ("--few", "1")])
+def test_a_job_reads_each_of_its_real_images_once(few, camvid, out, counted, monkeypatch):
+    read, reads = store._read, []
+    monkeypatch.setattr(store, "_read", lambda array: reads.append(read(array)) or reads[-1])
+    assert main_job("camvid", "--data", str(camvid), "--out", str(out), *few) == 0
+    assert len(reads) == len(set(reads)) == 4 + 4 * bool(few)
 
 
 def test_a_mixture_is_kept_by_its_components(tmp_path):
