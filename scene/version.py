@@ -7,4 +7,4 @@ the number, and an export that another engine began is refused. Records of evalu
 it, too, where nets learn otherwise from the same recipe (2: nets, not pictures).
 """
 
-ENGINE = 3
+ENGINE = 4

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from experiments.results.parts import Part
+from scene.version import ENGINE
 from shell import files
 from shell.progress import duration
 
@@ -50,7 +51,7 @@ def text(
     lines = [
         "# Results on real CamVid",
         "",
-        f"Made by `make results` at commit {origin}",
+        f"Made by `make results` with engine {ENGINE}, at commit {origin}",
         *([f"Not made yet: {', '.join(missing)}."] if missing else []),
     ]
     for part in parts:
