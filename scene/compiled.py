@@ -16,11 +16,10 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numba
 
-F = TypeVar("F", bound=Callable[..., Any])
 VARIABLE = "NUMBA_CACHE_DIR"
 NAME = "kernels-"
 """What the folders' names begin with; a digest follows."""
@@ -28,16 +27,15 @@ WITHOUT = ("assets", "preview")
 """Folders of ``scene`` that hold no compiled functions, and nothing that these hold."""
 
 
-def njit(**options: Any) -> Callable[[F], F]:
+def njit(**options: Any) -> Any:
     """``numba.njit`` with these options, which keeps what it compiles by the state of all sources."""
 
-    def decorate(function: F) -> F:
+    def decorate(function: Callable[..., Any]) -> Any:
         before, numba.config.CACHE_DIR = numba.config.CACHE_DIR, _folder()
         try:
-            compiled: F = numba.njit(**options)(function)
+            return numba.njit(**options)(function)
         finally:
             numba.config.CACHE_DIR = before
-        return compiled
 
     return decorate
 
