@@ -143,10 +143,15 @@ def own_assets(pool: AssetPool, family: str) -> tuple[str, ...]:
 
 
 def absent(pool: AssetPool) -> tuple[str, ...]:
-    """Families of which a pool has no asset, so that their places in a street stay empty."""
+    """Families of which a pool has no asset, so that their places in a street stay empty.
+
+    Not the posts of own signs and lights, which are built-in ones then.
+    """
     if pool.use != "own":
         return ()
-    return tuple(family for family in FAMILIES if not own_assets(pool, family))
+    own = [row for family, row in FAMILIES.items() if own_assets(pool, family)]
+    there = [row.name for row in own] + [row.on for row in own if row.front == "back"]
+    return tuple(family for family in FAMILIES if family not in there)
 
 
 @lru_cache(maxsize=256)  # what is drawn often is kept by the renderers, as arrays

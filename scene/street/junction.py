@@ -63,8 +63,8 @@ class Arm(NamedTuple):
         x, y = self.junction.x + across, self.side * along
         pose = pose_at(self.street.ground, x, y, yaw)
         seed = int(self.rng.integers(2**31))
-        found = parts_of(family, ref, seed, self.street.pool)
-        return [(part, part_ref, pose) for part, part_ref in found if part_ref is not None]
+        parts = parts_of(family, ref, seed, self.street.pool)
+        return [(part, part_ref, pose) for part, part_ref in parts]
 
 
 def with_room(street: Setting, standing: list[Standing], wanted: list[Standing]) -> list[Standing]:

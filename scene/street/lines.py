@@ -76,8 +76,7 @@ def line_objects(
         for shift in _panels(family, ref, interval):
             pose = pose_at(street.ground, x + shift, side * (distance + step), yaw)
             for part, part_ref in parts_of(family, ref, seed, street.pool):
-                if part_ref is not None:
-                    yield part, part_ref, pose
+                yield part, part_ref, pose
 
 
 def _panels(family: str, ref: int | str, interval: float) -> list[float]:
@@ -92,8 +91,12 @@ def _panels(family: str, ref: int | str, interval: float) -> list[float]:
 
 def parts_of(
     family: str, ref: int | str, seed: int, pool: AssetPool
-) -> list[tuple[str, int | str | None]]:
-    """The assets that make up one object: a rider's machine and a sign's post have their own class."""
+) -> list[tuple[str, int | str]]:
+    """The assets that make up one object: a rider's machine and a sign's post have their own class.
+
+    Where a pool of own assets has no post for a sign or light, a built-in one stands there; an own rider
+    goes without a machine. What would hang in the air, since a pool is without its family, is left out.
+    """
     row = FAMILIES[family]
     whole = isinstance(ref, str) and row.front == "back"
     if not row.on or (whole and catalogue.bounds(family, ref)[0, 2] < OWN_POST):
@@ -103,7 +106,12 @@ def parts_of(
     if not isinstance(base, str):  # a user's own rider says not what it rides
         kind = ref if isinstance(ref, int) else int(rng.integers(len(row.kinds)))
         base = row.base(row.kinds[kind % len(row.kinds)])
-    return [(family, ref), (base, pick(pool, base, rng))]
+    below = pick(pool, base, rng)
+    if below is None and row.front == "back":
+        below = pick(pool._replace(use="built-in"), base, rng)
+    if below is not None:
+        return [(family, ref), (base, below)]
+    return [(family, ref)] if isinstance(ref, str) and row.front != "back" else []
 
 
 def _yaw(facing: str, side: float, forward: bool, rng: np.random.Generator) -> float:

@@ -81,19 +81,19 @@ class Plot:
             return False
         pose = pose_at(self.ground, x, y, yaw)
         pose = pose if tilt is None else pose @ tilt
-        found = parts_of(family, ref, seed, self.street.pool)
-        return self.admit(
-            [(part, own, pose) for part, own in found if own is not None], spare, bare
-        )
+        parts = parts_of(family, ref, seed, self.street.pool)
+        return self.admit([(part, own, pose) for part, own in parts], spare, bare)
 
     def admit(self, parts: list[Standing], spare: float = SPARE, bare: bool = False) -> bool:
         """Stand an object of parts that share a pose where there is room; says whether there was.
 
         Args:
-            parts: the object first, then its post or machine.
+            parts: the object first, then its post or machine; none never stand.
             spare: metres to the next object.
             bare: whether it needs ground without tiles.
         """
+        if not parts:
+            return False
         family, _, pose = parts[0]
         assets = [(part, ref) for part, ref, _ in parts]
         box = footprint(assets, pose)

@@ -5,6 +5,7 @@ from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,7 +16,7 @@ from scene.look.materials import material_id
 from scene.street.background import BEHIND, LINES_END, VISTA_END, background
 from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
 from scene.street.placing import FIRST_INSTANCE, Placement, bounds, doors_at_the_kerb
-from tests.scene.conftest import DEFAULT, SEEDS, UNITS, lines_alone, street
+from tests.scene.conftest import DEFAULT, POOL, SEEDS, UNITS, lines_alone, street
 
 LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
 
@@ -161,6 +162,25 @@ def test_families_of_a_line_come_in_their_shares_riders_on_machines_signs_on_pos
     poles = [p.family for seed in range(60) for p in objects(by_line(seed=seed)["pole"])]
     shares = {family: poles.count(family) / len(poles) for family in LINES["pole"]}
     assert shares == pytest.approx(LINES["pole"], abs=0.05)
+
+
+def test_no_sign_or_light_and_no_built_in_rider_is_in_the_air(shelf):
+    """Whatever a pool leaves out."""
+    shelf("rider/them.stl", trimesh.creation.box((0.6, 0.6, 1.8)))
+    own = shelf("traffic sign/stop.stl", trimesh.creation.box((0.02, 0.7, 0.7)))
+    assert "signpost" not in catalogue.absent(AssetPool(own=own, use="own"))
+    pools = {
+        AssetPool(own=own, use="own"): {"traffic sign", "rider"},
+        POOL._replace(without=("signpost",)): {"rider"},
+        POOL._replace(without=("bicycle", "motorcycle")): {"traffic sign", "traffic light"},
+    }
+    for pool, there in pools.items():
+        found = [p for seed in range(3) for p in street(seed=seed, pool=pool).placements]
+        hanging = [p for p in found if p.family in ("traffic sign", "traffic light", "rider")]
+        assert {p.family for p in hanging} == there
+        for p in hanging:
+            below = [o.family for o in found if o.pose is p.pose and o is not p]
+            assert below or (p.family == "rider" and isinstance(p.asset, str))
 
 
 @pytest.mark.parametrize("drive", [1.0, -1.0])
