@@ -18,8 +18,7 @@ from typing import Any
 import cv2
 from distributed import Client, KilledWorker, WorkerPlugin
 
-from scene.dataset.description import MAKERS
-from scene.version import ENGINE
+from scene.version import ENGINE, MAKERS
 from scene.workers import WorkerError, Workers
 from shell.errors import UserError
 from shell.files import file_digest, files_below, folder_digest, versions

@@ -8,3 +8,6 @@ it, too, where nets learn otherwise from the same recipe (2: nets, not pictures)
 """
 
 ENGINE = 4
+MAKERS = ("numpy", "numba", "embreex", "opencv-python-headless")
+"""Libraries that make pictures: random numbers, compiled shading, rays, the camera's blur and JPEG. With
+another version of one of them the same settings may give other bytes."""

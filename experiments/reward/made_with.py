@@ -12,7 +12,7 @@ from functools import lru_cache
 
 import jax
 
-from scene.dataset.description import MAKERS
+from scene.version import MAKERS
 from scene.workers import Workers
 from shell.errors import UserError
 from shell.files import versions

@@ -11,11 +11,9 @@ import llvmlite.binding
 import numpy as np
 
 from scene.classes import CLASS_NAMES
+from scene.version import MAKERS
 from shell import files
 
-MAKERS = ("numpy", "numba", "embreex", "opencv-python-headless")
-"""Libraries that make pictures: random numbers, compiled shading, rays, the camera's blur and JPEG. With
-another version of one of them the same settings may give other bytes."""
 PACKAGES = ("sdr-jax", *MAKERS, "scipy", "trimesh", "pyrender")
 ENCODINGS = {
     "depth": "u16, centimetres along the optical axis, 0 for the sky",

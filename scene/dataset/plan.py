@@ -15,14 +15,14 @@ from filelock import FileLock, Timeout
 
 from scene.assets import library
 from scene.assets.catalogue import AssetPool
-from scene.dataset.description import MAKERS, versions
+from scene.dataset.description import versions
 from scene.dataset.formats.layout import layout
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK
 from scene.dataset.render import street_of
 from scene.proposal import Streets, describe, shortest
 from scene.render import RenderSettings, renderer
-from scene.version import ENGINE
+from scene.version import ENGINE, MAKERS
 from shell.errors import UserError
 from shell.files import folder_digest, read_json
 from shell.folder import differences, plain

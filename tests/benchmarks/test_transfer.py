@@ -67,7 +67,7 @@ def test_every_ingredient_shows_in_the_picture_and_most_leave_the_street_standin
         images, found = ingredients.render_world(leave_out(whole), drawn, 0, recipe.shots, TABLE)
         assert images.shape == complete.shape
         assert (images != complete).any(), name
-        reshaping = ("oversampling", "markings", "background", "of the assets")
+        reshaping = ("markings", "background", "of the assets")
         assert np.array_equal(found, labels) != any(word in name for word in reshaping), name
 
 

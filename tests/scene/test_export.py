@@ -14,12 +14,12 @@ import trimesh
 from scene import AssetPool, RenderSettings
 from scene.attributes import NAMES
 from scene.dataset import export
-from scene.dataset.description import MAKERS, versions
+from scene.dataset.description import versions
 from scene.dataset.export import ExportError, export_dataset, read_dataset
 from scene.dataset.formats.layout import FORMATS
 from scene.proposal import draw, random_proposal
 from scene.render.__main__ import main
-from scene.version import ENGINE
+from scene.version import ENGINE, MAKERS
 from shell import files
 from tests.scene.conftest import refused
 

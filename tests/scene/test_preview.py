@@ -10,6 +10,7 @@ import trimesh
 from scene import CLASS_NAMES, RenderSettings, TrainId, colorize, renderer
 from scene.assets.catalogue import asset, bounds, surfaces
 from scene.assets.families import FAMILIES
+from scene.assets.library import scan
 from scene.attributes import BY_NAME, NAMES
 from scene.preview.__main__ import main
 from scene.preview.closeup import SKIES, asset_street, fit, named_sky, surface_street
@@ -124,14 +125,14 @@ def folder(shelf):
 
 
 def test_own_assets_are_shown_and_what_is_left_out_is_said(folder, tmp_path, printed):
-    out, path = tmp_path / "page.png", f"{folder}/bus/box.stl"
+    out, (ref,) = tmp_path / "page.png", scan(str(folder))["bus"]
     line = f"--out {out} --asset bus --assets {folder} --asset-use own --size 48x32"
     assert "left out: building, train" in printed(main, *line.split())
     assert len(cv2.imread(str(out))) == ROW
     # They stand in streets.
-    assert bounds("bus", path)[1] == pytest.approx([5, 1.25, 3])
-    frame = look(asset_street("bus", path, 4 / 3, 50.0))
-    assert (frame.label == TrainId.BUS).mean() > 0.1 and len(asset("bus", path).mesh.faces) == 12
+    assert bounds("bus", ref)[1] == pytest.approx([5, 1.25, 3])
+    frame = look(asset_street("bus", ref, 4 / 3, 50.0))
+    assert (frame.label == TrainId.BUS).mean() > 0.1 and len(asset("bus", ref).mesh.faces) == 12
 
 
 @pytest.mark.parametrize(("flags", "message"), [

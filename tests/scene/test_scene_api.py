@@ -9,8 +9,9 @@ import pytest
 import scene
 
 ROOMS = (
-    "classes", "attributes", "version", "cache", "workers", "cluster", "executors", "proposal", "look",
-    "mesh", "sky", "ground", "assets", "street", "render", "dataset", "preview", "check", "stats", "callback",
+    "classes", "attributes", "version", "cache", "compiled", "streams", "workers", "cluster", "executors",
+    "proposal", "look", "mesh", "sky", "ground", "assets", "street", "render", "dataset", "preview", "check",
+    "stats", "callback",
 )  # fmt: skip
 """Each imports from those before it only."""
 

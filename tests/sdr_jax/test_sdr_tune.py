@@ -103,7 +103,7 @@ def test_physical_values_worked_out_by_hand() -> None:
     + ['{"score": NaN}', '{"score": 1e999}', '{"result": 1}', "1,5", "{" * 10000],
 )
 def test_any_score_survives_printing_and_rubbish_is_none(line: str) -> None:
-    for score in (0.1, -3, 1e-30, -1e30, 0):
+    for score in (0.1, -3, 1e-30, -1e15, 0):
         both = parse_score(str(score)), parse_score(json.dumps({"score": score, "other": []}))
         assert both == (score, score) and all(type(read) is float for read in both)
     with pytest.raises(simulators._Failed):
