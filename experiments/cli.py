@@ -97,9 +97,8 @@ def main(
     arguments = [word for word in given if word != DEBUG]  # of the command, not of the job
     # On a GPU the policy must leave the memory to the workers' nets.
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
-    os.environ["NPROC"] = (
-        "1"  # XLA's threads: with --workers 0 nets are the same as those of workers
-    )
+    # XLA's threads: with --workers 0 nets are the same as those of workers.
+    os.environ["NPROC"] = "1"
 
     def run() -> None:
         choice, _ = tyro.cli(_Choice, args=arguments, return_unknown_args=True, add_help=False)
