@@ -26,7 +26,7 @@ class Info(NamedTuple):
     group: Int[Array, ""]  # the group the update was for; 0 where groups have no order
     clipped: Int[
         Array, ""
-    ]  # rewards so far, far below the others, that count as the lowest of these
+    ]  # rewards so far that are far below the others and count as their lowest
 
 
 def on_clipping(clipped: int, of: int) -> str:

@@ -25,13 +25,13 @@ GROUND_INSTANCES: dict[int, int] = {
 
 
 class Surface(NamedTuple):
-    """One of them."""
+    """One of them; ``road`` has its vertices in road coordinates, as high as they lie above the road.
+
+    Those of the open land are the world's but for the height.
+    """
 
     asset: Asset  # in the world
-    road: (
-        np.ndarray
-    )  # f64[v, 3] its vertices in road coordinates, as high as they lie above the road;
-    # the open land's are the world's but for the height
+    road: np.ndarray  # f64[v, 3]
 
 
 def ground_surfaces(ground: Ground) -> dict[int, Surface]:

@@ -98,10 +98,9 @@ class Geometry(NamedTuple):
     pose: np.ndarray  # f32[instances, 3, 4] shape -> world
     train_id: np.ndarray  # u8[instances]; instance 0 is the sky
     boxes: np.ndarray  # f32[instances, 8, 3] corners of a box around each, in its own frame
-    laid: tuple[
-        np.ndarray, ...
-    ] = ()  # f32[f, 2, 3, 3] of instances 1, 2, 3, the ground, where it bends
-    # or slopes: the corners of its faces in the world, and in road coordinates
+    laid: tuple[np.ndarray, ...] = ()
+    """f32[f, 2, 3, 3] of instances 1, 2, 3, the ground, where it bends or slopes: the corners of its faces in
+    the world, and in road coordinates."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Addresses are those of one process: a copy has its own."""

@@ -51,9 +51,7 @@ class Placement(NamedTuple):
     """One asset standing in the street."""
 
     family: str
-    asset: (
-        int | str
-    )  # index of the asset in its family, or what ``library.scan`` calls a user's own
+    asset: int | str  # index in its family, or what ``library.scan`` calls a user's own
     train_id: int
     instance: int
     pose: np.ndarray  # f64[4, 4] asset frame -> world; of some buses with a reflection
