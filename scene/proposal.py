@@ -1,14 +1,15 @@
-"""Which streets a dataset is made from: an interval of [0, 1] per attribute, and what is drawn from it.
+"""Which streets a dataset is made from: a distribution over [0, 1] per attribute, and what is drawn from it.
 
 The same idea as the search's proposals, in NumPy and drawn street by street, so that any street of a
-dataset can be made again without those before it. A mixture takes its streets from several proposals. What
-``describe`` writes, ``parse_streets`` reads, and ``draw`` makes the same streets of.
+dataset can be made again without those before it. An attribute is uniform on an interval (`Proposal`) or on
+each of several bins (`Histogram`); a mixture takes its streets from several of them. What ``describe``
+writes, ``parse_streets`` reads, and ``draw`` makes the same streets of.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -25,6 +26,8 @@ NAMES = ("default", "random", "mixed")
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 ROUNDING = 1e-5
 """By so much an interval in a file may stick out of [0, 1]: its ends are rounded."""
+NORMED = 1e-4
+"""By so much the probabilities of an attribute in a file may miss 1 in all."""
 GOLDEN = (math.sqrt(5) - 1) / 2
 """Its multiples fill [0, 1) evenly: the golden ratio less one."""
 
@@ -36,23 +39,36 @@ class Proposal(NamedTuple):
     width: np.ndarray  # f32[attributes], its length
 
 
+class Histogram(NamedTuple):
+    """A distribution over streets: each attribute in one of K equal bins of [0, 1], uniform inside it.
+
+    The paper's policy over discretised attributes; all attributes have as many bins.
+    """
+
+    probabilities: np.ndarray  # f32[attributes bins], 2 bins or more; rows add up to 1
+
+
+Component = Proposal | Histogram
+"""Attributes that are independent of one another."""
+
+
 class Mixture(NamedTuple):
-    """Several proposals of one space, each with its share of the streets; made by `mixture`."""
+    """Several components of one space, each with its share of the streets; made by `mixture`."""
 
     shares: tuple[float, ...]  # above 0, in all 1
-    proposals: tuple[Proposal, ...]  # no two of them equal
+    proposals: tuple[Component, ...]  # no two of them equal
 
 
-Streets = Proposal | Mixture
+Streets = Component | Mixture
 """What a dataset is drawn from."""
 
 
-def mixture(shares: Sequence[float], proposals: Sequence[Proposal]) -> Streets:
-    """Streets of several proposals; equal ones count as one, and one alone is itself.
+def mixture(shares: Sequence[float], proposals: Sequence[Component]) -> Streets:
+    """Streets of several components; equal ones count as one, and one alone is itself.
 
     Args:
         shares: of the streets, above 0, adding up to 1 within a millionth.
-        proposals: f32[attributes] each, one for each share.
+        proposals: the components, one for each share.
 
     Raises:
         ValueError: shares out of range, or proposals of different spaces.
@@ -63,18 +79,18 @@ def mixture(shares: Sequence[float], proposals: Sequence[Proposal]) -> Streets:
         raise ValueError(
             f"shares must be above 0 and add up to 1, not {' + '.join(f'{s:g}' for s in shares)}"
         )
-    if len({len(proposal.centre) for proposal in proposals}) > 1:
+    if len({len(proposal[0]) for proposal in proposals}) > 1:
         raise ValueError("components are of different spaces")
-    known: dict[bytes, tuple[float, Proposal]] = {}
+    known: dict[tuple[type, bytes], tuple[float, Component]] = {}
     for share, proposal in zip(shares, proposals, strict=True):
-        key = np.asarray(proposal, np.float32).tobytes()
+        key = type(proposal), np.asarray(proposal, np.float32).tobytes()
         known[key] = known.get(key, (0.0, proposal))[0] + share, proposal
     own, kinds = zip(*known.values(), strict=True)
     return kinds[0] if len(kinds) == 1 else Mixture(own, kinds)
 
 
-def components(streets: Streets) -> tuple[tuple[float, Proposal], ...]:
-    """Shares and proposals; a proposal has one, itself."""
+def components(streets: Streets) -> tuple[tuple[float, Component], ...]:
+    """Shares and components; what is no mixture has one, itself."""
     if isinstance(streets, Mixture):
         return tuple(zip(*streets, strict=True))
     return ((1.0, streets),)
@@ -82,7 +98,7 @@ def components(streets: Streets) -> tuple[tuple[float, Proposal], ...]:
 
 def space_in(streets: Streets) -> SpaceName:
     """The space whose attributes are decided."""
-    return space_of(len(components(streets)[0][1].centre))
+    return space_of(len(components(streets)[0][1][0]))
 
 
 def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
@@ -93,6 +109,30 @@ def slide(centre: np.ndarray, width: np.ndarray | float) -> Proposal:
     centre = np.asarray(centre, np.float32)
     width = np.clip(np.broadcast_to(np.asarray(width, np.float32), centre.shape), 0, 1)
     return Proposal(np.clip(centre, width / 2, 1 - width / 2), width)
+
+
+def moments(component: Component) -> Proposal:
+    """The intervals with the mean and the variance of each attribute; a proposal's are its own.
+
+        centre = sum_k p_k c_k,   width = sqrt(12 sum_k p_k (c_k - centre)^2 + 1 / K^2)
+
+    with c_k the bins' centres, slid into [0, 1]: uniform attributes give all of [0, 1], certain ones their
+    bin.
+    """
+    if isinstance(component, Proposal):
+        return slide(*component)
+    shares = np.diff(_ends(component), axis=1)
+    bins = shares.shape[1]
+    middle = (np.arange(bins) + 0.5) / bins
+    mean = shares @ middle
+    variance = (shares * (middle - mean[:, None]) ** 2).sum(axis=1)
+    return slide(mean, np.sqrt(12 * variance + bins**-2.0).astype(np.float32))
+
+
+def _ends(histogram: Histogram) -> np.ndarray:
+    """Where the share of each bin begins and ends in [0, 1], f64[attributes, bins + 1]."""
+    sums = np.cumsum(np.asarray(histogram.probabilities, np.float64), axis=1)
+    return np.pad(sums / sums[:, -1:], ((0, 0), (1, 0)))  # begins with 0 and ends with 1 exactly
 
 
 def random_proposal(space: SpaceName = "scenex") -> Proposal:
@@ -138,11 +178,11 @@ def describe(streets: Streets) -> dict[str, list[dict[str, Any]]]:
     }
 
 
-def _rows(proposal: Proposal) -> dict[str, dict[str, Any]]:
-    rows = {}
-    attributes = SPACES[space_of(len(proposal.centre))]
+def _rows(component: Component) -> dict[str, dict[str, Any]]:
+    rows: dict[str, dict[str, Any]] = {}
     # As they are drawn from, lest a file hold intervals that are then refused.
-    centres, widths = (part.tolist() for part in slide(*proposal))
+    centres, widths = (part.tolist() for part in moments(component))
+    attributes = SPACES[space_of(len(centres))]
     for attribute, centre, width in zip(attributes, centres, widths, strict=True):
         low, high = max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
         rows[attribute.name] = {
@@ -155,6 +195,9 @@ def _rows(proposal: Proposal) -> dict[str, dict[str, Any]]:
             },
             "meaning": attribute.meaning,
         }
+    if isinstance(component, Histogram):
+        for row, shares in zip(rows.values(), component.probabilities, strict=True):
+            row["unit"]["probabilities"] = [shortest(share) for share in shares]
     return rows
 
 
@@ -170,11 +213,12 @@ def parse_streets(value: Any) -> Streets:
 
     Attributes are those of a space by name, with a unit value or an interval. A number is the value of all
     streets. An interval is ``{"centre": c, "width": w}``, or that below ``"unit"``, as in the
-    ``attributes.json`` of a run.
+    ``attributes.json`` of a run. Where ``probabilities`` of equal bins of [0, 1] stand there, for all
+    attributes or none, they decide, and centre and width are not read.
 
     Raises:
-        ValueError: not an object, shares that do not add up, an unknown or missing attribute, or an interval
-            outside [0, 1], by name.
+        ValueError: not an object, shares or probabilities that do not add up, an unknown or missing
+            attribute, or an interval outside [0, 1], by name.
     """
     if not isinstance(value, dict) or "components" not in value:
         return _parsed(value)
@@ -219,8 +263,8 @@ def read_streets(source: str, space: SpaceName) -> Streets:
     return streets_named(source, space) if source in NAMES else streets_in(Path(source))
 
 
-def _parsed(value: Any) -> Proposal:
-    """The proposal of an object of attributes."""
+def _parsed(value: Any) -> Component:
+    """The component of an object of attributes."""
     if not isinstance(value, dict):
         raise ValueError("expected a JSON object of attribute names and unit values")
     known = names("extended")
@@ -231,9 +275,57 @@ def _parsed(value: Any) -> Proposal:
     for name in wanted:
         if name not in value:
             raise ValueError(f"attribute {name} is missing; all {len(wanted)} must be given")
+    units = {name: _unit(value[name]) for name in wanted}
+    binned = [name for name, unit in units.items() if "probabilities" in unit]
+    if binned:
+        return _histogram(binned[0], units)
     rows = [_interval(name, value[name]) for name in wanted]
     centre, width = np.array(rows, np.float32).T
     return slide(check_unit(centre), width)  # by a rounding at most
+
+
+def _unit(entry: Any) -> dict[str, Any]:
+    """The object with the unit values of an attribute; empty if it has none."""
+    unit = entry.get("unit", entry) if isinstance(entry, dict) else None
+    return unit if isinstance(unit, dict) else {}
+
+
+def _histogram(first: str, units: dict[str, dict[str, Any]]) -> Histogram:
+    """The histogram of attributes of which ``first`` has probabilities.
+
+    They stay as they are written, even if they miss 1 by `NORMED`, so that a file is read back exactly;
+    `draw` divides by their sum.
+    """
+    rows = []
+    for name, unit in units.items():
+        if "probabilities" not in unit:
+            raise ValueError(
+                f"attribute {name} has no probabilities, but {first} has; all attributes of a component "
+                "have them, or none"
+            )
+        rows.append(_probabilities(name, unit["probabilities"]))
+        if len(rows[-1]) != len(rows[0]):
+            raise ValueError(
+                f"attribute {name} has {len(rows[-1])} probabilities, but must have as many as the first "
+                f"attribute, {len(rows[0])}"
+            )
+    return Histogram(np.array(rows, np.float32))
+
+
+def _probabilities(name: str, found: Any) -> list[float]:
+    """Of the bins of one attribute."""
+    if not isinstance(found, list) or len(found) < 2:
+        raise ValueError(f"attribute {name}: probabilities must be a list of 2 numbers or more")
+    for number in found:
+        if isinstance(number, bool) or not isinstance(number, int | float) or not 0 <= number < 2:
+            raise ValueError(
+                f"attribute {name} has the probability {number!r}; they are numbers in [0, 1]"
+            )
+    if abs(math.fsum(found) - 1) > NORMED:
+        raise ValueError(
+            f"attribute {name} has probabilities that add up to {math.fsum(found):.6g}, but must to 1"
+        )
+    return found
 
 
 def _interval(name: str, entry: Any) -> tuple[float, float]:
@@ -262,13 +354,33 @@ def _interval(name: str, entry: Any) -> tuple[float, float]:
 
 def draw(streets: Streets, seed: int, count: int) -> np.ndarray:
     """Attributes f32[count, attributes] in [0, 1); street ``k`` depends on (streets, seed, k) only."""
-    intervals = [slide(*proposal) for _, proposal in components(streets)]
-    units = np.empty((count, len(intervals[0].centre)), np.float32)
+    drawn = [_drawn_from(own) for _, own in components(streets)]
+    units = np.empty((count, len(components(streets)[0][1][0])), np.float32)
     for street in range(count):
-        centre, width = intervals[component_of(streets, street)]
         rng = streams.units(seed, street)
-        units[street] = centre - width / 2 + width * rng.random(len(centre), dtype=np.float32)
+        uniform = rng.random(units.shape[1], dtype=np.float32)
+        units[street] = drawn[component_of(streets, street)](uniform)
     return np.clip(units, 0.0, BELOW_ONE)  # rounding could reach 1
+
+
+def _drawn_from(component: Component) -> Callable[[np.ndarray], np.ndarray]:
+    """The inverse of the distribution function of each attribute: f32[attributes] in [0, 1) to the same."""
+    if isinstance(component, Proposal):
+        centre, width = slide(*component)
+        return lambda uniform: centre - width / 2 + width * uniform
+    ends = _ends(component)
+    bins = ends.shape[1] - 1
+    borders = (np.arange(1, bins + 1) / bins).astype(np.float32)
+    last = np.nextafter(borders, np.float32(0))  # of each bin: rounding could reach the next one
+    rows = np.arange(len(ends))
+
+    def inverse(uniform: np.ndarray) -> np.ndarray:
+        chosen = (ends[:, 1:] <= uniform[:, None]).sum(axis=1)  # never a bin of no probability
+        begin, end = ends[rows, chosen], ends[rows, chosen + 1]
+        inside = (uniform - begin) / (end - begin)
+        return np.minimum(((chosen + inside) / bins).astype(np.float32), last[chosen])
+
+    return inverse
 
 
 def component_of(streets: Streets, street: int) -> int:

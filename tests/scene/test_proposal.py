@@ -2,14 +2,26 @@
 
 import json
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import sdr_jax
 from scene import proposal as module
 from scene.attributes import BY_NAME, NAMES, default_unit
-from scene.proposal import Proposal, default_proposal, describe, draw, random_proposal, slide
+from scene.proposal import (
+    Histogram,
+    Proposal,
+    default_proposal,
+    describe,
+    draw,
+    moments,
+    random_proposal,
+    slide,
+)
+from sdr_jax import relaxation
 from tests.scene.conftest import SEEDS, refused
 
 VALUES = dict.fromkeys(NAMES, 0.25)
@@ -17,6 +29,16 @@ BOTH = tuple(BY_NAME)
 UNITS = st.floats(0, 1, width=32)
 LIST = st.lists(UNITS, min_size=23, max_size=23)
 SIZES = st.sampled_from([23, len(BOTH)])
+ROWS = st.tuples(SIZES, st.integers(2, 12)).flatmap(
+    lambda size: st.lists(
+        st.lists(st.just(0.0) | st.floats(0.001, 1), min_size=size[1], max_size=size[1]).filter(
+            any
+        ),
+        min_size=size[0],
+        max_size=size[0],
+    )
+)
+"""Weights of bins, some of them 0."""
 LISTS = SIZES.flatmap(lambda n: st.tuples(*[st.lists(UNITS, min_size=n, max_size=n)] * 2))
 
 
@@ -140,3 +162,130 @@ def test_components_that_are_equal_are_one():
     assert module.mixture((0.5, 0.5), (by_eye, by_eye)) is by_eye
     assert module.mixture((0.25, 0.5, 0.25), (by_eye, other, by_eye)).shares == (0.5, 0.5)
     np.testing.assert_array_equal(draw(module.mixture((1,), (other,)), 3, 2), draw(other, 3, 2))
+
+
+def histogram(weights):
+    rows = np.array(weights)
+    return Histogram((rows / rows.sum(axis=1, keepdims=True)).astype(np.float32))
+
+
+def bins_of(units, count):
+    borders = (np.arange(1, count) / count).astype(np.float32)
+    return np.searchsorted(borders, units, side="right")
+
+
+@given(ROWS, SEEDS)
+def test_a_histogram_is_read_back_to_the_bit_and_draws_the_same(weights, seed):
+    own = histogram(weights)
+    for streets in (
+        own,
+        module.mixture((0.25, 0.75), (random_proposal(module.space_in(own)), own)),
+    ):
+        again = module.parse_streets(json.loads(json.dumps(describe(streets))))
+        found = module.components(again)[-1][1]
+        assert isinstance(found, Histogram) and found.probabilities.dtype == np.float32
+        assert found.probabilities.tobytes() == own.probabilities.tobytes()
+        np.testing.assert_array_equal(draw(again, seed, 6), draw(streets, seed, 6))
+    units = draw(own, seed, 6)
+    assert units.dtype == np.float32 and (units >= 0).all() and (units < 1).all()
+    np.testing.assert_array_equal(draw(own, seed, 2), units[:2])
+    drawn = np.take_along_axis(own.probabilities, bins_of(units, len(weights[0])).T, axis=1)
+    assert (drawn > 0).all()
+
+
+@pytest.mark.parametrize("count", [2, 3, 7, 10])
+def test_bins_are_drawn_as_often_as_they_are_likely(count):
+    weights = np.random.default_rng(count).gamma(0.5, size=(23, count))
+    weights[:, 0][::2] = weights[:, -1][1::2] = 0
+    own = histogram(weights)
+    units = draw(own, 4, 4000)
+    bins = bins_of(units, count)
+    shares = (bins[..., None] == np.arange(count)).mean(axis=0)
+    np.testing.assert_allclose(shares, own.probabilities, atol=0.03)
+    assert (shares[own.probabilities == 0] == 0).all()
+    inside = units * count - bins  # uniform within each bin
+    assert inside[bins == np.argmax(weights, axis=1)].mean() == pytest.approx(0.5, abs=0.02)
+    mean = own.probabilities @ ((np.arange(count) + 0.5) / count)
+    np.testing.assert_allclose(units.mean(axis=0), mean, atol=0.03)
+    spread = np.minimum(units.std(axis=0), 12**-0.5)  # no interval is longer than 1
+    np.testing.assert_allclose(spread, moments(own).width * 12**-0.5, atol=0.03)
+    space, policy = sdr_jax.space(NAMES, count), jnp.asarray(own.probabilities)
+    np.testing.assert_allclose(moments(own), relaxation.moments(space, policy), atol=1e-5)
+
+
+def test_certain_bins_are_intervals_and_even_ones_the_whole_range():
+    even = Histogram(np.full((23, 4), 0.25, np.float32))
+    for own, expected in ((moments(even), random_proposal()), (even, random_proposal())):
+        np.testing.assert_allclose(draw(own, 2, 50), draw(expected, 2, 50), atol=1e-6)
+    for count in (2, 9, 41):
+        for bin_ in (0, count // 2, count - 1):
+            certain = Histogram(np.tile(np.eye(count, dtype=np.float32)[bin_], (23, 1)))
+            interval = slide(np.full(23, (bin_ + 0.5) / count), 1 / count)
+            np.testing.assert_allclose(moments(certain), interval, atol=1e-6)
+            np.testing.assert_allclose(draw(certain, 3, 50), draw(interval, 3, 50), atol=1e-6)
+            assert (bins_of(draw(certain, 3, 50), count) == bin_).all()
+
+
+@pytest.mark.parametrize("count", [3, 7, 10, 41])
+def test_the_ends_of_bins_belong_to_them(count):
+    """The least and the largest number that a stream gives, and the border between two bins."""
+    numbers = np.float32([0, np.nextafter(np.float32(0.5), np.float32(0)), 0.5, module.BELOW_ONE])
+    for low, high in ((0, 1), (0, count - 1), (1, count - 1)):
+        row = np.zeros(count, np.float32)
+        row[low] = row[high] = 0.5
+        inverse = module._drawn_from(Histogram(np.tile(row, (4, 1))))
+        assert bins_of(inverse(numbers), count).tolist() == [low, low, high, high]
+
+
+def test_a_histogram_is_no_proposal_that_has_the_same_numbers():
+    half = np.full(23, 0.5, np.float32)
+    interval, even = Proposal(half, half), Histogram(np.stack([half, half], axis=1))
+    streets = module.mixture((0.5, 0.5), (interval, even))
+    assert streets.shares == (0.5, 0.5)
+    assert module.mixture((0.5, 0.5), (even, Histogram(even.probabilities.copy()))) is not streets
+    assert len(module.components(module.mixture((0.5, 0.5), (even, even)))) == 1
+    extended = Histogram(np.full((len(BOTH), 2), 0.5, np.float32))
+    assert module.space_in(extended) == "extended"
+    refused(ValueError, "different spaces", module.mixture, (0.5, 0.5), (even, extended))
+
+
+EVEN = {"unit": {"probabilities": [0.25, 0.25, 0.5]}}
+BINNED = dict.fromkeys(NAMES, EVEN)
+
+
+@pytest.mark.parametrize(("entry", "message"), [
+    (0.5, "car_position has no probabilities, but illumination_intensity has; all"),
+    ({"unit": {"centre": 0.5}}, "car_position has no probabilities, but"),
+    ({"probabilities": [0.5, 0.5]}, "car_position has 2 probabilities, but .* first attribute, 3"),
+    *(({"probabilities": value}, f"car_position{message}") for value, message in (
+        (0.5, ": probabilities must be a list of 2"), ([1.0], ": probabilities must be a list of 2"),
+        ([0.25, 0.25, 0.4], r" has probabilities that add up to 0.9, but must to 1"),
+        ([0.5, 0.5, 3e-4], " has probabilities that add up to 1.0003"),
+        *(([0.5, 0.5, bad], f" has the probability {bad!r}; they are numbers in") for bad in (
+            -0.1, 5, np.nan, np.inf, True, None, "0")),
+    )),
+])  # fmt: skip
+def test_what_is_wrong_in_probabilities_is_named(entry, message):
+    module.parse_streets(BINNED)
+    refused(ValueError, message, module.parse_streets, {**BINNED, "car_position": entry})
+    rows = [{"share": 1, "attributes": {**BINNED, "car_position": entry}}]
+    refused(
+        ValueError,
+        rf"components\[0\]: attribute {message}",
+        module.parse_streets,
+        {"components": rows},
+    )
+    refused(ValueError, "no probabilities", module.parse_streets, {**VALUES, "car_position": EVEN})
+
+
+def test_probabilities_alone_are_enough_and_decide():
+    thirds = {"probabilities": [1 / 3, 1 / 3, 0.3333]}  # rounded by hand
+    told = {"unit": {"centre": 0.1, "width": 0, **thirds}}
+    own = module.parse_streets({**dict.fromkeys(NAMES, thirds), NAMES[3]: told})
+    assert own.probabilities.tobytes() == np.float32([thirds["probabilities"]] * 23).tobytes()
+    np.testing.assert_allclose(moments(own).centre, 0.5, atol=1e-4)
+    unit = describe(own)["components"][0]["attributes"][NAMES[3]]["unit"]
+    assert unit["probabilities"] == [0.33333334, 0.33333334, 0.3333]
+    assert list(unit) == ["centre", "width", "probabilities"] and unit["width"] == pytest.approx(
+        1, abs=1e-3
+    )
