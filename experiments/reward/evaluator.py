@@ -28,7 +28,7 @@ from experiments.reward.shelf import Shelf, by_target, sent
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
 from experiments.reward.truth import Shared, Truth, WithFew, rendered_of
 from experiments.target.base import Target
-from scene.proposal import Mixture, Proposal
+from scene.proposal import Streets
 from scene.version import ENGINE
 from scene.workers import Workers
 from shell.errors import UserError
@@ -239,7 +239,7 @@ def evaluated(
 def _rendered_by_all(task: tuple, workers: Workers) -> tuple[tuple, float]:
     """A task with its training set, rendered street by street by all workers, and their core seconds."""
     evaluate, recipe, source, seed, truth, *parts = task
-    if isinstance(truth, Reference) or not isinstance(source, Proposal | Mixture):
+    if isinstance(truth, Reference) or not isinstance(source, Streets):
         return task, 0.0
     started = time.perf_counter()
     own = rendered_set(recipe, source, seed, workers)

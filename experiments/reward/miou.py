@@ -22,7 +22,7 @@ from experiments.reward.seen import Sight, picked, sight
 from experiments.reward.truth import Shared, Truth, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
-from scene.proposal import Mixture, Proposal, Streets, draw
+from scene.proposal import Streets, draw
 from scene.workers import Workers
 from seg.beside import Beside
 from seg.classes import ClassTable, class_table
@@ -49,8 +49,8 @@ class Recipe(NamedTuple):
         return class_table(self.table)
 
 
-Source = Proposal | Mixture | Truth | WithFew
-"""What a net is trained on: a dataset rendered from proposals f32[attributes], given images, or both."""
+Source = Streets | Truth | WithFew
+"""What a net is trained on: a dataset rendered from streets, given images, or both."""
 
 Parts = tuple[tuple[int, int], ...]
 """First image of each part of the images that score, and the first after it."""

@@ -22,7 +22,7 @@ from experiments.reward.made_with import refuse_other
 from experiments.reward.miou import Outcome, Recipe, render, training_set
 from experiments.reward.shelf import sent
 from experiments.reward.store import digest_of
-from scene.proposal import Proposal, random_proposal
+from scene.proposal import Streets, random_proposal
 from scene.workers import Workers
 from seg.features import features
 from seg.mmd import mmd2
@@ -93,7 +93,7 @@ def train_features(recipe: Recipe) -> Any:
     return jax.tree.map(np.asarray, params)
 
 
-def evaluate_mmd(recipe: Recipe, source: Proposal, seed: int, real: Reference) -> Outcome:
+def evaluate_mmd(recipe: Recipe, source: Streets, seed: int, real: Reference) -> Outcome:
     """Render and compare; the arguments are those of ``evaluate_miou``, but for the last."""
     refuse_other(recipe.made_with)
     started = time.perf_counter()

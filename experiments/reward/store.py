@@ -21,7 +21,7 @@ import numpy as np
 from experiments.reward.miou import Outcome, Source
 from experiments.reward.truth import Truth
 from scene.attributes import SPACES, names
-from scene.proposal import Mixture, Proposal, components
+from scene.proposal import Histogram, Mixture, Proposal, components
 from shell.errors import UserError
 from shell.files import digest, write
 from shell.lines import JsonLines, Record
@@ -47,8 +47,8 @@ FIELDS: dict[str, tuple[type, ...]] = {
     "failed": (str, type(None)),
 }
 """One record. A failed evaluation says why in ``failed`` and has no reward; a net that was trained on real
-images has no proposal, one that was trained on a mixture has ``components`` in its place. Where parts of the
-images were scored for themselves, ``parts`` has their rewards."""
+images has no proposal, one that was trained on a histogram has ``probabilities`` in its place, on a mixture
+``components``. Where parts of the images were scored for themselves, ``parts`` has their rewards."""
 VALUES = ("reward", "class_iou", "failed")
 """What is always the same for the same key; seconds are not."""
 
@@ -58,13 +58,13 @@ def identity(config: str, source: Source, seed: int) -> str:
 
     Args:
         config: hash of all that decides it but for the two below.
-        source: proposals f32[attributes], or the images that are trained on.
+        source: streets, or the images that are trained on.
         seed: of the streets and of the net.
     """
     if isinstance(source, Truth):
         named: Any = digest_of(source.images, source.labels)  # features follow from images
     elif isinstance(source, Mixture):
-        named = [[share, _floats(c), _floats(w)] for share, (c, w) in components(source)]
+        named = [[share, *map(_floats, own)] for share, own in components(source)]
     else:
         named = [_floats(part) for part in source]
     return digest({"config": config, "source": named, "seed": int(seed)})
@@ -109,10 +109,12 @@ def record_of(key: str, source: Source, seed: int, outcome: Outcome) -> Record:
     }
     if outcome.parts:
         record["parts"] = [float(reward) for reward in outcome.parts]
+    if isinstance(source, Histogram):
+        record["probabilities"] = _floats(source.probabilities)
     if isinstance(source, Mixture):
         record["components"] = [
-            {"share": share, "centre": _floats(centre), "width": _floats(width)}
-            for share, (centre, width) in components(source)
+            {"share": share, **{name: _floats(part) for name, part in own._asdict().items()}}
+            for share, own in components(source)
         ]
     return record
 
@@ -130,9 +132,10 @@ def outcome_of(record: Record) -> Outcome:
     )
 
 
-def _floats(values: Any) -> list[float]:
-    """Float32 numbers, each the shortest that is read back as the same."""
-    return [float(str(v)) for v in np.asarray(values, np.float32)]
+def _floats(values: Any) -> list[Any]:
+    """Float32 numbers, of one axis or two, each the shortest that is read back as the same."""
+    array = np.asarray(values, np.float32)
+    return [float(str(v)) if array.ndim == 1 else _floats(v) for v in array]
 
 
 class Log:

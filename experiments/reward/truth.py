@@ -62,7 +62,7 @@ class Shared(NamedTuple):
 class WithFew(NamedTuple):
     """A rendered dataset, and a few labelled images, so often that they are a share of all batches."""
 
-    rendered: Any  # the proposal that it is rendered from
+    rendered: Any  # the streets that it is rendered from
     few: Truth | Shared
     share: float
 

@@ -27,7 +27,7 @@ from experiments.reward.truth import Truth, WithFew, rendered_of
 from experiments.study.skeleton import do
 from experiments.target.base import Split, Target
 from scene.attributes import NAMES
-from scene.proposal import components, describe, slide
+from scene.proposal import components, describe, moments, slide
 from scene.workers import WorkerPool
 from seg.data import RealSet
 from seg.train import TrainingError
@@ -127,7 +127,9 @@ def formula(
         right = 800 + len(source.images)
     else:
         place = NAMES.index("building_position")
-        far = sum(share * own.centre[place] for share, own in components(rendered_of(source)))
+        far = sum(
+            share * moments(own).centre[place] for share, own in components(rendered_of(source))
+        )
         right = 500 + int(400 * far)
         right += 100 * len(source.arrays.images) if isinstance(source, WithFew) else 0
     # Of 2000 pixels of each class so many are right, the others taken for the next class.

@@ -36,7 +36,7 @@ from experiments.run.nets import Nets, begin, score_nets
 from experiments.run.search import search
 from experiments.store import main
 from scene.attributes import NAMES
-from scene.proposal import Proposal, default_proposal, mixture, random_proposal
+from scene.proposal import Histogram, Proposal, default_proposal, mixture, random_proposal
 from scene.workers import WorkerPool
 from shell.errors import UserError
 from shell.progress import Progress
@@ -88,8 +88,20 @@ def test_a_name_tells_seed_attributes_and_images(seed, value):
     moved, units = Proposal(units, changed), Proposal(units, units)
     others = [identity("d", units, seed), identity("c", units, seed + 1)]
     mixed = [mixture(shares, (units, moved)) for shares in ((0.5, 0.5), (0.25, 0.75))]
-    others += [identity("c", source, seed) for source in (moved, TRUTH, real, *mixed)]
+    even, half = (Histogram(np.full((23, k), 1 / k, np.float32)) for k in (4, 2))
+    mixed += [mixture((0.5, 0.5), (units, other)) for other in (even, half)]
+    others += [identity("c", source, seed) for source in (moved, TRUTH, real, even, half, *mixed)]
+    same = Histogram(half.probabilities.tolist())
+    assert identity("c", same, seed) == identity("c", half, seed)
     assert len(key) == 64 and len({key, *others}) == 1 + len(others)
+
+
+def test_names_of_intervals_and_mixtures_are_those_of_earlier_versions():
+    """Else a store would be of no use to a later version."""
+    third = Proposal(np.full(23, 1 / 3, np.float32), np.full(23, 0.1, np.float32))
+    mixed = mixture((0.25, 0.75), (third, random_proposal()))
+    found = [identity("c", source, 7)[:16] for source in (third, mixed)]
+    assert found == ["3840d4a09e2a3bbe", "80fcb9269a4b1756"]
 
 
 def test_an_array_is_read_once_and_stays_as_it_was(monkeypatch):
@@ -125,6 +137,17 @@ def test_a_mixture_is_kept_by_its_components(tmp_path):
     assert (found["centre"], found["width"]) == (None, None)
     assert [row["share"] for row in found["components"]] == [0.25, 0.75]
     assert found["components"][1] == {"share": 0.75, "centre": [0.5] * 23, "width": [1.0] * 23}
+
+
+def test_a_histogram_is_kept_by_its_probabilities(tmp_path):
+    own = Histogram(np.tile(np.float32([0.1, 0.2, 0.7]), (23, 1)))
+    for source in (own, mixture((0.25, 0.75), (random_proposal(), own))):
+        kept = record_of("k", source, 1, Outcome(0.5, [], 1.0, 2.0)) | {"config": "c", "engine": 1}
+        Log(tmp_path / "log").add(kept)
+        found = Log(tmp_path / "log").records[-1]
+        assert found == kept and (found["centre"], found["width"]) == (None, None)
+        told = found if source is own else found["components"][1]
+        assert told["probabilities"] == [[0.1, 0.2, 0.7]] * 23
 
 
 def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypatch):

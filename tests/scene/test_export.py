@@ -17,7 +17,7 @@ from scene.dataset import export
 from scene.dataset.description import versions
 from scene.dataset.export import ExportError, export_dataset, read_dataset
 from scene.dataset.formats.layout import FORMATS
-from scene.proposal import draw, random_proposal
+from scene.proposal import Histogram, describe, draw, random_proposal
 from scene.render.__main__ import main
 from scene.version import ENGINE, MAKERS
 from shell import files
@@ -248,6 +248,21 @@ def test_the_command_line_exports_and_reports(tmp_path, printed):
     file.write_text(json.dumps(described(first)["attributes"]))
     printed(main, *FLAGS, second, "--attributes", file, "--shots", 1)
     assert tree(first) == tree(second)
+
+
+def test_the_command_line_draws_from_probabilities(tmp_path, printed):
+    rows = np.random.default_rng(0).dirichlet(np.ones(5), len(NAMES)).astype(np.float32)
+    own, file = Histogram(rows), tmp_path / "attributes.json"
+    file.write_text(json.dumps(describe(own)))
+    folders = [tmp_path / "a", tmp_path / "b"]
+    printed(main, *FLAGS, folders[0], "--attributes", file, "--shots", 1, "--seed", 3)
+    found = described(folders[0])
+    np.testing.assert_array_equal(np.array(found["streets"], np.float32), draw(own, 3, 2))
+    kept = [found["attributes"][name]["probabilities"] for name in NAMES]
+    assert np.array(kept, np.float32).tobytes() == rows.tobytes()
+    file.write_text(json.dumps(found["attributes"]))
+    printed(main, *FLAGS, folders[1], "--attributes", file, "--shots", 1, "--seed", 3)
+    assert tree(folders[0]) == tree(folders[1])
 
 
 @pytest.mark.parametrize(("flags", "message"), [
