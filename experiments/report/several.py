@@ -184,7 +184,8 @@ def attributes(runs: Sequence[Kept], names: Sequence[str]) -> Section:
         "attributes",
         "Learnt attributes",
         table(("attribute", *map(text, names), "unit"), lines),
-        "From – to; of a mixture, each of its parts.",
+        "From – to; of a mixture, each of its parts; of probabilities, the interval with their mean and "
+        "variance.",
     )
 
 

@@ -13,6 +13,8 @@ from experiments.report.kept import Kept
 from experiments.study.form import Report, words
 from scene.proposal import default_proposal, describe
 
+THIN = 0.02
+"""As dense as an interval of this width is drawn what is narrower: 3 of 170 pixels."""
 OLD = "This run is older than these pictures, or was cut off; its command writes them."
 
 
@@ -62,7 +64,13 @@ def attributes(run: Kept) -> Section:
     mixed = (
         f" The answer is a mixture of {len(shares)} kinds of streets." if len(shares) > 1 else ""
     )
-    note = f"Each street draws its attributes from these intervals.{mixed}{_recovered(run.summary)}"
+    binned = any(_binned(entry) for c in components for entry in c["attributes"].values())
+    drawn = (
+        "densities; from – to is the interval with their mean and variance"
+        if binned
+        else "intervals"
+    )
+    note = f"Each street draws its attributes from these {drawn}.{mixed}{_recovered(run.summary)}"
     return Section("attributes", "Learnt attributes", body, note)
 
 
@@ -88,16 +96,43 @@ def _key(hidden: bool) -> str:
 
 
 def _track(own: list[Report], by_eye: Report | None, hidden: float | None) -> str:
-    """Intervals within an attribute's whole range, as bars."""
-    bars = [("learnt", *_ends(entry)) for entry in own]
-    bars += [] if by_eye is None else [("default", *_ends(by_eye))]
-    drawn = "".join(
-        f'<i class="{kind}" style="left:{100 * low:.1f}%;width:{100 * (high - low):.1f}%"></i>'
-        for kind, low, high in bars
-    )
+    """Intervals within an attribute's whole range, as bars; beside probabilities, densities."""
+    binned = any(map(_binned, own))
+    drawn = _densities(own) if binned else "".join(_bar("learnt", *_ends(entry)) for entry in own)
+    drawn += "" if by_eye is None else _bar("default", *_ends(by_eye))
     if hidden is not None:
         drawn += f'<i class="hidden" style="left:{100 * hidden:.1f}%"></i>'
-    return f'<span class="track">{drawn}</span>'
+    return f'<span class="track{" tall" * binned}">{drawn}</span>'
+
+
+def _bar(kind: str, low: float, high: float, more: str = "") -> str:
+    return f'<i class="{kind}" style="left:{100 * low:.1f}%;width:{100 * (high - low):.1f}%{more}"></i>'
+
+
+def _densities(own: list[Report]) -> str:
+    """What each component draws from, to one scale."""
+    found = [_density(entry) for entry in own]
+    most = max(density for bars in found for *_, density in bars)
+    return "".join(
+        '<span class="learnt">'
+        + "".join(_bar("bin", a, b, f";height:{100 * d / most:.0f}%") for a, b, d in bars if d)
+        + "</span>"
+        for bars in found
+    )
+
+
+def _density(entry: Report) -> list[tuple[float, float, float]]:
+    """From, to and density of each bin, or of the one interval."""
+    if not _binned(entry):
+        low, high = _ends(entry)
+        return [(low, high, 1 / max(high - low, THIN))]
+    shares = entry["unit"]["probabilities"]
+    bins = len(shares)
+    return [(k / bins, (k + 1) / bins, bins * share) for k, share in enumerate(shares)]
+
+
+def _binned(entry: Report) -> bool:
+    return "probabilities" in entry["unit"]
 
 
 def _ends(entry: Report) -> tuple[float, float]:

@@ -18,6 +18,8 @@ from experiments.main.summary import ROWS
 from experiments.report.__main__ import main
 from experiments.report.figures import NAMES
 from experiments.reward.seen import Seen, look
+from scene.attributes import NAMES as ATTRIBUTES
+from scene.proposal import Histogram, describe, mixture, random_proposal
 from seg.metrics import iou
 from shell.files import read_json, write_json
 
@@ -151,6 +153,28 @@ def test_a_few_labels_come_first_and_what_it_is_told_is_escaped(run):
     assert page.plots[0]["data"][-1]["y"] == ["few labels"]  # the last is drawn at the top
     assert "beside 2 labelled images" in page.text
     assert "<script>alert" not in (run / "report.html").read_text()
+
+
+def test_probabilities_are_shown_as_densities(run):
+    def bars():
+        assert main([str(run)]) == 0
+        tags = [attributes for name, attributes in Page(run / "report.html").tags if name == "i"]
+        return [a["style"] for a in tags if a.get("class") == "bin"]
+
+    assert not bars()
+    summary, shares = read_json(run / "summary.json"), np.float32([0.5, 0, 0.25, 0.25])
+    own = Histogram(np.tile(shares, (len(ATTRIBUTES), 1)))
+    write_json(run / "summary.json", summary | describe(own))
+    one = [f"left:{left}%;width:25.0%;height:{height}%" for left, height in (
+        ("0.0", 100), ("50.0", 50), ("75.0", 50))]  # fmt: skip
+    assert bars() == one * len(ATTRIBUTES)
+    page = Page(run / "report.html")
+    assert (
+        "from these densities; from – to is the interval with their mean and variance" in page.text
+    )
+    mixed = mixture((0.5, 0.5), (own, random_proposal()))  # twice and once as dense
+    write_json(run / "summary.json", summary | describe(mixed))
+    assert bars() == [*one, "left:0.0%;width:100.0%;height:50%"] * len(ATTRIBUTES)
 
 
 def test_several_runs_lie_side_by_side(run, tmp_path):
