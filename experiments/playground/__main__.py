@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from experiments.playground.photographs import listed
-from experiments.playground.state import State, View, check_view, opened
+from experiments.playground.state import LOSS, State, View, check_view, has_probabilities, opened
 from scene.assets.catalogue import AssetPool
 from scene.attributes import SPACES
 from scene.proposal import read_streets
@@ -68,7 +68,10 @@ def first_state(options: argparse.Namespace) -> State:
     width, height = options.size
     pool = AssetPool(own=options.assets)
     view = View(options.seed, 0, 0, options.shots, width, height, options.samples, pool)
-    return opened(read_streets(options.attributes, options.space), check_view(view))
+    streets = read_streets(options.attributes, options.space)
+    if has_probabilities(streets):
+        print(f"{options.attributes}: {LOSS}", flush=True)
+    return opened(streets, check_view(view))
 
 
 def main(arguments: list[str] | None = None) -> int:

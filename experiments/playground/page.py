@@ -102,7 +102,7 @@ class Page:
             self._time = ui.label().classes("quiet time")
             upload = ui.upload(auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._load)
             upload.props('accept=".json"').classes("hidden")
-            upload.on("rejected", lambda: self._refuse(f"a file has at most {MOST_BYTES:,} bytes"))
+            upload.on("rejected", lambda: self._say(f"a file has at most {MOST_BYTES:,} bytes"))
             load = ui.button("load", on_click=lambda: upload.run_method("pickFiles"))
             load.props("flat dense padding='2px 10px'").tooltip("an attributes.json")
             save = ui.button("save", on_click=self._save)
@@ -231,7 +231,7 @@ class Page:
         try:
             width, height = size(text)
         except Exception as error:
-            self._refuse(f"size {error}")
+            self._say(f"size {error}")
             return
         await self._look(width=width, height=height)
 
@@ -250,9 +250,11 @@ class Page:
         try:
             streets = parse_streets(parse_json(await event.file.read()))
         except ValueError as error:
-            self._refuse(f"{event.file.name}: {error}")
+            self._say(f"{event.file.name}: {error}")
             return
         await self._become(states.opened(streets, self._state.view))
+        if states.has_probabilities(streets):
+            self._say(f"{event.file.name}: {states.LOSS}")
 
     def _save(self) -> None:
         text = json.dumps(describe(self._state.streets), indent=2) + "\n"
@@ -266,9 +268,9 @@ class Page:
         try:
             self._real.set_source(_source("jpeg", photograph(self._photographs[index])))
         except ValueError as error:
-            self._refuse(str(error))
+            self._say(str(error))
 
-    def _refuse(self, message: str) -> None:
+    def _say(self, message: str) -> None:
         """One clear message, in place of the one before, until it is closed."""
         if self._note is not None:
             self._note.dismiss()

@@ -8,7 +8,17 @@ import numpy as np
 
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import BY_NAME, SPACES, SpaceName, space_of
-from scene.proposal import Proposal, Streets, components, draw, mixture, named, slide
+from scene.proposal import (
+    Histogram,
+    Proposal,
+    Streets,
+    components,
+    draw,
+    mixture,
+    moments,
+    named,
+    slide,
+)
 from scene.render import RenderSettings, check_settings
 
 GROUPS: dict[str, tuple[str, ...]] = {
@@ -42,6 +52,8 @@ GROUPS: dict[str, tuple[str, ...]] = {
 """Every attribute once, in the order of the table; a group shows those of the space in use."""
 MOST_STREETS, MOST_SHOTS, MOST_PIXELS = 1000, 60, 2_100_000
 SEEDS = 2**32
+LOSS = "the file has probabilities; sliders show, and save, intervals of the same mean and variance"
+"""Said where streets that `has_probabilities` are opened."""
 
 
 class View(NamedTuple):
@@ -92,9 +104,14 @@ class State(NamedTuple):
 
 
 def opened(streets: Streets, view: View) -> State:
-    """A state that shows the first component of ``streets``."""
-    shares, proposals = zip(*components(streets), strict=True)
-    return State(shares, proposals, 0, view)
+    """A state that shows the first component of ``streets``; sliders take a histogram's moments."""
+    shares, found = zip(*components(streets), strict=True)
+    return State(shares, tuple(map(moments, found)), 0, view)
+
+
+def has_probabilities(streets: Streets) -> bool:
+    """Whether sliders show something else than ``streets``."""
+    return any(isinstance(own, Histogram) for _, own in components(streets))
 
 
 def interval(state: State, name: str) -> tuple[float, float]:

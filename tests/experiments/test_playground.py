@@ -18,7 +18,16 @@ from experiments.playground.state import GROUPS, View, centred, moved, opened, s
 from scene.attributes import BY_NAME
 from scene.classes import TrainId, colorize
 from scene.dataset.render import render_street
-from scene.proposal import default_proposal, describe, draw, mixture, parse_streets, random_proposal
+from scene.proposal import (
+    Histogram,
+    default_proposal,
+    describe,
+    draw,
+    mixture,
+    moments,
+    parse_streets,
+    random_proposal,
+)
 
 VIEW = View(seed=3, street=2, shot=1, shots=2, width=64, height=32, samples=1)
 MIXED = opened(mixture((0.25, 0.75), (default_proposal(), random_proposal())), VIEW)
@@ -33,6 +42,20 @@ def test_a_moved_slider_changes_its_attribute_only_and_what_is_saved_is_loaded()
     again = opened(parse_streets(json.loads(json.dumps(describe(state.streets)))), VIEW)
     np.testing.assert_array_equal(again.proposals, state.proposals)
     assert (centred(state).proposal.width == state.proposal.width).all()
+
+
+def test_sliders_take_the_moments_of_probabilities_and_that_is_said(tmp_path, capsys):
+    own = Histogram(np.tile(np.float32([0.25, 0.5, 0.25]), (23, 1)))
+    file = tmp_path / "attributes.json"
+    for streets, told in ((own, True), (mixture((0.25, 0.75), (default_proposal(), own)), True),
+                          (MIXED.streets, False)):  # fmt: skip
+        file.write_text(json.dumps(describe(streets)))
+        state = command.first_state(command.parser().parse_args(["--attributes", str(file)]))
+        said = f"{file}: the file has probabilities; sliders show, and save, intervals"
+        assert (said in capsys.readouterr().out) == told
+        if told:
+            np.testing.assert_array_equal(state.proposals[-1], moments(own))
+            assert shown(state, "car_interval", state.unit)[0]
 
 
 def test_the_picture_is_the_one_of_the_dataset_and_a_quick_one_is_half_as_large():
@@ -137,4 +160,8 @@ def test_the_page_needs_no_network_moves_saves_and_refuses_in_one_message(page, 
     page.wait_for_selector(".q-notification:has-text(\"bad.json: unknown attribute 'nonsense'\")")
     page.set_input_files("input[type=file]", tmp_path / "good.json")
     page.wait_for_selector("text=component 1 · 25%")
+    own = Histogram(np.tile(np.float32([0.25, 0.5, 0.25]), (23, 1)))
+    (tmp_path / "bins.json").write_text(json.dumps(describe(own)))
+    page.set_input_files("input[type=file]", tmp_path / "bins.json")
+    page.wait_for_selector('.q-notification:has-text("bins.json: the file has probabilities")')
     assert page.request.post(page.url, data=b"x" * (guard.MOST_BYTES + 1)).status == 413
