@@ -20,6 +20,7 @@ from scene.proposal import (
     Mixture,
     Proposal,
     Streets,
+    moments,
     named,
     space_in,
     streets_in,
@@ -457,7 +458,11 @@ def make_space(config: Any) -> sdr_jax.Space:
 
 
 def start_of(config: Any) -> Proposal:
-    """Where the configuration's search begins, f32[attributes of the space] each."""
+    """Where the configuration's search begins, f32[attributes of the space] each; a histogram's moments.
+
+    Raises:
+        UserError: the file of a mixture, or none of this space's attributes.
+    """
     start = config.search.start
     if start in ("random", "default"):
         return named(start, config.space, getattr(config, "default_width", RELAXATION))
@@ -466,7 +471,7 @@ def start_of(config: Any) -> Proposal:
         raise UserError(
             f"--search.start {start} holds {len(found.shares)} components; a search starts from one"
         )
-    return found
+    return moments(found)
 
 
 def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:

@@ -7,11 +7,12 @@ from dataclasses import asdict, fields, replace
 from functools import partial
 from typing import get_type_hints
 
+import numpy as np
 import pytest
 import tyro
 
 from experiments.cli import main
-from experiments.config import Fidelity, MainConfig, check, fidelities, make_space
+from experiments.config import Fidelity, MainConfig, check, fidelities, make_space, start_of
 from experiments.main.job import MAIN
 from experiments.presets import (
     CAMVID_GROUPS,
@@ -27,6 +28,7 @@ from experiments.study.skeleton import do
 from experiments.table import job as table
 from experiments.target.twin import FIRST_ASSET
 from scene.attributes import NAMES, names
+from scene.proposal import Histogram, describe, mixture, moments, random_proposal
 from scene.version import ENGINE
 from seg.recipes import RECIPES
 from seg.settings import TrainSettings
@@ -99,6 +101,17 @@ def test_every_preset_is_sound_and_says_which_it_is(target, preset):
     search = config.search
     assert (search.baseline, search.normalise, search.learning_rate) == ("ema", False, 1e-2)
     assert (search.squared_reward, search.unoptimised) == (False, "random")
+
+
+def test_a_search_starts_from_the_moments_of_probabilities_and_not_from_a_mixture(tmp_path):
+    file = tmp_path / "attributes.json"
+    own = Histogram(np.tile(np.float32([0.25, 0.5, 0.25]), (len(NAMES), 1)))
+    config = parse("--start", str(file), "--space", "scenex")
+    write_json(file, describe(own))
+    np.testing.assert_array_equal(start_of(config), moments(own))
+    write_json(file, describe(mixture((0.5, 0.5), (random_proposal(), own))))
+    with pytest.raises(UserError, match=f"--search.start {file} holds 2 components"):
+        start_of(config)
 
 
 def test_every_field_is_a_flag():
