@@ -30,7 +30,7 @@ from scene import AssetPool, sample_street, street_params
 from scene.attributes import NAMES
 from scene.mesh.bombs import MeshError
 from scene.mesh.file import SUFFIXES, read_mesh
-from scene.proposal import default_proposal, describe
+from scene.proposal import Histogram, default_proposal, describe
 from scene.render import __main__ as render
 from sdr_jax.tune import __main__ as tune
 from seg.classes import CAMVID_11
@@ -134,7 +134,7 @@ def test_attribute_vectors(counted, values, inside):
             assert not (inside and len(units) == 23)
 
 
-KEYS = st.sampled_from(["unit", "centre", "width", "share", "attributes"])
+KEYS = st.sampled_from(["unit", "centre", "width", "share", "attributes", "probabilities"])
 ENTRY = st.recursive(
     st.none() | st.booleans() | NUMBER | WORD,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(KEYS, inner),
@@ -142,11 +142,12 @@ ENTRY = st.recursive(
 )
 OWN = st.dictionaries(st.sampled_from(NAMES), ENTRY).map(dict.fromkeys(NAMES, 0.5).__or__)
 FILE = (OWN | st.fixed_dictionaries({"components": ENTRY})).map(json.dumps).map(str.encode)
-ROWS = json.dumps(describe(default_proposal())).encode()
+EVEN = Histogram(np.full((len(NAMES), 4), 0.25, np.float32))
+ROWS, BINS = (json.dumps(describe(own)).encode() for own in (default_proposal(), EVEN))
 
 
 @many
-@given(text=damaged(ROWS) | FILE)
+@given(text=damaged(ROWS) | damaged(BINS) | FILE)
 def test_attribute_files(text, counted, tmp_path):
     path = tmp_path / "attributes.json"
     path.write_bytes(text)
