@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         CAMVID_11,
         CITYSCAPES_19,
         IGNORE_LABEL,
+        LABELMEFACADE_6,
         SYNTHIA_13,
         SYNTHIA_16,
         ClassTable,
@@ -27,10 +28,12 @@ if TYPE_CHECKING:
         list_camvid,
         list_cityscapes,
         list_folders,
+        list_labelmefacade,
         load,
         read_camvid,
         read_cityscapes,
         read_folders,
+        read_labelmefacade,
     )
     from seg.errors import DataError, WeightsError
     from seg.losses import class_weights, cross_entropy
@@ -44,6 +47,7 @@ __all__ = [
     "CAMVID_11",
     "CITYSCAPES_19",
     "IGNORE_LABEL",
+    "LABELMEFACADE_6",
     "RECIPES",
     "SYNTHIA_13",
     "SYNTHIA_16",
@@ -64,6 +68,7 @@ __all__ = [
     "list_camvid",
     "list_cityscapes",
     "list_folders",
+    "list_labelmefacade",
     "load",
     "mean_iou",
     "net",
@@ -71,6 +76,7 @@ __all__ = [
     "read_camvid",
     "read_cityscapes",
     "read_folders",
+    "read_labelmefacade",
     "score",
 ]
 _HOMES = ("classes", "errors", "data", "metrics", "settings", "recipes", "losses", "nets", "train")

@@ -166,11 +166,47 @@ CAMVID_11 = _table(
     highest_value=11,
 )
 
-_TABLES = {table.name: table for table in (CITYSCAPES_19, CAMVID_11)}
+_FACADE = {
+    "building": ("building", "wall", "fence"),
+    "car": ("car", "truck", "bus"),
+    "sidewalk": ("sidewalk",),
+    "road": ("road",),
+    "sky": ("sky",),
+    "vegetation": ("vegetation", "terrain"),
+}
+"""Class of LabelMeFacade -> those of Cityscapes that it holds; all others are void there."""
+
+LABELMEFACADE_6 = _table(
+    "labelmefacade",
+    {
+        "building": (128, 0, 0),
+        "car": (128, 0, 128),
+        "sidewalk": (128, 128, 128),
+        "road": (128, 64, 0),
+        "sky": (0, 128, 128),
+        "vegetation": (0, 128, 0),
+    },
+    from_train_id={
+        CITYSCAPES_19.classes.index(name): k
+        for k, names in enumerate(_FACADE.values())
+        for name in names
+    },
+    # Its files hold colours; a value is the place of a pixel's colour in `seg.data.labelmefacade.COLORS`,
+    # where building, door and window are the first three and void is the last.
+    from_file={0: 0, 1: 0, 2: 0, 3: 1, 4: 2, 5: 3, 6: 4, 7: 5},
+    highest_value=8,
+)
+"""The classes that LabelMeFacade and renders both have.
+
+It has two more, door and window. Renders have no label for them: to the engine they are parts of buildings,
+so they are building here, too.
+"""
+
+_TABLES = {table.name: table for table in (CITYSCAPES_19, CAMVID_11, LABELMEFACADE_6)}
 
 
 def class_table(name: str) -> ClassTable:
-    """Look a class table up by name, "cityscapes" or "camvid".
+    """Look a class table up by name, "cityscapes", "camvid" or "labelmefacade".
 
     Raises:
         ValueError: no table has that name; the message lists those that exist.

@@ -113,10 +113,21 @@ def wait_for_lines(process: Popen, path: Path, count: int) -> None:
 @pytest.fixture(scope="session")
 def camvid_dir() -> Path:
     """The folder of a real CamVid (SegNet layout), or a skip where there is none."""
-    if not (value := os.environ.get("CAMVID_DIR")):
-        pytest.skip("CAMVID_DIR is not set: it names a folder with CamVid in the SegNet layout")
+    return _folder_of("CAMVID_DIR", "CamVid in the SegNet layout")
+
+
+@pytest.fixture(scope="session")
+def labelmefacade_dir() -> Path:
+    """The folder of the real LabelMeFacade, or a skip where there is none."""
+    return _folder_of("LABELMEFACADE_DIR", "LabelMeFacade")
+
+
+def _folder_of(variable: str, what: str) -> Path:
+    """What a variable of the environment names; without it the test is skipped."""
+    if not (value := os.environ.get(variable)):
+        pytest.skip(f"{variable} is not set: it names a folder with {what}")
     if not Path(value).is_dir():
-        pytest.fail(f"CAMVID_DIR={value} is not a folder; unset it to skip these tests")
+        pytest.fail(f"{variable}={value} is not a folder; unset it to skip these tests")
     return Path(value)
 
 

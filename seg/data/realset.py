@@ -64,12 +64,30 @@ def resize_image(
     return cv2.resize(image, (width, height), interpolation=kind)
 
 
+def cut(pixels: np.ndarray, aspect: float) -> np.ndarray:
+    """The largest part around the centre that is so many times as wide as high, to the nearest pixel.
+
+    Args:
+        pixels: [h, w, ...], of an image or of its labels.
+        aspect: width over height.
+    """
+    height, width = pixels.shape[:2]
+    rows = min(height, max(round(width / aspect), 1))
+    columns = min(width, max(round(height * aspect), 1))
+    top, left = (height - rows) // 2, (width - columns) // 2
+    return pixels[top : top + rows, left : left + columns]
+
+
 LabelReader = Callable[[Path, ClassTable], np.ndarray]
 """From a label file and the table of its data set to ids u8[h, w] of the table."""
 
 
 def _load_one(
-    entry: Entry, table: ClassTable, size: tuple[int, int] | None, read: LabelReader
+    entry: Entry,
+    table: ClassTable,
+    size: tuple[int, int] | None,
+    read: LabelReader,
+    aspect: float | None,
 ) -> tuple[np.ndarray, np.ndarray]:
     image = read_image(entry.image_path)
     label = read(entry.label_path, table)
@@ -78,6 +96,8 @@ def _load_one(
             f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
             f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must agree"
         )
+    if aspect is not None:
+        image, label = cut(image, aspect), cut(label, aspect)
     if size is None or label.shape == size:
         return image, label
     height, width = size
@@ -91,6 +111,7 @@ def load(
     table: ClassTable,
     size: tuple[int, int] | None = None,
     read: LabelReader = read_label,
+    aspect: float | None = None,
 ) -> RealSet:
     """Read images and labels; images are resized by area averages, labels by nearest pixel.
 
@@ -99,6 +120,7 @@ def load(
         table: of the data set the files belong to.
         size: (height, width) in pixels; None keeps the size on disk, which must then be one.
         read: of one label file.
+        aspect: width over height to which images are cut around their centre first; None takes all of them.
 
     Returns:
         The images, in the order of the entries.
@@ -112,7 +134,7 @@ def load(
     if not entries:
         raise DataError("zero images to load; expected at least one entry")
     with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
-        pairs = list(pool.map(lambda entry: _load_one(entry, table, size, read), entries))
+        pairs = list(pool.map(lambda entry: _load_one(entry, table, size, read, aspect), entries))
     first = pairs[0][1].shape
     for entry, (_, label) in zip(entries, pairs, strict=True):
         if label.shape != first:

@@ -16,7 +16,7 @@ from scene.dataset.formats.png import read_png
 from scene.dataset.read import describe
 from scene.dataset.real import open_pictures
 from seg.classes import CAMVID_11
-from seg.data import list_camvid
+from seg.data import list_camvid, list_labelmefacade
 from seg.data.images import read_image, read_label
 from seg.weights.read import read
 from shell.errors import UserError
@@ -54,6 +54,9 @@ def test_a_list_of_images_does_not_lead_out_of_its_folder(name, tmp_path):
         (tmp_path / part).mkdir()
         (tmp_path / part / "a.png").write_bytes(bomb(1, 1))
     refused(UserError, rf"train\.txt, line 2: {name} leads out of ", list_camvid, tmp_path, "train")
+    (tmp_path / "train.txt").write_text(f"\n../{name}\n")
+    message = rf"train\.txt, line 2: \.\./{name} leads out of "
+    refused(UserError, message, list_labelmefacade, tmp_path, "train")
 
 
 def header(shape: tuple[int, ...], descr: str = "<f4") -> bytes:

@@ -4,11 +4,18 @@ import numpy as np
 import pytest
 
 from seg import classes
-from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
+from seg.classes import (
+    CAMVID_11,
+    CITYSCAPES_19,
+    IGNORE_LABEL,
+    LABELMEFACADE_6,
+    SYNTHIA_13,
+    SYNTHIA_16,
+)
 
 from .conftest import refuses
 
-TABLES = (CITYSCAPES_19, CAMVID_11, classes.GTA5_19, classes.SYNTHIA_19)
+TABLES = (CITYSCAPES_19, CAMVID_11, LABELMEFACADE_6, classes.GTA5_19, classes.SYNTHIA_19)
 TO_CAMVID = {
     "road": "road", "sidewalk": "sidewalk", "building": "building", "wall": "building",
     "fence": "fence", "pole": "pole", "traffic light": "sign", "traffic sign": "sign",
@@ -16,16 +23,25 @@ TO_CAMVID = {
     "rider": "bicyclist", "car": "car", "truck": "car", "bus": "car", "train": None,
     "motorcycle": "bicyclist", "bicycle": "bicyclist",
 }  # fmt: skip
+TO_FACADE = {
+    "road": "road", "sidewalk": "sidewalk", "building": "building", "wall": "building",
+    "fence": "building", "vegetation": "vegetation", "terrain": "vegetation", "sky": "sky",
+    "car": "car", "truck": "car", "bus": "car",
+    **dict.fromkeys(("pole", "traffic light", "traffic sign", "person", "rider", "train")),
+    **dict.fromkeys(("motorcycle", "bicycle")),
+}  # fmt: skip
 
 
 def test_sizes_labels_subsets_and_names_by_hand():
-    for city, camvid in TO_CAMVID.items():
-        mapped = CAMVID_11.from_train_id[CITYSCAPES_19.classes.index(city)]
-        assert mapped == (IGNORE_LABEL if camvid is None else CAMVID_11.classes.index(camvid))
+    for table, pairs in ((CAMVID_11, TO_CAMVID), (LABELMEFACADE_6, TO_FACADE)):
+        assert set(pairs) == set(CITYSCAPES_19.classes)
+        for city, ours in pairs.items():
+            mapped = table.from_train_id[CITYSCAPES_19.classes.index(city)]
+            assert mapped == (IGNORE_LABEL if ours is None else table.classes.index(ours))
     np.testing.assert_array_equal(CITYSCAPES_19.from_train_id[:19], np.arange(19))
     assert CAMVID_11.legal[11] and not CAMVID_11.legal[12]  # void is eleven
     assert CAMVID_11.from_file[11] == IGNORE_LABEL
-    for table, count in ((CITYSCAPES_19, 19), (CAMVID_11, 11)):
+    for table, count in ((CITYSCAPES_19, 19), (CAMVID_11, 11), (LABELMEFACADE_6, 6)):
         assert len(table.classes) == len(set(table.classes)) == count
         assert table.colors.shape == (count, 3) and len(np.unique(table.colors, axis=0)) == count
     names = CITYSCAPES_19.classes
@@ -33,7 +49,11 @@ def test_sizes_labels_subsets_and_names_by_hand():
     assert {names[k] for k in set(range(19)) - set(SYNTHIA_16)} == {"terrain", "truck", "train"}
     assert {names[k] for k in set(SYNTHIA_16) - set(SYNTHIA_13)} == {"wall", "fence", "pole"}
     assert classes.class_table("camvid") is CAMVID_11
-    refuses(r"unknown class table 'kitti'; known.*camvid, cityscapes", classes.class_table, "kitti")
+    refuses(
+        r"unknown class table 'kitti'; known.*camvid, cityscapes, labelmefacade",
+        classes.class_table,
+        "kitti",
+    )
 
 
 @pytest.mark.parametrize("table", TABLES, ids=lambda table: table.name)
