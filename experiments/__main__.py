@@ -18,6 +18,7 @@ PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "shell")
 COMMANDS = {
     "cityscapes": "experiments.cityscapes",
     "camvid": "experiments.camvid",
+    "labelmefacade": "experiments.labelmefacade",
     "labels": "experiments.labels",
     "table": "experiments.table",
     "searches": "experiments.searches",

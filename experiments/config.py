@@ -36,7 +36,7 @@ from seg.weights import check as check_weights
 from shell.errors import UserError, refuse_repeats
 
 Preset = Literal["smoke", "quick", "paper"]
-TargetName = Literal["twin", "camvid", "cityscapes"]
+TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
 Candidate = Literal["argmax", "seen", "broad", "random", "default"]
 RewardKind = Literal["miou", "mmd"]
 
@@ -152,7 +152,8 @@ class Config:
     space: SpaceName = "scenex"
     """The attributes of streets: the paper's 23, or those with the added of camera and road."""
     data: Path | None = None
-    """Folder of real images. By default the variable CAMVID_DIR for camvid."""
+    """Folder of real images. By default the variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
+    labelmefacade."""
     out: Path = Path("runs/run")
     """The run folder. The same command continues a run that was stopped."""
     seed: int = 0
@@ -173,7 +174,8 @@ class Config:
     test_split: str | None = None
     """The split that is reported on; by default the data's own."""
     holdout: str | None = None
-    """Report on this sequence (CamVid) or city (Cityscapes), taken out of the training images."""
+    """Report on this sequence (CamVid), city (Cityscapes) or album (LabelMeFacade), taken out of the training
+    images."""
     twin_seed: int = 0
     """Decides the hidden attributes of the twin, when there is no data."""
     store: Path | None = None
@@ -226,7 +228,7 @@ class SearchConfig(GroupsConfig):
     """Nets of each candidate on each rung, scored on the reward images; with 1 the hand-set street stays."""
     parts: int | None = None
     """Parts of the reward images that candidates are also scored on, for the report; by default one for each
-    sequence or city, 2 to 4."""
+    sequence, city or album, 2 to 4."""
     ladder: bool = False
     """Compare candidates on a ladder of sizes up to the final one, the better half going on to the next."""
     default_width: float = RELAXATION

@@ -14,6 +14,10 @@ from seg.settings import TrainSettings
 
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 TARGETS: tuple[TargetName, ...] = get_args(TargetName)
+VARIABLES: dict[TargetName, str] = {"camvid": "CAMVID_DIR", "labelmefacade": "LABELMEFACADE_DIR"}
+"""Of the environment: the folder of a target's data, where no flag says it."""
+FOUR_BY_THREE: tuple[TargetName, ...] = ("camvid", "labelmefacade")
+"""Targets whose images are four wide to three high; the others' are two wide to one high."""
 
 POSITIONS = tuple(
     f"{n}_position" for n in ("building", "fence", "tree", "pole", "bicycle", "person", "car")
@@ -58,8 +62,9 @@ def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: A
         own: values of this command in place of the preset's; of nested fields as a dictionary.
     """
     values = {**_PRESETS[preset](target), "target": target, "preset": preset}
-    if target == "camvid" and os.environ.get("CAMVID_DIR"):
-        values["data"] = Path(os.environ["CAMVID_DIR"])
+    variable = VARIABLES.get(target)
+    if variable and os.environ.get(variable):
+        values["data"] = Path(os.environ[variable])
     for name, value in own.items():
         inner = values.get(name)
         nested = is_dataclass(inner) and not isinstance(inner, type) and isinstance(value, dict)
@@ -88,7 +93,7 @@ def _narrowed(search: Search, kind: type[Config]) -> Any:
 
 
 def _groups(target: TargetName) -> tuple[tuple[str, ...], ...]:
-    return CAMVID_GROUPS if target == "camvid" else CITYSCAPES_GROUPS
+    return CAMVID_GROUPS if target in FOUR_BY_THREE else CITYSCAPES_GROUPS
 
 
 _FINAL = RECIPES["lite0-frozen"]
@@ -106,7 +111,7 @@ def _others(width: int, height: int) -> dict[str, Any]:
 
 def _smoke(target: TargetName) -> dict[str, Any]:
     tiny = TrainSettings(steps=12, batch=4, warmup=2)
-    width, height = (64, 48) if target == "camvid" else (64, 32)
+    width, height = (64, 48) if target in FOUR_BY_THREE else (64, 32)
     final = Fidelity(width, height, streets=3, shots=2, samples=1, train=replace(tiny, steps=20))
     return {
         "groups": _groups(target),
@@ -136,7 +141,9 @@ def _quick(target: TargetName) -> dict[str, Any]:
             **_others(96, 48),
             "seeds": 6,
         }
-    reward, final = ((240, 176), (480, 360)) if target == "camvid" else ((256, 128), (640, 320))
+    reward, final = (
+        ((240, 176), (480, 360)) if target in FOUR_BY_THREE else ((256, 128), (640, 320))
+    )
     return {
         "groups": _groups(target),
         "search": Search(
@@ -145,15 +152,15 @@ def _quick(target: TargetName) -> dict[str, Any]:
         # Many streets with few images each: 12 with 8 have more noise (`experiments.fidelity`).
         "reward": Fidelity(*reward, streets=24, shots=4, samples=1, train=_REWARD),
         "final": Fidelity(*final, streets=100, shots=4, train=_FINAL),
-        **_others(128, 96 if target == "camvid" else 64),
-        **({} if target == "camvid" else {"reward_images": 500}),
+        **_others(128, 96 if target in FOUR_BY_THREE else 64),
+        **({} if target in FOUR_BY_THREE else {"reward_images": 500}),
         "ladder": True,
     }
 
 
 def _paper(target: TargetName) -> dict[str, Any]:
     net = RECIPES["paper"]
-    width, height = (480, 360) if target == "camvid" else (640, 320)
+    width, height = (480, 360) if target in FOUR_BY_THREE else (640, 320)
     final = Fidelity(width, height, 45, 10, samples=1, train=replace(net, steps=20_000))
     return {
         "groups": _groups(target),
@@ -164,7 +171,7 @@ def _paper(target: TargetName) -> dict[str, Any]:
         "vgg": final,
         "candidates": ("argmax",),
         "candidate_seeds": 1,
-        **({} if target == "camvid" else {"reward_images": 500}),
+        **({} if target in FOUR_BY_THREE else {"reward_images": 500}),
     }
 
 

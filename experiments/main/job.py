@@ -100,4 +100,4 @@ def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
 
 FORM = Form("summary", summary.derive, summary.text, {}, {"report.html": page.html})
 MAIN = Study(FORM, plan, scores)
-"""What ``experiments.cityscapes`` and ``experiments.camvid`` do."""
+"""What ``experiments.cityscapes``, ``experiments.camvid`` and ``experiments.labelmefacade`` do."""

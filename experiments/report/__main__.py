@@ -4,8 +4,8 @@
     python -m experiments.report runs/a runs/b --out both.html   # side by side
     python -m experiments.report runs/a --tensorboard events     # and the same figures for TensorBoard
 
-A run is the folder (--out) of experiments.camvid or experiments.cityscapes at its end. Studies have reports
-in a form of their own, which --rederive writes anew.
+A run is the folder (--out) of experiments.camvid, experiments.cityscapes or experiments.labelmefacade at its
+end. Studies have reports in a form of their own, which --rederive writes anew.
 """
 
 from __future__ import annotations

@@ -96,7 +96,7 @@ def _summary(path: Path, config: dict[str, Any]) -> Report:
             if study:
                 raise UserError(
                     f"{path} is a run of experiments.{study}, whose report is {study}.md; name one of "
-                    "experiments.camvid or experiments.cityscapes"
+                    "experiments.camvid, experiments.cityscapes or experiments.labelmefacade"
                 )
         raise UserError(
             f"{path} holds no {SUMMARY}: that run is not at its end; its command goes on with it"

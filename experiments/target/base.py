@@ -34,7 +34,7 @@ class Split(NamedTuple):
 class Target(NamedTuple):
     """A target; images are read (or rendered) when a size is asked for."""
 
-    name: str  # "twin", "cityscapes" or "camvid"
+    name: str  # of `experiments.config.TargetName`
     real: bool
     table: (
         str  # class table, see ``seg.class_table``; every net of the run tells these classes apart

@@ -5,6 +5,7 @@ from __future__ import annotations
 from functools import lru_cache
 
 from experiments.config import Config
+from experiments.presets import VARIABLES
 from experiments.target.base import SIZES, Split, Target, refuse_void
 from experiments.target.few import with_few
 from experiments.target.real import real_target
@@ -22,11 +23,13 @@ def named_target(config: Config, workers: Workers) -> Target:
     """
     if config.target == "twin":
         if config.data is not None:
-            raise UserError("--target twin takes no --data; --target camvid or cityscapes does")
+            raise UserError("--target twin takes no --data; other targets do")
         return with_few(_twin(config, workers), config)
     if config.data is None:
-        if config.target == "camvid":
-            raise UserError("CamVid needs its folder: --data DIR (or the variable CAMVID_DIR)")
+        if variable := VARIABLES.get(config.target):
+            raise UserError(
+                f"{config.target} needs its folder: --data DIR (or the variable {variable})"
+            )
         raise UserError("Cityscapes needs its folder: --data DIR; or use --target twin")
     return with_few(real_target(config.target, config, config.data), config)
 

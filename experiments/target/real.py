@@ -1,4 +1,4 @@
-"""CamVid and Cityscapes as they lie on disk."""
+"""CamVid, Cityscapes and LabelMeFacade as they lie on disk."""
 
 from __future__ import annotations
 
@@ -17,18 +17,23 @@ from seg.data import (
     RealSet,
     list_camvid,
     list_cityscapes,
+    list_labelmefacade,
     list_unlabelled,
     load,
+    load_labelmefacade,
     load_unlabelled,
     subset,
 )
 from shell.errors import UserError
 
-LISTS: dict[str, tuple[Callable[..., tuple[Entry, ...]], str]] = {
-    "camvid": (list_camvid, "test"),
-    "cityscapes": (list_cityscapes, "val"),
+LISTS: dict[str, tuple[Callable[..., tuple[Entry, ...]], str, Callable[..., RealSet]]] = {
+    "camvid": (list_camvid, "test", load),
+    "cityscapes": (list_cityscapes, "val", load),
+    "labelmefacade": (list_labelmefacade, "test", load_labelmefacade),
 }
-"""How each layout is listed, and the split that is reported on by default."""
+"""How each layout is listed, the split that is reported on by default, and how its files are read."""
+MOST_NAMED = 8
+"""Sequences on both sides that the title names; of more it says how many they are."""
 
 
 def real_target(name: str, config: Config, data: Path) -> Target:
@@ -38,7 +43,7 @@ def real_target(name: str, config: Config, data: Path) -> Target:
         UserError: no images on one of the sides, or the same ones on both.
         DataError: the data are not as they should be.
     """
-    listing, test_split = LISTS[name]
+    listing, test_split, loaded = LISTS[name]
     reward, test, where = _sides(listing, data, config.test_split or test_split, config)
     # The same for every --seed: a study's searches share their target with the main job of each one's seed.
     test = subset(test, config.test_images)
@@ -55,11 +60,14 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Split:
         size = (height, width)
-        read = load(reward, table, size) if unlabelled is None else _void(reward, size)
-        return refuse_void(Split(read, load(test, table, size)), str(data), scored)
+        read = loaded(reward, table, size) if unlabelled is None else _void(reward, size)
+        return refuse_void(Split(read, loaded(test, table, size)), str(data), scored)
 
     shared = sorted({e.sequence for e in reward} & {e.sequence for e in test})
-    note = f" (sequences {', '.join(shared)} are on both sides)" if shared else ""
+    told = f"sequences {', '.join(shared)}"
+    if len(shared) > MOST_NAMED:
+        told = f"{len(shared)} sequences"
+    note = f" ({told} are on both sides)" if shared else ""
     kind = "images" if unlabelled is None else "images without labels"
     return Target(
         name=name,

@@ -30,6 +30,7 @@ from scene.attributes import NAMES
 from scene.proposal import components, describe, moments, slide
 from scene.workers import WorkerPool
 from seg.data import RealSet
+from seg.data.labelmefacade import COLORS
 from seg.train import TrainingError
 from shell.files import read_json
 
@@ -77,6 +78,25 @@ def cityscapes(tmp_path: Path) -> Path:
             kinds = ("leftImg8bit", "leftImg8bit"), ("gtFine", "gtFine_labelIds")
             stem = f"{split}/{city}/{city}_000000_{k:06d}"
             write_pair(*(root / folder / f"{stem}_{kind}.png" for folder, kind in kinds), k, 33)
+    return root
+
+
+@pytest.fixture
+def labelmefacade(tmp_path: Path) -> Path:
+    """Train (two albums, two photographs each) and test (two), wider and higher than 4:3."""
+    root = tmp_path / "labelmefacade"
+    colors = np.array(COLORS, np.uint8)
+    for split, names in {"train": "b__2 a_p1 b__1 a_p2", "test": "b__10 c"}.items():
+        for k, name in enumerate(names.split()):
+            path = root / "labels" / f"{name}.png"
+            write_pair(path.with_suffix(".tif"), path, k, len(COLORS) - 1)
+            values = np.asarray(Image.open(path))[:, : W - 4 * (k % 2)]
+            Image.fromarray(colors[values]).save(path)
+            photo = Image.open(path.with_suffix(".tif")).crop((0, 0, *values.shape[::-1]))
+            (root / "images").mkdir(exist_ok=True)
+            photo.save(root / "images" / f"{name}.jpg")
+            path.with_suffix(".tif").unlink()
+        (root / f"{split}.txt").write_text("\n".join(names.split()) + "\n")
     return root
 
 

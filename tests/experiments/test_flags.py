@@ -79,8 +79,9 @@ def test_the_paper_preset_has_the_papers_numbers(target):
     assert plan_of(config).updates == 300
     assert (config.reward.images, config.reward.train.steps) == (180, 1000)
     assert (config.final.images, config.final.train.steps) == (450, 20_000)
-    assert config.reward.size == ("480x360" if target == "camvid" else "640x320")
-    assert config.reward_images == (None if target == "camvid" else 500)
+    four_by_three = target in ("camvid", "labelmefacade")
+    assert config.reward.size == ("480x360" if four_by_three else "640x320")
+    assert config.reward_images == (None if four_by_three else 500)
     for fidelity in (config.reward, config.final):
         net = fidelity.train
         assert (net.net, net.optimizer, net.lr, net.batch) == ("deeplabv2", "sgd", 5e-4, 4)
@@ -254,13 +255,16 @@ def test_what_the_parser_refuses_has_exit_code_2(arguments, words, capsys):
     assert all(word in said for word in words)
 
 
-def test_camvid_takes_its_folder_from_the_variable(monkeypatch, error_line, tmp_path):
+@pytest.mark.parametrize("target", ["camvid", "labelmefacade"])
+def test_a_target_takes_its_folder_from_the_variable(target, monkeypatch, error_line, tmp_path):
+    variable = f"{target.upper()}_DIR"
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("CAMVID_DIR", raising=False)
-    assert main_job("camvid") == 2
-    assert "--data DIR" in error_line()
-    monkeypatch.setenv("CAMVID_DIR", "/no/such")
-    assert main_job("camvid") == 2
+    monkeypatch.delenv(variable, raising=False)
+    assert main_job(target) == 2
+    needed = f"{target} needs its folder: --data DIR (or the variable {variable})"
+    assert error_line() == f"error: {needed}\n"
+    monkeypatch.setenv(variable, "/no/such")
+    assert main_job(target) == 2
     assert error_line().startswith("error: /no/such: no such folder")
     assert list(tmp_path.iterdir()) == []
 

@@ -69,6 +69,21 @@ def test_output_says_that_the_twin_is_not_real_and_the_run_folder_is_complete(un
     assert all(list(row["attributes"]) == list(NAMES) for row in rows)
 
 
+@pytest.mark.slow
+def test_a_run_on_photographs_with_labels_in_colours(start_job, labelmefacade, tmp_path):
+    flags = ("--data", str(labelmefacade), *TINY, "--seeds", "1", "--search.updates-per-group", "1")
+    job = start_job(tmp_path / "run", *flags, experiment="labelmefacade")
+    code, stdout, stderr = job.finish()
+    assert code == 0, stderr
+    assert stdout.startswith(
+        "Target: labelmefacade, 4 images for the reward, reported on split test"
+    )
+    summary = read_json(tmp_path / "run" / "summary.json")
+    assert (summary["reward_images"], summary["test_images"]) == (4, 2)
+    assert set(summary["rows"]) == set(ROWS)
+    assert all(len(row["per_class"]) == 6 for row in summary["rows"].values())
+
+
 @pytest.mark.slow  # and `make robust` kills a run twenty times; in one process test_study does
 def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_path):
     out = tmp_path / "broken"

@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,11 @@ from PIL import Image
 
 from experiments.config import MainConfig
 from experiments.presets import defaults
+from experiments.run.learn import judged_on
 from experiments.target.base import refuse_overlap
 from experiments.target.named import named_target
-from seg.classes import CAMVID_11
+from seg.classes import CAMVID_11, LABELMEFACADE_6
+from seg.data.labelmefacade import COLORS
 from shell.errors import UserError
 
 from .conftest import POOL, main_job
@@ -61,6 +64,53 @@ def test_a_city_held_out(cityscapes):
     assert len(target.reward_names) == len(target.test_names) == 2
     with pytest.raises(UserError, match=r"both sides.*aachen"):
         named_target(replace(config, holdout="aachen"), POOL)
+
+
+def test_photographs_are_cut_to_four_by_three_and_albums_held_out(labelmefacade):
+    config = replace(defaults(MainConfig, "labelmefacade", "smoke"), data=labelmefacade)
+    target = named_target(config, POOL)
+    assert target.real and target.name == target.table == "labelmefacade"
+    # By album, as the parts of the reward images need them.
+    assert target.reward_names == ("a_p1", "a_p2", "b__1", "b__2")
+    assert target.reward_sequences == ("a_p", "a_p", "b", "b")
+    assert judged_on(target, config)[0] == ((0, 2), (2, 4))
+    assert "split test, 2 images (sequences b are on both sides)" in target.title
+    split = target.at(9, 12)
+    for name, label in zip(target.reward_names, split.reward.labels, strict=True):
+        # 16x12 as it is, 12x12 without a row and a half at either end.
+        colors = np.asarray(Image.open(labelmefacade / "labels" / f"{name}.png"))
+        assert colors.shape[1] in (16, 12)
+        if colors.shape[1] == 12:
+            own = (colors[1:10, :, None] == np.array(COLORS)).all(axis=-1).argmax(axis=-1)
+            np.testing.assert_array_equal(label, LABELMEFACADE_6.from_file[own])
+    assert split.test.images.shape == (2, 9, 12, 3)
+    target = named_target(replace(config, holdout="a_p"), POOL)
+    assert target.reward_names == ("b__1", "b__2") and target.test_names == ("a_p1", "a_p2")
+    assert "both sides" not in target.title
+    with pytest.raises(UserError, match=r"--holdout 'c' .* the sequences a_p, b"):
+        named_target(replace(config, holdout="c"), POOL)
+
+
+def test_many_sequences_on_both_sides_are_counted(labelmefacade):
+    for split in ("train", "test"):
+        names = [f"{album}_{len(split)}" for album in "abcdefghi"]
+        for name, part in product(names, ("images/{}.jpg", "labels/{}.png")):
+            (labelmefacade / part.format(name)).write_bytes(b"never read")
+        (labelmefacade / f"{split}.txt").write_text("\n".join(names))
+    config = replace(defaults(MainConfig, "labelmefacade", "smoke"), data=labelmefacade)
+    title = named_target(replace(config, reward_images=None, test_images=None), POOL).title
+    assert title.endswith("9 images (9 sequences are on both sides)")
+    assert " (sequences " in named_target(replace(config, reward_images=3), POOL).title
+
+
+def test_the_real_photographs_have_parts_of_whole_albums(labelmefacade_dir):
+    config = replace(defaults(MainConfig, "labelmefacade", "quick"), data=labelmefacade_dir)
+    target = named_target(config, POOL)
+    assert (len(target.reward_names), len(target.test_names)) == (100, 300)
+    parts, _ = judged_on(target, config)
+    assert [end - first for first, end in parts] == [25, 23, 26, 26]
+    albums = [set(target.reward_sequences[first:end]) for first, end in parts]
+    assert sum(map(len, albums)) == len(set().union(*albums)) == 43
 
 
 def test_limits_choose_a_subset_that_runs_of_all_seeds_share(tiny_camvid):
