@@ -2,6 +2,7 @@
 OUT ?= runs/demo
 DATA ?= $(CAMVID_DIR)
 WEIGHTS ?=
+TWIN ?= near
 TWIN_SEED ?= 0
 PYTHON ?=
 ARGS ?=
@@ -14,7 +15,7 @@ BIN := .venv/bin
 .PHONY: help setup demo test results nightly robust lint docs format clean
 
 help:
-	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN_SEED=N (0)'
+	@echo 'make demo      learn the attributes of the embedded target; OUT=DIR (runs/demo), TWIN=near|far (near), TWIN_SEED=N (0)'
 	@echo 'make test      the tests, without the slow ones; ARGS="-k name" goes to pytest; JOBS=N (2) at a time'
 	@echo 'make results   every result of docs/results.md, from this commit; DATA=CAMVID ($$CAMVID_DIR), WEIGHTS=VGG16, STORE=FILE; hours'
 	@echo 'make nightly   all tests but the next'
@@ -30,7 +31,7 @@ setup:
 
 # Run again after a kill, it goes on where it was; run again after the end, it is done at once.
 demo: setup
-	@$(BIN)/python -m experiments.cityscapes --preset quick --out "$(OUT)" --twin-seed "$(TWIN_SEED)"
+	@$(BIN)/python -m experiments.cityscapes --preset quick --out "$(OUT)" --twin "$(TWIN)" --twin-seed "$(TWIN_SEED)"
 	@echo
 	@echo 'The run is in $(OUT): open report.html; figures in summary.json, learnt attributes in attributes.json'
 

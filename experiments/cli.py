@@ -10,7 +10,7 @@ from pathlib import Path
 
 import tyro
 
-from experiments.config import Preset, TargetName
+from experiments.config import Preset, TargetName, TwinName
 from experiments.presets import in_space
 from experiments.run.context import AnyConfig
 from scene.attributes import SpaceName
@@ -29,7 +29,8 @@ class _Choice:
     preset: Preset = "quick"
     target: TargetName = "twin"
     data: Path | None = None
-    space: SpaceName = "scenex"
+    twin: TwinName = "near"
+    space: SpaceName | None = None
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,9 @@ def main(
         chosen = target or choice.target
         if with_data is not None and choice.data is not None:
             chosen = with_data
-        default = in_space(defaults(chosen, choice.preset), choice.space)
+        # What is hidden must be within reach of the search.
+        space = choice.space or ("extended" if choice.twin == "far" else "scenex")
+        default = in_space(defaults(chosen, choice.preset), space)
         others = ("--preset", *(["--data DIR"] if with_data else [] if target else ["--target"]))
         words = (name, choice.preset) if target else (name, chosen, choice.preset)
         default = _with_nets(replace(default, out=Path("runs") / "-".join(words)), arguments)

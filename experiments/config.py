@@ -37,6 +37,7 @@ from shell.errors import UserError, refuse_repeats
 
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
+TwinName = Literal["near", "far"]
 Candidate = Literal["argmax", "seen", "broad", "random", "default"]
 RewardKind = Literal["miou", "mmd"]
 
@@ -150,7 +151,8 @@ class Config:
     preset: Preset = "quick"
     """Where the defaults of all other flags come from."""
     space: SpaceName = "scenex"
-    """The attributes of streets: the paper's 23, or those with the added of camera and road."""
+    """The attributes of streets: the paper's 23, or those with the added of camera and road. By default
+    extended with --twin far, else scenex."""
     data: Path | None = None
     """Folder of real images. By default the variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
     labelmefacade."""
@@ -178,6 +180,9 @@ class Config:
     images."""
     twin_seed: int = 0
     """Decides the hidden attributes of the twin, when there is no data."""
+    twin: TwinName = "near"
+    """Where the twin's hidden attributes lie: around the hand-set street (near), or anywhere in the extended
+    space (far)."""
     store: Path | None = None
     """File of evaluations that runs share: none is made twice. See ``experiments.store``."""
     assets: Path | None = None
@@ -188,6 +193,11 @@ class Config:
     """Share of the assets that is used."""
     asset_count: int | None = None
     """Built-in assets of each family that streets may draw from; by default the full catalogue."""
+
+    @property
+    def target_name(self) -> str:
+        """What results and records call the target."""
+        return "far twin" if self.twin == "far" else self.target
 
     @property
     def pool(self) -> AssetPool:
@@ -299,6 +309,8 @@ def check(config: Config) -> None:
         _at_least(f"--{name}", getattr(config, name, None), 1)
     for name in ("workers", "seed", "twin_seed"):
         _at_least(f"--{name}", getattr(config, name), 0)
+    if config.twin == "far" and config.target != "twin":
+        raise UserError(f"--twin far needs --target twin, not {config.target}")
     if config.seed >= SEED_END:
         raise UserError(f"--seed must be less than {SEED_END}, not {config.seed}")
     with flagged("--assets", "--asset"):

@@ -13,7 +13,7 @@ from experiments.run.context import Run
 from experiments.run.learn import Learnt
 from experiments.study.form import Report, about, class_means, miou, nets, starts, statistics
 from experiments.study.searches import selection
-from scene.attributes import ATTRIBUTES
+from scene.attributes import names
 from scene.proposal import describe
 from shell.command import given
 
@@ -94,25 +94,27 @@ def _row(own: list[Report | None], classes: list[str]) -> Report:
 
 
 def _recovery(report: Report) -> Report:
-    """How far the learnt centres are from the twin's hidden ones, in unit values."""
-    hidden = np.array(report["hidden_centres"])
+    """How far the learnt centres are from the twin's hidden ones, in unit values.
+
+    Of the attributes that both have: either may be of the smaller space, whose attributes come first in both.
+    """
     rows = [(row["share"], row["attributes"]) for row in report["components"]]
+    hidden = np.array(report["hidden_centres"])[: len(rows[0][1])]
+    both = names("extended")[: len(hidden)]
     learnt = sum(
-        share * np.array([own[a.name]["unit"]["centre"] for a in ATTRIBUTES]) for share, own in rows
+        share * np.array([own[name]["unit"]["centre"] for name in both]) for share, own in rows
     )
     error = np.abs(learnt - hidden)
     return {
         "learnt_error": round(float(error.mean()), 4),
         "centre_error": round(float(np.abs(0.5 - hidden).mean()), 4),
-        "by_attribute": {
-            a.name: round(float(e), 4) for a, e in zip(ATTRIBUTES, error, strict=True)
-        },
+        "by_attribute": {name: round(float(e), 4) for name, e in zip(both, error, strict=True)},
     }
 
 
 def text(report: Report) -> str:
     """The result as a small table for people."""
-    kind = "real images" if report["real"] else "the twin, NOT real data"
+    kind = "real images" if report["real"] else f"the {report['target']}, NOT real data"
     lines = [
         f"mIoU in percent on {report['test_images']} test images ({kind}), "
         f"{len(report['random']['miou'])} paired seeds, scored at {report['scored_at']}:"

@@ -34,7 +34,7 @@ def attributes(run: Kept) -> Section:
     rows = []
     for k, (name, first) in enumerate(components[0]["attributes"].items()):
         own, by_eye = [c["attributes"][name] for c in components], eye["attributes"].get(name)
-        # A twin hides the attributes of the smaller space.
+        # A near twin hides the attributes of the smaller space.
         place = hidden[k] if hidden is not None and k < len(hidden) else None
         rows.append(
             [

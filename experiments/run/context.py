@@ -162,7 +162,7 @@ class Run(Generic[AnyConfig]):
 
     def begin(self, plan: Sequence[Work]) -> None:
         """Say what is about to be done and how long it takes, and count it from here."""
-        label = "" if self.target.real else "twin, not real | "
+        label = "" if self.target.real else f"{self.target.name}, not real | "
         lines = self.evaluations.records + self.finals.records
         elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
         stages = [Stage(work.what, work.nets, work.cost) for work in plan]

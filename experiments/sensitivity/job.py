@@ -70,9 +70,9 @@ def analyse(config: SensitivityConfig) -> Report:
         return do(STUDY, config)
     check_all(STUDY, config)
     where = ", ".join(map(str, config.records))
-    records = enough(read(config.records, config, config.target, config.records_config), where)
+    records = enough(read(config.records, config, config.target_name, config.records_config), where)
     real = config.target != "twin"
-    words = config.target if real else "the twin, NOT real data"
+    words = config.target if real else f"the {config.target_name}, NOT real data"
     plain = {"engine": ENGINE, **asdict(config)}
     with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
         told = _report(config, real, f"{words}, recorded in {where}", records)
@@ -82,7 +82,7 @@ def analyse(config: SensitivityConfig) -> Report:
 
 
 def _report(config: SensitivityConfig, real: bool, note: str, records: Records) -> Report:
-    said = {"target": config.target, "real": real, "note": note, "preset": config.preset}
+    said = {"target": config.target_name, "real": real, "note": note, "preset": config.preset}
     return {**said, **summarize(records)}
 
 

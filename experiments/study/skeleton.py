@@ -73,7 +73,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
         run.progress.say(study.form.text(report))
         if share is not None:
             run.progress.say(f"Busy: {100 * share:.0f} % of {max(config.workers, 1)} core(s)")
-        note = "" if run.target.real else " (the twin, not real data)"
+        note = "" if run.target.real else f" (the {run.target.name}, not real data)"
         file = config.out / f"{study.form.name}.json"
         run.progress.say(f"Done in {duration(run.progress.elapsed)}{note}: {file}")
         return report

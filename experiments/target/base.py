@@ -34,7 +34,7 @@ class Split(NamedTuple):
 class Target(NamedTuple):
     """A target; images are read (or rendered) when a size is asked for."""
 
-    name: str  # of `experiments.config.TargetName`
+    name: str  # of `experiments.config.TargetName`, or "far twin"
     real: bool
     table: (
         str  # class table, see ``seg.class_table``; every net of the run tells these classes apart

@@ -45,7 +45,7 @@ def _twin(config: Config, workers: Workers) -> Target:
             f"--asset-count must be less than {FIRST_ASSET}, where the twin's begin, "
             f"not {config.asset_count}"
         )
-    world = twin_world(config.twin_seed)
+    world, name = twin_world(config.twin_seed, config.twin), config.target_name
     counts = {"train": config.reward_images, "test": config.test_images}
 
     @lru_cache(maxsize=SIZES)
@@ -62,13 +62,13 @@ def _twin(config: Config, workers: Workers) -> Target:
             )
             for split, count in counts.items()
         ]
-        return refuse_void(Split(*sides), "the twin", True)
+        return refuse_void(Split(*sides), f"the {name}", True)
 
     return Target(
-        name="twin",
+        name=name,
         real=False,
         table="cityscapes",
-        title=f"the twin {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
+        title=f"the {name} {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
         reward_names=tuple(n for n, _ in twin_names("train", config.reward_images)),
         reward_sequences=tuple(s for _, s in twin_names("train", config.reward_images)),
         test_names=tuple(n for n, _ in twin_names("test", config.test_images)),

@@ -11,9 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from experiments.config import TwinName
 from scene.assets.catalogue import AssetPool
-from scene.attributes import NAMES, default_unit
+from scene.attributes import NAMES, SPACES, default_unit
 from scene.dataset.render import render_dataset
+from scene.proposal import slide
 from scene.render import RenderSettings
 from scene.render.sensor import CameraResponse
 from scene.workers import Workers
@@ -21,7 +23,11 @@ from seg.classes import class_table
 from seg.data import RealSet
 
 PRIOR_STD = 0.12
-"""Hidden centres are normal around the street set by eye, with this standard deviation (unit)."""
+"""Near: hidden centres are normal around the street set by eye, with this standard deviation (unit)."""
+FAR = (0.1, 0.9)
+"""Far: hidden centres are uniform in this range (unit), whatever the street set by eye is."""
+FAR_CAMERA = {"camera_position_y": (1.0, 2.5), "camera_rotation_x": (-8.0, 8.0)}
+"""But these in ranges of their own (m, deg), so that the camera sees a street."""
 HIDDEN_WIDTH = 0.15
 """Every street of the twin is uniform on an interval of this width around the hidden centre."""
 FIRST_ASSET = 100_000
@@ -37,21 +43,31 @@ IMAGES = 120
 class TwinWorld(NamedTuple):
     """What is hidden: where the attributes lie, and how its camera sees."""
 
-    centre: np.ndarray  # f32[attributes] unit
+    centre: np.ndarray  # f32[attributes of scenex or extended] unit
     width: np.ndarray  # f32[attributes]
     response: CameraResponse
     seed: int
 
 
-def twin_world(twin_seed: int) -> TwinWorld:
+def twin_world(twin_seed: int, twin: TwinName = "near") -> TwinWorld:
     """Draw a twin.
 
-    Prior: each centre is the default's unit value plus N(0, 0.12), kept inside [0.08, 0.92]; the
-    camera's white balance is off by up to 8 %, its gamma by up to 12 %, its lens blurs by 0.3-0.7
-    pixels and its noise is twice the engine's.
+    Prior, near: each of the paper's 23 centres is the default's unit value plus N(0, 0.12), kept inside
+    [0.08, 0.92]. Far: each centre of the extended space is uniform in `FAR`, or in `FAR_CAMERA`; an
+    interval that sticks out of [0, 1] is moved inside. The camera of both: its white balance is off by up
+    to 8 %, its gamma by up to 12 %, its lens blurs by 0.3-0.7 pixels and its noise is twice the engine's.
+
+    Args:
+        twin_seed: near and far twins of one seed have nothing in common.
+        twin: near or far.
     """
-    rng = np.random.default_rng([2006, twin_seed])
-    centre = default_unit() + rng.normal(0, PRIOR_STD, len(NAMES))
+    # Another first word, as a third would meet the second half of a long seed.
+    rng = np.random.default_rng([2006 if twin == "near" else 2007, twin_seed])
+    if twin == "near":
+        drawn = default_unit() + rng.normal(0, PRIOR_STD, len(NAMES))
+        centre = np.clip(drawn, 0.08, 0.92).astype(np.float32)
+    else:
+        centre = slide(rng.uniform(*_far_ranges()), HIDDEN_WIDTH).centre
     response = CameraResponse(
         exposure=float(rng.uniform(0.85, 1.15)),
         gain=tuple(rng.uniform(0.92, 1.08, 3).tolist()),
@@ -61,11 +77,20 @@ def twin_world(twin_seed: int) -> TwinWorld:
         variation=0.0,  # one camera took all its pictures
     )
     return TwinWorld(
-        np.clip(centre, 0.08, 0.92).astype(np.float32),
-        np.full(len(NAMES), HIDDEN_WIDTH, np.float32),
+        centre,
+        np.full(len(centre), HIDDEN_WIDTH, np.float32),
         response,
         int(rng.integers(2**31)),
     )
+
+
+def _far_ranges() -> np.ndarray:
+    """Lowest and highest centres of a far twin, f64[2, attributes of extended] unit."""
+    rows = []
+    for attribute in SPACES["extended"]:
+        own = FAR_CAMERA.get(attribute.name)
+        rows.append(FAR if own is None else [attribute.to_unit(value) for value in own])
+    return np.array(rows).T
 
 
 def twin_names(split: str, images: int | None) -> tuple[tuple[str, str], ...]:
@@ -96,7 +121,7 @@ def twin_split(
     count, streets = len(names), len(set(sequences))
     number = ("train", "test").index(split)
     rng = np.random.default_rng([world.seed, number])
-    unit = world.centre + world.width * rng.uniform(-0.5, 0.5, (streets, len(NAMES)))
+    unit = world.centre + world.width * rng.uniform(-0.5, 0.5, (streets, len(world.centre)))
     dataset = render_dataset(
         np.clip(unit, 0, 1),
         world.seed + 1 + number,

@@ -188,6 +188,7 @@ SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train
     (["--holdout", "ulm"], ["--holdout", "--data", "twin"]),
     (["--test-split", "val"], ["--test-split", "--data", "twin"]),
     (["--data", "/no/such"], ["/no/such", "no such folder", "leftImg8bit"]),
+    (["--data", "/no/such", "--twin", "far"], ["--twin far needs --target twin, not cityscapes"]),
 ])  # fmt: skip
 def test_a_wrong_option_is_one_line_and_exit_code_2(arguments, words, error_line, tmp_path):
     out = tmp_path / "new" / "run"
@@ -244,6 +245,7 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
     (["--final.train.net", "resnet"], ["--final.train.net", "compact", "deeplabv2"]),
     (["--reward.train.optimizer", "lion"], ["--reward.train.optimizer", "adam", "sgd"]),
     (["--candidates", "best"], ["--candidates", "argmax", "broad"]),
+    (["--twin", "other"], ["--twin", "near", "far"]),
     (["--candidates", "camera"], ["--candidates", "argmax", "seen"]),
     (["--colour", "red"], ["--colour"]),
     (["--target", "camvid"], ["--target"]),
@@ -312,6 +314,17 @@ def test_data_give_cityscapes_defaults_and_none_the_twins(preset, called, citysc
         assert config.target == target and (config.data is None) == (target == "twin")
     config = called("--preset", preset, "--reward.width", "96", *data)
     assert config.reward == replace(defaults(MainConfig, "cityscapes", preset).reward, width=96)
+
+
+@pytest.mark.parametrize(("flags", "space"), [
+    (("--twin", "far"), "extended"), (("--twin=far",), "extended"), (("--twin", "near"), "scenex"),
+    (("--twin", "far", "--space", "scenex"), "scenex"),
+    (("--twin", "near", "--space", "extended"), "extended"),
+])  # fmt: skip
+def test_a_far_twin_is_searched_in_the_extended_space_unless_told_otherwise(called, flags, space):
+    config = called(*flags, "--preset", "smoke")
+    assert config.space == space and config.groups[:6] == CITYSCAPES_GROUPS
+    assert make_space(config).names == plan_of(config).subset == names(space)
 
 
 def test_the_help_shows_the_defaults_that_hold(capsys, called, monkeypatch):

@@ -13,6 +13,7 @@ from experiments.run.judge import select
 from experiments.run.learn import Learnt
 from experiments.target.base import Target
 from experiments.target.twin import twin_world
+from scene.attributes import names
 from scene.proposal import slide
 from seg.classes import class_table
 from shell.files import read_json, write_json
@@ -26,10 +27,12 @@ def outcome(miou: float, failed: str | None = None) -> Outcome:
     return Outcome(miou, [miou] + [0.0] * (len(CLASSES) - 2) + [None], 2.0, 3.0, failed)
 
 
-def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
+def made(
+    seeds: int = 2, real: bool = False, failed: bool = False, twin: str = "near", learnt: int = 23
+) -> dict:
     target = Target(
         "cityscapes" if real else "twin", real, "cityscapes", "the title", ("a", "b", "c"),
-        ("s", "s", "s"), ("d",), lambda height, width: None, None if real else twin_world(0),
+        ("s", "s", "s"), ("d",), lambda height, width: None, None if real else twin_world(0, twin),
     )  # fmt: skip
     rows = {row: [outcome(m) for m in values[:seeds]] for row, values in ROW_MIOU.items()}
     if failed:
@@ -45,8 +48,8 @@ def made(seeds: int = 2, real: bool = False, failed: bool = False) -> dict:
     tried = {"argmax": [0.2, 0.3, 0.31], "broad": [0.25, 0.3, np.nan], "default": [0.1, 0.17, 0.2]}
     by_part = {"argmax": [(0.1, 0.3), (), (0.2, 0.4)], "broad": [(), (), ()]}
     selection, words = select(tried, "default"), ("2 images of s", "1 images of t")
-    learnt = Learnt(slide(np.full(23, 0.5), 0.1), None, selection, words, by_part)
-    return derive(scores(run, rows, learnt))
+    answer = Learnt(slide(np.full(learnt, 0.5), 0.1), None, selection, words, by_part)
+    return derive(scores(run, rows, answer))
 
 
 def test_keys_are_those_that_scripts_rely_on(tmp_path):
@@ -91,6 +94,18 @@ def test_figures_by_hand():
     one = made(seeds=1)
     assert one["random"]["ci95"] is None and one["gain"]["ci95"] is None
     assert "one seed" in text(one)
+
+
+@pytest.mark.parametrize("learnt", [23, 37])
+@pytest.mark.parametrize(("twin", "hidden"), [("near", 23), ("far", 37)])
+def test_recovery_is_about_the_attributes_that_twin_and_search_share(twin, hidden, learnt):
+    found = made(twin=twin, learnt=learnt)["recovery"]
+    both = min(learnt, hidden)
+    wanted = np.abs(0.5 - twin_world(0, twin).centre[:both])
+    assert found["by_attribute"] == pytest.approx(
+        dict(zip(names("extended"), wanted, strict=False)), abs=1e-4
+    )
+    assert found["learnt_error"] == found["centre_error"] == pytest.approx(wanted.mean(), abs=1e-4)
 
 
 def test_the_table_says_whether_data_are_real():

@@ -15,8 +15,10 @@ from experiments.target.base import with_reward
 from experiments.target.named import named_target
 from scene import CameraResponse, Dataset, default_unit
 from scene.assets.families import FAMILIES
+from scene.attributes import BY_NAME, names
+from shell.files import read_json
 
-from .conftest import POOL, by_preset
+from .conftest import POOL, by_preset, main_job
 
 seeds = st.integers(0, 2**31)
 
@@ -45,6 +47,48 @@ def test_the_prior_is_the_stated_one_and_the_same_world_gives_the_same_images():
     assert (split("train", 1, seed=1).images != one.images).any()
 
 
+def test_near_twins_are_those_of_earlier_results(renders):
+    """Numbers of the commit before there were far ones."""
+    world = twin.twin_world(3)
+    recorded = [0.36066490, 0.33834773, 0.76027501, 0.16220139]
+    np.testing.assert_allclose(world.centre[:4], recorded, rtol=1e-6)
+    assert world.seed == 285672446
+    assert world.response.gamma == pytest.approx(1.0459199299)
+    split("train", 8, seed=3)
+    ((units, seed), _) = renders[0]
+    assert seed == 285672447 and units.shape == (2, 23)
+    np.testing.assert_allclose(units[1, :3], [0.34755832, 0.29952526, 0.76383485], rtol=1e-6)
+
+
+@given(seeds)
+def test_far_twins_lie_anywhere_but_see_a_street(seed):
+    world, near = twin.twin_world(seed, "far"), twin.twin_world(seed)
+    unit = dict(zip(names("extended"), world.centre.tolist(), strict=True))
+    assert world.width.tolist() == pytest.approx([twin.HIDDEN_WIDTH] * 37)
+    assert (np.abs(world.centre - 0.5) <= 0.5 - twin.HIDDEN_WIDTH / 2 + 1e-6).all()
+    # The ranges in words that people can check.
+    height, pitch = (
+        BY_NAME[name].physical(unit.pop(name))
+        for name in ("camera_position_y", "camera_rotation_x")
+    )
+    assert 1.0 <= height <= 2.5 + 1e-5 and -8 - 1e-5 <= pitch <= 8 + 1e-5
+    assert all(0.1 - 1e-6 <= value <= 0.9 + 1e-6 for value in unit.values())
+    np.testing.assert_array_equal(world.centre, twin.twin_world(seed, "far").centre)
+    assert world.seed != near.seed and world.response != near.response
+
+
+def test_far_centres_fill_their_ranges():
+    drawn = np.stack([twin.twin_world(seed, "far").centre for seed in range(400)])
+    free = [k for k, name in enumerate(names("extended")) if name not in twin.FAR_CAMERA]
+    quarters = np.quantile(drawn[:, free], [0.25, 0.5, 0.75], axis=0)
+    assert np.abs(quarters.mean(axis=1) - [0.3, 0.5, 0.7]).max() < 0.01
+    assert np.abs(quarters.T - [0.3, 0.5, 0.7]).max() < 0.1
+    # Drawn apart from each other, and from near ones.
+    near = np.stack([twin.twin_world(seed).centre for seed in range(400)])
+    together = np.corrcoef(np.concatenate([drawn, near], axis=1).T) - np.eye(60)
+    assert np.abs(together).max() < 0.25
+
+
 def blank(units, seed, *, shots, settings, **options):
     """Stands for ``render_dataset``."""
     size = (len(units) * shots, settings.height, settings.width)
@@ -59,9 +103,9 @@ def renders(monkeypatch):
     return stub.call_args_list
 
 
-def split(name, images=None, seed=0):
+def split(name, images=None, seed=0, kind="near"):
     own = {"images": images, "renderer": "embree", "workers": POOL, "assets": 2}
-    return twin.twin_split(twin.twin_world(seed), name, (8, 16), **own)
+    return twin.twin_split(twin.twin_world(seed, kind), name, (8, 16), **own)
 
 
 @by_preset
@@ -86,6 +130,35 @@ def test_its_splits_are_disjoint_and_it_never_passes_for_real_data(renders):
     assert "twin 3" in target.title and "NOT real data" in target.title
     assert len(target.reward_names) == len(target.test_names) == 8
     np.testing.assert_array_equal(target.twin.centre, twin.twin_world(3).centre)
+
+
+def test_streets_of_a_far_twin_lie_in_the_hidden_intervals(renders):
+    split("train", kind="far")
+    ((units, _), options) = renders[0]
+    world = twin.twin_world(0, "far")
+    assert (np.abs(units - world.centre) <= world.width / 2 + 1e-6).all()
+    assert units.shape == (twin.IMAGES // twin.SHOTS, 37)
+    assert options["pool"].first == twin.FIRST_ASSET
+    assert options["settings"].response == world.response
+    target = named_target(defaults(MainConfig, "twin", "smoke", twin_seed=3, twin="far"), POOL)
+    assert (target.name, target.real) == ("far twin", False)
+    assert target.title.startswith("the far twin 3, a stand-in") and "NOT real" in target.title
+    np.testing.assert_array_equal(target.twin.centre, twin.twin_world(3, "far").centre)
+
+
+@pytest.mark.parametrize(("flags", "count"), [((), 37), (("--space", "scenex"), 23)])
+def test_a_job_on_a_far_twin_ends_in_either_space(flags, count, counted, out, capsys):
+    brief = ("--method", "random_search", "--candidates", "argmax", "--out", str(out))
+    assert main_job("twin", "--twin", "far", *brief, *flags) == 0
+    printed = capsys.readouterr().out
+    assert printed.startswith("Target: the far twin 0, ") and "the far twin, not real" in printed
+    summary, config = (read_json(out / f"{name}.json") for name in ("summary", "config"))
+    assert (config["twin"], summary["target"]) == ("far", "far twin")
+    (answer,) = summary["components"]
+    assert len(answer["attributes"]) == count
+    assert len(summary["hidden_centres"]) == 37
+    assert list(summary["recovery"]["by_attribute"]) == list(names("extended"))[:count]
+    assert (out / "report.html").read_text().count('class="hidden"') == count
 
 
 def in_turns(target):
