@@ -58,6 +58,8 @@ class TrainSettings:
         loss_stride: of lite0: its loss looks at every so manyth row and column of pixels only.
         head_width: channels of lite0's head.
         head_dropout: share of its features that lite0's head leaves out in training.
+        average: share of the steps, the last ones, over which parameters are averaged: the trained net is
+            their mean. 0: the net after the last step.
     """
 
     net: NetName = "compact"
@@ -88,6 +90,7 @@ class TrainSettings:
     loss_stride: int = 1
     head_width: int = 64
     head_dropout: float = 0.0
+    average: float = 0.0
 
     @property
     def frozen(self) -> bool:
@@ -134,4 +137,8 @@ def check_settings(settings: TrainSettings) -> None:
         raise ValueError(
             "head_width must be at least 1 and head_dropout in [0, 1); "
             f"got {settings.head_width} and {settings.head_dropout}"
+        )
+    if not 0 <= settings.average < 1:
+        raise ValueError(
+            f"average, a share of the steps, must be in [0, 1); got {settings.average}"
         )

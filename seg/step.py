@@ -32,6 +32,14 @@ class TrainState(NamedTuple):
     params: Params  # of the net
     opt_state: optax.OptState  # of the optimiser
     step: Int32[Array, ""]  # updates so far
+    mean: Params = (
+        None  # of the parameters that are averaged; none are where the settings average nothing
+    )
+
+    @property
+    def trained(self) -> Params:
+        """The parameters of the trained net."""
+        return self.params if self.mean is None else self.mean
 
 
 class Data(NamedTuple):
@@ -49,6 +57,7 @@ class Plan(NamedTuple):
     picks: Int32[Any, "*steps batch"]  # images of the batch
     draws: Float32[Any, "*steps batch draws"]  # of the augmentation
     lr: Float32[Any, "*steps"]
+    weight: Float32[Any, "*steps"]  # of the parameters then in the mean of all so far
 
     def rows(self, where: int | slice) -> "Plan":
         """The plan of one update, or of several."""
@@ -73,7 +82,15 @@ def plan(
         picks=found.reshape(settings.steps, settings.batch).astype(np.int32),
         draws=draw(rng, settings.steps, settings.batch),
         lr=poly_schedule(settings.lr, settings.steps, settings.power, settings.warmup),
+        weight=_mean_weights(settings.steps, settings.average),
     )
+
+
+def _mean_weights(steps: int, average: float) -> Float32[np.ndarray, " steps"]:
+    """1/k for the k-th of the steps whose parameters are averaged, 0 for those before them."""
+    averaged = max(round(average * steps), 1)
+    k = np.arange(steps) - (steps - averaged) + 1
+    return np.where(k > 0, 1 / np.maximum(k, 1), 0).astype(np.float32)
 
 
 class Functions(NamedTuple):
@@ -91,7 +108,10 @@ def functions(settings: TrainSettings, classes: int) -> Functions:
     # These are data of the step, or its shapes.
     free = ["lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch", "weights"]
     free += ["views", "head_statistics"]
-    return _compiled(replace(settings, **{name: getattr(plain, name) for name in free}), classes)
+    changes = {name: getattr(plain, name) for name in free}
+    # Over how many steps is data, too; whether at all is not.
+    changes["average"] = float(settings.average > 0)
+    return _compiled(replace(settings, **changes), classes)
 
 
 @lru_cache(maxsize=32)
@@ -101,7 +121,8 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
     transform = optimizer(settings.optimizer, settings.momentum, settings.weight_decay, multipliers)
 
     def resume(params: Params) -> TrainState:
-        return TrainState(params, transform.init(params), jnp.int32(0))
+        mean = jax.tree.map(jnp.zeros_like, params) if settings.average else None
+        return TrainState(params, transform.init(params), jnp.int32(0), mean)
 
     method = Lite0.from_pyramid if settings.frozen else None
 
@@ -143,7 +164,11 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
             loss, gradients = accumulated(sums_of, state.params, x, y, settings.accumulate)
         directions, opt_state = transform.update(gradients, state.opt_state, state.params)
         params = descend(state.params, directions, row.lr)
-        return TrainState(params, opt_state, state.step + 1), loss
+        mean = state.mean
+        if mean is not None:
+            # Parameters that do not train stay as they are to the last bit, unlike in a weighted sum.
+            mean = jax.tree.map(lambda m, p: m + row.weight * (p - m), mean, params)
+        return TrainState(params, opt_state, state.step + 1, mean), loss
 
     def steps(
         state: TrainState, data: Data, rows: Plan

@@ -174,8 +174,9 @@ def train(
             statistics of a training set, are those of what the batches hold.
 
     Returns:
-        The parameters after the last step. With a frozen trunk those of the head alone: the trunk's
-        are always ImageNet's, and `predict` takes them where training did.
+        The parameters after the last step, or their mean over the steps that the settings average. With a
+        frozen trunk those of the head alone: the trunk's are always ImageNet's, and `predict` takes them
+        where training did.
 
     Raises:
         ValueError: no images, shapes that do not match, labels outside the classes, settings or a seed
@@ -233,7 +234,7 @@ def train(
             )
         if progress is not None:
             progress(stop, value)
-    return state.params
+    return state.trained
 
 
 def predict(

@@ -193,7 +193,7 @@ def test_features_and_statistics_given_are_those_computed(fitted):
     assert_same(*(train(0, images, labels, BRIEF, 2, features=maps) for maps in (None, given)))
     assert_same(*(predict(fitted, images, SETTINGS, 2, features=f) for f in (MAPS(), None)))
     assert_statistics(fitted, channel_statistics(given))
-    settings = replace(BRIEF, weight_decay=0.1, head_statistics="target")
+    settings = replace(BRIEF, weight_decay=0.1, head_statistics="target", average=0.9)
     other = channel_statistics(features(pixels(2, 48, 64, 3)))
     assert_statistics(train(0, images, labels, settings, 2, statistics=other), other)
 

@@ -57,6 +57,31 @@ def test_scanned_steps_are_the_same_steps():
     assert_close(*fitted, atol=1e-4)
 
 
+@pytest.mark.parametrize(("average", "averaged"), [(0.6, 6), (0.01, 1), (0.99, 10)])
+def test_the_trained_net_is_the_mean_over_the_last_steps(average, averaged):
+    images, labels = toy()
+    settings = replace(SETTINGS, steps=10, lr=1e-3, weighted=False, average=average)
+    compiled, rows = functions(settings, 11), plan(0, len(images), settings)
+    data = jax.device_put(Data(images, labels, np.ones(11, np.float32), np.uint32(0)))
+    state, nets = compiled.init(data.seed, images), []
+    for i in range(settings.steps):
+        state, _ = compiled.step(state, data, rows.rows(i))
+        nets.append(jax.tree.map(np.array, state.params))
+    last = nets[-averaged:]
+    expected = jax.tree.map(lambda *leaves: np.mean(leaves, axis=0, dtype=np.float64), *last)
+    assert_close(train(0, images, labels, settings, 11), expected, atol=1e-6)
+    assert_same(train(0, images, labels, replace(settings, average=0.0), 11), nets[-1])
+
+
+def test_means_are_the_same_scanned_and_where_training_goes_on(fitted):
+    settings = replace(SETTINGS, steps=4, lr=1e-3, average=0.5)
+    ways = (train(0, *toy(), settings, 11, stepwise=stepwise) for stepwise in (True, False))
+    assert_close(*ways, atol=1e-4)
+    last = replace(settings, steps=1)
+    ways = (train(0, *toy(), s, 11, params=fitted) for s in (last, replace(last, average=0.0)))
+    assert_same(*ways)  # not the mean with the parameters it went on from
+
+
 def test_all_void_labels_do_no_harm_and_a_loss_that_is_not_finite_is_an_error():
     images, labels = toy()
     params = train(0, images, np.full_like(labels, 255), replace(SETTINGS, steps=2), 11)
@@ -70,7 +95,8 @@ def test_all_void_labels_do_no_harm_and_a_loss_that_is_not_finite_is_an_error():
 ])  # fmt: skip
 def test_state_keeps_structure_shapes_and_dtypes(name, dtype):
     images, labels = toy()
-    compiled = functions(replace(SETTINGS, optimizer=name, dtype=dtype, weight_decay=1e-4), 11)
+    settings = replace(SETTINGS, optimizer=name, dtype=dtype, weight_decay=1e-4, average=0.5)
+    compiled = functions(settings, 11)
     state = jax.eval_shape(compiled.init, np.uint32(0), images)
     data = Data(images, labels, np.ones(11, np.float32), np.uint32(0))
     row = plan(0, len(images), SETTINGS).rows(0)
@@ -85,6 +111,8 @@ def test_every_image_is_seen_equally_often_and_what_is_compiled_is_kept():
     other_data = replace(SETTINGS, steps=3, lr=0.1, batch=5, weights="vgg16.npz")
     assert functions(SETTINGS, 11) is functions(other_data, 11)
     assert functions(SETTINGS, 11) is not functions(replace(SETTINGS, mirror=False), 11)
+    averaged, more = (functions(replace(SETTINGS, average=share), 11) for share in (0.3, 0.6))
+    assert averaged is more is not functions(SETTINGS, 11)
 
 
 @pytest.mark.parametrize(("images", "labels", "message"), [
@@ -116,6 +144,8 @@ def test_arrays_that_do_not_fit(images, labels, message):
     ({"loss_stride": 2}, "are of lite0; the net is compact"),
     (LITE0 | {"head_width": 0}, "head_width must be at least 1"),
     (LITE0 | {"head_dropout": 1.0}, r"head_dropout in \[0, 1\)"),
+    ({"average": 1.0}, r"average, a share of the steps, must be in \[0, 1\); got 1\.0"),
+    ({"average": -0.1}, r"must be in \[0, 1\); got -0\.1"),
 ])  # fmt: skip
 def test_settings_that_make_no_sense(change, message):
     images, labels = toy()
