@@ -204,14 +204,15 @@ class Trunk(nn.Module):
 
 
 class Head(nn.Module):
-    """Features resized to 1/8, concatenated, normalised; 1x1, 3x3, 1x1; bilinear logits."""
+    """Features resized to 1/8, concatenated, normalised; 1x1, separable 3x3, 1x1; bilinear logits."""
 
     def __init__(self, classes: int, width: int = 64) -> None:
         super().__init__()
         self.register_buffer("mean", torch.zeros(sum(CHANNELS)))
         self.register_buffer("deviation", torch.ones(sum(CHANNELS)))
         self.project = convolution(sum(CHANNELS), width, 1)
-        self.mix = convolution(width, width, 3)
+        self.depthwise = _Same(width, width, 3, groups=width)
+        self.mix = convolution(width, width, 1)
         self.score = convolution(width, classes, 1)
 
     def forward(self, maps: list[Tensor], size: tuple[int, int]) -> Tensor:
@@ -220,7 +221,7 @@ class Head(nn.Module):
         resized += [enlarged(m, t, (rows, cols)) for m, t in zip(maps[2:], (2, 4), strict=True)]
         x = torch.cat(resized, 1)
         x = (x - self.mean[None, :, None, None]) / self.deviation[None, :, None, None]
-        x = F.relu(self.mix(F.relu(self.project(x))))
+        x = F.relu(self.mix(self.depthwise(F.relu(self.project(x)))))
         return enlarged(self.score(x), 8, size)
 
 

@@ -13,7 +13,16 @@ from PIL import Image
 import seg.views
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, mean_iou, predict, score
 from seg.nets import Lite0, net
-from seg.nets.lite0 import BLOCKS, CHANNELS, Head, Pyramid, Trunk, statistics
+from seg.nets.lite0 import (
+    BLOCKS,
+    CHANNELS,
+    Head,
+    Pyramid,
+    Trunk,
+    _pointwise,
+    _Spatial,
+    statistics,
+)
 from seg.nets.ops.conv import xla_conv
 from seg.nets.ops.depthwise import depthwise, same, strided_conv, xla_depthwise
 from seg.nets.ops.normalise import denormalise, normalise
@@ -25,7 +34,16 @@ from seg.views import view_images
 from seg.weights import check, lite0
 from seg.weights.read import read
 
-from .conftest import assert_same, normal, pixels, refuses, refuses_weights, same_function, toy
+from .conftest import (
+    assert_close,
+    assert_same,
+    normal,
+    pixels,
+    refuses,
+    refuses_weights,
+    same_function,
+    toy,
+)
 
 SETTINGS = TrainSettings(
     net="lite0", steps=40, batch=2, warmup=5, lr=3e-3, predict_batch=4,
@@ -81,7 +99,8 @@ def test_the_head_is_its_formula_and_its_statistics_by_hand():
     x = np.concatenate([m[0, 0, 0] for m in maps]).astype(np.float32)
     x = (x - params["mean"]) / params["deviation"]
     x = np.maximum(x @ params["project"]["kernel"][0, 0] + params["project"]["bias"], 0)
-    x = np.maximum(x @ params["mix"]["kernel"][1, 1] + params["mix"]["bias"], 0)
+    x = x * params["depthwise"]["kernel"][1, 1, 0] + params["depthwise"]["bias"]
+    x = np.maximum(x @ params["mix"]["kernel"][0, 0] + params["mix"]["bias"], 0)
     expected = x @ params["score"]["kernel"][0, 0] + params["score"]["bias"]
     logits = head.apply({"params": params}, maps, (5, 7))
     assert logits.shape == (1, 5, 7, 3)
@@ -92,6 +111,30 @@ def test_the_head_is_its_formula_and_its_statistics_by_hand():
     mean, deviation = statistics(maps)
     np.testing.assert_allclose(mean, [3, 2, 3])
     np.testing.assert_allclose(deviation, [2, 1e-3, 1e-3])  # constant channels do not explode
+
+
+def test_the_heads_separable_convolution_is_a_whole_one_and_so_are_its_gradients():
+    """Its kernel is the product of the two, and a bias that passes the second adds to that one's."""
+    layers = _Spatial(3, 1), _pointwise(5)
+    x = normal(2, 6, 7, 4)
+    shapes = [{"kernel": (3, 3, 1, 4), "bias": (4,)}, {"kernel": (1, 1, 4, 5), "bias": (5,)}]
+    params = [{k: normal(*s, seed=9 - i) for k, s in p.items()} for i, p in enumerate(shapes)]
+
+    def ours(x, params):
+        for layer, own in zip(layers, params, strict=True):
+            x = layer.apply({"params": own}, x)
+        return x
+
+    def whole(x, params):
+        (depthwise, bias), (pointwise, last) = ((p["kernel"], p["bias"]) for p in params)
+        kernel = depthwise.swapaxes(2, 3) * pointwise
+        return xla_conv(x, kernel) + (bias @ pointwise[0, 0] + last)[None, None, None]
+
+    found, expected = (
+        jax.value_and_grad(lambda *given, of=of: jnp.sum(jnp.sin(of(*given))), (0, 1))(x, params)
+        for of in (ours, whole)
+    )
+    assert_close(found, expected, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.parametrize("stride", [1, 2, 4])
