@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 
 from seg.nets.ops.conv import Conv
 from seg.nets.ops.depthwise import depthwise, pointwise, pointwise_conv, strided_conv
+from seg.nets.ops.dropout import dropout
 from seg.nets.ops.normalise import denormalise
 from seg.nets.ops.resize import bilinear, pad_to_multiple
 
@@ -251,8 +252,8 @@ class Head(nn.Module):
         x = nn.relu(_Projection(self.width, self.dtype, name="project")(normal))
         x = _Spatial(3, 1, dtype=self.dtype, name="depthwise")(x)
         x = nn.relu(_pointwise(self.width, dtype=self.dtype, name="mix")(x))
-        if self.dropout:
-            x = nn.Dropout(self.dropout, deterministic=not train)(x)
+        if self.dropout and train:
+            x = dropout(self.make_rng("dropout"), x, self.dropout)
         x = _pointwise(self.classes, dtype=self.dtype, name="score")(x)
         rows, cols = (len(range(stride // 2, n, stride)) for n in size)
         return bilinear(x.astype(jnp.float32), 8, stride)[:, :rows, :cols]

@@ -25,6 +25,7 @@ from seg.nets.lite0 import (
 )
 from seg.nets.ops.conv import xla_conv
 from seg.nets.ops.depthwise import depthwise, same, strided_conv, xla_depthwise
+from seg.nets.ops.dropout import dropout
 from seg.nets.ops.normalise import denormalise, normalise
 from seg.nets.ops.resize import strided
 from seg.optim import trunk_multiplier
@@ -135,6 +136,19 @@ def test_the_heads_separable_convolution_is_a_whole_one_and_so_are_its_gradients
         for of in (ours, whole)
     )
     assert_close(found, expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize(("rate", "share"), [(0.2, 51 / 256), (0.5, 0.5), (0.999, 255 / 256)])
+def test_dropout_leaves_out_its_share_and_the_mean_stays(rate, share):
+    x = jnp.ones((3, 50, 67, 5), jnp.bfloat16)  # no multiple of 4
+    kept, other = (np.float32(dropout(jax.random.key(k), x, rate)) for k in (0, 1))
+    error = 4 * np.sqrt(share * (1 - share) / x.size)
+    assert abs(np.mean(kept == 0) - share) < error
+    np.testing.assert_allclose(np.unique(kept), [0, 1 / (1 - share)], rtol=1e-2)
+    # Other keys, and neighbours, are decided on independently.
+    both = share**2 + (1 - share) ** 2
+    assert abs(np.mean((kept == 0) == (other == 0)) - both) < error
+    assert abs(np.mean((kept[:, 1:] == 0) == (kept[:, :-1] == 0)) - both) < error
 
 
 @pytest.mark.parametrize("stride", [1, 2, 4])
