@@ -23,6 +23,7 @@ from sdr_jax.models.intervals import intervals
 from sdr_jax.models.linear import linear
 from sdr_jax.models.surrogate import surrogate
 from sdr_jax.policy import Policy
+from sdr_jax.pool import pool
 from sdr_jax.registry import METHODS, MethodName
 from sdr_jax.reinforce import reinforce_loss
 from sdr_jax.relaxation import relax, slide
@@ -78,6 +79,7 @@ __all__ = [
     "linear",
     "make_step",
     "pbil",
+    "pool",
     "random_attributes",
     "random_search",
     "refuse_failures",

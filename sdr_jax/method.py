@@ -60,11 +60,14 @@ Rewards = Float[Array, "n"]
 
 InitFn = Callable[[RngKey], State]
 SampleFn = Callable[[RngKey, State, int], tuple[Real[Array, "n attributes"], Proposal]]
-UpdateFn = Callable[[State, Real[Array, "n attributes"], Rewards], tuple[State, Info]]
+UpdateFn = Callable[..., tuple[State, Info]]
 ProposalFn = Callable[[State], Proposal]
 ProbabilitiesFn = Callable[[State], Float[Array, "attributes bins"]]
 ExpectsFn = Callable[
     [State, Real[Array, "n attributes"]], tuple[Float[Array, "n"], Float[Array, "n"]]
+]
+SubsetsFn = Callable[
+    [RngKey, State, Int[Array, "n attributes"], int, int], Int[Array, "count size"]
 ]
 
 
@@ -82,7 +85,7 @@ class Method(NamedTuple):
 
     init: InitFn  # rng_key -> the first state
     sample: SampleFn  # (rng_key, state, n) -> (actions, n proposals to be scored); n is static
-    update: UpdateFn  # (state, actions, rewards) -> (state, info)
+    update: UpdateFn  # (state, actions, rewards) -> (state, info); see also `subsets`
     solution: ProposalFn  # the answer, f32[attributes] each; may be asked at any time
     spread: ProposalFn  # the answer, left wide where the method is unsure
     probabilities: ProbabilitiesFn  # of the bins `sample` would use; 0 for those an attribute lacks
@@ -92,6 +95,11 @@ class Method(NamedTuple):
     expects: ExpectsFn | None = None
     """Mean and standard deviation of the reward of actions, as the method's model sees it, NaN before it has
     learnt anything; for reports, None without a model."""
+    subsets: SubsetsFn | None = None
+    """(rng_key, state, actions, count, size) -> i32[count size], indices of actions that have one reward
+    together; `update` then takes them, too. None of a method whose actions are data sets."""
+    policy: Callable[[State], Any] | None = None
+    """Of such a method, the distribution of streets: `pool.Policy`."""
 
 
 def jitted(

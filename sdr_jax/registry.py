@@ -11,6 +11,7 @@ from sdr_jax.method import Method
 from sdr_jax.models.intervals import intervals
 from sdr_jax.models.linear import linear
 from sdr_jax.models.surrogate import surrogate
+from sdr_jax.pool import pool
 from sdr_jax.rewards import identity, squared_percent
 from sdr_jax.rivals.attribute_descent import attribute_descent
 from sdr_jax.rivals.cma_es import cma_es
@@ -24,6 +25,7 @@ from sdr_jax.sdr import sdr
 from sdr_jax.space import Space, Width
 
 MethodName = Literal[
+    "pool",
     "surrogate",
     "sdr",
     "random_attributes",
@@ -101,6 +103,8 @@ def _random_attributes(space: Space, width: Width = None) -> Method:
 
 
 METHODS: dict[str, Entry] = {
+    # Each update is a regression with an intercept of its own.
+    "pool": Entry(pool, n=50, least=2),
     "surrogate": Entry(surrogate, n=5),
     "sdr": Entry(_sdr, budgeted=True),
     "random_attributes": Entry(_random_attributes),

@@ -122,6 +122,17 @@ def uniform(space: Space) -> Float[Array, "attributes bins"]:
     return jnp.asarray(bin_mask(space) / np.asarray(space.bins, np.float32)[:, None])
 
 
+def shares_of_bins(space: Space, proposals: Proposal) -> Float[Array, "attributes bins"]:
+    """How much of each bin streets of n proposals f32[n attributes] fill, rows adding up to 1."""
+    bins = jnp.asarray(space.bins, jnp.float32)[:, None]
+    edges = jnp.arange(space.max_bins + 1)[None, :] / bins
+    width = jnp.maximum(proposals.width, 1e-4)[..., None]
+    below = (edges[None] - proposals.centre[..., None]) / width + 0.5
+    filled = jnp.diff(jnp.clip(below, 0.0, 1.0), axis=-1).mean(axis=0)
+    filled = jnp.where(jnp.arange(space.max_bins)[None, :] < bins, filled, 0.0)
+    return filled / filled.sum(axis=1, keepdims=True)
+
+
 def entropy(probabilities: Float[Array, "attributes bins"]) -> Float[Array, ""]:
     """Entropy in nats, `-sum_i sum_k p_i(k) log p_i(k)`, summed over attributes."""
     return -jnp.sum(probabilities * jnp.log(jnp.where(probabilities > 0, probabilities, 1.0)))

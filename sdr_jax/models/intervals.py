@@ -13,7 +13,7 @@ from sdr_jax.models.choices import Start, choices, make_effects
 from sdr_jax.models.features import maximise_each
 from sdr_jax.models.regression import Posterior
 from sdr_jax.models.surely import surely
-from sdr_jax.relaxation import check_relaxation, random_bins
+from sdr_jax.relaxation import check_relaxation, random_bins, shares_of_bins
 from sdr_jax.space import Proposal, Space, Width
 
 REACHES = np.asarray([0.5, 1.0, 2.0], np.float32)
@@ -170,17 +170,6 @@ def intervals(
         return effects.expected(model, state.seen, state.belief, actions)
 
     return jitted(init, sample, update, solution, probabilities, spread, expects=expects)
-
-
-def shares_of_bins(space: Space, proposals: Proposal) -> Float[Array, "attributes bins"]:
-    """How much of each bin streets of n proposals f32[n attributes] fill, rows adding up to 1."""
-    bins = jnp.asarray(space.bins, jnp.float32)[:, None]
-    edges = jnp.arange(space.max_bins + 1)[None, :] / bins
-    width = jnp.maximum(proposals.width, 1e-4)[..., None]
-    below = (edges[None] - proposals.centre[..., None]) / width + 0.5
-    filled = jnp.diff(jnp.clip(below, 0.0, 1.0), axis=-1).mean(axis=0)
-    filled = jnp.where(jnp.arange(space.max_bins)[None, :] < bins, filled, 0.0)
-    return filled / filled.sum(axis=1, keepdims=True)
 
 
 def _checked(space: Space, start: tuple[tuple[float, ...], tuple[float, ...]] | None) -> Start:

@@ -151,7 +151,15 @@ def covariance(belief: Posterior) -> Float[Array, "features features"]:
 def by_evidence(
     data: Centred, stds: Float[Array, "k features"]
 ) -> tuple[Posterior, Float[Array, ""]]:
-    """The posterior under the most likely of several priors, and the variance of the noise integrated out.
+    """The posterior under the most likely of several priors, and the variance of the noise integrated out."""
+    belief, noise, _ = with_evidence(data, stds)
+    return belief, noise
+
+
+def with_evidence(
+    data: Centred, stds: Float[Array, "k features"]
+) -> tuple[Posterior, Float[Array, ""], Float[Array, "k"]]:
+    """As `by_evidence`; and each prior's log evidence, up to a constant.
 
     Args:
         data: the evaluations.
@@ -170,7 +178,9 @@ def by_evidence(
         return belief._replace(scale=jnp.sqrt(noise) * std), noise, evidence
 
     beliefs, noises, evidence = jax.lax.map(fit, stds)
-    return jax.tree.map(lambda leaf: leaf[jnp.argmax(evidence)], (beliefs, noises))
+    best = jnp.argmax(evidence)
+    belief, noise = jax.tree.map(lambda leaf: leaf[best], (beliefs, noises))
+    return belief, noise, evidence
 
 
 def draw(
