@@ -49,6 +49,7 @@ RECIPES = {
         batch=4,
         head_dropout=0.2,
         loss_stride=2,
+        average=0.6,
     ),
     "lite0-tuned": TrainSettings(
         net="lite0",
