@@ -14,7 +14,7 @@ from tyro.constructors import PrimitiveConstructorSpec
 
 import sdr_jax
 from scene.assets.catalogue import AssetPool, check_pool
-from scene.attributes import SpaceName, names
+from scene.attributes import SpaceName, default_unit, names
 from scene.proposal import (
     RELAXATION,
     Mixture,
@@ -22,6 +22,7 @@ from scene.proposal import (
     Streets,
     moments,
     named,
+    slide,
     space_in,
     streets_in,
 )
@@ -38,7 +39,10 @@ from shell.errors import UserError, refuse_repeats
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
 TwinName = Literal["near", "far"]
-Candidate = Literal["argmax", "seen", "broad", "random", "default"]
+Candidate = Literal["argmax", "seen", "broad", "last", "previous", "mixed", "random", "default"]
+OF_POOL: tuple[Candidate, ...] = ("last", "previous", "mixed")
+OF_OTHERS: tuple[Candidate, ...] = ("argmax", "seen", "broad")
+"""Candidates that only the method `pool` has, and those that only the others have."""
 RewardKind = Literal["miou", "mmd"]
 
 Group = Annotated[
@@ -52,6 +56,8 @@ Group = Annotated[
     ),
 ]
 """Names of attributes; on the command line one word, with commas."""
+WIDE = 0.5
+"""Width of the intervals around the hand-set street that half of a pool's first streets are drawn from."""
 Unused = (tyro.conf.Fixed, tyro.conf.Suppress)
 """Marks of a field that is no flag of a command, though others have it."""
 
@@ -102,6 +108,22 @@ class Bins:
 
 
 @dataclass(frozen=True)
+class PoolOptions:
+    """How the method ``pool`` searches: what a reward is one of, how many there are, how far a step goes."""
+
+    streets: int = 1200
+    """Streets of one shot that each round draws and renders."""
+    subset: int = 200
+    """Streets of a round that one reward's net is trained on."""
+    rewards: int = 120
+    """Rewards of each round."""
+    rounds: int = 4
+    """Rounds; each ends with a step of the policy."""
+    bound: float = 0.04
+    """Nats that a step may take at most, for each attribute."""
+
+
+@dataclass(frozen=True)
 class SearchOptions(Bins):
     """How any method searches. Under every preset ``sdr`` estimates its gradient as the paper does."""
 
@@ -119,7 +141,10 @@ class SearchOptions(Bins):
     common_random_numbers: bool = False
     """Datasets of one update share their seed, and their streets' places within the intervals."""
     start: Annotated[str, tyro.conf.arg(aliases=["--start"])] = "default"
-    """Where the search begins (intervals): default (by eye), random, or an attributes.json."""
+    """Where the search begins (intervals, pool): default (the hand-set street), random, or an
+    attributes.json. Half of a pool's first streets are random in any case."""
+    pool: PoolOptions = field(default_factory=PoolOptions)
+    """Of the method pool."""
     unoptimised: Literal["random", "half"] = "random"
     """What groups not optimised yet are (sdr): random (paper), or 0.5 (the authors' code)."""
 
@@ -232,8 +257,9 @@ class SearchConfig(GroupsConfig):
     search: Search
     candidates: tuple[Candidate, ...] = get_args(Candidate)
     """What may be the answer: argmax (the best found), seen (the dataset with the best reward), broad (as
-    wide as the search is unsure, at least half of each range), random (all attributes random) or default
-    (the hand-set street, which the others must be significantly better than)."""
+    wide as the search is unsure, at least half of each range), in place of these three with the method pool
+    last (its last policy), previous (the one before) and mixed (half the last, half the first); random (all
+    attributes random) or default (the hand-set street: the others must be significantly better)."""
     candidate_seeds: int = 10
     """Nets of each candidate on each rung, scored on the reward images; with 1 the hand-set street stays."""
     parts: int | None = None
@@ -411,6 +437,16 @@ def _check_search(search: Bins) -> None:
     if width is not None and not 0 <= width <= 1:
         raise UserError(f"--search.relaxation must lie in [0, 1], not {width}")
     if isinstance(search, SearchOptions):
+        pool = search.pool
+        for name, least in (("streets", 1), ("subset", 1), ("rewards", 2), ("rounds", 1)):
+            _at_least(f"--search.pool.{name}", getattr(pool, name), least)
+        if pool.subset > pool.streets:
+            raise UserError(
+                f"--search.pool.subset {pool.subset} is more than the {pool.streets} streets of "
+                "--search.pool.streets that it is taken from"
+            )
+        if not 0 < pool.bound < math.inf:
+            raise UserError(f"--search.pool.bound must be positive, not {pool.bound}")
         if not 0 < search.learning_rate < math.inf:
             raise UserError(f"--search.learning-rate must be positive, not {search.learning_rate}")
         if search.baseline == "leave_one_out" and search.datasets_per_update < 2:
@@ -454,9 +490,36 @@ def _check_answer(config: SearchConfig) -> None:
     refuse_repeats("--candidates", config.candidates)
     if getattr(config, "unlabelled", None) is not None and config.reward_kind != "mmd":
         raise UserError("--unlabelled needs --reward-kind mmd: mIoU needs labels")
+    if not offered(config):
+        own = OF_POOL if config.search.method == "pool" else OF_OTHERS
+        raise UserError(
+            f"--candidates {' '.join(config.candidates)}: --method {config.search.method} has "
+            f"{', '.join(own)}, random and default"
+        )
+    if config.search.method == "pool":
+        _check_pool(config)
     if config.reward_kind == "mmd" and config.search.squared_reward:
         raise UserError("--search.squared-reward needs --reward-kind miou: squares have no sign")
     make_method(config, config.search.method, make_space(config), 1)
+
+
+def offered(config: SearchConfig) -> tuple[Candidate, ...]:
+    """Those of the configuration's candidates that its method has."""
+    absent = OF_OTHERS if config.search.method == "pool" else OF_POOL
+    return tuple(name for name in config.candidates if name not in absent)
+
+
+def _check_pool(config: SearchConfig) -> None:
+    """Raise UserError for what the method pool cannot do."""
+    if config.reward_kind != "miou":
+        raise UserError("--method pool needs --reward-kind miou")
+    if not config.reward.train.frozen:
+        train = config.reward.train
+        kind = "a tuned trunk" if train.net == "lite0" else f"the net {train.net}"
+        raise UserError(
+            f"--method pool keeps the features of a frozen trunk, and --reward.train has {kind}; use "
+            "--reward.train.net lite0 --reward.train.trunk frozen, or another --method"
+        )
 
 
 def make_space(config: Any) -> sdr_jax.Space:
@@ -516,9 +579,16 @@ def make_method(
     """
     own: dict[str, Any] = {}
     options: SearchOptions = config.search
+    where = [names(config.space).index(attribute) for attribute in space.names]
     if name == "intervals":
-        where = [names(config.space).index(attribute) for attribute in space.names]
         own["start"] = tuple(tuple(part[where].tolist()) for part in start_of(config))
+    if name == "pool":
+        own["bound"] = options.pool.bound
+        if options.start != "random":
+            start = start_of(config)
+            if options.start == "default":
+                start = slide(default_unit(config.space), WIDE)
+            own["start"] = tuple(tuple(part[where].tolist()) for part in start)
     if name == "sdr":
         fields = ("learning_rate", "baseline", "normalise", "squared_reward", "unoptimised")
         own = {field: getattr(options, field) for field in fields}

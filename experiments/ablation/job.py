@@ -16,7 +16,8 @@ from experiments.reward.miou import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.nets import Nets, begin, paired_seeds, score_lists
-from experiments.run.search import Found, SearchPlan, search
+from experiments.run.pooled import find, work_of
+from experiments.run.search import Found, SearchPlan
 from experiments.study.form import Report, about, nets
 from experiments.study.searches import core_seconds, rewards
 from experiments.study.skeleton import Study
@@ -40,7 +41,7 @@ OWN: dict[Preset, dict[str, Any]] = {
         "variants": (FULL, "no_relaxation", "shuffled_groups", "no_positions"),
     },
     # With eight, no method that goes group by group has rewards left over.
-    "quick": {"search": {"datasets_per_update": 8}, "seeds": 3},
+    "quick": {"search": {"method": "intervals", "datasets_per_update": 8}, "seeds": 3},
     "paper": {"evaluations": 300},  # the budget of its six groups, 50 updates each
 }
 """What differs from the main job, by preset."""
@@ -120,10 +121,10 @@ def searches(config: AblationConfig) -> dict[Variant, SearchPlan]:
 
 def plan(config: AblationConfig) -> list[Work]:
     """Rewards, and the nets of every variant."""
-    count, answers = len(searches(config)), len(config.variants)
+    answers = len(config.variants)
     what = f"nets, {answers} answers x {config.seeds} seeds"
     return [
-        Work.at(f"rewards, {count} searches", count * config.evaluations, config.reward),
+        *work_of(config, list(searches(config).values())),
         Work.at(what, answers * config.seeds, config.final),
     ]
 
@@ -143,7 +144,7 @@ def scores(run: Run[AblationConfig], _: Any) -> Report:
 
     for variant, each in searches(config).items():
         begin(run, lists(), seeds)  # nets on what is found already fill the gaps of this search
-        found[variant] = search(run, each)
+        found[variant] = find(run, each)
     (scored,) = score_lists(run, lists(), seeds)
     return {
         **about(run, config.final),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 from experiments import presets
@@ -14,7 +14,8 @@ from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.ladder import fidelities
 from experiments.run.nets import Nets, begin, paired_seeds, score_lists
-from experiments.run.search import Found, SearchPlan, search
+from experiments.run.pooled import affordable, find, work_of
+from experiments.run.search import Found, SearchPlan
 from experiments.study.form import Report, about, miou, nets
 from experiments.study.searches import core_seconds, rewards
 from experiments.study.skeleton import Study
@@ -38,6 +39,8 @@ class CompareConfig(SearchesConfig):
     """One comparison. Every field is a flag."""
 
     evaluations: int = 48
+    core_minutes: float | None = None
+    """In place of --evaluations: as many rewards for each search as cost so many minutes of a core, about."""
     methods: tuple[MethodName, ...] = (
         RANDOM, "random_search", "attribute_descent", "sdr", "surrogate",
     )  # fmt: skip
@@ -70,6 +73,8 @@ def check(config: CompareConfig) -> None:
         if not getattr(config, name):
             raise UserError(f"--{name} needs at least one of them")
     refuse_repeats("--methods", config.methods)
+    if config.core_minutes is not None and not config.core_minutes > 0:
+        raise UserError(f"--core-minutes must be positive, not {config.core_minutes:g}")
     known = names(config.space)
     for subset in subsets_of(config):
         for name in subset:
@@ -106,11 +111,20 @@ def searches(config: CompareConfig) -> list[SearchPlan]:
     Raises:
         UserError: too few evaluations, or an option that a method does not take.
     """
-    return [
-        plans.plan(config, row.name, row.method, row.subset)
-        for row in rows(config)
-        if row.method != RANDOM
-    ]
+    found = []
+    for row in rows(config):
+        if row.method == RANDOM:
+            continue
+        own = config
+        if config.core_minutes is not None:
+            count = affordable(config, row.method, config.core_minutes)
+            if not count:
+                raise UserError(
+                    f"--core-minutes {config.core_minutes:g} are too few for one update of {row.method}"
+                )
+            own = replace(config, evaluations=count)
+        found.append(plans.plan(own, row.name, row.method, row.subset))
+    return found
 
 
 def budgets(config: CompareConfig) -> tuple[Fidelity, ...]:
@@ -127,9 +141,8 @@ def words(fidelity: Fidelity) -> str:
 
 def plan(config: CompareConfig) -> list[Work]:
     """Rewards, and nets at every budget."""
-    count, answers = len(searches(config)), len(rows(config))
-    rewarded = Work.at(f"rewards, {count} searches", count * config.evaluations, config.reward)
-    return [rewarded] + [
+    answers = len(rows(config))
+    return work_of(config, searches(config)) + [
         Work.at(f"nets, {answers} answers x {config.seeds} seeds", answers * config.seeds, fidelity)
         for fidelity in budgets(config)
     ]
@@ -142,7 +155,7 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
 
     def lists() -> list[Nets]:
         answers: dict[str, Source] = {
-            row.name: found[row.name].solution
+            row.name: found[row.name].answers.get("last", found[row.name].solution)
             if row.name in found
             else random_proposal(config.space)
             for row in rows(config)
@@ -152,12 +165,13 @@ def scores(run: Run[CompareConfig], _: Any) -> Report:
 
     for each in searches(config):
         begin(run, lists(), seeds)  # nets on what is found already fill the gaps of this search
-        found[each.name] = search(run, each)
+        found[each.name] = find(run, each)
     scored = score_lists(run, lists(), seeds)
     workers = max(run.workers.workers, 1)
     return {
         **about(run, config.final),
-        "evaluations": config.evaluations,
+        "evaluations": config.evaluations if config.core_minutes is None else None,
+        "core_minutes": config.core_minutes,
         "workers": workers,
         "rewards_at": config.reward.size,
         "seeds": config.seeds if config.finals else 0,

@@ -48,7 +48,10 @@ def picture(report: Report) -> bytes:
     for axis in axes[:3]:
         if axis.get_legend_handles_labels()[1]:
             axis.legend(fontsize=8)
-    figure.suptitle(f"{target_of(report)}, {report['evaluations']} rewards for each method")
+    spent = f"{report['evaluations']} rewards"
+    if report.get("core_minutes"):
+        spent = f"{report['core_minutes']:g} core-minutes"
+    figure.suptitle(f"{target_of(report)}, {spent} for each method")
     return png(figure)
 
 

@@ -26,7 +26,7 @@ from experiments.reward.mmd import Reference, evaluate_mmd
 from experiments.reward.seen import Seen, leave
 from experiments.reward.shelf import Shelf, by_target, sent
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
-from experiments.reward.truth import Shared, Truth, WithFew, rendered_of
+from experiments.reward.truth import Shared, Subset, Truth, WithFew, rendered_of
 from experiments.target.base import Target
 from scene.proposal import Streets
 from scene.version import ENGINE
@@ -46,6 +46,9 @@ class Job(NamedTuple):
     notes: dict[str, Any]  # what the run's log says of it, beside what it came to
     cost: float = 0.0  # CPU seconds, about; the longest begin first
     seen: Seen | None = None  # where it is kept what the net saw, if anywhere
+    rendered: float = (
+        0.0  # CPU seconds that rendering its training set took before, its share of them
+    )
 
 
 class Memory(NamedTuple):
@@ -177,7 +180,10 @@ class Evaluator:
     def _source(self, source: Source) -> Source | Shared:
         train = self._recipe.fidelity.train
         if isinstance(source, WithFew):
-            return source._replace(few=self._shelf.put(source.arrays, train, training=True))
+            few = self._shelf.put(source.arrays, train, training=True)
+            return source._replace(rendered=self._source(source.rendered), few=few)
+        if isinstance(source, Subset):
+            return source.images
         if not isinstance(source, Truth):
             return source
         return self._shelf.put(source, train, training=True)
@@ -228,7 +234,8 @@ def evaluated(
         index = work[number]
         evaluator, job = asked[index]
         key = keys[index]
-        outcome = outcome._replace(render_seconds=outcome.render_seconds + rendered[number])
+        seconds = outcome.render_seconds + rendered[number] + job.rendered
+        outcome = outcome._replace(render_seconds=seconds)
         yield index, key, evaluator.keep(key, job, outcome, memory)
         for twin in missing[key][1:]:
             known = memory.get(key, asked[twin][1].notes)

@@ -19,7 +19,7 @@ import numpy as np
 from experiments.config import Fidelity
 from experiments.reward.made_with import MadeWith, refuse_other
 from experiments.reward.seen import Sight, picked, sight
-from experiments.reward.truth import Shared, Truth, WithFew, loaded, rendered_of
+from experiments.reward.truth import Shared, Subset, Truth, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
@@ -49,7 +49,7 @@ class Recipe(NamedTuple):
         return class_table(self.table)
 
 
-Source = Streets | Truth | WithFew
+Source = Streets | Subset | Truth | WithFew
 """What a net is trained on: a dataset rendered from streets, given images, or both."""
 
 Parts = tuple[tuple[int, int], ...]
@@ -140,9 +140,9 @@ def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
     What was rendered last beside a few images is kept, with its features: the next net may have others
     beside it.
     """
-    if isinstance(source, Truth):
-        return source
     proposal = rendered_of(source)
+    if isinstance(proposal, Truth):
+        return proposal
     name = (recipe._replace(statistics=None), pickle.dumps(proposal), seed)
     if name in _KEPT:
         return _KEPT[name]

@@ -1,8 +1,9 @@
-"""Real images of a run, and what a frozen trunk sees in them: computed once, read by all its processes.
+"""Images that many nets of a run see, and what a frozen trunk sees in them: made once, read by all processes.
 
     RUN/shared/3f2ab07c91d4e655/            images.npy, labels.npy: 4 bytes a pixel
     RUN/shared/3f2ab07c91d4e655-1c9d02aa/   eighth.npy, sixteenth.npy, thirtysecond.npy: 3.6 bytes a
                                             pixel of every view
+    RUN/shared/pool-90b3c5d07e1f2a64/       all of them, of streets of one shot
 
 ``about.json`` beside them says what they are of, with hashes of the files, which are looked at once per
 run. A folder is there as a whole or not at all; one that lacks a file is written anew.
@@ -10,11 +11,15 @@ run. A folder is there as a whole or not at all; one that lacks a file is writte
 
 from __future__ import annotations
 
+import io
 import os
-from collections.abc import Callable, Mapping
+import shutil
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -22,6 +27,7 @@ from experiments.reward.miou import Recipe
 from experiments.reward.store import digest_of
 from experiments.reward.truth import Shared, Truth, loaded, removable
 from experiments.target.base import Target
+from scene.dataset.render import render_street
 from scene.workers import Workers
 from seg.nets.lite0 import Pyramid
 from seg.pyramid import Statistics, channel_statistics, features
@@ -29,7 +35,7 @@ from seg.settings import TrainSettings
 from seg.views import LOOKS, view_images
 from seg.weights import lite0
 from shell.errors import UserError
-from shell.files import digest, file_digest, read_json, whole_folder, write_json
+from shell.files import digest, file_digest, read_json, whole_folder, write, write_json
 
 FOLDER, ABOUT = "shared", "about.json"
 CHUNK = 16
@@ -91,6 +97,56 @@ class Shelf:
 
         self._keep(folder, told, fill)
         return held._replace(features=self.workers.share(str(folder)))
+
+    def streets(
+        self, name: str, recipe: Recipe, units: np.ndarray, seed: int, done: Callable[[int], None]
+    ) -> tuple[Shared, float]:
+        """One shot of each street with its features; what an earlier process has made is not made again.
+
+        Args:
+            name: hash of all that decides them.
+            recipe: sizes, assets and trunk.
+            units: f32[streets, attributes] of every street, in [0, 1].
+            seed: with the street's index it decides everything left to chance.
+            done: told how many streets more there are.
+
+        Returns:
+            The streets, and how many CPU seconds they have taken.
+        """
+        assert self._root is not None
+        folder = self._pool(name)
+        pieces = folder.with_name(f"{folder.name}.pieces")
+        starts = range(0, len(units), CHUNK)
+
+        def fill(part: Path) -> None:
+            pieces.mkdir(exist_ok=True)
+            files = {start: pieces / f"{start:06d}.npz" for start in starts}
+            missing = [start for start in starts if _piece(files[start]) is None]
+            done(sum(len(units[s : s + CHUNK]) for s in starts if s not in missing))
+            own = sent(recipe, self.workers)
+            tasks = [(own, units[s : s + CHUNK], seed, s) for s in missing]
+            for index, made in self.workers.map(_made_streets, tasks, net=True):
+                start = missing[index]
+                buffer = io.BytesIO()
+                np.savez(buffer, **made)
+                write(files[start], buffer.getvalue(), sync=False)
+                done(len(units[start : start + CHUNK]))
+            _assemble(part, [files[start] for start in starts], len(units))
+
+        self._keep(folder, {"streets": name}, fill)
+        shutil.rmtree(pieces, ignore_errors=True)
+        held = self.workers.share(str(folder))
+        return Shared(held, held), float(np.load(folder / "seconds.npy"))
+
+    def forget(self, name: str) -> None:
+        """Remove the streets of a name: all their nets are trained."""
+        if self._root is not None:
+            shutil.rmtree(self._pool(name), ignore_errors=True)
+            self._checked.discard(self._pool(name))
+
+    def _pool(self, name: str) -> Path:
+        assert self._root is not None
+        return self._root / f"pool-{name[:16]}"
 
     def normalised(self, recipe: Recipe, target: Target) -> Recipe:
         """The recipe with the statistics that its head normalises features by, where those are the target's.
@@ -181,6 +237,61 @@ def _statistics(held: Truth | Shared, train: TrainSettings) -> Statistics:
     """Statistics of features; runs in a worker."""
     truth = loaded(held)
     return channel_statistics(truth.features or _features(truth, train, False))
+
+
+def _made_streets(
+    recipe: Recipe, units: np.ndarray, seed: int, start: int
+) -> dict[str, np.ndarray]:
+    """Some streets of a pool, from the one with this index on; runs in a worker."""
+    began = time.perf_counter()
+    fidelity, name, pool = recipe.fidelity, recipe.renderer, recipe.pool
+    settings = fidelity.render_settings()
+    frames = [
+        render_street(unit, seed, start + k, 1, settings, name, pool)[0]
+        for k, unit in enumerate(units)
+    ]
+    images = np.stack([frame.image for frame in frames])
+    labels = recipe.classes.from_train_id[np.stack([frame.label for frame in frames])]
+    maps = _features(Truth(images, labels), fidelity.train, True)
+    seconds = np.float64(time.perf_counter() - began)
+    return {"images": images, "labels": labels, **maps._asdict(), "seconds": seconds}
+
+
+def _piece(path: Path) -> dict[str, np.ndarray] | None:
+    """A piece of a pool; None if it is not there as a whole."""
+    try:
+        with path.open("rb") as file, np.load(file) as found:
+            return {name: found[name] for name in found.files}
+    except (OSError, ValueError, EOFError, BadZipFile):
+        return None
+
+
+def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
+    """The files of a pool from its pieces, of features view after view."""
+    files: dict[str, tuple[IO[bytes], int]] = {}
+    first, seconds = 0, 0.0
+    try:
+        for path in pieces:
+            piece = _piece(path)
+            if piece is None:
+                raise UserError(
+                    f"{path} was damaged after it was made; the same command makes it anew"
+                )
+            seconds += float(piece.pop("seconds"))
+            own = len(piece["images"])
+            for name, rows in piece.items():
+                views = len(rows) // own
+                if name not in files:
+                    shape = (count * views, *rows.shape[1:])
+                    files[name] = _npy(part / f"{name}.npy", shape, rows.dtype)
+                for view in range(views):
+                    place = rows[view * own : (view + 1) * own]
+                    _write_rows(*files[name], view * count + first, place)
+            first += own
+        np.save(part / "seconds.npy", seconds)
+    finally:
+        for file, _ in files.values():
+            file.close()
 
 
 def _write_truth(part: Path, truth: Truth) -> None:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from experiments.reward.miou import Outcome, Source
-from experiments.reward.truth import Truth
+from experiments.reward.truth import Subset, Truth
 from scene.attributes import SPACES, names
 from scene.proposal import Histogram, Mixture, Proposal, components
 from shell.errors import UserError
@@ -63,6 +63,8 @@ def identity(config: str, source: Source, seed: int) -> str:
     """
     if isinstance(source, Truth):
         named: Any = digest_of(source.images, source.labels)  # features follow from images
+    elif isinstance(source, Subset):
+        named = [source.pool.name, list(source.picked)]
     elif isinstance(source, Mixture):
         named = [[share, *map(_floats, own)] for share, own in components(source)]
     else:

@@ -59,10 +59,33 @@ class Shared(NamedTuple):
         return whole if self.picked is None else part_of(whole, self.picked)
 
 
+class StreetPool(NamedTuple):
+    """Streets of one shot, drawn once and used by many nets."""
+
+    name: str  # hash of their attributes and seed
+    held: Truth | Shared | None = None  # images, labels and features; None while they are not made
+
+
+class Subset(NamedTuple):
+    """Some streets of a pool."""
+
+    pool: StreetPool
+    picked: tuple[int, ...]  # by index
+
+    @property
+    def images(self) -> Truth | Shared:
+        """Their images, labels and features; of a pool that is made."""
+        held = self.pool.held
+        assert held is not None
+        if isinstance(held, Shared):
+            return held._replace(picked=self.picked)
+        return part_of(held, self.picked)
+
+
 class WithFew(NamedTuple):
     """A rendered dataset, and a few labelled images, so often that they are a share of all batches."""
 
-    rendered: Any  # the streets that it is rendered from
+    rendered: Any  # the streets that it is rendered from, or a subset of a pool
     few: Truth | Shared
     share: float
 
@@ -81,7 +104,7 @@ def rendered_of(source: Any) -> Any:
 def loaded(value: Any) -> Any:
     """A truth that is shared as arrays, also beside a dataset, anything else as it is."""
     if isinstance(value, WithFew):
-        return value._replace(few=loaded(value.few))
+        return value._replace(rendered=loaded(value.rendered), few=loaded(value.few))
     return value.load() if isinstance(value, Shared) else value
 
 

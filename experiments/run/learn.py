@@ -7,6 +7,7 @@ the test images.
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple, cast
 
@@ -19,17 +20,19 @@ from experiments.config import (
     SearchConfig,
     make_method,
     make_space,
+    offered,
 )
 from experiments.reward.miou import Outcome, Parts, Source
+from experiments.run import pooled
 from experiments.run.context import Run, Work
 from experiments.run.few import beside
 from experiments.run.judge import Scores, Selection, parts_of
 from experiments.run.ladder import climb, compared, cost_of, fidelities
 from experiments.run.nets import score_nets
-from experiments.run.search import Found, SearchPlan, search
+from experiments.run.search import Found, SearchPlan
 from experiments.target.base import Target
 from scene.attributes import names
-from scene.proposal import Proposal, describe, named, slide
+from scene.proposal import Streets, describe, named, slide
 from shell.files import digest, write_json
 
 BROAD = 0.5
@@ -41,7 +44,7 @@ REFERENCE: Candidate = "default"
 class Learnt(NamedTuple):
     """What was learnt, and how."""
 
-    streets: Proposal
+    streets: Streets
     found: Found
     selection: Selection
     parts: tuple[str, ...]  # of the reward images, in words
@@ -57,14 +60,16 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
     """
     options = config.search
     method = make_method(config, options.method, make_space(config), options.updates_per_group)
-    updates = options.updates_per_group * len(config.groups)
+    datasets, updates = options.datasets_per_update, options.updates_per_group * len(config.groups)
+    if options.method == "pool":
+        datasets, updates = options.pool.rewards, options.pool.rounds
     return SearchPlan(
         name,
         config.space,
         options.method,
         method,
         names(config.space),
-        options.datasets_per_update,
+        datasets,
         updates,
         options,
         config.seed,
@@ -73,11 +78,10 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
 
 def work_of(config: SearchConfig) -> list[Work]:
     """The nets that `learn` trains."""
-    work = [Work.at("rewards of the search", plan_of(config).evaluations, config.reward)]
-    challengers = len(set(config.candidates) - {REFERENCE})
+    challengers = len(set(offered(config)) - {REFERENCE})
     rungs = _rungs(config)
     counts = compared(challengers, len(rungs), REFERENCE in config.candidates)
-    return work + [
+    return pooled.work_of(config, [plan_of(config)]) + [
         Work.at(
             f"nets of candidates, {_called(config, rung)}",
             count * config.candidate_seeds,
@@ -102,8 +106,8 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
     """
     config = config or run.config
     parts, words = judged_on(run.target, config)
-    found = search(run, plan_of(config, name or "search"), config.reward_kind)
-    candidates = {each: candidate(each, found, config) for each in config.candidates}
+    found = pooled.find(run, plan_of(config, name or "search"), config.reward_kind)
+    candidates = {each: candidate(each, found, config) for each in offered(config)}
     selection, by_part = _selected(run, config, candidates, parts, f"{name}, " if name else "")
     streets = candidates[cast(Candidate, selection.chosen)]
     file = config.out / (f"attributes/{name}.json" if name else "attributes.json")
@@ -132,8 +136,10 @@ def _said(sequences: Sequence[str]) -> str:
     return f"{len(sequences)} images of {where}"
 
 
-def candidate(name: Candidate, found: Found, config: SearchConfig) -> Proposal:
+def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
     """What may be the answer: one way to read what a search found, or streets that it knew nothing of."""
+    if name in found.answers:
+        return found.answers[name]
     if name == "argmax":
         return found.solution
     if name == "seen":
@@ -166,12 +172,13 @@ def _called(config: SearchConfig, rung: int) -> str:
 def _selected(
     run: Run[Any],
     config: SearchConfig,
-    candidates: Mapping[Candidate, Proposal],
+    candidates: Mapping[Candidate, Streets],
     parts: Parts,
     prefix: str,
 ) -> tuple[Selection, dict[str, list[tuple[float, ...]]]]:
     """Train and score nets of the candidates, choose one; also their scores on each part."""
-    rungs, cost = _rungs(config), sum(work.cost for work in work_of(config)[1:])
+    own = len(pooled.work_of(config, [plan_of(config)]))
+    rungs, cost = _rungs(config), sum(work.cost for work in work_of(config)[own:])
     outcomes: dict[str, list[Outcome]] = {}
 
     def score(rung: int, names: Sequence[str]) -> Scores:
@@ -198,11 +205,11 @@ def _selected(
     return selection, by_part
 
 
-def distinct(candidates: Mapping[Candidate, Proposal]) -> list[Candidate]:
+def distinct(candidates: Mapping[Candidate, Streets]) -> list[Candidate]:
     """Names without those whose streets equal another's.
 
     The hand-set street stays, of others the first.
     """
     order = sorted(candidates, key=lambda name: name != REFERENCE)
-    known = {np.asarray(candidates[name], np.float32).tobytes(): name for name in reversed(order)}
+    known = {pickle.dumps(candidates[name]): name for name in reversed(order)}
     return [name for name in candidates if name in known.values()]

@@ -25,11 +25,12 @@ def plan(
     """
     make_space(config)  # for its checks of the groups
     options, evaluations = config.search, config.evaluations
-    datasets = options.datasets_per_update
+    pools = method == "pool"
+    datasets = options.pool.rewards if pools else options.datasets_per_update
     if evaluations < datasets or evaluations % datasets:
+        flag = "pool.rewards" if pools else "datasets-per-update"
         raise UserError(
-            f"--evaluations must be a multiple of --search.datasets-per-update {datasets}, "
-            f"not {evaluations}"
+            f"--evaluations must be a multiple of --search.{flag} {datasets}, not {evaluations}"
         )
     groups = [[name for name in group if name in subset] for group in config.groups]
     space = sdr_jax.space(subset, options.bins, [group for group in groups if group])

@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 import sdr_jax
-from experiments.config import RewardKind, SearchOptions
+from experiments.config import Candidate, RewardKind, SearchOptions
 from experiments.reward.evaluator import Job
 from experiments.reward.miou import Outcome, Source
 from experiments.run.context import REWARD_NAMES, Run, in_words, refuse_failed
 from experiments.run.few import beside
 from experiments.run.ladder import cost_of
 from scene.attributes import SpaceName, names
-from scene.proposal import Proposal, random_proposal
+from scene.proposal import Proposal, Streets, random_proposal
 from sdr_jax.method import on_clipping
 from sdr_jax.registry import MethodName
 from shell.errors import UserError
+
+PLACE = ("search", "update", "dataset")
+"""What the log of a run says of a reward's place."""
 
 
 class SearchPlan(NamedTuple):
@@ -58,6 +62,8 @@ class Found(NamedTuple):
     expected: np.ndarray | None = None
     """f32[updates, datasets, 2]: mean and standard deviation that the method's model gave each reward before
     it was made, NaN before it knew any; None without a model."""
+    answers: Mapping[Candidate, Streets] = MappingProxyType({})
+    """Of a search that learns a distribution of streets: those that may be the answer."""
 
 
 def embed(space: SpaceName, subset: Sequence[str], proposals: Any) -> Proposal:
@@ -71,7 +77,7 @@ def embed(space: SpaceName, subset: Sequence[str], proposals: Any) -> Proposal:
     return Proposal(*whole)
 
 
-class _Stopwatch:
+class Stopwatch:
     """CPU and wall seconds of this process while it runs; what runs inside another is taken off it."""
 
     def __init__(self) -> None:
@@ -91,12 +97,9 @@ class _Rewards:
     def __init__(self, run: Run[Any], plan: SearchPlan, kind: RewardKind) -> None:
         self._run, self._plan = run, plan
         self._evaluator = run.evaluator(run.recipe(run.config.reward), "reward", kind)
-        self._logged = {
-            (line.get("search"), line.get("update"), line.get("dataset")): line["key"]
-            for line in run.evaluations.records
-        }
+        self._logged = logged(run)
         self._update = 0
-        self.watch = _Stopwatch()
+        self.watch = Stopwatch()
         self.outcomes: list[Outcome] = []
         self.asked: list[Proposal] = []
 
@@ -112,7 +115,8 @@ class _Rewards:
                 for k, seed in enumerate(seeds)
             ]
             for job in jobs:
-                self._refuse_another(job)
+                key = self._evaluator.key(job.source, job.seed)
+                refuse_another(self._run, self._logged, job, key)
             run = self._run
             nets = [(self._evaluator, job) for job in jobs]
             outcomes = run.score(nets, log=run.evaluations)
@@ -129,14 +133,22 @@ class _Rewards:
         place = {"search": self._plan.name, "update": self._update, "dataset": dataset}
         return {**place, "actions": actions}
 
-    def _refuse_another(self, job: Job) -> None:
-        place = tuple(job.notes[name] for name in ("search", "update", "dataset"))
-        key = self._evaluator.key(job.source, job.seed)
-        if self._logged.get(place, key) != key:
-            raise UserError(
-                f"{self._run.evaluations.path}: update {place[1]}, dataset {place[2]} was not made by "
-                "this run; use another --out"
-            )
+
+def logged(run: Run[Any]) -> dict[tuple, str]:
+    """The keys of the rewards that a run folder has, by search, update and number."""
+    return {
+        tuple(line.get(name) for name in PLACE): line["key"] for line in run.evaluations.records
+    }
+
+
+def refuse_another(run: Run[Any], known: Mapping[tuple, str], job: Job, key: str) -> None:
+    """Raise UserError if the run folder has another reward in the place of a job."""
+    place = tuple(job.notes[name] for name in PLACE)
+    if known.get(place, key) != key:
+        raise UserError(
+            f"{run.evaluations.path}: update {place[1]}, dataset {place[2]} was not made by "
+            "this run; use another --out"
+        )
 
 
 def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
@@ -154,7 +166,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     Raises:
         UserError: more than a tenth of the evaluations failed, or a log of another run.
     """
-    rewards, watch = _Rewards(run, plan, kind), _Stopwatch()
+    rewards, watch = _Rewards(run, plan, kind), Stopwatch()
     # Without workers nets are trained in this process, by JAX.
     within, common = run.workers.workers > 0, plan.options.common_random_numbers
     reward_fn = sdr_jax.host_reward(rewards, common=common, within=within)
@@ -178,7 +190,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
             clipped = True
             told = sum(len(rewards) for rewards, *_ in history)
             run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), told)}")
-        run.progress.standing = _standing(kind, history)
+        run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
         run.progress.update(_said(plan, kind, update, history))
     with watch:
         solution = embed(plan.space, plan.subset, jax.device_get(plan.search.solution(state)))
@@ -213,9 +225,9 @@ def _best(asked: Sequence[Proposal], rewards: np.ndarray) -> Proposal:
     return asked[int(np.argmax(np.where(np.isfinite(rewards), rewards, -np.inf)))]
 
 
-def _standing(kind: RewardKind, history: Sequence[tuple]) -> str:
-    """The best reward so far, in words."""
-    known = [float(np.nanmax(rewards)) for rewards, *_ in history if not np.isnan(rewards).all()]
+def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:
+    """The best of all updates' rewards, in words."""
+    known = [float(np.nanmax(own)) for own in rewards if not np.isnan(own).all()]
     return f"best {REWARD_NAMES[kind]} {in_words(kind, max(known))}" if known else ""
 
 

@@ -1,4 +1,4 @@
-"""Rough treatment: three programs, what must be equal after it, and one table of what was survived.
+"""Rough treatment: four programs, what must be equal after it, and one table of what was survived.
 
 ``ROBUST_TIMES`` says how often each fault is tried; `make robust` says 20.
 """
@@ -20,12 +20,12 @@ from typing import Any, NamedTuple
 import pytest
 
 from tests.conftest import ROOT
-from tests.experiments.conftest import TINY, camvid, command, scored_by  # noqa: F401
+from tests.experiments.conftest import POOL, TINY, camvid, command, scored_by  # noqa: F401
 from tests.experiments.test_main_job import SCORES, files_of
 
 TIMES = int(os.environ.get("ROBUST_TIMES", "2"))
 EXAMPLE = ROOT / "examples" / "tune"
-NAMES = ("run", "export", "tune")
+NAMES = ("run", "pool", "export", "tune")
 
 
 @dataclass
@@ -115,6 +115,7 @@ class Program(NamedTuple):
 SIMULATOR = [sys.executable, str(EXAMPLE / "simulator.py"), "{attributes.json}"]
 PROGRAMS = {
     "run": Program("run", ["-m", "experiments.cityscapes", *TINY, "--out", "OUT"], "*.jsonl"),
+    "pool": Program("pool", ["-m", "experiments.cityscapes", *POOL, "--out", "OUT"], "*.jsonl"),
     "export": Program(
         "export",
         "-m scene.render --images 8 --size 96x64 --shots 2 --workers 2 --seed 3 --out OUT".split(),

@@ -1,0 +1,231 @@
+"""A search by pools of streets: each is rendered once, and its rewards are those of subsets of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import sdr_jax
+from experiments.config import Candidate, Fidelity, GroupsConfig, RewardKind
+from experiments.reward.evaluator import Job
+from experiments.reward.miou import Outcome
+from experiments.reward.truth import StreetPool, Subset
+from experiments.run.context import Run, Work, refuse_failed
+from experiments.run.few import beside
+from experiments.run.ladder import cost_of, head_cost, street_cost
+from experiments.run.search import (
+    Found,
+    SearchPlan,
+    Stopwatch,
+    embed,
+    logged,
+    refuse_another,
+    standing,
+)
+from experiments.run.search import search as one_by_one
+from scene.attributes import names
+from scene.proposal import Histogram, Streets, components, mixture, random_proposal
+from sdr_jax.method import on_clipping
+from sdr_jax.pool import Policy, divergence
+from sdr_jax.registry import MethodName
+from shell.files import digest
+
+
+def reward_of(config: GroupsConfig) -> Fidelity:
+    """The fidelity of one reward: a net on a subset of a pool."""
+    return replace(config.reward, streets=config.search.pool.subset, shots=1)
+
+
+def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> list[Work]:
+    """What searches make, by kind."""
+    found: list[Work] = []
+    count = sum(plan.evaluations for plan in plans if plan.search.subsets is None)
+    if count:
+        found.append(Work.at("rewards of the search", count, config.reward))
+    rounds = sum(plan.updates for plan in plans if plan.search.subsets is not None)
+    if rounds:
+        fidelity, pool = reward_of(config), config.search.pool
+        street, head = street_cost(fidelity), head_cost(fidelity)
+        found += [
+            Work("streets of its pools", rounds * pool.streets, fidelity, street),
+            Work("rewards from its pools", rounds * pool.rewards, fidelity, head),
+        ]
+    return found
+
+
+def affordable(config: GroupsConfig, method: MethodName, core_minutes: float) -> int:
+    """How many rewards of a method cost so many minutes of one core, about, in whole updates; 0 for none."""
+    datasets, cost = config.search.datasets_per_update, 0.0
+    if method == "pool":
+        pool, fidelity = config.search.pool, reward_of(config)
+        datasets, cost = pool.rewards, pool.streets * street_cost(fidelity)
+        cost += datasets * head_cost(fidelity)
+    return int(60 * core_minutes / (cost or datasets * cost_of(config.reward))) * datasets
+
+
+def find(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
+    """Run a search of any method, or what is left of it; see `search` here and in ``run.search``."""
+    return one_by_one(run, plan, kind) if plan.search.subsets is None else search(run, plan)
+
+
+def search(run: Run[Any], plan: SearchPlan) -> Found:
+    """Run all rounds, or what is left of them.
+
+    The state is learnt again from the rewards that the run folder knows. A pool is only made where a reward
+    of its round is missing, and removed when none is any more.
+
+    Args:
+        run: its reward's fidelity is the search's.
+        plan: the search; its method's actions are streets.
+
+    Raises:
+        UserError: more than a tenth of the rewards failed, or a log of another run.
+    """
+    method, pool, watch = plan.search, plan.options.pool, Stopwatch()
+    assert method.subsets is not None and method.policy is not None
+    root, steps = jax.random.split(jax.random.key(plan.seed))
+    score = _Rewards(run, plan)
+    with watch:
+        state = method.init(root)
+        policies, shares, rewards = [method.policy(state)], [], []
+    clipped = False
+    for update in range(plan.updates):
+        with watch:
+            keys = jax.random.split(jax.random.fold_in(steps, update), 4)
+            actions, proposals = method.sample(keys[0], state, pool.streets)
+            chosen = method.subsets(keys[1], state, actions, plan.datasets, pool.subset)
+            whole = embed(plan.space, plan.subset, jax.device_get(proposals))
+            units = sdr_jax.draw(keys[2], sdr_jax.Proposal(*map(jnp.asarray, whole)), 1)
+            seeds = np.asarray(jax.random.bits(keys[3], (plan.datasets + 1,), jnp.uint32)).tolist()
+        rewards.append(score(update, np.asarray(units)[:, 0], np.asarray(chosen), seeds))
+        with watch:
+            state, info = method.update(state, actions, jnp.asarray(rewards[-1]), chosen)
+            policies.append(method.policy(state))
+            shares.append(np.asarray(method.probabilities(state)))
+        if int(info.clipped) and not clipped:
+            clipped = True
+            run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), len(score.outcomes))}")
+        run.progress.standing = standing("miou", rewards)
+        run.progress.update(_said(plan, update, rewards[-1], policies))
+    streets = [streets_of(policy, plan) for policy in policies]
+    solution = embed(plan.space, plan.subset, jax.device_get(method.solution(state)))
+    answers: dict[Candidate, Streets] = {
+        "last": streets[-1],
+        "previous": streets[-2],
+        "mixed": _half(streets[-1], streets[0]),
+    }
+    nothing = np.full(plan.updates, np.nan, np.float32)
+    return Found(
+        solution,
+        solution,
+        solution,
+        outcomes=score.outcomes,
+        rewards=np.stack(rewards),
+        baselines=nothing,
+        groups=np.zeros(plan.updates, np.int32),
+        probabilities=np.stack(shares),
+        cpu_seconds=watch.cpu,
+        wall_seconds=watch.wall,
+        answers=answers,
+    )
+
+
+class _Rewards:
+    """Scores the subsets of each round; its streets are made where a reward is missing."""
+
+    def __init__(self, run: Run[Any], plan: SearchPlan) -> None:
+        self._run, self._plan, self._fidelity = run, plan, reward_of(run.config)
+        self._recipe = run.recipe(self._fidelity)
+        self._evaluator = run.evaluator(self._recipe, "reward")
+        self._logged = logged(run)
+        self.outcomes: list[Outcome] = []
+
+    def __call__(
+        self, update: int, units: np.ndarray, chosen: np.ndarray, seeds: list[int]
+    ) -> np.ndarray:
+        """Rewards f32[n]; NaN where training failed.
+
+        Args:
+            update: number of the round.
+            units: f32[streets, attributes] of the pool's streets, in [0, 1].
+            chosen: i32[n, size], which of them each reward's net is trained on.
+            seeds: of the n nets, and of the streets.
+        """
+        run, *nets, seed = self._run, *seeds
+        pool = StreetPool(digest([digest(units.tolist()), seed]))
+        jobs = self._jobs(pool, update, chosen, nets, 0.0)
+        keys = [self._evaluator.key(job.source, job.seed) for job in jobs]
+        for key, job in zip(keys, jobs, strict=True):
+            refuse_another(run, self._logged, job, key)
+        memory, folder = (
+            run.memory(run.evaluations),
+            digest([self._evaluator.about["config"], pool.name]),
+        )
+        memory.refresh()
+        cost, made = street_cost(self._fidelity), 0
+
+        def done(streets: int) -> None:
+            nonlocal made
+            made += streets
+            run.progress.advance(streets * cost)
+            run.progress.update(
+                f"{self._plan.name}: round {update + 1}, street {made}/{len(units)}"
+            )
+
+        if not all(memory.knows(key) for key in keys):
+            held, seconds = run.shelf.streets(folder, self._recipe, units, seed, done)
+            pool = pool._replace(held=held)
+            jobs = self._jobs(pool, update, chosen, nets, seconds / len(jobs))
+        if not made:  # they were there, or nobody wants them
+            run.progress.advance(len(units) * cost, replayed=True)
+        outcomes = run.score([(self._evaluator, job) for job in jobs], log=run.evaluations)
+        run.shelf.forget(folder)
+        self.outcomes += outcomes
+        refuse_failed(self.outcomes, self._plan.evaluations)
+        return np.array([outcome.reward for outcome in outcomes], np.float32)
+
+    def _jobs(
+        self, pool: StreetPool, update: int, chosen: np.ndarray, seeds: list[int], rendered: float
+    ) -> list[Job]:
+        """Rendering took so many seconds for each."""
+        cost, found = head_cost(self._fidelity), []
+        for k, (picked, seed) in enumerate(zip(chosen.tolist(), seeds, strict=True)):
+            source = beside(self._run, self._fidelity, Subset(pool, tuple(picked)))
+            notes = {"search": self._plan.name, "update": update, "dataset": k}
+            found.append(Job(source, seed, notes, cost, rendered=rendered))
+        return found
+
+
+def streets_of(policy: Policy, plan: SearchPlan) -> Streets:
+    """The streets of a policy; attributes that the search does not decide are random."""
+    shares, probabilities = (np.asarray(part, np.float64) for part in policy)
+    whole = len(random_proposal(plan.space).centre)
+    count = probabilities.shape[2]
+    found = []
+    for own in probabilities:
+        rows = np.full((whole, count), 1 / count)
+        rows[[names(plan.space).index(name) for name in plan.subset]] = own
+        found.append(Histogram(rows.astype(np.float32)))
+    return mixture((shares / shares.sum()).tolist(), found)
+
+
+def _half(one: Streets, other: Streets) -> Streets:
+    """Half of the streets of each."""
+    parts = [*components(one), *components(other)]
+    return mixture([share / 2 for share, _ in parts], [own for _, own in parts])
+
+
+def _said(plan: SearchPlan, update: int, rewards: np.ndarray, policies: list[Policy]) -> str:
+    """What progress says about a round."""
+    line = f"{plan.name}: round {update + 1}/{plan.updates}"
+    if np.isnan(rewards).all():
+        return f"{line} | all failed"
+    line += f" | mIoU {100 * np.nanmean(rewards):.1f}, best {100 * np.nanmax(rewards):.1f}"
+    moved = max(float(divergence(policies[-1], policies[-2])), 0.0)  # it rounds
+    shares = " and ".join(f"{100 * share:.0f}" for share in policies[-1].shares.tolist())
+    return f"{line}, moved {moved:.2f} nats" + (f", shares {shares} %" if " " in shares else "")
