@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_type_hints
 
-from experiments.config import Config, Fidelity, Preset, Search, TargetName
+from experiments.config import Config, Fidelity, PoolOptions, Preset, Search, TargetName
 from scene.attributes import NAMES, SpaceName
 from seg.recipes import RECIPES
 from seg.settings import TrainSettings
@@ -115,7 +115,12 @@ def _smoke(target: TargetName) -> dict[str, Any]:
     final = Fidelity(width, height, streets=3, shots=2, samples=1, train=replace(tiny, steps=20))
     return {
         "groups": _groups(target),
-        "search": Search(updates_per_group=1, datasets_per_update=2, bins=5),
+        "search": Search(
+            updates_per_group=1,
+            datasets_per_update=2,
+            bins=5,
+            pool=PoolOptions(streets=8, subset=4, rewards=3, rounds=2),
+        ),
         "reward": Fidelity(width, height, streets=2, shots=2, samples=1, train=tiny),
         "final": final,
         "compact": final,
@@ -123,7 +128,7 @@ def _smoke(target: TargetName) -> dict[str, Any]:
         "reward_images": 8,
         "test_images": 8,
         "candidate_seeds": 1,
-        "candidates": ("argmax", "broad"),
+        "candidates": ("argmax", "broad", "last", "mixed"),
         "seeds": 2,
         "asset_count": 4,
     }
@@ -134,27 +139,28 @@ def _quick(target: TargetName) -> dict[str, Any]:
         return {
             "groups": _groups(target),
             "search": Search(
-                method="intervals", updates_per_group=5, datasets_per_update=4, relaxation=0.3
+                method="pool",
+                updates_per_group=5,
+                datasets_per_update=4,
+                relaxation=0.3,
+                pool=PoolOptions(streets=600, subset=100, rewards=100, rounds=3),
             ),
             "reward": Fidelity(128, 64, streets=12, shots=6, samples=1, train=_REWARD),
-            "final": Fidelity(192, 96, streets=30, shots=6, samples=1, train=_FINAL),
+            "final": Fidelity(128, 64, streets=120, shots=1, samples=1, train=_FINAL),
             **_others(96, 48),
             "seeds": 6,
         }
-    reward, final = (
-        ((240, 176), (480, 360)) if target in FOUR_BY_THREE else ((256, 128), (640, 320))
-    )
+    size = (240, 176) if target in FOUR_BY_THREE else (256, 128)
     return {
         "groups": _groups(target),
-        "search": Search(
-            method="intervals", updates_per_group=4, datasets_per_update=8, relaxation=0.3
-        ),
-        # Many streets with few images each: 12 with 8 have more noise (`experiments.fidelity`).
-        "reward": Fidelity(*reward, streets=24, shots=4, samples=1, train=_REWARD),
-        "final": Fidelity(*final, streets=100, shots=4, train=_FINAL),
+        "search": Search(method="pool", updates_per_group=4, datasets_per_update=8, relaxation=0.3),
+        # Of methods without a pool; 12 streets with 8 images have more noise (`experiments.fidelity`).
+        "reward": Fidelity(*size, streets=24, shots=4, samples=1, train=_REWARD),
+        "final": Fidelity(*size, streets=400, shots=1, samples=1, train=_FINAL),
         **_others(128, 96 if target in FOUR_BY_THREE else 64),
         **({} if target in FOUR_BY_THREE else {"reward_images": 500}),
         "ladder": True,
+        "seeds": 3,
     }
 
 

@@ -46,8 +46,11 @@ SEARCH = (
     "2",
 )
 """Of every search: 90 rewards in place of the preset's 288."""
-SMALL = ("--final.width", "240", "--final.height", "176")
-"""Final nets of studies that compare searches: as large as rewards."""
+LARGE = (
+    "--final.width", "480", "--final.height", "360", "--final.streets", "100", "--final.shots", "4",
+    "--final.samples", "2",
+)  # fmt: skip
+"""Final nets, but of studies that compare searches: those are as large as rewards, as the preset has them."""
 
 METHODS = (
     "random_attributes", "random_search", "attribute_descent", "sdr", "surrogate", "intervals",
@@ -83,7 +86,7 @@ def parts(
     # By its plan all of it takes two cores 18 hours; the smoke preset is small by itself.
     quick = preset == "quick"
     budget = SEARCH if quick else ()
-    small = SMALL if quick else ()
+    large = LARGE if quick else ()
     three = ("--seeds", "3") if quick else ()
     fractions = ("--fractions", "0.05", "0.25", "1") if quick else ()
     images = ("--images", "90", "180", "450", "900") if quick else ()
@@ -98,46 +101,46 @@ def parts(
             "searches", "searches", "Learnt attributes",
             f"What nets gain that are trained on learnt attributes, on a drive ({HOLDOUT}) that neither the "
             "search nor anybody else has seen.",
-            *camvid, HOLDOUT, *extended, *budget, "--searches", str(searches),
+            *camvid, HOLDOUT, *extended, *large, *budget, "--searches", str(searches),
         ),
         study(
             f"labels-{HOLDOUT}", "labels", "Labels and renders", f"{curve}.",
-            *camvid, HOLDOUT, *extended, *renders, *learnt,
+            *camvid, HOLDOUT, *extended, *large, *renders, *learnt,
         ),
         study(
             f"labels-{OTHER}", "labels", f"Labels and renders, {OTHER} left out",
             f"{curve}, scored on another drive; a search of its own has not seen it.",
-            *camvid, OTHER, *extended, *budget, *renders, *three,
+            *camvid, OTHER, *extended, *large, *budget, *renders, *three,
         ),
         study(
             "table", "table", "Training sets beside each other", "The paper's table 2, for several nets.",
-            *camvid, HOLDOUT, *extended, *learnt, *three, "--nets", *nets,
+            *camvid, HOLDOUT, *extended, *large, *learnt, *three, "--nets", *nets,
         ),
         study(
             "pretrain", "pretrain", "Pre-training",
             "The paper's table 3: nets trained on renders, then on a part of the labelled images; the "
             "search for attributes has seen that part alone.",
-            *camvid, HOLDOUT, *extended, *budget, *small, *three,
+            *camvid, HOLDOUT, *extended, *budget, *three,
             "--learn-on", "share", "--rows", "scratch", "random", "learnt", "longer", *fractions,
         ),
         study(
             "ablation", "ablation", "Ablation", "What each part of the method is worth.",
-            *camvid, HOLDOUT, *size, *small, *evaluations,
+            *camvid, HOLDOUT, *size, *evaluations,
         ),
         study(
             "assets", "assets", "Assets and images", "What more assets and more images are worth.",
-            *camvid, HOLDOUT, *size, *small, *images,
+            *camvid, HOLDOUT, *size, *images,
         ),
         study(
             "compare", "compare", "Search methods on all 23 attributes",
             "Methods with the same number of rewards; intervals begins at the street set by eye, the others "
             "anywhere.",
-            *camvid, HOLDOUT, *size, *small, "--subsets", "all", *evaluations, "--methods", *METHODS,
+            *camvid, HOLDOUT, *size, "--subsets", "all", *evaluations, "--methods", *METHODS,
         ),
         study(
             "fidelity", "fidelity", "How good is the reward?",
             "Its signal, its noise, and whether it ranks as larger nets do.",
-            *camvid, HOLDOUT, *size, "--rungs", "2",
+            *camvid, HOLDOUT, *size, *large, "--rungs", "2",
         ),
         study(
             "sensitivity", "sensitivity", "Which attributes matter",

@@ -347,7 +347,7 @@ def test_a_folder_with_the_twins_sizes_is_not_continued_with_others(
     out.mkdir()
     write_json(out / "config.json", plain({"engine": ENGINE, **asdict(old)}))
     flags = ("--data", str(cityscapes), "--out", str(out), "--workers", "0")
-    with pytest.raises(UserError, match=r"a run with final.height = 96, not 320; put that back"):
+    with pytest.raises(UserError, match=r"a run with final.height = 64, not 128; put that back"):
         do(MAIN, called(*flags))
     assert [path.name for path in out.iterdir()] == ["config.json"]
 

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import stats
 
 from experiments import presets
-from experiments.config import SEED_END, MainConfig, check
+from experiments.config import SEED_END, MainConfig, check, offered
 from experiments.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.run import judge, ladder
@@ -148,37 +148,38 @@ def test_what_all_candidates_of_a_seed_share_decides_nothing(scores, shift):
 @pytest.mark.parametrize("rungs", [3, 1])
 def test_errors_of_both_kinds_over_all_rungs(rungs):
     config, rng = defaults(MainConfig, "camvid", "quick"), np.random.default_rng(0)
-    shape = config.candidate_seeds
+    shape, candidates = config.candidate_seeds, offered(config)
 
     def taken(gain: float, runs: int = 2500) -> dict[str, float]:
         def score(rung: int, names: Sequence[str]) -> dict[str, np.ndarray]:
             seeds = rng.normal(0, 1, shape)  # what nets of a seed share
             return {
-                name: seeds + rng.normal(gain * (name == "seen"), NOISE, shape) for name in names
+                name: seeds + rng.normal(gain * (name == "last"), NOISE, shape) for name in names
             }
 
-        found = [
-            ladder.climb(config.candidates, rungs, score, REFERENCE).chosen for _ in range(runs)
-        ]
-        return {name: found.count(name) / runs for name in config.candidates}
+        found = [ladder.climb(candidates, rungs, score, REFERENCE).chosen for _ in range(runs)]
+        return {name: found.count(name) / runs for name in candidates}
 
     assert 0.03 < 1 - taken(0)[REFERENCE] <= 0.07
-    assert taken(2)["seen"] >= 0.8
+    assert taken(2)["last"] >= 0.8
 
 
 def test_the_middle_and_who_is_compared_by_hand():
     config = defaults(MainConfig, "camvid", "quick")
     between = ladder.middle(config.reward, config.final)
-    # sqrt(240 480) = 339.4 and sqrt(176 360) = 251.7, in multiples of 8; sqrt(24 100), sqrt(150 300).
-    assert (between.size, between.streets, between.shots) == ("336x248", 49, 4)
+    # sqrt(24 400), sqrt(4 1), sqrt(150 300).
+    assert (between.size, between.streets, between.shots) == ("240x176", 98, 2)
     assert (between.train.steps, between.train.net) == (212, config.final.train.net)
     assert [ladder.kept(n) for n in (1, 2, 3, 4, 5)] == [1, 1, 2, 2, 3]
     assert ladder.compared(4, 3, True) == [4, 2, 2] and ladder.compared(4, 1, True) == [5]
     assert ladder.compared(1, 3, False) == [0, 0, 1] and ladder.compared(0, 3, True) == [0, 0, 1]
-    nets = {work.what: work.nets for work in work_of(config)[1:]}
+    large = replace(config.final, width=480, height=360)
+    # sqrt(240 480) = 339.4 and sqrt(176 360) = 251.7, in multiples of 8.
+    assert ladder.middle(config.reward, large).size == "336x248"
+    nets = {work.what: work.nets for work in work_of(config)[2:]}
     names = [f"nets of candidates, rung-{k}" for k in (1, 2, 3)]
     assert nets == dict(zip(names, (40, 20, 20), strict=True))
-    assert [work.nets for work in work_of(defaults(MainConfig, "twin", "quick"))[1:]] == [50]
+    assert [work.nets for work in work_of(defaults(MainConfig, "twin", "quick"))[2:]] == [50]
 
 
 @by_preset
