@@ -139,7 +139,7 @@ def _quick(target: TargetName) -> dict[str, Any]:
         return {
             "groups": _groups(target),
             "search": Search(
-                method="pool",
+                method="intervals",
                 updates_per_group=5,
                 datasets_per_update=4,
                 relaxation=0.3,
@@ -153,14 +153,15 @@ def _quick(target: TargetName) -> dict[str, Any]:
     size = (240, 176) if target in FOUR_BY_THREE else (256, 128)
     return {
         "groups": _groups(target),
-        "search": Search(method="pool", updates_per_group=4, datasets_per_update=8, relaxation=0.3),
+        "search": Search(
+            method="intervals", updates_per_group=4, datasets_per_update=8, relaxation=0.3
+        ),
         # Of methods without a pool; 12 streets with 8 images have more noise (`experiments.fidelity`).
         "reward": Fidelity(*size, streets=24, shots=4, samples=1, train=_REWARD),
         "final": Fidelity(*size, streets=400, shots=1, samples=1, train=_FINAL),
         **_others(128, 96 if target in FOUR_BY_THREE else 64),
         **({} if target in FOUR_BY_THREE else {"reward_images": 500}),
         "ladder": True,
-        "seeds": 3,
     }
 
 

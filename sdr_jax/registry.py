@@ -25,9 +25,9 @@ from sdr_jax.sdr import sdr
 from sdr_jax.space import Space, Width
 
 MethodName = Literal[
-    "pool",
     "surrogate",
     "sdr",
+    "pool",
     "random_attributes",
     "random_search",
     "attribute_descent",
@@ -103,10 +103,10 @@ def _random_attributes(space: Space, width: Width = None) -> Method:
 
 
 METHODS: dict[str, Entry] = {
-    # Each update is a regression with an intercept of its own.
-    "pool": Entry(pool, n=50, least=2),
     "surrogate": Entry(surrogate, n=5),
     "sdr": Entry(_sdr, budgeted=True),
+    # Each update is a regression with an intercept of its own.
+    "pool": Entry(pool, n=50, least=2),
     "random_attributes": Entry(_random_attributes),
     "random_search": Entry(random_search),
     "attribute_descent": Entry(attribute_descent),

@@ -41,7 +41,7 @@ OWN: dict[Preset, dict[str, Any]] = {
         "variants": (FULL, "no_relaxation", "shuffled_groups", "no_positions"),
     },
     # With eight, no method that goes group by group has rewards left over.
-    "quick": {"search": {"method": "intervals", "datasets_per_update": 8}, "seeds": 3},
+    "quick": {"search": {"datasets_per_update": 8}, "seeds": 3},
     "paper": {"evaluations": 300},  # the budget of its six groups, 50 updates each
 }
 """What differs from the main job, by preset."""

@@ -44,7 +44,7 @@ TINY = (
 )  # fmt: skip
 """The smoke preset, smaller still; of twelve rewards and nine final nets."""
 
-POOL = (
+POOLED = (
     "--preset", "smoke", "--workers", "1", "--candidates", "last", "--method", "pool",
     "--reward.train.net", "lite0", "--reward.train.steps", "6", "--final.train.steps", "8",
 )  # fmt: skip

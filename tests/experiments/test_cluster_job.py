@@ -5,7 +5,7 @@ import pytest
 from shell.files import read_json
 from tests.conftest import DaskCluster, wait_for_lines
 
-from .conftest import POOL, TINY, lines
+from .conftest import POOLED, TINY, lines
 from .test_main_job import SCORES
 
 
@@ -42,12 +42,12 @@ def test_pools_on_a_cluster_give_the_rewards_of_this_machine(start_job, tmp_path
     away, here = tmp_path / "away", tmp_path / "here"
     try:
         cluster.start(), cluster.start()
-        job = start_job(away, *POOL, "--executor", "dask", "--scheduler", cluster.address)
+        job = start_job(away, *POOLED, "--executor", "dask", "--scheduler", cluster.address)
         ended = job.finish(timeout=900)
     finally:
         cluster.stop()
     assert (ended[0], ended[2]) == (0, "")
-    assert start_job(here, *POOL).finish(timeout=900)[0] == 0
+    assert start_job(here, *POOLED).finish(timeout=900)[0] == 0
     logs = (lines(folder / "evaluations.jsonl") for folder in (away, here))
     ours, theirs = (sorted((r["update"], r["dataset"], r["reward"]) for r in log) for log in logs)
     assert len(ours) == 6 and ours == theirs

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import pytest
 
 from tests.conftest import ROOT
-from tests.experiments.conftest import POOL, TINY, camvid, command, scored_by  # noqa: F401
+from tests.experiments.conftest import POOLED, TINY, camvid, command, scored_by  # noqa: F401
 from tests.experiments.test_main_job import SCORES, files_of
 
 TIMES = int(os.environ.get("ROBUST_TIMES", "2"))
@@ -115,7 +115,7 @@ class Program(NamedTuple):
 SIMULATOR = [sys.executable, str(EXAMPLE / "simulator.py"), "{attributes.json}"]
 PROGRAMS = {
     "run": Program("run", ["-m", "experiments.cityscapes", *TINY, "--out", "OUT"], "*.jsonl"),
-    "pool": Program("pool", ["-m", "experiments.cityscapes", *POOL, "--out", "OUT"], "*.jsonl"),
+    "pool": Program("pool", ["-m", "experiments.cityscapes", *POOLED, "--out", "OUT"], "*.jsonl"),
     "export": Program(
         "export",
         "-m scene.render --images 8 --size 96x64 --shots 2 --workers 2 --seed 3 --out OUT".split(),
