@@ -169,14 +169,7 @@ class Shelf:
         try:
             for index, maps in self.workers.map(_features_of, tasks, net=True):
                 _, start, stop, *_ = tasks[index]
-                views = len(maps.eighth) // (stop - start)
-                for name, m in maps._asdict().items():
-                    if name not in files:
-                        shape = (count * views, *m.shape[1:])
-                        files[name] = _npy(part / f"{name}.npy", shape, m.dtype)
-                    for view in range(views):
-                        rows = m[view * (stop - start) : (view + 1) * (stop - start)]
-                        _write_rows(*files[name], view * count + start, rows)
+                _write_part(part, files, maps._asdict(), stop - start, start, count)
                 done += stop - start
                 self._say(f"features of real images, once per run: {done} of {count}")
         finally:
@@ -279,14 +272,7 @@ def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
                 )
             seconds += float(piece.pop("seconds"))
             own = len(piece["images"])
-            for name, rows in piece.items():
-                views = len(rows) // own
-                if name not in files:
-                    shape = (count * views, *rows.shape[1:])
-                    files[name] = _npy(part / f"{name}.npy", shape, rows.dtype)
-                for view in range(views):
-                    place = rows[view * own : (view + 1) * own]
-                    _write_rows(*files[name], view * count + first, place)
+            _write_part(part, files, piece, own, first, count)
             first += own
         np.save(part / "seconds.npy", seconds)
     finally:
@@ -316,6 +302,28 @@ def _npy(path: Path, shape: tuple[int, ...], dtype: np.dtype) -> tuple[IO[bytes]
 def _write_rows(file: IO[bytes], begin: int, row: int, rows: np.ndarray) -> None:
     file.seek(begin + row * rows[0].nbytes)
     file.write(np.ascontiguousarray(rows).data)
+
+
+def _write_part(
+    part: Path,
+    files: dict[str, tuple[IO[bytes], int]],
+    arrays: Mapping[str, np.ndarray],
+    own: int,
+    first: int,
+    count: int,
+) -> None:
+    """Rows of ``own`` of ``count`` images, from the first of them on, into the files of a folder.
+
+    An array holds one view after the other; its file is made with its first rows.
+    """
+    for name, array in arrays.items():
+        views = len(array) // own
+        if name not in files:
+            shape = (count * views, *array.shape[1:])
+            files[name] = _npy(part / f"{name}.npy", shape, array.dtype)
+        for view in range(views):
+            rows = array[view * own : (view + 1) * own]
+            _write_rows(*files[name], view * count + first, rows)
 
 
 def _is_whole(folder: Path, told: Mapping[str, Any]) -> bool:
