@@ -89,6 +89,10 @@ def read_mesh(
     pieces = [piece for piece in pieces if len(piece.color)]
     if not pieces:
         raise MeshError("has no faces")
+    for piece in pieces:
+        faces, count = np.asarray(piece.mesh.faces), len(piece.mesh.vertices)
+        if faces.min() < 0 or faces.max() >= count:
+            raise MeshError(f"has a face with a vertex that is none of its {count}")
     turn = scale * _axes(path, up, forward)
     offsets = np.cumsum([0] + [len(piece.mesh.vertices) for piece in pieces[:-1]])
     vertices = np.concatenate([piece.mesh.vertices for piece in pieces]) @ turn.T

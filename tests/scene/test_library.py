@@ -2,6 +2,7 @@
 
 import io
 import json
+import re
 import struct
 from pathlib import Path
 
@@ -258,6 +259,8 @@ def test_the_manifest_scales_a_sign_hangs_on_its_pole_and_a_house_looks_at_the_r
     ("car/cut.glb", y_up(car()).export(file_type="glb")[:-40], "broken"),
     ("car/empty.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\n", "(has no faces|broken)"),
     ("car/nan.ply", car((np.nan, 1, 1)), "has vertices that are not finite"),
+    ("car/index.glb", re.sub(b"(?s)BIN\0....", b"BIN\0\0\1\0\0", block(CAR).export(file_type="glb")),
+     "has a face with a vertex that is none of its 8"),
     ("car/many.ply", b"ply\nformat ascii 1.0\nelement vertex 90000000000\nend_header\n", "broken: says 90,0"),
     ("car/zeros.gltf", b'{"accessors": [{"count": 900000000000}]}', "broken: an accessor of 9000"),
     ("car/twice.gltf", b'{"nodes": [{"children": [1, 1]}, {}]}', "broken: a node has two parents"),
