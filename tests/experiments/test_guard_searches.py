@@ -7,6 +7,7 @@ import pytest
 from experiments.reward.miou import Outcome
 from experiments.reward.truth import Truth, rendered_of
 from scene.proposal import moments
+from tests.guard_files import as_recorded
 from tests.guard_searches import FLAGS, METHODS, RECORD, mark, summed_up
 
 from .conftest import study
@@ -43,6 +44,7 @@ class Recorded:
 def test_recorded_rewards_end_in_the_recorded_answers(recorded, scored_by, out):
     scored_by(Recorded(recorded))
     assert study("searches", *FLAGS, "--out", str(out)) == 0
+    as_recorded("searches", out)
     found = summed_up(out)
     for name, wanted in recorded.items():
         assert len(found[name]) == len(wanted)
