@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import re
 import shutil
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -115,9 +116,16 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
     return data
 
 
+_NUMBERS = re.compile(r"\[(\n *([-+.0-9e]+|null),?)+\n *\]")
+"""A list of numbers as ``json`` indents it; it is never part of a string, since no line ends in one."""
+
+
 def write_json(path: Path, value: Any) -> None:
-    """Write ``value`` as indented JSON, whole or not at all."""
-    write(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
+    """Write ``value`` as indented JSON, a list of numbers on one line; whole or not at all."""
+    text = json.dumps(value, indent=2, allow_nan=False)
+    write(
+        path, _NUMBERS.sub(lambda found: "".join(found[0].split()).replace(",", ", "), text) + "\n"
+    )
 
 
 def parse_json(text: str | bytes) -> Any:

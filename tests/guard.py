@@ -2,7 +2,7 @@
 
     python -m tests.guard                        # compare with tests/guard.json: what differs, stage by stage
     python -m tests.guard --streets              # the same without the rewards, which take most of the time
-    python -m tests.guard --record               # write tests/guard.json anew
+    python -m tests.guard --record               # write tests/guard.json and tests/guard_searches.json anew
 
 A hundred streets of random attributes are rendered at 64x32: 25 of each space with one shot and with
 eight, every other one with two rays a pixel along each axis. Fifty rewards are those of the main job's
@@ -36,6 +36,7 @@ from scene.proposal import draw, random_proposal
 from scene.render import RenderSettings, renderer, shot
 from scene.version import ENGINE
 from scene.workers import WorkerPool
+from tests import guard_searches
 
 RECORD = Path(__file__).parent / "guard.json"
 SPACES, SHOTS, STREETS, SEED = ("scenex", "extended"), (1, 8), 25, 5
@@ -143,7 +144,7 @@ def differences(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
 def main() -> int:
     """Record, or compare; 1 where something differs, 2 where this is another machine."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--record", action="store_true", help=f"write {RECORD.name} anew")
+    parser.add_argument("--record", action="store_true", help="write the records anew")
     parser.add_argument("--streets", action="store_true", help="leave out the rewards")
     options = parser.parse_args()
     if not options.record:
@@ -160,6 +161,7 @@ def main() -> int:
             f"{json.dumps(name)}: {json.dumps(value)}" for name, value in (about | new).items()
         ]
         RECORD.write_text("{\n" + ",\n".join(lines) + "\n}\n")
+        guard_searches.record()
         return 0
     found = differences(old, new)
     print("\n".join(found) or f"as recorded with engine {old['engine']}")

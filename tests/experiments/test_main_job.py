@@ -17,6 +17,7 @@ from seg.classes import CITYSCAPES_19
 from seg.data import read_cityscapes
 from shell.files import read_json
 from tests.conftest import gone, wait_for_lines
+from tests.guard_files import as_recorded
 
 from .conftest import TINY, lines
 
@@ -29,7 +30,7 @@ def children(pid: int) -> list[int]:
     return [int(child) for child in path.read_text().split()] if path.exists() else []
 
 
-def test_output_says_that_the_twin_is_not_real_and_the_run_folder_is_complete(unbroken):
+def test_the_run_folder_is_complete(unbroken):
     out, stdout = unbroken
     printed = stdout.splitlines()
     assert printed[0].startswith("Target: the twin 0") and "NOT real data" in printed[0]
@@ -54,6 +55,7 @@ def test_output_says_that_the_twin_is_not_real_and_the_run_folder_is_complete(un
     np.testing.assert_array_equal(found.images, rendered.images)
     np.testing.assert_array_equal(found.labels, CITYSCAPES_19.from_train_id[rendered.labels])
     assert [len(lines(out / log)) for log in LOGS] == [12, 1 + 4 * 2]
+    as_recorded("cityscapes", out)
     summary = read_json(out / "summary.json")
     assert (summary["reward_images"], summary["test_images"]) == (8, 8)
     assert summary["evaluations"] == 12 and set(summary["rows"]) == set(ROWS)

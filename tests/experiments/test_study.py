@@ -203,24 +203,6 @@ def test_flags_that_cannot_be_are_refused_by_name(name, flags, command, out, cap
     assert flags[0] in capsys.readouterr().err
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("name", (*TRAINED, "sensitivity", "fidelity"))
-def test_smoke_on_the_twin_with_nets(name, start_job, out):
-    flags = ["--preset", "smoke", "--workers", "1"]
-    flags += ["--reward-kind", "mmd"] * (name == "fidelity")  # without labels, too
-    code, stdout, stderr = start_job(out, *flags, experiment=name).finish()
-    assert (code, stderr) == (0, "") and "NOT real data" in stdout
-    report = read_json(out / f"{name}.json")
-    assert report["real"] is False
-    if name == "fidelity":
-        assert [rung["reward"] for rung in report["rungs"]] == ["-MMD^2"] * 3 + ["mIoU"]
-        return
-    assert name != "sensitivity" or report["records"]["rewards"] == 12
-    nets = [row.get("final") or row for row in report.get("rows", ())]
-    assert len(nets) >= 4 * (name != "sensitivity") and all(0 < row["mean"] < 100 for row in nets)
-    assert (out / "attributes.json").exists() == (name in ("table", "pretrain"))
-
-
 def test_learnt_attributes_are_made_once(config, counted, tmp_path):
     shared = replace(config, store=tmp_path / "shared.jsonl", candidates=("argmax", "broad"))
     with opened(shared) as run:

@@ -38,6 +38,21 @@ def test_whole_files_or_none(tmp_path, full_disk, monkeypatch):
     assert path.read_bytes() == b"\x00\x01" and list(tmp_path.iterdir()) == [path]
 
 
+PLAIN = st.none() | st.integers() | st.floats(allow_nan=False, allow_infinity=False)
+VALUES = st.recursive(
+    PLAIN | st.text() | st.just("[\n1,\n 2\n]"),
+    lambda own: st.lists(own) | st.lists(PLAIN, min_size=1) | st.dictionaries(st.text(), own),
+)
+
+
+@given(VALUES)
+def test_lists_of_numbers_are_lines(tmp_path_factory, value):
+    path = tmp_path_factory.mktemp("out") / "x.json"
+    write_json(path, {"one": [1, -2.5e-7, None], "more": [[1], [], "a"], "value": value})
+    start = '{\n  "one": [1, -2.5e-07, null],\n  "more": [\n    [1],\n    [],\n    "a"\n  ],'
+    assert path.read_text().startswith(start) and read_json(path)["value"] == value
+
+
 @pytest.mark.parametrize("text", ["", "{", "NaN", "[-Infinity]", "[" * 10**5, "\xff"])
 def test_what_is_no_json_is_named(text, tmp_path):
     path = tmp_path / "x.json"
