@@ -119,7 +119,7 @@ def searches(config: AblationConfig) -> dict[Variant, SearchPlan]:
     }
 
 
-def plan(config: AblationConfig) -> list[Work]:
+def plan(config: AblationConfig, _: Any = None) -> list[Work]:
     """Rewards, and the nets of every variant."""
     answers = len(config.variants)
     what = f"nets, {answers} answers x {config.seeds} seeds"

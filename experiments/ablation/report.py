@@ -17,11 +17,11 @@ from experiments.study.form import (
     markdown,
     miou,
     number,
-    statistics,
     target_of,
     words,
 )
 from experiments.study.searches import Rewards, failed_evaluations, thirds
+from experiments.study.stats import statistics
 
 Variant = Literal[
     "full",

@@ -139,7 +139,7 @@ def words(fidelity: Fidelity) -> str:
     return f"{fidelity.size}, {fidelity.images} images, {fidelity.train.steps} steps"
 
 
-def plan(config: CompareConfig) -> list[Work]:
+def plan(config: CompareConfig, _: Any = None) -> list[Work]:
     """Rewards, and nets at every budget."""
     answers = len(rows(config))
     return work_of(config, searches(config)) + [

@@ -5,18 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from experiments.compare.picture import picture
-from experiments.study.form import (
-    Form,
-    Report,
-    cells,
-    failures,
-    markdown,
-    number,
-    starts,
-    statistics,
-    words,
-)
+from experiments.study.form import Form, Report, cells, failures, markdown, number, starts, words
 from experiments.study.searches import failed_evaluations, thirds
+from experiments.study.stats import statistics
 from sdr_jax.registry import MethodName
 
 RANDOM: MethodName = "random_attributes"

@@ -100,7 +100,7 @@ def proposals(config: FidelityConfig) -> dict[str, Proposal]:
     return {**dict(zip(ADDED, added, strict=True)), **{f"draw-{k}": own for k, own in drawn}}
 
 
-def plan(config: FidelityConfig) -> list[Work]:
+def plan(config: FidelityConfig, _: Any = None) -> list[Work]:
     """Every proposal on every rung."""
     nets = config.proposals + len(ADDED) + config.repeated * (config.repeats - 1)
     return [Work.at(rung.name, nets, rung.fidelity) for rung in rungs(config)]

@@ -88,7 +88,7 @@ def refuse_empty(config: PretrainConfig, target: Target) -> None:
             judged_on(_share(config, target, fraction), config)
 
 
-def plan(config: PretrainConfig) -> list[Work]:
+def plan(config: PretrainConfig, _: Any = None) -> list[Work]:
     """The nets of every row, after those of the search."""
     fine, fractions, seeds = fine_fidelity(config), len(config.fractions), config.seeds
     work = learnt_work(config) if "learnt" in config.rows else []

@@ -15,10 +15,9 @@ from experiments.study.form import (
     markdown,
     miou,
     number,
-    statistics,
     target_of,
 )
-from experiments.study.stats import holm, stars, welch
+from experiments.study.stats import holm, stars, statistics, welch
 
 COMPARED = (
     ("learnt", "scratch"),

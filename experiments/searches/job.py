@@ -76,7 +76,7 @@ def searches(config: ManyConfig) -> dict[str, ManyConfig]:
     }
 
 
-def plan(config: ManyConfig) -> list[Work]:
+def plan(config: ManyConfig, _: Any = None) -> list[Work]:
     """Rewards and candidates of all searches, and the final nets."""
     own = searches(config)
     work = []

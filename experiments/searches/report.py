@@ -15,15 +15,13 @@ from experiments.study.form import (
     half,
     introduction,
     markdown,
-    mean,
     miou,
     number,
-    statistics,
     target_of,
     words,
 )
 from experiments.study.searches import failed_evaluations, thirds
-from experiments.study.stats import crossed
+from experiments.study.stats import crossed, mean, statistics
 
 BASELINES = {
     "random": "random attributes",

@@ -103,7 +103,7 @@ def enough(records: Records, where: str) -> Records:
     return records
 
 
-def plan(config: SensitivityConfig) -> list[Work]:
+def plan(config: SensitivityConfig, _: Any = None) -> list[Work]:
     """At most all rewards; those that the store has need not be made."""
     return [Work.at("rewards of random attributes at most", config.evaluations, config.reward)]
 

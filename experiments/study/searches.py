@@ -8,7 +8,8 @@ import numpy as np
 
 from experiments.run.learn import Learnt
 from experiments.run.search import Found
-from experiments.study.form import Report, mean
+from experiments.study.form import Report
+from experiments.study.stats import mean
 
 Rewards = list[float | None]
 """Of one search in percent, in the order of its evaluations; None where one failed."""

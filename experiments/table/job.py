@@ -117,7 +117,7 @@ def _read(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, 
     return found
 
 
-def plan(config: TableConfig) -> list[Work]:
+def plan(config: TableConfig, _: Any = None) -> list[Work]:
     """The nets of the table, after those of the search."""
     work, seeds = learnt_work(config), config.seeds
     few = config.few is not None

@@ -17,12 +17,11 @@ from experiments.study.form import (
     half,
     introduction,
     markdown,
-    mean,
     miou,
     number,
-    statistics,
     target_of,
 )
+from experiments.study.stats import mean, statistics
 from seg.classes import CITYSCAPES_19, SYNTHIA_13, SYNTHIA_16
 
 BASELINE, EYE = "random", "default"

@@ -226,9 +226,15 @@ def reported(command: Any, out: Path) -> Callable[..., tuple[dict[str, Any], str
     return run
 
 
+def job_of(name: str) -> Any:
+    """The module of a study."""
+    module = import_module(f"experiments.{name}")
+    return module if hasattr(module, "STUDY") else import_module(f"experiments.{name}.job")
+
+
 def study(name: str, *flags: str) -> int:
     """A study's command; returns the exit code."""
-    job = import_module(f"experiments.{name}.job")
+    job = job_of(name)
     work = {"fidelity": "measure", "sensitivity": "analyse"}.get(name)
     done = getattr(job, work) if work else partial(do, job.STUDY)
     return main(name, job.defaults, done, "", flags)
