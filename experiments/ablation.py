@@ -31,6 +31,7 @@ from experiments.run.pooled import find, work_of
 from experiments.run.search import Found, SearchPlan
 from experiments.study.figure import plt, png
 from experiments.study.form import (
+    Column,
     Form,
     Report,
     estimate,
@@ -244,7 +245,7 @@ def derive(report: Report) -> Report:
     return {**report, "rows": rows}
 
 
-COLUMNS = [
+COLUMNS: list[Column] = [
     ("variant", lambda row: TITLES[row["variant"]]),
     *estimate("mIoU"),
     *estimate(

@@ -137,7 +137,7 @@ def derive(report: Report) -> Report:
     return {**report, "rows": rows}
 
 
-COLUMNS = [
+COLUMNS: list[Column] = [
     ("images", lambda row: str(row["images"])),
     ("streets", lambda row: str(row["streets"])),
     ("share of the assets", lambda row: f"{100 * row['fraction']:g} %"),

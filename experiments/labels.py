@@ -27,6 +27,7 @@ from experiments.reward.truth import WithFew, part_of
 from experiments.run.context import Run, Work
 from experiments.study.figure import curves
 from experiments.study.form import (
+    Column,
     Form,
     Report,
     estimate,
@@ -214,7 +215,7 @@ def _worth(values: dict[Any, list], counts: list[int], beside: int, renders: str
     return {"renders": renders, "beside": beside, "labels": value, "bound": bound, "ci95": ci95}
 
 
-COLUMNS = [
+COLUMNS: list[Column] = [
     ("labelled images", lambda row: str(row["labels"])),
     ("renders", lambda row: RENDERS[row["renders"]]),
     *estimate("mIoU"),

@@ -173,6 +173,27 @@ def worth(
     return value, [None if low <= first else low, None if high >= last else high]
 
 
+Table = Sequence[Values]
+"""A row for each search, with a net for each of the same seeds."""
+
+
+def over_both(values: Table) -> dict[str, Any]:
+    """``mean`` and ``ci95`` over searches and seeds by `crossed`, without seeds of which a net failed."""
+    known = [column for column in zip(*values, strict=True) if None not in column]
+    if not known:
+        return {"mean": None, "ci95": None}
+    average, ci95 = crossed(np.array(known, float).T.tolist())
+    return {"mean": average, "ci95": ci95}
+
+
+def less(values: Table, baseline: Values) -> Table:
+    """Gains over a baseline's nets of the same seeds."""
+    return [
+        [None if a is None or b is None else a - b for a, b in zip(own, baseline, strict=True)]
+        for own in values
+    ]
+
+
 class Welch(NamedTuple):
     """Welch's t-test of two sets of repeats."""
 
