@@ -312,7 +312,7 @@ def picture(report: Report) -> bytes:
 
 
 FORM = Form("ablation", derive, text, {"ablation.png": picture})
-STUDY = of_rows(FORM, rows, report, check, searches=searches, work=work)
+STUDY = of_rows(FORM, rows, report, check, searches, work)
 
 if __name__ == "__main__":
     sys.exit(main("ablation", defaults, partial(do, STUDY), __doc__))

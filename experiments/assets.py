@@ -20,19 +20,26 @@ from typing import Annotated, Any, Literal
 from experiments import presets
 from experiments.cli import main
 from experiments.config import LearntConfig, Preset, TargetName, Unused, refuse_shares
-from experiments.run.context import Run, Work
+from experiments.run.context import Run
 from experiments.study.figure import curves
-from experiments.study.form import Form, Report, estimate, failures, miou, starts, table, target_of
+from experiments.study.form import (
+    Column,
+    Form,
+    Report,
+    estimate,
+    failures,
+    miou,
+    starts,
+    table,
+    target_of,
+)
 from experiments.study.skeleton import (
     LEARNT,
     Made,
     Row,
-    Search,
     attributes,
     do,
-    learnt_attributes,
     learnt_from,
-    learnt_work,
     of_rows,
 )
 from experiments.study.stats import estimated, gain
@@ -108,16 +115,6 @@ def rows(config: AssetsConfig, _: Target) -> list[Row]:
     return found
 
 
-def searches(config: AssetsConfig) -> dict[str, Search]:
-    """The search for attributes, where streets have learnt ones."""
-    return {LEARNT: learnt_attributes} if config.attributes == LEARNT else {}
-
-
-def work(config: AssetsConfig) -> list[Work]:
-    """The nets of that search."""
-    return learnt_work(config) if config.attributes == LEARNT else []
-
-
 def report(run: Run[AssetsConfig], _: Made, rows: list[Report]) -> Report:
     """The scores, and what they are of."""
     config = run.config
@@ -180,7 +177,7 @@ def picture(report: Report) -> bytes:
 
 
 FORM = Form("assets", derive, text, {"assets.png": picture})
-STUDY = of_rows(FORM, rows, report, check, searches=searches, work=work)
+STUDY = of_rows(FORM, rows, report, check)
 
 if __name__ == "__main__":
     sys.exit(main("assets", defaults, partial(do, STUDY), __doc__))

@@ -455,7 +455,7 @@ def _rewards(axis: Axes, row: Report, color: str) -> None:
 
 
 FORM = Form("compare", derive, text, {"compare.png": picture})
-STUDY = of_rows(FORM, rows, report, check, searches=searches, work=work)
+STUDY = of_rows(FORM, rows, report, check, searches, work)
 
 if __name__ == "__main__":
     sys.exit(main("compare", defaults, partial(do, STUDY), __doc__))

@@ -24,7 +24,7 @@ from experiments.cli import main
 from experiments.config import LearntConfig, Preset, ShareConfig, TargetName
 from experiments.reward.miou import Source
 from experiments.reward.truth import WithFew, part_of
-from experiments.run.context import Run, Work
+from experiments.run.context import Run
 from experiments.study.figure import curves
 from experiments.study.form import (
     Column,
@@ -42,12 +42,9 @@ from experiments.study.skeleton import (
     LEARNT,
     Made,
     Row,
-    Search,
     attributes,
     do,
-    learnt_attributes,
     learnt_from,
-    learnt_work,
     of_rows,
 )
 from experiments.study.stats import estimated, gain, mean, worth
@@ -157,16 +154,6 @@ def _source(count: int, renders: str, run: Run[LabelsConfig], made: Made, seed: 
     if renders == ALONE:
         return few
     return WithFew(attributes(run, made, renders), few, run.config.few_share)
-
-
-def searches(config: LabelsConfig) -> dict[str, Search]:
-    """The search for attributes, where some renders have learnt ones."""
-    return {LEARNT: learnt_attributes} if LEARNT in config.rendered else {}
-
-
-def work(config: LabelsConfig) -> list[Work]:
-    """The nets of that search."""
-    return learnt_work(config) if LEARNT in config.rendered else []
 
 
 def report(run: Run[LabelsConfig], _: Made, rows: list[Report]) -> Report:
@@ -286,7 +273,7 @@ def picture(report: Report) -> bytes:
 
 
 FORM = Form("labels", derive, text, {"labels.png": picture})
-STUDY = of_rows(FORM, rows, report, check, searches=searches, work=work)
+STUDY = of_rows(FORM, rows, report, check)
 
 if __name__ == "__main__":
     sys.exit(main("labels", defaults, partial(do, STUDY), __doc__))

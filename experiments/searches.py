@@ -302,7 +302,7 @@ def picture(report: Report) -> bytes:
 
 
 FORM = Form("searches", derive, text, {"searches.png": picture})
-STUDY = of_rows(FORM, rows, report, check, searches=searches, work=work)
+STUDY = of_rows(FORM, rows, report, check, searches, work)
 
 if __name__ == "__main__":
     sys.exit(main("searches", defaults, partial(do, STUDY), __doc__))

@@ -51,9 +51,7 @@ from experiments.study.skeleton import (
     Row,
     attributes,
     do,
-    learnt_attributes,
     learnt_from,
-    learnt_work,
     of_rows,
 )
 from experiments.study.stats import gain, mean, statistics
@@ -366,14 +364,7 @@ def picture(report: Report) -> bytes:
 
 
 FORM = Form("table", derive, text, {"table.png": picture})
-STUDY = of_rows(
-    FORM,
-    rows,
-    report,
-    check,
-    searches=lambda config: {LEARNT: learnt_attributes},
-    work=learnt_work,
-)
+STUDY = of_rows(FORM, rows, report, check)
 
 if __name__ == "__main__":
     sys.exit(main("table", defaults, partial(do, STUDY), __doc__))

@@ -132,9 +132,8 @@ def of_rows(
     rows: Callable[[AnyConfig, Target], Sequence[Row]],
     report: Callable[[Run[AnyConfig], Made, list[Report]], Report],
     check: Callable[[AnyConfig], None] = nothing,
-    *,
-    searches: Callable[[AnyConfig], Mapping[str, Search]],
-    work: Callable[[AnyConfig], list[Work]],
+    searches: Callable[[AnyConfig], Mapping[str, Search]] | None = None,
+    work: Callable[[AnyConfig], list[Work]] | None = None,
 ) -> Study[AnyConfig]:
     """A study of rows.
 
@@ -144,27 +143,36 @@ def of_rows(
         report: what the report holds beside what all reports begin with; is given what the searches have
             come to, and the place of every row with its ``nets``.
         check: as `Study` has it.
-        searches: by name, in the order in which they are made.
+        searches: by name, in the order in which they are made; by default attributes are learnt where a row
+            waits for that.
         work: the nets of the searches; where there are none, no row fills their gaps.
     """
 
-    def plan(config: AnyConfig, own: Sequence[Row]) -> list[Work]:
-        return [*work(config), *_planned(own, config.seeds)]  # type: ignore[attr-defined]
+    def learns(own: Sequence[Row]) -> bool:
+        return any(row.after == LEARNT for row in own)
 
-    def scores(run: Run[AnyConfig], own: Sequence[Row]) -> Report:
+    def searched(config: Any, own: Sequence[Row]) -> list[Work]:
+        if work is None:
+            return learnt_work(config) if learns(own) else []
+        return work(config)
+
+    def plan(config: Any, own: Sequence[Row]) -> list[Work]:
+        return [*searched(config, own), *_planned(own, config.seeds)]
+
+    def scores(run: Run[Any], own: Sequence[Row]) -> Report:
         made: dict[str, Any] = {}
-        for name, search in searches(run.config).items():
-            if work(run.config):
+        wanted = {LEARNT: learnt_attributes} if learns(own) else {}
+        for name, search in (wanted if searches is None else searches(run.config)).items():
+            if searched(run.config, own):
                 ready = [row for row in own if not row.real]
                 begin_each(run, [net for _, net in _nets(run, ready, made)])
             made[name] = search(run)
-        wanted = list(_nets(run, own, made))
+        rows_of, jobs = zip(*_nets(run, own, made), strict=True) if own else ((), ())
         outcomes: dict[int, list[Outcome]] = {id(row): [] for row in own}
-        found = score_each(run, [net for _, net in wanted])
-        for (row, _), outcome in zip(wanted, found, strict=True):
+        for row, outcome in zip(rows_of, score_each(run, jobs), strict=True):
             outcomes[id(row)].append(outcome)
         told = [{**row.place, "nets": nets(outcomes[id(row)])} for row in own]
-        return {**about(run, run.config.final), **report(run, made, told)}  # type: ignore[attr-defined]
+        return {**about(run, run.config.final), **report(run, made, told)}
 
     return Study(form, plan, scores, check, rows)
 
