@@ -208,7 +208,7 @@ def command(camvid: Path, scored_by: Any, monkeypatch: pytest.MonkeyPatch) -> Ca
 
     def run(name: str, out: Path, *flags: str, evaluate=formula, transfer=transferred) -> int:
         scored_by(evaluate)
-        monkeypatch.setattr("experiments.pretrain.tuning.transfer", transfer)
+        monkeypatch.setattr("experiments.run.tuning.transfer", transfer)
         fixed = ("--target", "camvid", "--preset", "smoke", "--data", str(camvid), "--workers", "0")
         return study(name, *fixed, "--out", str(out), *flags)
 
