@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -29,7 +30,7 @@ def curve(axis: Axes, places: Sequence[float], rows: Sequence[Report], label: st
 def curves(
     groups: Mapping[str, Sequence[Report]],
     place: Callable[[Report], float],
-    ticks: Mapping[float, str],
+    ticks: Mapping[Any, str],
     across: str,
     title: str,
     log: bool = False,

@@ -228,8 +228,7 @@ def reported(command: Any, out: Path) -> Callable[..., tuple[dict[str, Any], str
 
 def job_of(name: str) -> Any:
     """The module of a study."""
-    module = import_module(f"experiments.{name}")
-    return module if hasattr(module, "STUDY") else import_module(f"experiments.{name}.job")
+    return import_module(f"experiments.{name}")
 
 
 def study(name: str, *flags: str) -> int:
