@@ -22,7 +22,7 @@ from scene.proposal import Streets, draw, named
 from shell.files import write, write_json
 
 
-def plan(config: MainConfig) -> list[Work]:
+def plan(config: MainConfig, _: Any = None) -> list[Work]:
     """Rewards, candidates, and the nets of every row."""
     real = config.unlabelled is None
     few = config.few is not None

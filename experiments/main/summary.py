@@ -11,8 +11,9 @@ from experiments.reward.store import each
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.learn import Learnt
-from experiments.study.form import Report, about, class_means, miou, nets, starts, statistics
+from experiments.study.form import Report, about, class_means, miou, nets, starts
 from experiments.study.searches import selection
+from experiments.study.stats import statistics
 from scene.attributes import names
 from scene.proposal import describe
 from shell.command import given

@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from experiments.report.html import Figure
-from experiments.study.form import Report, number, statistics
+from experiments.study.form import Report, number
+from experiments.study.stats import statistics
 
 NAMES = {
     "random": "random",

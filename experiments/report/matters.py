@@ -4,10 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from experiments.sensitivity.job import enough
-from experiments.sensitivity.records import choose
-from experiments.sensitivity.report import NOTHING, summarize, verdict
+from experiments.sensitivity import NOTHING, enough, summarize, verdict
 from experiments.study.form import Report
+from experiments.study.records import choose
 from scene.attributes import SpaceName
 from shell.errors import UserError
 from shell.lines import Record

@@ -9,7 +9,8 @@ from experiments.config import Fidelity
 from experiments.reward.miou import Source
 from experiments.reward.truth import Truth, WithFew
 from experiments.run.context import Run
-from experiments.study.form import Report, statistics
+from experiments.study.form import Report
+from experiments.study.stats import statistics
 
 FEW = "few"
 """The row of nets that are trained on the few images alone; ``few+ROW`` has those of ROW, too."""

@@ -102,8 +102,12 @@ def begin(run: Run[Any], lists: Sequence[Nets], seeds: Sequence[int]) -> None:
 
     Those on real images alone are short, and fill the last gaps then.
     """
-    asked = _asked(run, [net for net in _each(lists, seeds) if not isinstance(net.source, Truth)])
-    run.ahead.begin(asked)
+    begin_each(run, [net for net in _each(lists, seeds) if not isinstance(net.source, Truth)])
+
+
+def begin_each(run: Run[Any], wanted: Sequence[Net]) -> None:
+    """Begin nets that `score_each` is asked for later."""
+    run.ahead.begin(_asked(run, wanted))
 
 
 def score_each(

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -15,7 +16,7 @@ from matplotlib.figure import Figure
 
 from experiments.study.form import Report, half
 
-__all__ = ["curve", "plt", "png"]
+__all__ = ["curve", "curves", "plt", "png"]
 
 
 def curve(axis: Axes, places: Sequence[float], rows: Sequence[Report], label: str) -> None:
@@ -24,6 +25,40 @@ def curve(axis: Axes, places: Sequence[float], rows: Sequence[Report], label: st
     points = sorted((x, row["mean"], half(row)) for x, row in pairs)
     x, y, bars = np.array(points).reshape(-1, 3).T
     axis.errorbar(x, y, yerr=bars, fmt="o-", ms=4, capsize=3, label=label)
+
+
+def curves(
+    groups: Mapping[str, Sequence[Report]],
+    place: Callable[[Report], float],
+    ticks: Mapping[Any, str],
+    across: str,
+    title: str,
+    log: bool = False,
+) -> bytes:
+    """The mIoU of several groups of rows against their places, with intervals, as PNG.
+
+    Args:
+        groups: rows by label.
+        place: of a row.
+        ticks: labels of places.
+        across: what places are.
+        title: of the figure.
+        log: whether places are on a logarithmic scale.
+    """
+    figure, axis = plt.subplots(figsize=(7, 4.5), layout="constrained")
+    for k, (label, rows) in enumerate(groups.items()):
+        # Beside each other, lest the intervals lie on each other.
+        aside = k - (len(groups) - 1) / 2
+        places = map(place, rows)
+        curve(axis, [x * 1.025**aside if log else x + 0.05 * aside for x in places], rows, label)
+    if log:
+        axis.set_xscale("log")
+    axis.set_xticks(list(ticks), list(ticks.values()))
+    axis.minorticks_off()
+    axis.set(xlabel=across, ylabel="mIoU on the test images, %")
+    axis.legend(fontsize=8)
+    figure.suptitle(title, fontsize=10)
+    return png(figure)
 
 
 def png(figure: Figure, dpi: int = 110, tight: bool = False) -> bytes:

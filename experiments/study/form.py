@@ -10,12 +10,10 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from experiments.config import Fidelity
 from experiments.reward.miou import Outcome
 from experiments.run.context import Run
-from experiments.study.stats import mean_ci95, paired_gain
+from experiments.study.stats import mean
 from seg.classes import class_table
 from seg.weights import described
 from shell.errors import UserError
@@ -111,34 +109,6 @@ def miou(scored: Sequence[Report | None]) -> list[float | None]:
     return [None if net is None else net["miou"] for net in scored]
 
 
-def statistics(
-    values: Sequence[float | None], baseline: Sequence[float | None] | None = None
-) -> Report:
-    """Mean and 95 % interval over seeds, and the paired gain; a net that failed enters neither.
-
-    Args:
-        values: one per seed, None where the net failed.
-        baseline: what the gain is measured from, with the same seeds.
-    """
-    known = [v for v in values if v is not None]
-    mean, ci95 = mean_ci95(known) if known else (None, None)
-    gain = None
-    if baseline is not None:
-        pairs = [
-            (a, b) for a, b in zip(values, baseline, strict=True) if a is not None and b is not None
-        ]
-        if pairs:
-            value, interval = paired_gain([a for a, _ in pairs], [b for _, b in pairs])
-            gain = {"mean": value, "ci95": interval}
-    return {"mean": mean, "ci95": ci95, "gain": gain}
-
-
-def mean(values: Sequence[float | None]) -> float | None:
-    """The mean of what is known."""
-    known = [v for v in values if v is not None]
-    return float(np.mean(known)) if known else None
-
-
 def class_means(scored: Sequence[Report | None], classes: Sequence[str]) -> dict[str, float | None]:
     """Mean IoU of each class in percent; None for classes that never occur in the truth."""
     return {
@@ -177,6 +147,26 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """The lines of a table in Markdown."""
     lines = [head, ["---"] * len(head), *rows]
     return ["| " + " | ".join(cells) + " |" for cells in lines]
+
+
+Column = tuple[str, Callable[[Report], str]]
+"""Of a table: its head, and the cell of a row."""
+
+
+def estimate(
+    head: str, of: Callable[[Report], Report | None] = lambda row: row, form: str = ".1f"
+) -> list[Column]:
+    """Two columns: a mean and its interval, of a row or of a part of it."""
+    return [
+        (head, lambda row: cells(of(row), form)[0]),
+        ("95 % interval", lambda row: cells(of(row), form)[1]),
+    ]
+
+
+def table(columns: Sequence[Column], rows: Sequence[Report]) -> list[str]:
+    """The lines of a table in Markdown, a line for each row of a report."""
+    lines = [[cell(row) for _, cell in columns] for row in rows]
+    return markdown([head for head, _ in columns], lines)
 
 
 def failures(rows: Sequence[Report]) -> list[str]:

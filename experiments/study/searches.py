@@ -8,7 +8,8 @@ import numpy as np
 
 from experiments.run.learn import Learnt
 from experiments.run.search import Found
-from experiments.study.form import Report, mean
+from experiments.study.form import Column, Report, number
+from experiments.study.stats import mean
 
 Rewards = list[float | None]
 """Of one search in percent, in the order of its evaluations; None where one failed."""
@@ -56,6 +57,19 @@ def thirds(values: Sequence[float | None]) -> tuple[float | None, float | None]:
     """The mean rewards of the search's first third and of its last."""
     third = max(len(values) // 3, 1)
     return mean(values[:third]), mean(values[-third:])
+
+
+def _rewards(row: Report) -> Rewards:
+    return row["search"]["rewards"] if row["search"] else []
+
+
+REWARDS: list[Column] = [
+    ("evaluations", lambda row: str(len(_rewards(row)))),
+    ("reward, first third", lambda row: number(thirds(_rewards(row))[0])),
+    ("last third", lambda row: number(thirds(_rewards(row))[1])),
+    ("best", lambda row: number(max((r for r in _rewards(row) if r is not None), default=None))),
+]
+"""Columns of a table whose rows have a ``search``, or none."""
 
 
 def failed_evaluations(searches: Iterable[Rewards]) -> list[str]:

@@ -1,22 +1,33 @@
 """A job from start to report: check, open, plan, work, write. The main job and all studies are one of these.
 
-STUDY = Study(FORM, plan, scores, check)
-report = do(STUDY, config)
+    STUDY = Study(FORM, plan, scores, check)     # does its own work
+    STUDY = of_rows(FORM, rows, report, check)   # trains rows: the work is done here
+    report = do(STUDY, config)
+
+A study of rows says what each `Row` is trained on, at which fidelity, and which search it waits for. From
+that come the plan with its cost, the order of the nets (those that wait for nothing fill the gaps of the
+searches), the paired seeds, and the scores of every net; a job that was stopped goes on from what its folder
+knows. The `Form` of its report says what follows from the scores: means and gains (``study.stats``), the
+table as a list of columns (``study.form``) and the figure (``study.figure``), so that ``--rederive`` needs no
+net.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Generic
+from typing import Any, Generic, NamedTuple
 
-from experiments.config import LearntConfig, SearchConfig, read_attributes
+from experiments.config import Fidelity, LearntConfig, SearchConfig, read_attributes
 from experiments.config import check as check_flags
 from experiments.limits import refuse_too_large
+from experiments.reward.miou import Outcome, Source
 from experiments.run.context import AnyConfig, Run, Work, opened
+from experiments.run.ladder import cost_of, training_cost
 from experiments.run.learn import judged_on, learn, work_of
-from experiments.study.form import Form, Report, rewrite, write_report
+from experiments.run.nets import Net, begin_each, paired_seeds, score_each
+from experiments.study.form import Form, Report, about, nets, rewrite, write_report
 from experiments.target.base import Target
 from scene.proposal import Streets, streets_named
 from shell.progress import duration
@@ -36,10 +47,10 @@ class Study(Generic[AnyConfig]):
 
     form: Form
     """Of its report."""
-    plan: Callable[[AnyConfig], list[Work]]
-    """The nets that it trains."""
+    plan: Callable[[AnyConfig, Any], list[Work]]
+    """The nets that it trains; is given what ``prepare`` made, as ``scores`` is."""
     scores: Callable[[Run[AnyConfig], Any], Report]
-    """Does the work, or what is left of it; is given what ``prepare`` made. Raises UserError, WorkerError."""
+    """Does the work, or what is left of it. Raises UserError, WorkerError."""
     check: Callable[[AnyConfig], None] = nothing
     """Raises UserError for a field that only this job has and that is out of range, by flag."""
     prepare: Callable[[AnyConfig, Target], Any] = none
@@ -67,7 +78,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
         made.append(study.prepare(config, target))
 
     with opened(config, prepare) as run:
-        run.begin(study.plan(config))
+        run.begin(study.plan(config, made[0]))
         report = write_report(study.form, study.scores(run, made[0]), config.out)
         share = run.workers.cpu_share()
         run.progress.say(study.form.text(report))
@@ -86,6 +97,109 @@ def check(study: Study[AnyConfig], config: AnyConfig) -> None:
     if isinstance(config, LearntConfig) and config.learnt is not None:
         read_attributes("--learnt", config.learnt, config.space)
     study.check(config)
+
+
+Made = Mapping[str, Any]
+"""What the searches of a study have come to, by name."""
+Search = Callable[[Run[Any]], Any]
+"""Does one search, or what is left of it."""
+
+
+class Row(NamedTuple):
+    """One row of a study's table: a net for each seed, all trained alike."""
+
+    place: Report
+    """What tells it from other rows, in the report."""
+    source: Callable[[Run[Any], Made, int], Source]
+    """What the net of a seed is trained on."""
+    fidelity: Fidelity
+    what: str
+    """Its nets are, in the run folder; nets that are called alike are made by one recipe."""
+    name: str
+    """Of the row, in the run folder."""
+    after: str = ""
+    """The search that it waits for, if any."""
+    real: bool = False
+    """Whether it is trained on images that need no rendering."""
+    pool: Mapping[str, Any] = {}
+    """Fields of the pool of assets that are its own."""
+    order: tuple[int, ...] = ()
+    """Rows of a seed train in this order; a worker keeps the rendered dataset of the row before."""
+
+
+def of_rows(
+    form: Form,
+    rows: Callable[[AnyConfig, Target], Sequence[Row]],
+    report: Callable[[Run[AnyConfig], Made, list[Report]], Report],
+    check: Callable[[AnyConfig], None] = nothing,
+    searches: Callable[[AnyConfig], Mapping[str, Search]] | None = None,
+    work: Callable[[AnyConfig], list[Work]] | None = None,
+) -> Study[AnyConfig]:
+    """A study of rows.
+
+    Args:
+        form: of its report.
+        rows: what it trains. Raises UserError or DataError for what cannot be done on this target.
+        report: what the report holds beside what all reports begin with; is given what the searches have
+            come to, and the place of every row with its ``nets``.
+        check: as `Study` has it.
+        searches: by name, in the order in which they are made; by default attributes are learnt where a row
+            waits for that.
+        work: the nets of the searches; where there are none, no row fills their gaps.
+    """
+
+    def learns(own: Sequence[Row]) -> bool:
+        return any(row.after == LEARNT for row in own)
+
+    def searched(config: Any, own: Sequence[Row]) -> list[Work]:
+        if work is None:
+            return learnt_work(config) if learns(own) else []
+        return work(config)
+
+    def plan(config: Any, own: Sequence[Row]) -> list[Work]:
+        return [*searched(config, own), *_planned(own, config.seeds)]
+
+    def scores(run: Run[Any], own: Sequence[Row]) -> Report:
+        made: dict[str, Any] = {}
+        wanted = {LEARNT: learnt_attributes} if learns(own) else {}
+        for name, search in (wanted if searches is None else searches(run.config)).items():
+            if searched(run.config, own):
+                ready = [row for row in own if not row.real]
+                begin_each(run, [net for _, net in _nets(run, ready, made)])
+            made[name] = search(run)
+        rows_of, jobs = zip(*_nets(run, own, made), strict=True) if own else ((), ())
+        outcomes: dict[int, list[Outcome]] = {id(row): [] for row in own}
+        for row, outcome in zip(rows_of, score_each(run, jobs), strict=True):
+            outcomes[id(row)].append(outcome)
+        told = [{**row.place, "nets": nets(outcomes[id(row)])} for row in own]
+        return {**about(run, run.config.final), **report(run, made, told)}
+
+    return Study(form, plan, scores, check, rows)
+
+
+def _planned(rows: Sequence[Row], seeds: int) -> Iterator[Work]:
+    """The nets of all rows, by fidelity and by whether they need rendering."""
+    kinds = [(row.fidelity, row.real) for row in rows]
+    for fidelity, real in dict.fromkeys(kinds):
+        count = kinds.count((fidelity, real))
+        what = "images alone" if real else "rendered images"
+        cost = (training_cost if real else cost_of)(fidelity)
+        yield Work(f"nets on {what}, {count} rows x {seeds} seeds", count * seeds, fidelity, cost)
+
+
+def _nets(run: Run[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row, Net]]:
+    """The nets of all rows that wait for nothing any more."""
+    ready = [row for row in rows if not row.after or row.after in made]
+    for what in dict.fromkeys(row.what for row in ready):
+        own = sorted((row for row in ready if row.what == what), key=lambda row: row.order)
+        recipe = run.recipe(own[0].fidelity, **own[0].pool)
+        for seed in paired_seeds(run):
+            for row in own:
+                yield row, Net(what, row.name, row.source(run, made, seed), recipe, seed)
+
+
+LEARNT = "learnt"
+"""The search for attributes, and the row that waits for it."""
 
 
 def learnt_work(config: LearntConfig) -> list[Work]:
@@ -108,11 +222,9 @@ def learnt_attributes(run: Run[Any]) -> Streets:
     return read_attributes("--learnt", config.learnt, config.space)
 
 
-def attributes(run: Run[Any], name: str) -> Streets:
-    """From which streets are drawn: by a name that `streets_named` knows, or ``learnt``."""
-    if name == "learnt":
-        return learnt_attributes(run)
-    return streets_named(name, run.config.space, run.config.default_width)
+def attributes(run: Run[Any], made: Made, name: str) -> Streets:
+    """From which streets are drawn: by a name that `streets_named` knows, or what ``learnt`` has come to."""
+    return made.get(name) or streets_named(name, run.config.space, run.config.default_width)
 
 
 def learnt_from(config: LearntConfig) -> str:

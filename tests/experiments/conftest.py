@@ -208,7 +208,7 @@ def command(camvid: Path, scored_by: Any, monkeypatch: pytest.MonkeyPatch) -> Ca
 
     def run(name: str, out: Path, *flags: str, evaluate=formula, transfer=transferred) -> int:
         scored_by(evaluate)
-        monkeypatch.setattr("experiments.pretrain.tuning.transfer", transfer)
+        monkeypatch.setattr("experiments.run.tuning.transfer", transfer)
         fixed = ("--target", "camvid", "--preset", "smoke", "--data", str(camvid), "--workers", "0")
         return study(name, *fixed, "--out", str(out), *flags)
 
@@ -226,9 +226,14 @@ def reported(command: Any, out: Path) -> Callable[..., tuple[dict[str, Any], str
     return run
 
 
+def job_of(name: str) -> Any:
+    """The module of a study."""
+    return import_module(f"experiments.{name}")
+
+
 def study(name: str, *flags: str) -> int:
     """A study's command; returns the exit code."""
-    job = import_module(f"experiments.{name}.job")
+    job = job_of(name)
     work = {"fidelity": "measure", "sensitivity": "analyse"}.get(name)
     done = getattr(job, work) if work else partial(do, job.STUDY)
     return main(name, job.defaults, done, "", flags)

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments import ablation as job
 from experiments import presets
-from experiments.ablation import job
-from experiments.ablation.report import FORM
 from experiments.presets import CAMVID_GROUPS
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
@@ -24,7 +23,7 @@ def test_every_variant_has_the_whole_budget(target, preset, method):
     if preset == "smoke":  # two for each of the six groups
         config = replace(config, evaluations=12, variants=job.VARIANTS)
     job.check(config)
-    for made in job.searches(config).values():
+    for made in job.planned(config).values():
         assert made.evaluations == config.evaluations and made.method == method
 
 
@@ -49,7 +48,7 @@ def test_variants_leave_out_what_they_say():
     for variant in job.VARIANTS:
         assert job.without(config, variant) == changed.get(variant, config)
         assert set(job.subset_of(variant, "scenex")) == set(NAMES) - set(left_out.get(variant, ()))
-    made = job.searches(config)
+    made = job.planned(config)
     assert made["no_positions"].subset == job.subset_of("no_positions", "scenex")
     assert made["no_relaxation"].options.relaxation == 0
 
@@ -59,7 +58,7 @@ def test_an_ablation_leaves_its_figures(tiny, counted, capsys):
     rows = {row["variant"]: row for row in do(job.STUDY, config)["rows"]}
     assert "no_relaxation: update 2/2 | mIoU" in capsys.readouterr().out
     assert tuple(rows) == job.VARIANTS and rows["random"]["search"] is None
-    for name in job.searches(config):
+    for name in job.planned(config):
         found = rows[name]["search"]
         assert len(found["rewards"]) == 4 and found["core_seconds"] == 8
         widths = {attribute: wide for attribute, (_, wide) in found["solution"].items()}
@@ -81,7 +80,7 @@ def test_what_failed_is_told_and_left_out():
     report = read_json(ROOT / "docs" / "results" / "compact" / "ablation.json")
     report["rows"][1]["nets"] = [None] * 3
     report["rows"][1]["search"]["rewards"][0] = None
-    found = FORM.derive(report)
-    assert found["rows"][1]["mean"] is None and "3 nets failed" in FORM.text(found)
-    assert "1 evaluations failed and are left out of their update" in FORM.text(found)
-    assert FORM.figures["ablation.png"](found).startswith(b"\x89PNG")
+    found = job.FORM.derive(report)
+    assert found["rows"][1]["mean"] is None and "3 nets failed" in job.FORM.text(found)
+    assert "1 evaluations failed and are left out of their update" in job.FORM.text(found)
+    assert job.FORM.figures["ablation.png"](found).startswith(b"\x89PNG")

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from experiments.assets.job import defaults
-from experiments.assets.report import FORM
+from experiments.assets import FORM, defaults
 from experiments.config import read_attributes
 from experiments.study.stats import paired_gain
 from scene.proposal import default_proposal, random_proposal

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.compare.job import check, defaults, rows, searches
-from experiments.compare.report import FORM, RANDOM
+from experiments.compare import FORM, RANDOM, check, compared, defaults, planned
 from experiments.run.plans import schedule
 from scene.attributes import NAMES
 from shell.files import read_json
@@ -37,7 +36,7 @@ def report_of(out) -> dict:
 def test_presets_give_sdr_the_whole_budget(target, preset):
     config = replace(defaults(target, preset), methods=("sdr", "random_search"))
     check(config)
-    for made in searches(config):
+    for made in planned(config):
         assert made.evaluations == config.evaluations
         assert made.search.updates == (made.updates if made.method == "sdr" else None)
     assert config.seeds >= 2
@@ -52,13 +51,13 @@ def test_schedules_names_and_groups_by_hand():
     assert schedule(300, 4, 1) == (1, 75)
     assert schedule(50, 3, 10) == (10, 1)  # no number does; two updates try the answer
     config = replace(defaults("camvid", "quick"), methods=(RANDOM, "sdr"))
-    assert [row.name for row in rows(config)][-1] == "sdr, 7 attributes"
+    assert [row.name for row in compared(config)][-1] == "sdr, 7 attributes"
     three = ("car_position", "tree_position", "building_position")  # in as many groups
     config = replace(config, subsets=(("all",), ("car_position",), ("tree_position",), three))
     words = ("23 attributes", "car_position", "tree_position", "3 attributes")
-    assert [row.name for row in rows(config)][1::2] == [f"sdr, {word}" for word in words]
-    whole, *_, made = searches(config)
-    assert whole.subset == NAMES and rows(config)[0].title == "all"
+    assert [row.name for row in compared(config)][1::2] == [f"sdr, {word}" for word in words]
+    whole, *_, made = planned(config)
+    assert whole.subset == NAMES and compared(config)[0].title == "all"
     assert (made.subset, made.datasets, made.updates, made.search.updates) == (three, 8, 6, 6)
 
 

@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from experiments.fidelity import report as module
-from experiments.fidelity import stats
-from experiments.fidelity.job import STUDY, defaults, proposals, rungs
+from experiments import fidelity as module
+from experiments.fidelity import STUDY, defaults, proposals, rungs
 from experiments.reward.miou import Outcome
+from experiments.study import stats
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from shell.files import read_json
@@ -135,7 +135,7 @@ def test_every_proposal_is_scored_on_every_rung(scored, scored_by, tiny):
     report = module.derive(report)  # one repeated proposal is left
     assert report["rungs"][0]["failed"] == 3 and report["rungs"][0]["noise"] is None
     assert "3 evaluations failed" in module.text(report)
-    assert Image.open(BytesIO(module.figure(report))).width > 600
+    assert Image.open(BytesIO(module.picture(report))).width > 600
 
 
 @pytest.mark.parametrize(("required", "fit"), [("1", True), ("1e9", False), (None, None)])

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import tyro
 
+from experiments import table
 from experiments.cli import main
 from experiments.config import Fidelity, MainConfig, check, fidelities, make_space, start_of
 from experiments.main.job import MAIN
@@ -25,7 +26,6 @@ from experiments.presets import (
 from experiments.run.learn import plan_of
 from experiments.study.skeleton import check as refuse_wrong
 from experiments.study.skeleton import do
-from experiments.table import job as table
 from experiments.target.twin import FIRST_ASSET
 from scene.attributes import NAMES, names
 from scene.proposal import Histogram, describe, mixture, moments, random_proposal

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from experiments.labels.job import counts_of, defaults
-from experiments.labels.report import FORM, reached, worth
+from experiments.labels import FORM, counts_of, defaults
 from experiments.reward.truth import Truth, WithFew
+from experiments.study.stats import reached, worth
 from experiments.target.base import Target
 from scene.proposal import Mixture, describe, streets_named
 

@@ -28,7 +28,7 @@ from experiments.run.learn import (
     work_of,
 )
 from experiments.run.search import Found
-from experiments.searches.job import ManyConfig, searches
+from experiments.searches import ManyConfig, configured
 from scene.proposal import default_proposal, random_proposal, slide
 from shell.errors import UserError
 from shell.files import read_json, write_json
@@ -221,7 +221,7 @@ def test_searches_share_no_seeds_of_their_selection(one, other):
     # They depend on nothing else of the job, nor on which job it is.
     assert own == seeds(one, seeds=9, workers=7, out=Path("elsewhere"))
     study = presets.defaults(ManyConfig, "camvid", "smoke", seed=one, candidate_seeds=10)
-    same = searches(study)[f"intervals-{one}"]
+    same = configured(study)[f"intervals-{one}"]
     assert selection_seeds(same, 0) == own[:10]
 
 

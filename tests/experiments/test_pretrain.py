@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.pretrain import nets
-from experiments.pretrain.job import defaults, fine_fidelity
-from experiments.pretrain.report import FORM
+from experiments.pretrain import FORM, defaults, fine_fidelity
 from experiments.reward import miou
+from experiments.reward import transfer as nets
 from experiments.reward.truth import Truth
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal

@@ -1,6 +1,5 @@
 """All results from one commit: every part is a sound command, done once, and told on one page."""
 
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -14,6 +13,8 @@ from experiments.reward.store import write_store
 from experiments.study.skeleton import check
 from shell.errors import UserError
 from shell.files import read_json, write, write_json
+
+from .conftest import job_of
 
 SOME = [
     results.Part(
@@ -30,14 +31,14 @@ def test_every_part_is_a_sound_command(preset, weights, learnt_file, tmp_path):
     wanted = results.parts(Path("DIR"), tmp_path, preset, 2, weights)
     assert tuple(part.name for part in wanted) == results.NAMES
     for part in wanted:
-        job = import_module(f"{part.module}.job")
+        job = job_of(part.study)
         flags = [str(learnt_file) if flag.endswith("-0.json") else flag for flag in part.flags]
         target = flags[flags.index("--target") + 1]
         space = "extended" if "extended" in flags else "scenex"
         default = presets.in_space(job.defaults(target, preset), space)
         config = tyro.cli(type(default), default=default, args=flags)
         assert config.target == target and config.preset == preset and config.space == space
-        if hasattr(job, "STUDY") and not hasattr(config, "learnt"):
+        if not hasattr(config, "learnt"):
             check(job.STUDY, config)
 
 

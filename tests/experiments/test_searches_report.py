@@ -1,6 +1,6 @@
 """What the report of many searches says of methods, with the judge and without."""
 
-from experiments.searches.report import derive, text
+from experiments.searches import derive, text
 
 
 def nets(*scores):

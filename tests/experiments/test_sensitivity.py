@@ -8,10 +8,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from experiments import sensitivity as job
 from experiments.reward.store import HEADER, Store
-from experiments.sensitivity import job, model
-from experiments.sensitivity.records import BINS, Records, read
-from experiments.sensitivity.report import summarize, text
+from experiments.sensitivity import summarize, text
+from experiments.study import sobol as model
+from experiments.study.records import BINS, Records, read
 from scene.attributes import NAMES
 from shell.files import read_json, write
 

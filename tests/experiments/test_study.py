@@ -3,7 +3,6 @@
 import re
 from dataclasses import replace
 from functools import partial
-from importlib import import_module
 
 import numpy as np
 import pytest
@@ -17,6 +16,7 @@ from experiments.run.context import Work, opened, plan_text
 from experiments.run.nets import paired_seeds, score_nets, training_sets
 from experiments.study import form
 from experiments.study.skeleton import Study, check, do, learnt_attributes, learnt_work
+from experiments.study.stats import statistics
 from scene.attributes import NAMES
 from scene.proposal import random_proposal
 from shell.errors import UserError
@@ -27,6 +27,7 @@ from .conftest import (
     Counted,
     Killed,
     by_preset,
+    job_of,
     lines,
     main_job,
     never,
@@ -45,7 +46,7 @@ FORM = form.Form(
     lambda report: f"{report['mean']}", {"some.png": lambda report: b"picture"},
 )  # fmt: skip
 SOME = Study(
-    FORM, lambda config: [],
+    FORM, lambda config, made: [],
     lambda run, made: {**form.about(run, run.config.final), "scores": [1, 2]},
 )  # fmt: skip
 
@@ -58,7 +59,7 @@ def config(tiny) -> LearntConfig:
 @by_preset
 @pytest.mark.parametrize("name", (*TRAINED, "searches", "fidelity", "sensitivity"))
 def test_presets_are_sound(name, target, preset):
-    job = import_module(f"experiments.{name}.job")
+    job = job_of(name)
     check(job.STUDY, job.defaults(target, preset))
 
 
@@ -266,10 +267,10 @@ def test_the_plan_tells_nets_seconds_and_time_and_what_nets_start_from(tmp_path)
 
 
 def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
-    found = form.statistics([10.0, None, 14.0], [9.0, 5.0, 11.0])
+    found = statistics([10.0, None, 14.0], [9.0, 5.0, 11.0])
     assert found["mean"] == 12 and found["gain"]["mean"] == 2  # of 1 and 3
-    assert form.statistics([None, 3.0], [1.0, None])["gain"] is None
-    assert form.statistics([None], None) == {"mean": None, "ci95": None, "gain": None}
+    assert statistics([None, 3.0], [1.0, None])["gain"] is None
+    assert statistics([None], None) == {"mean": None, "ci95": None, "gain": None}
     outcomes = [Outcome(v, [v, None], 1, 1) for v in (0.2, 0.4)]
     scored = form.nets([*outcomes, Outcome(np.nan, [], 1, 1, "the loss is nan")])
     assert form.class_means(scored, ["a", "b"]) == {"a": pytest.approx(30), "b": None}

@@ -14,8 +14,7 @@ from PIL import Image
 from experiments.reward.truth import Truth, WithFew
 from experiments.run.nets import with_net
 from experiments.study.stats import mean_ci95, paired_gain
-from experiments.table.job import defaults, fidelity_of
-from experiments.table.report import FORM, PAPER, subset_miou
+from experiments.table import FORM, PAPER, defaults, fidelity_of, subset_miou
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.metrics import iou, mean_iou
 from seg.recipes import RECIPES

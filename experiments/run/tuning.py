@@ -8,11 +8,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.pretrain.nets import Start, subsets, transfer
 from experiments.reward.evaluator import about
 from experiments.reward.miou import Outcome, Recipe
 from experiments.reward.shelf import sent
 from experiments.reward.store import identity, record_of
+from experiments.reward.transfer import Start, subsets, transfer
 from experiments.reward.truth import Truth, part_of
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost

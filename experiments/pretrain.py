@@ -1,22 +1,53 @@
-"""Which nets are pre-trained on what, and on how much of the real images they are fine-tuned."""
+"""What pre-training on SceneX saves: nets fine-tuned on ever more of the real reward images.
+
+    python -m experiments.pretrain --target camvid --data DIR --holdout 0006R0
+    python -m experiments.pretrain --target camvid --data DIR --fractions 0.05 1.0 --seeds 8
+    python -m experiments.pretrain --target twin --preset smoke                  # under a minute
+    python -m experiments.pretrain --rederive runs/a/pretrain.json --out runs/b  # no net at all
+
+Nets from scratch (or from ImageNet weights, with --final.train.weights), pre-trained on random and on
+learnt attributes are fine-tuned alike on 5, 10, 25 and 100 % of the reward images and scored on the test
+images; Welch's t-test over seeds says which differences are more than chance. Attributes are learnt first,
+unless --learnt names what an earlier run has learnt. Kill it at any moment; the same command goes on
+where it was.
+"""
 
 from __future__ import annotations
 
 import math
+import sys
 from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
 from typing import Annotated, Literal
 
 from experiments import presets
+from experiments.cli import main
 from experiments.config import Fidelity, LearntConfig, Preset, TargetName, Unused, refuse_shares
-from experiments.pretrain.nets import Start, chosen_images, subsets
-from experiments.pretrain.report import FORM
-from experiments.pretrain.tuning import Net, tuned
+from experiments.reward.transfer import Start, chosen_images, subsets
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.learn import judged_on, learn
 from experiments.run.nets import paired_seeds
-from experiments.study.form import Report, about, nets
-from experiments.study.skeleton import Study, learnt_attributes, learnt_from, learnt_work
+from experiments.run.tuning import Net, tuned
+from experiments.study.figure import curves
+from experiments.study.form import (
+    Column,
+    Form,
+    Report,
+    about,
+    class_means,
+    estimate,
+    failures,
+    introduction,
+    miou,
+    nets,
+    number,
+    table,
+    target_of,
+)
+from experiments.study.skeleton import Study, do, learnt_attributes, learnt_from, learnt_work
+from experiments.study.stats import holm, stars, statistics, welch
 from experiments.target.base import Target, with_reward
 from scene.proposal import Streets, random_proposal
 from shell.errors import UserError, refuse_repeats
@@ -24,6 +55,14 @@ from shell.errors import UserError, refuse_repeats
 Row = Literal["scratch", "random", "learnt", "longer"]
 RENDERED = ("random", "learnt")
 """Rows that are pre-trained on rendered images."""
+COMPARED = (
+    ("learnt", "scratch"),
+    ("random", "scratch"),
+    ("learnt", "random"),
+    ("learnt", "longer"),
+    ("random", "longer"),
+)
+"""Which rows are tested against which."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -88,7 +127,7 @@ def refuse_empty(config: PretrainConfig, target: Target) -> None:
             judged_on(_share(config, target, fraction), config)
 
 
-def plan(config: PretrainConfig) -> list[Work]:
+def plan(config: PretrainConfig, _: None) -> list[Work]:
     """The nets of every row, after those of the search."""
     fine, fractions, seeds = fine_fidelity(config), len(config.fractions), config.seeds
     work = learnt_work(config) if "learnt" in config.rows else []
@@ -154,5 +193,111 @@ def _share(config: PretrainConfig, target: Target, fraction: float) -> Target:
     return with_reward(target, chosen)
 
 
+def derive(report: Report) -> Report:
+    """The report with means, intervals and tests of its nets' scores."""
+    rows = [
+        {
+            **row,
+            **statistics(miou(row["nets"])),
+            "class_iou": class_means(row["nets"], report["classes"]),
+        }
+        for row in report["rows"]
+    ]
+    known = {
+        (row["row"], row["fraction"]): [v for v in miou(row["nets"]) if v is not None]
+        for row in report["rows"]
+    }
+    tests = []
+    for fraction, (ours, theirs) in product(dict.fromkeys(r["fraction"] for r in rows), COMPARED):
+        if (ours, fraction) in known and (theirs, fraction) in known:
+            found = welch(known[ours, fraction], known[theirs, fraction])
+            test = {"fraction": fraction, "row": ours, "against": theirs}
+            tests.append({**test, "stars": ""} if found is None else {**test, **found._asdict()})
+    done = [test for test in tests if "p_value" in test]
+    for test, p_value in zip(done, holm([test["p_value"] for test in done]), strict=True):
+        test |= {"p_corrected": p_value, "stars": stars(p_value)}
+    return {**report, "rows": rows, "tests": tests}
+
+
+def named(report: Report) -> dict[str, str]:
+    """What nets of each row begin with."""
+    nothing = "ImageNet weights" if report["weights"] else "scratch"
+    return {
+        "scratch": nothing,
+        "longer": f"{nothing}, as many steps",
+        "random": "SceneX, random attributes",
+        "learnt": "SceneX, learnt attributes",
+    }
+
+
+def text(report: Report) -> str:
+    """The tables, in Markdown."""
+    names, before, after = named(report), report["pretraining"], report["finetuning"]
+    sharing = "all rows of a seed"
+    if report.get("learn_on") == "share":
+        sharing = "all rows and seeds; attributes are learnt with the labels of that share alone"
+    begun: Column = ("begun with", lambda row: names[row["row"]])
+
+    def share(row: Report) -> str:
+        return f"{100 * row['fraction']:g} %"
+
+    columns: list[Column] = [
+        begun,
+        ("share of the images", share),
+        ("images", lambda row: str(row["images"])),
+        *estimate("mIoU"),
+    ]
+    lines = [
+        introduction(report),
+        "",
+        f"Nets ({report['net']}) are pre-trained with {before['steps']} steps on {before['images']} "
+        f"rendered images, then fine-tuned with {after['steps']} steps (learning rate {after['lr']:.3g}) on "
+        f"a share of the {report['reward_images']} reward images, the same for {sharing}. "
+        f"Rows from {names['scratch']} get the steps of the fine-tuning only.",
+        "",
+        *table(columns, report["rows"]),
+    ]
+    if report["tests"]:
+        tests: list[Column] = [
+            begun,
+            ("against", lambda test: names[test["against"]]),
+            ("share", share),
+            ("difference", lambda test: number(test.get("difference"), "+.1f")),
+            ("t", lambda test: number(test.get("t"), ".2f")),
+            ("degrees", lambda test: number(test.get("degrees"))),
+            ("p", lambda test: number(test.get("p_value"), ".2g")),
+            ("of all tests", lambda test: number(test.get("p_corrected"), ".2g")),
+            ("", lambda test: test["stars"].replace("*", r"\*")),
+        ]
+        lines += [
+            "",
+            "Welch's t-test of the difference, two-sided; the last p is corrected for the number of tests, "
+            "by Holm (* p < 0.05, ** p < 0.01):",
+            "",
+            *table(tests, report["tests"]),
+        ]
+    return "\n".join([*lines, *failures(report["rows"])])
+
+
+def picture(report: Report) -> bytes:
+    """MIoU against the share of the real images, with intervals, as PNG."""
+    names = named(report)
+    shares = sorted({(row["fraction"], row["images"]) for row in report["rows"]})
+    groups = {
+        names[name]: [row for row in report["rows"] if row["row"] == name]
+        for name in dict.fromkeys(row["row"] for row in report["rows"])
+    }
+    ticks = {k: f"{100 * own:g} %\n{images} images" for k, (own, images) in enumerate(shares)}
+    title = f"{target_of(report)}, {report['net']}, {report['seeds']} nets each"
+
+    def place(row: Report) -> float:
+        return shares.index((row["fraction"], row["images"]))
+
+    return curves(groups, place, ticks, "reward images for the fine-tuning", title)
+
+
+FORM = Form("pretrain", derive, text, {"pretrain.png": picture})
 STUDY = Study(FORM, plan, scores, check, refuse_empty)
-"""What ``python -m experiments.pretrain`` does."""
+
+if __name__ == "__main__":
+    sys.exit(main("pretrain", defaults, partial(do, STUDY), __doc__))

@@ -1,1 +1,0 @@
-"""What the search loses without one of its parts."""

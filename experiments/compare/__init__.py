@@ -1,1 +1,0 @@
-"""Search methods at equal numbers of rewards."""

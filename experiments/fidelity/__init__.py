@@ -1,1 +1,0 @@
-"""How much a cheap reward is worth: does it rank attributes as the full size does?"""

@@ -1,0 +1,279 @@
+"""What a few labelled images are worth, alone and beside renders: how many labels do renders replace?
+
+    python -m experiments.labels --target camvid --data DIR --holdout 0006R0
+    python -m experiments.labels --target camvid --data DIR --learnt a.json --counts 0 14 266
+    python -m experiments.labels --target twin --preset smoke                  # under a minute
+    python -m experiments.labels --rederive runs/a/labels.json --out runs/b    # no net at all
+
+Nets are trained on 0, 7, 14, ... labelled images (a seeded choice, spread over sequences and time), on these
+beside renders, and scored on the test images. Kill it at any moment; the same command goes on where it was.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import dataclass
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+
+from experiments import presets
+from experiments.cli import main
+from experiments.config import LearntConfig, Preset, ShareConfig, TargetName
+from experiments.reward.miou import Source
+from experiments.reward.truth import WithFew, part_of
+from experiments.run.context import Run
+from experiments.study.figure import curves
+from experiments.study.form import (
+    Column,
+    Form,
+    Report,
+    estimate,
+    failures,
+    introduction,
+    miou,
+    number,
+    table,
+    target_of,
+)
+from experiments.study.skeleton import (
+    LEARNT,
+    Made,
+    Row,
+    attributes,
+    do,
+    learnt_from,
+    of_rows,
+)
+from experiments.study.stats import estimated, gain, mean, worth
+from experiments.target.base import Target
+from experiments.target.few import spread
+from shell.errors import UserError, refuse_repeats
+
+Renders = Literal["random", "default", "mixed", "learnt"]
+ALONE = "none"
+"""In place of the name of a set of renders: labelled images alone."""
+RENDERS = {
+    ALONE: "none",
+    "random": "random attributes",
+    "default": "attributes set by eye",
+    "mixed": "half of them random, half by eye",
+    "learnt": "learnt attributes",
+}
+FIRST, SHARES = (0, 7, 14), (0.1, 0.25, 0.5, 1.0)
+"""How many labelled images by default: these, and then shares of all there are."""
+BESIDE = (0, 14)
+"""Numbers of labelled images beside which the report says how many more the renders are worth."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelsConfig(LearntConfig, ShareConfig):
+    """One study. Every field is a flag."""
+
+    counts: tuple[int, ...] | None = None
+    """Labelled images that nets are trained on; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
+    renders: tuple[Renders, ...] | None = None
+    """What stands beside them: streets with random attributes, set by eye (default), half of either (mixed)
+    or learnt; by default learnt with --learnt, else default."""
+
+    @property
+    def rendered(self) -> tuple[Renders, ...]:
+        """The sets of renders."""
+        if self.renders is not None:
+            return self.renders
+        return ("default",) if self.learnt is None else ("learnt",)
+
+
+def defaults(target: TargetName, preset: Preset) -> LabelsConfig:
+    """The defaults of ``python -m experiments.labels``."""
+    own: dict[str, Any] = {"counts": (0, 2, 4)} if preset == "smoke" else {}
+    return presets.defaults(LabelsConfig, target, preset, **own)
+
+
+def check(config: LabelsConfig) -> None:
+    """Raise UserError for a field out of range, by flag."""
+    if not config.rendered:
+        raise UserError("--renders needs at least one value")
+    refuse_repeats("--renders", config.rendered)
+    if config.learnt is not None and LEARNT not in config.rendered:
+        raise UserError(f"--learnt is of no use with --renders {' '.join(config.rendered)}")
+    if config.counts is None:
+        return
+    refuse_repeats("--counts", config.counts)
+    if sum(count > 0 for count in config.counts) < 2:
+        raise UserError("--counts needs at least two numbers above 0: between them is a curve")
+    if min(config.counts) < 0:
+        raise UserError(f"--counts must be 0 or more, not {min(config.counts)}")
+
+
+def counts_of(config: LabelsConfig, target: Target) -> tuple[int, ...]:
+    """The numbers of labelled images, ascending.
+
+    Raises:
+        UserError: there are not so many.
+    """
+    there = len(target.reward_names)
+    if config.counts is None:
+        shares = [math.floor(share * there + 0.5) for share in SHARES]
+        return tuple(sorted({count for count in (*FIRST, *shares) if count <= there}))
+    if max(config.counts) > there:
+        raise UserError(
+            f"--counts {max(config.counts)} is more than the {there} labelled images of {target.name}"
+        )
+    return tuple(sorted(config.counts))
+
+
+def rows(config: LabelsConfig, target: Target) -> list[Row]:
+    """Every number of labelled images, alone and beside each set of renders."""
+    return [
+        Row(
+            {"labels": count, "renders": renders},
+            partial(_source, count, renders),
+            config.final,
+            what="labels",
+            name=f"{count} labels, {renders}",
+            after=LEARNT if renders == LEARNT else "",
+            real=renders == ALONE,
+            order=(place, -count),  # a worker keeps the streets of a seed
+        )
+        for count in counts_of(config, target)
+        for place, renders in enumerate((ALONE, *config.rendered))
+        if count or renders != ALONE
+    ]
+
+
+def _source(count: int, renders: str, run: Run[LabelsConfig], made: Made, seed: int) -> Source:
+    """What the net of a seed is trained on; nets of one seed share their labelled images."""
+    if count == 0:
+        return attributes(run, made, renders)
+    target, few = run.target, run.truth(run.config.final, "reward")
+    if count < len(few.images):  # all of them stay in the order of the list
+        few = part_of(few, spread(target.reward_names, target.reward_sequences, count, seed))
+    if renders == ALONE:
+        return few
+    return WithFew(attributes(run, made, renders), few, run.config.few_share)
+
+
+def report(run: Run[LabelsConfig], _: Made, rows: list[Report]) -> Report:
+    """The scores, and what they are of."""
+    config = run.config
+    return {
+        "learnt_from": learnt_from(config) if LEARNT in config.rendered else None,
+        "few_share": config.few_share,
+        "rendered_images": config.final.images,
+        "net": config.final.train.net,
+        "rows": rows,
+    }
+
+
+def derive(report: Report) -> Report:
+    """The report with means and intervals, what renders add, and how many labels they are worth."""
+    values = {(row["labels"], row["renders"]): miou(row["nets"]) for row in report["rows"]}
+    counts = sorted({count for count, renders in values if renders == ALONE})
+    best = mean(values[counts[-1], ALONE])
+    rows = []
+    for row in report["rows"]:
+        own = values[row["labels"], row["renders"]]
+        alone = values.get((row["labels"], ALONE)) if row["renders"] != ALONE else None
+        found = estimated(own)
+        share = None if found["mean"] is None or not best else 100 * found["mean"] / best
+        add = None if alone is None else gain(own, alone)
+        rows.append({**row, **found, "renders_add": add, "of_all": share})
+    told = [
+        _worth(values, counts, beside, renders)
+        for renders in dict.fromkeys(renders for _, renders in values if renders != ALONE)
+        for beside in BESIDE
+        if (beside, renders) in values
+    ]
+    return {**report, "rows": rows, "worth": told}
+
+
+def _worth(values: dict[Any, list], counts: list[int], beside: int, renders: str) -> Report:
+    """How many labels alone make nets as good as some labels beside renders, and the 95 % interval."""
+    ours = np.array(values[beside, renders], float)  # NaN where a net failed
+    alone = np.array([values[count, ALONE] for count in counts], float)
+    known = np.isfinite(ours) & np.isfinite(alone).all(axis=0)
+    value, ci95 = worth(counts, alone[:, known], ours[known])
+    bound = ""
+    if value is not None and not counts[0] < value < counts[-1]:
+        bound = "at most" if value <= counts[0] else "at least"
+    return {"renders": renders, "beside": beside, "labels": value, "bound": bound, "ci95": ci95}
+
+
+COLUMNS: list[Column] = [
+    ("labelled images", lambda row: str(row["labels"])),
+    ("renders", lambda row: RENDERS[row["renders"]]),
+    *estimate("mIoU"),
+    *estimate("renders add", lambda row: row["renders_add"], "+.1f"),
+    ("of all labels, %", lambda row: number(row["of_all"], ".0f")),
+]
+
+
+def text(report: Report) -> str:
+    """The table, in Markdown."""
+    lines = [
+        introduction(report),
+        "",
+        f"Nets ({report['net']}) are trained on labelled images of the {report['reward_images']} that there "
+        f"are (a choice by seed, spread over sequences and time), alone or beside "
+        f"{report['rendered_images']} rendered ones; then they are {100 * report['few_share']:g} % of all "
+        "batches. Intervals are over seeds of choice, streets and net.",
+        "",
+        *table(COLUMNS, report["rows"]),
+        "",
+        *(said for entry in report["worth"] for said in _said(entry)),
+    ]
+    if report["learnt_from"]:
+        lines += [
+            "The search that learnt the attributes may have seen more labels than a row has.",
+            "",
+        ]
+    return "\n".join([*lines[:-1], *failures(report["rows"])])
+
+
+def _said(entry: Report) -> list[str]:
+    """A sentence about what renders are worth."""
+    if entry["labels"] is None:
+        return []
+    beside, ci95 = entry["beside"], entry["ci95"]
+    ours = f"with {beside} labelled images beside them" if beside else "alone"
+    bound = f"{entry['bound']} " if entry["bound"] else ""
+    sure = "" if ci95 is None else f" (95 % interval {_ends(*ci95)})"
+    return [
+        f"Renders ({RENDERS[entry['renders']]}) {ours} are worth {bound}{entry['labels']:.0f} labelled "
+        f"images{sure}.",
+        "",
+    ]
+
+
+def _ends(low: float | None, high: float | None) -> str:
+    """An interval in words; an end that is None is open."""
+    if low is None:
+        return "open at both ends" if high is None else f"at most {high:.0f}"
+    return f"at least {low:.0f}" if high is None else f"{low:.0f} to {high:.0f}"
+
+
+def picture(report: Report) -> bytes:
+    """MIoU against the number of labelled images, alone and beside renders, as PNG."""
+    counts = sorted({row["labels"] for row in report["rows"]})
+    nothing = min(count for count in counts if count) / 2  # where 0 stands on the logarithmic axis
+    groups = {
+        "labelled images alone" if renders == ALONE else f"and renders, {RENDERS[renders]}": [
+            row for row in report["rows"] if row["renders"] == renders
+        ]
+        for renders in dict.fromkeys(row["renders"] for row in report["rows"])
+    }
+    ticks = {count or nothing: str(count) for count in counts}
+    title = f"{target_of(report)}, {report['net']}, 95 % intervals"
+    return curves(
+        groups, lambda row: row["labels"] or nothing, ticks, "labelled images", title, log=True
+    )
+
+
+FORM = Form("labels", derive, text, {"labels.png": picture})
+STUDY = of_rows(FORM, rows, report, check)
+
+if __name__ == "__main__":
+    sys.exit(main("labels", defaults, partial(do, STUDY), __doc__))

@@ -1,1 +1,0 @@
-"""What a few labelled images are worth, alone and beside renders."""

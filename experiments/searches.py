@@ -1,0 +1,308 @@
+"""Several searches of several methods with equal rewards, each as the main job's, in one table.
+
+    python -m experiments.searches --target camvid --data DIR --holdout 0006R0 --space extended
+    python -m experiments.searches --target camvid --data DIR --methods intervals --searches 3
+    python -m experiments.searches --target twin --preset smoke                   # about a minute
+    python -m experiments.searches --rederive runs/a/searches.json --out runs/b   # no net at all
+
+The k-th search of every method has the seed --seed + k and is what the main job with that seed and method
+does: with its --store, nothing is scored twice. Final nets of all answers, of random attributes, of the
+street set by eye and of the reward images share their seeds, and intervals are over searches and nets.
+Kill it at any moment; the same command goes on where it was.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+from experiments import presets
+from experiments.cli import main
+from experiments.config import FewConfig, Preset, Rederived, SearchConfig, TargetName
+from experiments.reward.miou import Source
+from experiments.run import few
+from experiments.run.context import Run, Work
+from experiments.run.learn import Learnt, learn, plan_of, work_of
+from experiments.study.figure import plt, png
+from experiments.study.form import (
+    Column,
+    Form,
+    Report,
+    estimate,
+    failures,
+    half,
+    introduction,
+    miou,
+    number,
+    table,
+    target_of,
+    words,
+)
+from experiments.study.searches import core_seconds, failed_evaluations, rewards, selection, thirds
+from experiments.study.skeleton import Made, Row, Search, do, of_rows
+from experiments.study.stats import Table, gain, less, mean, over_both
+from experiments.target.base import Target
+from scene.proposal import describe, named
+from sdr_jax.registry import MethodName
+from shell.errors import UserError, refuse_repeats
+
+BASELINES = {
+    "random": "random attributes",
+    "default": "attributes set by eye",
+    "few": "the few labelled images alone",
+    "real": "the reward images themselves",
+}
+"""Rows that no search makes."""
+NETS = ("nets", "own_nets")
+"""Of a search: on the answer that model selection chose, and on its method's own."""
+OVER = ("random", "default")
+"""Rendered rows that need no search: what gains are measured over."""
+OWN_ANSWER = "own "
+"""Before the name of a search: what its method itself would answer, without model selection."""
+OWN: dict[Preset, dict[str, Any]] = {
+    "smoke": {"searches": 2, "methods": ("intervals", "random_search")},
+    "quick": {"seeds": 3},
+    "paper": {"searches": 1, "methods": ("sdr",)},
+}
+"""What differs from the main job, by preset."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ManyConfig(SearchConfig, FewConfig, Rederived):
+    """One study. Every field is a flag."""
+
+    searches: int = 5
+    """Searches of each method, of seeds --seed, --seed + 1, ..."""
+    methods: tuple[MethodName, ...] = ("intervals", "sdr", "random_search")
+    """The search methods; all have the same rewards and model selection."""
+
+
+def defaults(target: TargetName, preset: Preset) -> ManyConfig:
+    """The defaults of ``python -m experiments.searches``."""
+    return presets.defaults(ManyConfig, target, preset, **OWN[preset])
+
+
+def check(config: ManyConfig) -> None:
+    """Raise UserError for a field out of range, by flag."""
+    if config.searches < 1:
+        raise UserError(f"--searches must be 1 or more, not {config.searches}")
+    if not config.methods:
+        raise UserError("--methods needs at least one of them")
+    refuse_repeats("--methods", config.methods)
+    if "random_attributes" in config.methods:
+        raise UserError("--methods random_attributes searches for nothing: it is the row random")
+    for own in configured(config).values():
+        plan_of(own)
+
+
+def configured(config: ManyConfig) -> dict[str, ManyConfig]:
+    """The configuration of every search, by its name."""
+    return {
+        f"{method}-{seed}": replace(config, seed=seed, search=replace(config.search, method=method))
+        for seed in range(config.seed, config.seed + config.searches)
+        for method in config.methods
+    }
+
+
+def searches(config: ManyConfig) -> dict[str, Search]:
+    """Every search, with model selection of its own."""
+    return {name: partial(learn, config=own, name=name) for name, own in configured(config).items()}
+
+
+def work(config: ManyConfig) -> list[Work]:
+    """Rewards and candidates of all searches."""
+    own = configured(config)
+    return [
+        kind[0]._replace(
+            what=f"{kind[0].what}, {len(own)} searches", nets=sum(each.nets for each in kind)
+        )
+        for kind in zip(*(work_of(each) for each in own.values()), strict=True)
+    ]
+
+
+def rows(config: ManyConfig, target: Target) -> list[Row]:
+    """Nets of every answer, beside the few labelled images if there are any, and those of no search."""
+
+    def images(side: Any, run: Run[ManyConfig], made: Made, seed: int) -> Source:
+        return run.truth(config.final, side)
+
+    def streets(name: str, run: Run[ManyConfig], made: Made, seed: int) -> Source:
+        return few.beside(run, config.final, named(name, config.space, config.default_width))
+
+    def answer(name: str, own: bool, run: Run[ManyConfig], made: Made, seed: int) -> Source:
+        found: Learnt = made[name]
+        return few.beside(run, config.final, found.found.solution if own else found.streets)
+
+    def row(name: str, source: Any, after: str = "", real: bool = False) -> Row:
+        return Row({"name": name}, source, config.final, "searches", name, after, real)
+
+    return [
+        *([row(few.FEW, partial(images, "few"), real=True)] if target.few_names else []),
+        *(row(name, partial(streets, name)) for name in OVER),
+        *(
+            row(prefix + name, partial(answer, name, bool(prefix)), name)
+            for name in configured(config)
+            for prefix in ("", OWN_ANSWER)
+        ),
+        row("real", partial(images, "labelled"), real=True),
+    ]
+
+
+def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
+    """The scores of every search's nets, and how it went."""
+    config = run.config
+    scored = {row["name"]: row["nets"] for row in rows}
+    return {
+        **few.about(run),
+        "rewards_at": config.reward.size,
+        "evaluations": plan_of(config).evaluations,
+        "space": config.space,
+        "baselines": {name: own for name, own in scored.items() if name in BASELINES},
+        "searches": [
+            {
+                "method": own.search.method,
+                "seed": own.seed,
+                **selection(made[name]),
+                "rewards": rewards(made[name].found),
+                "core_seconds": core_seconds(made[name].found),
+                **describe(made[name].streets),
+                "nets": scored[name],
+                "own_nets": scored[OWN_ANSWER + name],
+            }
+            for name, own in configured(config).items()
+        ],
+    }
+
+
+def derive(report: Report) -> Report:
+    """The report with rows for each method, over its searches and nets, and what each search gained.
+
+    A method has two: of the answers that model selection chose, and of its own ones, where these have nets.
+    """
+    baselines = {name: miou(own) for name, own in report["baselines"].items()}
+    real = mean(baselines["real"])
+
+    def row(name: str, values: Table, searches: int, judged: bool = True) -> Report:
+        own = over_both(values)
+        gains = {
+            f"gain_over_{base}": None
+            if name in BASELINES
+            else over_both(less(values, baselines[base]))
+            for base in OVER
+        }
+        share = None if own["mean"] is None or not real else 100 * own["mean"] / real
+        of_whom = {"name": name, "judged": judged, "searches": searches}
+        return {**of_whom, **own, **gains, "of_real": share}
+
+    rows = [row(name, [values], 0) for name, values in baselines.items() if name != "real"]
+    searches = []
+    for search in report["searches"]:
+        values = miou(search["nets"])
+        gains = {f"over_{base}": gain(values, baselines[base]) for base in OVER}
+        own = {"own_answer": mean(miou(search["own_nets"]))} if "own_nets" in search else {}
+        searches.append({**search, "learnt": mean(values), **gains, **own})
+    for kind in NETS:
+        for method in dict.fromkeys(search["method"] for search in searches):
+            nets = [s[kind] for s in searches if s["method"] == method and kind in s]
+            if nets:
+                rows.append(row(method, list(map(miou, nets)), len(nets), kind == "nets"))
+    rows.append(row("real", [baselines["real"]], 0))
+    return {**report, "rows": rows, "searches": searches}
+
+
+def _title(row: Report) -> str:
+    """What the nets of a row were trained on."""
+    own = "" if row["judged"] else ", without the judge"
+    return BASELINES.get(row["name"], f"learnt by {words(row['name'])}{own}")
+
+
+def _best(search: Report) -> float | None:
+    return max((reward for reward in search["rewards"] if reward is not None), default=None)
+
+
+COLUMNS: list[Column] = [
+    ("nets trained on", _title),
+    ("searches", lambda row: str(row["searches"] or "")),
+    *estimate("mIoU"),
+    *estimate("gain over random", lambda row: row["gain_over_random"], "+.1f"),
+    *estimate("gain over by eye", lambda row: row["gain_over_default"], "+.1f"),
+    ("of real, %", lambda row: number(row["of_real"], ".0f")),
+]
+EACH: list[Column] = [
+    ("search", lambda search: words(search["method"])),
+    ("seed", lambda search: str(search["seed"])),
+    ("answer", lambda search: search["chosen_candidate"]),
+    ("mIoU", lambda search: number(search["learnt"])),
+    estimate("over random", lambda search: search["over_random"], "+.1f")[0],
+    estimate("over by eye", lambda search: search["over_default"], "+.1f")[0],
+    ("its method's own answer, mIoU", lambda search: number(search.get("own_answer"))),
+    ("reward, first third", lambda search: number(thirds(search["rewards"])[0])),
+    ("last third", lambda search: number(thirds(search["rewards"])[1])),
+    ("best", lambda search: number(_best(search))),
+]
+
+
+def text(report: Report) -> str:
+    """The tables, in Markdown."""
+    searches, beside = report["searches"], len(report.get("few_images", ()))
+    nets = [*report["baselines"].values()]
+    nets += [search[kind] for search in searches for kind in NETS if kind in search]
+    lines = [
+        introduction(report),
+        "",
+        f"Every search had {report['evaluations']} rewards at {report['rewards_at']} in the space "
+        f"{report['space']}; its answer was chosen on the reward images, among its method's in several "
+        "readings and the street set by eye. Intervals of methods are over searches and seeds of nets, "
+        "both drawn at random: a two-way analysis of variance with "
+        "Satterthwaite's degrees of freedom.",
+        *([f"All rendered sets stand beside {beside} labelled images."] if beside else []),
+        "",
+        *table(COLUMNS, report["rows"]),
+        *_by_eye(searches),
+        "",
+        "Every search, mIoU of its nets and rewards in percent:",
+        "",
+        *table(EACH, searches),
+        *failures([{"nets": own} for own in nets]),
+        *failed_evaluations(search["rewards"] for search in searches),
+    ]
+    return "\n".join(lines)
+
+
+def _by_eye(searches: list[Report]) -> list[str]:
+    """A sentence about answers that are no gain over by eye by what they are, if there are any."""
+    counts = []
+    for method in dict.fromkeys(search["method"] for search in searches):
+        own = [s["chosen_candidate"] == "default" for s in searches if s["method"] == method]
+        if any(own):
+            counts.append(f"{sum(own)} of {len(own)} of {words(method)}")
+    return ["", f"Answers that are by eye itself: {', '.join(counts)}."] if counts else []
+
+
+def picture(report: Report) -> bytes:
+    """MIoU of every row with its interval, and of every search, as PNG."""
+    rows = [row for row in report["rows"] if row["mean"] is not None]
+    figure, axis = plt.subplots(figsize=(8, 1.2 + 0.45 * len(rows)), layout="constrained")
+    for place, row in enumerate(rows):
+        color = "0.4" if row["name"] in BASELINES else "C0"
+        bar = half(row)
+        axis.errorbar(row["mean"], place, xerr=bar, fmt="o", capsize=4, color=color, zorder=3)
+        mine = "learnt" if row["judged"] else "own_answer"
+        own = [s[mine] for s in report["searches"] if s["method"] == row["name"] and mine in s]
+        axis.plot(own, [place + 0.2] * len(own), "|", color=color, ms=9, alpha=0.7)
+    axis.set_yticks(range(len(rows)), list(map(_title, rows)))
+    axis.invert_yaxis()
+    axis.grid(axis="x", alpha=0.3)
+    told = "95 % intervals over searches and nets; strokes: searches"
+    axis.set(xlabel=f"mIoU on the test images, %\n{told}")
+    axis.set_title(target_of(report), fontsize=10)
+    return png(figure)
+
+
+FORM = Form("searches", derive, text, {"searches.png": picture})
+STUDY = of_rows(FORM, rows, report, check, searches, work)
+
+if __name__ == "__main__":
+    sys.exit(main("searches", defaults, partial(do, STUDY), __doc__))

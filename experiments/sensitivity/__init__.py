@@ -1,1 +1,0 @@
-"""Which of the 23 attributes matter, and which of them together."""

@@ -1,0 +1,370 @@
+"""The paper's table 2: what nets trained on one set after another are worth on the target's test images.
+
+    python -m experiments.table --target camvid --data DIR --holdout 0006R0
+    python -m experiments.table --target camvid --data DIR --gta5 DIR --synthia DIR --nets compact fcn8s
+    python -m experiments.table --target twin --preset smoke                     # under a minute
+    python -m experiments.table --rederive runs/a/table.json --out runs/b        # no net at all
+
+Training sets are SceneX with random attributes, with the street set by eye and with learnt attributes,
+data sets of others, and the reward images themselves. Attributes are learnt first, unless
+--learnt names what an earlier run has learnt; with its --store, that run's nets are not trained again.
+Kill it at any moment; the same command goes on where it was.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from experiments import presets
+from experiments.cli import main
+from experiments.config import FewConfig, Fidelity, LearntConfig, Preset, TargetName, check_net
+from experiments.reward.miou import Source
+from experiments.reward.truth import Truth
+from experiments.run import few
+from experiments.run.context import Run
+from experiments.run.nets import with_net
+from experiments.study.figure import plt, png
+from experiments.study.form import (
+    Column,
+    Form,
+    Report,
+    class_means,
+    estimate,
+    failures,
+    half,
+    introduction,
+    markdown,
+    miou,
+    number,
+    table,
+    target_of,
+)
+from experiments.study.skeleton import (
+    LEARNT,
+    Made,
+    Row,
+    attributes,
+    do,
+    learnt_from,
+    of_rows,
+)
+from experiments.study.stats import gain, mean, statistics
+from experiments.target.base import Target
+from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, class_table
+from seg.data.folders import read_folders
+from seg.settings import VGG_NETS, NetName
+from seg.weights import described
+from shell.errors import UserError, refuse_repeats
+
+BASELINE, EYE = "random", "default"
+"""Gains are measured from both."""
+RENDERED = (BASELINE, EYE, LEARNT)
+"""Rows whose training sets are rendered."""
+TRAINED_ON = {
+    "random": "SceneX, random attributes",
+    "default": "SceneX, attributes set by eye",
+    "learnt": "SceneX, learnt attributes",
+    **few.TRAINED_ON,
+    "gta5": "GTA5",
+    "synthia": "SYNTHIA",
+    "kitti": "KITTI",
+    "real": "the reward images themselves",
+}
+OTHERS = ("gta5", "synthia", "kitti")
+"""Rows whose training sets others have made; flags and layouts are called the same."""
+SUBSETS = {"16": SYNTHIA_16, "13": SYNTHIA_13}
+"""Classes over which nets trained on SYNTHIA are compared, where labels are those of Cityscapes."""
+
+PAPER_NOTE = (
+    "The paper's own numbers, NOT of this run: nets with ImageNet weights, 20,000 steps, test images at "
+    "480x360 (CamVid) or 1024x512 (Cityscapes). They say which way differences go, not how high ours "
+    "should be."
+)
+PAPER: dict[str, dict[str, tuple[int, float, float]]] = {
+    "camvid": {
+        "synthia": (9400, 33.3, 32.6),
+        "gta5": (24966, 33.1, 32.6),
+        "random": (450, 22.4, 27.8),
+        "learnt": (450, 29.6, 31.4),
+    },
+    "cityscapes": {
+        "synthia": (9400, 18.1, 18.3),
+        "gta5": (24966, 20.3, 24.2),
+        "random": (450, 10.9, 12.3),
+        "learnt": (450, 18.6, 18.4),
+    },
+}
+"""Training set -> images, mIoU of FCN8s, of DeepLabv2. Source: table 2."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableConfig(LearntConfig, FewConfig):
+    """One table. Every field is a flag."""
+
+    nets: tuple[NetName, ...] = ("compact",)
+    """The nets that are trained."""
+    compact: Fidelity
+    """The fidelity of the compact net, where that is not the final one's."""
+    vgg: Fidelity
+    """The fidelity of FCN8s and DeepLabv2, where the final one's net is neither."""
+    weights: Path | None = None
+    """ImageNet weights that the VGG nets start from (see ``seg.weights``); by default from scratch."""
+    gta5: Path | None = None
+    """Folder of GTA5, to train on (see ``seg.data.folders``)."""
+    synthia: Path | None = None
+    """Folder of SYNTHIA RAND-CITYSCAPES."""
+    kitti: Path | None = None
+    """Folder of KITTI semantics."""
+    all_images: bool = False
+    """Train on all images of these; by default on as many as a rendered dataset has, a seeded choice."""
+
+
+def defaults(target: TargetName, preset: Preset) -> TableConfig:
+    """The defaults of ``python -m experiments.table``."""
+    own = {"nets": ("fcn8s", "deeplabv2")} if preset == "paper" else {}
+    return presets.defaults(TableConfig, target, preset, **own)
+
+
+def check(config: TableConfig) -> None:
+    """Raise UserError for a field out of range, by flag."""
+    if not config.nets:
+        raise UserError("--nets needs at least one net")
+    refuse_repeats("--nets", config.nets)
+    if config.weights is not None and not set(config.nets) & set(VGG_NETS):
+        raise UserError("--weights are for VGG nets; --nets names none")
+    for name in config.nets:
+        check_net("--nets", "--nets", fidelity_of(config, name))
+
+
+def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
+    """The fidelity of a net: the final one if that is its own or it has none, with its recipe."""
+    vgg = name in VGG_NETS
+    own = config.vgg if vgg else config.compact if name == "compact" else config.final
+    if name == config.final.train.net or (vgg and config.final.train.net in VGG_NETS):
+        own = config.final
+    return with_net(own, name, str(config.weights) if vgg and config.weights else None)
+
+
+def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, Truth]:
+    """Training sets that others have made, as large as a net's rendered ones; ids of the target's table.
+
+    Raises:
+        UserError, DataError: the data are not as they should be.
+    """
+    limit = None if config.all_images else fidelity.images
+    size = (fidelity.height, fidelity.width)
+    found = {}
+    for layout, root in zip(OTHERS, (config.gta5, config.synthia, config.kitti), strict=True):
+        if root is not None:
+            data = read_folders(root, layout, size, limit, config.seed)
+            labels = class_table(target.table).from_train_id[data.labels]
+            if np.all(labels == IGNORE_LABEL):
+                raise UserError(f"--{layout} {root}: all labels are void")
+            found[layout] = Truth(data.images, labels)
+    return found
+
+
+def rows(config: TableConfig, target: Target) -> list[Row]:
+    """For each net rendered sets, these beside the few images if there are any, and sets of images alone."""
+    read: dict[tuple[int, int, int], dict[str, Truth]] = {}  # nets of one size share them
+    found = []
+    for net in config.nets:
+        at = fidelity_of(config, net)
+        shape = (at.height, at.width, at.images)
+        if shape not in read:
+            read[shape] = others(config, target, at)
+        some = len(target.few_names)
+        alone = {few.FEW: some} if some else {}
+        alone |= {name: len(own.images) for name, own in read[shape].items()}
+        alone["real"] = len(target.reward_names) + some
+        beside = [f"{few.FEW}+{name}" for name in RENDERED] if some else []
+        for name in sorted([*RENDERED, *beside, *alone], key=[*TRAINED_ON].index):
+            images = alone.get(name, at.images + some * (name in beside))
+            place = {"net": net, "trained_on": name, "images": images}
+            row = Row(
+                {**place, "size": at.size, "steps": at.train.steps},
+                partial(_source, name, at, read[shape]),
+                at,
+                what=f"table, {net}",
+                name=name,
+                after=LEARNT if name.endswith(LEARNT) else "",
+                real=name in alone,
+            )
+            found.append(row)
+    return found
+
+
+def _source(
+    name: str, at: Fidelity, given: dict[str, Truth], run: Run[TableConfig], made: Made, seed: int
+) -> Source:
+    """What nets of a row are trained on."""
+    if name in given:
+        return given[name]
+    if name in (few.FEW, "real"):
+        return run.truth(at, "few" if name == few.FEW else "labelled")
+    rendered = attributes(run, made, name.removeprefix(f"{few.FEW}+"))
+    return rendered if name in RENDERED else few.beside(run, at, rendered)
+
+
+def report(run: Run[TableConfig], _: Made, rows: list[Report]) -> Report:
+    """The scores, and what nets start from."""
+    config = run.config
+    starts = [described(fidelity_of(config, name).train) for name in config.nets]
+    return {
+        "starts": [start for start in starts if start],
+        "learnt_from": learnt_from(config),
+        **few.about(run),
+        "rows": rows,
+    }
+
+
+def subset_miou(scored: Sequence[Report | None], classes: Sequence[int]) -> list[float | None]:
+    """Every net's mean IoU over some classes, in percent; `seg.metrics.mean_iou` of these classes.
+
+    None where the net failed, or where none of the classes occurs in the truth.
+    """
+    return [None if net is None else mean([net["class_iou"][k] for k in classes]) for net in scored]
+
+
+def derive(report: Report) -> Report:
+    """The report with means, intervals and gains of its nets' scores."""
+    classes, known = report["classes"], PAPER.get(report["target"])
+    own = {(row["net"], row["trained_on"]): row["nets"] for row in report["rows"]}
+    subsets = SUBSETS if classes == list(CITYSCAPES_19.classes) else {}
+    rows = []
+    for row in report["rows"]:
+        scored, baseline, eye = row["nets"], own[row["net"], BASELINE], own.get((row["net"], EYE))
+        over = {
+            name: statistics(subset_miou(scored, ids), subset_miou(baseline, ids))
+            for name, ids in subsets.items()
+        }
+        found = {
+            "size": row.get("size", report["scored_at"]),  # reports of before have none
+            "gain_over_default": eye and gain(miou(scored), miou(eye)),
+            "over_classes": over,
+            "class_iou": class_means(scored, classes),
+        }
+        rows.append({**row, **statistics(miou(scored), miou(baseline)), **found})
+    paper = known and [
+        {"trained_on": name, **dict(zip(("images", "fcn8s", "deeplabv2"), values, strict=True))}
+        for name, values in known.items()
+    ]
+    absent = [name for name in classes if all(row["class_iou"][name] is None for row in rows)]
+    return {
+        **report,
+        "rows": rows,
+        "classes_absent_from_truth": absent,
+        "paper": {"note": PAPER_NOTE, "rows": paper} if known else None,
+    }
+
+
+NET: Column = ("net", lambda row: row["net"])
+SET: Column = ("trained on", lambda row: TRAINED_ON[row["trained_on"]])
+COLUMNS: list[Column] = [
+    NET,
+    ("at", lambda row: row["size"]),
+    SET,
+    ("images", lambda row: str(row["images"])),
+    *estimate("mIoU"),
+    *estimate(
+        "gain over random",
+        lambda row: row["gain"] if row["trained_on"] != BASELINE else None,
+        "+.1f",
+    ),
+    *estimate(
+        "over by eye",
+        lambda row: row["gain_over_default"] if row["trained_on"] not in (BASELINE, EYE) else None,
+        "+.1f",
+    ),
+]
+
+
+def _present(report: Report) -> list[str]:
+    return [c for c in report["classes"] if c not in report["classes_absent_from_truth"]]
+
+
+def text(report: Report) -> str:
+    """The tables, in Markdown."""
+    absent, classes = report["classes_absent_from_truth"], _present(report)
+    subsets = list(report["rows"][0]["over_classes"])
+    over = [
+        (f"mIoU over {name}", lambda row, name=name: number(row["over_classes"][name]["mean"]))
+        for name in subsets
+    ]
+    by_class = [(name, lambda row, name=name: number(row["class_iou"][name])) for name in classes]
+    sizes = " or ".join(dict.fromkeys(row["size"] for row in report["rows"]))
+    lines = [
+        introduction({**report, "scored_at": sizes}),
+        "",
+        *table([*COLUMNS, *over], report["rows"]),
+        "",
+        "IoU of each class, %:",
+        "",
+    ]
+    lines += table([NET, SET, *by_class], report["rows"])
+    if absent:
+        lines += ["", f"Never in the truth, and so in no mean: {', '.join(absent)}."]
+    lines += failures(report["rows"])
+    if report["paper"]:
+        own = [
+            [TRAINED_ON[r["trained_on"]], *(str(r[c]) for c in ("images", "fcn8s", "deeplabv2"))]
+            for r in report["paper"]["rows"]
+        ]
+        lines += ["", report["paper"]["note"], ""]
+        lines += markdown(["trained on", "images", "FCN8s", "DeepLabv2"], own)
+    return "\n".join(lines)
+
+
+def picture(report: Report) -> bytes:
+    """MIoU of every training set and net, and the IoU of each class, as PNG."""
+    names = list(dict.fromkeys(row["net"] for row in report["rows"]))
+    sets = list(dict.fromkeys(row["trained_on"] for row in report["rows"]))
+    classes = _present(report)
+    down = 1 if len(names) < 3 else 2
+    across = -(-(1 + len(names)) // down)
+    figure, axes = plt.subplots(
+        down, across, figsize=(6 * across, (1.5 + 0.3 * max(len(classes), 8)) * down),
+        layout="constrained", squeeze=False,
+    )  # fmt: skip
+    axis, *others = axes.flat
+    for unused in others[len(names) :]:
+        unused.set_axis_off()
+    thick = 0.8 / len(names)
+    for k, net in enumerate(names):
+        rows = [row for row in report["rows"] if row["net"] == net]
+        places = [
+            sets.index(row["trained_on"]) + (k - (len(names) - 1) / 2) * thick for row in rows
+        ]
+        means = [row["mean"] or 0.0 for row in rows]
+        bars = [half(row) for row in rows]
+        axis.barh(places, means, thick, xerr=bars, capsize=3, color=f"C{k}", label=net)
+        own = others[k]
+        values = np.array([[row["class_iou"][c] for row in rows] for c in classes], float)
+        image = own.imshow(values, aspect="auto", vmin=0, vmax=100, cmap="viridis")
+        for (y, x), value in np.ndenumerate(values):
+            color = "white" if value < 60 else "black"
+            own.text(x, y, f"{value:.0f}", ha="center", va="center", fontsize=7, color=color)
+        own.set_xticks(range(len(rows)), [row["trained_on"] for row in rows], fontsize=8)
+        own.set_yticks(range(len(classes)), classes, fontsize=8)
+        own.set_title(f"{net} at {rows[0]['size']}: IoU of each class, %")
+        figure.colorbar(image, ax=own, shrink=0.8)
+    axis.set_yticks(range(len(sets)), [TRAINED_ON[name] for name in sets])
+    axis.invert_yaxis()
+    axis.set(xlabel="mIoU on the test images, %, 95 % intervals", title="training sets")
+    if len(names) > 1:
+        axis.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=len(names))
+    figure.suptitle(f"{target_of(report)}, {report['seeds']} nets each")
+    return png(figure)
+
+
+FORM = Form("table", derive, text, {"table.png": picture})
+STUDY = of_rows(FORM, rows, report, check)
+
+if __name__ == "__main__":
+    sys.exit(main("table", defaults, partial(do, STUDY), __doc__))
