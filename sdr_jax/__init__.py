@@ -47,7 +47,7 @@ from sdr_jax.run import (
     run_on_host,
 )
 from sdr_jax.sdr import sdr
-from sdr_jax.space import Proposal, Space, draw, space
+from sdr_jax.space import Proposal, Space, space
 
 __all__ = [
     "METHODS",
@@ -66,7 +66,6 @@ __all__ = [
     "Trial",
     "attribute_descent",
     "cma_es",
-    "draw",
     "drive",
     "ema",
     "first_state",
