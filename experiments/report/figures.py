@@ -148,7 +148,11 @@ def shares(seen: Report) -> Figure:
     data = []
     for row in sets:
         own = seen["shares"][row]
-        same = {"name": f"{NAMES[row]}, {own['images']} images", "legendgroup": row, "yaxis": "y"}
+        same: Figure = {
+            "name": f"{NAMES[row]}, {own['images']} images",
+            "legendgroup": row,
+            "yaxis": "y",
+        }
         mark = {"color": _colour(row), "size": 8, "opacity": 0.85}
         share = [max(own["pixels"][k], LEAST) for k in order]
         hover = f"%{{y}}, {NAMES[row]}: "

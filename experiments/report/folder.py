@@ -71,11 +71,13 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
     if report is None:
         report = _summary(path, config)
     index, matters = path / PICTURES / INDEX, path / PICTURES / FILE
+    evaluations, finals = (JsonLines(path / name).lines for name in LOGS)
     run = RunFolder(
         path,
         report,
         config,
-        *(JsonLines(path / name).lines for name in LOGS),
+        evaluations,
+        finals,
         _object(index) if index.exists() else None,
         _array(path / PICTURES / "probabilities.npy", 3),
         _array(path / PICTURES / "expected.npy", 3),
