@@ -2,9 +2,10 @@
 
 from importlib import import_module
 
+import griffe
 import pytest
 
-from tests.conftest import printed
+from tests.conftest import ROOT, printed
 
 
 def modules_after(statement: str) -> set[str]:
@@ -34,6 +35,9 @@ def test_public_names_are_loaded_on_first_use_from_modules_of_the_package(packag
         assert home.split(".")[0] == package and getattr(whole, name) is not None
     with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nothing'"):
         _ = whole.nothing
+    reader = griffe.load_extensions(str(ROOT / "scripts" / "docs_sources.py"))
+    page = griffe.load(package, search_paths=[ROOT], extensions=reader)
+    assert sorted(page.exports) == whole.__all__  # what the reference lists
 
 
 def test_a_function_with_the_name_of_its_module_is_what_the_package_offers_in_any_order():
