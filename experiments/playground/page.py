@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from nicegui import app, ui
 from nicegui.events import UploadEventArguments, ValueChangeEventArguments
@@ -35,20 +35,20 @@ for kind in (ui.input, ui.number, ui.select):
     kind.default_props("dense options-dense" if kind is ui.select else "dense")
 
 
-class Options(NamedTuple):
-    """What every page begins with."""
+def serve(state: State, photographs: Sequence[Path], port: int, browser: bool) -> None:
+    """Serve the page on this machine's own address until Ctrl-C.
 
-    state: State
-    photographs: tuple[Path, ...] = ()
-
-
-def serve(options: Options, port: int, browser: bool) -> None:
-    """Serve the page on this machine's own address until Ctrl-C."""
+    Args:
+        state: what every page begins with.
+        photographs: real images to look at beside it.
+        port: of the address.
+        browser: whether to open one.
+    """
     process = RenderProcess()
 
     @ui.page("/")
     async def _() -> None:
-        await Page(options, process).begin()
+        await Page(state, photographs, process).begin()
 
     app.add_middleware(Guard)
     app.on_startup(lambda: print(f"http://{HOST}:{port} (Ctrl-C ends it)", flush=True))
@@ -68,8 +68,8 @@ def serve(options: Options, port: int, browser: bool) -> None:
 class Page:
     """One tab: what it shows, and its elements."""
 
-    def __init__(self, options: Options, process: RenderProcess) -> None:
-        self._state, self._photographs, self._process = options.state, options.photographs, process
+    def __init__(self, state: State, photographs: Sequence[Path], process: RenderProcess) -> None:
+        self._state, self._photographs, self._process = state, photographs, process
         self._wanted = LatestOnly(process.make, self._show)
         self._note: ui.notification | None = None
         ui.colors(primary=ACCENT)
@@ -97,8 +97,16 @@ class Page:
         with ui.element("header").classes("bar"):
             ui.html("<h1>Playground</h1>", sanitize=False)
             for text, hint, change in (
-                ("hand-set", "intervals around the hand-set street", _named("default")),
-                ("random", "every attribute anywhere in its range", _named("random")),
+                (
+                    "hand-set",
+                    "intervals around the hand-set street",
+                    partial(states.set_to, name="default"),
+                ),
+                (
+                    "random",
+                    "every attribute anywhere in its range",
+                    partial(states.set_to, name="random"),
+                ),
                 ("centre all", "every interval in the middle, as wide as it is", states.centred),
             ):
                 button = ui.button(text, on_click=self._press(change)).tooltip(hint)
@@ -287,10 +295,6 @@ def _picture(kind: str) -> ui.interactive_image:
 
 def _source(kind: str, data: bytes) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
-
-
-def _named(name: str) -> Callable[[State], State]:
-    return lambda state: states.set_to(state, name)
 
 
 def _whole(value: float | None) -> int | None:
