@@ -1,4 +1,4 @@
-"""Makes one paragraph of each "Source:" in a docstring, which Griffe would take for a box with a title."""
+"""What Griffe is told about our sources: what packages offer, and that a "Source:" is a paragraph."""
 
 import re
 from typing import Any
@@ -9,7 +9,13 @@ SOURCE = re.compile(r"^Source: .*(?:\n +\S.*)+", re.MULTILINE)
 
 
 class Sources(griffe.Extension):
-    """Joins the lines of sources."""
+    """Finds the names that are imported on first use, and joins the lines of sources."""
+
+    def on_package(self, *, pkg: griffe.Module, **_: Any) -> None:
+        """Called once for every package: it offers what its stub imports (``shell.lazy``)."""
+        stub = pkg.filepath.with_suffix(".pyi")
+        if stub.exists():
+            pkg.exports = re.findall(r" as (\w+)$", stub.read_text(encoding="utf-8"), re.MULTILINE)
 
     def on_object(self, *, obj: griffe.Object, **_: Any) -> None:
         """Called once for every object with a docstring or without."""

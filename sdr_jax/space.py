@@ -9,15 +9,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-import jax
-import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float, Key
+from jaxtyping import Array, Float
 
 Width = float | tuple[float, ...] | None
 """Of relaxed bins: of all attributes, of each, or by default 1 / K."""
-
-BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
 
 
 @dataclass(frozen=True)
@@ -119,27 +114,6 @@ class Proposal(NamedTuple):
 
     centre: Float[Array, "*batch attributes"]  # the middle of the interval
     width: Float[Array, "*batch attributes"]  # its length
-
-
-def draw(
-    rng_key: Key[Array, ""], proposal: Proposal, streets: int
-) -> Float[Array, "*batch streets attributes"]:
-    """Draws the attributes of every street, uniform on the proposal's intervals.
-
-    Args:
-        rng_key: consumed.
-        proposal: f32[*batch attributes] each.
-        streets: how many streets to draw for each proposal.
-
-    Returns:
-        Values in [0, 1), f32[*batch streets attributes].
-    """
-    *batch, attributes = proposal.centre.shape
-    shape = (*batch, streets, attributes)
-    low = jnp.broadcast_to((proposal.centre - proposal.width / 2)[..., None, :], shape)
-    width = jnp.broadcast_to(proposal.width[..., None, :], shape)
-    unit = low + width * jax.random.uniform(rng_key, shape)
-    return jnp.clip(unit, 0.0, BELOW_ONE)  # rounding could reach 1
 
 
 def _refuse_duplicates(names: Sequence[str], what: str) -> None:

@@ -7,33 +7,25 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
-from flax import linen as nn
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Float32, UInt8
 
 from seg.batches import in_batches
 from seg.nets import Compact, normalise
+from seg.nets.compact import PENULTIMATE
 
 GRID = 2
 """Cells along each side of the coarse grid, which keeps a little of where things are."""
 BATCH = 16
 """Images per call of the net."""
-PENULTIMATE = "_ConvNormRelu_5"
-"""The last layer of the compact net before its logits; a quarter of the resolution."""
 
 
 def penultimate(
     params: Any, images: Float[Array, "b h w 3"], classes: int
 ) -> Float[Array, "b rows cols features"]:
     """Features, none below 0, that the last layer of the compact net makes its logits from."""
-
-    def wanted(module: nn.Module, method: str) -> bool:
-        return module.name == PENULTIMATE and method == "__call__"
-
-    _, state = Compact(classes).apply(
-        {"params": params}, images, capture_intermediates=wanted, mutable=["intermediates"]
-    )
-    return state["intermediates"][PENULTIMATE]["__call__"][0]
+    _, state = Compact(classes).apply({"params": params}, images, mutable=["intermediates"])
+    return state["intermediates"][PENULTIMATE][0]
 
 
 def pool(maps: Float[Array, "b rows cols features"]) -> Float[Array, "b vector"]:

@@ -1,8 +1,11 @@
 """Each library can be had without the others, and `scene` without paying for JAX."""
 
+from importlib import import_module
+
+import griffe
 import pytest
 
-from tests.conftest import printed
+from tests.conftest import ROOT, printed
 
 
 def modules_after(statement: str) -> set[str]:
@@ -19,6 +22,32 @@ def modules_after(statement: str) -> set[str]:
 def test_a_library_imports_only_what_is_its_own(package, absent):
     loaded = modules_after(f"import {package}")
     assert package in loaded and not loaded & absent
+
+
+@pytest.mark.parametrize("package", ["sdr_jax", "scene", "seg"])
+def test_public_names_are_loaded_on_first_use_from_modules_of_the_package(package):
+    alone = modules_after(f"import {package}\nassert '__all__' in dir({package})")
+    assert not alone & {"jax", "numpy"}
+    whole = import_module(package)
+    assert whole.__all__ and set(whole.__all__) <= set(dir(whole))
+    for name in whole.__all__:
+        home = whole._homes[name]
+        assert home.split(".")[0] == package and getattr(whole, name) is not None
+    with pytest.raises(AttributeError, match=f"module '{package}' has no attribute 'nothing'"):
+        _ = whole.nothing
+    reader = griffe.load_extensions(str(ROOT / "scripts" / "docs_sources.py"))
+    page = griffe.load(package, search_paths=[ROOT], extensions=reader)
+    assert sorted(page.exports) == whole.__all__  # what the reference lists
+
+
+def test_a_function_with_the_name_of_its_module_is_what_the_package_offers_in_any_order():
+    printed(
+        "import sys, sdr_jax.pool, sdr_jax.registry, sdr_jax\n"
+        "from sdr_jax import pool, run, sdr, space\n"
+        "for function in (pool, run, sdr, space):\n"
+        "    assert function is getattr(sys.modules[function.__module__], function.__name__)\n"
+        "assert sdr_jax.pool is pool and sys.modules['sdr_jax.pool'].PoolState"
+    )
 
 
 def test_workers_wait_neither_for_trimesh_nor_for_rich_nor_for_opengl():

@@ -62,6 +62,9 @@ def test_the_wheel_works_outside_the_checkout(tmp_path):
     (wheel,) = tmp_path.glob(f"sdr_jax-{PROJECT['version']}-*.whl")
     done(sys.executable, "-m", "pip", "install", "--no-deps", "--target", site, wheel)
     assert {path.parent.name for path in site.glob("*/py.typed")} == {*PACKAGES}
+    data = [p for package in PACKAGES for p in (ROOT / package).rglob("*.*")]
+    data = [p.relative_to(ROOT) for p in data if p.suffix in (".css", ".html", ".js", ".pyi")]
+    assert len(data) >= 6 and all((site / path).is_file() for path in data)
     shutil.rmtree(tree)
     where = "import experiments.__main__ as m; print(m.__file__)"
     assert done(sys.executable, "-c", where).startswith(str(site))

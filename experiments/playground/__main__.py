@@ -84,9 +84,9 @@ def main(arguments: list[str] | None = None) -> int:
         check_port(options.port)
         state, photographs = first_state(options), listed(options.real)
         renderer("embree")
-        from experiments.playground.page import Options, serve
+        from experiments.playground.page import serve
 
-        serve(Options(state, photographs), options.port, not options.no_browser)
+        serve(state, photographs, options.port, not options.no_browser)
 
     return exit_code(work, users=(ValueError, RendererError), debug=options.debug, goes_on=False)
 

@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import NamedTuple
 
 from nicegui import app, ui
 from nicegui.events import UploadEventArguments, ValueChangeEventArguments
 
 from experiments.playground import state as states
+from experiments.playground.dataset_panel import DatasetPanel
 from experiments.playground.guard import MOST_BYTES, Guard
-from experiments.playground.look import ACCENT, CSS
-from experiments.playground.orders import Orders
 from experiments.playground.photographs import photograph
-from experiments.playground.rendering import Desk, Kitchen, Pictures, Request, request
+from experiments.playground.rendering import LatestOnly, Pictures, RenderProcess, Request, request
 from experiments.playground.sliders import Sliders
 from experiments.playground.state import State
 from scene.assets.catalogue import USES
@@ -26,27 +25,34 @@ from shell.command import size
 from shell.files import parse_json
 
 HOST = "127.0.0.1"
+ACCENT = "#4f7ea3"
+"""The colour of what can be moved or pressed."""
+STYLE = Path(__file__).with_name("page.css")
 BLANK = "data:image/gif;base64,R0lGODlhAQABAAAAACH5BAEKAAEALAAAAAABAAEAAAICTAEAOw=="
 
 
-class Options(NamedTuple):
-    """What every page begins with."""
-
-    state: State
-    photographs: tuple[Path, ...] = ()
+for kind in (ui.input, ui.number, ui.select):
+    kind.default_props("dense options-dense" if kind is ui.select else "dense")
 
 
-def serve(options: Options, port: int, browser: bool) -> None:
-    """Serve the page on this machine's own address until Ctrl-C."""
-    kitchen = Kitchen()
+def serve(state: State, photographs: Sequence[Path], port: int, browser: bool) -> None:
+    """Serve the page on this machine's own address until Ctrl-C.
+
+    Args:
+        state: what every page begins with.
+        photographs: real images to look at beside it.
+        port: of the address.
+        browser: whether to open one.
+    """
+    process = RenderProcess()
 
     @ui.page("/")
     async def _() -> None:
-        await Page(options, kitchen).begin()
+        await Page(state, photographs, process).begin()
 
     app.add_middleware(Guard)
     app.on_startup(lambda: print(f"http://{HOST}:{port} (Ctrl-C ends it)", flush=True))
-    app.on_shutdown(kitchen.close)
+    app.on_shutdown(process.close)
     ui.run(
         host=HOST,
         port=port,
@@ -62,12 +68,12 @@ def serve(options: Options, port: int, browser: bool) -> None:
 class Page:
     """One tab: what it shows, and its elements."""
 
-    def __init__(self, options: Options, kitchen: Kitchen) -> None:
-        self._state, self._photographs, self._kitchen = options.state, options.photographs, kitchen
-        self._desk = Desk(kitchen.make, self._show)
+    def __init__(self, state: State, photographs: Sequence[Path], process: RenderProcess) -> None:
+        self._state, self._photographs, self._process = state, photographs, process
+        self._wanted = LatestOnly(process.make, self._show)
         self._note: ui.notification | None = None
         ui.colors(primary=ACCENT)
-        ui.add_css(CSS)
+        ui.add_css(STYLE)
         self._bar()
         with ui.element("main").classes("desk"):
             self._column = ui.element("section").classes("knobs")
@@ -76,14 +82,14 @@ class Page:
                 with ui.element("div").classes("panels"):
                     self._view_panel()
                     self._asset_panel()
-                    self._orders = Orders(lambda: self._state)
+                    self._dataset = DatasetPanel(lambda: self._state)
         self._fill()
-        ui.context.client.on_delete(self._orders.close)
+        ui.context.client.on_delete(self._dataset.close)
 
     async def begin(self) -> None:
         """Ask for the first picture when the page stands."""
         await ui.context.client.connected()
-        if not self._kitchen.warm:
+        if not self._process.warm:
             self._time.set_text("warming up: code is compiled, once")
         await self._ask(quick=False)
 
@@ -91,13 +97,21 @@ class Page:
         with ui.element("header").classes("bar"):
             ui.html("<h1>Playground</h1>", sanitize=False)
             for text, hint, change in (
-                ("by eye", "intervals around a street set by eye", _named("default")),
-                ("random", "every attribute anywhere in its range", _named("random")),
+                (
+                    "hand-set",
+                    "intervals around the hand-set street",
+                    partial(states.set_to, name="default"),
+                ),
+                (
+                    "random",
+                    "every attribute anywhere in its range",
+                    partial(states.set_to, name="random"),
+                ),
                 ("centre all", "every interval in the middle, as wide as it is", states.centred),
             ):
                 button = ui.button(text, on_click=self._press(change)).tooltip(hint)
                 button.props("outline dense padding='2px 12px'")
-            self._component = ui.select([], on_change=self._choose).props("dense borderless")
+            self._component = ui.select([], on_change=self._choose).props("borderless")
             ui.element("div").classes("grow")
             self._time = ui.label().classes("quiet time")
             upload = ui.upload(auto_upload=True, max_file_size=MOST_BYTES, on_upload=self._load)
@@ -118,7 +132,7 @@ class Page:
                     self._real = _picture("real")
                     most = len(self._photographs) - 1
                     turn = ui.number(f"real image, 0..{most}", value=0, min=0, max=most)
-                    turn.props("dense borderless").on_value_change(self._turn)
+                    turn.props("borderless").on_value_change(self._turn)
             with ui.element("div").classes("planes"):
                 self._label, self._depth = _picture("label"), _picture("depth")
         if self._photographs:
@@ -132,10 +146,10 @@ class Page:
                 for name in ("seed", "street", "shot", "shots"):
                     self._number(name, getattr(view, name))
                 rays = ui.select([1, 2, 3, 4], value=view.samples, label="rays")
-                rays.props("dense options-dense").tooltip("per pixel along each axis")
+                rays.tooltip("per pixel along each axis")
                 rays.on_value_change(lambda e: self._look(samples=int(e.value)))
             with ui.element("div").classes("fields"):
-                box = ui.input("size", value=f"{view.width}x{view.height}").props("dense")
+                box = ui.input("size", value=f"{view.width}x{view.height}")
                 box.on("change", lambda: self._resize(box.value))
                 self._space = ui.toggle(list(states.SPACES), value=self._state.space)
                 self._space.on_value_change(self._respace)
@@ -148,25 +162,22 @@ class Page:
             ui.html("<h2>Assets</h2>", sanitize=False)
             if pool.own:
                 use = ui.select(list(USES), value=pool.use, label="which")
-                use.props("dense options-dense")
                 use.on_value_change(lambda e: self._stock(use=e.value))
             with ui.element("div").classes("fields"):
                 for label, name, value in (
                     ("first", "first", pool.first),
                     ("of each family", "size", pool.size),
                 ):
-                    box = ui.number(label, value=value, min=0, precision=0).props("dense")
+                    box = ui.number(label, value=value, min=0, precision=0)
                     box.on_value_change(lambda e, name=name: self._stock(**{name: _whole(e.value)}))
             away = ui.select(list(FAMILIES), multiple=True, value=[], label="families left out")
-            away.props("dense options-dense").on_value_change(
-                lambda e: self._stock(without=tuple(e.value))
-            )
+            away.on_value_change(lambda e: self._stock(without=tuple(e.value)))
             ui.label("share in use").classes("quiet")
             share = ui.slider(min=0.05, max=1, step=0.05, value=pool.fraction).props("label dense")
             share.on("change", lambda: self._stock(fraction=float(share.value)))
 
     def _number(self, name: str, value: int) -> None:
-        box = ui.number(name, value=value, min=0, precision=0).props("dense")
+        box = ui.number(name, value=value, min=0, precision=0)
 
         async def change(event: ValueChangeEventArguments) -> None:
             if event.value is not None:
@@ -189,7 +200,7 @@ class Page:
         try:
             states.check_view(self._state.view)
             self._wrong.set_text("")
-            await self._desk.ask(request(self._state, quick))
+            await self._wanted.ask(request(self._state, quick))
         except (ValueError, RuntimeError) as error:
             self._wrong.set_text(str(error))
 
@@ -284,10 +295,6 @@ def _picture(kind: str) -> ui.interactive_image:
 
 def _source(kind: str, data: bytes) -> str:
     return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
-
-
-def _named(name: str) -> Callable[[State], State]:
-    return lambda state: states.set_to(state, name)
 
 
 def _whole(value: float | None) -> int | None:

@@ -80,7 +80,7 @@ def _file(suffix: str, picture: np.ndarray) -> bytes:
     return data.tobytes()
 
 
-class Kitchen:
+class RenderProcess:
     """One process that makes pictures, shared by all pages; what it compiled and built is kept."""
 
     def __init__(self) -> None:
@@ -109,8 +109,8 @@ class Kitchen:
         self._workers.close()
 
 
-class Desk:
-    """Where one page asks for pictures: one at a time, stale wishes dropped, quick ones refined.
+class LatestOnly:
+    """Makes what one page asks for: of pictures that wait only the last, and quick ones again in full.
 
     Args:
         make: gives a request's pictures.

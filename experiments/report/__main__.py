@@ -1,8 +1,6 @@
-"""Reports of runs: one page that needs no network, also of several runs side by side.
+"""Reports of runs: one page of each that needs no network.
 
-    python -m experiments.report runs/a                          # writes runs/a/report.html anew
-    python -m experiments.report runs/a runs/b --out both.html   # side by side
-    python -m experiments.report runs/a --tensorboard events     # and the same figures for TensorBoard
+    python -m experiments.report runs/a             # writes runs/a/report.html anew
 
 A run is the folder (--out) of experiments.camvid, experiments.cityscapes or experiments.labelmefacade at its
 end. Studies have reports in a form of their own, which --rederive writes anew.
@@ -10,57 +8,54 @@ end. Studies have reports in a form of their own, which --rederive writes anew.
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from experiments.report import events, page, several
-from experiments.report.kept import read
+from experiments.report import page
+from experiments.report.folder import read
+from experiments.reward.store import LOGS
 from shell.command import Parser, exit_code
 from shell.errors import UserError
 from shell.files import write
 
 NAME = "report.html"
+INSTEAD = f"{' and '.join(LOGS)} in each run hold every evaluation, an object a line"
 
 
-def make(paths: Sequence[Path], out: Path | None, tensorboard: Path | None) -> list[Path]:
-    """Write the page of runs, and their events if asked for; returns what was written.
+def make(path: Path, out: Path | None) -> Path:
+    """Write the page of a run; returns where it is.
 
     Args:
-        paths: run folders.
-        out: the page; by default in the folder of a single run, else in this one.
-        tensorboard: folder of events, one folder for each run in it.
+        path: the run's folder.
+        out: the page; by default in that folder.
 
     Raises:
         UserError: a folder that is no finished run, or a place where nothing can be written.
     """
-    names = [path.resolve() for path in paths]
-    if len(set(names)) < len(names):
-        raise UserError(f"{' '.join(map(str, paths))} names one run twice")
-    out = out or (paths[0] / NAME if len(paths) == 1 else Path(NAME))
+    out = out or path / NAME
     if out.is_dir():
         raise UserError(f"--out {out} is a folder; name a file, such as {out / NAME}")
-    runs = [read(path) for path in paths]
-    write_events = None if tensorboard is None else events.writer(runs, tensorboard)
-    write(out, page.html(runs[0].summary, paths[0]) if len(runs) == 1 else several.html(runs))
-    return [out, *(write_events() if write_events else [])]
+    write(out, page.html(read(path).summary, path))
+    return out
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
     parser = Parser("experiments.report", __doc__)
-    parser.add_argument("runs", type=Path, nargs="+", metavar="RUN", help="run folders")
-    parser.add_argument(
-        "--out", type=Path, help="the page; by default RUN/report.html, of several report.html"
-    )
-    parser.add_argument(
-        "--tensorboard", type=Path, metavar="DIR", help="write TensorBoard events there, too"
-    )
+    parser.add_argument("run", type=Path, nargs="+", metavar="RUN", help="run folder")
+    parser.add_argument("--out", type=Path, help="the page; by default RUN/report.html")
+    parser.add_argument("--tensorboard", help=argparse.SUPPRESS)
     options = parser.parse_args(arguments)
 
     def work() -> None:
-        for path in make(options.runs, options.out, options.tensorboard):
-            print(path)
+        if options.tensorboard is not None:
+            raise UserError(f"--tensorboard: there are no TensorBoard events any more; {INSTEAD}")
+        if len(options.run) > 1:
+            runs = " ".join(map(str, options.run))
+            raise UserError(f"{runs}: a page has one run; to compare several, {INSTEAD}")
+        print(make(options.run[0], options.out))
 
     return exit_code(work)
 

@@ -26,7 +26,8 @@ function coloured(value) {
 }
 
 function dressed(layout, height) {
-  const axis = { gridcolor: "@grid", zerolinecolor: "@line", linecolor: "@line", automargin: true, ticks: "" };
+  const axis = { gridcolor: "@grid", zerolinecolor: "@line", linecolor: "@line", automargin: true, ticks: "",
+    zeroline: false };
   const found = {
     height, paper_bgcolor: "rgba(0,0,0,0)", plot_bgcolor: "rgba(0,0,0,0)", colorway: ["@learnt"],
     font: { family: getComputedStyle(document.body).fontFamily, size: 12.5, color: "@soft" },
@@ -38,7 +39,7 @@ function dressed(layout, height) {
   for (const key of Object.keys(found)) {
     if (!/^[xy]axis\d*$/.test(key)) continue;
     found[key] = { ...axis, ...found[key] };
-    if (found[key].title) found[key].title = { font: { size: 12.5 }, ...found[key].title };
+    if (found[key].title) found[key].title = { text: found[key].title, font: { size: 12.5 }, standoff: 8 };
   }
   return coloured(found);
 }

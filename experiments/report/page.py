@@ -1,266 +1,329 @@
-"""``report.html``: a run on one page that needs no network. Figures come from the summary and the logs."""
+"""``report.html``: a run on one page that needs no network. Figures come from the summary and the logs.
+
+``page.html`` lays out what is worked out here; ``figures`` has its plots.
+"""
 
 from __future__ import annotations
 
 import json
+import mimetypes
+from base64 import b64encode
 from pathlib import Path
+from typing import Any
 
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from plotly.offline import get_plotlyjs
+
+from experiments.main.pictures import PICTURES
 from experiments.main.summary import TRAINED_ON
-from experiments.report import figures, searching, streets
-from experiments.report.html import Section, document, facts, folded, missing, plot, table, text
-from experiments.report.kept import Kept, read
+from experiments.report import figures
+from experiments.report.figures import NAMES
+from experiments.report.folder import RunFolder, read
 from experiments.report.matters import matters
-from experiments.run.few import words
-from experiments.study.form import Report, cells, number, starts
+from experiments.run import few
+from experiments.study.form import Report, cells, number, starts, words
+from scene.proposal import default_proposal, describe
 from shell.progress import duration
 
+HERE = Path(__file__).parent
 FIRST = 15
 """Attributes whose importance is drawn."""
+THIN = 0.02
+"""As dense as an interval of this width is drawn what is narrower: 3 of 170 pixels."""
+OLD = "This run is older than these pictures, or was cut off; its command writes them."
 
 
 def html(report: Report, folder: Path) -> str:
     """The whole page of a run, from its derived summary and its folder."""
     run = read(folder, report)
-    sections = (
-        result(run),
-        search(run),
-        *streets.sections(run),
-        classes(run),
-        importance(run),
-        cost(run),
-        making(run),
+    order, seen = figures.ordered(report), run.seen
+    trained = [row for row in order if any(report["nets"][row])]
+    learnt_first = sorted(trained, key=lambda row: row != "learnt")
+
+    def inline(name: str) -> str | None:
+        """A picture as text; None where its file is gone."""
+        try:
+            data = b64encode((run.path / PICTURES / name).read_bytes()).decode()
+        except OSError:
+            return None
+        return f"data:{mimetypes.guess_type(name)[0]};base64,{data}"
+
+    environment = Environment(
+        loader=FileSystemLoader(HERE),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
     )
-    return document(report["note"], head(run), sections)
+    environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
+    environment.filters |= {"inline": inline, "said": figures.said}
+    config = dict(run.config)
+    versions = {"engine of scenes": config.get("engine", "?")}
+    versions |= config.pop("made_with", {}) | config.pop("versions", {})
+    page = environment.get_template("page.html").render(
+        run=run, report=report, seen=seen, order=order, trained=trained, figures=figures,
+        NAMES=NAMES, OLD=OLD, FIRST=FIRST,
+        few=len(report.get("few_images", ())), starts=starts(report), asked=asked(run),
+        cards=cards(report), results=results(report, order), result_note=result_note(report),
+        search_note=search_note(run), selection=selection(run),
+        attributes=attributes(run), policy=figures.policy(run),
+        classes=class_table(report, trained),
+        confusion=None if seen is None else figures.confusion(seen, learnt_first),
+        importance=importance(run), cost=cost(run),
+        versions=versions.items(), settings=json.dumps(config, indent=2),
+        style=(HERE / "page.css").read_text(encoding="utf-8"),
+        code=(HERE / "page.js").read_text(encoding="utf-8"), plotly=get_plotlyjs(),
+    )  # fmt: skip
+    return page + "\n"
 
 
-def head(run: Kept) -> str:
+def asked(run: RunFolder) -> list[tuple[str, str]]:
     """What was asked, of which data."""
     report, config = run.summary, run.config
-    fidelity, options = config.get("final", {}), config.get("search", {})
-    train = fidelity.get("train", {})
+    train, options = config.get("final", {}).get("train", {}), config.get("search", {})
     count = len(report.get("few_images", ()))
-    asked = [
+    beside = (
+        f"{count} images, {100 * report['few_share']:.0f} % of every batch" if count else "none"
+    )
+    net, steps = train.get("net", "?"), train.get("steps", "?")
+    return [
         ("Reward", f"{report['reward_images']} images, {len(run.evaluations)} evaluations"),
         ("Reported on", f"{report['test_images']} other images at {report['scored_at']}"),
-        (
-            "Labels beside renders",
-            f"{count} images, {100 * report['few_share']:.0f} % of every batch",
-        )
-        if count
-        else ("Labels beside renders", "none"),
+        ("Labels beside renders", beside),
         ("Search", f"{options.get('method', '?')}, space {config.get('space', 'scenex')}"),
-        (
-            "Nets",
-            f"{train.get('net', '?')}, {train.get('steps', '?')} steps, {seeds(report)} seeds",
-        ),
+        ("Nets", f"{net}, {steps} steps, {_seeds(report)} seeds"),
         ("Answer", f"candidate “{report['chosen_candidate']}”"),
         ("Took", f"{duration(report['seconds']['total'])}, preset {report['preset']}"),
     ]
-    warning = "" if report["real"] else '<p class="twin">The twin: not a result on real data.</p>'
-    gone = report["failed"]
-    failed = f"<p>{gone} evaluations failed in training and are left out.</p>" if gone else ""
-    question = (
-        f"Which streets, rendered beside {count} labelled images, train the best net?"
-        if count
-        else "Which streets, rendered and labelled by the engine, train the best net?"
-    )
-    note = report["note"][0].upper() + report["note"][1:]
-    return f"<h1>{question}</h1><p>{text(note)}.{text(starts(report))}</p>{warning}{failed}{facts(asked)}"
 
 
-def seeds(report: Report) -> int:
+def _seeds(report: Report) -> int:
     """Nets of every row."""
     return len(report["rows"]["random"]["miou"])
 
 
-def result(run: Kept) -> Section:
-    """The rows with their intervals, those beside a few labels first, and the gains."""
-    report = run.summary
-    order = figures.ordered(report)
-    gains = [
-        ("learnt minus random", report["gain"]),
-        ("learnt minus by eye", report["gain_over_default"]),
-    ]
-    beside = report.get("gain_beside_few", {})
-    gains = [(f"few + learnt minus {figures.NAMES[k]}", g) for k, g in beside.items()] + gains
-    lines = [(words(report, row, TRAINED_ON), *cells(report["rows"][row])) for row in order]
-    lines += [(name, *cells(gain, "+.1f")) for name, gain in gains]
-    rows = [[text(cell) for cell in line] for line in lines]
-    absent = ", ".join(report["classes_absent_from_truth"])
-    also = f" Left out of the mean, for they never occur in the truth: {absent}." if absent else ""
-    return Section(
-        "result",
-        "Result",
-        _cards(run)
-        + plot(figures.rows(report, order), 46 * len(order) + 60)
-        + folded("As a table, with gains", table(("trained on", "mIoU, %", "95 % interval"), rows)),
-        f"Mean IoU in percent on {report['test_images']} test images, {seeds(report)} paired seeds. Thick "
-        f"lines are 95 % intervals over seeds, small marks single nets.{also}",
-    )
-
-
-def _cards(run: Kept) -> str:
-    """The answer in a few figures."""
-    report = run.summary
+def cards(report: Report) -> list[tuple[str, str, str, Report]]:
+    """The answer in a few figures: each with its unit, what it is, and its interval."""
     rows, beside = report["rows"], report.get("gain_beside_few")
     if beside:
-        shown = [("few+learnt", f"{len(report['few_images'])} labels and learnt streets")]
+        answer = ("few+learnt", f"{len(report['few_images'])} labels and learnt streets")
         gains = [
-            (f"over {words(report, row, TRAINED_ON)}", beside[row])
+            (f"over {few.words(report, row, TRAINED_ON)}", beside[row])
             for row in ("few", "few+default")
         ]
     else:
-        shown = [("learnt", "learnt streets")]
+        answer = ("learnt", "learnt streets")
         gains = [
-            ("over the street set by eye", report["gain_over_default"]),
+            ("over the hand-set street", report["gain_over_default"]),
             ("over random streets", report["gain"]),
         ]
-    if "real" in rows:
-        shown.append(("real", words(report, "real", TRAINED_ON)))
-    told = [(number(rows[row]["mean"]), "% mIoU", what, rows[row]) for row, what in shown]
+    real = [("real", few.words(report, "real", TRAINED_ON))] if "real" in rows else []
+    told = [(number(rows[row]["mean"]), "% mIoU", what, rows[row]) for row, what in (answer, *real)]
     told[1:1] = [(number(gain["mean"], "+.1f"), "points", what, gain) for what, gain in gains]
-    return '<div class="cards">' + "".join(
-        f'<div class="card"><b>{value or "–"} <small>{unit}</small></b><span>{text(what)}<br>'
-        f"95 %: {figures.said(entry)}</span></div>"
-        for value, unit, what, entry in told
-    ) + "</div>"  # fmt: skip
+    return told
 
 
-def search(run: Kept) -> Section:
-    """Rewards in the order in which they were made."""
-    count = len(run.evaluations)
-    if count == 0:
-        return Section("search", "Search", missing("The run keeps no rewards of a search."))
+def results(report: Report, order: list[str]) -> list[list[str]]:
+    """The rows with their intervals, and the gains."""
+    gains = {
+        f"few + learnt minus {NAMES[k]}": g for k, g in report.get("gain_beside_few", {}).items()
+    }
+    gains |= {
+        "learnt minus random": report["gain"],
+        "learnt minus hand-set": report["gain_over_default"],
+    }
+    lines = [[few.words(report, row, TRAINED_ON), *cells(report["rows"][row])] for row in order]
+    return lines + [[name, *cells(gain, "+.1f")] for name, gain in gains.items()]
+
+
+def result_note(report: Report) -> str:
+    """What the rows are, in words."""
+    absent = ", ".join(report["classes_absent_from_truth"])
+    also = f" Left out of the mean, for they never occur in the truth: {absent}." if absent else ""
+    return (
+        f"Mean IoU in percent on {report['test_images']} test images, {_seeds(report)} paired seeds. Thick "
+        f"lines are 95 % intervals over seeds, small marks single nets.{also}"
+    )
+
+
+def search_note(run: RunFolder) -> str:
+    """What the rewards are, in words."""
+    if not run.evaluations:
+        return ""
     method = run.config.get("search", {}).get("method", "?")
+    data = "a subset of its round's streets" if method == "pool" else "a dataset of its own"
     model = (
         " The line is what the method's model expected of each evaluation before it was made, its band one "
         "standard deviation."
         if run.expected is not None
         else ""
     )
-    body = plot(searching.curve(run), 380) + _selection(run)
-    note = f"{count} rewards of {method}, each of a fresh net on a dataset of its own.{model}"
-    return Section("search", "Search", body, note)
+    return f"{len(run.evaluations)} rewards of {method}, each of a fresh net on {data}.{model}"
 
 
-def _selection(run: Kept) -> str:
+def selection(run: RunFolder) -> Report | None:
     """How the answer was chosen among the candidates; nothing of a run that used another rule."""
     report = run.summary
     found = report.get("selection")
     if found is None:
-        return ""
-    scale, form = (1, ".1f") if run.percent else (0.01, ".4f")
+        return None
+    scale, form, unit = (1, ".1f", "%") if run.percent else (0.01, ".4f", "-MMD²")
 
-    def said(value: float | None) -> str:
-        return number(None if value is None else scale * value, form)
+    def told(values: list[float | None]) -> list[str]:
+        return [number(None if value is None else scale * value, form) for value in values]
 
-    parts, unit = report["parts"], "%" if run.percent else "-MMD²"
     rows = []
     for name, mean in found["means"].items():
         mark = " ← answer" if name == report["chosen_candidate"] else ""
-        by_part = report["candidate_parts"][name] or [None] * len(parts)
+        by_part = report["candidate_parts"][name] or [None] * len(report["parts"])
         t = number(found["t"].get(name), ".2f")
-        rows.append([text(name + mark), said(mean), t, *map(said, by_part)])
-    head = ["candidate", f"mean, {unit}", "t", *(f"{text(part)}, {unit}" for part in parts)]
-    nets = max(map(len, report["candidates"].values()))
-    bound = (
-        "" if found["critical"] is None else f" The critical value of t is {found['critical']:.2f}."
-    )
-    verdict = text(found["verdict"][0].upper() + found["verdict"][1:])
-    return (
-        f"<h3>Model selection: candidates for the answer, {nets} paired seeds, on the reward images</h3>"
-        f"<p>{verdict}.{bound} The parts of the reward images are only reported.</p>{table(head, rows)}"
-    )
+        rows.append([name + mark, *told([mean]), t, *told(by_part)])
+    critical = found["critical"]
+    bound = "" if critical is None else f" The critical value of t is {critical:.2f}."
+    return {
+        "nets": max(map(len, report["candidates"].values())),
+        "verdict": f"{found['verdict'][0].upper()}{found['verdict'][1:]}.{bound}",
+        "head": [
+            "candidate",
+            f"mean, {unit}",
+            "t",
+            *(f"{part}, {unit}" for part in report["parts"]),
+        ],
+        "rows": rows,
+    }
 
 
-def classes(run: Kept) -> Section:
-    """IoU of every class, who was taken for whom, and what the images hold."""
-    report, seen = run.summary, run.seen
-    order = [row for row in figures.ordered(report) if any(report["nets"][row])]
-    body = plot(figures.classes(report, order), 430)
-    values = [
-        [text(name), *(number(report["rows"][row]["per_class"][name]) for row in order)]
-        for name in report["rows"][order[0]]["per_class"]
-    ]
-    body += folded("As a table", table(("IoU, %", *(figures.NAMES[row] for row in order)), values))
-    matrices = seen and figures.confusion(seen, sorted(order, key=lambda row: row != "learnt"))
-    body += "<h3>Confusion: percent of each true class, by what it was taken for</h3>"
-    if matrices:
-        wide = len(report["classes"])
-        body += plot(matrices, 26 * wide + 150)
-    else:
-        body += missing(
-            "This run left no confusion matrices: they came later, or its nets came from a store."
+def attributes(run: RunFolder) -> Report:
+    """What each attribute was learnt to be drawn from, beside the hand-set street.
+
+    Of each attribute bars within its whole range, as styles: of probabilities one for each bin, as high as it
+    is likely, to one scale for all components; else the interval.
+    """
+    report, config = run.summary, run.config
+    components, hidden = report["components"], report["hidden_centres"]
+    names = list(components[0]["attributes"])
+    found = {name: [c["attributes"][name] for c in components] for name in names}
+    hand_set = describe(
+        default_proposal(config.get("default_width", 0.15), config.get("space", "scenex"))
+    )["components"][0]["attributes"]
+    binned = any("probabilities" in entry["unit"] for own in found.values() for entry in own)
+    rows = []
+    for k, (name, own) in enumerate(found.items()):
+        other = hand_set.get(name)
+        # A near twin hides the attributes of the smaller space.
+        centre = hidden[k] if hidden is not None and k < len(hidden) else None
+        densities = [_density(entry) for entry in own]
+        most = max(density for bars in densities for *_, density in bars)
+        rows.append(
+            {
+                "name": words(name),
+                "learnt": [
+                    [_bar(a, b, d / most if binned else None) for a, b, d in bars if d]
+                    for bars in densities
+                ],
+                "hand_set": None if other is None else _bar(*_ends(other)),
+                "hidden": None if centre is None else f"left:{100 * centre:.1f}%",
+                "cells": [
+                    *map(_range, own),
+                    "" if other is None else _range(other),
+                    own[0]["physical"]["unit"],
+                    own[0]["meaning"],
+                ],
+            }
         )
-    body += "<h3>What the images hold: shares of classes, and where they lie</h3>"
-    if seen:
-        body += plot(figures.shares(seen), 21 * len(seen["classes"]) + 90)
-    else:
-        body += missing("This run did not record what its images hold.")
-    return Section(
-        "classes", "Classes", body, "Mean IoU of each class with 95 % intervals over seeds."
+    drawn = (
+        "densities; from – to is the interval with their mean and variance"
+        if binned
+        else "intervals"
+    )
+    mixed = len(components) - 1
+    kinds = f" The answer is a mixture of {len(components)} kinds of streets." if mixed else ""
+    return {
+        "note": f"Each street draws its attributes from these {drawn}.{kinds}{_recovered(report)}",
+        "shares": [f"{100 * c['share']:.0f} % of streets" for c in components],
+        "hidden": hidden is not None,
+        "binned": binned,
+        # Of a mixture of densities the first is filled and the others are lines; of intervals they are pale.
+        "looks": ["area" if binned and mixed else ""] + ["step" if binned else "pale"] * mixed,
+        "rows": rows,
+    }
+
+
+def _recovered(report: Report) -> str:
+    found = report.get("recovery")
+    if found is None:
+        return ""
+    return (
+        f" They lie {found['learnt_error']:.2f} of their range from the twin's hidden ones on average; all "
+        f"centres at one half would lie {found['centre_error']:.2f}."
     )
 
 
-def importance(run: Kept) -> Section:
+def _bar(low: float, high: float, height: float | None = None) -> str:
+    high_as = "" if height is None else f";height:{100 * height:.0f}%"
+    return f"left:{100 * low:.1f}%;width:{100 * (high - low):.1f}%{high_as}"
+
+
+def _density(entry: Report) -> list[tuple[float, float, float]]:
+    """From, to and density of each bin, or of the one interval."""
+    shares = entry["unit"].get("probabilities")
+    if shares is None:
+        low, high = _ends(entry)
+        return [(low, high, 1 / max(high - low, THIN))]
+    bins = len(shares)
+    return [(k / bins, (k + 1) / bins, bins * share) for k, share in enumerate(shares)]
+
+
+def _ends(entry: Report) -> tuple[float, float]:
+    """Where an interval begins and ends, as unit values."""
+    centre, width = entry["unit"]["centre"], entry["unit"]["width"]
+    return max(centre - width / 2, 0.0), min(centre + width / 2, 1.0)
+
+
+def _range(entry: Report) -> str:
+    ends = [f"{entry['physical'][key]:.3g}" for key in ("low", "high")]
+    return " – ".join(dict.fromkeys(ends))
+
+
+def class_table(report: Report, order: list[str]) -> dict[str, Any]:
+    """IoU of each class by row, in words."""
+    rows = report["rows"]
+    return {
+        "head": ["IoU, %", *(NAMES[row] for row in order)],
+        "rows": [
+            [name, *(number(rows[row]["per_class"][name]) for row in order)]
+            for name in rows[order[0]]["per_class"]
+        ],
+    }
+
+
+def importance(run: RunFolder) -> dict[str, Any]:
     """Which attributes matter, by the model of ``experiments.sensitivity`` on the run's own rewards."""
-    title = ("importance", "What matters")
     found = run.matters
     if found is None:
         found = matters(run.evaluations, run.summary["target"], run.config.get("space", "scenex"))
-    if not found["attributes"]:
-        return Section(*title, missing(found["said"]))
-    body = plot(searching.importance(found["attributes"][:FIRST]), 24 * FIRST + 80)
-    return Section(
-        *title,
-        body,
+    note = (
         f"Sobol indices of a Bayesian model of the {found['rewards']} rewards with 95 % intervals of its "
-        f"posterior; the first {FIRST} attributes. {found['said']}",
+        f"posterior; the first {FIRST} attributes. {found['said']}"
     )
+    shown = found["attributes"][:FIRST]
+    return {"shown": shown, "said": found["said"], "note": note if shown else ""}
 
 
-def cost(run: Kept) -> Section:
+def cost(run: RunFolder) -> dict[str, Any]:
     """Where the time went."""
-    stages = searching.costs(run)
-    rows = [
-        [
-            text(stage),
-            str(own["nets"]),
-            *(f"{own[key] / 60:.1f}" for key in ("render", "train")),
-            f"{(own['render'] + own['train']) / max(own['nets'], 1):.1f}",
-        ]
-        for stage, own in stages.items()
-    ]
-    total = {k: sum(own[k] for own in stages.values()) for k in ("nets", "render", "train")}
-    spent = total["render"] + total["train"]
-    each = spent / max(total["nets"], 1)
-    rows.append(["all", f"{total['nets']:.0f}", f"{total['render'] / 60:.1f}", f"{total['train'] / 60:.1f}",
-                 f"{each:.1f}"])  # fmt: skip
-    clock = run.summary["seconds"]["total"]
-    workers = run.config.get("workers", "?")
-    return Section(
-        "cost",
-        "Time and cost",
-        plot(searching.cost(stages), 44 * len(stages) + 90)
-        + table(("stage", "nets", "rendering, min", "training, min", "seconds a net"), rows),
-        f"{duration(spent)} of work on one core in {duration(clock)} by the clock, {workers} workers.",
-    )
-
-
-def making(run: Kept) -> Section:
-    """The command, versions, and every setting."""
-    config = dict(run.config)
-    versions = config.pop("versions", {})
-    command = run.summary.get("command")
-    told = (
-        f"<pre>{text(command)}</pre>" if command else missing("The run did not record its command.")
-    )
-    pairs = [("engine of scenes", str(config.get("engine", "?")))]
-    pairs += (config.pop("made_with", {}) | versions).items()
-    everything = json.dumps(config, indent=2)
-    return Section(
-        "made",
-        "How it was made",
-        told + facts(pairs) + folded("Every setting", f"<pre>{text(everything)}</pre>"),
-        "The same command goes on with the run, or does it again in another --out.",
-    )
+    stages = figures.costs(run)
+    keys = ("nets", "render", "train")
+    total = {key: sum(own[key] for own in stages.values()) for key in keys}
+    rows = []
+    for stage, own in {**stages, "all": total}.items():
+        each = (own["render"] + own["train"]) / max(own["nets"], 1)
+        minutes = [f"{own[key] / 60:.1f}" for key in keys[1:]]
+        rows.append([stage, f"{own['nets']:.0f}", *minutes, f"{each:.1f}"])
+    clock, workers = run.summary["seconds"]["total"], run.config.get("workers", "?")
+    spent = duration(total["render"] + total["train"])
+    return {
+        "stages": stages,
+        "rows": rows,
+        "note": f"{spent} of work on one core in {duration(clock)} by the clock, {workers} workers.",
+    }

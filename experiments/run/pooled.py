@@ -9,6 +9,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float, Key
 
 import sdr_jax
 from experiments.config import Candidate, Fidelity, GroupsConfig, RewardKind
@@ -29,7 +30,7 @@ from experiments.run.search import (
 )
 from experiments.run.search import search as one_by_one
 from scene.attributes import names
-from scene.proposal import Histogram, Streets, components, mixture, random_proposal
+from scene.proposal import BELOW_ONE, Histogram, Streets, components, mixture, random_proposal
 from sdr_jax.method import on_clipping
 from sdr_jax.pool import Policy, divergence
 from sdr_jax.registry import MethodName
@@ -100,9 +101,9 @@ def search(run: Run[Any], plan: SearchPlan) -> Found:
             actions, proposals = method.sample(keys[0], state, pool.streets)
             chosen = method.subsets(keys[1], state, actions, plan.datasets, pool.subset)
             whole = embed(plan.space, plan.subset, jax.device_get(proposals))
-            units = sdr_jax.draw(keys[2], sdr_jax.Proposal(*map(jnp.asarray, whole)), 1)
+            units = drawn(keys[2], sdr_jax.Proposal(*map(jnp.asarray, whole)))
             seeds = np.asarray(jax.random.bits(keys[3], (plan.datasets + 1,), jnp.uint32)).tolist()
-        rewards.append(score(update, np.asarray(units)[:, 0], np.asarray(chosen), seeds))
+        rewards.append(score(update, np.asarray(units), np.asarray(chosen), seeds))
         with watch:
             state, info = method.update(state, actions, jnp.asarray(rewards[-1]), chosen)
             policies.append(method.policy(state))
@@ -133,6 +134,20 @@ def search(run: Run[Any], plan: SearchPlan) -> Found:
         wall_seconds=watch.wall,
         answers=answers,
     )
+
+
+def drawn(
+    rng_key: Key[Array, ""], proposals: sdr_jax.Proposal
+) -> Float[Array, "streets attributes"]:
+    """Draw the attributes of one street in [0, 1) from each proposal, uniform on its intervals.
+
+    Args:
+        rng_key: consumed.
+        proposals: f32[streets, attributes] each.
+    """
+    low = proposals.centre - proposals.width / 2
+    uniform = jax.random.uniform(rng_key, low.shape)
+    return jnp.clip(low + proposals.width * uniform, 0.0, BELOW_ONE)  # rounding could reach 1
 
 
 class _Rewards:

@@ -5,18 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 
 @dataclass(eq=False, slots=True)
 class Mesh:
-    """Triangles as plain arrays: a vehicle has hundreds of parts, and each of them is one.
-
-    What else trimesh knows about a mesh (``bounds``, ``area``, ``triangles``, ...) it is asked for when
-    wanted, and only then loaded.
-    """
+    """Triangles as plain arrays: a vehicle has hundreds of parts, and each of them is one."""
 
     vertices: np.ndarray  # f64[v, 3]
     faces: np.ndarray  # i64[f, 3]
@@ -25,12 +20,11 @@ class Mesh:
         """The same triangles in arrays of their own."""
         return Mesh(self.vertices.copy(), self.faces.copy())
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("__"):  # what Python looks for on its own
-            raise AttributeError(name)
-        import trimesh
-
-        return getattr(trimesh.Trimesh(self.vertices, self.faces, process=False), name)
+    @property
+    def bounds(self) -> np.ndarray:
+        """Low and high corner f64[2, 3] of the triangles."""
+        corners = self.vertices[self.faces.ravel()]
+        return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
 def frozen(array: np.ndarray) -> np.ndarray:

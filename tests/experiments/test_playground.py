@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 import pytest
 from playwright.sync_api import sync_playwright
+from starlette.responses import PlainTextResponse
 
 from benchmarks.playground import browser, served
 from experiments.playground import __main__ as command
 from experiments.playground import exporting, guard
-from experiments.playground.rendering import Desk, pictures, request
+from experiments.playground.rendering import LatestOnly, pictures, request
 from experiments.playground.state import GROUPS, View, centred, moved, opened, shown
 from scene.attributes import BY_NAME
 from scene.classes import TrainId, colorize
@@ -74,9 +75,9 @@ def test_of_wishes_that_wait_only_the_last_is_made_and_then_refined():
         await asyncio.sleep(0.02)
 
     async def drag(seen):
-        desk = Desk(make, lambda wanted, *_: seen.append((wanted.view.seed, wanted.quick)))
+        wanted = LatestOnly(make, lambda wanted, *_: seen.append((wanted.view.seed, wanted.quick)))
         wishes = (request(MIXED, quick=True)._replace(view=VIEW._replace(seed=k)) for k in range(5))
-        await asyncio.gather(*map(desk.ask, wishes))
+        await asyncio.gather(*map(wanted.ask, wishes))
         return seen
 
     assert asyncio.run(drag([])) == [(0, True), (4, True), (4, False)]
@@ -99,14 +100,29 @@ def test_an_export_can_be_cancelled_and_continued_and_refuses_a_foreign_folder(t
 
 
 @pytest.mark.parametrize(("headers", "status"), [
-    ({"host": "127.0.0.1:80", "origin": "http://127.0.0.1:80", "content-length": "9"}, 0),
-    ({"host": "elsewhere.example"}, 403),
+    ({"host": "127.0.0.1:80", "origin": "http://127.0.0.1:80", "content-length": "9"}, 200),
+    ({"host": "elsewhere.example"}, 400),
+    ({"host": "127.0.0.1.elsewhere.example:80"}, 400),
+    ({}, 400),
     ({"host": "localhost:80", "origin": "http://elsewhere.example"}, 403),
     ({"host": "localhost:80", "content-length": str(guard.MOST_BYTES + 1)}, 413),
+    ({"host": "localhost:80", "content-length": "-1"}, 413),
     ({"host": "localhost:80", "transfer-encoding": "chunked"}, 411),
 ])  # fmt: skip
-def test_only_the_page_itself_is_answered(headers, status):
-    assert guard.refusal(headers) == status
+@pytest.mark.parametrize("kind", ["http", "websocket"])
+def test_only_the_page_itself_is_answered(headers, status, kind):
+    """Through the whole guard; behind it stands a page that answers all with 200."""
+    sent = []
+
+    async def send(message):
+        sent.append(message)
+
+    raw = [(name.encode(), value.encode()) for name, value in headers.items()]
+    scope = {"type": kind, "method": "GET", "path": "/", "headers": raw}
+    scope["extensions"] = {"websocket.http.response": {}}
+    asyncio.run(guard.Guard(PlainTextResponse("the page"))(scope, None, send))
+    assert sent[0]["type"] == {"http": "", "websocket": "websocket."}[kind] + "http.response.start"
+    assert sent[0]["status"] == status
 
 
 @pytest.mark.parametrize(("arguments", "complaint"), [

@@ -4,6 +4,8 @@ import shutil
 from dataclasses import replace
 from functools import partial
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -237,3 +239,14 @@ def test_what_it_cannot_do(config, change, says):
 def test_defaults_of_every_target_can_be_searched():
     for target in ("twin", "camvid", "labelmefacade"):
         check(searching(partial(defaults, MainConfig)(target, "quick"), method="pool"))
+
+
+def test_streets_are_uniform_on_their_intervals_and_below_one():
+    centre, width = np.float32([0.5, 0.3, 0.95, 1.0]), np.float32([1.0, 0.2, 0.0, 0.0])
+    many = sdr_jax.Proposal(*(np.tile(part, (20_000, 1)) for part in (centre, width)))
+    units = pooled.drawn(jax.random.key(3), many)
+    assert units.shape == (20_000, 4) and units.dtype == jnp.float32
+    assert np.all((units >= 0) & (units < 1))
+    assert np.all(np.abs(units - centre[None]) <= width[None] / 2 + 1e-6)
+    np.testing.assert_allclose(units.mean(0), centre, atol=0.01)
+    np.testing.assert_allclose(units.std(0), width / 12**0.5, atol=0.01)

@@ -4,8 +4,6 @@ import io
 import json
 import re
 import shutil
-import struct
-import sys
 from base64 import b64decode
 from html.parser import HTMLParser
 
@@ -48,6 +46,8 @@ class Page(HTMLParser):
 
     def handle_data(self, data):
         tag, attributes = self.tags[-1]
+        if not data.strip():
+            return
         if attributes.get("type") == "application/json":
             self.plots.append(json.loads(data))
         elif tag not in ("script", "style"):
@@ -175,18 +175,26 @@ def test_probabilities_are_shown_as_densities(run):
     mixed = mixture((0.5, 0.5), (own, random_proposal()))  # twice and once as dense
     write_json(run / "summary.json", summary | describe(mixed))
     assert bars() == [*one, "left:0.0%;width:100.0%;height:50%"] * len(ATTRIBUTES)
+    shown = Page(run / "report.html")
+    assert [told for told in shown.texts if told.startswith("learnt, ")] == [
+        "learnt, 50 % of streets"
+    ] * 2
+    looks = [a.get("class") for name, a in shown.tags if name == "span" and a.get("class")]
+    assert looks == ["track tall", "learnt area", "learnt step"] * len(ATTRIBUTES)
 
 
-def test_several_runs_lie_side_by_side(run, tmp_path):
-    other = shutil.copytree(run, tmp_path / "other")
-    write_json(other / "config.json", read_json(other / "config.json") | {"seed": 7})
-    assert main([str(run), str(other), "--out", str(tmp_path / "both.html")]) == 0
-    page, summary = Page(tmp_path / "both.html"), read_json(run / "summary.json")
-    mean = f"{summary['rows']['learnt']['mean']:.1f}"
-    (row,) = [cells for cells in page.rows if cells[0] == "learnt"]
-    assert len(row) == 3 and all(cell.startswith(mean) for cell in row[1:])
-    assert ["seed", "0", "7"] in page.rows
-    assert [t["name"] for t in page.plots[1]["data"] if t["mode"] == "lines"] == ["run", "other"]
+def test_the_rewards_of_a_search_by_pools_are_of_subsets_of_streets(run):
+    config = read_json(run / "config.json")
+    for method, told in (
+        ("pool", "a subset of its round's streets"),
+        ("sdr", "a dataset of its own"),
+    ):
+        config["search"]["method"] = method
+        write_json(run / "config.json", config)
+        assert main([str(run)]) == 0
+        assert (
+            f"rewards of {method}, each of a fresh net on {told}." in Page(run / "report.html").text
+        )
 
 
 @pytest.mark.parametrize(("left", "complaint"), [
@@ -209,23 +217,11 @@ def test_a_folder_that_is_no_finished_run_is_refused(left, complaint, tmp_path, 
     assert left is None or not (folder / "report.html").exists()
 
 
-def test_tensorboard_gets_every_reward(run, tmp_path, error_line, monkeypatch, capsys):
-    from tensorboardX.proto.event_pb2 import Event
-
-    flags = [str(run), "--tensorboard", str(tmp_path / "events")]
-    assert main(flags) == 0
-    (file,) = (tmp_path / "events" / "run").iterdir()
-    data, scalars = file.read_bytes(), {}
-    while data:  # length, its checksum, an event, its checksum
-        (length,) = struct.unpack("<Q", data[:8])
-        for value in Event.FromString(data[12 : 12 + length]).summary.value:
-            scalars.setdefault(value.tag, []).append(value.simple_value)
-        data = data[16 + length :]
-    rewards = [100 * line["reward"] for line in lines(run / "evaluations.jsonl")]
-    assert scalars["search/reward"] == pytest.approx(rewards)
-    learnt = read_json(run / "summary.json")["learnt"]
-    assert scalars["miou/learnt"] == pytest.approx(learnt["miou"])
-    capsys.readouterr()
-    assert main(flags) == 2 and "holds events already" in error_line()
-    monkeypatch.setitem(sys.modules, "tensorboardX", None)
-    assert main(flags) == 2 and "pip install -e '.[tensorboard]'" in error_line()
+@pytest.mark.parametrize("flags", [["other"], ["--tensorboard", "events"], ["--tensorboard="]])
+def test_what_the_page_no_longer_does_is_one_line_that_says_what_replaces_it(
+    flags, tmp_path, error_line
+):
+    assert main([str(tmp_path), *flags]) == 2
+    said = error_line()
+    assert "evaluations.jsonl and finals.jsonl in each run hold every evaluation" in said
+    assert flags[0].rstrip("=") in said and not [*tmp_path.iterdir()]

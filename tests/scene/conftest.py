@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from scene import AssetPool, Street, StreetParams, default_unit, sample_street, street_params
 from scene.assets.families import FAMILIES
+from scene.mesh.mesh import Mesh
 from scene.render import Renderer, RendererError, RenderSettings, renderer
 from scene.render.embree import api, rays
 from scene.street.extras import Mix
@@ -44,6 +45,11 @@ def kinds(families) -> list[tuple[str, str]]:
 
 def make(family: str, kind: str, seed: int):
     return FAMILIES[family].draw(np.random.default_rng(seed), kind)
+
+
+def solid(mesh: Mesh) -> trimesh.Trimesh:
+    """A mesh with all that trimesh knows of it."""
+    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
 
 
 def mirror(point: tuple[float, float, float]) -> tuple[float, float, float]:

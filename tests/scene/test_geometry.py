@@ -15,7 +15,7 @@ from scene.mesh.asset import merge, rotate
 from scene.mesh.mesh import Mesh, cross, twice_areas
 from scene.mesh.solids import box, ellipsoid, quads
 from scene.render.geometry import SKY_INSTANCE, asset_shape, build, shape_of, world
-from tests.scene.conftest import SEEDS, street
+from tests.scene.conftest import SEEDS, solid, street
 
 BALL = ellipsoid((0, 0, 0), (1, 1, 1), (0.5, 0.5, 0.5), subdivisions=2)
 RED, BLUE = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -122,7 +122,7 @@ def test_quads_are_merged_ones_a_ball_is_trimesh_s_and_a_mesh_asks_for_what_it_d
     assert twice_areas(both.mesh.vertices, both.mesh.faces).tolist() == [6, 6, 6, 6]
     mesh = box((2, 3, 4), (0, 0, 0), RED).mesh
     assert mesh.bounds.tolist() == [[-1, -1.5, 0], [1, 1.5, 4]]
-    assert mesh.area == pytest.approx(2 * (6 + 8 + 12))
+    assert solid(mesh).area == pytest.approx(2 * (6 + 8 + 12))
     with pytest.raises(AttributeError, match="colour"):
         _ = mesh.colour
     mesh = Mesh(SQUARE.copy(), np.array([[0, 1, 2]]))

@@ -14,7 +14,7 @@ from scene.ground.ground import ground_height, plain, sample_ground
 from scene.look.materials import material_id
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 from scene.mesh.quads import discs, flat, grid, rectangles, strokes, to_asset
-from tests.scene.conftest import SEEDS
+from tests.scene.conftest import SEEDS, solid
 
 
 def ground(seed, **arguments):
@@ -29,7 +29,7 @@ def ground_assets(drawn):
 def painted_on(drawn):
     """Corners [n, 3, 3] of the triangles painted on its road."""
     road = ground_assets(drawn)[1]
-    return road.mesh.triangles[road.material == material_id("marking")]
+    return solid(road.mesh).triangles[road.material == material_id("marking")]
 
 
 def areas(outlines):
@@ -63,7 +63,7 @@ def test_road_sidewalk_and_terrain_keep_to_their_strips_and_have_no_degenerate_f
     assert terrain[np.abs(terrain[:, 1]) < 90, 2] == pytest.approx(KERB_HEIGHT)
     assets = ground_assets(ground(seed)).values()
     for asset in assets:
-        assert np.isfinite(asset.mesh.vertices).all() and asset.mesh.area_faces.min() > 1e-6
+        assert np.isfinite(asset.mesh.vertices).all() and solid(asset.mesh).area_faces.min() > 1e-6
         assert 0 <= asset.color.min() and asset.color.max() <= 1
     assert sum(len(a.color) for a in assets) < 6000
 
@@ -74,8 +74,9 @@ def test_a_plain_ground_is_level_asphalt_without_paint(seed):
     road, sidewalk, terrain = ground_assets(drawn).values()
     assert (road.mesh.vertices[:, 2] == 0).all() and len(set(road.material.tolist())) == 1
     assert np.unique(np.abs(terrain.mesh.vertices[:, 2] - KERB_HEIGHT).round(3)).max() <= 0.01
-    assert road.mesh.area == pytest.approx(640 * 2 * drawn.half_width)
-    paved = sidewalk.mesh.area_faces[sidewalk.mesh.triangles[..., 2].min(axis=1) > 0.1].sum()
+    assert solid(road.mesh).area == pytest.approx(640 * 2 * drawn.half_width)
+    footways = solid(sidewalk.mesh)
+    paved = footways.area_faces[footways.triangles[..., 2].min(axis=1) > 0.1].sum()
     assert paved == pytest.approx(640 * 2 * (drawn.footway - 0.02), rel=1e-3)
 
 
@@ -163,7 +164,7 @@ def test_outlines_have_the_area_of_their_shape_and_become_two_triangles_each():
     cells = grid(np.array([0.0, 1, 2]), np.array([0.0, 1]), np.zeros((3, 2)))
     assert cells.shape == (2, 4, 3)
     asset = to_asset([flat(cells[..., :2], 0.5, np.array([[0.1] * 3, [0.2] * 3]), "grass")])
-    assert asset.mesh.area_faces == pytest.approx(0.5)
+    assert solid(asset.mesh).area_faces == pytest.approx(0.5)
     assert asset.color[:, 0] == pytest.approx([0.1, 0.1, 0.2, 0.2])
     assert (asset.mesh.vertices[:, 2] == 0.5).all()
 

@@ -17,7 +17,7 @@ from scene.assets import catalogue, library
 from scene.assets.library import FOLDERS, LibraryError, check, load, manifest, scan
 from scene.look.materials import material_id
 from scene.mesh.file import MeshError, read_mesh
-from tests.scene.conftest import refused
+from tests.scene.conftest import refused, solid
 
 CAR = (4.4, 1.8, 1.5)
 """Length, width and height of the box that stands for a car, metres."""
@@ -95,11 +95,11 @@ def card(opacity=255):
 
 def test_a_texture_gives_each_face_its_colour_and_leaves_out_what_is_clear(shelf):
     asset = only(shelf("tree/card.glb", card()), "tree")
-    left = asset.mesh.triangles_center[:, 0] < 0
+    left = solid(asset.mesh).triangles_center[:, 0] < 0
     assert (asset.color[left] == [1, 0, 0]).all() and (asset.color[~left] == [0, 0, 1]).all()
     asset = only(shelf("bush/card.glb", card(opacity=0)), "bush")
     assert (asset.color == [1, 0, 0]).all() and len(asset.color) == 2
-    assert asset.mesh.extents == pytest.approx([1, 0, 2])
+    assert solid(asset.mesh).extents == pytest.approx([1, 0, 2])
     mesh, picture = block(CAR), Image.new("RGB", (2, 2), (0, 255, 0))  # and of OBJ
     mesh.visual = TextureVisuals(uv=np.full((8, 2), 0.3), material=SimpleMaterial(image=picture))
     assert (only(shelf("car/box.obj", mesh)).color == [0, 1, 0]).all()
@@ -221,9 +221,9 @@ def test_a_class_folder_may_be_written_with_an_underscore_or_be_a_family(shelf):
 
 @pytest.mark.parametrize("family", catalogue.FAMILIES)
 def test_our_own_assets_would_be_of_plausible_size(family, shelf):
-    ours = catalogue.asset(family, 0).mesh
+    ours = solid(catalogue.asset(family, 0).mesh)
     (path,) = scan(shelf(f"{family}/ours.stl", ours))[family]
-    theirs = load(family, path).mesh
+    theirs = solid(load(family, path).mesh)
     assert sorted(theirs.extents) == pytest.approx(sorted(ours.extents), rel=1e-4)
 
 
@@ -235,12 +235,12 @@ def test_axes_are_told_by_the_manifest(shelf, up, forward):
     z, x = axis(up), axis(forward or "y")
     mesh = turned(car(), np.stack([x, np.cross(z, x), z]).T)
     folder = shelf("car/box.stl", mesh, up=up, forward=forward)
-    assert only(folder).mesh.extents == pytest.approx(CAR, abs=1e-5)
+    assert solid(only(folder).mesh).extents == pytest.approx(CAR, abs=1e-5)
 
 
 def test_the_manifest_scales_a_sign_hangs_on_its_pole_and_a_house_looks_at_the_road(shelf):
     folder = shelf("car/box.stl", car(1000 * np.array(CAR)), scale="0.001", author="B. Other")
-    assert only(folder).mesh.extents == pytest.approx(CAR, abs=1e-5)
+    assert solid(only(folder).mesh).extents == pytest.approx(CAR, abs=1e-5)
     ((file, author, licence, source, *_),) = manifest(folder)
     assert (file, author, licence, source) == ("car/box.stl", "B. Other", "CC0-1.0", "own work")
     folder = shelf("traffic sign/stop.stl", block((0.02, 0.7, 0.7)))

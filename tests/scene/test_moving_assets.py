@@ -14,7 +14,7 @@ from scene.assets.parts.bodywork import ARCH_GAP, Paint, at, axles, low, share, 
 from scene.assets.parts.human import FOREARM, HAND, UPPER_ARM, Body, bend
 from scene.assets.parts.skin import mirrored, revolve, sheet, slab, twin_sheets, weld
 from scene.look.materials import MATERIALS
-from tests.scene.conftest import SEEDS, cast, make, mirror
+from tests.scene.conftest import SEEDS, cast, make, mirror, solid
 
 RED = (0.5, 0.0, 0.0)
 BONE = st.floats(0.2, 0.5)
@@ -122,7 +122,7 @@ def test_vehicles_have_glass_tyres_and_lamps_at_both_ends(family):
     names = [material.name for material in MATERIALS]
     for kind in FAMILIES[family].kinds:
         asset = make(family, kind, 5)
-        ahead = asset.mesh.triangles_center[:, 0] > 0
+        ahead = solid(asset.mesh).triangles_center[:, 0] > 0
         for end in (ahead, ~ahead):
             assert {names[i] for i in asset.material[end]} >= {"rubber", "lamp"}
         assert names.index("glass") in asset.material
@@ -135,7 +135,7 @@ def test_nothing_stands_before_the_rims_of_large_vehicles(family):
     for kind, seed in product(FAMILIES[family].kinds, (3, 4)):
         params = FAMILIES[family].sample(np.random.default_rng(seed), kind)
         front = bus._axles(params)[0] if family == "bus" else params.length / 2 - params.axles[0]
-        triangles = FAMILIES[family].build(params).mesh.triangles
+        triangles = solid(FAMILIES[family].build(params).mesh).triangles
         rim = params.width / 2 + out - vehicle.SHALLOW * width  # its floor, metres from the middle
         reach = 0.25 * params.wheel_radius  # between the hub and the holes
         for x, z in np.column_stack([np.cos(turn), np.sin(turn)]) * reach:
@@ -149,7 +149,7 @@ def test_machines_have_their_saddle_and_bar_where_they_say(family, module):
     u, v = (grid.ravel() for grid in np.meshgrid(*[np.linspace(0, 1, 21)] * 2))
     weights = np.column_stack([1 - u, u * (1 - v), u * v])  # a grid of points on every triangle
     for kind in module.KINDS:
-        triangles = make(family, kind, 7).mesh.triangles
+        triangles = solid(make(family, kind, 7).mesh).triangles
         on_surface = np.einsum("gk,fkx->fgx", weights, triangles).reshape(-1, 3)
         for point in (module.SADDLE, module.BAR, mirror(module.BAR)):
             assert np.linalg.norm(on_surface - point, axis=1).min() < 0.06, (kind, point)
@@ -162,18 +162,18 @@ def square(x):
 
 def test_sheets_twins_cylinders_and_slabs_by_hand():
     mesh = weld(sheet(square(0), RED), sheet(square(1), RED)).mesh
-    assert (len(mesh.vertices), len(mesh.faces), mesh.area) == (6, 4, pytest.approx(2.0))
+    assert (len(mesh.vertices), len(mesh.faces), solid(mesh).area) == (6, 4, pytest.approx(2.0))
     flat = square(0)
     flat[1] = flat[0]
     assert len(weld(sheet(flat, RED)).mesh.faces) == 0
     # Twin sheets are a sheet and its mirror image.
     twins = twin_sheets(square(0) + [0, 2, 0], RED)
     assert twins.mesh.bounds[:, 1] == pytest.approx([-3, 3])
-    assert twins.mesh.face_normals[:, 2] == pytest.approx([-1, -1, -1, -1])
+    assert solid(twins.mesh).face_normals[:, 2] == pytest.approx([-1, -1, -1, -1])
     assert np.array_equal(mirrored(mirrored(twins)).mesh.faces, twins.mesh.faces)
     tube = revolve([(0.5, -1.0), (0.5, 1.0)], RED, "metal", sides=6)
     assert len(tube.mesh.vertices) == 12
-    assert tube.mesh.area == pytest.approx(6 * 0.5 * 2.0)  # a hexagon's side is its radius
+    assert solid(tube.mesh).area == pytest.approx(6 * 0.5 * 2.0)  # a hexagon's side is its radius
     mesh = slab([(0, 0.1, 0, 1), (1, 0.1, 0, 1), (2, 0.1, 0, 1)], RED, "paint").mesh
     assert mesh.bounds == pytest.approx(np.array([[0, -0.1, 0], [2, 0.1, 1]]))
 

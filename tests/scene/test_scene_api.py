@@ -4,8 +4,6 @@ import ast
 import re
 from pathlib import Path
 
-import pytest
-
 import scene
 
 ROOMS = (
@@ -30,11 +28,7 @@ def test_imports_between_rooms_point_one_way():
     assert seen == set(ROOMS)
 
 
-def test_every_public_name_is_there_and_the_example_in_the_docstring_runs():
-    for name in scene.__all__:
-        assert getattr(scene, name) is not None
-    with pytest.raises(AttributeError, match="no attribute 'nothing'"):
-        _ = scene.nothing
+def test_the_example_in_the_docstring_runs():
     lines = [line[4:] for line in scene.__doc__.splitlines() if re.match(r"    \S", line)]
     exec("\n".join(lines), scope := {})
     images, labels = scope["dataset"]

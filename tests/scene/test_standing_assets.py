@@ -6,7 +6,7 @@ from hypothesis import given, settings
 
 from scene.assets import building, signpost, traffic_light, traffic_sign, tree
 from scene.look.materials import material_id
-from tests.scene.conftest import SEEDS, cast, hits, kinds, make
+from tests.scene.conftest import SEEDS, cast, hits, kinds, make, solid
 
 BARE = ["bare lime", "half bare", "bare broad", "pollard", "birch", "bare poplar", "ivied",
         "young bare", "bare vase"]  # fmt: skip
@@ -25,7 +25,8 @@ def fill(asset, share):
 @pytest.mark.parametrize("kind", [k for k in building.KINDS if k != "car park"])
 @given(seed=SEEDS)
 def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
-    mesh, _, material = make("building", kind, seed)
+    plain, _, material = make("building", kind, seed)
+    mesh = solid(plain)
     glass = material == material_id("glass")
     at_facade = np.abs(mesh.triangles[:, :, 1]).max(axis=1) < 1e-9
     assert glass.sum() >= 8 and mesh.area_faces[at_facade].sum() > 15
@@ -35,14 +36,14 @@ def test_building_has_a_near_face_windows_sides_and_a_back(kind, seed):
     assert 8 <= width <= 15.4 and 8 <= depth <= 14 and 5 <= height <= 26
     rays = np.array([[1.0, 0, 0], [-1, 0, 0], [0, -1, 0], [0, 1, 0]])
     targets = np.array([0.0, mesh.bounds.mean(axis=0)[1], 2.0])
-    assert hits(mesh, targets - 30 * rays, rays).all()
+    assert hits(plain, targets - 30 * rays, rays).all()
 
 
 @pytest.mark.parametrize(("family", "kind"), kinds(["building", "wall"]))
 @given(seed=SEEDS)
 def test_faces_towards_the_road_never_fight_for_one_plane(family, kind, seed):
     # None lies within 3 cm before or behind another that faces the same way.
-    mesh = make(family, kind, seed).mesh
+    mesh = solid(make(family, kind, seed).mesh)
     facing = mesh.triangles[np.abs(mesh.face_normals[:, 1]) > 0.999]
     corners, depth = facing[:, :, [0, 2]], facing[:, 0, 1]
     edge = np.roll(corners, -1, axis=1) - corners
@@ -72,12 +73,12 @@ def test_two_trees_in_five_are_bare_or_half_bare_and_leafy_crowns_are_ragged_but
 
 @given(seed=SEEDS)
 def test_wood_tapers_to_the_twigs_and_a_young_tree_stands_between_stakes(seed):
-    mesh = make("tree", "bare lime", seed).mesh
+    mesh = solid(make("tree", "bare lime", seed).mesh)
     foot = mesh.triangles[..., 2].min(axis=1)
     assert mesh.area_faces[foot > 5].mean() < 0.2 * mesh.area_faces[foot < 0.1].mean()
     for kind in ("young", "young bare"):
         asset = make("tree", kind, seed)
-        wood = asset.mesh.triangles[asset.material == material_id("wood")]
+        wood = solid(asset.mesh).triangles[asset.material == material_id("wood")]
         assert wood[..., 2].max() > 1 and wood[..., 1].min() < -0.2 < 0.2 < wood[..., 1].max()
 
 
@@ -112,7 +113,7 @@ def test_sign_shows_its_face_to_the_camera_and_grey_to_the_back(kind, seed):
     layers = [layer.color for layer in params.layers[1:]]
     for x, wanted in ((5.0, [params.back]), (-5.0, layers)):
         start, ray = np.array([x, 0.001, params.centre + 0.01]), np.array([[-x / 5, 0, 0]])
-        distance = cast(start, ray, asset.mesh.triangles)[0][0]
+        distance = cast(start, ray, solid(asset.mesh).triangles)[0][0]
         color = asset.color[distance.argmin()]
         assert np.isfinite(distance.min()) and np.isclose(color, wanted).all(axis=1).any()
 

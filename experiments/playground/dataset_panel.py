@@ -14,7 +14,7 @@ LISTEN = 0.4
 """Seconds between looks at how far an export is."""
 
 
-class Orders:
+class DatasetPanel:
     """One export at a time, of the state that the page shows when it is ordered.
 
     Args:
@@ -26,11 +26,10 @@ class Orders:
         self._export: Export | None = None
         with ui.element("div").classes("panel dataset"):
             ui.html("<h2>Dataset</h2>", sanitize=False)
-            self._folder = ui.input("folder").props("dense")
+            self._folder = ui.input("folder")
             with ui.element("div").classes("fields"):
-                self._images = ui.number("images", value=180, min=1, precision=0).props("dense")
+                self._images = ui.number("images", value=180, min=1, precision=0)
                 self._format = ui.select(list(FORMATS), value="cityscapes", label="format")
-                self._format.props("dense options-dense")
             self._bar = ui.linear_progress(0, show_value=False).props("rounded")
             self._text = ui.label("size, rays, shots, seed and assets as in view")
             self._text.classes("quiet")

@@ -1,8 +1,7 @@
-"""What a finished run left in its folder, for reports."""
+"""The files of a finished run, for its report."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,8 +21,8 @@ from shell.lines import JsonLines, Record
 SUMMARY = "summary.json"
 
 
-class Kept(NamedTuple):
-    """A run; what an older one did not leave is None."""
+class RunFolder(NamedTuple):
+    """The files of a run; what an older one did not leave is None."""
 
     path: Path
     summary: Report  # derived
@@ -35,7 +34,6 @@ class Kept(NamedTuple):
     expected: (
         np.ndarray | None
     )  # f32[updates, datasets, 2], what the model held of each reward before it
-
     matters: Report | None  # see `experiments.report.matters`
 
     @property
@@ -56,7 +54,7 @@ class Kept(NamedTuple):
         return values * (100 if self.percent else 1)
 
 
-def read(path: Path, report: Report | None = None) -> Kept:
+def read(path: Path, report: Report | None = None) -> RunFolder:
     """What a run folder holds.
 
     Args:
@@ -72,19 +70,23 @@ def read(path: Path, report: Report | None = None) -> Kept:
         raise UserError(f"{path}: {what}; name the --out of a run")
     if report is None:
         report = _summary(path, config)
-    logs = [JsonLines(path / name).lines for name in LOGS]
     index, matters = path / PICTURES / INDEX, path / PICTURES / FILE
-    return Kept(
+    evaluations, finals = (JsonLines(path / name).lines for name in LOGS)
+    run = RunFolder(
         path,
         report,
         config,
-        logs[0],
-        logs[1],
+        evaluations,
+        finals,
         _object(index) if index.exists() else None,
         _array(path / PICTURES / "probabilities.npy", 3),
         _array(path / PICTURES / "expected.npy", 3),
         _object(matters) if matters.exists() else None,
     )
+    shares = run.probabilities
+    if shares is not None and shares.shape[1] != len(run.attributes):
+        run = run._replace(probabilities=None)  # of a search of some attributes only
+    return run
 
 
 def _summary(path: Path, config: dict[str, Any]) -> Report:
@@ -121,13 +123,3 @@ def _array(path: Path, axes: int) -> np.ndarray | None:
     except (OSError, ValueError, EOFError):
         return None
     return found if isinstance(found, np.ndarray) and found.ndim == axes else None
-
-
-def label_of(run: Kept, runs: Sequence[Kept]) -> str:
-    """A short name of a run among others: of its folder, with folders above it where two are alike."""
-    paths = [other.path.resolve().parts for other in runs]
-    own = run.path.resolve().parts
-    for count in range(1, len(own)):
-        if sum(parts[-count:] == own[-count:] for parts in paths) == 1:
-            return "/".join(own[-count:])
-    return str(run.path)
