@@ -46,7 +46,7 @@ TABLE = "camvid"
 NETS = ("fcn8s", "deeplabv2", "lite0", "compact")
 SMALL = ("compact", "lite0")
 CHUNK = 50
-"""Updates between two looks at the clock: as many as `seg.train` does between two looks at the loss."""
+"""Updates between two looks at the clock; `seg.train` looks at the loss as often."""
 
 
 def rendering(fidelity: Fidelity, names: list[str]) -> list[Row]:
@@ -123,7 +123,7 @@ def reward(fidelity: Fidelity, truth: Truth, renderer: str) -> Row:
 
 
 def projected(rewards: int, own: Row, cores: int) -> Row:
-    """Hours of a search of so many rewards: one after the other, and with rendering beside training."""
+    """Hours of a search of that many rewards: one after the other, and with rendering beside training."""
     serial = own["render_s"] + own["train_s"]
     beside = max(own["render_s"] / max(cores - 1, 1), own["train_s"])
     return {
@@ -156,7 +156,7 @@ def _real_truth(data: Path, fidelity: Fidelity) -> Truth:
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
-    command.add_argument("--data", type=Path, help="CamVid; else rewards are scored on noise")
+    command.add_argument("--data", type=Path, help="CamVid; else nets are tested on noise")
     command.add_argument("--weights", help="VGG16's, from seg.weights convert; else from scratch")
     command.add_argument("--nets", nargs="+", choices=NETS, help="whose updates are timed")
     command.add_argument("--renderers", nargs="+", default=["opengl", "embree"])
@@ -164,9 +164,9 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--small", action="store_true", help="everything tiny: does it run?")
     options = command.parse_args(arguments)
     config = defaults(MainConfig, "camvid", "smoke" if options.small else "paper")
-    fidelity, updates, scored = config.reward, 300, 266
+    fidelity, updates, tested = config.reward, 300, 266
     if options.small:
-        updates, scored = CHUNK, 4
+        updates, tested = CHUNK, 4
     timed = options.nets or (SMALL if options.small else NETS)
     if options.weights:
         own = with_net(fidelity.train, net=fidelity.train.net, weights=options.weights)
@@ -174,7 +174,7 @@ def main(arguments: list[str] | None = None) -> int:
     devices = [str(device) for device in jax.devices()]
     print(f"{jax.default_backend()}: {', '.join(devices)}", flush=True)
     try:
-        truth = random_truth(fidelity, scored)
+        truth = random_truth(fidelity, tested)
         if options.data is not None:
             truth = _real_truth(options.data, fidelity)
         rows = rendering(fidelity, options.renderers)

@@ -33,7 +33,7 @@ Raw = Callable[[jax.Array, jax.Array], jax.Array]
 
 
 class Problem(Protocol):
-    """What `benchmarks.search.evaluate` takes: bring your own."""
+    """What `benchmarks.search.evaluate` takes; a problem of your own needs these three."""
 
     @property
     def space(self) -> sdr_jax.Space:
@@ -114,7 +114,7 @@ def tabular(space: sdr_jax.Space, table: np.ndarray, noise: float = 0.0) -> Scal
 
 
 def _covered(centre: np.ndarray, width: np.ndarray, size: int) -> np.ndarray:
-    """How much of n intervals lies in each of so many bins, f64[n size]."""
+    """The share of each of n intervals that lies in each of ``size`` bins, f64[n size]."""
     edges = np.arange(size + 1) / size
     width = np.maximum(width, 1e-6)[:, None]
     filled = np.diff(np.clip((edges - centre[:, None]) / width + 0.5, 0, 1), axis=1)

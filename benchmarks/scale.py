@@ -3,7 +3,7 @@
     python -m benchmarks.scale [--json FILE]                              # some minutes
     python -m benchmarks.scale --scheduler tcp://10.0.0.1:8786            # a Dask cluster as it is, too
 
-Measured: exports of labelled streets, and rewards (render, train, score) as the demo asks for them. The
+Measured: exports of labelled streets, and rewards (render, train, test) as the demo asks for them. The
 plan is of 10,000 images of that size and of a search of 1,000 rewards at the paper's, whose training costs
 what ``experiments.run.ladder.cost_of`` says. Some things are done in one place: the main process writes the
 files of an export, and a network of 1 Gbit/s brings them; updates of a search follow each other, and each

@@ -101,7 +101,7 @@ def trace(
     Args:
         name: a key of `METHODS`.
         problem: what is searched.
-        evaluations: data sets that may be scored.
+        evaluations: the most data sets that the search may evaluate.
         seed: of the search and of the noise.
         looks: numbers of evaluations after which the recommendation is valued.
 
@@ -137,14 +137,14 @@ def trace(
 
 
 def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) -> float:
-    """Search, and tell the true value of the recommended proposal.
+    """Searches and returns the true value of the recommended proposal.
 
     Args:
         method_name: a key of `METHODS`.
         problem: any object with `space`, `reward(rng_key, proposals)` and `true_value(proposal)`;
             it need not be written in JAX. For tables see `benchmarks.problems.tabular`.
-        evaluations: data sets that may be scored; what does not fill an update or, with SDR, all
-            groups alike, stays unused.
+        evaluations: the most data sets that the search may evaluate; what does not fill an update or, with
+            SDR, all groups alike, stays unused.
         seed: of the search and of the noise.
 
     Returns:
@@ -169,7 +169,7 @@ class Task(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What came out."""
+    """The outcome of a task."""
 
     task: Task
     values: np.ndarray  # f64[budgets seeds]: recommended
@@ -179,7 +179,7 @@ class Result(NamedTuple):
 
 
 def work(task: Task) -> Result:
-    """Search all instances; one long search serves all budgets of a method that knows none."""
+    """Searches all instances; one long search serves all budgets of a method that takes none."""
     instances = [_instance(task.problem, seed) for seed in range(task.seeds)]
     longest = max(task.budgets)
     looks = tuple(sorted({*range(LOOKS, longest + 1, LOOKS), *task.budgets}))
@@ -220,12 +220,12 @@ def batches(tasks: list[Task]) -> list[list[Task]]:
 
 
 def work_all(tasks: list[Task]) -> list[Result]:
-    """Do a batch."""
+    """Does one batch."""
     return [work(task) for task in tasks]
 
 
 def results(tasks: list[Task], workers: int) -> Iterator[list[Result]]:
-    """Do all batches, in their order, in so many processes; 0 works in this one."""
+    """Does all batches, in their order, in ``workers`` processes; 0 works in this one."""
     if workers == 0:
         yield from map(work_all, batches(tasks))
         return

@@ -45,7 +45,7 @@ BATCHES: dict[NetName, int] = {"compact": 8, "deeplabv2": 4, "fcn8s": 4, "lite0"
 SIZES = ("128x96", "240x176", "480x360", "640x320")
 LARGE = 100_000  # pixels from which VGG nets take seconds an image: one is enough
 REWARDS = (None, 184)  # images of the rewards that are split: the preset's, and some more
-REAL = 367  # images of CamVid's training split, which the quick reward is scored on
+REAL = 367  # images of CamVid's training split, on which the net of a quick reward is tested
 BUDGET = 12.0  # seconds after which no further repeat begins, once there are two
 
 
