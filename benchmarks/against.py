@@ -13,10 +13,10 @@ import resource
 import statistics
 import subprocess
 import sys
-import time
+from functools import partial
 from pathlib import Path
 
-from benchmarks.report import Row
+from benchmarks.report import Row, timed
 
 HERE = Path(__file__).resolve().parents[1]
 CASES = tuple(
@@ -91,16 +91,12 @@ def speeds(
             there, here = zip(*pairs[1:], strict=True)
             rows.append(
                 {
-                    "width": case[0],
-                    "height": case[1],
-                    "rays_per_pixel": case[2] ** 2,
-                    "shots": case[3],
-                    "ms_there": 1000 * min(there),
-                    "ms_here": 1000 * min(here),
+                    "width": case[0], "height": case[1], "rays_per_pixel": case[2] ** 2,
+                    "shots": case[3], "ms_there": 1000 * min(there), "ms_here": 1000 * min(here),
                     "ratio": min(there) / min(here),
                     "median": statistics.median(t / h for t, h in pairs[1:]),
                 }
-            )
+            )  # fmt: skip
     finally:
         for server in servers:
             server.kill()
@@ -135,10 +131,9 @@ def starts(checkout: Path, rounds: int) -> list[Row]:
 
 def _timed(folder: Path, program: str) -> tuple[float, float]:
     """Seconds and processor seconds of a program."""
-    before, started = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
-    subprocess.run(
-        [sys.executable, "-c", program], cwd=folder, env=_environment(folder), check=True
-    )
+    command = [sys.executable, "-c", program]
+    run = partial(subprocess.run, command, cwd=folder, env=_environment(folder), check=True)
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    seconds, _ = timed(run)
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    used = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return time.perf_counter() - started, used
+    return seconds, after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

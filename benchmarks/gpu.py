@@ -14,15 +14,17 @@ from __future__ import annotations
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import jax
 import numpy as np
 
-from benchmarks.report import Row, machine, parser, table, write
+from benchmarks.report import Row, machine, parser, table, timed, write
+from benchmarks.train import random_truth
 from experiments.config import Fidelity, MainConfig
 from experiments.presets import defaults
 from experiments.reward.miou import Recipe, evaluate_miou, render
@@ -44,7 +46,7 @@ TABLE = "camvid"
 NETS = ("fcn8s", "deeplabv2", "lite0", "compact")
 SMALL = ("compact", "lite0")
 CHUNK = 50
-"""Updates between two looks at the clock: as many as `seg.train` does between two looks at the loss."""
+"""Updates between two looks at the clock; `seg.train` looks at the loss as often."""
 
 
 def rendering(fidelity: Fidelity, names: list[str]) -> list[Row]:
@@ -52,29 +54,21 @@ def rendering(fidelity: Fidelity, names: list[str]) -> list[Row]:
     rows = []
     for name in names:
         recipe = Recipe(fidelity, TABLE, name, AssetPool())
+        brief = recipe._replace(fidelity=replace(fidelity, streets=1))
         try:
-            # Once before: programs are compiled, assets built.
-            render(
-                Recipe(replace(fidelity, streets=1), TABLE, name, AssetPool()),
-                default_proposal(),
-                1,
-            )
-            started = time.perf_counter()
-            render(recipe, default_proposal(), 0)
-            seconds = (time.perf_counter() - started) / fidelity.images
+            render(brief, default_proposal(), 1)  # compiles programs and builds assets
+            seconds, _ = timed(partial(render, recipe, default_proposal(), 0))
         except RendererError as error:
             print(f"{name}: {error}", file=sys.stderr)
             continue
-        rows.append(_row("image", name, "", fidelity, seconds))
+        rows.append(_row("image", name, "", fidelity, seconds / fidelity.images))
     return rows
 
 
 def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
     """Seconds of an update and of a predicted image, and of lite0's features of an image."""
-    rng = np.random.default_rng(0)
-    h, w, classes = fidelity.height, fidelity.width, len(class_table(TABLE).classes)
-    images = rng.integers(0, 256, (16, h, w, 3), np.uint8)
-    labels = rng.integers(0, classes, (16, h, w)).astype(np.uint8)
+    classes = len(class_table(TABLE).classes)
+    images, labels, *_ = random_truth(fidelity, 16, classes)
     rows = []
     for name in names:
         for dtype in ("float32", "bfloat16"):
@@ -82,17 +76,14 @@ def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
             settings = replace(own, dtype=dtype, steps=updates + CHUNK)
             seconds, params = _update(settings, images, labels, classes)
             rows.append(_row("update", name, dtype, fidelity, seconds, settings.batch))
-            predict(params, images, settings, classes)
-            started = time.perf_counter()
-            predict(params, images, settings, classes)
-            each = (time.perf_counter() - started) / len(images)
-            rows.append(_row("prediction", name, dtype, fidelity, each))
+            passes: dict[str, Callable[[], Any]] = {
+                "prediction": partial(predict, params, images, settings, classes)
+            }
             if settings.frozen:
-                features(images, dtype)
-                started = time.perf_counter()
-                features(images, dtype)
-                each = (time.perf_counter() - started) / len(images)
-                rows.append(_row("features", name, dtype, fidelity, each))
+                passes["features"] = partial(features, images, dtype)
+            for what, run in passes.items():
+                run()  # compiles
+                rows.append(_row(what, name, dtype, fidelity, timed(run)[0] / len(images)))
     return rows
 
 
@@ -119,7 +110,7 @@ def _row(
 
 
 def reward(fidelity: Fidelity, truth: Truth, renderer: str) -> Row:
-    """One reward as a search asks for it, the second of its process: rendered, trained and scored."""
+    """One evaluation as a search asks for it, the second of its process."""
     recipe = Recipe(fidelity, TABLE, renderer, AssetPool())
     for seed in (0, 1):
         outcome = evaluate_miou(recipe, default_proposal(), seed, truth)
@@ -132,7 +123,7 @@ def reward(fidelity: Fidelity, truth: Truth, renderer: str) -> Row:
 
 
 def projected(rewards: int, own: Row, cores: int) -> Row:
-    """Hours of a search of so many rewards: one after the other, and with rendering beside training."""
+    """Hours of a search of that many rewards: one after the other, and with rendering beside training."""
     serial = own["render_s"] + own["train_s"]
     beside = max(own["render_s"] / max(cores - 1, 1), own["train_s"])
     return {
@@ -146,23 +137,14 @@ def projected(rewards: int, own: Row, cores: int) -> Row:
 
 def tests(words: list[str]) -> Row:
     """The tests, in a process of their own, and their last line."""
-    started = time.perf_counter()
     command = [sys.executable, "-m", "pytest", "-q", *words]
-    found = subprocess.run(command, capture_output=True, text=True, check=False)
+    run = partial(subprocess.run, command, capture_output=True, text=True, check=False)
+    seconds, found = timed(run)
     lines = found.stdout.strip().splitlines() or found.stderr.strip().splitlines() or [""]
     return {
         "tests": " ".join(words), "exit_code": found.returncode, "said": lines[-1],
-        "seconds": time.perf_counter() - started,
+        "seconds": seconds,
     }  # fmt: skip
-
-
-def _random_truth(fidelity: Fidelity, count: int) -> Truth:
-    """Images of noise, where only the time counts."""
-    rng = np.random.default_rng(1)
-    shape = (count, fidelity.height, fidelity.width)
-    classes = len(class_table(TABLE).classes)
-    labels = rng.integers(0, classes, shape).astype(np.uint8)
-    return Truth(rng.integers(0, 256, (*shape, 3), np.uint8), labels)
 
 
 def _real_truth(data: Path, fidelity: Fidelity) -> Truth:
@@ -174,7 +156,7 @@ def _real_truth(data: Path, fidelity: Fidelity) -> Truth:
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
-    command.add_argument("--data", type=Path, help="CamVid; else rewards are scored on noise")
+    command.add_argument("--data", type=Path, help="CamVid; else nets are tested on noise")
     command.add_argument("--weights", help="VGG16's, from seg.weights convert; else from scratch")
     command.add_argument("--nets", nargs="+", choices=NETS, help="whose updates are timed")
     command.add_argument("--renderers", nargs="+", default=["opengl", "embree"])
@@ -182,22 +164,19 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--small", action="store_true", help="everything tiny: does it run?")
     options = command.parse_args(arguments)
     config = defaults(MainConfig, "camvid", "smoke" if options.small else "paper")
-    fidelity, updates, scored = config.reward, 300, 266
+    fidelity, updates, tested = config.reward, 300, 266
     if options.small:
-        updates, scored = CHUNK, 4
+        updates, tested = CHUNK, 4
     timed = options.nets or (SMALL if options.small else NETS)
-    train_ = fidelity.train
     if options.weights:
-        train_ = with_net(train_, net=train_.net, weights=options.weights)
-    fidelity = replace(fidelity, train=train_)
+        own = with_net(fidelity.train, net=fidelity.train.net, weights=options.weights)
+        fidelity = replace(fidelity, train=own)
     devices = [str(device) for device in jax.devices()]
     print(f"{jax.default_backend()}: {', '.join(devices)}", flush=True)
     try:
-        truth = (
-            _random_truth(fidelity, scored)
-            if options.data is None
-            else _real_truth(options.data, fidelity)
-        )
+        truth = random_truth(fidelity, tested)
+        if options.data is not None:
+            truth = _real_truth(options.data, fidelity)
         rows = rendering(fidelity, options.renderers)
         rows += nets(fidelity, timed, updates)
         print(table(rows), flush=True)

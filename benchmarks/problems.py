@@ -2,13 +2,15 @@
 
 Values are sums of one function per attribute and of products of two within a group, tabulated on a
 fixed grid: so the mean over a proposal's intervals is exact. 0 is the value of random attributes, 100
-that of the best bins.
+that of the best bins. What every problem is made of is here, too; `benchmarks.foreign` has problems of
+other forms.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import combinations
 from typing import Protocol
 
@@ -17,7 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import sdr_jax
-from benchmarks import foreign, recorded
 
 GRID = 400
 """Cells that [0, 1] is cut into; functions are constant on each."""
@@ -27,9 +28,12 @@ GROUPS = (7, 2, 2, 2, 2, 8)
 
 BINS = 10
 
+Raw = Callable[[jax.Array, jax.Array], jax.Array]
+"""Values f32[n] of the centres and widths f32[n attributes] of proposals, in units of their own."""
+
 
 class Problem(Protocol):
-    """What `benchmarks.search.evaluate` takes: bring your own."""
+    """What `benchmarks.search.evaluate` takes; a problem of your own needs these three."""
 
     @property
     def space(self) -> sdr_jax.Space:
@@ -43,28 +47,99 @@ class Problem(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Analytic:
-    """`v = sum_i f_i(u_i) + sum_{i<j in a group} h_ij(u_i) h_ji(u_j)`, u uniform on the intervals."""
+class Scaled:
+    """Any values, on a scale of their own and with normal noise."""
 
     space: sdr_jax.Space
-    integrals: jax.Array  # f32[attributes grid+1 1+attributes]: of f_i, then of h_i0, h_i1, ...
+    raw: Raw
     noise: float  # standard deviation of a reward
-    zero: float  # raw value of random attributes
-    unit: float  # raw difference that counts as 1
+    zero: float = 0.0  # raw value that counts as 0
+    unit: float = 1.0  # raw difference that counts as 1
 
     def reward(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> jax.Array:
         """Values with normal noise; the key is consumed."""
-        return _reward(rng_key, self.integrals, *proposals, self.zero, self.unit, self.noise)
+        values = (self.raw(*map(jnp.asarray, proposals)) - self.zero) / self.unit
+        return values + self.noise * jax.random.normal(rng_key, values.shape)
 
     def true_value(self, proposal: sdr_jax.Proposal) -> float:
         """The value without noise."""
-        return float(_value(self.integrals, *proposal, self.zero, self.unit))
+        centre, width = (jnp.asarray(part)[None] for part in proposal)
+        return float((self.raw(centre, width)[0] - self.zero) / self.unit)
 
 
-@jax.jit
-def _raw(integrals: jax.Array, centre: jax.Array, width: jax.Array) -> jax.Array:
-    """The exact mean of v over each proposal's intervals, f32[n]."""
-    width = jnp.maximum(width, 1e-3)  # a point: the mean of its neighbourhood
+def scaled(space: sdr_jax.Space, raw: Raw, best: np.ndarray | None = None) -> Scaled:
+    """Values on a scale from random attributes, 0, to the best bins, 100, with a noise of 10.
+
+    Args:
+        space: of the attributes.
+        raw: the values.
+        best: bins i32[n attributes] of which one is the best; by default those that coordinate ascent
+            finds from 16 starts.
+    """
+    best = _ascent(space, raw) if best is None else best
+    top = float(raw(*sdr_jax.relax(space, best)).max())
+    zero = float(raw(*sdr_jax.relax(space, np.full((1, space.attributes), -1)))[0])
+    return Scaled(space, raw, 10.0, zero, (top - zero) / 100)
+
+
+def _ascent(space: sdr_jax.Space, raw: Raw) -> np.ndarray:
+    rng, bins = np.random.default_rng(0), np.asarray(space.bins)
+    found = rng.integers(0, bins, (16, space.attributes)).astype(np.int32)
+    for _ in range(6):
+        for i, size in enumerate(space.bins):
+            tried = np.repeat(found[:, None], size, axis=1)
+            tried[:, :, i] = np.arange(size)
+            values = raw(*sdr_jax.relax(space, tried.reshape(-1, space.attributes)))
+            found[:, i] = np.asarray(values).reshape(len(found), size).argmax(axis=1)
+    return found
+
+
+def tabular(space: sdr_jax.Space, table: np.ndarray, noise: float = 0.0) -> Scaled:
+    """A table of rewards f64[bins of attribute 0, bins of attribute 1, ...], in the table's own units.
+
+    A proposal is worth the mean of the entries that its intervals cover, by how much they do.
+    """
+
+    def raw(centre: jax.Array, width: jax.Array) -> jax.Array:
+        covered = [
+            _covered(np.asarray(centre)[:, axis], np.asarray(width)[:, axis], size)
+            for axis, size in enumerate(table.shape)
+        ]
+        values = np.einsum("na,a...->n...", covered[0], table)
+        for shares in covered[1:]:
+            values = np.einsum("na,na...->n...", shares, values)
+        return jnp.asarray(values, jnp.float32)
+
+    return Scaled(space, raw, noise)
+
+
+def _covered(centre: np.ndarray, width: np.ndarray, size: int) -> np.ndarray:
+    """The share of each of n intervals that lies in each of ``size`` bins, f64[n size]."""
+    edges = np.arange(size + 1) / size
+    width = np.maximum(width, 1e-6)[:, None]
+    filled = np.diff(np.clip((edges - centre[:, None]) / width + 0.5, 0, 1), axis=1)
+    return filled / filled.sum(axis=1, keepdims=True)
+
+
+def integrals_of(functions: np.ndarray) -> jax.Array:
+    """Integrals from 0 to each edge of the grid, f32[rows grid+1 functions].
+
+    Args:
+        functions: f64[rows functions grid], their values on the cells.
+    """
+    cumulative = np.cumsum(functions, axis=2) / GRID
+    return jnp.asarray(np.pad(cumulative, [(0, 0), (0, 0), (1, 0)]).transpose(0, 2, 1), jnp.float32)
+
+
+def means(integrals: jax.Array, centre: jax.Array, width: jax.Array) -> jax.Array:
+    """The exact mean of each row's functions over the row's interval, f32[n rows functions].
+
+    Args:
+        integrals: f32[rows grid+1 functions], from `integrals_of`.
+        centre: f32[n rows], the middle of the intervals.
+        width: f32[n rows], their length; that of a point is its neighbourhood's.
+    """
+    width = jnp.maximum(width, 1e-3)
     centre = jnp.clip(centre, width / 2, 1 - width / 2)
     rows = jnp.arange(integrals.shape[0])[None, :]
 
@@ -73,59 +148,19 @@ def _raw(integrals: jax.Array, centre: jax.Array, width: jax.Array) -> jax.Array
         low, high = integrals[rows, cell], integrals[rows, cell + 1]
         return low + (unit * GRID - cell)[:, :, None] * (high - low)
 
-    means = (integral(centre + width / 2) - integral(centre - width / 2)) / width[:, :, None]
-    halves = means[:, :, 1:]
-    return means[:, :, 0].sum(axis=1) + 0.5 * jnp.sum(
-        halves * halves.transpose(0, 2, 1), axis=(1, 2)
-    )
+    return (integral(centre + width / 2) - integral(centre - width / 2)) / width[:, :, None]
 
 
 @jax.jit
-def _value(
-    integrals: jax.Array, centre: jax.Array, width: jax.Array, zero: float, unit: float
-) -> jax.Array:
-    return (_raw(integrals, centre[None], width[None])[0] - zero) / unit
+def _pairwise(integrals: jax.Array, centre: jax.Array, width: jax.Array) -> jax.Array:
+    """`sum_i f_i(u_i) + sum_{i<j in a group} h_ij(u_i) h_ji(u_j)`, u uniform on the intervals, f32[n].
 
-
-@jax.jit
-def _reward(
-    rng_key: jax.Array,
-    integrals: jax.Array,
-    centre: jax.Array,
-    width: jax.Array,
-    zero: float,
-    unit: float,
-    noise: float,
-) -> jax.Array:
-    values = (_raw(integrals, centre, width) - zero) / unit
-    return values + noise * jax.random.normal(rng_key, values.shape)
-
-
-@dataclass(frozen=True, eq=False)
-class Tabular:
-    """A table of rewards, one for each combination of bins.
-
-    A proposal is worth what stands at the bins that its centres fall into; its widths mean nothing
-    to a table, which has no values between its entries. (Random attributes are centre 0.5.)
+    The integrals of attribute i are those of f_i, then of h_i0, h_i1, ...
     """
-
-    space: sdr_jax.Space
-    table: np.ndarray  # f64[bins of attribute 0, bins of attribute 1, ...]
-    noise: float = 0.0  # standard deviation of a reward
-
-    def reward(self, rng_key: jax.Array, proposals: sdr_jax.Proposal) -> jax.Array:
-        """Entries with normal noise; the key is consumed."""
-        values = jnp.asarray(self._entries(np.asarray(proposals.centre)), jnp.float32)
-        return values + self.noise * jax.random.normal(rng_key, values.shape)
-
-    def true_value(self, proposal: sdr_jax.Proposal) -> float:
-        """The entry."""
-        return float(self._entries(np.asarray(proposal.centre)[None])[0])
-
-    def _entries(self, centre: np.ndarray) -> np.ndarray:
-        sizes = np.asarray(self.table.shape)
-        found = np.clip((centre * sizes).astype(int), 0, sizes - 1)
-        return self.table[tuple(found.T)]
+    found = means(integrals, centre, width)
+    halves = found[:, :, 1:]
+    pairs = jnp.sum(halves * halves.transpose(0, 2, 1), axis=(1, 2))
+    return found[:, :, 0].sum(axis=1) + 0.5 * pairs
 
 
 def grouped_space() -> sdr_jax.Space:
@@ -134,18 +169,18 @@ def grouped_space() -> sdr_jax.Space:
     return sdr_jax.space([name for group in groups for name in group], BINS, groups)
 
 
-def smooth(seed: int) -> Analytic:
+def smooth(seed: int) -> Scaled:
     """One broad optimum; within groups the best value of one attribute leans on the others'."""
     rng = np.random.default_rng([seed, 0])
     space, functions, _ = _bowl(rng, np.ones(sum(GROUPS), bool))
-    return _build(space, functions, noise=10.0)
+    return analytic(space, functions)
 
 
-def rugged(seed: int) -> Analytic:
+def rugged(seed: int) -> Scaled:
     """The smooth problem under ripples, of attributes alone and of pairs."""
     rng = np.random.default_rng([seed, 1])
     space, functions, weights = _bowl(rng, np.ones(sum(GROUPS), bool))
-    u = _grid()
+    u = cells()
     for i in range(space.attributes):
         waves, phase = rng.uniform(2, 5), rng.uniform(0, 2 * np.pi)
         functions[i, 0] += 0.06 * weights[i] * np.sin(2 * np.pi * waves * u + phase)
@@ -153,13 +188,13 @@ def rugged(seed: int) -> Analytic:
         for one, other in ((i, j), (j, i)):
             waves, phase = rng.uniform(0.5, 1.5), rng.uniform(0, 2 * np.pi)
             functions[one, 1 + other] += 0.1 * np.sin(2 * np.pi * waves * u + phase)
-    return _build(space, functions, noise=10.0)
+    return analytic(space, functions)
 
 
-def plateau(seed: int) -> Analytic:
+def plateau(seed: int) -> Scaled:
     """Flat but for a window in each attribute, worth more where its neighbours are in theirs."""
     rng = np.random.default_rng([seed, 2])
-    space, u = grouped_space(), _grid()
+    space, u = grouped_space(), cells()
     functions = np.zeros((space.attributes, 1 + space.attributes, GRID))
     weights = rng.lognormal(0, 0.5, space.attributes)
     centre, reach = (rng.uniform(a, b, space.attributes) for a, b in ((0.1, 0.9), (0.1, 0.2)))
@@ -169,33 +204,20 @@ def plateau(seed: int) -> Analytic:
     for i, j in _pairs(space):
         worth = rng.uniform(0, 1) * np.sqrt(weights[i] * weights[j]) / (sizes[i] - 1)
         functions[i, 1 + j], functions[j, 1 + i] = worth * windows[i], windows[j]
-    return _build(space, functions, noise=10.0)
+    return analytic(space, functions)
 
 
-def weak_signal(seed: int) -> Analytic:
+def weak_signal(seed: int) -> Scaled:
     """The smooth problem with 5 attributes that matter, 18 that do not, and more noise."""
     rng = np.random.default_rng([seed, 3])
     matters = np.zeros(sum(GROUPS), bool)
     matters[rng.choice(sum(GROUPS), 5, replace=False)] = True
     space, functions, _ = _bowl(rng, matters)
-    return _build(space, functions, noise=30.0)
+    return replace(analytic(space, functions), noise=30.0)
 
 
-PROBLEMS: dict[str, Callable[[int], Problem]] = {
-    "smooth": smooth,
-    "rugged": rugged,
-    "plateau": plateau,
-    "weak-signal": weak_signal,
-    "camvid": lambda seed: recorded.camvid(),
-    "products": lambda seed: foreign.products(seed, grouped_space()),
-    "ridge": lambda seed: foreign.ridge(seed, grouped_space()),
-    "categories": foreign.categories,
-    "binary": foreign.binary,
-}
-"""Name -> the problem's instance of a seed."""
-
-
-def _grid() -> np.ndarray:
+def cells() -> np.ndarray:
+    """The middle of each cell of the grid, f64[grid]."""
     return (np.arange(GRID) + 0.5) / GRID
 
 
@@ -207,7 +229,7 @@ def _bowl(
     rng: np.random.Generator, matters: np.ndarray
 ) -> tuple[sdr_jax.Space, np.ndarray, np.ndarray]:
     """`-sum_i w_i x_i^2 - sum_ij r_ij x_i x_j` around a random optimum, r within groups."""
-    space, u = grouped_space(), _grid()
+    space, u = grouped_space(), cells()
     weights = rng.lognormal(0, 0.5, space.attributes) * matters
     x = u[None] - rng.uniform(0.05, 0.95, space.attributes)[:, None]
     functions = np.zeros((space.attributes, 1 + space.attributes, GRID))
@@ -220,14 +242,10 @@ def _bowl(
     return space, functions, weights
 
 
-def _build(space: sdr_jax.Space, functions: np.ndarray, noise: float) -> Analytic:
-    cumulative = np.cumsum(functions, axis=2) / GRID
-    padded = np.pad(cumulative, [(0, 0), (0, 0), (1, 0)]).transpose(0, 2, 1)
-    integrals = jnp.asarray(padded, jnp.float32)
-    random = sdr_jax.relax(space, np.full((1, space.attributes), -1))
-    best = sdr_jax.relax(space, _best_bins(space, functions)[None])
-    zero, top = (float(_raw(integrals, *proposal)[0]) for proposal in (random, best))
-    return Analytic(space, integrals, noise, zero, (top - zero) / 100)
+def analytic(space: sdr_jax.Space, functions: np.ndarray) -> Scaled:
+    """The problem of functions f64[attributes 1+attributes grid]: f_i, then h_i0, h_i1, ..."""
+    raw = partial(_pairwise, integrals_of(functions))
+    return scaled(space, raw, _best_bins(space, functions)[None])
 
 
 def _best_bins(space: sdr_jax.Space, functions: np.ndarray, starts: int = 64) -> np.ndarray:

@@ -11,7 +11,7 @@ from scipy.stats import rankdata
 from benchmarks.report import Row, table
 
 REFERENCE = "random_search"
-"""Whose score after the most evaluations others may reach with fewer."""
+"""The method whose value after the most evaluations is the goal that others may reach with fewer."""
 
 Values = Mapping[tuple[str, str], np.ndarray]
 """(method, problem) -> f64[budgets seeds]."""

@@ -3,9 +3,8 @@
     python -m benchmarks.render --json render.json
     python -m benchmarks.render --peers     # other renderers that are installed, on the same street
     python -m benchmarks.render --against ../before     # only: this checkout beside another one
-    python -m benchmarks.render --growth    # only: how cost grows with triangles, pixels and shots
 
-Streets set by eye, street building included; workers are started before the clock runs and have met the
+Hand-set streets, street building included; workers are started before the clock runs and have met the
 streets' assets once, as after the first streets of any dataset; ``starts`` says what the first ones cost.
 ``ratio`` is the speed against the first row of the same size. The split is of one process, in ms per image:
 ``build`` (the street, its arrays and its sky), ``bvh`` (hierarchies, or upload to OpenGL), ``rays`` (what is
@@ -21,15 +20,17 @@ import sys
 import tempfile
 import time
 from collections import defaultdict
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
 from benchmarks import against
-from benchmarks.growth import growth
 from benchmarks.peers import PEERS, export_street, run_peer
-from benchmarks.report import Row, parser, table, write
+from benchmarks.report import Row, count, parser, table, timed, write
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import render_dataset, street_of
 from scene.proposal import default_proposal, draw
@@ -45,9 +46,7 @@ STAGES = ("build", "bvh", "rays", "shade", "write")
 def _memory(_: int) -> float:
     """Peak memory of this process, MiB."""
     status = Path("/proc/self/status")
-    if (
-        status.exists()
-    ):  # what ``getrusage`` says there may be the peak of the process that started this one
+    if status.exists():  # ``getrusage`` may tell the peak of the process that started this one
         fields = dict(line.split(":", 1) for line in status.read_text().splitlines())
         return int(fields["VmHWM"].split()[0]) / 2**10
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
@@ -62,22 +61,20 @@ def speed(
     Returns:
         Images per second, and the most memory that a worker held, MiB.
     """
-    settings = RenderSettings(*size)
-    speeds = []
+    drawn, settings = draw(default_proposal(), 0, streets), RenderSettings(*size)
     with WorkerPool(workers) as pool:
-        for _ in range(4):
-            started = time.perf_counter()
-            render_dataset(
-                draw(default_proposal(), 0, streets),
-                0,
-                shots=shots,
-                settings=settings,
-                renderer_name=name,
-                workers=pool,
-            )
-            speeds.append(streets * shots / (time.perf_counter() - started))
+        run = partial(
+            render_dataset,
+            drawn,
+            0,
+            shots=shots,
+            settings=settings,
+            renderer_name=name,
+            workers=pool,
+        )
+        seconds = [timed(run)[0] for _ in range(4)]
         memory = max(peak for _, peak in pool.map(_memory, [(k,) for k in range(workers)]))
-    return statistics.median(speeds[1:]), memory
+    return streets * shots / statistics.median(seconds[1:]), memory
 
 
 def split(name: str, size: tuple[int, int, int], streets: int, shots: int) -> dict[str, float]:
@@ -151,51 +148,38 @@ def renderers(sizes: list[tuple[int, int, int]], streets: int, shots: int) -> li
 
 def starts() -> list[Row]:
     """Seconds until the first image: of a new process, and of a worker beside a running one."""
-    rows: list[Row] = []
-    started = time.perf_counter()
-    subprocess.run([sys.executable, "-c", against.FIRST_IMAGE], check=True)
-    rows.append({"start": "new process to first image", "seconds": time.perf_counter() - started})
-    settings = RenderSettings(64, 48)
+    program = [sys.executable, "-c", against.FIRST_IMAGE]
+    found: dict[str, Callable[[], Any]] = {
+        "new process to first image": partial(subprocess.run, program, check=True)
+    }
+    unit, settings = draw(default_proposal(), 0, 1), RenderSettings(64, 48)
     with WorkerPool(1) as pool:
-        for label in ("new worker to first street", "warm worker to next street"):
-            started = time.perf_counter()
-            render_dataset(
-                draw(default_proposal(), 0, 1), 0, shots=1, settings=settings, workers=pool
-            )
-            rows.append({"start": label, "seconds": time.perf_counter() - started})
-    return rows
+        street = partial(render_dataset, unit, 0, shots=1, settings=settings, workers=pool)
+        found |= {"new worker to first street": street, "warm worker to next street": street}
+        return [{"start": name, "seconds": timed(run)[0]} for name, run in found.items()]
 
 
 def peers(pythons: list[str], width: int, height: int, ours_ms: float) -> list[Row]:
-    """Milliseconds per image of other renderers on one street set by eye, as one merged mesh."""
+    """Milliseconds per image of other renderers on one hand-set street, as one merged mesh."""
     rows: list[Row] = [
         {"renderer": "embree, one worker", "what": "image and label", "ms": ours_ms, "ratio": 1.0}
     ]
+    street = street_of(draw(default_proposal(), 0, 1)[0], 0, 0, 1, AssetPool())
     with tempfile.TemporaryDirectory() as folder:
-        export_street(
-            Path(folder),
-            street_of(draw(default_proposal(), 0, 1)[0], 0, 0, 1, AssetPool()),
-            width,
-            height,
-        )
+        export_street(Path(folder), street, width, height)
         for name in PEERS:
-            timed = next(filter(None, (run_peer(p, name, Path(folder)) for p in pythons)), [])
-            for what, ms in timed:
+            found = next(filter(None, (run_peer(p, name, Path(folder)) for p in pythons)), [])
+            for what, ms in found:
                 rows.append({"renderer": name, "what": what, "ms": ms, "ratio": ms / ours_ms})
     return rows
-
-
-def _report(path: Path | None, parts: dict[str, list[Row]]) -> int:
-    print("\n\n".join(table(rows) for rows in parts.values()))
-    write(path, **parts)
-    return 0
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
-    command.add_argument("--streets", type=int, default=6)
-    command.add_argument("--shots", type=int, default=6, help="images per street")
+    positive = partial(count, 1)
+    command.add_argument("--streets", type=positive, default=6)
+    command.add_argument("--shots", type=positive, default=6, help="images per street")
     command.add_argument(
         "--widths",
         type=int,
@@ -210,35 +194,31 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument(
         "--against", metavar="CHECKOUT", help="compare with the engine of a folder"
     )
-    command.add_argument("--growth", action="store_true", help="measure how cost grows")
-    command.add_argument("--rounds", type=int, default=5, help="of --against and --growth")
+    command.add_argument("--rounds", type=positive, default=5, help="of --against")
     options = command.parse_args(arguments)
     if options.against is not None:
         try:
             checkout = against.check_checkout(options.against)
         except ValueError as error:
             command.error(f"--against: {error}")
-        sides = {
+        parts = {
             "against": against.speeds(checkout, options.streets, options.rounds),
             "starts": against.starts(checkout, min(options.rounds, 3)),
         }
-        return _report(options.json, sides)
-    if options.growth:
-        return _report(options.json, {"growth": growth(options.rounds)})
+        print("\n\n".join(map(table, parts.values())))
+        write(options.json, **parts)
+        return 0
     if options.peers and options.widths is not None and 640 not in options.widths:
         command.error("--peers compares at 640x320, which --widths leaves out")
     sizes = [size for size in SIZES if options.widths is None or size[0] in options.widths]
     rows = renderers(sizes, options.streets, options.shots)
-    print(table(rows))
-    others = {"starts": starts()}
+    parts = {"rows": rows, "starts": starts()}
     if options.peers:
         single = next(r for r in rows if (r["width"], r["workers"]) == (640, 1))
         pythons = list(dict.fromkeys((sys.executable, options.peer_python)))
-        others["peers"] = peers(pythons, 640, 320, 1000 / single["images_per_s"])
-    for extra in others.values():
-        print()
-        print(table(extra))
-    write(options.json, rows=rows, **others)
+        parts["peers"] = peers(pythons, 640, 320, 1000 / single["images_per_s"])
+    print("\n\n".join(map(table, parts.values())))
+    write(options.json, **parts)
     return 0
 
 

@@ -6,14 +6,17 @@ import argparse
 import json
 import os
 import platform
+import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from shell.files import versions
 from shell.files import write as write_file
 
 Row = dict[str, Any]
 PACKAGES = ("sdr-jax", "jax", "flax", "optax", "numpy", "trimesh", "embreex", "pyrender")
+Done = TypeVar("Done")
 
 
 def parser(description: str | None) -> argparse.ArgumentParser:
@@ -26,7 +29,7 @@ def parser(description: str | None) -> argparse.ArgumentParser:
 
 
 def _new_file(text: str) -> Path:
-    """A path that can be written; better known before the work than after it."""
+    """A path that can be written; it is checked before the work begins."""
     path = Path(text)
     if path.is_dir() or not path.parent.is_dir():
         raise argparse.ArgumentTypeError(
@@ -40,6 +43,13 @@ def count(least: int, text: str) -> int:
     if not text.isdecimal() or int(text) < least:
         raise argparse.ArgumentTypeError(f"must be a whole number from {least} on, not {text!r}")
     return int(text)
+
+
+def timed(work: Callable[[], Done]) -> tuple[float, Done]:
+    """The wall-clock seconds that some work takes, and what it returns."""
+    started = time.perf_counter()
+    done = work()
+    return time.perf_counter() - started, done
 
 
 def machine() -> dict[str, Any]:
@@ -62,7 +72,7 @@ def report(rows: list[Row], path: Path | None) -> None:
 
 
 def table(rows: list[Row]) -> str:
-    """Rows as a Markdown table, aligned for the eye; the columns are those of the first row."""
+    """Rows as a Markdown table with aligned columns; the columns are those of the first row."""
     columns = list(rows[0])
     cells = [[_text(row[c]) for c in columns] for row in rows]
     widths = [max(len(c), *(len(r[i]) for r in cells)) for i, c in enumerate(columns)]

@@ -3,7 +3,7 @@
     python -m benchmarks.scale [--json FILE]                              # some minutes
     python -m benchmarks.scale --scheduler tcp://10.0.0.1:8786            # a Dask cluster as it is, too
 
-Measured: exports of labelled streets, and rewards (render, train, score) as the demo asks for them. The
+Measured: exports of labelled streets, and rewards (render, train, test) as the demo asks for them. The
 plan is of 10,000 images of that size and of a search of 1,000 rewards at the paper's, whose training costs
 what ``experiments.run.ladder.cost_of`` says. Some things are done in one place: the main process writes the
 files of an export, and a network of 1 Gbit/s brings them; updates of a search follow each other, and each
@@ -25,11 +25,11 @@ import jax
 import numpy as np
 
 import sdr_jax
-from benchmarks.report import Row, count, parser, table, write
+from benchmarks.report import Row, count, parser, table, timed, write
+from benchmarks.train import random_truth
 from experiments.config import Fidelity, MainConfig
 from experiments.presets import defaults
 from experiments.reward.miou import Recipe, attempt, evaluate_miou, worker_environment
-from experiments.reward.truth import Truth
 from experiments.run.ladder import cost_of, training_cost
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
@@ -60,16 +60,14 @@ def export(workers: Workers, streets: int, width: int, height: int) -> tuple[flo
     settings = RenderSettings(width, height)
     with tempfile.TemporaryDirectory() as folder:
         for name in ("first", "second"):
-            started, cpu = time.perf_counter(), time.process_time()
-            export_dataset(
-                draw(default_proposal(), 0, streets),
-                0,
-                Path(folder) / name,
-                shots=SHOTS,
-                settings=settings,
-                workers=workers,
-            )
-            wall, main = time.perf_counter() - started, time.process_time() - cpu
+            cpu = time.process_time()
+            wall, _ = timed(
+                partial(
+                    export_dataset, draw(default_proposal(), 0, streets), 0, Path(folder) / name,
+                    shots=SHOTS, settings=settings, workers=workers,
+                )
+            )  # fmt: skip
+            main = time.process_time() - cpu
         size = sum(p.stat().st_size for p in (Path(folder) / name).rglob("*") if p.is_file())
     images = streets * SHOTS
     return wall / images, Export(wall * workers.workers / images, main / images, size / images)
@@ -77,11 +75,7 @@ def export(workers: Workers, streets: int, width: int, height: int) -> tuple[flo
 
 def rewards(workers: Workers, number: int, fidelity: Fidelity) -> tuple[float, float]:
     """Wall seconds a reward, and the seconds of a worker; compiled and loaded before."""
-    rng = np.random.default_rng(0)
-    shape = (8, fidelity.height, fidelity.width)
-    truth = Truth(
-        rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(0, 19, shape, dtype=np.uint8)
-    )
+    truth = random_truth(fidelity, 8, 19)
     recipe = Recipe(fidelity, "cityscapes", "embree", AssetPool())
     spent = 0.0
     for first in (0, 1000):  # seeds; the first round is not counted
@@ -89,8 +83,9 @@ def rewards(workers: Workers, number: int, fidelity: Fidelity) -> tuple[float, f
             (evaluate_miou, recipe, random_proposal(), first + k, truth) for k in range(number)
         ]
         started = time.perf_counter()
-        outcomes = [outcome for _, outcome in workers.map(attempt, tasks, net=True)]
-        wall, spent = time.perf_counter() - started, sum(o.seconds for o in outcomes)
+        outcomes = list(workers.map(attempt, tasks, net=True))
+        wall = time.perf_counter() - started
+        spent = sum(outcome.seconds for _, outcome in outcomes)
     return wall / number, spent / number
 
 
@@ -101,9 +96,8 @@ def update_seconds(datasets: int, updates: int = 12) -> float:
     reward = sdr_jax.host_reward(lambda asked: np.zeros(len(asked.seeds), np.float32))
     steps = sdr_jax.drive(jax.random.key(0), method, reward, updates + 1, datasets)
     next(steps)  # compiles
-    started = time.perf_counter()
-    jax.block_until_ready([record.rewards for _, record in steps])
-    return (time.perf_counter() - started) / updates
+    seconds, _ = timed(lambda: jax.block_until_ready([record.rewards for _, record in steps]))
+    return seconds / updates
 
 
 def measured(kind: str, seconds: dict[str, tuple[int, float]]) -> list[Row]:

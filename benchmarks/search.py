@@ -10,13 +10,12 @@ the same one for all methods; `camvid` is in percent of mIoU (see ``benchmarks/r
 
 from __future__ import annotations
 
-import argparse
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from functools import cache
+from functools import cache, partial
 from multiprocessing import get_context
 from typing import Any, NamedTuple
 
@@ -24,20 +23,28 @@ import jax
 import numpy as np
 
 import sdr_jax
-from benchmarks.problems import PROBLEMS, Problem
-from benchmarks.ranking import behind, mean_ranks, needed, text
-from benchmarks.report import Row, parser, table, write
+from benchmarks import foreign, problems, recorded
+from benchmarks.problems import Problem, grouped_space
+from benchmarks.ranking import behind, mean_ranks, needed, plot, text
+from benchmarks.report import Row, count, parser, table, write
 from experiments.reward.miou import worker_environment
 from sdr_jax.registry import METHODS, make
 
 DEFAULT = "surrogate"
 """The method of studies and of the API, which begin from nothing."""
 
-LONG = ("tpe", "gaussian_process")
-"""Methods that compile next to nothing and take long."""
-
-SLOW = ("intervals", "linear", "sdr", "cma_es", DEFAULT)
-"""Those that take longest of the others."""
+PROBLEMS: dict[str, Callable[[int], Problem]] = {
+    "smooth": problems.smooth,
+    "rugged": problems.rugged,
+    "plateau": problems.plateau,
+    "weak-signal": problems.weak_signal,
+    "camvid": lambda seed: recorded.camvid(),
+    "products": lambda seed: foreign.products(seed, grouped_space()),
+    "ridge": lambda seed: foreign.ridge(seed, grouped_space()),
+    "categories": foreign.categories,
+    "binary": foreign.binary,
+}
+"""Name -> the problem's instance of a seed."""
 
 LOOKS = 10
 """Evaluations between two looks at a method's recommendation."""
@@ -94,7 +101,7 @@ def trace(
     Args:
         name: a key of `METHODS`.
         problem: what is searched.
-        evaluations: data sets that may be scored.
+        evaluations: the most data sets that the search may evaluate.
         seed: of the search and of the noise.
         looks: numbers of evaluations after which the recommendation is valued.
 
@@ -130,14 +137,14 @@ def trace(
 
 
 def evaluate(method_name: str, problem: Problem, evaluations: int, seed: int) -> float:
-    """Search, and tell the true value of the recommended proposal.
+    """Searches and returns the true value of the recommended proposal.
 
     Args:
         method_name: a key of `METHODS`.
         problem: any object with `space`, `reward(rng_key, proposals)` and `true_value(proposal)`;
-            it need not be written in JAX. For tables see `benchmarks.problems.Tabular`.
-        evaluations: data sets that may be scored; what does not fill an update or, with SDR, all
-            groups alike, stays unused.
+            it need not be written in JAX. For tables see `benchmarks.problems.tabular`.
+        evaluations: the most data sets that the search may evaluate; what does not fill an update or, with
+            SDR, all groups alike, stays unused.
         seed: of the search and of the noise.
 
     Returns:
@@ -162,7 +169,7 @@ class Task(NamedTuple):
 
 
 class Result(NamedTuple):
-    """What came out."""
+    """The outcome of a task."""
 
     task: Task
     values: np.ndarray  # f64[budgets seeds]: recommended
@@ -172,7 +179,7 @@ class Result(NamedTuple):
 
 
 def work(task: Task) -> Result:
-    """Search all instances; one long search serves all budgets of a method that knows none."""
+    """Searches all instances; one long search serves all budgets of a method that takes none."""
     instances = [_instance(task.problem, seed) for seed in range(task.seeds)]
     longest = max(task.budgets)
     looks = tuple(sorted({*range(LOOKS, longest + 1, LOOKS), *task.budgets}))
@@ -204,20 +211,21 @@ def work(task: Task) -> Result:
 def batches(tasks: list[Task]) -> list[list[Task]]:
     """What one process does in a row: all problems of a method that compiles, so that it does so once.
 
-    Those of `LONG` methods are dealt out one by one, and first.
+    The methods of other libraries compile next to nothing and take long: their tasks come one by one, and
+    first.
     """
-    alone = [[task] for task in tasks if task.method in LONG]
-    methods = dict.fromkeys(task.method for task in tasks if task.method not in LONG)
+    alone = [[task] for task in tasks if METHODS[task.method].library]
+    methods = dict.fromkeys(task.method for task in tasks if not METHODS[task.method].library)
     return alone + [[task for task in tasks if task.method == method] for method in methods]
 
 
 def work_all(tasks: list[Task]) -> list[Result]:
-    """Do a batch."""
+    """Does one batch."""
     return [work(task) for task in tasks]
 
 
 def results(tasks: list[Task], workers: int) -> Iterator[list[Result]]:
-    """Do all batches, in their order, in so many processes; 0 works in this one."""
+    """Does all batches, in their order, in ``workers`` processes; 0 works in this one."""
     if workers == 0:
         yield from map(work_all, batches(tasks))
         return
@@ -243,40 +251,31 @@ def rows_of(found: list[Result]) -> list[Row]:
     ]
 
 
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is no whole number of at least 1")
-    return int(text)
-
-
-def _workers(text: str) -> int:
-    return 0 if text == "0" else _positive(text)
-
-
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
     names: dict[str, Any] = {"nargs": "+", "metavar": "NAME"}
-    command.add_argument("--seeds", type=_positive, default=10, help="instances of each problem")
-    command.add_argument("--evaluations", type=_positive, nargs="+", default=[50, 100, 300])
+    positive = partial(count, 1)
+    command.add_argument("--seeds", type=positive, default=10, help="instances of each problem")
+    command.add_argument("--evaluations", type=positive, nargs="+", default=[50, 100, 300])
     command.add_argument("--methods", choices=METHODS, default=list(METHODS), **names)
     command.add_argument("--problems", choices=PROBLEMS, default=list(PROBLEMS), **names)
-    command.add_argument("--workers", type=_workers, default=os.cpu_count(), help="processes")
+    command.add_argument(
+        "--workers", type=partial(count, 0), default=os.cpu_count(), help="processes; 0: this one"
+    )
     command.add_argument("--plot", help="also draw value against evaluations into this PNG")
     options = command.parse_args(arguments)
     budgets = tuple(sorted(set(options.evaluations)))
-    # The slowest first, so that the processes end together.
-    methods = sorted(options.methods, key=lambda name: name not in SLOW)
-    tasks = [Task(m, p, budgets, options.seeds) for m in methods for p in options.problems]
+    tasks = [Task(m, p, budgets, options.seeds) for m in options.methods for p in options.problems]
     found: list[Result] = []
     started = time.perf_counter()
     try:
         for batch in results(tasks, options.workers):
             found += batch
             seconds = time.perf_counter() - started
-            problems = ", ".join(result.task.problem for result in batch)
+            done = ", ".join(result.task.problem for result in batch)
             print(
-                f"[{100 * len(found) / len(tasks):3.0f} %] {batch[0].task.method} on {problems}"
+                f"[{100 * len(found) / len(tasks):3.0f} %] {batch[0].task.method} on {done}"
                 f" | {seconds:.0f} s",
                 file=sys.stderr, flush=True,
             )  # fmt: skip
@@ -295,8 +294,6 @@ def main(arguments: list[str] | None = None) -> int:
         options.json, default=DEFAULT, rows=rows, mean_rank=ranks, behind=lost, evaluations=effort
     )
     if options.plot:
-        from benchmarks.ranking import plot
-
         plot(course, options.plot, DEFAULT)
     return 0
 

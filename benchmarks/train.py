@@ -17,19 +17,20 @@ import argparse
 import gc
 import statistics
 import sys
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.report import Row, parser, table, write
-from experiments.config import MainConfig
+from benchmarks.report import Row, count, parser, table, timed, write
+from experiments.config import Fidelity, MainConfig
 from experiments.presets import defaults
-from experiments.reward.miou import Recipe, render
+from experiments.reward.miou import Recipe, rendered_set, scored, trained
+from experiments.reward.truth import Truth
 from scene.proposal import random_proposal
 from seg.nets import net_of, normalise
 from seg.nets.ops.normalise import MEAN, STD
@@ -37,7 +38,6 @@ from seg.pyramid import features
 from seg.recipes import RECIPES
 from seg.settings import NetName, TrainSettings
 from seg.step import Data, Functions, TrainState, functions, plan
-from seg.train import score, train
 from shell.command import size
 
 CLASSES = 11
@@ -45,7 +45,7 @@ BATCHES: dict[NetName, int] = {"compact": 8, "deeplabv2": 4, "fcn8s": 4, "lite0"
 SIZES = ("128x96", "240x176", "480x360", "640x320")
 LARGE = 100_000  # pixels from which VGG nets take seconds an image: one is enough
 REWARDS = (None, 184)  # images of the rewards that are split: the preset's, and some more
-REAL = 367  # images of CamVid's training split, which the quick reward is scored on
+REAL = 367  # images of CamVid's training split, on which the net of a quick reward is tested
 BUDGET = 12.0  # seconds after which no further repeat begins, once there are two
 
 
@@ -184,9 +184,7 @@ def medians(runs: Runs, repeats: int) -> dict[str, float]:
         run()
         times: list[float] = []
         while len(times) < repeats and (len(times) < 2 or sum(times) < BUDGET):
-            started = time.perf_counter()
-            run()
-            times.append(time.perf_counter() - started)
+            times.append(timed(run)[0])
         found[name] = 1000 * statistics.median(times)
     gc.collect()
     return found
@@ -228,52 +226,52 @@ def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
     return rows
 
 
-def reward_row(
-    real: tuple[np.ndarray, np.ndarray], steps: int | None = None, images: int | None = None
-) -> Row:
+def random_truth(fidelity: Fidelity, number: int, classes: int = CLASSES) -> Truth:
+    """Images and labels of noise, where only the time counts."""
+    rng = np.random.default_rng(0)
+    shape = (number, fidelity.height, fidelity.width)
+    images = rng.integers(0, 256, (*shape, 3), np.uint8)
+    return Truth(images, rng.integers(0, classes, shape, np.uint8))
+
+
+def reward_row(number: int = REAL, steps: int | None = None, images: int | None = None) -> Row:
     """Seconds of each part of one quick reward of ``experiments.camvid``, in this process.
 
     A frozen trunk's features of the real images are computed once per run, so they are there already.
-    Steps and images, as many as whole streets give, are the preset's by default.
+    ``compile_s`` is what the first training and prediction of a process take longer than the second: a
+    search pays it once per worker, and with JAX's cache on disk only the first search does.
 
-    ``compile`` is what the first training and scoring of a process take longer than the second: a search
-    pays it once per worker, and with JAX's cache on disk only the first search does.
+    Args:
+        number: of real images.
+        steps: of the net; by default the preset's.
+        images: to train on, as many as whole streets give; by default the preset's.
     """
     config = defaults(MainConfig, "camvid", "quick")
     stage = config.reward
-    if images:
-        stage = replace(stage, streets=images // stage.shots)
     settings = replace(stage.train, steps=steps or stage.train.steps)
+    stage = replace(stage, streets=(images or stage.images) // stage.shots, train=settings)
     recipe = Recipe(stage, "camvid", config.renderer, config.pool)
+    truth = random_truth(stage, number)
+    if settings.frozen:
+        truth = truth._replace(features=features(truth.images, settings.dtype))
+    brief = recipe._replace(fidelity=replace(stage, train=replace(settings, steps=1)))
 
-    def seconds(work: Callable[[], Any]) -> tuple[float, Any]:
-        started = time.perf_counter()
-        result = work()
-        return time.perf_counter() - started, result
-
-    def rendered() -> Any:
-        return render(recipe, random_proposal(), 0)
-
-    rendered()  # builds assets, which are kept, and loads the renderer
-    render_s, dataset = seconds(rendered)
-    labels = (dataset.labels % CLASSES).astype(np.uint8)  # any of the table's ids cost the same
-
-    kept = features(real[0], settings.dtype) if settings.frozen else None  # once per run
-
-    def scored(params: Any) -> Any:
-        return score(params, *real, settings, CLASSES, features=kept)
+    rendered_set(
+        brief, random_proposal(), 0
+    )  # builds assets, which are kept, and loads the renderer
+    render_s, own = timed(lambda: rendered_set(recipe, random_proposal(), 0))
 
     def short() -> None:
-        scored(train(0, dataset.images, labels, replace(settings, steps=1), CLASSES))
+        scored(brief, trained(brief, own, 0), truth, 0.0, 0.0)
 
-    cold, warm = seconds(short)[0], seconds(short)[0]
-    train_s, params = seconds(lambda: train(1, dataset.images, labels, settings, CLASSES))
-    score_s, _ = seconds(lambda: scored(params))
+    cold, warm = timed(short)[0], timed(short)[0]
+    train_s, params = timed(lambda: trained(recipe, own, 1))
+    score_s, _ = timed(lambda: scored(recipe, params, truth, 0.0, 0.0))
     return {
-        "size": f"{stage.width}x{stage.height}",
-        "images": len(labels),
+        "size": stage.size,
+        "images": len(own.images),
         "steps": settings.steps,
-        "scored": len(real[0]),
+        "scored": number,
         "render_s": render_s,
         "compile_s": max(cold - warm, 0.0),
         "train_s": train_s,
@@ -282,35 +280,23 @@ def reward_row(
     }
 
 
-def random_real() -> tuple[np.ndarray, np.ndarray]:
-    """Images and labels like CamVid's: what they show does not change the time."""
-    stage = defaults(MainConfig, "camvid", "quick").reward
-    rng = np.random.default_rng(0)
-    shape = (REAL, stage.height, stage.width)
-    return rng.integers(0, 256, (*shape, 3), np.uint8), rng.integers(0, CLASSES, shape, np.uint8)
-
-
-def count(text: str) -> int:
-    """A number of at least 1."""
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"{text!r}: expected 1 or more")
-    return int(text)
-
-
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
+    positive = partial(count, 1)
     command.add_argument("--nets", nargs="+", choices=list(BATCHES), default=list(BATCHES))
     command.add_argument("--sizes", nargs="+", type=size, default=[size(s) for s in SIZES])
     command.add_argument(
-        "--repeats", type=count, default=7, help="fewer where one takes seconds; at least 2"
+        "--repeats", type=positive, default=7, help="fewer where one takes seconds; at least 2"
     )
     command.add_argument(
         "--batch",
-        type=count,
+        type=positive,
         help="by default 8 for compact and lite0; 4 for the VGG nets, 1 at the large sizes",
     )
-    command.add_argument("--threads", type=count, default=2, help="of PyTorch; JAX takes all cores")
+    command.add_argument(
+        "--threads", type=positive, default=2, help="of PyTorch; JAX takes all cores"
+    )
     command.add_argument(
         "--reward", action=argparse.BooleanOptionalAction, default=True, help="also split a reward"
     )
@@ -327,8 +313,7 @@ def main(arguments: list[str] | None = None) -> int:
     print(table(rows))
     reward: list[Row] = []
     if options.reward:
-        real = random_real()
-        reward = [reward_row(real, images=n) for n in REWARDS]
+        reward = [reward_row(images=number) for number in REWARDS]
         print(f"\n{table(reward)}")
     write(options.json, rows=rows, reward=reward)
     return 0

@@ -1,4 +1,4 @@
-"""The search turned inside out: ask what to try, score it anywhere, tell; saved after every answer."""
+"""A search that the caller drives: it asks what to try, evaluates it anywhere, and tells the reward."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from shell.errors import UserError
 from shell.lines import CURE, JsonLines
 
 RECORD = ("id", "update", "actions", "seed", "reward")
-"""What every line of a history holds; whoever tells may add more."""
+"""The fields of every line of a history; the caller may add more."""
 
 
 class Trial(NamedTuple):
@@ -32,12 +32,12 @@ class Trial(NamedTuple):
 
 
 class AskTell:
-    """A search that is driven from outside, and goes on where it was after any interruption.
+    """A search that the caller drives, and that continues after any interruption.
 
         search = AskTell(space, method, n=8, seed=0, path="history.jsonl")
         while trials := search.ask():
             for trial in trials:
-                search.tell(trial.id, score(trial.proposal, trial.seed))  # None if it failed
+                search.tell(trial.id, evaluate(trial.proposal, trial.seed))  # None if it failed
         search.solution()
 
     An update's n trials are asked for together and may be told in any order, from one process at a
@@ -46,8 +46,8 @@ class AskTell:
     which gives the same state to the last bit, host adapters included. Keys are used as
     `drive` uses them: the same seed proposes the same data sets here as there.
 
-    Methods compute in single precision, so they see rewards less the first one, unless their level matters
-    to the method. While all rewards are the same, there is no answer but that of before the first.
+    Methods compute in single precision, so they get the rewards minus the first reward, unless the method
+    needs their level. While all rewards are equal, the answer is the one from before the first reward.
 
     Args:
         space: the attributes.
@@ -59,7 +59,7 @@ class AskTell:
     Attributes:
         state: the method's state after the last whole update.
         updates: whole updates made.
-        clipped: the most rewards so far that the method took for higher than they are, see `Info`.
+        clipped: the most rewards that the method has clipped to a higher value so far, see `Info`.
         history: one record per trial told, in the order of telling.
 
     Raises:
@@ -94,7 +94,7 @@ class AskTell:
 
     @property
     def history(self) -> list[dict[str, Any]]:
-        """One record per trial told: id, update, actions, seed, reward (None: failed) and notes."""
+        """One record for each trial told: id, update, actions, seed, reward (None: failed) and notes."""
         return self._log.lines
 
     def ask(self) -> list[Trial]:

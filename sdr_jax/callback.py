@@ -14,7 +14,7 @@ from sdr_jax.space import Proposal
 
 
 class DataSets(NamedTuple):
-    """What one update has scored, in NumPy."""
+    """The data sets that one update evaluates, in NumPy."""
 
     actions: np.ndarray  # [n attributes], see the method's `sample`; [n 0] where nobody told
     proposals: Proposal  # f32[n attributes] each
@@ -38,7 +38,7 @@ class HostReward:
         proposals: Proposal,
         actions: Real[Array, "n attributes"] | None = None,
     ) -> Float[Array, "n"]:
-        """Draws seeds, and has the host score the data sets; the key is consumed."""
+        """Draws seeds and lets the host evaluate the data sets; the key is consumed."""
         n = proposals.centre.shape[0]
         shape = () if self._common else (n,)
         seeds = jnp.broadcast_to(jax.random.bits(rng_key, shape, jnp.uint32), (n,))
@@ -77,7 +77,7 @@ class HostReward:
 def host_reward(
     evaluate: Callable[[DataSets], np.ndarray], *, common: bool = False, within: bool = True
 ) -> HostReward:
-    """Makes a `reward_fn` of a host function that renders, trains and scores.
+    """Makes a `reward_fn` of a host function that renders, trains and tests.
 
     Every call makes exactly one call of `evaluate`, in order (an ordered `io_callback`): a reward
     is noisy and costly, and may be neither repeated nor left out. Keys stay in JAX; the host gets
@@ -93,10 +93,10 @@ def host_reward(
             ...
 
     Args:
-        evaluate: scores data sets, f32[n] in NumPy. It must not call JAX in this process, unless
-            ``within`` is False: that can deadlock, and does where there is one core.
-        common: whether the data sets of one call share their seed. What a seed adds to a reward,
-            it then adds to all, and a comparison within the update is spared it.
+        evaluate: gives the rewards of data sets, f32[n] in NumPy. It must not call JAX in this process,
+            unless ``within`` is False: that can deadlock, and does where there is one core.
+        common: whether the data sets of one call share their seed. The seed's effect is then the same for
+            all rewards of an update, and comparisons between them are free of it.
         within: whether compiled steps call it. If not, only `drive` takes it, and calls it between two
             compiled halves of a step.
 

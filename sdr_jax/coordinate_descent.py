@@ -78,7 +78,7 @@ def begin(groups: Groups) -> Descent:
 
 
 def active(groups: Groups, descent: Descent) -> Int[Array, ""]:
-    """The group whose turn it is; the last one after the end."""
+    """The group that the next update optimises; after the end it is the last one."""
     turn = descent.updates // groups.updates_each
     return jnp.minimum(turn, len(groups.slots.members) - 1)
 

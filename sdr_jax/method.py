@@ -11,11 +11,11 @@ from sdr_jax.rewards import mean_known, only_finite
 from sdr_jax.space import Proposal
 
 State = Any
-"""A method's state: a NamedTuple of arrays, to be passed on and not looked into."""
+"""A method's state: a NamedTuple of arrays that callers pass on unread."""
 
 
 class Info(NamedTuple):
-    """What one update did; for progress lines and plots, never needed to go on."""
+    """Figures of one update, for progress lines and plots; the search itself does not need them."""
 
     reward_mean: Float[Array, ""]  # mean of the update's rewards, NaN if all of them are
     reward_best: Float[Array, ""]  # the best of them
@@ -24,21 +24,20 @@ class Info(NamedTuple):
     entropy: Float[Array, ""]  # of the distribution sampled from, before, in nats; NaN if unknown
     grad_norm: Float[Array, ""]  # L2 norm of the policy's gradient; 0 without one
     group: Int[Array, ""]  # the group the update was for; 0 where groups have no order
-    clipped: Int[
-        Array, ""
-    ]  # rewards so far that are far below the others and count as their lowest
+    clipped: Int[Array, ""]
+    """Number of rewards so far that are far below the others and count as the others' lowest."""
 
 
 def on_clipping(clipped: int, of: int) -> str:
-    """What there is to say, once, where some of so many rewards do not count as they are; see `Info`."""
+    """The message, given once, that some rewards are clipped; see `Info`."""
     return (
-        f"{clipped} of {of} scores are far worse than the others, by more than 5 interquartile ranges; "
-        "the search takes each for the worst of the others"
+        f"{clipped} of {of} rewards are lower than the others by more than 5 interquartile ranges; "
+        "the search counts each of them as the lowest of the others"
     )
 
 
 def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
-    """What there is to say of a method without baseline, gradient and order of groups."""
+    """The `Info` of a method without a baseline, a gradient and an order of groups."""
     finite = only_finite(rewards)
     return Info(
         reward_mean=mean_known(finite),
@@ -56,7 +55,7 @@ RngKey = Key[Array, ""]
 Bins = Int[Array, "n attributes"]
 Values = Float[Array, "n attributes"]
 Rewards = Float[Array, "n"]
-"""What the functions of a method take and give; of continuous methods, values in place of bins."""
+"""The arguments and results of a method's functions; continuous methods have values in place of bins."""
 
 InitFn = Callable[[RngKey], State]
 SampleFn = Callable[[RngKey, State, int], tuple[Real[Array, "n attributes"], Proposal]]
@@ -74,32 +73,32 @@ SubsetsFn = Callable[
 class Method(NamedTuple):
     """A search method: pure functions, which are jitted and work under jit, scan and vmap.
 
-    Those of a host adapter are pure as well, but neither jitted nor to be. Keys are consumed.
+    The functions of a host adapter are pure as well, but cannot be jitted. Keys are consumed.
 
-    Actions are bins, i32, -1 where nothing is decided; or f32 and finite, of a method over continuous
-    values, in units of its own. Either way they are all that `update` needs.
+    Actions are bins, i32, with -1 for an undecided attribute; a method over continuous values has finite f32
+    in its own units. `update` needs nothing but the actions and their rewards.
 
-    Higher rewards are better; one that is not finite is of an evaluation that failed. Failed ones are
-    left out: learning from n rewards of which some failed is learning from the others alone.
+    Higher rewards are better. A reward that is not finite says that its evaluation failed; methods leave it
+    out and learn from the others alone.
     """
 
     init: InitFn  # rng_key -> the first state
-    sample: SampleFn  # (rng_key, state, n) -> (actions, n proposals to be scored); n is static
+    sample: SampleFn  # (rng_key, state, n) -> (actions, n proposals to evaluate); n is static
     update: UpdateFn  # (state, actions, rewards) -> (state, info); see also `subsets`
     solution: ProposalFn  # the answer, f32[attributes] each; may be asked at any time
     spread: ProposalFn  # the answer, left wide where the method is unsure
     probabilities: ProbabilitiesFn  # of the bins `sample` would use; 0 for those an attribute lacks
     updates: int | None  # how many updates the method takes; None for any number
     traced: bool = True  # False for a host adapter, which is not to be jitted
-    level: bool = False  # whether a constant added to all rewards makes a difference
+    level: bool = False  # whether the method depends on a constant added to all rewards
     expects: ExpectsFn | None = None
-    """Mean and standard deviation of the reward of actions, as the method's model sees it, NaN before it has
-    learnt anything; for reports, None without a model."""
+    """The mean and standard deviation that the method's model predicts for the rewards of actions, for
+    reports; NaN before the first update, and None for a method without a model."""
     subsets: SubsetsFn | None = None
-    """(rng_key, state, actions, count, size) -> i32[count size], indices of actions that have one reward
-    together; `update` then takes them, too. None of a method whose actions are data sets."""
+    """(rng_key, state, actions, count, size) -> i32[count size], the indices of actions that share a reward;
+    `update` then takes them as well. It is None for a method whose actions are data sets."""
     policy: Callable[[State], Any] | None = None
-    """Of such a method, the distribution of streets: `pool.Policy`."""
+    """The distribution over streets, `pool.Policy`, of a method with subsets; else None."""
 
 
 def jitted(
@@ -113,7 +112,7 @@ def jitted(
     expects: ExpectsFn | None = None,
     level: bool = False,
 ) -> Method:
-    """The method of these functions, each jitted; without a `spread`, that is the solution."""
+    """Makes a method of these functions and jits each of them; the default of `spread` is the solution."""
     answer = jax.jit(solution)
     return Method(
         init=jax.jit(init),

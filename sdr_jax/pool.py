@@ -37,7 +37,7 @@ SIGNALS = np.append(0.0, np.geomspace(0.003, 300, 11)).astype(np.float32)
 """Prior variances of an effect, relative to the noise's; the evidence chooses one. 0 is no effect at all."""
 
 TILT = 1.5
-"""Standard deviations of the random score by which a subset's streets are chosen, beside Gumbel noise."""
+"""The standard deviation of the random values that choose a subset's streets, beside Gumbel noise."""
 
 STRONG = 3.0
 """Nats of evidence from which on a step is as long as its bound; odds of 20 are commonly called strong."""
@@ -74,8 +74,8 @@ def pool(
 ) -> Method:
     """A natural policy gradient with a trust region, from rewards of subsets of the streets of a round.
 
-    An action is a street's bins. `subsets` chooses streets by random scores that are linear in their
-    statistics, so that what subsets hold differs by more than chance. `update` regresses the rewards on the
+    An action is a street's bins. `subsets` chooses streets by random values that are linear in their
+    statistics, so that subsets differ by more than chance. `update` regresses the rewards on the
     mean statistics of each subset: of an ordered attribute u and (u - 1/2)^2, of one without order its bins,
     less their means in the street's component; and the component. Sums of all rounds are kept, with an
     intercept for each. The ridge is chosen by evidence, and an effect e with standard deviation s is shrunk
@@ -220,7 +220,7 @@ def _columns(space: Space, attribute: int, u: np.ndarray) -> list[np.ndarray]:
 
 
 def _reach(space: Space, components: int) -> Float[np.ndarray, "features"]:
-    """How much each statistic counts in the random scores of subsets: squares half."""
+    """The weight of each statistic in the random values that choose subsets: squares have half."""
     own: list[float] = []
     for attribute, count in enumerate(space.bins):
         plain = attribute in space.unordered

@@ -1,4 +1,4 @@
-"""REINFORCE: the gradient of an expected score that can only be sampled."""
+"""REINFORCE: the gradient of an expected reward, estimated from samples."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple

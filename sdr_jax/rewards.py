@@ -8,26 +8,27 @@ LARGEST = 1e15
 
 
 def identity(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
-    """The score itself, as in the paper."""
+    """The reward itself, as in the paper."""
     return rewards
 
 
 def squared_percent(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
-    """`sign(r) (100 r)^2`, as in the authors' code: differences between good scores count for more.
+    """`sign(r) (100 r)^2`, as in the authors' code: differences between high rewards count for more.
 
-    For mean IoU. The sign is kept, or of two negative rewards the worse would count as the better.
+    It is meant for mean IoU. It keeps the sign: otherwise the lower of two negative rewards would count as
+    the higher one.
     """
     return jnp.sign(rewards) * (100 * rewards) ** 2
 
 
 def only_finite(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
-    """NaN for whatever is not finite: an infinite reward is no reward either."""
+    """The rewards, with NaN in place of infinite ones."""
     return jnp.where(jnp.isfinite(rewards), rewards, jnp.nan)
 
 
 def mean_known(rewards: Float[Array, "n"]) -> Float[Array, ""]:
-    """The mean of those that are not NaN; NaN if there is none.
+    """The mean of the rewards that are not NaN; NaN if there are none.
 
-    With nothing left out it is `rewards.mean()` to the bit, which a division by a count is not.
+    If no reward is NaN, the result equals `rewards.mean()` to the bit; a division by a count would not.
     """
     return jnp.where(jnp.isnan(rewards).any(), jnp.nanmean(rewards), rewards.mean())

@@ -1,4 +1,4 @@
-"""The whole optimisation: sample, reward, update, and again."""
+"""The optimisation loop: it samples, takes rewards and updates, again and again."""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -19,17 +19,17 @@ MOST_FAILED = 0.1
 
 @runtime_checkable
 class RewardFn(Protocol):
-    """Scores data sets."""
+    """Gives the rewards of data sets."""
 
     def __call__(self, rng_key: RngKey, proposals: Proposal) -> Float[Array | np.ndarray, "n"]:
-        """The key is consumed; proposals are f32[n attributes] each; higher is better.
+        """Takes a key, which is consumed, and proposals f32[n attributes] each; higher rewards are better.
 
-        NaN: the evaluation failed.
+        A reward of NaN says that the evaluation failed.
         """
 
 
 class Record(NamedTuple):
-    """What one step tried and got."""
+    """The actions of one step and their rewards."""
 
     actions: Real[Array, "n attributes"]  # see the method's `sample`
     rewards: Float[Array, "n"]  # one per data set
@@ -41,13 +41,13 @@ StepFn = Callable[[RngKey, State], tuple[State, Record]]
 
 
 def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
-    """One step = sample -> reward -> update, jitted where the method can be traced.
+    """Makes one step, sample -> reward -> update, and jits it where the method can be traced.
 
-    As a whole, unless the reward is of the host and not to be called from within.
+    The step is jitted as a whole, unless the reward is a host reward with ``within=False``.
 
     Args:
-        method: what learns.
-        reward_fn: what scores, in JAX or through `host_reward`.
+        method: the search method.
+        reward_fn: the reward, in JAX or through `host_reward`.
         n: data sets per update.
 
     Returns:
@@ -82,8 +82,8 @@ def run(
 
     Args:
         rng_key: consumed.
-        method: what learns; none of the host adapters.
-        reward_fn: what scores.
+        method: the search method; it must not be a host adapter.
+        reward_fn: the reward.
         updates: how many updates; by default as many as the method takes.
         n: data sets per update.
 
@@ -113,15 +113,14 @@ def drive(
 ) -> Iterator[tuple[State, Record]]:
     """The same optimisation as a loop on the host, one update at a time.
 
-    It takes host adapters such as `cma_es`. Keys are used as `run` uses them, so a pure method tries
-    and gets the same here as there. What an evaluation of a `HostReward` ended with is raised here,
-    before its update counts. Any other reward function is called with concrete arrays, so JAX need
-    not be able to trace it.
+    It takes host adapters such as `cma_es`. Keys are used as in `run`, so a pure method has the same actions
+    and rewards here as there. An error in an evaluation of a `HostReward` is raised here, before its update
+    counts. Any other reward function is called with concrete arrays, so JAX need not be able to trace it.
 
-    Args as `run` takes them; `first_state` gives the state before the first update.
+    The arguments are those of `run`; `first_state` gives the state before the first update.
 
     Yields:
-        After each update, the state and what the update tried and got.
+        After each update, the state and the update's record.
 
     Raises:
         ValueError: no number of updates, neither here nor in the method.
@@ -146,9 +145,9 @@ def drive(
 def run_on_host(
     rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int | None = None, n: int = 1
 ) -> tuple[State, Record]:
-    """`drive` to the end: for any method and any reward what `run` is for pure ones.
+    """Runs `drive` to the end, for any method and any reward; `run` takes pure ones only.
 
-    Args and results are those of `run`.
+    The arguments and results are those of `run`.
 
     Raises:
         ValueError: no number of updates, neither here nor in the method; or fewer than one.
@@ -160,15 +159,15 @@ def run_on_host(
 
 
 def refuse_failures(failed: int, total: int, reason: str) -> None:
-    """Ends a search of which too much has failed for its answer to mean what it says.
+    """Raises an error if so many evaluations have failed that the answer would mean little.
 
     Args:
         failed: evaluations that have failed so far.
         total: evaluations of the whole search.
-        reason: what the last failure said.
+        reason: the message of the last failure.
 
     Raises:
-        UserError: more than a tenth, and more than one.
+        UserError: more than a tenth of the evaluations, and more than one, have failed.
     """
     if failed > max(1, int(MOST_FAILED * total)):
         raise UserError(

@@ -3,14 +3,14 @@
     python -m benchmarks.transfer --data CAMVID --json transfer.json
 
 On CamVid's sequences 0016E5 and 0001TP (0006R0 is never read): nets trained on renders with random and with
-default attributes, scored on real images; the same on default streets without one ingredient, paired by
-seed; nets trained on real images, scored on renders and on close-ups of single assets, which
+default attributes, tested on real images; the same on default streets without one ingredient, paired by
+seed; nets trained on real images, tested on renders and on close-ups of single assets, which
 ``close-ups-*.png`` in ``--out`` shows; and how light each class is in both. ``--out`` remembers finished
 nets: the same command goes on, and begins anew where the engine has changed. These nets are compact ones.
 
     python -m benchmarks.transfer --data CAMVID --only content --width 480 --height 360 --streets 66
 
-lite0 on streets set by eye, and on the same with more in them, class by class.
+These nets are lite0, trained on hand-set streets and on the same with more in them; the table has each class.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ from shell.progress import Progress
 WITH = "with "
 
 Scores = dict[str, list[dict[str, Any]]]
-"""Row -> scores of its nets, in the order of their seeds."""
+"""Row -> results of its nets, in the order of their seeds."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -148,7 +148,7 @@ def content_nets(data: Path, recipe: Recipe, seeds: Sequence[int]) -> list[Net]:
 
 
 def _train(wanted: Sequence[Net], log: JsonLines, options: argparse.Namespace) -> Scores:
-    """The scores of every net, trained now or remembered; confusion matrices as lists."""
+    """The results of every net, trained now or stored; confusion matrices as lists."""
     done: dict[str, dict[str, Any]] = {}
     for k, line in enumerate(log.lines):
         if not isinstance(line.get("key"), dict) or not isinstance(line.get("scores"), dict):

@@ -1,4 +1,4 @@
-"""Streets set by eye with more in them: what each ingredient of ``scene.street`` teaches a net."""
+"""Hand-set streets with more in them: what each ingredient of ``scene.street`` teaches a net."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from seg.train import score, train
 
 
 class Content(NamedTuple):
-    """What is different from the street set by eye."""
+    """What is different from the hand-set street."""
 
     params: MappingProxyType[str, float] = MappingProxyType({})  # fields of ``StreetParams``
     mix: Mix = Mix()
@@ -67,7 +67,7 @@ CONTENTS: dict[str, Content] = {
 
 
 def content_net(data: Path, recipe: Recipe, name: str, seed: int) -> Result:
-    """Train lite0's head on such streets, score it on the real images that may steer the engine."""
+    """Trains lite0's head on such streets and tests it on the real images that may steer the engine."""
     images, labels = rendered(recipe, CONTENTS[name], seed)
     training = RECIPES["lite0-frozen"]
     params = train(seed, images, labels, training, CLASSES)

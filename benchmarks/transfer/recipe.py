@@ -1,4 +1,4 @@
-"""One net of the transfer benchmark: what it is trained on, what it is scored on.
+"""One net of the transfer benchmark: what it is trained on and what it is tested on.
 
 The functions here run in worker processes and are pure in their arguments.
 """
@@ -32,7 +32,7 @@ class Recipe(NamedTuple):
     shots: int = 6  # images per street
     steps: int = 600  # of a net trained on renders
     real_steps: int = 1000  # of a net trained on real images
-    relaxed: float = 0.15  # width of the intervals around the street set by eye
+    relaxed: float = 0.15  # width of the intervals around the hand-set street
     close_ups: int = 8  # of each family, for each net
     batch: int = 8
 
@@ -49,7 +49,7 @@ Result = tuple[dict[str, Any], np.ndarray | None]
 
 
 def call(function: Callable[..., Result], *arguments: Any) -> Result:
-    """Let one queue of tasks hold calls of several functions."""
+    """Calls a function, so that one queue of tasks can hold calls of several functions."""
     return function(*arguments)
 
 
@@ -73,7 +73,7 @@ def units(recipe: Recipe, attributes: str, seed: int) -> np.ndarray:
 def rendered_net(
     recipe: Recipe, without: str | None, units: np.ndarray, seed: int, truth: Truth
 ) -> Result:
-    """Train on renders, score on real images."""
+    """Trains a net on renders and tests it on real images."""
     images, labels = render_world(world(recipe, without), units, seed, recipe.shots, TABLE)
     training = settings(recipe, recipe.steps)
     params = train(seed, images, labels, training, CLASSES)
@@ -81,7 +81,7 @@ def rendered_net(
 
 
 def real_net(recipe: Recipe, seen: Truth, unseen: Truth, units: np.ndarray, seed: int) -> Result:
-    """Train on real images, score on unseen ones, on default streets and on close-ups.
+    """Trains a net on real images and tests it on unseen ones, on default streets and on close-ups.
 
     Of a close-up only the asset's own pixels count: i64[classes], by predicted class. The picture shows
     all of them, and what the net saw in them.

@@ -13,22 +13,36 @@ from seg.classes import class_table
 from seg.metrics import iou, mean_iou
 
 LEAST = 20
-"""Pixels of a class from which on an image says something about its tone."""
+"""The fewest pixels of a class for which an image counts in the class's tone."""
 Confusions = Sequence[np.ndarray]
 """One confusion matrix i64[classes, classes] per seed, the same seeds everywhere."""
 
 
 def transfer_rows(nets: Mapping[str, Confusions], classes: Sequence[str]) -> list[Row]:
-    """What nets trained on renders score on real images: mIoU by seed, then each class's mean IoU."""
-    rows = []
-    for attributes, confusions in nets.items():
-        scores = [100 * mean_iou(c) for c in confusions]
-        by_class = 100 * np.nanmean([iou(c) for c in confusions], axis=0)
-        rows.append(
-            {"attributes": attributes, "mIoU": float(np.mean(scores)), "spread": _spread(scores)}
-            | {name: float(value) for name, value in zip(classes, by_class, strict=True)}
-        )
-    return rows
+    """What nets trained on renders reach on real images: mIoU with its spread, and each class's IoU."""
+    return [
+        {"attributes": attributes, "mIoU": float(np.mean(_mious(confusions)))}
+        | {"spread": _spread(_mious(confusions)), **_by_class(confusions, classes)}
+        for attributes, confusions in nets.items()
+    ]
+
+
+def _mious(confusions: Confusions) -> np.ndarray:
+    return 100 * np.array([mean_iou(c) for c in confusions])
+
+
+def _by_class(confusions: Confusions, classes: Sequence[str]) -> dict[str, float]:
+    """The mean IoU of each class over the seeds."""
+    means = 100 * np.nanmean([iou(c) for c in confusions], axis=0)
+    return dict(zip(classes, map(float, means), strict=True))
+
+
+def _worth(better: Confusions, worse: Confusions) -> Row:
+    """The mean difference in mIoU, paired by seed, and its standard error."""
+    worth = _mious(better) - _mious(worse)
+    spread = _spread(worth)
+    error = None if spread is None else spread / math.sqrt(len(worth))
+    return {"worth": float(worth.mean()), "error": error}
 
 
 def tone_rows(
@@ -68,22 +82,11 @@ def _tones(images: np.ndarray, labels: np.ndarray, classes: int) -> np.ndarray:
 def content_rows(contents: Mapping[str, Confusions], classes: Sequence[str]) -> list[Row]:
     """mIoU and IoU of each class in percent, and what is gained over the first row, paired by seed."""
     first = next(iter(contents.values()))
-    rows: list[Row] = []
-    for name, confusions in contents.items():
-        values = 100 * np.array([mean_iou(c) for c in confusions])
-        worth = values - 100 * np.array([mean_iou(c) for c in first])
-        spread = _spread(list(worth))
-        by_class = 100 * np.nanmean([iou(c) for c in confusions], axis=0)
-        rows.append(
-            {
-                "streets": name,
-                "mIoU": float(values.mean()),
-                "worth": float(worth.mean()),
-                "error": None if spread is None else spread / math.sqrt(len(worth)),
-                **dict(zip(classes, map(float, by_class), strict=True)),
-            }
-        )
-    return rows
+    return [
+        {"streets": name, "mIoU": float(_mious(confusions).mean())}
+        | {**_worth(confusions, first), **_by_class(confusions, classes)}
+        for name, confusions in contents.items()
+    ]
 
 
 def ingredient_rows(
@@ -91,22 +94,18 @@ def ingredient_rows(
 ) -> list[Row]:
     """What each ingredient is worth: mIoU with everything less mIoU without it, paired by seed.
 
-    ``error`` is the standard error of that mean; ``gains`` and ``loses`` name the classes whose IoU
-    the ingredient changes most.
+    ``gains`` and ``loses`` name the classes whose IoU the ingredient changes most.
     """
     rows = []
     for name, confusions in without.items():
-        pairs = list(zip(whole, confusions, strict=True))
-        worth = [100 * (mean_iou(a) - mean_iou(b)) for a, b in pairs]
+        pairs = zip(whole, confusions, strict=True)
         by_class = 100 * np.nanmean([iou(a) - iou(b) for a, b in pairs], axis=0)
-        spread = _spread(worth)
         best, worst = int(np.nanargmax(by_class)), int(np.nanargmin(by_class))
         rows.append(
             {
                 "without": name,
-                "mIoU": float(np.mean([100 * mean_iou(c) for c in confusions])),
-                "worth": float(np.mean(worth)),
-                "error": None if spread is None else spread / math.sqrt(len(worth)),
+                "mIoU": float(_mious(confusions).mean()),
+                **_worth(whole, confusions),
                 "gains": f"{classes[best]} {by_class[best]:+.1f}",
                 "loses": f"{classes[worst]} {by_class[worst]:+.1f}",
             }
@@ -117,29 +116,21 @@ def ingredient_rows(
 def recognition_rows(real: Confusions, renders: Confusions, classes: Sequence[str]) -> list[Row]:
     """How nets trained on real images see unseen real images and renders, class by class."""
     seen, rendered = np.sum(real, axis=0), np.sum(renders, axis=0)
-    rows: list[Row] = []
-    for k, name in enumerate(classes):
-        rows.append(
-            {
-                "class": name,
-                "real recall": _share(seen[k], k),
-                "render recall": _share(rendered[k], k),
-                "real IoU": 100 * float(iou(seen)[k]),
-                "render IoU": 100 * float(iou(rendered)[k]),
-                "taken for": taken_for(rendered[k], k, classes),
-            }
-        )
-    rows.append(
+    rows: list[Row] = [
         {
-            "class": "mean",
-            "real recall": float(np.mean([_share(seen[k], k) for k in range(len(classes))])),
-            "render recall": float(np.mean([_share(rendered[k], k) for k in range(len(classes))])),
-            "real IoU": 100 * mean_iou(seen),
-            "render IoU": 100 * mean_iou(rendered),
-            "taken for": "",
+            "class": name,
+            "real recall": _share(seen[k], k),
+            "render recall": _share(rendered[k], k),
+            "real IoU": 100 * float(iou(seen)[k]),
+            "render IoU": 100 * float(iou(rendered)[k]),
+            "taken for": taken_for(rendered[k], k, classes),
         }
-    )
-    return rows
+        for k, name in enumerate(classes)
+    ]
+    recalls = ("real recall", "render recall")
+    means = {name: float(np.mean([row[name] for row in rows])) for name in recalls}
+    ious = {"real IoU": 100 * mean_iou(seen), "render IoU": 100 * mean_iou(rendered)}
+    return [*rows, {"class": "mean", **means, **ious, "taken for": ""}]
 
 
 def close_up_rows(
@@ -178,6 +169,6 @@ def _share(row: np.ndarray, k: int) -> float:
     return 100 * float(row[k]) / max(float(row.sum()), 1.0)
 
 
-def _spread(values: Sequence[float]) -> float | None:
+def _spread(values: np.ndarray) -> float | None:
     """Standard deviation over the seeds, None for a single one."""
     return float(np.std(values, ddof=1)) if len(values) > 1 else None

@@ -28,7 +28,7 @@ class Choices(NamedTuple):
 
 
 def runs(bins: int, in_order: bool = True) -> tuple[np.ndarray, np.ndarray]:
-    """Centres and widths f32[intervals] of runs of 1, 2, 4, ... of so many bins, and of all of them.
+    """Centres and widths f32[intervals] of runs of 1, 2, 4, ... neighbouring bins, and of all bins.
 
     Runs of more than one overlap their neighbours by half; the last ends where the range does. Bins
     without an order are taken one by one, or all.
@@ -105,7 +105,7 @@ def integrated(
 def covered(
     bins: int, centre: Float[np.ndarray, "*batch"], width: Float[np.ndarray, "*batch"]
 ) -> Float[np.ndarray, "*batch bins"]:
-    """How much of intervals lies in each of so many bins."""
+    """The share of each interval that lies in each bin."""
     edges = np.arange(bins + 1) / bins
     width = np.maximum(np.asarray(width), 1e-6)[..., None]
     filled = np.diff(np.clip((edges - np.asarray(centre)[..., None]) / width + 0.5, 0, 1))

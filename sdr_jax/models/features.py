@@ -1,4 +1,4 @@
-"""Features of ordered bins, linear in whose weights a reward is modelled, and its best bins."""
+"""Features of bins for models that are linear in their weights, and the best bins of such a model."""
 
 import math
 from itertools import combinations
@@ -22,7 +22,7 @@ MOST_PAIRS = 700
 """Spaces with more pairs of attributes in groups are modelled without interactions."""
 
 MOST_FEATURES = 4096
-"""More features of pairs are refused: a model keeps two matrices of so many rows and columns."""
+"""The most features of pairs: a model keeps two square matrices of this size."""
 
 SWEEPS = 4
 """How often coordinate ascent goes round all attributes."""

@@ -1,4 +1,4 @@
-"""The rewards as they were told, so that a few far below all others do not decide what a model learns."""
+"""A history of rewards, which finds penalties far below the others so that a model can clip them."""
 
 from collections.abc import Callable
 from typing import NamedTuple

@@ -1,4 +1,4 @@
-"""A search over intervals that leaves each attribute where it began unless moving it surely pays."""
+"""A search over intervals that keeps an attribute at its start unless the model expects a move to pay."""
 
 from typing import NamedTuple
 
@@ -8,33 +8,35 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from sdr_jax.method import Bins, Info, Method, Rewards, RngKey, jitted, plain_info
-from sdr_jax.models import effects
+from sdr_jax.models import effects, regression
 from sdr_jax.models.choices import Start, choices, make_effects
-from sdr_jax.models.features import maximise_each
+from sdr_jax.models.features import Features, maximise_each
 from sdr_jax.models.regression import Posterior
-from sdr_jax.models.surely import surely
-from sdr_jax.relaxation import check_relaxation, random_bins, shares_of_bins
+from sdr_jax.relaxation import bin_mask, check_relaxation, random_bins, shares_of_bins
 from sdr_jax.space import Proposal, Space, Width
 
 REACHES = np.asarray([0.5, 1.0, 2.0], np.float32)
-"""Data sets try so many times the reach of attributes anew; the others stay at the answer so far."""
+"""Factors of the reach: a data set changes such a share of the attributes and keeps the answer's others."""
 
 FIRST_REACH = 0.3
-"""Share of the attributes that the first data sets after the opening try anew, about, where the search starts
-from something; of random attributes all."""
+"""The share of attributes, about, that the first data sets after the opening change where the search has a
+start; from random attributes they change all."""
 
 SUCCESS, PACE = 0.2, 0.3
-"""The reach stays as it is where so many data sets are better than the model thinks the answer is (the 1/5 of
-evolution strategies), and how fast its logarithm changes with each data set."""
+"""The reach stays as it is where this share of data sets exceeds the reward that the model expects of the
+answer (the 1/5 of evolution strategies). PACE is the change of its logarithm with each data set."""
 
 ONE_WIDTH = 0.5
-"""How often an attribute that is tried anew has its width drawn, rather than the best interval of all."""
+"""The probability that a changed attribute gets the best interval of a drawn width, not of all widths."""
 
 SURE = 2.0
-"""Standard deviations by which a move must pay to be in `spread`."""
+"""Standard deviations of its gain that a move must exceed to be in `spread`."""
+
+SWEEPS = 3
+"""Number of times that the choice by the lower confidence bound goes over all attributes."""
 
 DRAWS = 64
-"""Data sets behind `probabilities`."""
+"""The number of drawn data sets from which `probabilities` is estimated."""
 
 
 class IntervalsState(NamedTuple):
@@ -43,7 +45,7 @@ class IntervalsState(NamedTuple):
     seen: effects.EffectsState
     belief: Posterior  # of the weights
     answer: Int[Array, "attributes"]  # choices
-    reach: Float[Array, ""]  # share of attributes that data sets try anew, about
+    reach: Float[Array, ""]  # share of attributes, about, that a data set changes
 
 
 def intervals(
@@ -55,7 +57,7 @@ def intervals(
     degree: int = 9,
     pair_degree: int | None = None,
 ) -> Method:
-    """Which attributes to narrow, and to what, by a Bayesian regression on what intervals have in them.
+    """Chooses which attributes to narrow, and to what, by a Bayesian regression on features of intervals.
 
     Actions are intervals: runs of an attribute's bins, from single ones to all of them (`choices.runs`), or
     its own in `start`; without relaxation single values. The reward of a data set is modelled as linear in
@@ -74,8 +76,8 @@ def intervals(
     changed data sets often do better than the answer, fewer where they seldom do. Rewards far below the
     others, such as the penalty for a crash, are clipped (`history.py`).
 
-    The answer is the start, but for the attributes of which a choice is better than the start's by more than
-    `caution` standard deviations of that difference. In `spread` it must be by two.
+    The answer is the start, except for attributes where the lower confidence bound of a choice's gain over
+    the start is above 0: the mean less `caution` standard deviations. In `spread` it is the mean less two.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
@@ -106,7 +108,9 @@ def intervals(
 
     def fitted(seen: effects.EffectsState, reach: Array) -> IntervalsState:
         belief = effects.posterior(model, seen)
-        answer = jnp.where(seen.noise > 0, surely(model, belief, chosen.began, caution), began)
+        answer = jnp.where(
+            seen.noise > 0, best_by_lower_bound(model, belief, chosen.began, caution), began
+        )
         return IntervalsState(seen, belief, answer, reach)
 
     def proposed(actions: Array) -> Proposal:
@@ -159,7 +163,7 @@ def intervals(
         return proposed(state.answer)
 
     def spread(state: IntervalsState) -> Proposal:
-        moved = surely(model, state.belief, chosen.began, max(SURE, caution))
+        moved = best_by_lower_bound(model, state.belief, chosen.began, max(SURE, caution))
         return proposed(jnp.where(state.seen.noise > 0, moved, began))
 
     def probabilities(state: IntervalsState) -> Float[Array, "attributes bins"]:
@@ -184,3 +188,87 @@ def _checked(space: Space, start: tuple[tuple[float, ...], tuple[float, ...]] | 
     if not np.all((centre - width / 2 >= -1e-6) & (centre + width / 2 <= 1 + 1e-6) & (width >= 0)):
         raise ValueError("start has an interval that is not in [0, 1]")
     return centre, width
+
+
+def best_by_lower_bound(
+    model: effects.Effects, belief: Posterior, began: Int[np.ndarray, "attributes"], caution: float
+) -> Int[Array, "attributes"]:
+    """The choices whose gain over the start has the highest lower confidence bound.
+
+    The function goes over the attributes one after the other. Each takes the choice a with the largest
+
+        E[f(a) - f(start)] - caution * std[f(a) - f(start)]
+
+    under the posterior of the model f, while the other attributes stay as they are. The start's own bound
+    is 0, so an attribute keeps the start where no choice has a positive bound.
+
+    Args:
+        model: the constants.
+        belief: the posterior of the model's weights.
+        began: the start's choices.
+        caution: the number of standard deviations, 0 or more.
+
+    Returns:
+        The choices.
+    """
+    layout = model.layout
+    basis, short = jnp.asarray(layout.basis), layout.pair_degree
+    attributes = len(layout.basis)
+    features, partners, leads = (jnp.asarray(table) for table in _tables(layout))
+    there = jnp.asarray(bin_mask(model.space))
+    weights = effects.plain(model, belief.mean)
+    covariance = _plain_covariance(model, belief)
+    first = jnp.asarray(began)
+
+    def move(step: Array, actions: Array) -> Array:
+        attribute = step % attributes
+        change = basis[attribute] - basis[attribute, first[attribute]][None, :]
+        mine = change[:, :short]
+        partner = partners[attribute]  # `attributes` where there are no more
+        theirs = basis[jnp.minimum(partner, attributes - 1)]
+        theirs = theirs[jnp.arange(len(partner)), actions[partner], :short]
+        theirs = jnp.where((partner < attributes)[:, None], theirs, 0.0)
+        leading = jnp.einsum("cp,jq->cjpq", mine, theirs)
+        pairs = jnp.where(leads[attribute][:, None, None], leading, leading.swapaxes(2, 3))
+        changes = jnp.concatenate([change, pairs.reshape(len(change), -1)], axis=1)
+        own = features[attribute]
+        variance = jnp.einsum("cf,fg,cg->c", changes, covariance[own[:, None], own[None]], changes)
+        bound = changes @ weights[own] - caution * jnp.sqrt(jnp.maximum(variance, 0.0))
+        bound = jnp.where(there[attribute], bound, -jnp.inf)
+        best = jnp.argmax(bound).astype(jnp.int32)
+        better = jnp.where(bound[best] > 0, best, first[attribute])
+        return actions.at[attribute].set(better)
+
+    return jax.lax.fori_loop(0, SWEEPS * attributes, move, first)
+
+
+def _plain_covariance(model: effects.Effects, belief: Posterior) -> Float[Array, "layout layout"]:
+    """The covariance of the layout's weights, each with what it gets of the shared weights."""
+    whole = regression.covariance(belief)
+    own = len(model.shared)
+    mixed = whole[:own, own:] @ model.shared.T
+    return whole[:own, :own] + mixed + mixed.T + model.shared @ whole[own:, own:] @ model.shared.T
+
+
+def _tables(
+    layout: Features,
+) -> tuple[
+    Int[np.ndarray, "attributes features"],
+    Int[np.ndarray, "attributes partners"],
+    np.ndarray,
+]:
+    """Of each attribute: its features, its partners in pairs, and whether it comes first there."""
+    attributes, _, degree = layout.basis.shape
+    size = layout.pair_degree**2
+    of = [np.flatnonzero(np.any(layout.pairs == a, axis=1)) for a in range(attributes)]
+    most = max(map(len, of), default=0)
+    features = np.zeros((attributes, degree + most * size), np.int32)
+    partners = np.full((attributes, most), attributes, np.int32)
+    leads = np.zeros((attributes, most), bool)
+    for a, pairs in enumerate(of):
+        products = attributes * degree + pairs[:, None] * size + np.arange(size)
+        own = np.concatenate([a * degree + np.arange(degree), products.ravel()])
+        features[a, : len(own)] = own
+        partners[a, : len(pairs)] = layout.pairs[pairs].sum(axis=1) - a
+        leads[a, : len(pairs)] = layout.pairs[pairs, 0] == a
+    return features, partners, leads

@@ -16,7 +16,7 @@ from sdr_jax.rivals import host
 from sdr_jax.space import Proposal, Space, Width
 
 GROWTH = 1.25
-"""Scales and noise are learnt anew whenever there are so many times more evaluations."""
+"""Scales and noise are fitted again whenever the number of evaluations has grown by this factor."""
 
 NEAR = 8
 """The evaluations of the highest mean around which half of the candidates lie."""

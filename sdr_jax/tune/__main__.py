@@ -32,7 +32,7 @@ def _parser() -> Parser:
     add = parser.add_argument
     add("space", type=Path, help="TOML file: attributes, method, sizes")
     add("--out", type=Path, help="run folder; by default runs/ and the TOML file's name")
-    add("--evaluations", type=int, help="data sets to score in all")
+    add("--evaluations", type=int, help="data sets to evaluate in all")
     add("--workers", type=int, help="simulators at once; the answer does not depend on it")
     add("--timeout", type=float, dest="timeout_seconds", help="seconds that one run may take")
     add("--retries", type=int, help="how often a failed run is tried again")

@@ -28,7 +28,7 @@ from shell.lines import JsonLines
 from shell.progress import Progress
 
 FREE = ("evaluations", "timeout_seconds", "retries", "workers")
-"""Fields that may differ when a run is continued: none changes what was scored before."""
+"""Fields that may differ when a run is continued; none of them changes an earlier evaluation."""
 
 PACKAGES = ("sdr-jax", "jax", "numpy")
 HISTORY, EVALUATIONS = "evaluations.jsonl", "evaluations"
@@ -38,7 +38,7 @@ ANSWER, RETRIED = "answer.json", "retried.jsonl"
 
 
 class _NeverWorked(UserError):
-    """A first update without a single score is a broken simulator, not bad luck."""
+    """A first update without any score has a broken simulator as its cause, not chance."""
 
 
 def tune(

@@ -30,7 +30,7 @@ class Settings:
     method: str = "surrogate"
     method_options: dict[str, Any] = field(default_factory=dict)
     evaluations: int = 200  # in all, a multiple of the next
-    datasets_per_update: int = 8  # scored between two updates, and so at most at once
+    datasets_per_update: int = 8  # evaluated between two updates, so this is the most at once
     relaxation: float | None = None  # width of the relaxed bins, in [0, 1]; None: the bins' own
     seed: int = 0  # of the whole run
     repeats: int = 1  # runs per evaluation, each with a seed of its own; the score is their mean
@@ -58,7 +58,7 @@ MEMORY = {
 MOST_BINS = 1000
 LARGEST_SEED = 2**32 - 1
 FLAGS = {"timeout_seconds": "--timeout"}
-"""Fields whose flag is not their own name."""
+"""Fields with a flag of another name."""
 
 
 class _Reader:

@@ -39,7 +39,7 @@ def physical(attribute: Attribute, unit: float) -> float:
         low + unit (high - low),   or  low (high / low)^unit  with `log`
 
     Args:
-        attribute: whose value it is.
+        attribute: the attribute that has the value.
         unit: in [0, 1].
 
     Returns:
@@ -86,7 +86,7 @@ def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, d
 
 
 def _among(values: Sequence[str], centre: float, width: float) -> list[str]:
-    """The values whose bins have their middle in an interval."""
+    """The values with a bin whose middle lies in an interval."""
     middles = (np.arange(len(values)) + 0.5) / len(values)
     inside = np.abs(middles - centre) <= max(width, 1 / len(values)) / 2 + 1e-6
     return [value for value, there in zip(values, inside, strict=True) if there]

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import sdr_jax
-from benchmarks.problems import GROUPS, PROBLEMS, Tabular, _build, grouped_space
-from benchmarks.ranking import behind, mean_ranks, needed, plot
-from benchmarks.search import evaluate, main, trace
+from benchmarks.problems import GROUPS, analytic, grouped_space, tabular
+from benchmarks.ranking import behind, mean_ranks, needed
+from benchmarks.search import PROBLEMS, Task, batches, evaluate, main, trace
 from sdr_jax import METHODS
 from sdr_jax.relaxation import random_bins
 
@@ -45,7 +45,7 @@ def test_a_product_by_hand() -> None:
     space, functions = grouped_space(), np.zeros((23, 24, 400))
     i, j = space.groups[1]
     functions[i, 1 + j] = functions[j, 1 + i] = (np.arange(400) + 0.5) / 400
-    problem = _build(space, functions, noise=1.0)
+    problem = analytic(space, functions)
     centre = jnp.full(23, 0.5).at[i].set(0.8).at[j].set(0.6)
     value = problem.true_value(sdr_jax.Proposal(centre, jnp.full(23, 0.1)))
     assert value == pytest.approx(100 * (0.8 * 0.6 - 0.25) / (0.95**2 - 0.25), rel=1e-3)
@@ -69,11 +69,13 @@ def test_a_problem_of_ones_own_needs_no_jax(name: str) -> None:
     assert found in (0.0, 5.0) and evaluate(name, problem, 8, 0) == found
 
 
-def test_a_table_is_projected_to_the_bins_of_the_centres() -> None:
+def test_a_table_gives_the_mean_of_the_entries_that_intervals_cover() -> None:
     table = np.arange(8.0).reshape(2, 4)
-    problem = Tabular(TWO, table)
+    problem = tabular(TWO, table)
     for place in np.ndindex(2, 4):
         assert problem.true_value(sdr_jax.relax(problem.space, np.asarray(place))) == table[place]
+    wide = sdr_jax.Proposal(jnp.asarray([0.5, 0.25]), jnp.asarray([1.0, 0.5]))
+    assert problem.true_value(wide) == (0 + 1 + 4 + 5) / 4
     both = sdr_jax.relax(problem.space, np.asarray([[0, 3], [1, 0]]))
     assert problem.reward(jax.random.key(0), both).tolist() == [3.0, 4.0]
     assert evaluate("surrogate", problem, 20, 0) == 7.0
@@ -88,9 +90,10 @@ def test_recommendations_on_the_way_are_those_of_shorter_searches() -> None:
 
 
 def test_the_command_line_writes_rows(tmp_path, capsys) -> None:
-    path = tmp_path / "search.json"
-    flags = "--seeds 2 --evaluations 4 --methods random_search pbil --problems smooth --workers 0".split()
-    assert main([*flags, "--json", str(path)]) == 0
+    path, picture = tmp_path / "search.json", tmp_path / "search.png"
+    flags = "--seeds 2 --evaluations 10 --methods random_search pbil --problems smooth --workers 0".split()
+    assert main([*flags, "--json", str(path), "--plot", str(picture)]) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
     written = json.loads(path.read_text())
     assert written["default"] in METHODS
     assert [row["method"] for row in written["rows"]] == ["random_search", "pbil"]
@@ -121,7 +124,7 @@ COURSE = {
 }
 
 
-def test_ranks_differences_to_the_best_rival_and_evaluations_needed_by_hand(tmp_path) -> None:
+def test_ranks_differences_to_the_best_rival_and_evaluations_needed_by_hand() -> None:
     # First column: ours 4, random 2, tpe 1; second: tpe 7, the others 4 each.
     assert mean_ranks(VALUES) == {"ours": 1.75, "tpe": 2.0, "random_search": 2.25}
     first, second = behind(VALUES, "ours", (50, 100))
@@ -132,5 +135,11 @@ def test_ranks_differences_to_the_best_rival_and_evaluations_needed_by_hand(tmp_
     assert behind(VALUES, "nobody", (50, 100)) == []
     rows = {row["method"]: row["p"] for row in needed(COURSE, VALUES, (10, 20))}
     assert rows == {"random_search": 20, "ours": 10, "tpe": 20}
-    plot(COURSE, str(tmp_path / "search.png"), "ours")
-    assert (tmp_path / "search.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_one_process_has_all_problems_of_a_method_that_compiles() -> None:
+    tasks = [Task(m, p, (4,), 1) for m in ("sdr", "tpe") for p in ("smooth", "ridge")]
+    found = [[(task.method, task.problem) for task in batch] for batch in batches(tasks)]
+    assert found == [
+        [("tpe", "smooth")], [("tpe", "ridge")], [("sdr", "smooth"), ("sdr", "ridge")],
+    ]  # fmt: skip

@@ -399,8 +399,7 @@ def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     np.testing.assert_allclose(np.stack(unsure), BEGAN, atol=1e-6)
     p = np.asarray(method.probabilities(state))
     assert p.shape == (2, 8) and p[0, 6:].sum() > 0.4
-    # Narrow intervals lose where variety pays.
-    method = sdr_jax.registry.make("intervals", PAIR, start=((0.5, 0.5), (0.1, 0.1)))
+    # Narrow intervals lose where variety pays, and the second began narrow.
     state = told(method, lambda centre, width: width.sum(axis=1), noise=0.02)
     assert np.asarray(method.solution(state).width).min() >= 0.5
 
@@ -512,15 +511,15 @@ def test_penalties_do_not_decide_the_answer(name: str, share: float, penalty: fl
 @pytest.mark.parametrize("name", BANDIT_METHODS)
 def test_a_flat_reward_decides_nothing_and_the_search_goes_on_looking(name: str) -> None:
     method = BANDIT_METHODS[name]
-    state = learnt(method, lambda *_: [0.1] * 5, updates=4, n=5)
+    state = learnt(method, lambda *_: [0.1] * 10, updates=2, n=10)
     for answer in (method.solution(state), method.spread(state)):
         np.testing.assert_allclose(answer, [[0.5, 0.5], [1, 1]], rtol=1e-6)
     p = np.asarray(method.probabilities(state))
     assert np.all(p[bin_mask(BANDIT)] > 0.1)
-    actions, _ = method.sample(jax.random.key(9), state, 20)
-    assert len(np.unique(actions, axis=0)) > 5
+    drawn = [method.sample(jax.random.key(seed), state, 10)[0] for seed in (8, 9)]
+    assert len(np.unique(np.concatenate(drawn), axis=0)) > 5
     # One reward that differs is enough to prefer something.
-    state, _ = tell(method, actions[:1], [0.2], state)
+    state, _ = tell(method, drawn[0], [0.2] + [np.nan] * 9, state)
     assert np.any(np.asarray(method.solution(state).width) < 1)
 
 
@@ -543,10 +542,8 @@ def test_values_without_an_order_have_no_neighbours() -> None:
     np.testing.assert_allclose(layout.variance[4:8], [1, 1 / 4, 0, 0])  # the other has an order
 
 
-def reached(sign: int) -> tuple[float, np.ndarray, np.ndarray]:
+def reached(method: Method, sign: int) -> tuple[float, np.ndarray, np.ndarray]:
     """The reach, and what data sets change and how wide, after better and better or worse updates."""
-    many = space([str(k) for k in range(24)], 8)
-    method = sdr_jax.registry.make("intervals", many, start=((0.25,) * 24, (0.2,) * 24))
     rewards = [np.where(np.arange(8) % 2, -1.0, 1.0), 0.1, *(sign * k for k in (5, 10, 20, 40))]
     state = learnt(method, lambda t, *_: np.broadcast_to(rewards[t], 8), updates=6, n=8)
     actions, proposals = method.sample(jax.random.key(99), state, 64)
@@ -555,7 +552,9 @@ def reached(sign: int) -> tuple[float, np.ndarray, np.ndarray]:
 
 
 def test_data_sets_reach_as_far_as_succeeds():
-    (better, far, widths), (worse, near, _) = reached(1), reached(-1)
+    many = space([str(k) for k in range(24)], 8)
+    method = make("intervals", many, start=((0.25,) * 24, (0.2,) * 24))
+    (better, far, widths), (worse, near, _) = (reached(method, sign) for sign in (1, -1))
     assert better > 0.9 and far.mean() > 0.5
     assert worse < 0.1 and 0 < near.mean() < 0.2
     # Intervals of all widths are tried: 1, 2, 4 or 8 bins, or the start's own.
