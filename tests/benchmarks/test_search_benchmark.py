@@ -27,7 +27,9 @@ def test_values_are_means_over_the_intervals_from_0_to_100(name: str) -> None:
     rng = np.random.default_rng(0)
     drawn = rng.uniform(size=size), rng.uniform(0.05, 1, size)
     proposal = sdr_jax.slide(*(jnp.asarray(part, jnp.float32) for part in drawn))
-    units = sdr_jax.draw(jax.random.key(0), proposal, 4000)
+    units = proposal.centre + proposal.width * rng.uniform(-0.5, 0.5, (4000, size)).astype(
+        np.float32
+    )
     points = sdr_jax.Proposal(units, jnp.zeros_like(units))
     sampled = np.asarray(problem.reward(jax.random.key(1), points))
     error = (50 if name == "ridge" else 5) * sampled.std() / np.sqrt(len(sampled))  # of 64 points
