@@ -143,7 +143,7 @@ def _quick(target: TargetName) -> dict[str, Any]:
                 updates_per_group=5,
                 datasets_per_update=4,
                 relaxation=0.3,
-                pool=PoolOptions(streets=600, subset=100, rewards=100, rounds=3),
+                pool=PoolOptions(subset=100, rewards=300, rounds=3),
             ),
             "reward": Fidelity(128, 64, streets=12, shots=6, samples=1, train=_REWARD),
             "final": Fidelity(128, 64, streets=120, shots=1, samples=1, train=_FINAL),

@@ -36,7 +36,7 @@ FLOOR = 0.05
 SIGNALS = np.append(0.0, np.geomspace(0.003, 300, 11)).astype(np.float32)
 """Prior variances of an effect, relative to the noise's; the evidence chooses one. 0 is no effect at all."""
 
-TILT = 1.5
+TILT = 4.0
 """The standard deviation of the random values that choose a subset's streets, beside Gumbel noise."""
 
 STRONG = 3.0

@@ -27,9 +27,8 @@ def test_values_are_means_over_the_intervals_from_0_to_100(name: str) -> None:
     rng = np.random.default_rng(0)
     drawn = rng.uniform(size=size), rng.uniform(0.05, 1, size)
     proposal = sdr_jax.slide(*(jnp.asarray(part, jnp.float32) for part in drawn))
-    units = proposal.centre + proposal.width * rng.uniform(-0.5, 0.5, (4000, size)).astype(
-        np.float32
-    )
+    offsets = rng.uniform(-0.5, 0.5, (4000, size))
+    units = jnp.asarray(np.asarray(proposal.centre) + np.asarray(proposal.width) * offsets)
     points = sdr_jax.Proposal(units, jnp.zeros_like(units))
     sampled = np.asarray(problem.reward(jax.random.key(1), points))
     error = (50 if name == "ridge" else 5) * sampled.std() / np.sqrt(len(sampled))  # of 64 points
