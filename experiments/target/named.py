@@ -47,6 +47,10 @@ def _twin(config: Config, workers: Workers) -> Target:
         )
     world, name = twin_world(config.twin_seed, config.twin), config.target_name
     counts = {"train": config.reward_images, "test": config.test_images}
+    listed = {split: twin_names(split, n, world.shots) for split, n in counts.items()}
+    names, sequences = (
+        {split: tuple(r[k] for r in rows) for split, rows in listed.items()} for k in (0, 1)
+    )
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Split:
@@ -69,9 +73,9 @@ def _twin(config: Config, workers: Workers) -> Target:
         real=False,
         table="cityscapes",
         title=f"the {name} {config.twin_seed}, a stand-in rendered by our own engine: NOT real data",
-        reward_names=tuple(n for n, _ in twin_names("train", config.reward_images)),
-        reward_sequences=tuple(s for _, s in twin_names("train", config.reward_images)),
-        test_names=tuple(n for n, _ in twin_names("test", config.test_images)),
+        reward_names=names["train"],
+        reward_sequences=sequences["train"],
+        test_names=names["test"],
         at=at,
         twin=world,
     )

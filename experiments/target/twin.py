@@ -34,8 +34,8 @@ FIRST_ASSET = 100_000
 """The twin's assets begin here; the search's end long before."""
 ASSETS = 48
 """Assets of every family in the twin, unless the search itself has fewer."""
-SHOTS = 6
-"""Images per street, that is, per sequence."""
+SHOTS: dict[TwinName, int] = {"near": 6, "far": 1}
+"""Images per street, that is, per sequence. The fewer, the more of what is learnt holds for other streets."""
 IMAGES = 120
 """Images in each of its two splits, unless fewer are asked for."""
 
@@ -47,6 +47,7 @@ class TwinWorld(NamedTuple):
     width: np.ndarray  # f32[attributes]
     response: CameraResponse
     seed: int
+    shots: int  # images per street
 
 
 def twin_world(twin_seed: int, twin: TwinName = "near") -> TwinWorld:
@@ -81,6 +82,7 @@ def twin_world(twin_seed: int, twin: TwinName = "near") -> TwinWorld:
         np.full(len(centre), HIDDEN_WIDTH, np.float32),
         response,
         int(rng.integers(2**31)),
+        SHOTS[twin],
     )
 
 
@@ -93,11 +95,11 @@ def _far_ranges() -> np.ndarray:
     return np.array(rows).T
 
 
-def twin_names(split: str, images: int | None) -> tuple[tuple[str, str], ...]:
-    """(name, sequence) of every image of a split, without rendering any."""
+def twin_names(split: str, images: int | None, shots: int) -> tuple[tuple[str, str], ...]:
+    """(name, sequence) of every image of a split with so many images per street, without rendering any."""
     count = min(images or IMAGES, IMAGES)
-    sequences = [f"twin-{split}-{k // SHOTS:03d}" for k in range(count)]
-    return tuple((f"{s}_{k % SHOTS}", s) for k, s in enumerate(sequences))
+    sequences = [f"twin-{split}-{k // shots:03d}" for k in range(count)]
+    return tuple((f"{s}_{k % shots}", s) for k, s in enumerate(sequences))
 
 
 def twin_split(
@@ -117,7 +119,7 @@ def twin_split(
     Streets of the two splits are drawn apart, so no sequence is in both; the same world, split and
     size give the same images.
     """
-    names, sequences = zip(*twin_names(split, images), strict=True)
+    names, sequences = zip(*twin_names(split, images, world.shots), strict=True)
     count, streets = len(names), len(set(sequences))
     number = ("train", "test").index(split)
     rng = np.random.default_rng([world.seed, number])
@@ -125,7 +127,7 @@ def twin_split(
     dataset = render_dataset(
         np.clip(unit, 0, 1),
         world.seed + 1 + number,
-        shots=SHOTS,
+        shots=world.shots,
         settings=RenderSettings(size[1], size[0], samples=2, response=world.response),
         renderer_name=renderer,
         pool=AssetPool(FIRST_ASSET, assets),

@@ -124,7 +124,7 @@ def test_its_splits_are_disjoint_and_it_never_passes_for_real_data(renders):
     assert train_seed != test_seed and not np.isin(train_units, test_units).any()
     # Every street lies in the hidden interval.
     assert (np.abs(train_units - twin.twin_world(0).centre) <= twin.HIDDEN_WIDTH / 2 + 1e-6).all()
-    assert train_units.shape == (twin.IMAGES // twin.SHOTS, 23)
+    assert train_units.shape == (twin.IMAGES // twin.SHOTS["near"], 23)
     target = named_target(defaults(MainConfig, "twin", "smoke", twin_seed=3), POOL)
     assert target.real is False and target.name == "twin"
     assert "twin 3" in target.title and "NOT real data" in target.title
@@ -137,7 +137,7 @@ def test_streets_of_a_far_twin_lie_in_the_hidden_intervals(renders):
     ((units, _), options) = renders[0]
     world = twin.twin_world(0, "far")
     assert (np.abs(units - world.centre) <= world.width / 2 + 1e-6).all()
-    assert units.shape == (twin.IMAGES // twin.SHOTS, 37)
+    assert units.shape == (twin.IMAGES, 37)
     assert options["pool"].first == twin.FIRST_ASSET
     assert options["settings"].response == world.response
     target = named_target(defaults(MainConfig, "twin", "smoke", twin_seed=3, twin="far"), POOL)
@@ -189,4 +189,4 @@ def test_as_many_images_as_asked_for_at_most_all(images):
         real, whole = split("test", images), split("test")
     assert real.names == whole.names[:images]
     assert len(real.names) == len(set(real.names)) == len(real.images) == min(images, twin.IMAGES)
-    assert len(set(real.sequences)) == -(-len(real.names) // twin.SHOTS)
+    assert len(set(real.sequences)) == -(-len(real.names) // twin.SHOTS["near"])
