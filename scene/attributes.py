@@ -1,7 +1,7 @@
 """The global attributes of a street: names, ranges, units, defaults. The only place with ranges.
 
 Two spaces: ``scenex`` has the paper's 23; ``extended`` has those and then what else real streets and
-cameras differ in. In ``scenex`` the others stand at their defaults, so a street set by eye is the same in
+cameras differ in. In ``scenex`` the others stand at their defaults, so a hand-set street is the same in
 both. Everything outside this file handles attributes as unit values in [0, 1]; ``street_params`` turns
 them into metres, radians and probabilities. Source: section 3 of the paper for the 23; the ranges are ours.
 """
@@ -21,7 +21,7 @@ class Attribute(NamedTuple):
     low: float
     high: float
     scale: str  # "linear" or "log"
-    default: float  # a street set by eye
+    default: float  # a hand-set street
     unit: str
     meaning: str
 
@@ -154,7 +154,7 @@ def space_of(count: int) -> SpaceName:
 
 
 def default_unit(space: SpaceName = "scenex") -> np.ndarray:
-    """The street set by eye, f32[attributes] unit values."""
+    """The hand-set street, f32[attributes] unit values."""
     return np.array([a.to_unit(a.default) for a in SPACES[space]], np.float32)
 
 

@@ -20,7 +20,7 @@ from scene.attributes import SPACES, SpaceName, check_unit, default_unit, names,
 from shell.files import read_json
 
 RELAXATION = 0.15
-"""Width of the intervals around the street set by eye, as a share of each range."""
+"""Width of the intervals around the hand-set street, as a share of each range."""
 NAMES = ("default", "random", "mixed")
 """Of streets that `streets_named` knows."""
 BELOW_ONE = float(np.nextafter(np.float32(1), np.float32(0)))
@@ -141,9 +141,9 @@ def random_proposal(space: SpaceName = "scenex") -> Proposal:
 
 
 def default_proposal(width: float = RELAXATION, space: SpaceName = "scenex") -> Proposal:
-    """Intervals of one ``width`` around the street set by eye; what it adds to the 23 stands there exactly.
+    """Intervals of one ``width`` around the hand-set street; what it adds to the 23 stands there exactly.
 
-    So both spaces have the same streets by eye, but for chance.
+    So both spaces have the same hand-set streets, but for chance.
     """
     centre = default_unit(space)
     widths = np.full(len(centre), width)
@@ -152,7 +152,7 @@ def default_proposal(width: float = RELAXATION, space: SpaceName = "scenex") -> 
 
 
 def named(name: str, space: SpaceName, width: float = RELAXATION) -> Proposal:
-    """The proposal ``random``, or ``default``: intervals of one ``width`` around the street set by eye."""
+    """The proposal ``random``, or ``default``: intervals of one ``width`` around the hand-set street."""
     return random_proposal(space) if name == "random" else default_proposal(width, space)
 
 

@@ -176,7 +176,7 @@ def _bump(phase: float, at: float, width: float) -> float:
 def _step(phase: float, vigour: float, run: bool) -> tuple[float, float, float]:
     """Angles of one leg at ``phase`` of its step: thigh forward, knee bent, shoe's toes down.
 
-    Bells fitted by eye to the curves of gait analysis: the knee yields a little at the landing and
+    Bells fitted by hand to the curves of gait analysis: the knee yields a little at the landing and
     folds as the leg swings through; the heel lands first and leaves first.
     """
     swing = (0.62 if run else 0.40) * vigour

@@ -1,6 +1,6 @@
 """Pictures to look at.
 
-python -m scene.preview --out sheet.png                          # streets set by eye, labels, depth
+python -m scene.preview --out sheet.png                          # hand-set streets, labels, depth
 python -m scene.preview --attributes random --renderer opengl --out sheet.png
 python -m scene.preview --sweep car_interval --out sweep.png     # one attribute from 0 to 1
 python -m scene.preview --sweep all --out sweeps.jpg             # all attributes

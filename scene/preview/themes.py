@@ -28,7 +28,7 @@ VIEW = {
 
 
 class Theme(NamedTuple):
-    """What streets set by eye are given more of."""
+    """What hand-set streets are given more of."""
 
     title: str
     attributes: dict[str, float]  # physical values
@@ -45,7 +45,7 @@ THEMES = {
 
 
 def themed(theme: Theme, seed: int, streets: int) -> np.ndarray:
-    """Unit attributes f32[streets, attributes] of streets by eye that have what a theme says."""
+    """Unit attributes f32[streets, attributes] of hand-set streets that have what a theme says."""
     rows = draw(default_proposal(space="extended"), seed, streets)
     for name, value in {**VIEW, **theme.attributes}.items():
         rows[:, list(BY_NAME).index(name)] = BY_NAME[name].to_unit(value)

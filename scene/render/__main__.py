@@ -40,7 +40,7 @@ def parser() -> Parser:
     add(
         "--attributes",
         default="default",
-        help="default (around a street set by eye), random, mixed (half of either), or a JSON file: a "
+        help="default (around a hand-set street), random, mixed (half of either), or a JSON file: a "
         "run's attributes.json, or every attribute's name with a value in [0, 1]",
     )
     add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
