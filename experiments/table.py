@@ -5,7 +5,7 @@
     python -m experiments.table --target twin --preset smoke                     # under a minute
     python -m experiments.table --rederive runs/a/table.json --out runs/b        # no net at all
 
-Training sets are SceneX with random attributes, with the street set by eye and with learnt attributes,
+Training sets are SceneX with random attributes, with the hand-set street and with learnt attributes,
 data sets of others, and the reward images themselves. Attributes are learnt first, unless
 --learnt names what an earlier run has learnt; with its --store, that run's nets are not trained again.
 Kill it at any moment; the same command goes on where it was.
@@ -68,7 +68,7 @@ RENDERED = (BASELINE, EYE, LEARNT)
 """Rows whose training sets are rendered."""
 TRAINED_ON = {
     "random": "SceneX, random attributes",
-    "default": "SceneX, attributes set by eye",
+    "default": "SceneX, hand-set attributes",
     "learnt": "SceneX, learnt attributes",
     **few.TRAINED_ON,
     "gta5": "GTA5",
@@ -278,7 +278,7 @@ COLUMNS: list[Column] = [
         "+.1f",
     ),
     *estimate(
-        "over by eye",
+        "over hand-set",
         lambda row: row["gain_over_default"] if row["trained_on"] not in (BASELINE, EYE) else None,
         "+.1f",
     ),
