@@ -46,7 +46,7 @@ def fails(error_line, camvid):
 def test_a_folder_says_everything_needed_to_repeat_the_run(tiny_camvid):
     with context.opened(tiny_camvid):
         stored = json.loads((tiny_camvid.out / "config.json").read_text())
-    assert set(stored.pop("versions")) >= {"sdr-jax"}
+    assert set(stored.pop("versions")) >= {"sdr-jax"} and stored.pop("version") == 1
     own = {"engine": context.ENGINE, "made_with": dict(made_with())}
     assert stored == plain({**own, **asdict(tiny_camvid)})
 
