@@ -12,17 +12,25 @@ the same command goes on where it was.
 
 from __future__ import annotations
 
-import math
 import sys
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from experiments import presets
-from experiments.cli import Unmet, main
-from experiments.config import Bins, Config, Fidelity, Preset, Rederived, RewardKind, TargetName
+from experiments.config import (
+    NETS,
+    BinsConfig,
+    Fidelity,
+    Preset,
+    Rederived,
+    RewardConfig,
+    RewardKind,
+    TargetName,
+    presets,
+)
+from experiments.config.cli import Unmet, main
 from experiments.run.context import REWARD_NAMES, Run, Work
 from experiments.run.ladder import fidelities
 from experiments.run.nets import score_nets
@@ -31,7 +39,8 @@ from experiments.study.figure import plt, png
 from experiments.study.form import Column, Form, Report, about, interval, number, starts, table
 from experiments.study.skeleton import Study, do
 from experiments.study.stats import bootstrap, pairing, signal_to_noise, spearman
-from scene.proposal import RELAXATION, Proposal, default_proposal, random_proposal
+from scene.proposal import Proposal, default_proposal, random_proposal
+from shell.bounds import POSITIVE, at_least, within
 from shell.errors import UserError
 
 FIDELITY_SEED = 10_000_000
@@ -45,26 +54,21 @@ BOOTSTRAP_SEED = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class FidelityConfig(Config, Rederived):
+class FidelityConfig(RewardConfig, BinsConfig, Rederived):
     """One measurement. Every field is a flag."""
 
-    final: Fidelity
-    """The full fidelity, the ladder's top rung."""
-    search: Bins
     reward_kind: RewardKind = "miou"
     """miou of a net trained on the dataset; or mmd, a distance of images that needs no labels: it is
     compared with mIoU at the final size, too."""
-    default_width: float = RELAXATION
-    """Relaxation of the hand-set street, as a share of each range."""
-    proposals: int = 24
+    proposals: Annotated[int, at_least(2), NETS] = 24
     """Proposals with random bins for all attributes; the hand-set street and random ones are added."""
-    repeated: int = 6
+    repeated: Annotated[int, at_least(2), NETS] = 6
     """Proposals that are scored with several seeds, the two that are added among them."""
-    repeats: int = 4
+    repeats: Annotated[int, within(2, MOST_REPEATS), NETS] = 4
     """Seeds of those."""
-    rungs: int | None = None
+    rungs: Annotated[int | None, at_least(1)] = None
     """Only the cheapest rungs, so many; by default all of them, up to the final size."""
-    require_signal: float | None = None
+    require_signal: Annotated[float | None, POSITIVE] = None
     """End with exit code 1 where the signal of the cheapest reward, what a search would see, is less than so
     many times its noise. 2 is a good demand to make before a search with a net that may learn nothing."""
 
@@ -77,19 +81,11 @@ def defaults(target: TargetName, preset: Preset) -> FidelityConfig:
 
 def check(config: FidelityConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if config.proposals < 2:
-        raise UserError(f"--proposals must be 2 or more, not {config.proposals}")
     most = config.proposals + len(ADDED)
-    if not 2 <= config.repeated <= most:
+    if config.repeated > most:
         raise UserError(
-            f"--repeated must be 2 to {most}, the number of proposals, not {config.repeated}"
+            f"--repeated must be {most} or less, the number of proposals, not {config.repeated}"
         )
-    if not 2 <= config.repeats <= MOST_REPEATS:
-        raise UserError(f"--repeats must be 2 to {MOST_REPEATS}, not {config.repeats}")
-    if config.rungs is not None and config.rungs < 1:
-        raise UserError(f"--rungs must be 1 or more, not {config.rungs}")
-    if config.require_signal is not None and not 0 < config.require_signal < math.inf:
-        raise UserError(f"--require-signal must be above 0, not {config.require_signal}")
 
 
 class Rung(NamedTuple):

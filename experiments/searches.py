@@ -16,11 +16,10 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import FewConfig, Preset, Rederived, SearchConfig, TargetName
+from experiments.config import FewConfig, Preset, Rederived, TargetName, presets
+from experiments.config.cli import main
 from experiments.reward.miou import Source
 from experiments.run import few
 from experiments.run.context import Run, Work
@@ -46,7 +45,8 @@ from experiments.study.stats import Table, gain, less, mean, over_both
 from experiments.target.base import Target
 from scene.proposal import describe, named
 from sdr_jax.registry import MethodName
-from shell.errors import UserError, refuse_repeats
+from shell.bounds import DISTINCT, at_least
+from shell.errors import UserError
 
 BASELINES = {
     "random": "random attributes",
@@ -70,12 +70,12 @@ OWN: dict[Preset, dict[str, Any]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ManyConfig(SearchConfig, FewConfig, Rederived):
+class ManyConfig(FewConfig, Rederived):
     """One study. Every field is a flag."""
 
-    searches: int = 5
+    searches: Annotated[int, at_least(1)] = 5
     """Searches of each method, of seeds --seed, --seed + 1, ..."""
-    methods: tuple[MethodName, ...] = ("intervals", "sdr", "random_search")
+    methods: Annotated[tuple[MethodName, ...], DISTINCT] = ("intervals", "sdr", "random_search")
     """The search methods; all have the same rewards and model selection."""
 
 
@@ -86,11 +86,6 @@ def defaults(target: TargetName, preset: Preset) -> ManyConfig:
 
 def check(config: ManyConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if config.searches < 1:
-        raise UserError(f"--searches must be 1 or more, not {config.searches}")
-    if not config.methods:
-        raise UserError("--methods needs at least one of them")
-    refuse_repeats("--methods", config.methods)
     if "random_attributes" in config.methods:
         raise UserError("--methods random_attributes searches for nothing: it is the row random")
     for own in configured(config).values():

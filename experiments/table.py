@@ -18,12 +18,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import FewConfig, Fidelity, LearntConfig, Preset, TargetName, check_net
+from experiments.config import (
+    FewConfig,
+    Fidelity,
+    LearntConfig,
+    Preset,
+    TargetName,
+    check_net,
+    presets,
+)
+from experiments.config.cli import main
 from experiments.reward.miou import Source
 from experiments.reward.truth import Truth
 from experiments.run import few
@@ -60,7 +68,8 @@ from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, cla
 from seg.data.folders import read_folders
 from seg.settings import VGG_NETS, NetName
 from seg.weights import described
-from shell.errors import UserError, refuse_repeats
+from shell.bounds import DISTINCT
+from shell.errors import UserError
 
 BASELINE, EYE = "random", "default"
 """Gains are measured from both."""
@@ -107,7 +116,7 @@ PAPER: dict[str, dict[str, tuple[int, float, float]]] = {
 class TableConfig(LearntConfig, FewConfig):
     """One table. Every field is a flag."""
 
-    nets: tuple[NetName, ...] = ("compact",)
+    nets: Annotated[tuple[NetName, ...], DISTINCT] = ("compact",)
     """The nets that are trained."""
     compact: Fidelity
     """The fidelity of the compact net, where that is not the final one's."""
@@ -133,9 +142,6 @@ def defaults(target: TargetName, preset: Preset) -> TableConfig:
 
 def check(config: TableConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if not config.nets:
-        raise UserError("--nets needs at least one net")
-    refuse_repeats("--nets", config.nets)
     if config.weights is not None and not set(config.nets) & set(VGG_NETS):
         raise UserError("--weights are for VGG nets; --nets names none")
     for name in config.nets:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.config import Config
+from experiments.config import Config, MainConfig, RewardConfig
 from experiments.target.base import SIZES, Split, Target, refuse_overlap, refuse_void
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data import (
@@ -47,7 +47,7 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     reward, test, where = _sides(listing, data, config.test_split or test_split, config)
     # The same for every --seed: a study's searches share their target with the main job of each one's seed.
     test = subset(test, config.test_images)
-    unlabelled: Path | None = getattr(config, "unlabelled", None)
+    unlabelled = config.unlabelled if isinstance(config, MainConfig) else None
     if unlabelled is not None:
         # No label is read, nor is there a place for one.
         reward = tuple(Entry(p.stem, "", p, p) for p in list_unlabelled(unlabelled))
@@ -55,7 +55,7 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     refuse_overlap([e.name for e in reward], [e.name for e in test])
     table = class_table(name)
     # What gives -MMD^2 needs no labels, even where there are some.
-    scored = getattr(config, "reward_kind", "miou") == "miou"
+    scored = not isinstance(config, RewardConfig) or config.reward_kind == "miou"
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Split:
@@ -111,5 +111,5 @@ def _void(entries: Sequence[Entry], size: tuple[int, int]) -> RealSet:
     """Images without labels as a set whose every pixel is void."""
     images = load_unlabelled([e.image_path for e in entries], size)
     labels = np.full(images.shape[:3], IGNORE_LABEL, np.uint8)
-    names, sequences = (tuple(getattr(e, f) for e in entries) for f in ("name", "sequence"))
+    names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
     return RealSet(names, sequences, images, labels)
