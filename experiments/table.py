@@ -33,7 +33,6 @@ from experiments.config import (
 )
 from experiments.config.cli import main
 from experiments.reward.miou import Source
-from experiments.reward.truth import Truth
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.nets import with_net
@@ -65,6 +64,7 @@ from experiments.study.skeleton import (
 from experiments.study.stats import gain, mean, statistics
 from experiments.target.base import Target
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, class_table
+from seg.data import LabelledImages
 from seg.data.folders import read_folders
 from seg.settings import VGG_NETS, NetName
 from seg.weights import described
@@ -157,7 +157,7 @@ def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
     return with_net(own, name, str(config.weights) if vgg and config.weights else None)
 
 
-def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, Truth]:
+def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, LabelledImages]:
     """Training sets that others have made, as large as a net's rendered ones; ids of the target's table.
 
     Raises:
@@ -172,13 +172,13 @@ def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str,
             labels = class_table(target.table).from_train_id[data.labels]
             if np.all(labels == IGNORE_LABEL):
                 raise UserError(f"--{layout} {root}: all labels are void")
-            found[layout] = Truth(data.images, labels)
+            found[layout] = LabelledImages(data.images, labels)
     return found
 
 
 def rows(config: TableConfig, target: Target) -> list[Row]:
     """For each net rendered sets, these beside the few images if there are any, and sets of images alone."""
-    read: dict[tuple[int, int, int], dict[str, Truth]] = {}  # nets of one size share them
+    read: dict[tuple[int, int, int], dict[str, LabelledImages]] = {}  # nets of one size share them
     found = []
     for net in config.nets:
         at = fidelity_of(config, net)
@@ -207,7 +207,12 @@ def rows(config: TableConfig, target: Target) -> list[Row]:
 
 
 def _source(
-    name: str, at: Fidelity, given: dict[str, Truth], run: Run[TableConfig], made: Made, seed: int
+    name: str,
+    at: Fidelity,
+    given: dict[str, LabelledImages],
+    run: Run[TableConfig],
+    made: Made,
+    seed: int,
 ) -> Source:
     """What nets of a row are trained on."""
     if name in given:

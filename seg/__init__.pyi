@@ -7,7 +7,7 @@ from seg.classes import SYNTHIA_16 as SYNTHIA_16
 from seg.classes import ClassTable as ClassTable
 from seg.classes import class_table as class_table
 from seg.data import Entry as Entry
-from seg.data import RealSet as RealSet
+from seg.data import LabelledImages as LabelledImages
 from seg.data import list_camvid as list_camvid
 from seg.data import list_cityscapes as list_cityscapes
 from seg.data import list_folders as list_folders

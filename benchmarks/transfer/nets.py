@@ -12,9 +12,9 @@ import numpy as np
 import scene
 import seg
 from benchmarks.transfer.ingredients import INGREDIENTS
-from benchmarks.transfer.recipe import TABLE, Recipe, Truth, real_net, rendered_net, units
+from benchmarks.transfer.recipe import TABLE, Recipe, real_net, rendered_net, units
 from seg.classes import class_table
-from seg.data import DataError, RealSet, list_camvid, load
+from seg.data import DataError, LabelledImages, list_camvid, load
 
 SEQUENCES = ("0001TP", "0016E5")
 """Drives of CamVid that may steer the engine; results are reported on the other, which is never read."""
@@ -36,7 +36,7 @@ class Net(NamedTuple):
     task: tuple  # function and arguments
 
 
-def steering_set(root: Path, recipe: Recipe) -> RealSet:
+def steering_set(root: Path, recipe: Recipe) -> LabelledImages:
     """The labelled images of the sequences that may steer the engine, in the order they were taken.
 
     Raises:
@@ -66,9 +66,10 @@ def engine() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
 
 
-def nets(recipe: Recipe, real: RealSet, parts: Sequence[str], seeds: Sequence[int]) -> list[Net]:
+def nets(
+    recipe: Recipe, real: LabelledImages, parts: Sequence[str], seeds: Sequence[int]
+) -> list[Net]:
     """Every net that the tables in ``parts`` need, the longest first so that workers end together."""
-    truth = Truth(real.images, real.labels)
     same = {"engine": engine(), "recipe": recipe._asdict(), "images": len(real.images)}
     found = []
 
@@ -77,7 +78,7 @@ def nets(recipe: Recipe, real: RealSet, parts: Sequence[str], seeds: Sequence[in
 
     for seed in seeds if "recognition" in parts else ():
         unseen = held_out(real.sequences, seed)
-        sides = [Truth(truth.images[side], truth.labels[side]) for side in (~unseen, unseen)]
+        sides = [real.take(np.flatnonzero(side)) for side in (~unseen, unseen)]
         default = units(recipe, "default", seed)
         add(REAL, seed, REAL_COST, real_net, recipe, *sides, default, seed)
     for seed in seeds:
@@ -90,5 +91,5 @@ def nets(recipe: Recipe, real: RealSet, parts: Sequence[str], seeds: Sequence[in
         if "ingredients" in parts:
             rows += [(WITHOUT + name, name, "default") for name in INGREDIENTS]
         for name, without, attributes in rows:
-            add(name, seed, 1.0, rendered_net, recipe, without, drawn[attributes], seed, truth)
+            add(name, seed, 1.0, rendered_net, recipe, without, drawn[attributes], seed, real)
     return found

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from experiments.config import Config, MainConfig, RewardConfig
-from experiments.target.base import SIZES, Split, Target, refuse_overlap, refuse_void
+from experiments.target.base import SIZES, Sides, Target, refuse_overlap, two_sides
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data import (
     DataError,
     Entry,
-    RealSet,
+    LabelledImages,
     list_camvid,
     list_cityscapes,
     list_labelmefacade,
@@ -26,7 +26,7 @@ from seg.data import (
 )
 from shell.errors import UserError
 
-LISTS: dict[str, tuple[Callable[..., tuple[Entry, ...]], str, Callable[..., RealSet]]] = {
+LISTS: dict[str, tuple[Callable[..., tuple[Entry, ...]], str, Callable[..., LabelledImages]]] = {
     "camvid": (list_camvid, "test", load),
     "cityscapes": (list_cityscapes, "val", load),
     "labelmefacade": (list_labelmefacade, "test", load_labelmefacade),
@@ -58,10 +58,10 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     scored = not isinstance(config, RewardConfig) or config.reward_kind == "miou"
 
     @lru_cache(maxsize=SIZES)
-    def at(height: int, width: int) -> Split:
+    def at(height: int, width: int) -> Sides:
         size = (height, width)
         read = loaded(reward, table, size) if unlabelled is None else _void(reward, size)
-        return refuse_void(Split(read, loaded(test, table, size)), str(data), scored)
+        return two_sides(read, loaded(test, table, size), str(data), scored)
 
     shared = sorted({e.sequence for e in reward} & {e.sequence for e in test})
     told = f"sequences {', '.join(shared)}"
@@ -107,9 +107,9 @@ def _sides(
     return rest, held, f"reported on sequence {config.holdout}"
 
 
-def _void(entries: Sequence[Entry], size: tuple[int, int]) -> RealSet:
+def _void(entries: Sequence[Entry], size: tuple[int, int]) -> LabelledImages:
     """Images without labels as a set whose every pixel is void."""
     images = load_unlabelled([e.image_path for e in entries], size)
     labels = np.full(images.shape[:3], IGNORE_LABEL, np.uint8)
     names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
-    return RealSet(names, sequences, images, labels)
+    return LabelledImages(images, labels, names, sequences)

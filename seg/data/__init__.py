@@ -3,12 +3,12 @@
 from seg.data.camvid import list_camvid, read_camvid
 from seg.data.cityscapes import list_cityscapes, read_cityscapes
 from seg.data.folders import LAYOUTS, list_folders, read_folders
+from seg.data.labelled import Entry, LabelledImages, load, subset
 from seg.data.labelmefacade import (
     list_labelmefacade,
     load_labelmefacade,
     read_labelmefacade,
 )
-from seg.data.realset import Entry, RealSet, load, subset
 from seg.data.unlabelled import list_unlabelled, load_unlabelled
 from seg.errors import DataError
 
@@ -16,7 +16,7 @@ __all__ = [
     "LAYOUTS",
     "DataError",
     "Entry",
-    "RealSet",
+    "LabelledImages",
     "list_camvid",
     "list_cityscapes",
     "list_folders",

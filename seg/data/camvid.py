@@ -7,7 +7,7 @@ SegNet tutorial.
 from pathlib import Path
 
 from seg.classes import CAMVID_11
-from seg.data.realset import Entry, RealSet, load, subset
+from seg.data.labelled import Entry, LabelledImages, load, subset
 from seg.errors import DataError
 from shell.files import leads_out
 
@@ -99,6 +99,6 @@ def read_camvid(
     size: tuple[int, int] | None = None,
     limit: int | None = None,
     seed: int = 0,
-) -> RealSet:
+) -> LabelledImages:
     """Read a split of CamVid as ids of `CAMVID_11`: `list_camvid`, `subset` and `load` in one."""
     return load(subset(list_camvid(root, split), limit, seed), CAMVID_11, size)

@@ -6,7 +6,7 @@ Source: Cordts et al., "The Cityscapes dataset for semantic urban scene understa
 from pathlib import Path
 
 from seg.classes import CITYSCAPES_19
-from seg.data.realset import Entry, RealSet, load, subset
+from seg.data.labelled import Entry, LabelledImages, load, subset
 from seg.errors import DataError
 
 _IMAGE_END, _LABEL_END = "_leftImg8bit.png", "_gtFine_labelIds.png"
@@ -58,7 +58,7 @@ def read_cityscapes(
     size: tuple[int, int] | None = None,
     limit: int | None = None,
     seed: int = 0,
-) -> RealSet:
+) -> LabelledImages:
     """Read a split as ids of `CITYSCAPES_19`: `list_cityscapes`, `subset` and `load` in one.
 
     The paper's reward set is 500 images of the training split.

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from seg.classes import CITYSCAPES_19, GTA5_19, SYNTHIA_19, ClassTable
 from seg.data.images import read_label, read_packed_label
-from seg.data.realset import Entry, LabelReader, RealSet, load, subset
+from seg.data.labelled import Entry, LabelledImages, LabelReader, load, subset
 from seg.errors import DataError
 
 
@@ -74,7 +74,7 @@ def read_folders(
     size: tuple[int, int] | None = None,
     limit: int | None = None,
     seed: int = 0,
-) -> RealSet:
+) -> LabelledImages:
     """Read a data set as ids of `CITYSCAPES_19`: `list_folders`, `subset` and `load` in one."""
     entries = subset(list_folders(root, layout), limit, seed)
     return load(entries, LAYOUTS[layout].table, size, LAYOUTS[layout].read)

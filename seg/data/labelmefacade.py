@@ -12,7 +12,7 @@ from jaxtyping import UInt8
 
 from seg.classes import LABELMEFACADE_6, ClassTable
 from seg.data.images import read_image
-from seg.data.realset import Entry, RealSet, load, subset
+from seg.data.labelled import Entry, LabelledImages, load, subset
 from seg.errors import DataError
 from shell.files import leads_out
 
@@ -127,7 +127,7 @@ def load_labelmefacade(
     entries: tuple[Entry, ...],
     table: ClassTable = LABELMEFACADE_6,
     size: tuple[int, int] | None = None,
-) -> RealSet:
+) -> LabelledImages:
     """Read images and labels, cut to 4:3 around their centre: `load` for this data set."""
     return load(entries, table, size, read_colors, ASPECT)
 
@@ -138,6 +138,6 @@ def read_labelmefacade(
     size: tuple[int, int] | None = None,
     limit: int | None = None,
     seed: int = 0,
-) -> RealSet:
+) -> LabelledImages:
     """Read a split as ids of `LABELMEFACADE_6`: `list_labelmefacade`, `subset` and the loading in one."""
     return load_labelmefacade(subset(list_labelmefacade(root, split), limit, seed), size=size)

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import UInt8
 
 from seg.data.images import read_image
-from seg.data.realset import resize_image
+from seg.data.labelled import resize_image
 from seg.errors import DataError
 
 SUFFIXES = (".png", ".jpg", ".jpeg")

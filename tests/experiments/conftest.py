@@ -23,13 +23,13 @@ from experiments.config.cli import main
 from experiments.config.presets import PRESETS, TARGETS, defaults
 from experiments.main.job import MAIN
 from experiments.reward.miou import Outcome, Recipe, Source
-from experiments.reward.truth import Truth, WithFew, rendered_of
+from experiments.reward.truth import WithFew, rendered_of
 from experiments.study.skeleton import do
-from experiments.target.base import Split, Target
+from experiments.target.base import Target
 from scene.attributes import NAMES
 from scene.proposal import components, describe, moments, slide
 from scene.workers import WorkerPool
-from seg.data import RealSet
+from seg.data import LabelledImages
 from seg.data.labelmefacade import COLORS
 from seg.train import TrainingError
 from shell.files import read_json
@@ -108,7 +108,7 @@ def labelmefacade(tmp_path: Path) -> Path:
 
 def target_of(reward: Any, test: Any) -> Target:
     """Stands for CamVid: named images, and arrays that are the same at every size."""
-    sides = Split(*(RealSet((), (), side.images, side.labels) for side in (reward, test)))
+    sides = {"reward": reward, "test": test, "labelled": reward}
     return Target("camvid", True, "camvid", "", ("a", "b"), ("s", "s"), ("c",), lambda *_: sides)
 
 
@@ -149,7 +149,7 @@ def formula(
     recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = (), sees: Any = None
 ) -> Outcome:
     """Worth more with buildings far off, or with (more) real images; a little noise by seed."""
-    if isinstance(source, Truth):
+    if isinstance(source, LabelledImages):
         right = 800 + len(source.images)
     else:
         place = NAMES.index("building_position")

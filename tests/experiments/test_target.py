@@ -47,8 +47,12 @@ def test_the_public_protocol_and_a_sequence_held_out(tiny_camvid, camvid):
     assert "4 images" in target.title and "split test" in target.title
     assert "sequences B are on both sides" in target.title
     split = target.at(24, 32)
-    assert split.reward.images.shape == (4, 24, 32, 3) and split.test.labels.shape == (2, 24, 32)
-    reward = target.at(12, 16).reward
+    assert split["reward"].images.shape == (4, 24, 32, 3) and split["test"].labels.shape == (
+        2,
+        24,
+        32,
+    )
+    reward = target.at(12, 16)["reward"]
     for name, labels in zip(reward.names, reward.labels, strict=True):
         values = np.asarray(Image.open(camvid / "trainannot" / f"{name}.png"))
         np.testing.assert_array_equal(labels, CAMVID_11.from_file[values])
@@ -76,14 +80,14 @@ def test_photographs_are_cut_to_four_by_three_and_albums_held_out(labelmefacade)
     assert judged_on(target, config)[0] == ((0, 2), (2, 4))
     assert "split test, 2 images (sequences b are on both sides)" in target.title
     split = target.at(9, 12)
-    for name, label in zip(target.reward_names, split.reward.labels, strict=True):
+    for name, label in zip(target.reward_names, split["reward"].labels, strict=True):
         # 16x12 as it is, 12x12 without a row and a half at either end.
         colors = np.asarray(Image.open(labelmefacade / "labels" / f"{name}.png"))
         assert colors.shape[1] in (16, 12)
         if colors.shape[1] == 12:
             own = (colors[1:10, :, None] == np.array(COLORS)).all(axis=-1).argmax(axis=-1)
             np.testing.assert_array_equal(label, LABELMEFACADE_6.from_file[own])
-    assert split.test.images.shape == (2, 9, 12, 3)
+    assert split["test"].images.shape == (2, 9, 12, 3)
     target = named_target(replace(config, holdout="a_p"), POOL)
     assert target.reward_names == ("b__1", "b__2") and target.test_names == ("a_p1", "a_p2")
     assert "both sides" not in target.title
@@ -117,7 +121,7 @@ def test_limits_choose_a_subset_that_runs_of_all_seeds_share(tiny_camvid):
     config = replace(tiny_camvid, reward_images=2, test_images=1)
     found = [named_target(replace(config, seed=s), POOL) for s in range(12)]
     ((reward, test),) = {(own.reward_names, own.test_names) for own in found}
-    assert (len(reward), len(test)) == (2, 1) and reward == found[0].at(16, 16).reward.names
+    assert (len(reward), len(test)) == (2, 1) and reward == found[0].at(16, 16)["reward"].names
 
 
 @pytest.mark.parametrize(("flags", "words"), [

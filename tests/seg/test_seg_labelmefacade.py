@@ -8,8 +8,8 @@ from PIL import Image
 
 from seg.classes import CAMVID_11, IGNORE_LABEL, LABELMEFACADE_6
 from seg.data import list_labelmefacade, load_labelmefacade, read_labelmefacade, subset
+from seg.data.labelled import cut
 from seg.data.labelmefacade import ASPECT, COLORS, read_colors
-from seg.data.realset import cut
 
 from .conftest import pixels, refuses_file
 

@@ -1,10 +1,12 @@
-"""Real labelled images in memory, and the loading of them from a list of files."""
+"""Labelled images in memory, and the loading of them from a list of files."""
+
+from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import cv2
 import numpy as np
@@ -13,6 +15,9 @@ from jaxtyping import UInt8
 from seg.classes import ClassTable
 from seg.data.images import read_image, read_label
 from seg.errors import DataError
+
+if TYPE_CHECKING:  # the nets load JAX
+    from seg.nets.lite0 import Pyramid
 
 
 class Entry(NamedTuple):
@@ -24,13 +29,39 @@ class Entry(NamedTuple):
     label_path: Path
 
 
-class RealSet(NamedTuple):
-    """Labelled images of one size."""
+class LabelledImages(NamedTuple):
+    """Images of one size with their labels."""
 
-    names: tuple[str, ...]
-    sequences: tuple[str, ...]  # of each image
     images: UInt8[np.ndarray, "n h w 3"]  # RGB
     labels: UInt8[np.ndarray, "n h w"]  # ids of a class table, 255 void
+    names: tuple[str, ...] = ()  # of each image, where they are known
+    sequences: tuple[str, ...] = ()  # of each image, where they are known
+    features: Pyramid | None = None
+    """Features of a frozen trunk, if they are known: one row per image for testing, those of all views of
+    the images for training, view after view."""
+    origin: tuple[LabelledImages, tuple[int, ...]] | None = None
+    """The images of which these are some, and their indices, if files are to hold all of them once."""
+
+    def between(self, first: int, end: int) -> LabelledImages:
+        """The images from the first up to the end, with one row of features each; nothing is copied."""
+        maps = self.features and type(self.features)(*(own[first:end] for own in self.features))
+        names, sequences = self.names[first:end], self.sequences[first:end]
+        return LabelledImages(
+            self.images[first:end], self.labels[first:end], names, sequences, maps
+        )
+
+    def take(self, indices: Sequence[int] | np.ndarray) -> LabelledImages:
+        """A copy of some of the images, with the features of all their views."""
+        picked, count = np.asarray(indices, np.int64), len(self.images)
+        names, sequences = (
+            tuple(column[k] for k in picked) if column else ()
+            for column in (self.names, self.sequences)
+        )
+        maps = self.features
+        if maps is not None:
+            views = np.arange(0, len(maps.eighth), count)[:, None]  # rows where they begin
+            maps = type(maps)(*(own[(views + picked).ravel()] for own in maps))
+        return LabelledImages(self.images[picked], self.labels[picked], names, sequences, maps)
 
 
 def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[Entry, ...]:
@@ -112,7 +143,7 @@ def load(
     size: tuple[int, int] | None = None,
     read: LabelReader = read_label,
     aspect: float | None = None,
-) -> RealSet:
+) -> LabelledImages:
     """Read images and labels; images are resized by area averages, labels by nearest pixel.
 
     Args:
@@ -142,9 +173,9 @@ def load(
                 f"{entry.image_path}: {label.shape[1]}x{label.shape[0]} pixels where "
                 f"{entries[0].image_path} has {first[1]}x{first[0]}; give a size to resize them all"
             )
-    return RealSet(
+    return LabelledImages(
+        np.stack([image for image, _ in pairs]),
+        np.stack([label for _, label in pairs]),
         names=tuple(entry.name for entry in entries),
         sequences=tuple(entry.sequence for entry in entries),
-        images=np.stack([image for image, _ in pairs]),
-        labels=np.stack([label for _, label in pairs]),
     )
