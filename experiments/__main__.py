@@ -28,6 +28,7 @@ COMMANDS = {
     "assets": "experiments.assets",
     "sensitivity": "experiments.sensitivity",
     "fidelity": "experiments.fidelity",
+    "predict": "experiments.predict",
     "results": "experiments.results",
     "report": "experiments.report",
     "store": "experiments.store",
