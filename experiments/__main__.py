@@ -29,6 +29,7 @@ COMMANDS = {
     "sensitivity": "experiments.sensitivity",
     "fidelity": "experiments.fidelity",
     "predict": "experiments.predict",
+    "evaluate": "experiments.evaluate",
     "results": "experiments.results",
     "report": "experiments.report",
     "store": "experiments.store",
