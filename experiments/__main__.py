@@ -28,6 +28,8 @@ COMMANDS = {
     "assets": "experiments.assets",
     "sensitivity": "experiments.sensitivity",
     "fidelity": "experiments.fidelity",
+    "predict": "experiments.predict",
+    "evaluate": "experiments.evaluate",
     "results": "experiments.results",
     "report": "experiments.report",
     "store": "experiments.store",

@@ -18,6 +18,7 @@ from seg.data import read_cityscapes as read_cityscapes
 from seg.data import read_folders as read_folders
 from seg.data import read_labelmefacade as read_labelmefacade
 from seg.errors import DataError as DataError
+from seg.errors import ModelError as ModelError
 from seg.errors import WeightsError as WeightsError
 from seg.losses import class_weights as class_weights
 from seg.losses import cross_entropy as cross_entropy
@@ -25,6 +26,11 @@ from seg.metrics import absent_classes as absent_classes
 from seg.metrics import confusion_matrix as confusion_matrix
 from seg.metrics import iou as iou
 from seg.metrics import mean_iou as mean_iou
+from seg.model import LabelClass as LabelClass
+from seg.model import Model as Model
+from seg.model import classes_of as classes_of
+from seg.model import label_classes as label_classes
+from seg.model import load_model as load_model
 from seg.nets import net as net
 from seg.recipes import RECIPES as RECIPES
 from seg.settings import TrainSettings as TrainSettings

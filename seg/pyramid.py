@@ -16,6 +16,8 @@ from seg.weights import lite0
 
 BATCH = 8
 """Images per call of the trunk."""
+CHANNELS = (64, 112, 320)
+"""Of the maps at strides 8, 16 and 32."""
 Params = Any  # a pytree
 
 
@@ -91,7 +93,7 @@ def check_features(maps: Pyramid, images: UInt8[np.ndarray, "n h w 3"], views: i
     count, h, w, _ = images.shape
     count *= views
     rows, cols = -(-h // 8), -(-w // 8)
-    for name, m, times, c in zip(Pyramid._fields, maps, (1, 2, 4), (64, 112, 320), strict=True):
+    for name, m, times, c in zip(Pyramid._fields, maps, (1, 2, 4), CHANNELS, strict=True):
         expected = (count, -(-rows // times), -(-cols // times), c)
         if m.shape != expected or m.dtype != np.float16:
             raise ValueError(

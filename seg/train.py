@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Int64, UInt8
+from jaxtyping import Array, Float32, Int64, UInt8
 
 from seg import losses, pyramid
 from seg.batches import in_batches
@@ -36,28 +36,30 @@ class TrainingError(Exception):
 
 
 @lru_cache(maxsize=32)
-def _predictor(net_settings: TrainSettings, classes: int) -> Callable[[Params, ArrayLike], Array]:
+def _predictor(
+    net_settings: TrainSettings, classes: int, scores: bool
+) -> Callable[[Params, ArrayLike], Array]:
     module = net_of(net_settings, classes)
 
     @jax.jit
-    def predict_batch(params: Params, images: UInt8[Array, "b h w 3"]) -> UInt8[Array, "b h w"]:
+    def predict_batch(params: Params, images: UInt8[Array, "b h w 3"]) -> Array:
         x = normalise(images.astype(jnp.float32) / 255)
         logits = module.apply({"params": params}, x, train=False)
-        return jnp.argmax(logits, axis=-1).astype(jnp.uint8)
+        return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
 
 
 @lru_cache(maxsize=32)
-def _head_predictor(net_settings: TrainSettings, classes: int) -> Callable[..., Array]:
+def _head_predictor(
+    net_settings: TrainSettings, classes: int, scores: bool
+) -> Callable[..., Array]:
     module = net_of(net_settings, classes)
 
     @partial(jax.jit, static_argnums=2)
-    def predict_batch(
-        params: Params, maps: Pyramid, size: tuple[int, int]
-    ) -> UInt8[Array, "b h w"]:
+    def predict_batch(params: Params, maps: Pyramid, size: tuple[int, int]) -> Array:
         logits = module.apply({"params": params}, maps, size, method=Lite0.from_pyramid)
-        return jnp.argmax(logits, axis=-1).astype(jnp.uint8)
+        return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
 
@@ -262,19 +264,54 @@ def predict(
         ValueError: there are no images, they are not RGB bytes, or too small for the net.
         WeightsError: the frozen trunk's weights cannot be used.
     """
+    return _of_batches(params, images, settings, classes, features, scores=False)
+
+
+def logits(
+    params: Params,
+    images: UInt8[np.ndarray, "n h w 3"],
+    settings: TrainSettings,
+    classes: int,
+    *,
+    features: Pyramid | None = None,
+) -> Float32[np.ndarray, "n h w classes"]:
+    """The scores of all classes whose largest `predict` takes; arguments and errors are the same."""
+    return _of_batches(params, images, settings, classes, features, scores=True)
+
+
+def _of_batches(
+    params: Params,
+    images: np.ndarray,
+    settings: TrainSettings,
+    classes: int,
+    features: Pyramid | None,
+    scores: bool,
+) -> np.ndarray:
+    """Labels, or the scores of all classes."""
     _check(images)
     _check_net(images, settings, features)
     if settings.frozen:
         size = (images.shape[1], images.shape[2])
         maps = features or pyramid.features(images, settings.dtype)
-        predict_head = _head_predictor(_of_net(settings), classes)
+        predict_head = _head_predictor(_of_net(settings), classes, scores)
 
         def run(picks: np.ndarray) -> Array:
             return predict_head(params, Pyramid(*(m[picks] for m in maps)), size)
 
         return in_batches(run, np.arange(len(images)), settings.predict_batch)
-    predict_batch = _predictor(_of_net(settings), classes)
+    predict_batch = _predictor(_of_net(settings), classes, scores)
     return in_batches(lambda batch: predict_batch(params, batch), images, settings.predict_batch)
+
+
+def outline(settings: TrainSettings, classes: int) -> Params:
+    """Shapes and types of what `train` returns, as a tree of `jax.ShapeDtypeStruct`."""
+    compiled = functions(settings, classes)
+    images: Any = jax.ShapeDtypeStruct((1, 64, 64, 3), np.uint8)
+    if settings.frozen:
+        channels = pyramid.CHANNELS
+        images = Pyramid(*(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels))
+    seed = jax.ShapeDtypeStruct((), np.uint32)
+    return jax.eval_shape(lambda *given: compiled.init(*given).trained, seed, images)
 
 
 def score(
