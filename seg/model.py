@@ -20,7 +20,7 @@ from safetensors.numpy import load as parse_tensors
 from safetensors.numpy import save as tensor_bytes
 
 from seg.classes import IGNORE_LABEL, ClassTable
-from seg.data.realset import resize_image
+from seg.data.labelled import resize_image
 from seg.errors import ModelError
 from seg.nets.lite0 import SMALLEST
 from seg.settings import TrainSettings, check_settings
