@@ -23,8 +23,8 @@ from matplotlib.axes import Axes
 from experiments import presets
 from experiments.cli import main
 from experiments.config import Fidelity, Group, Preset, SearchesConfig, TargetName
+from experiments.evaluation.job import Source
 from experiments.presets import POSITIONS
-from experiments.reward.miou import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.ladder import fidelities

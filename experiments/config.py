@@ -188,7 +188,7 @@ class Config:
     renderer: Literal["embree", "opengl"] = "embree"
     """What renders."""
     workers: int = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
-    """Processes, one core each; 0 works in the main process."""
+    """Processes that render and train, one core each; 0 starts one, too."""
     executor: ExecutorName = "processes"
     """Who works: processes of this machine, or a Dask cluster (see docs/cluster.md)."""
     scheduler: str | None = None

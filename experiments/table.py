@@ -24,7 +24,7 @@ import numpy as np
 from experiments import presets
 from experiments.cli import main
 from experiments.config import FewConfig, Fidelity, LearntConfig, Preset, TargetName, check_net
-from experiments.reward.miou import Source
+from experiments.evaluation.job import Source
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.nets import with_net
@@ -212,7 +212,7 @@ def _source(
     if name in given:
         return given[name]
     if name in (few.FEW, "real"):
-        return run.truth(at, "few" if name == few.FEW else "labelled")
+        return run.images(at, "few" if name == few.FEW else "labelled")
     rendered = attributes(run, made, name.removeprefix(f"{few.FEW}+"))
     return rendered if name in RENDERED else few.beside(run, at, rendered)
 

@@ -26,8 +26,9 @@ from unittest.mock import patch
 import numpy as np
 
 from experiments.config import MainConfig
+from experiments.evaluation.evaluate import evaluate_miou
+from experiments.evaluation.job import Recipe
 from experiments.presets import defaults
-from experiments.reward.miou import Recipe, evaluate_miou
 from experiments.target.twin import twin_split, twin_world
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import street_of

@@ -14,8 +14,8 @@ from scipy import stats
 
 from experiments import presets
 from experiments.config import SEED_END, MainConfig, check, offered
+from experiments.evaluation.job import Result
 from experiments.presets import defaults
-from experiments.reward.miou import Outcome
 from experiments.run import judge, ladder
 from experiments.run.context import opened
 from experiments.run.learn import (
@@ -229,9 +229,9 @@ def test_searches_share_no_seeds_of_their_selection(one, other):
 def job(tiny_camvid, scored_by):
     """Learns with rewards that are higher the wider a proposal is; the search is one of six updates."""
 
-    def wide(recipe, source, seed, truth, parts=()) -> Outcome:
+    def wide(recipe, source, seed, truth, parts=()) -> Result:
         reward = source.width.mean() / 2 + seed % 97 / 1000
-        return Outcome(reward, [], 0.1, 0.2, parts=(reward,) * len(parts))
+        return Result(reward, [], 0.1, 0.2, parts=(reward,) * len(parts))
 
     def work(**changes):
         config = replace(tiny_camvid, **changes)
