@@ -343,7 +343,7 @@ class _Arrays:
         for name, array in arrays.items():
             views = len(array) // (end - first)
             if name not in self._files:
-                file = (self._folder / f"{name}.npy").open("wb")
+                file: IO[bytes] = (self._folder / f"{name}.npy").open("wb")
                 shape = (self._count * views, *array.shape[1:])
                 descr = np.lib.format.dtype_to_descr(array.dtype)
                 header = {"descr": descr, "fortran_order": False, "shape": shape}

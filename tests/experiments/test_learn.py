@@ -14,6 +14,7 @@ from scipy import stats
 
 from experiments import presets
 from experiments.config import SEED_END, MainConfig, check, offered
+from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Result
 from experiments.presets import defaults
 from experiments.run import judge, ladder
@@ -187,7 +188,7 @@ def test_rungs_lead_from_the_reward_to_the_final_fidelity(target, preset):
     config = defaults(MainConfig, target, preset)
     rungs = ladder.fidelities(config.reward, config.final)
     assert (rungs[0], rungs[-1]) == (config.reward, config.final)
-    costs = [ladder.cost_of(rung) for rung in rungs]
+    costs = [cost_of(rung) for rung in rungs]
     assert costs == sorted(costs) and len(ladder.fidelities(config.final, config.final)) == 1
 
 
