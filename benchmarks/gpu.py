@@ -27,7 +27,8 @@ from benchmarks.report import Row, machine, parser, table, timed, write
 from benchmarks.train import random_truth
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
-from experiments.reward.miou import Recipe, evaluate_miou, render
+from experiments.evaluation.evaluate import evaluate_miou, render
+from experiments.evaluation.job import Recipe
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal
 from scene.render import RendererError

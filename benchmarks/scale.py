@@ -5,7 +5,7 @@
 
 Measured: exports of labelled streets, and rewards (render, train, test) as the demo asks for them. The
 plan is of 10,000 images of that size and of a search of 1,000 rewards at the paper's, whose training costs
-what ``experiments.run.ladder.cost_of`` says. Some things are done in one place: the main process writes the
+what ``experiments.evaluation.cost`` says. Some things are done in one place: the main process writes the
 files of an export, and a network of 1 Gbit/s brings them; updates of a search follow each other, and each
 asks for some rewards at once. ``busy`` is the share of the workers' time that is work, ``first`` what
 keeps it from being more.
@@ -29,8 +29,9 @@ from benchmarks.report import Row, count, parser, table, timed, write
 from benchmarks.train import random_truth
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
-from experiments.reward.miou import Recipe, attempt, evaluate_miou, worker_environment
-from experiments.run.ladder import cost_of, training_cost
+from experiments.evaluation.cost import cost_of, training_cost
+from experiments.evaluation.evaluate import attempt, evaluate_miou, worker_environment
+from experiments.evaluation.job import Recipe
 from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.dataset.export import export_dataset

@@ -27,7 +27,7 @@ from benchmarks import foreign, problems, recorded
 from benchmarks.problems import Problem, grouped_space
 from benchmarks.ranking import behind, mean_ranks, needed, plot, text
 from benchmarks.report import Row, count, parser, table, write
-from experiments.reward.miou import worker_environment
+from experiments.evaluation.evaluate import worker_environment
 from sdr_jax.registry import METHODS, make
 
 DEFAULT = "surrogate"

@@ -29,7 +29,8 @@ import numpy as np
 from benchmarks.report import Row, count, parser, table, timed, write
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
-from experiments.reward.miou import Recipe, rendered_set, scored, trained
+from experiments.evaluation.evaluate import rendered_set, tested, trained
+from experiments.evaluation.job import Recipe
 from scene.proposal import random_proposal
 from seg.data import LabelledImages
 from seg.nets import net_of, normalise
@@ -262,11 +263,11 @@ def reward_row(number: int = REAL, steps: int | None = None, images: int | None 
     render_s, own = timed(lambda: rendered_set(recipe, random_proposal(), 0))
 
     def short() -> None:
-        scored(brief, trained(brief, own, 0), truth, 0.0, 0.0)
+        tested(brief, trained(brief, own, 0), truth, 0.0, 0.0)
 
     cold, warm = timed(short)[0], timed(short)[0]
     train_s, params = timed(lambda: trained(recipe, own, 1))
-    score_s, _ = timed(lambda: scored(recipe, params, truth, 0.0, 0.0))
+    score_s, _ = timed(lambda: tested(recipe, params, truth, 0.0, 0.0))
     return {
         "size": stage.size,
         "images": len(own.images),

@@ -23,7 +23,7 @@ from matplotlib.axes import Axes
 from experiments.config import NETS, Fidelity, Group, Preset, SearchesConfig, TargetName, presets
 from experiments.config.cli import main
 from experiments.config.presets import POSITIONS
-from experiments.reward.miou import Source
+from experiments.evaluation.job import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.ladder import fidelities

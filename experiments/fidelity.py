@@ -31,9 +31,10 @@ from experiments.config import (
     presets,
 )
 from experiments.config.cli import Unmet, main
-from experiments.run.context import REWARD_NAMES, Run, Work
+from experiments.evaluation.job import REWARD_NAMES
+from experiments.run.context import Run, Work
 from experiments.run.ladder import fidelities
-from experiments.run.nets import score_nets
+from experiments.run.nets import by_row, jobs_of
 from experiments.study.bins import random_bins
 from experiments.study.figure import plt, png
 from experiments.study.form import Column, Form, Report, about, interval, number, starts, table
@@ -142,7 +143,8 @@ def _score(
     seeds = range(first, first + config.repeats)
     once = list(chosen)[config.repeated :]
     recipe = run.recipe(fidelity)
-    found = score_nets(run, name, chosen, recipe, seeds, side="reward", kind=kind, once=once)
+    jobs = jobs_of(name, chosen, recipe, seeds, side="reward", kind=kind, once=once)
+    found = by_row(jobs, run.runner.test(jobs))
     unit = 100 if kind == "miou" else 1
     return {
         "rung": name,

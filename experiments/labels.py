@@ -21,8 +21,7 @@ import numpy as np
 
 from experiments.config import LearntConfig, Preset, ShareConfig, TargetName, presets
 from experiments.config.cli import main
-from experiments.reward.miou import Source
-from experiments.reward.truth import WithFew, part_of
+from experiments.evaluation.job import LabelledSubset, Source
 from experiments.run.context import Run
 from experiments.study.figure import curves
 from experiments.study.form import (
@@ -49,6 +48,7 @@ from experiments.study.skeleton import (
 from experiments.study.stats import estimated, gain, mean, worth
 from experiments.target.base import Target
 from experiments.target.few import spread
+from seg.beside import TrainingSet
 from shell.bounds import DISTINCT, at_least
 from shell.errors import UserError
 
@@ -140,12 +140,15 @@ def _source(count: int, renders: str, run: Run[LabelsConfig], made: Made, seed: 
     """What the net of a seed is trained on; nets of one seed share their labelled images."""
     if count == 0:
         return attributes(run, made, renders)
-    target, few = run.target, run.truth(run.config.final, "reward")
-    if count < len(few.images):  # all of them stay in the order of the list
-        few = part_of(few, spread(target.reward_names, target.reward_sequences, count, seed))
+    target, images = run.target, run.images(run.config.final, "reward")
+    few: Source = images
+    if count < len(images.images):  # all of them stay in the order of the list
+        picked = spread(target.reward_names, target.reward_sequences, count, seed)
+        few = LabelledSubset(images, tuple(picked.tolist()))
     if renders == ALONE:
         return few
-    return WithFew(attributes(run, made, renders), few, run.config.few_share)
+    share = run.config.few_share
+    return TrainingSet((attributes(run, made, renders), few), (1 - share, share))
 
 
 def report(run: Run[LabelsConfig], _: Made, rows: list[Report]) -> Report:

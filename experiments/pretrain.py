@@ -14,11 +14,15 @@ where it was.
 
 from __future__ import annotations
 
+import math
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
+
+import numpy as np
 
 from experiments.config import (
     Fidelity,
@@ -29,12 +33,11 @@ from experiments.config import (
     presets,
 )
 from experiments.config.cli import main
-from experiments.reward.transfer import Start, chosen_images, subsets
+from experiments.evaluation.cost import training_cost
+from experiments.evaluation.job import Job, LabelledSubset, Recipe, Result, Start
 from experiments.run.context import Run, Work
-from experiments.run.ladder import training_cost
 from experiments.run.learn import judged_on, learn
 from experiments.run.nets import paired_seeds
-from experiments.run.tuning import Net, tuned
 from experiments.study.figure import curves
 from experiments.study.form import (
     Column,
@@ -59,6 +62,8 @@ from shell.bounds import DISTINCT, POSITIVE, at_least, within
 from shell.errors import UserError
 
 Row = Literal["scratch", "random", "learnt", "longer"]
+SUBSET_STREAM = 3
+"""Second word of the seed that chooses images, apart from the streams of the nets."""
 RENDERED = ("random", "learnt")
 """Rows that are pre-trained on rendered images."""
 COMPARED = (
@@ -157,7 +162,7 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
     if learnt and not own:
         proposals["learnt"] = learnt_attributes(run)
     starts = {
-        str(row): Start(before, proposals.get(row), row == "longer")
+        str(row): Start(before, proposals.get(row), row == "longer", len(config.fractions))
         for row in config.rows
         if row != "learnt" or not own
     }
@@ -171,8 +176,7 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
     for row in config.rows:
         for fraction in config.fractions:
             place = {"row": row, "fraction": fraction, "images": chosen_images(images, fraction)}
-            outcomes = [found[Net(row, fraction, seed)] for seed in paired_seeds(run)]
-            rows.append({**place, "nets": nets(outcomes)})
+            rows.append({**place, "nets": nets(found[row, fraction])})
     return {
         **about(run, config.final),
         "learnt_from": learnt_from(config) if learnt else None,
@@ -183,6 +187,57 @@ def scores(run: Run[PretrainConfig], _: None) -> Report:
         "finetuning": {"steps": train.steps, "lr": train.lr},
         "rows": rows,
     }
+
+
+def tuned(
+    run: Run[Any],
+    starts: Mapping[str, Start],
+    fine: Recipe,
+    fractions: Sequence[float],
+    alike: int | None = None,
+) -> dict[tuple[str, float], list[Result]]:
+    """Fine-tune ``--seeds`` nets of every row at every fraction; results by these, in the order of the seeds.
+
+    Args:
+        run: the job.
+        starts: of the rows, by name.
+        fine: how all nets are fine-tuned.
+        fractions: shares of the reward images.
+        alike: the seed that chooses the images of all nets, or each its own.
+
+    Raises:
+        UserError: more than a tenth of the nets failed.
+    """
+    real = run.images(fine.fidelity, "reward")
+    jobs = []
+    for seed in paired_seeds(run):
+        chosen = subsets(len(real.images), fractions, seed if alike is None else alike)
+        parts = [LabelledSubset(real, tuple(picked.tolist())) for picked in chosen]
+        for row, start in starts.items():
+            for fraction, part in zip(fractions, parts, strict=True):
+                notes = {"nets": "pretrain", "row": row, "fraction": fraction, "seed": seed}
+                jobs.append(Job(fine, part, seed, notes, start=start))
+    found: dict[tuple[str, float], list[Result]] = {}
+    for job, result in zip(jobs, run.runner.test(jobs), strict=True):
+        found.setdefault((job.notes["row"], job.notes["fraction"]), []).append(result)
+    return found
+
+
+def subsets(images: int, fractions: Sequence[float], seed: int) -> list[np.ndarray]:
+    """Indices of the images of each fraction, ascending; smaller subsets lie within larger ones.
+
+    Args:
+        images: how many there are.
+        fractions: shares of them in (0, 1].
+        seed: of the choice.
+    """
+    order = np.random.default_rng([seed, SUBSET_STREAM]).permutation(images)
+    return [np.sort(order[: chosen_images(images, fraction)]) for fraction in fractions]
+
+
+def chosen_images(images: int, fraction: float) -> int:
+    """How many images a fraction stands for, rounded."""
+    return math.floor(images * fraction + 0.5)
 
 
 def _share(config: PretrainConfig, target: Target, fraction: float) -> Target:

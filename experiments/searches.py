@@ -20,7 +20,7 @@ from typing import Annotated, Any
 
 from experiments.config import FewConfig, Preset, Rederived, TargetName, presets
 from experiments.config.cli import main
-from experiments.reward.miou import Source
+from experiments.evaluation.job import Source
 from experiments.run import few
 from experiments.run.context import Run, Work
 from experiments.run.learn import Learnt, learn, plan_of, work_of
@@ -121,7 +121,7 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
     """Nets of every answer, beside the few labelled images if there are any, and those of no search."""
 
     def images(side: Any, run: Run[ManyConfig], made: Made, seed: int) -> Source:
-        return run.truth(config.final, side)
+        return run.images(config.final, side)
 
     def streets(name: str, run: Run[ManyConfig], made: Made, seed: int) -> Source:
         return few.beside(run, config.final, named(name, config.space, config.default_width))

@@ -28,11 +28,11 @@ from experiments.config import (
     presets,
 )
 from experiments.config.cli import main
-from experiments.reward.evaluator import Job
-from experiments.reward.miou import Outcome
-from experiments.run.context import FREE_FIELDS, PACKAGES, Run, Work, refuse_failed
-from experiments.run.context import verdict as told
-from experiments.run.ladder import cost_of
+from experiments.evaluation.cost import cost_of
+from experiments.evaluation.job import Job, Result
+from experiments.evaluation.job import verdict as told
+from experiments.evaluation.runner import refuse_failed
+from experiments.run.context import FREE_FIELDS, PACKAGES, Run, Work
 from experiments.study import sobol
 from experiments.study.bins import random_bins
 from experiments.study.figure import plt, png
@@ -158,28 +158,26 @@ def scores(run: Run[SensitivityConfig], _: Any) -> Report:
 def record(run: Run[SensitivityConfig]) -> Records:
     """All rewards at the reward's fidelity in the run's store and folder, once none is missing."""
     config = run.config
-    evaluator = run.evaluator(run.recipe(config.reward))
-    own, first = evaluator.about["config"], SENSITIVITY_SEED + config.seed
-    cost = cost_of(config.reward)
+    recipe, first = run.recipe(config.reward), SENSITIVITY_SEED + config.seed
     jobs = [
-        Job(proposal, first + k, {"nets": "sensitivity"}, cost)
+        Job(recipe, proposal, first + k, {"nets": "sensitivity"}, "reward")
         for k, proposal in enumerate(random_bins(config, config.evaluations))
     ]
     # Rewards that other runs have made at this fidelity count, too.
-    drawn = {evaluator.key(job.source, job.seed) for job in jobs}
+    own = run.runner.about(jobs[0])["config"]
+    drawn = {run.runner.key(job) for job in jobs}
     others = sum(
         line["config"] == own and None not in (line["reward"], line["centre"])
         for key, line in _known(run).items()
         if key not in drawn
     )
     wanted = jobs[: max(config.evaluations - others, 0)]
-    run.progress.advance(cost * (len(jobs) - len(wanted)), replayed=True)
+    run.progress.advance(cost_of(config.reward) * (len(jobs) - len(wanted)), replayed=True)
 
-    def said(index: int, outcome: Outcome) -> str:
-        return f"reward {index + 1}/{len(wanted)} | {told(outcome)}"
+    def said(index: int, result: Result) -> str:
+        return f"reward {index + 1}/{len(wanted)} | {told(result)}"
 
-    outcomes = run.score([(evaluator, job) for job in wanted], log=run.finals, say=said)
-    refuse_failed(outcomes, len(wanted))
+    refuse_failed(run.runner.run(wanted, say=said), len(wanted))
     return choose(_known(run).values(), run.target.name, config.space, own, str(config.out))
 
 

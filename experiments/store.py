@@ -18,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from experiments.config import RewardKind
-from experiments.reward.made_with import told_apart
-from experiments.reward.store import kinds_of, merged, read, write_store
-from experiments.run.context import REWARD_NAMES, in_words
+from experiments.evaluation.job import REWARD_NAMES, in_words
+from experiments.evaluation.made_with import told_apart
+from experiments.evaluation.store import kinds_of, merged, read, write_store
 from shell.command import Parser, exit_code
 from shell.errors import UserError
 

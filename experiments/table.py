@@ -32,7 +32,7 @@ from experiments.config import (
     presets,
 )
 from experiments.config.cli import main
-from experiments.reward.miou import Source
+from experiments.evaluation.job import Source
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.nets import with_net
@@ -218,7 +218,7 @@ def _source(
     if name in given:
         return given[name]
     if name in (few.FEW, "real"):
-        return run.truth(at, "few" if name == few.FEW else "labelled")
+        return run.images(at, "few" if name == few.FEW else "labelled")
     rendered = attributes(run, made, name.removeprefix(f"{few.FEW}+"))
     return rendered if name in RENDERED else few.beside(run, at, rendered)
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float32, Int, UInt8
 
+from seg.data import LabelledImages
 from seg.nets.lite0 import Pyramid
 from seg.pyramid import Statistics
 
@@ -19,37 +20,31 @@ class Beside(NamedTuple):
     features: Pyramid | None = None  # of all their views, for a frozen trunk, if they are known
 
 
-class Part(NamedTuple):
-    """One part of what a net is trained on."""
+class TrainingSet(NamedTuple):
+    """What a net trains on, in one part or two, and the share of all batches that each part is."""
 
-    share: float  # of the images of all batches
-    images: UInt8[np.ndarray, "n h w 3"]
-    labels: UInt8[np.ndarray, "n h w"]
-    features: Pyramid | None
+    parts: tuple[Any, ...]
+    """Labelled images of one size; in a job that is still to be done, what they are made of."""
+    shares: tuple[float, ...] = (1.0,)
 
 
-def parts_of(
-    images: UInt8[np.ndarray, "n h w 3"],
-    labels: UInt8[np.ndarray, "n h w"],
-    features: Pyramid | None,
-    beside: Beside | None,
-) -> list[Part]:
-    """A training set and, if there are some, the images beside it.
+def training_set(images: LabelledImages, beside: Beside | None) -> TrainingSet:
+    """Images and, if there are some, those beside them.
 
     Raises:
         ValueError: a share that is none or all, or images of two sizes.
     """
     if beside is None:
-        return [Part(1.0, images, labels, features)]
+        return TrainingSet((images,))
     if not 0 < beside.share < 1:
         raise ValueError(
             f"the share of images beside others must lie in (0, 1); got {beside.share}"
         )
-    ours, theirs = images.shape[1:], beside.images.shape[1:]
+    ours, theirs = images.images.shape[1:], beside.images.shape[1:]
     if ours != theirs:
         raise ValueError(f"images beside others must be of their size {ours}; got {theirs}")
-    few = Part(beside.share, beside.images, beside.labels, beside.features)
-    return [Part(1 - beside.share, images, labels, features), few]
+    few = LabelledImages(beside.images, beside.labels, features=beside.features)
+    return TrainingSet((images, few), (1 - beside.share, beside.share))
 
 
 def drawn(share: float, images: int) -> int:

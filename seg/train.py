@@ -17,8 +17,9 @@ from jaxtyping import Array, Float32, Int64, UInt8
 
 from seg import losses, pyramid
 from seg.batches import in_batches
-from seg.beside import Beside, Part, joined, mixed, parts_of
+from seg.beside import Beside, TrainingSet, joined, mixed, training_set
 from seg.classes import IGNORE_LABEL
+from seg.data import LabelledImages
 from seg.metrics import confusion_matrix
 from seg.nets import net_of, normalise
 from seg.nets.lite0 import Lite0, Pyramid
@@ -90,7 +91,7 @@ def _started(
     return compiled.resume(params)
 
 
-def _check_part(part: Part, settings: TrainSettings, classes: int) -> None:
+def _check_part(part: LabelledImages, settings: TrainSettings, classes: int) -> None:
     _check(part.images, part.labels)
     _check_net(part.images, settings, part.features, settings.views)
     stray = part.labels[(part.labels >= classes) & (part.labels != IGNORE_LABEL)]
@@ -101,14 +102,13 @@ def _check_part(part: Part, settings: TrainSettings, classes: int) -> None:
         )
 
 
-def _statistics(parts: list[Part], settings: TrainSettings) -> Statistics:
+def _statistics(own: TrainingSet, settings: TrainSettings) -> Statistics:
     """Mean and deviation of each channel over what the batches hold."""
-    maps = (part.features or pyramid.features(part.images, settings.dtype) for part in parts)
-    found = [pyramid.channel_statistics(m) for m in maps]
-    return mixed([part.share for part in parts], found)
+    maps = (part.features or pyramid.features(part.images, settings.dtype) for part in own.parts)
+    return mixed(own.shares, [pyramid.channel_statistics(m) for m in maps])
 
 
-def _seen(part: Part, settings: TrainSettings) -> Part:
+def _seen(part: LabelledImages, settings: TrainSettings) -> LabelledImages:
     """A part as a frozen trunk sees it: labels and features of all views."""
     if part.features is not None:
         return part._replace(labels=view_labels(part.images, part.labels, settings))
@@ -187,8 +187,8 @@ def train(
         WeightsError: the settings' `weights`, or lite0's, cannot be used.
     """
     check_settings(settings)
-    parts = parts_of(images, labels, features, beside)
-    for part in parts:
+    own = training_set(LabelledImages(images, labels, features=features), beside)
+    for part in own.parts:
         _check_part(part, settings, classes)
     if (settings.head_statistics == "target") != (statistics is not None):
         raise ValueError(
@@ -200,17 +200,20 @@ def train(
     compiled = functions(settings, classes)
     class_weights = np.ones(classes, np.float32)
     if settings.weighted:
-        shares = [part.share * losses.class_shares(part.labels, classes) for part in parts]
+        shares = [
+            share * losses.class_shares(part.labels, classes)
+            for part, share in zip(own.parts, own.shares, strict=True)
+        ]
         class_weights = losses.weights_of_shares(np.sum(shares, axis=0))
     seed = np.uint32(rng_seed)
     if settings.frozen:
-        parts = [_seen(part, settings) for part in parts]
+        own = own._replace(parts=tuple(_seen(part, settings) for part in own.parts))
     if settings.net == "lite0" and params is None and statistics is None:
-        statistics = _statistics(parts, settings)
-    inputs: Any = joined([p.features if settings.frozen else p.images for p in parts])
-    rows = plan(rng_seed, [len(part.labels) for part in parts], settings, parts[-1].share)
-    data = jax.device_put(Data(inputs, joined([p.labels for p in parts]), class_weights, seed))
-    del parts, inputs  # features are large, and joined ones a copy
+        statistics = _statistics(own, settings)
+    inputs: Any = joined([p.features if settings.frozen else p.images for p in own.parts])
+    rows = plan(rng_seed, [len(part.labels) for part in own.parts], settings, own.shares[-1])
+    data = jax.device_put(Data(inputs, joined([p.labels for p in own.parts]), class_weights, seed))
+    del own, inputs  # features are large, and joined ones a copy
     if params is not None:
         # The step donates its state, so work on a copy.
         state = compiled.resume(jax.tree.map(jnp.array, params))

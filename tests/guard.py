@@ -27,7 +27,8 @@ import numpy as np
 
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.reward.miou import Recipe, evaluate_miou
+from experiments.evaluation.evaluate import evaluate_miou
+from experiments.evaluation.job import Recipe
 from experiments.target.twin import twin_split, twin_world
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import street_of

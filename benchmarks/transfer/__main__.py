@@ -43,7 +43,7 @@ from benchmarks.transfer.nets import (
     steering_set,
 )
 from benchmarks.transfer.recipe import TABLE, Recipe, call, units, world
-from experiments.reward.miou import worker_environment
+from experiments.evaluation.evaluate import worker_environment
 from scene.workers import WorkerError, WorkerPool
 from seg.classes import class_table
 from seg.data import DataError

@@ -77,7 +77,7 @@ class Config:
     renderer: Literal["embree", "opengl"] = "embree"
     """What renders."""
     workers: Annotated[int, at_least(0), Bound(refuse_many_workers)] = _CORES
-    """Processes, one core each; 0 works in the main process."""
+    """Processes that render and train, one core each; 0 starts one, too."""
     executor: ExecutorName = "processes"
     """Who works: processes of this machine, or a Dask cluster (see docs/cluster.md)."""
     scheduler: str | None = None

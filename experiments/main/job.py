@@ -6,14 +6,15 @@ from dataclasses import replace
 from typing import Any
 
 from experiments.config import MainConfig
+from experiments.evaluation.cost import training_cost
+from experiments.evaluation.evaluate import render
+from experiments.evaluation.job import Recipe
 from experiments.main import note, pictures, summary
 from experiments.report import page
 from experiments.report.matters import FILE, matters
-from experiments.reward.miou import Recipe, render
 from experiments.run.context import Run, Work
-from experiments.run.ladder import training_cost
 from experiments.run.learn import learn, work_of
-from experiments.run.nets import Nets, begin, paired_seeds, score_lists, training_sets
+from experiments.run.nets import by_row, jobs_of, paired_seeds, training_sets
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
@@ -40,16 +41,15 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     config, target, folder = run.config, run.target, run.config.out
     recipe, seeds = run.recipe(config.final), paired_seeds(run)
     # What the search does not decide fills its gaps; what it does, those of the export.
-    nets = folder / pictures.NETS
-    begin(run, [Nets("final", training_sets(run, None), recipe, nets)], seeds)
+    run.runner.prefetch(jobs_of("final", training_sets(run, None), recipe, seeds, keeps=True))
     learnt = learn(run)
-    final = Nets("final", training_sets(run, learnt.streets), recipe, nets)
-    begin(run, [final], seeds)
+    final = jobs_of("final", training_sets(run, learnt.streets), recipe, seeds, keeps=True)
+    run.runner.prefetch(final)
     pictures.search(folder / pictures.PICTURES, learnt.found)
     export(run, recipe, learnt.streets)
     test = target.at(config.final.height, config.final.width)["test"]
     shown = _shown(run, recipe)
-    (rows,) = score_lists(run, [final], seeds)
+    rows = by_row(final, run.runner.test(final))
     pictures.show(run, test, shown)
     told = matters(run.evaluations.records, target.name, config.space)
     write_json(folder / pictures.PICTURES / FILE, told)
@@ -73,7 +73,7 @@ def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
         name: LabelledImages(own.images, recipe.classes.from_train_id[own.labels])
         for name, own in sets.items()
     }
-    return found | ({"real": run.truth(fidelity, "labelled")} if run.target.labelled else {})
+    return found | ({"real": run.images(fidelity, "labelled")} if run.target.labelled else {})
 
 
 def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:

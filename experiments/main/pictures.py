@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from experiments.reward.seen import Seen, Sight, look
+from experiments.evaluation.predictions import Predictions, file_of, load
 from experiments.run.context import Run
 from experiments.run.search import Found
 from seg.classes import ClassTable, class_table
@@ -24,8 +24,8 @@ from shell.lines import Record
 
 SHOWN = 6
 """Streets of each set, and test images."""
-NETS, PICTURES, INDEX = "nets", "pictures", "seen.json"
-"""Of the run folder: what nets left; what is shown; the file that says what is what."""
+PICTURES, INDEX = "pictures", "seen.json"
+"""Of the run folder: what is shown; the file that says what is what."""
 
 
 def search(folder: Path, found: Found) -> None:
@@ -47,14 +47,14 @@ def show(run: Run[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]
         sets: what some were trained on, by row, labels in the target's classes.
     """
     folder, table = run.config.out / PICTURES, class_table(run.target.table)
-    sights = _sights(run.config.out / NETS, run.finals.records)
+    kept = _kept(run.config.out, run.finals.records)
     index = {
         "classes": list(table.classes),
         "colors": table.colors.tolist(),
         "streets": {name: _streets(folder, name, own, table) for name, own in sets.items()},
         "shares": {name: shares(own.labels, len(table.classes)) for name, own in sets.items()},
-        "confusion": {row: _confusion(own) for row, own in sights.items()},
-        "worst": _worst(folder, test, sights, table),
+        "confusion": {row: _confusion(own) for row, own in kept.items()},
+        "worst": _worst(folder, test, kept, table),
     }
     write_json(folder / INDEX, index)
 
@@ -92,19 +92,19 @@ def shares(labels: np.ndarray, classes: int) -> dict[str, Any]:
     }
 
 
-def _sights(folder: Path, records: Sequence[Record]) -> dict[str, list[Sight]]:
+def _kept(folder: Path, records: Sequence[Record]) -> dict[str, list[Predictions]]:
     """What the final nets of each row left, in the order of the seeds, as far as they did."""
-    found: dict[str, dict[int, Sight]] = {}
+    found: dict[str, dict[int, Predictions]] = {}
     for line in records:
-        if line.get("nets") == "final" and (own := look(Seen(folder).of(line["key"]))) is not None:
+        if line.get("nets") == "final" and (own := load(file_of(folder, line["key"]))) is not None:
             found.setdefault(line["row"], {})[line["seed"]] = own
     return {row: [own[seed] for seed in sorted(own)] for row, own in found.items()}
 
 
-def _confusion(sights: Sequence[Sight]) -> dict[str, Any]:
+def _confusion(kept: Sequence[Predictions]) -> dict[str, Any]:
     """Pixels over all nets of a row; row: true class."""
-    total = np.sum([own.confusion for own in sights], axis=0)
-    return {"nets": len(sights), "pixels": total.tolist()}
+    total = np.sum([own.confusion for own in kept], axis=0)
+    return {"nets": len(kept), "pixels": total.tolist()}
 
 
 def _streets(
@@ -122,10 +122,10 @@ def _streets(
 
 
 def _worst(
-    folder: Path, test: LabelledImages, sights: Mapping[str, Sequence[Sight]], table: ClassTable
+    folder: Path, test: LabelledImages, kept: Mapping[str, Sequence[Predictions]], table: ClassTable
 ) -> dict[str, Any] | None:
     """The test images that the first net on learnt streets is worst at, and every row's predictions there."""
-    first = {row: own[0] for row, own in sights.items() if own[0].predictions is not None}
+    first = {row: own[0] for row, own in kept.items() if own[0].predictions is not None}
     judge = next((row for row in ("few+learnt", "learnt", *first) if row in first), None)
     if judge is None:
         return None

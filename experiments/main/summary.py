@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from experiments.reward.miou import Outcome
-from experiments.reward.store import each
+from experiments.evaluation.job import Result
+from experiments.evaluation.store import each
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.learn import Learnt
@@ -30,7 +30,7 @@ ROWS = tuple(row for row in TRAINED_ON if row not in few.TRAINED_ON)
 """Those of a target whose reward images have labels (else none is ``real``); ``--few`` adds others."""
 
 
-def scores(run: Run[Any], rows: dict[str, list[Outcome]], learnt: Learnt) -> Report:
+def scores(run: Run[Any], rows: dict[str, list[Result]], learnt: Learnt) -> Report:
     """All that is measured; scores in percent, unit values in [0, 1]."""
     config, target = run.config, run.target
     lines = each(run.evaluations.records + run.finals.records)

@@ -13,9 +13,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from experiments.evaluation.store import LOGS
 from experiments.report import page
 from experiments.report.folder import read
-from experiments.reward.store import LOGS
 from shell.command import Parser, exit_code
 from shell.errors import UserError
 from shell.files import write

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from experiments.evaluation.store import each
 from experiments.report.folder import RunFolder
-from experiments.reward.store import each
 from experiments.study.form import Report, interval, number, words
 from experiments.study.stats import statistics
 from scene.attributes import Attribute

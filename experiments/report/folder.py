@@ -7,10 +7,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from experiments.evaluation.store import LOGS
 from experiments.main import summary
 from experiments.main.pictures import INDEX, PICTURES
 from experiments.report.matters import FILE
-from experiments.reward.store import LOGS
 from experiments.study.form import Report
 from scene.attributes import SPACES, Attribute, space_of
 from shell.errors import UserError

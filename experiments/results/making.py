@@ -9,9 +9,9 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
+from experiments.evaluation.store import read, result_of
 from experiments.results import page
 from experiments.results.parts import Part
-from experiments.reward.store import outcome_of, read
 from scene.version import ENGINE
 from shell import folder
 from shell.errors import UserError
@@ -57,7 +57,7 @@ def _work(store: Path) -> str:
     """What the nets of a store took, whichever runs they are from."""
     if not store.exists():
         return ""
-    nets = [outcome_of(record) for record, _ in read(store).values()]
+    nets = [result_of(record) for record, _ in read(store).values()]
     seconds = sum(net.seconds for net in nets)
     return f", from {len(nets)} nets that took a core {duration(seconds)}, images included"
 

@@ -2,10 +2,9 @@
 
     with opened(config) as run:
         run.begin([Work.at("nets", count, config.final)])
-        evaluator = run.evaluator(run.recipe(config.final), "test")
-        outcomes = run.score([(evaluator, job) for job in jobs], log=run.finals)
+        results = run.runner.test(jobs)
 
-A job that is started again does what is left: everything that was scored is in its folder.
+A job that is started again does what is left: everything that was evaluated is in its folder.
 """
 
 from __future__ import annotations
@@ -16,22 +15,19 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Generic, NamedTuple, TypeVar, get_args
 
-from experiments.config import Candidate, Config, Fidelity, RewardKind
-from experiments.reward.evaluator import Asked, Evaluator, Job, Memory, evaluated
-from experiments.reward.made_with import FIELD, MadeWith, asked
-from experiments.reward.miou import Outcome, Parts, Recipe, worker_environment
-from experiments.reward.mmd import FeatureNet, Reference, feature_net
-from experiments.reward.shelf import Shelf
-from experiments.reward.store import LOGS, Log, Store
-from experiments.run.ahead import Ahead
-from experiments.run.ladder import cost_of
+from experiments.config import Candidate, Config, Fidelity
+from experiments.evaluation.cost import cost_of
+from experiments.evaluation.evaluate import worker_environment
+from experiments.evaluation.job import Recipe
+from experiments.evaluation.made_with import FIELD, MadeWith, asked
+from experiments.evaluation.runner import Runner
+from experiments.evaluation.store import LOGS, Store
 from experiments.target.base import Side, Target
 from experiments.target.named import named_target
 from scene.executors import workers_of
 from scene.render import RendererError, renderer
 from scene.version import ENGINE
 from scene.workers import Workers
-from sdr_jax import refuse_failures
 from seg.data import LabelledImages
 from seg.weights import described
 from shell import folder
@@ -43,9 +39,6 @@ PACKAGES = ("sdr-jax", "trimesh", "pyrender")
 """Whose versions ``config.json`` holds, beside those that decide evaluations."""
 FREE_FIELDS = ("out", "workers", "executor", "scheduler", "store")
 """Fields that may differ when a job is continued."""
-REWARD_NAMES: dict[RewardKind, str] = {"miou": "mIoU", "mmd": "-MMD^2"}
-"""What each ``--reward-kind`` is."""
-
 AnyConfig = TypeVar("AnyConfig", bound=Config)
 
 
@@ -75,24 +68,23 @@ class Run(Generic[AnyConfig]):
     config: AnyConfig
     target: Target
     workers: Workers
-    evaluations: Log
+    evaluations: Store
     """Rewards of searches, one line each, as they are made."""
-    finals: Log
+    finals: Store
     """All other nets."""
     store: Store | None
     """Evaluations shared with other runs."""
     progress: Progress
     made_with: MadeWith = ()
     """Backend and versions of its workers."""
-    shelf: Shelf = field(init=False)
-    """The workers, and real images in files that they share."""
-    ahead: Ahead = field(init=False)
-    """Final nets that train before anybody waits for them."""
-    _net: list[FeatureNet] = field(default_factory=list)
+    runner: Runner = field(init=False)
+    """Who makes its evaluations."""
 
     def __post_init__(self) -> None:
-        self.shelf = Shelf(self.workers, self.config.out, lambda text: self.progress.update(text))
-        self.ahead = Ahead(self.workers, self.memory(self.finals))
+        self.runner = Runner(
+            self.target, self.workers, self.config.out, self.finals, self.store,
+            lambda: self.progress, self.recipe(self.config.reward),
+        )  # fmt: skip
 
     def recipe(self, fidelity: Fidelity, **pool: Any) -> Recipe:
         """How nets are made at a fidelity; fields of the pool of assets may be changed."""
@@ -101,63 +93,9 @@ class Run(Generic[AnyConfig]):
         table, own = self.target.table, self.made_with
         return Recipe(fidelity, table, config.renderer, assets, made_with=own)
 
-    def truth(self, fidelity: Fidelity, side: Side) -> LabelledImages:
-        """The target's labelled images of a side, at a fidelity's size; the few, or all but the test's."""
+    def images(self, fidelity: Fidelity, side: Side) -> LabelledImages:
+        """The target's images of a side, at a fidelity's size."""
         return self.target.at(fidelity.height, fidelity.width)[side]
-
-    def evaluator(
-        self, recipe: Recipe, side: Side = "reward", kind: RewardKind = "miou", parts: Parts = ()
-    ) -> Evaluator:
-        """Scores nets of a recipe on the images of a side, and on each of its parts."""
-        images = self.truth(recipe.fidelity, side)
-        truth: LabelledImages | Reference = images
-        if kind == "mmd":
-            if not self._net:
-                self.progress.say(
-                    "The reward is -MMD^2 in the features of one net: labels are left alone"
-                )
-                own = self.recipe(self.config.reward)
-                self._net.append(feature_net(own, self.config.out, self.workers))
-            truth = self._net[0].reference(images.images)
-        return Evaluator(recipe, self.target, side, truth, self.shelf, parts)
-
-    def memory(self, log: Log) -> Memory:
-        """What is known already, and where new evaluations are kept: ``evaluations`` or ``finals``."""
-        return Memory(log, self.store, lambda: self.progress.elapsed)
-
-    def score(
-        self,
-        asked: Asked,
-        *,
-        log: Log,
-        say: Callable[[int, Outcome], str] | None = None,
-    ) -> list[Outcome]:
-        """Train and score a net for every job; a failed one is an outcome with its reason.
-
-        Args:
-            asked: what to train on, with which seeds, and who scores it.
-            log: where evaluations are kept: ``evaluations`` or ``finals``.
-            say: what progress says about a new outcome; the job's index is the first argument.
-        """
-        found: dict[int, Outcome] = {}
-        self._gather()
-        begun = self.ahead.take(asked)
-        for index, key, outcome in evaluated(asked, self.memory(log), self.workers, begun):
-            found[index] = outcome
-            if key in self.ahead.counted:
-                self.ahead.counted.remove(key)
-            else:
-                self.progress.advance(asked[index][1].cost, replayed=outcome.stored)
-            if say is not None and not outcome.stored:
-                self.progress.update(say(index, outcome))
-            self._gather()
-        return [found[index] for index in range(len(asked))]
-
-    def _gather(self) -> None:
-        """Keep and tell what nets have come to that nobody waits for yet."""
-        for job, outcome in self.ahead.ended():
-            self.progress.advance(job.cost)
-            self.progress.update(net_said(job, outcome))
 
     def begin(self, plan: Sequence[Work]) -> None:
         """Say what is about to be done and how long it takes, and count it from here."""
@@ -184,31 +122,6 @@ class Run(Generic[AnyConfig]):
         others = len(store) - ours
         note = f", {others} of them made with other backends or versions" if others else ""
         return f"{store.path} holds {len(store)}{note}"
-
-
-def refuse_failed(outcomes: Sequence[Outcome], total: int) -> None:
-    """Raise UserError if more than a tenth of all that is asked for has failed."""
-    reasons = [outcome.failed for outcome in outcomes if outcome.failed is not None]
-    if reasons:
-        refuse_failures(len(reasons), total, reasons[-1])
-
-
-def in_words(kind: RewardKind, reward: float) -> str:
-    """A reward as progress tells it: mIoU in percent, or -MMD^2 as it is."""
-    return f"{100 * reward:.1f}" if kind == "miou" else f"{reward:.4f}"
-
-
-def verdict(outcome: Outcome, kind: RewardKind = "miou") -> str:
-    """What progress says about a net."""
-    if outcome.failed:
-        return "failed"
-    return f"{REWARD_NAMES[kind]} {in_words(kind, outcome.reward)}"
-
-
-def net_said(job: Job, outcome: Outcome, kind: RewardKind = "miou") -> str:
-    """What progress says about a net that is none of a search."""
-    notes = job.notes
-    return f"{notes['nets']}: {notes['row']}, seed {notes['seed']} | {verdict(outcome, kind)}"
 
 
 def plan_text(plan: Sequence[Work], workers: int) -> str:
@@ -242,6 +155,12 @@ def _refuse_former(out: Path) -> None:
         )
 
 
+def workers_for(config: Config) -> Workers:
+    """Who renders and trains: one process at least, since no net is to be trained in JAX's callback."""
+    workers = max(config.workers, 1)
+    return workers_of(config.executor, workers, config.scheduler, worker_environment())
+
+
 @contextmanager
 def opened(
     config: AnyConfig, refuse: Callable[[Target], None] | None = None
@@ -261,15 +180,14 @@ def opened(
     except RendererError as error:
         raise UserError(str(error)) from None
     plain = {"engine": ENGINE, **asdict(config)}
-    environment = worker_environment()
-    with workers_of(config.executor, config.workers, config.scheduler, environment) as workers:
+    with workers_for(config) as workers:
         answer = asked(workers)
         target = named_target(config, workers)
         _refuse_former(config.out)
         folder.refuse_foreign(config.out, plain, (*FREE_FIELDS, FIELD))
         if refuse is not None:
             refuse(target)
-        store = None if config.store is None else Store(config.store)
+        store = None if config.store is None else Store(config.store, shared=True)
         title = f"Target: {target.title}"
         if not target.real:  # rendering it takes a while; say at once that it is not real
             print(title, flush=True)
@@ -279,7 +197,7 @@ def opened(
         ((_, own),) = answer
         plain[FIELD] = dict(own)
         with folder.opened(config.out, plain, free=FREE_FIELDS, packages=PACKAGES):
-            evaluations, finals = (Log(config.out / name) for name in LOGS)
+            evaluations, finals = (Store(config.out / name) for name in LOGS)
             run = Run(config, target, workers, evaluations, finals, store, Progress(1.0), own)
             try:
                 yield run

@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from experiments.config import Fidelity
-from experiments.reward.miou import Source
-from experiments.reward.truth import WithFew
+from experiments.evaluation.job import Source, count_of
 from experiments.run.context import Run
 from experiments.study.form import Report
 from experiments.study.stats import statistics
+from seg.beside import TrainingSet
 from seg.data import LabelledImages
 
 FEW = "few"
@@ -28,14 +28,15 @@ def beside(run: Run[Any], fidelity: Fidelity, rendered: Source) -> Source:
     """A rendered set as the job trains on it: with the few labelled images, if it was given any."""
     if not run.target.few_names:
         return rendered
-    return WithFew(rendered, run.truth(fidelity, "few"), run.config.few_share)
+    share = run.config.few_share
+    return TrainingSet((rendered, run.images(fidelity, "few")), (1 - share, share))
 
 
 def rows(run: Run[Any], rendered: Mapping[str, Source], fidelity: Fidelity) -> dict[str, Source]:
     """The few images alone, and beside each rendered set; nothing where there are none."""
     if not run.target.few_names:
         return {}
-    few: dict[str, Source] = {FEW: run.truth(fidelity, "few")}
+    few: dict[str, Source] = {FEW: run.images(fidelity, "few")}
     return few | {f"{FEW}+{name}": beside(run, fidelity, own) for name, own in rendered.items()}
 
 
@@ -43,7 +44,7 @@ def images_of(source: Source, fidelity: Fidelity) -> int:
     """Images that a net of a fidelity is trained on, each counted once."""
     if isinstance(source, LabelledImages):
         return len(source.images)
-    return fidelity.images + (len(source.arrays.images) if isinstance(source, WithFew) else 0)
+    return fidelity.images + (count_of(source.parts[1]) if isinstance(source, TrainingSet) else 0)
 
 
 def about(run: Run[Any]) -> Report:

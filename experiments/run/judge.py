@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import optimize, stats
 
-from experiments.reward.miou import Parts
+from experiments.evaluation.job import Parts
 from shell.errors import UserError
 
 FEWEST, MOST = 2, 4

@@ -22,13 +22,14 @@ from experiments.config import (
     make_space,
     offered,
 )
-from experiments.reward.miou import Outcome, Parts, Source
+from experiments.evaluation.cost import cost_of
+from experiments.evaluation.job import Parts, Result, Source
 from experiments.run import pooled
 from experiments.run.context import Run, Work
 from experiments.run.few import beside
 from experiments.run.judge import Scores, Selection, parts_of
-from experiments.run.ladder import climb, compared, cost_of, fidelities
-from experiments.run.nets import score_nets
+from experiments.run.ladder import climb, compared, fidelities
+from experiments.run.nets import by_row, jobs_of
 from experiments.run.search import Found, SearchPlan
 from experiments.target.base import Target
 from scene.attributes import names
@@ -179,28 +180,29 @@ def _selected(
     """Train and score nets of the candidates, choose one; also their scores on each part."""
     own = len(pooled.work_of(config, [plan_of(config)]))
     rungs, cost = _rungs(config), sum(work.cost for work in work_of(config)[own:])
-    outcomes: dict[str, list[Outcome]] = {}
+    results: dict[str, list[Result]] = {}
 
-    def score(rung: int, names: Sequence[str]) -> Scores:
-        nonlocal outcomes, cost
+    def test(rung: int, names: Sequence[str]) -> Scores:
+        nonlocal results, cost
         fidelity, seeds = rungs[rung], selection_seeds(config, rung)
         sources: dict[str, Source] = {
             name: beside(run, fidelity, own) for name, own in candidates.items() if name in names
         }
         cost -= len(sources) * len(seeds) * cost_of(fidelity)
-        outcomes = score_nets(
-            run, prefix + _called(config, rung), sources, run.recipe(fidelity), seeds,
+        jobs = jobs_of(
+            prefix + _called(config, rung), sources, run.recipe(fidelity), seeds,
             side="reward", kind=config.reward_kind, parts=parts,
         )  # fmt: skip
-        return {name: [outcome.reward for outcome in own] for name, own in outcomes.items()}
+        results = by_row(jobs, run.runner.test(jobs))
+        return {name: [result.reward for result in own] for name, own in results.items()}
 
-    selection = climb(distinct(candidates), len(rungs), score, REFERENCE)
+    selection = climb(distinct(candidates), len(rungs), test, REFERENCE)
     run.progress.advance(cost, replayed=True)  # of nets that candidates alike have in common
     run.progress.say(f"Answer: {selection.chosen}, {selection.verdict}")
     by_part = {
-        # What another run has scored may know other parts.
+        # What another run has evaluated may know other parts.
         name: [own.parts if len(own.parts) == len(parts) else () for own in nets]
-        for name, nets in outcomes.items()
+        for name, nets in results.items()
     }
     return selection, by_part
 

@@ -13,12 +13,11 @@ from jaxtyping import Array, Float, Key
 
 import sdr_jax
 from experiments.config import Candidate, Fidelity, GroupsConfig, RewardKind
-from experiments.reward.evaluator import Job
-from experiments.reward.miou import Outcome
-from experiments.reward.truth import StreetPool, Subset
-from experiments.run.context import Run, Work, refuse_failed
+from experiments.evaluation.cost import cost_of, head_cost, street_cost
+from experiments.evaluation.job import Job, Result, StreetPool, Subset
+from experiments.evaluation.runner import refuse_failed
+from experiments.run.context import Run, Work
 from experiments.run.few import beside
-from experiments.run.ladder import cost_of, head_cost, street_cost
 from experiments.run.search import (
     Found,
     SearchPlan,
@@ -90,7 +89,7 @@ def search(run: Run[Any], plan: SearchPlan) -> Found:
     method, pool, watch = plan.search, plan.options.pool, Stopwatch()
     assert method.subsets is not None and method.policy is not None
     root, steps = jax.random.split(jax.random.key(plan.seed))
-    score = _Rewards(run, plan)
+    evaluate = _Rewards(run, plan)
     with watch:
         state = method.init(root)
         policies, shares, rewards = [method.policy(state)], [], []
@@ -103,14 +102,16 @@ def search(run: Run[Any], plan: SearchPlan) -> Found:
             whole = embed(plan.space, plan.subset, jax.device_get(proposals))
             units = drawn(keys[2], sdr_jax.Proposal(*map(jnp.asarray, whole)))
             seeds = np.asarray(jax.random.bits(keys[3], (plan.datasets + 1,), jnp.uint32)).tolist()
-        rewards.append(score(update, np.asarray(units), np.asarray(chosen), seeds))
+        rewards.append(evaluate(update, np.asarray(units), np.asarray(chosen), seeds))
         with watch:
             state, info = method.update(state, actions, jnp.asarray(rewards[-1]), chosen)
             policies.append(method.policy(state))
             shares.append(np.asarray(method.probabilities(state)))
         if int(info.clipped) and not clipped:
             clipped = True
-            run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), len(score.outcomes))}")
+            run.progress.say(
+                f"{plan.name}: {on_clipping(int(info.clipped), len(evaluate.results))}"
+            )
         run.progress.standing = standing("miou", rewards)
         run.progress.update(_said(plan, update, rewards[-1], policies))
     streets = [streets_of(policy, plan) for policy in policies]
@@ -125,7 +126,7 @@ def search(run: Run[Any], plan: SearchPlan) -> Found:
         solution,
         solution,
         solution,
-        outcomes=score.outcomes,
+        results=evaluate.results,
         rewards=np.stack(rewards),
         baselines=nothing,
         groups=np.zeros(plan.updates, np.int32),
@@ -151,14 +152,13 @@ def drawn(
 
 
 class _Rewards:
-    """Scores the subsets of each round; its streets are made where a reward is missing."""
+    """Evaluates the subsets of each round; its streets are made where a reward is missing."""
 
     def __init__(self, run: Run[Any], plan: SearchPlan) -> None:
         self._run, self._plan, self._fidelity = run, plan, reward_of(run.config)
         self._recipe = run.recipe(self._fidelity)
-        self._evaluator = run.evaluator(self._recipe, "reward")
         self._logged = logged(run)
-        self.outcomes: list[Outcome] = []
+        self.results: list[Result] = []
 
     def __call__(
         self, update: int, units: np.ndarray, chosen: np.ndarray, seeds: list[int]
@@ -174,14 +174,10 @@ class _Rewards:
         run, *nets, seed = self._run, *seeds
         pool = StreetPool(digest([digest(units.tolist()), seed]))
         jobs = self._jobs(pool, update, chosen, nets, 0.0)
-        keys = [self._evaluator.key(job.source, job.seed) for job in jobs]
-        for key, job in zip(keys, jobs, strict=True):
-            refuse_another(run, self._logged, job, key)
-        memory, folder = (
-            run.memory(run.evaluations),
-            digest([self._evaluator.about["config"], pool.name]),
-        )
-        memory.refresh()
+        for job in jobs:
+            refuse_another(run, self._logged, job)
+        alone = jobs[0]._replace(source=Subset(pool, ()))  # the streets are the same beside others
+        folder = digest([run.runner.about(alone)["config"], pool.name])
         cost, made = street_cost(self._fidelity), 0
 
         def done(streets: int) -> None:
@@ -192,27 +188,27 @@ class _Rewards:
                 f"{self._plan.name}: round {update + 1}, street {made}/{len(units)}"
             )
 
-        if not all(memory.knows(key) for key in keys):
-            held, seconds = run.shelf.streets(folder, self._recipe, units, seed, done)
+        if not all(run.runner.known(jobs, run.evaluations)):
+            held, seconds = run.runner.cache.streets(folder, self._recipe, units, seed, done)
             pool = pool._replace(held=held)
             jobs = self._jobs(pool, update, chosen, nets, seconds / len(jobs))
         if not made:  # they were there, or nobody wants them
             run.progress.advance(len(units) * cost, replayed=True)
-        outcomes = run.score([(self._evaluator, job) for job in jobs], log=run.evaluations)
-        run.shelf.forget(folder)
-        self.outcomes += outcomes
-        refuse_failed(self.outcomes, self._plan.evaluations)
-        return np.array([outcome.reward for outcome in outcomes], np.float32)
+        results = run.runner.run(jobs, run.evaluations)
+        run.runner.cache.forget(folder)
+        self.results += results
+        refuse_failed(self.results, self._plan.evaluations)
+        return np.array([result.reward for result in results], np.float32)
 
     def _jobs(
         self, pool: StreetPool, update: int, chosen: np.ndarray, seeds: list[int], rendered: float
     ) -> list[Job]:
         """Rendering took so many seconds for each."""
-        cost, found = head_cost(self._fidelity), []
+        found = []
         for k, (picked, seed) in enumerate(zip(chosen.tolist(), seeds, strict=True)):
             source = beside(self._run, self._fidelity, Subset(pool, tuple(picked)))
             notes = {"search": self._plan.name, "update": update, "dataset": k}
-            found.append(Job(source, seed, notes, cost, rendered=rendered))
+            found.append(Job(self._recipe, source, seed, notes, "reward", rendered=rendered))
         return found
 
 

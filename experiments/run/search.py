@@ -12,11 +12,10 @@ import numpy as np
 
 import sdr_jax
 from experiments.config import Candidate, RewardKind, SearchOptions
-from experiments.reward.evaluator import Job
-from experiments.reward.miou import Outcome, Source
-from experiments.run.context import REWARD_NAMES, Run, in_words, refuse_failed
+from experiments.evaluation.job import REWARD_NAMES, Job, Result, in_words
+from experiments.evaluation.runner import refuse_failed
+from experiments.run.context import Run
 from experiments.run.few import beside
-from experiments.run.ladder import cost_of
 from scene.attributes import SpaceName, names
 from scene.proposal import Proposal, Streets, random_proposal
 from sdr_jax.method import on_clipping
@@ -52,7 +51,7 @@ class Found(NamedTuple):
     solution: Proposal  # the method's answer, f32[attributes of the space] each
     spread: Proposal  # the same, wide where the method is unsure
     best: Proposal  # the dataset with the best reward
-    outcomes: list[Outcome]  # in the order in which they were asked for
+    results: list[Result]  # in the order in which they were asked for
     rewards: np.ndarray  # f32[updates, datasets]; NaN where they failed
     baselines: np.ndarray  # f32[updates]
     groups: np.ndarray  # i32[updates]
@@ -92,15 +91,17 @@ class Stopwatch:
 
 
 class _Rewards:
-    """Scores the datasets of one update after the other; runs behind the callback, without JAX."""
+    """Evaluates the datasets of one update after the other; runs behind the callback, without JAX."""
 
     def __init__(self, run: Run[Any], plan: SearchPlan, kind: RewardKind) -> None:
         self._run, self._plan = run, plan
-        self._evaluator = run.evaluator(run.recipe(run.config.reward), "reward", kind)
+        recipe = run.recipe(run.config.reward)
+        self._job = Job(recipe, random_proposal(plan.space), 0, {}, "reward", kind)
+        run.runner.about(self._job)  # what needs JAX is made now
         self._logged = logged(run)
         self._update = 0
         self.watch = Stopwatch()
-        self.outcomes: list[Outcome] = []
+        self.results: list[Result] = []
         self.asked: list[Proposal] = []
 
     def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
@@ -109,29 +110,23 @@ class _Rewards:
             centres, widths = embed(self._plan.space, self._plan.subset, asked.proposals)
             actions, seeds = np.asarray(asked.actions).tolist(), asked.seeds.tolist()
             proposals = [Proposal(*each) for each in zip(centres, widths, strict=True)]
-            cost = cost_of(self._run.config.reward)
+            run, place = self._run, {"search": self._plan.name, "update": self._update}
             jobs = [
-                Job(self._source(proposals[k]), seed, self._notes(k, actions[k]), cost)
+                self._job._replace(
+                    source=beside(run, run.config.reward, proposals[k]),
+                    seed=seed,
+                    notes={**place, "dataset": k, "actions": actions[k]},
+                )
                 for k, seed in enumerate(seeds)
             ]
             for job in jobs:
-                key = self._evaluator.key(job.source, job.seed)
-                refuse_another(self._run, self._logged, job, key)
-            run = self._run
-            nets = [(self._evaluator, job) for job in jobs]
-            outcomes = run.score(nets, log=run.evaluations)
-            self.outcomes += outcomes
+                refuse_another(run, self._logged, job)
+            results = run.runner.run(jobs, run.evaluations)
+            self.results += results
             self.asked += proposals
             self._update += 1
-            refuse_failed(self.outcomes, self._plan.evaluations)
-            return np.array([outcome.reward for outcome in outcomes], np.float32)
-
-    def _source(self, proposal: Proposal) -> Source:
-        return beside(self._run, self._run.config.reward, proposal)
-
-    def _notes(self, dataset: int, actions: list[Any]) -> dict[str, Any]:
-        place = {"search": self._plan.name, "update": self._update, "dataset": dataset}
-        return {**place, "actions": actions}
+            refuse_failed(self.results, self._plan.evaluations)
+            return np.array([result.reward for result in results], np.float32)
 
 
 def logged(run: Run[Any]) -> dict[tuple, str]:
@@ -141,9 +136,9 @@ def logged(run: Run[Any]) -> dict[tuple, str]:
     }
 
 
-def refuse_another(run: Run[Any], known: Mapping[tuple, str], job: Job, key: str) -> None:
+def refuse_another(run: Run[Any], known: Mapping[tuple, str], job: Job) -> None:
     """Raise UserError if the run folder has another reward in the place of a job."""
-    place = tuple(job.notes[name] for name in PLACE)
+    place, key = tuple(job.notes[name] for name in PLACE), run.runner.key(job)
     if known.get(place, key) != key:
         raise UserError(
             f"{run.evaluations.path}: update {place[1]}, dataset {place[2]} was not made by "
@@ -198,7 +193,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         solution,
         spread,
         _best(rewards.asked, np.stack(by_update).ravel()),
-        outcomes=rewards.outcomes,
+        results=rewards.results,
         rewards=np.stack(by_update),
         baselines=np.array(baselines, np.float32),
         groups=np.array(groups, np.int32),

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from experiments.config import Fidelity, NetsConfig
-from experiments.reward.miou import Outcome
+from experiments.evaluation.job import Result
 from experiments.run.context import Run
 from experiments.study.stats import mean
 from seg.classes import class_table
@@ -91,7 +91,7 @@ def about(run: Run[Any], fidelity: Fidelity) -> Report:
     }
 
 
-def nets(outcomes: Sequence[Outcome]) -> list[Report | None]:
+def nets(outcomes: Sequence[Result]) -> list[Report | None]:
     """Scores of single nets in percent, in the order of the seeds; None where training failed."""
     return [
         None

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.reward import store
+from experiments.evaluation import store
 from experiments.study.bins import relaxed
 from scene.attributes import SPACES, SpaceName
 from shell.errors import UserError

@@ -17,12 +17,12 @@ Rewards = list[float | None]
 
 def rewards(found: Found) -> Rewards:
     """The rewards of a search."""
-    return [None if o.failed else 100 * o.reward for o in found.outcomes]
+    return [None if o.failed else 100 * o.reward for o in found.results]
 
 
 def core_seconds(found: Found) -> float:
     """What the rewards took on a worker's one core; what another run had scored counts as done here."""
-    return round(sum(outcome.seconds for outcome in found.outcomes), 2)
+    return round(sum(result.seconds for result in found.results), 2)
 
 
 def selection(learnt: Learnt) -> Report:

@@ -20,11 +20,11 @@ from typing import Any, Generic, NamedTuple
 
 from experiments.config import Fidelity, LearntConfig, Rederived, SearchConfig, read_attributes
 from experiments.config import check as check_flags
-from experiments.reward.miou import Outcome, Source
+from experiments.evaluation.cost import cost_of, training_cost
+from experiments.evaluation.job import Job, Result, Source
 from experiments.run.context import AnyConfig, Run, Work, opened
-from experiments.run.ladder import cost_of, training_cost
 from experiments.run.learn import judged_on, learn, work_of
-from experiments.run.nets import Net, begin_each, paired_seeds, score_each
+from experiments.run.nets import paired_seeds
 from experiments.study.form import Form, Report, about, nets, rewrite, write_report
 from experiments.target.base import Target
 from scene.proposal import Streets, streets_named
@@ -161,13 +161,13 @@ def of_rows(
         for name, search in (wanted if searches is None else searches(run.config)).items():
             if searched(run.config, own):
                 ready = [row for row in own if not row.real]
-                begin_each(run, [net for _, net in _nets(run, ready, made)])
+                run.runner.prefetch([job for _, job in _jobs(run, ready, made)])
             made[name] = search(run)
-        rows_of, jobs = zip(*_nets(run, own, made), strict=True) if own else ((), ())
-        outcomes: dict[int, list[Outcome]] = {id(row): [] for row in own}
-        for row, outcome in zip(rows_of, score_each(run, jobs), strict=True):
-            outcomes[id(row)].append(outcome)
-        told = [{**row.place, "nets": nets(outcomes[id(row)])} for row in own]
+        rows_of, jobs = zip(*_jobs(run, own, made), strict=True) if own else ((), ())
+        results: dict[int, list[Result]] = {id(row): [] for row in own}
+        for row, result in zip(rows_of, run.runner.test(jobs), strict=True):
+            results[id(row)].append(result)
+        told = [{**row.place, "nets": nets(results[id(row)])} for row in own]
         return {**about(run, run.config.final), **report(run, made, told)}
 
     return Study(form, plan, scores, check, rows)
@@ -183,7 +183,7 @@ def _planned(rows: Sequence[Row], seeds: int) -> Iterator[Work]:
         yield Work(f"nets on {what}, {count} rows x {seeds} seeds", count * seeds, fidelity, cost)
 
 
-def _nets(run: Run[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row, Net]]:
+def _jobs(run: Run[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row, Job]]:
     """The nets of all rows that wait for nothing any more."""
     ready = [row for row in rows if not row.after or row.after in made]
     for what in dict.fromkeys(row.what for row in ready):
@@ -191,7 +191,8 @@ def _nets(run: Run[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row,
         recipe = run.recipe(own[0].fidelity, **own[0].pool)
         for seed in paired_seeds(run):
             for row in own:
-                yield row, Net(what, row.name, row.source(run, made, seed), recipe, seed)
+                notes = {"nets": what, "row": row.name, "seed": seed}
+                yield row, Job(recipe, row.source(run, made, seed), seed, notes)
 
 
 LEARNT = "learnt"

@@ -39,8 +39,6 @@ class LabelledImages(NamedTuple):
     features: Pyramid | None = None
     """Features of a frozen trunk, if they are known: one row per image for testing, those of all views of
     the images for training, view after view."""
-    origin: tuple[LabelledImages, tuple[int, ...]] | None = None
-    """The images of which these are some, and their indices, if files are to hold all of them once."""
 
     def between(self, first: int, end: int) -> LabelledImages:
         """The images from the first up to the end, with one row of features each; nothing is copied."""

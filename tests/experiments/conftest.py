@@ -21,18 +21,24 @@ from PIL import Image
 from experiments.config import MainConfig
 from experiments.config.cli import main
 from experiments.config.presets import PRESETS, TARGETS, defaults
+from experiments.evaluation.job import Recipe, Result, Source, rendered_of
+from experiments.evaluation.runner import Runner
+from experiments.evaluation.store import LOGS, Store
 from experiments.main.job import MAIN
-from experiments.reward.miou import Outcome, Recipe, Source
-from experiments.reward.truth import WithFew, rendered_of
+from experiments.run import context
+from experiments.run.nets import by_row, jobs_of
 from experiments.study.skeleton import do
 from experiments.target.base import Target
+from scene.assets.catalogue import AssetPool
 from scene.attributes import NAMES
 from scene.proposal import components, describe, moments, slide
 from scene.workers import WorkerPool
+from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.data.labelmefacade import COLORS
 from seg.train import TrainingError
 from shell.files import read_json
+from shell.progress import Progress
 
 ROOT = Path(__file__).resolve().parents[2]
 H, W = 12, 16
@@ -112,6 +118,35 @@ def target_of(reward: Any, test: Any) -> Target:
     return Target("camvid", True, "camvid", "", ("a", "b"), ("s", "s"), ("c",), lambda *_: sides)
 
 
+def runner_of(target: Target, folder: Path, pool: Any = POOL, told: Any = None) -> Runner:
+    """Who makes evaluations in a folder; ``told`` takes what progress says."""
+    folder.mkdir(exist_ok=True)
+    progress = Progress(1.0)
+    if told is not None:
+        progress.update = told  # type: ignore[method-assign]
+    fidelity = defaults(MainConfig, "camvid", "smoke").reward
+    features = Recipe(fidelity, target.table, "embree", AssetPool())
+    return Runner(target, pool, folder, Store(folder / LOGS[1]), None, lambda: progress, features)
+
+
+def results_of(run: Any, *arguments: Any, **options: Any) -> dict[str, list[Result]]:
+    """Results of the jobs that `jobs_of` makes of the arguments, by row."""
+    jobs = jobs_of(*arguments, **options)
+    return by_row(jobs, run.runner.test(jobs))
+
+
+@pytest.fixture(autouse=True)
+def within_this_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Makes jobs with 0 workers render and train in this process, where tests replace nets."""
+
+    def workers_for(config: Any) -> Any:
+        alone = config.workers == 0 and config.executor == "processes"
+        return WorkerPool(0) if alone else started(config)
+
+    started = context.workers_for
+    monkeypatch.setattr(context, "workers_for", workers_for)
+
+
 @pytest.fixture
 def out(tmp_path: Path) -> Path:
     """A run's folder, not there yet."""
@@ -146,8 +181,8 @@ def never(*task: Any, **options: Any) -> Any:
 
 
 def formula(
-    recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = (), sees: Any = None
-) -> Outcome:
+    recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = (), keeps: Any = None
+) -> Result:
     """Worth more with buildings far off, or with (more) real images; a little noise by seed."""
     if isinstance(source, LabelledImages):
         right = 800 + len(source.images)
@@ -157,10 +192,10 @@ def formula(
             share * moments(own).centre[place] for share, own in components(rendered_of(source))
         )
         right = 500 + int(400 * far)
-        right += 100 * len(source.arrays.images) if isinstance(source, WithFew) else 0
+        right += 100 * len(source.parts[1].images) if isinstance(source, TrainingSet) else 0
     # Of 2000 pixels of each class so many are right, the others taken for the next class.
     iou = (right + seed % 50) / (4000 - right - seed % 50)
-    return Outcome(iou, [iou] * len(recipe.classes.classes), 0.5, 1.5, parts=(iou,) * len(parts))
+    return Result(iou, [iou] * len(recipe.classes.classes), 0.5, 1.5, parts=(iou,) * len(parts))
 
 
 def diverge(*task: Any, **options: Any) -> Any:
@@ -191,15 +226,15 @@ def counted(scored_by: Any) -> Counted:
 
 
 @pytest.fixture
-def scored_by(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[..., Outcome]], None]:
+def scored_by(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[..., Result]], None]:
     """Puts a function in the place of rendering, training and scoring; for jobs without workers."""
-    return partial(monkeypatch.setattr, "experiments.reward.evaluator.evaluate_miou")
+    return partial(monkeypatch.setattr, "experiments.evaluation.runner.evaluate_miou")
 
 
 def transferred(start: Any, fine: Recipe, seed: int, real: Any, chosen: Any, truth: Any) -> list:
     """Fine-tuned nets: worth more with more images, and with training before; a little noise by seed."""
-    worth = 0.1 + 0.05 * (start.proposal is not None) + 0.01 * start.on_subset + 0.001 * (seed % 7)
-    return [Outcome(worth + 0.01 * len(k), [worth] * 11, 0.5, 1.5) for k in chosen]
+    worth = 0.1 + 0.05 * (start.streets is not None) + 0.01 * start.on_subset + 0.001 * (seed % 7)
+    return [Result(worth + 0.01 * len(k), [worth] * 11, 0.5, 1.5) for k in chosen]
 
 
 @pytest.fixture
@@ -208,7 +243,7 @@ def command(camvid: Path, scored_by: Any, monkeypatch: pytest.MonkeyPatch) -> Ca
 
     def run(name: str, out: Path, *flags: str, evaluate=formula, transfer=transferred) -> int:
         scored_by(evaluate)
-        monkeypatch.setattr("experiments.run.tuning.transfer", transfer)
+        monkeypatch.setattr("experiments.evaluation.runner.transfer", transfer)
         fixed = ("--target", "camvid", "--preset", "smoke", "--data", str(camvid), "--workers", "0")
         return study(name, *fixed, "--out", str(out), *flags)
 

@@ -15,23 +15,23 @@ from hypothesis import strategies as st
 
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.reward import evaluator, mmd, store
-from experiments.reward.miou import Outcome, attempt, worker_environment
-from experiments.reward.store import (
+from experiments.evaluation import mmd, runner, store
+from experiments.evaluation.cost import cost_of, training_cost
+from experiments.evaluation.evaluate import attempt, worker_environment
+from experiments.evaluation.job import Job, Result
+from experiments.evaluation.store import (
     HEADER,
     LOGS,
-    Log,
     Store,
     each,
     identity,
-    outcome_of,
     read,
     record_of,
+    result_of,
 )
 from experiments.run.context import Run
-from experiments.run.ladder import cost_of, training_cost
 from experiments.run.learn import plan_of
-from experiments.run.nets import Nets, begin, score_nets
+from experiments.run.nets import jobs_of
 from experiments.run.search import search
 from experiments.store import main
 from scene.attributes import NAMES
@@ -41,18 +41,30 @@ from seg.data import LabelledImages
 from shell.errors import UserError
 from shell.progress import Progress
 
-from .conftest import POOL, diverge, formula, lines, main_job, never, searching, target_of, untimed
+from .conftest import (
+    POOL,
+    diverge,
+    formula,
+    lines,
+    main_job,
+    never,
+    results_of,
+    searching,
+    target_of,
+    untimed,
+)
 
 CONFIG = defaults(MainConfig, "camvid", "smoke")
 TRUTH = LabelledImages(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
 TARGET = target_of(TRUTH, TRUTH)
+SHARED = partial(Store, shared=True)
 FAILED = "the loss is nan after 50 of 200 steps"
 
 
 def record(key: str = "k", reward: float | None = 0.25, **others) -> dict:
     failed = None if reward is not None else "the loss is nan"
     scores = (math.nan, []) if failed else (reward, [0.5, None])
-    outcome = Outcome(*scores, 1.0, 2.0, failed)
+    outcome = Result(*scores, 1.0, 2.0, failed)
     own = {"config": "c", "engine": 1, "made_with": {"backend": "cpu"}}
     return record_of(key, random_proposal(), 1, outcome) | own | others
 
@@ -64,17 +76,18 @@ def a_run(tmp_path):
     def opened(out="run", store=None, pool=POOL, **changes) -> Run[MainConfig]:
         config = replace(CONFIG, out=tmp_path / out, **changes)
         config.out.mkdir(exist_ok=True)
-        logs = [Log(config.out / name) for name in LOGS]
-        return Run(config, TARGET, pool, *logs, store and Store(store), Progress(1))
+        logs = [Store(config.out / name) for name in LOGS]
+        shared = store and Store(store, shared=True)
+        return Run(config, TARGET, pool, *logs, shared, Progress(1))
 
     return opened
 
 
-def evaluate(run: Run[MainConfig], *seeds: int) -> list[Outcome]:
+def evaluate(run: Run[MainConfig], *seeds: int) -> list[Result]:
     """Outcomes of jobs, in their order."""
-    scorer = run.evaluator(run.recipe(run.config.reward))
-    jobs = (evaluator.Job(random_proposal(), seed, {"row": f"r{seed}"}) for seed in seeds)
-    return run.score([(scorer, job) for job in jobs], log=run.finals)
+    recipe = run.recipe(run.config.reward)
+    jobs = [Job(recipe, random_proposal(), seed, {"row": f"r{seed}"}, "reward") for seed in seeds]
+    return run.runner.run(jobs)
 
 
 @given(st.integers(0, 2**31 - 1), st.floats(0, 1, width=32))
@@ -129,11 +142,11 @@ def test_a_job_reads_each_of_its_real_images_once(few, camvid, out, counted, mon
 
 def test_a_mixture_is_kept_by_its_components(tmp_path):
     streets = mixture((0.25, 0.75), (default_proposal(), random_proposal()))
-    outcome = Outcome(0.5, [0.5, None], 1.0, 2.0, parts=(0.25, 0.75))
+    outcome = Result(0.5, [0.5, None], 1.0, 2.0, parts=(0.25, 0.75))
     kept = record_of("k", streets, 1, outcome) | {"config": "c", "engine": 1}
-    Log(tmp_path / "log").add(kept)
-    (found,) = Log(tmp_path / "log").records
-    assert found == kept and outcome_of(found) == outcome._replace(stored=True)
+    Store(tmp_path / "log").add(kept)
+    (found,) = Store(tmp_path / "log").records
+    assert found == kept and result_of(found) == outcome._replace(stored=True)
     assert (found["centre"], found["width"]) == (None, None)
     assert [row["share"] for row in found["components"]] == [0.25, 0.75]
     assert found["components"][1] == {"share": 0.75, "centre": [0.5] * 23, "width": [1.0] * 23}
@@ -142,9 +155,9 @@ def test_a_mixture_is_kept_by_its_components(tmp_path):
 def test_a_histogram_is_kept_by_its_probabilities(tmp_path):
     own = Histogram(np.tile(np.float32([0.1, 0.2, 0.7]), (23, 1)))
     for source in (own, mixture((0.25, 0.75), (random_proposal(), own))):
-        kept = record_of("k", source, 1, Outcome(0.5, [], 1.0, 2.0)) | {"config": "c", "engine": 1}
-        Log(tmp_path / "log").add(kept)
-        found = Log(tmp_path / "log").records[-1]
+        kept = record_of("k", source, 1, Result(0.5, [], 1.0, 2.0)) | {"config": "c", "engine": 1}
+        Store(tmp_path / "log").add(kept)
+        found = Store(tmp_path / "log").records[-1]
         assert found == kept and (found["centre"], found["width"]) == (None, None)
         told = found if source is own else found["components"][1]
         assert told["probabilities"] == [[0.1, 0.2, 0.7]] * 23
@@ -156,7 +169,7 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
     def name(target=TARGET, side="reward", truth=TRUTH, table="camvid", **changes):
         run = a_run(**changes)
         recipe = run.recipe(run.config.reward)._replace(table=table)
-        return evaluator.about(recipe, target, side, truth)["config"]
+        return runner.about(recipe, target, side, truth)["config"]
 
     reward = CONFIG.reward
     own = {"assets": tmp_path / "own"}
@@ -188,20 +201,20 @@ def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypat
     free = {"seed": 5, "workers": 7, "seeds": 9, "store": tmp_path / "s", "twin_seed": 3}
     assert name(**free, final=reward) == name() == name(target=TARGET._replace(test_names=("x",)))
     others += [name()]
-    monkeypatch.setattr(evaluator, "ENGINE", evaluator.ENGINE + 1)
+    monkeypatch.setattr(runner, "ENGINE", runner.ENGINE + 1)
     assert name() not in others
 
 
 def test_lines_come_back_behind_a_header(tmp_path):
     path = tmp_path / "new" / "store.jsonl"
-    store, other = Store(path), Store(path)
+    store, other = Store(path, shared=True), Store(path, shared=True)
     assert len(store) == 0 and not path.exists()
     assert store.add(record()) == record()
     assert other.get("k") is None and other.add(record(reward=0.5)) == record()  # the first stands
     store.add(record("failed", None))
     assert lines(path) == [HEADER, record(), record("failed", None)]
     other.refresh()
-    again = Store(path)
+    again = Store(path, shared=True)
     assert again.records == store.records == other.records
     assert again.get("other") is None and again.where("failed") == f"{path}: line 3"
 
@@ -214,19 +227,19 @@ def test_two_runs_may_write_at_once(tmp_path):
 
     with ThreadPoolExecutor(2) as writers:  # the lock belongs to the open file, not to the process
         list(writers.map(add_many, "xy"))
-    assert len(lines(path)) == 61 and len(Store(path)) == 60
+    assert len(lines(path)) == 61 and len(Store(path, shared=True)) == 60
 
 
 def test_a_log_names_what_is_not_its_own(tmp_path):
-    log = Log(tmp_path / "finals.jsonl")
+    log = Store(tmp_path / "finals.jsonl")
     log.add(record(row="random"))
     log.add(record(row="learnt"))
-    assert Log(log.path).records == log.records and len(log.records) == 2
-    assert Log(log.path).get("k")["row"] == "random" and log.get("other") is None
+    assert Store(log.path).records == log.records and len(log.records) == 2
+    assert Store(log.path).get("k")["row"] == "random" and log.get("other") is None
     with log.path.open("a") as file:
         file.write('{"key": "a"}\n')
     with pytest.raises(UserError, match=f"{log.path}: line 3: config must be of type str"):
-        Log(log.path)
+        Store(log.path)
 
 
 def test_known_evaluations_are_not_made_again(a_run, tmp_path, scored_by):
@@ -240,7 +253,7 @@ def test_known_evaluations_are_not_made_again(a_run, tmp_path, scored_by):
         assert [o.reward for o in again] == [first[1].reward, first[0].reward]
         assert all(o.stored and o.seconds == 2.0 and len(o.class_iou) == 11 for o in again)
     # Each run's log has its own notes, beside all that the store knows.
-    kept = Store(store).records
+    kept = Store(store, shared=True).records
     assert len(kept) == 2 and "row" not in kept[0]
     ours, theirs = (lines(tmp_path / name / LOGS[1]) for name in ("run", "other"))
     assert [line["row"] for line in ours] == ["r1", "r2"]
@@ -255,9 +268,9 @@ def test_the_log_has_a_line_for_each_row_of_a_net_that_is_known_already(a_run, s
     run = a_run()
     recipe = run.recipe(run.config.final)
     for names in (("default",), ("default", "learnt"), ("default", "learnt")):
-        found = score_nets(run, "final", dict.fromkeys(names, default_proposal()), recipe, [0, 1])
+        found = results_of(run, "final", dict.fromkeys(names, default_proposal()), recipe, [0, 1])
     for opened in (run, a_run()):  # nor does it grow when a run goes on
-        score_nets(opened, "final", dict.fromkeys(names, default_proposal()), recipe, [0, 1])
+        results_of(opened, "final", dict.fromkeys(names, default_proposal()), recipe, [0, 1])
     assert [(line["row"], line["seed"]) for line in opened.finals.records] == [
         ("default", 0), ("default", 1), ("learnt", 0), ("learnt", 1),
     ]  # fmt: skip
@@ -265,7 +278,7 @@ def test_the_log_has_a_line_for_each_row_of_a_net_that_is_known_already(a_run, s
 
 
 def test_what_the_store_holds_stands(a_run, tmp_path, scored_by):
-    def slow(*task) -> Outcome:
+    def slow(*task) -> Result:
         scored_by(lambda *task: formula(*task)._replace(reward=0.125))
         evaluate(a_run("quicker", store=run.store.path), 1)
         return formula(*task)
@@ -282,7 +295,7 @@ def test_a_failed_evaluation_is_kept_as_failed(a_run, tmp_path, scored_by):
         scored_by(diverge if out == "run" else never)
         (outcome,) = evaluate(a_run(out, store=tmp_path / "store.jsonl"), 3)
         assert math.isnan(outcome.reward) and outcome.failed == FAILED
-    assert Store(tmp_path / "store.jsonl").records[0]["reward"] is None
+    assert Store(tmp_path / "store.jsonl", shared=True).records[0]["reward"] is None
     with pytest.raises(AssertionError, match="known"):
         attempt(never)  # other errors are passed on
 
@@ -290,7 +303,7 @@ def test_a_failed_evaluation_is_kept_as_failed(a_run, tmp_path, scored_by):
 def test_a_score_that_is_no_number_is_the_images_fault(a_run, tmp_path, scored_by):
     scored_by(lambda *task: formula(*task)._replace(reward=math.nan))
     run = a_run(store=tmp_path / "store.jsonl")
-    with pytest.raises(UserError, match=r"score is nan: .* at least one labelled class"):
+    with pytest.raises(UserError, match=r"reward is nan: .* at least one labelled class"):
         evaluate(run, 3)
     assert not run.finals.records and not run.store.records
 
@@ -306,16 +319,16 @@ def test_a_second_search_takes_its_rewards_from_the_store(a_run, tmp_path, score
     logs = [lines(tmp_path / out / LOGS[0]) for out in ("one", "two")]
     assert untimed(logs[0]) == untimed(logs[1])
     # The store tells what was proposed: a bin's interval for each attribute.
-    stored = Store(tmp_path / "store.jsonl").records
+    stored = Store(tmp_path / "store.jsonl", shared=True).records
     assert len(stored) == 12 and stored[0]["width"] == [0.2] * 23
     bins = np.array(logs[0][0]["actions"])
     np.testing.assert_allclose(stored[0]["centre"], (bins + 0.5) / 5, atol=1e-6)
 
 
-def nets(run: Run[MainConfig]) -> dict[str, list[Outcome]]:
+def nets(run: Run[MainConfig]) -> dict[str, list[Result]]:
     sources = {"random": random_proposal(), "default": default_proposal(), "real": TRUTH}
     recipe = run.recipe(run.config.final)
-    return score_nets(run, "final", sources, recipe, [5, 6, 7], once=["default"])
+    return results_of(run, "final", sources, recipe, [5, 6, 7], once=["default"])
 
 
 def test_rows_are_paired_and_scored_once_on_the_test_images(a_run, scored_by, capsys):
@@ -338,14 +351,14 @@ def test_rows_are_paired_and_scored_once_on_the_test_images(a_run, scored_by, ca
 
 
 @pytest.mark.parametrize("killed", [False, True])
-def test_nets_begun_ahead_are_made_once_with_the_same_values(killed, a_run, scored_by, monkeypatch):
+def test_prefetched_nets_are_made_once_with_the_same_values(killed, a_run, scored_by, monkeypatch):
     scored_by(formula)
     plain = nets(a_run())
-    monkeypatch.setattr("experiments.run.ahead.LEAST", 0.0)
+    monkeypatch.setattr("experiments.evaluation.runner.LEAST", 0.0)
     with WorkerPool(1, worker_environment()) as pool:
         run = a_run("ahead", pool=pool)
-        sets = Nets("final", {"random": random_proposal(), "real": TRUTH}, run.recipe(CONFIG.final))
-        begin(run, [sets], [5, 6])
+        sets = {"random": random_proposal(), "real": TRUTH}
+        run.runner.prefetch(jobs_of("final", sets, run.recipe(CONFIG.final), [5, 6]))
         behind = list(pool._executors[True]._processes)
         if killed:
             os.kill(behind[0], signal.SIGKILL)
@@ -358,6 +371,7 @@ def test_nets_begun_ahead_are_made_once_with_the_same_values(killed, a_run, scor
     assert len(kept) == len({(line["nets"], line["row"], line["seed"]) for line in kept}) == 7
     full, real = cost_of(CONFIG.final), training_cost(CONFIG.final)
     costs = sum(real if line["row"] == "real" else full for line in kept)
+    costs += 2 * cost_of(CONFIG.reward)
     assert run.progress._done == pytest.approx(costs)
 
 
@@ -385,7 +399,7 @@ def refused(error_line):
     return line
 
 
-def written(path, *records: dict, make=Store):
+def written(path, *records: dict, make=SHARED):
     path.parent.mkdir(exist_ok=True)
     kept = make(path)
     for r in records:
@@ -396,7 +410,7 @@ def written(path, *records: dict, make=Store):
 def test_show_counts_by_configuration(tmp_path, capsys):
     records = [record("a", 0.1), record("b", 0.3), record("c", None), record("d", 0.5, config="o")]
     store = written(tmp_path / "s.jsonl", *records)
-    log = written(tmp_path / "run" / LOGS[1], *records[:1], make=Log)
+    log = written(tmp_path / "run" / LOGS[1], *records[:1], make=Store)
     assert main(["show", str(store), str(log.parent)]) == 0
     first, one, other, run, own = capsys.readouterr().out.splitlines()
     assert first.endswith("4 evaluations")
@@ -415,24 +429,24 @@ def test_show_tells_rewards_without_labels_as_they_are(tmp_path, capsys):
 def test_merge_folds_duplicates(tmp_path, capsys, refused):
     a = written(tmp_path / "a.jsonl", record("x"), record("y"))
     run = tmp_path / "run"
-    written(run / LOGS[0], record("y", train_seconds=9.0), record("z", None), make=Log)
-    written(run / LOGS[1], record("z", None), record("w", centre=None, width=None), make=Log)
+    written(run / LOGS[0], record("y", train_seconds=9.0), record("z", None), make=Store)
+    written(run / LOGS[1], record("z", None), record("w", centre=None, width=None), make=Store)
     own = [f"{run / LOGS[k]}: line {line}" for k, line in ((0, 1), (0, 2), (1, 2))]
     assert [where for _, where in read(run).values()] == own
     out = tmp_path / "c.jsonl"
     assert main(["merge", str(a), str(run), "--out", str(out)]) == 0
     assert "4 evaluations" in capsys.readouterr().out
-    assert [r["key"] for r in Store(out).records] == ["x", "y", "z", "w"]
+    assert [r["key"] for r in Store(out, shared=True).records] == ["x", "y", "z", "w"]
     assert "exists already" in refused("merge", a, "--out", out)
 
 
-@pytest.mark.parametrize("make", [Store, Log])
+@pytest.mark.parametrize("make", [SHARED, Store])
 def test_merge_refuses_two_values_for_one_key_and_names_both(make, tmp_path, refused):
     a = written(tmp_path / "a.jsonl", record("x", 0.25))
     b = tmp_path / "run" / LOGS[1]
     written(b, record("w"), record("x", 0.75), make=make)
-    error = refused("merge", a, b if make is Store else b.parent, "--out", tmp_path / "c.jsonl")
-    assert f"{a}: line 2 and {b}: line {3 if make is Store else 2}" in error
+    error = refused("merge", a, b if make is SHARED else b.parent, "--out", tmp_path / "c.jsonl")
+    assert f"{a}: line 2 and {b}: line {3 if make is SHARED else 2}" in error
     assert "0.250000 and 0.750000" in error and not (tmp_path / "c.jsonl").exists()
 
 

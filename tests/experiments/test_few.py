@@ -9,21 +9,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments.evaluation import evaluate
+from experiments.evaluation.cache import FOLDER
+from experiments.evaluation.job import Job, LabelledSubset
 from experiments.main import summary
-from experiments.reward import miou
-from experiments.reward.evaluator import Evaluator, Job, Memory
-from experiments.reward.shelf import FOLDER, Shelf
-from experiments.reward.store import Log
-from experiments.reward.truth import WithFew, part_of
 from experiments.run.few import TRAINED_ON
 from experiments.target.few import spread
 from experiments.target.named import named_target
 from scene.proposal import default_proposal, random_proposal
+from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from shell.files import read_json
 
-from .conftest import POOL, Counted, lines, main_job, never
-from .test_shelf import REAL, RECIPE, TARGET, TEST
+from .conftest import POOL, Counted, lines, main_job, never, runner_of
+from .test_cache import REAL, RECIPE, TARGET, TEST
 from .test_target import flat
 
 
@@ -91,51 +90,57 @@ def test_a_sequence_without_classes_is_refused(few, sequence, words, camvid, out
     assert words in error_line(begun=True) and not out.exists()
 
 
-def test_an_evaluation_is_named_by_its_few():
-    scorer = Evaluator(RECIPE, TARGET, "test", TEST, Shelf(POOL))
-    key, about = scorer.key, scorer.about_of
-    few, other = part_of(REAL, [1, 2]), part_of(REAL, [1, 3])
-    ours, by_eye = random_proposal(), default_proposal()
-    sources = [ours, few, *(WithFew(ours, part, 0.5) for part in (few, other))]
-    sources += [WithFew(ours, few, 0.3), WithFew(by_eye, few, 0.5)]
-    keys = [key(source, 1) for source in sources]
+def test_an_evaluation_is_named_by_its_few(tmp_path):
+    runner = runner_of(TARGET, tmp_path)
+    few, other = LabelledSubset(REAL, (1, 2)), LabelledSubset(REAL, (1, 3))
+    ours, hand_set = random_proposal(), default_proposal()
+
+    def beside(rendered, few, share=0.5):
+        return TrainingSet((rendered, few), (1 - share, share))
+
+    def keys_of(*sources):
+        return [runner.key(Job(RECIPE, source, 1, {})) for source in sources]
+
+    sources = [ours, few, beside(ours, few), beside(ours, other), beside(ours, few, 0.3)]
+    keys = keys_of(*sources, beside(hand_set, few))
     assert len(set(keys)) == len(keys)
-    again = LabelledImages(few.images.copy(), few.labels.copy())
-    assert key(WithFew(ours, again, 0.5), 1) == keys[2] and key(again, 1) == keys[1]
-    configs = {about(source)["config"] for source in sources}
-    assert len(configs) == 4 and about(sources[2])["few"] == 2  # none, two sets, two shares
+    again = REAL.take([1, 2])
+    assert keys_of(again, beside(ours, again)) == keys[1:3]
+    told = [runner.about(Job(RECIPE, source, 1, {})) for source in sources]
+    assert len({each["config"] for each in told}) == 4  # none, two sets, two shares
+    assert told[2]["few"] == 2 and "few" not in told[1]
 
 
 def test_nets_share_files_and_renders_and_are_those_of_arrays(tmp_path, monkeypatch):
-    few = [part_of(REAL, picked) for picked in ([3, 17, 24], [5])]
-    sources = [WithFew(default_proposal(), part, 0.5) for part in few] + [default_proposal()]
+    few = [LabelledSubset(REAL, picked) for picked in ((3, 17, 24), (5,))]
+    streets = default_proposal()
+    sources = [*(TrainingSet((streets, own), (0.5, 0.5)) for own in few), streets]
+    arrays = [*(TrainingSet((streets, REAL.take(o.picked)), (0.5, 0.5)) for o in few), streets]
     plain = []
-    for source in sources:
-        miou._KEPT.clear()
-        plain.append(miou.evaluate_miou(RECIPE, source, 5, TEST).reward)
+    for source in arrays:
+        evaluate._KEPT.clear()
+        plain.append(evaluate.evaluate_miou(RECIPE, source, 5, TEST).reward)
     assert len(set(plain)) == 3
-    miou._KEPT.clear()
-    rendered = Counted(miou.render)
-    monkeypatch.setattr(miou, "render", rendered)
-    scorer = Evaluator(RECIPE, TARGET, "test", TEST, Shelf(POOL, tmp_path / "run"))
-    jobs, memory = [Job(s, 5, {}) for s in sources], Memory(Log(tmp_path / "log"), None, float)
-    found = dict(scorer.map(jobs, memory))
+    evaluate._KEPT.clear()
+    rendered = Counted(evaluate.render)
+    monkeypatch.setattr(evaluate, "render", rendered)
+    found = runner_of(TARGET, tmp_path / "run").run([Job(RECIPE, s, 5, {}) for s in sources])
     assert [found[k].reward for k in range(3)] == plain and len(rendered.calls) == 1
-    # Images and features of those scored on, and of all that the few were chosen from.
+    # Images and features of those tested on, and of all that the few were chosen from.
     assert len(list((tmp_path / "run" / FOLDER).iterdir())) == 4
-    monkeypatch.setattr(miou, "render", never)
-    miou.evaluate_miou(RECIPE, sources[1], 5, TEST)
+    monkeypatch.setattr(evaluate, "render", never)
+    evaluate.evaluate_miou(RECIPE, arrays[1], 5, TEST)
     with pytest.raises(AssertionError, match="known"):
-        miou.evaluate_miou(RECIPE, sources[1], 6, TEST)
+        evaluate.evaluate_miou(RECIPE, arrays[1], 6, TEST)
 
 
 def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counted, monkeypatch):
     flags = ("--few", "2", "--few-share", "0.4", "--candidates", "argmax", "--data", str(camvid))
     assert main_job("camvid", "--out", str(out), *flags) == 0
     seen = [source for _, source, *_ in counted.calls]
-    assert all(isinstance(source, WithFew) and source.share == 0.4 for source in seen[:12])
+    assert all(isinstance(source, TrainingSet) and source.shares[1] == 0.4 for source in seen[:12])
     sizes = [
-        len(s.images) if isinstance(s, LabelledImages) else isinstance(s, WithFew)
+        len(s.images) if isinstance(s, LabelledImages) else isinstance(s, TrainingSet)
         for s in seen[13:]
     ]
     # What is rendered takes longer, and begins first.

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from experiments import fidelity as module
+from experiments.evaluation.job import Result
 from experiments.fidelity import STUDY, defaults, proposals, rungs
-from experiments.reward.miou import Outcome
 from experiments.study import stats
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
@@ -111,7 +111,7 @@ def scored() -> Counted:
 
     def formula(recipe, source, seed, truth):
         off = float(np.abs(source.centre - 0.5).mean())
-        return Outcome((1 - off) / 2 + 5e-7 * (seed % 7), [0.5], 0.01, 0.02)
+        return Result((1 - off) / 2 + 5e-7 * (seed % 7), [0.5], 0.01, 0.02)
 
     return Counted(formula)
 

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
+from experiments.evaluation.job import rendered_of
 from experiments.labels import FORM, counts_of, defaults
-from experiments.reward.truth import WithFew
 from experiments.study.stats import reached, worth
 from experiments.target.base import Target
 from scene.proposal import Mixture, describe, streets_named
+from seg.beside import TrainingSet
 from seg.data import LabelledImages
 
 from .conftest import Counted, never
@@ -125,7 +126,7 @@ def test_numbers_are_what_the_data_allow(images, counts):
 def test_renders_may_be_half_random_and_half_by_eye(reported):
     scores = Counted()
     _, words = reported("labels", "--renders", "random", "mixed", evaluate=scores)
-    renders = [getattr(source, "rendered", source) for _, source, _, _ in scores.calls]
+    renders = [rendered_of(source) for _, source, _, _ in scores.calls]
     own = streets_named("mixed", "scenex")
     assert (
         sum(isinstance(each, Mixture) and describe(each) == describe(own) for each in renders) == 6
@@ -137,11 +138,11 @@ def test_every_net_sees_its_labels_and_pairs_share_them(reported):
     scores = Counted()
     found, _ = reported("labels", evaluate=scores)
     calls = [(source, seed) for _, source, seed, _ in scores.calls]
-    beside = {(len(s.arrays.images), seed): s for s, seed in calls if isinstance(s, WithFew)}
+    beside = {(len(s.parts[1].images), seed): s for s, seed in calls if isinstance(s, TrainingSet)}
     alone = {(len(s.images), seed): s for s, seed in calls if isinstance(s, LabelledImages)}
     assert set(beside) == set(alone) == {(2, 0), (2, 1), (4, 0), (4, 1)} and len(calls) == 2 + 4 + 4
     for place, few in alone.items():
-        np.testing.assert_array_equal(beside[place].arrays.images, few.images)
+        np.testing.assert_array_equal(beside[place].parts[1].images, few.images)
     rows = [(row["labels"], row["renders"]) for row in found["rows"]]
     assert rows == [(0, "default"), *((n, r) for n in (2, 4) for r in ("none", "default"))]
     assert found["learnt_from"] is None and found["few_share"] == 0.5

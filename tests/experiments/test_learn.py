@@ -14,7 +14,8 @@ from scipy import stats
 
 from experiments.config import SEED_END, MainConfig, check, offered, presets
 from experiments.config.presets import defaults
-from experiments.reward.miou import Outcome
+from experiments.evaluation.cost import cost_of
+from experiments.evaluation.job import Result
 from experiments.run import judge, ladder
 from experiments.run.context import opened
 from experiments.run.learn import (
@@ -186,7 +187,7 @@ def test_rungs_lead_from_the_reward_to_the_final_fidelity(target, preset):
     config = defaults(MainConfig, target, preset)
     rungs = ladder.fidelities(config.reward, config.final)
     assert (rungs[0], rungs[-1]) == (config.reward, config.final)
-    costs = [ladder.cost_of(rung) for rung in rungs]
+    costs = [cost_of(rung) for rung in rungs]
     assert costs == sorted(costs) and len(ladder.fidelities(config.final, config.final)) == 1
 
 
@@ -228,9 +229,9 @@ def test_searches_share_no_seeds_of_their_selection(one, other):
 def job(tiny_camvid, scored_by):
     """Learns with rewards that are higher the wider a proposal is; the search is one of six updates."""
 
-    def wide(recipe, source, seed, truth, parts=()) -> Outcome:
+    def wide(recipe, source, seed, truth, parts=()) -> Result:
         reward = source.width.mean() / 2 + seed % 97 / 1000
-        return Outcome(reward, [], 0.1, 0.2, parts=(reward,) * len(parts))
+        return Result(reward, [], 0.1, 0.2, parts=(reward,) * len(parts))
 
     def work(**changes):
         config = replace(tiny_camvid, **changes)

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from experiments.evaluation.store import LOGS
 from experiments.main.summary import ROWS
-from experiments.reward.store import LOGS
 from scene.attributes import NAMES
 from scene.dataset.export import read_dataset
 from scene.render.__main__ import main as scene_render
@@ -128,8 +128,7 @@ def test_stopped_and_killed_it_ends_as_an_unbroken_run(unbroken, start_job, tmp_
 
 @pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no way to keep to one core")
-def test_without_workers_it_ends_on_one_core_and_as_with_one(unbroken, start_job, tmp_path):
-    """Nets are trained by JAX in the main process: within its callback that would wait for ever."""
+def test_with_0_workers_one_starts_and_it_ends_on_one_core(unbroken, start_job, tmp_path):
     out, cores = tmp_path / "alone", os.sched_getaffinity(0)
     os.sched_setaffinity(0, {min(cores)})  # which the job inherits
     try:

@@ -8,11 +8,10 @@ import pytest
 
 from experiments.config import MainConfig, check
 from experiments.config.presets import defaults
-from experiments.reward.evaluator import Evaluator, Job, Memory, about
-from experiments.reward.miou import Recipe, render
-from experiments.reward.mmd import FILE, FeatureNet, evaluate_mmd, feature_net
-from experiments.reward.shelf import Shelf
-from experiments.reward.store import Log
+from experiments.evaluation.evaluate import render
+from experiments.evaluation.job import Job, Recipe
+from experiments.evaluation.mmd import FILE, FeatureNet, evaluate_mmd, feature_net
+from experiments.evaluation.runner import about
 from experiments.target.named import named_target
 from scene.attributes import NAMES
 from scene.proposal import random_proposal
@@ -21,7 +20,7 @@ from seg.mmd import mmd2
 from shell.errors import UserError
 from shell.files import read_json
 
-from .conftest import POOL, TINY, diverge, lines, main_job, searching, target_of
+from .conftest import POOL, TINY, diverge, lines, main_job, runner_of, searching, target_of
 
 
 def unlabelled(height: int, width: int, count: int = 6) -> LabelledImages:
@@ -85,7 +84,7 @@ def test_what_cannot_work_is_refused(tiny_camvid, tmp_path, config, recipe, net,
     single = replace(config, reward=replace(config.reward, streets=1))
     broken = FeatureNet(tmp_path / FILE, 11)
     broken.path.write_bytes(b"no zip")
-    monkeypatch.setattr("experiments.reward.mmd.train_features", diverge)
+    monkeypatch.setattr("experiments.evaluation.mmd.train_features", diverge)
     for complaint, work, *task in (
         ("--unlabelled needs --data", named_target, twin, POOL),
         ("are among the reward images", named_target, both, POOL),
@@ -108,7 +107,7 @@ def test_a_dataset_is_nearest_to_itself_by_a_net_that_is_trained_once(recipe, ne
     # Unbiased, a set against itself is below 0: what pairs leave out is k(x, x).
     x = net.reference(own).features
     assert rewards[0] == pytest.approx(-mmd2(x, x)) and rewards[0] > 0
-    monkeypatch.setattr("experiments.reward.mmd.train_features", None)
+    monkeypatch.setattr("experiments.evaluation.mmd.train_features", None)
     again = feature_net(recipe, net.path.parent, POOL)
     images = unlabelled(16, 16).images
     one, other = again.reference(images), net.reference(images)
@@ -124,7 +123,9 @@ def test_kinds_of_rewards_are_kept_apart(recipe, net, tmp_path):
     keys = [each["config"] for each in told]
     assert keys[0] != keys[1] == keys[2]
     assert [each["kind"] for each in told] == ["miou", "mmd", "mmd"]  # by which records are chosen
-    evaluator = Evaluator(recipe, TARGET, "reward", reference, Shelf(POOL))
-    jobs, memory = [Job(random_proposal(), 1, {})], Memory(Log(tmp_path / "log.jsonl"), None, float)
-    (((_, first),), ((_, again),)) = (evaluator.map(jobs, memory) for _ in range(2))
+    shutil.copy(net.path, tmp_path)
+    runner = runner_of(TARGET, tmp_path)
+    job = Job(recipe, random_proposal(), 1, {}, "reward", "mmd")
+    (first,), (again,) = (runner.run([job]) for _ in range(2))
+    assert runner.about(job) == told[1]
     assert again.stored and not first.stored and again.reward == first.reward

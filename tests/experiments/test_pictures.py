@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from experiments.evaluation.predictions import MOST, compared, file_of, load, picked, save
 from experiments.main import pictures
-from experiments.reward.seen import MOST, Seen, leave, look, picked, sight
 from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL
 
 
@@ -23,16 +23,16 @@ def test_shares_and_mean_rows_by_hand():
 
 
 def test_what_a_net_saw_is_left_whole_or_not_at_all(tmp_path):
-    seen = Seen(tmp_path / "nets").of("0123456789abcdef, and more")
-    assert look(seen) is None
+    path = file_of(tmp_path, "0123456789abcdef, and more")
+    assert load(path) is None
     labels = np.array([[[0, 1]], [[255, 255]]], np.uint8)
     predictions = np.array([[[0, 0]], [[1, 1]]], np.uint8)
-    leave(seen, sight(np.eye(2, dtype=np.int64), np.array([3, 5]), labels, predictions))
-    found = look(seen)
+    save(path, compared(np.eye(2, dtype=np.int64), np.array([3, 5]), labels, predictions))
+    found = load(path)
     np.testing.assert_array_equal(found.miou, [0.25, np.nan])  # IoU 1/2 and 0; all void
     np.testing.assert_array_equal(found.predictions, predictions)
-    seen.path.write_bytes(seen.path.read_bytes()[:-9])
-    assert look(seen) is None
+    path.write_bytes(path.read_bytes()[:-9])
+    assert load(path) is None
     assert picked(5).tolist() == [0, 1, 2, 3, 4]
     many = picked(3 * MOST)
     assert len(many) == MOST and many[0] == 0 and many[-1] == 3 * MOST - 1

@@ -12,14 +12,15 @@ import pytest
 import sdr_jax
 from experiments.config import MainConfig, check
 from experiments.config.presets import defaults
-from experiments.reward.miou import Outcome
-from experiments.reward.store import identity
-from experiments.reward.truth import Shared, StreetPool, Subset, WithFew, loaded
+from experiments.evaluation.cache import Cached, loaded
+from experiments.evaluation.job import Result, StreetPool, Subset
+from experiments.evaluation.store import identity
 from experiments.run import pooled
 from experiments.run.context import opened
 from experiments.run.learn import candidate, learn, offered, plan_of
 from scene.attributes import NAMES, default_unit
 from scene.proposal import Mixture, components, moments
+from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from shell.errors import UserError
 from shell.files import read_json
@@ -27,14 +28,14 @@ from shell.files import read_json
 from .conftest import Counted, Killed, lines, never, searching
 
 
-def far(recipe, source, seed, truth, parts=(), sees=None) -> Outcome:
+def far(recipe, source, seed, truth, parts=(), keeps=None) -> Result:
     """Worth more with buildings far off, as the labels of the streets tell; of others by seed."""
-    own = source.rendered if isinstance(source, WithFew) else source
+    own = source.parts[0] if isinstance(source, TrainingSet) else source
     share = 0.4
     if isinstance(own, LabelledImages):
         share = float(np.mean(loaded(own).labels == 3))
     iou = 0.3 + 0.2 * share + 0.0001 * (seed % 7)
-    return Outcome(iou, [iou], 0.5, 1.5, parts=(iou,) * len(parts))
+    return Result(iou, [iou], 0.5, 1.5, parts=(iou,) * len(parts))
 
 
 @pytest.fixture
@@ -91,7 +92,7 @@ def test_killed_it_gives_the_same_answer(config, run, tmp_path, monkeypatch):
             run(broken, Counted(far, limit=count))
         assert len(list((broken.out / "shared").glob("pool-*"))) == 1
     with monkeypatch.context() as patch:  # the second round's pool is there already
-        patch.setattr("experiments.reward.shelf.render_street", never)
+        patch.setattr("experiments.evaluation.cache.render_street", never)
         again = run(broken)
     for name in ("solution", "rewards", "probabilities"):
         np.testing.assert_array_equal(getattr(again, name), getattr(whole, name), err_msg=name)
@@ -106,10 +107,10 @@ def test_killed_it_gives_the_same_answer(config, run, tmp_path, monkeypatch):
 
 
 def test_a_pool_goes_on_where_it_was_killed(config, run, monkeypatch):
-    from experiments.reward import shelf
+    from experiments.evaluation import cache
 
-    monkeypatch.setattr(shelf, "CHUNK", 5)
-    real, calls = shelf.render_street, []
+    monkeypatch.setattr(cache, "CHUNK", 5)
+    real, calls = cache.render_street, []
 
     def some(unit, seed, index, *rest):
         if len(calls) == 7:
@@ -118,14 +119,14 @@ def test_a_pool_goes_on_where_it_was_killed(config, run, monkeypatch):
         return real(unit, seed, index, *rest)
 
     with monkeypatch.context() as patch:
-        patch.setattr(shelf, "render_street", some)
+        patch.setattr(cache, "render_street", some)
         with pytest.raises(Killed):
             run(config)
     pieces = sorted((config.out / "shared").glob("pool-*.pieces/*.npz"))
     assert [piece.name for piece in pieces] == ["000000.npz"]
     rendered = []
     monkeypatch.setattr(
-        shelf, "render_street", lambda *task: rendered.append(task[2]) or real(*task)
+        cache, "render_street", lambda *task: rendered.append(task[2]) or real(*task)
     )
     whole = run(config)
     assert rendered[:7] == [*range(5, 12)]
@@ -134,13 +135,13 @@ def test_a_pool_goes_on_where_it_was_killed(config, run, monkeypatch):
 
 
 def test_a_damaged_piece_is_made_anew(config, run, monkeypatch, tmp_path):
-    from experiments.reward import shelf
+    from experiments.evaluation import cache
 
-    monkeypatch.setattr(shelf, "CHUNK", 5)
+    monkeypatch.setattr(cache, "CHUNK", 5)
     whole = run(config)
     again = replace(config, out=tmp_path / "again")
     with monkeypatch.context() as patch:
-        patch.setattr(shelf, "_assemble", never)
+        patch.setattr(cache, "_assemble", never)
         with pytest.raises(AssertionError):
             run(again)
     for piece in (again.out / "shared").glob("pool-*.pieces/*.npz"):
@@ -150,7 +151,7 @@ def test_a_damaged_piece_is_made_anew(config, run, monkeypatch, tmp_path):
 
 def test_a_subset_is_named_by_its_streets_and_their_pool():
     def name(pool: str, picked: tuple[int, ...], seed: int = 0) -> str:
-        held = Shared("folder")
+        held = Cached("folder")
         names = {identity("c", Subset(StreetPool(pool, at), picked), seed) for at in (None, held)}
         assert len(names) == 1  # wherever it lies
         return names.pop()
@@ -179,7 +180,7 @@ def test_beside_a_labelled_subset_nets_have_it_too(config, run):
     scores = Counted(far)
     run(replace(config, few=1), scores)
     for call in scores.calls:
-        assert isinstance(call[1], WithFew) and len(call[1].rendered.images) == 4
+        assert isinstance(call[1], TrainingSet) and len(call[1].parts[0].images) == 4
 
 
 def test_attributes_outside_the_subset_stay_random(config, run, scored_by):

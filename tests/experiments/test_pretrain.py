@@ -10,9 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from experiments import pretrain
+from experiments.evaluation import evaluate, transfer
+from experiments.evaluation.job import Recipe, Result, Start
 from experiments.pretrain import FORM, defaults, fine_fidelity
-from experiments.reward import miou
-from experiments.reward import transfer as nets
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from seg.data import LabelledImages
@@ -29,19 +30,21 @@ def measured(reported, learnt_file):
 @given(st.integers(0, 2**32 - 1), st.integers(1, 400))
 def test_smaller_subsets_lie_within_larger_ones(seed, images):
     fractions = [1.0, 0.05, 0.25, 0.1]
-    found = nets.subsets(images, fractions, seed)
-    assert [len(k) for k in found] == [nets.chosen_images(images, f) for f in fractions]
+    found = pretrain.subsets(images, fractions, seed)
+    assert [len(k) for k in found] == [pretrain.chosen_images(images, f) for f in fractions]
     assert found[0].tolist() == list(range(images))
     assert set(found[1]) <= set(found[3]) <= set(found[2]) <= set(found[0])
     assert all((np.diff(k) > 0).all() for k in found)
     # The choice does not depend on which other fractions are asked for.
-    np.testing.assert_array_equal(nets.subsets(images, [0.25], seed)[0], found[2])
+    np.testing.assert_array_equal(pretrain.subsets(images, [0.25], seed)[0], found[2])
 
 
 def test_subsets_and_the_fine_tuning_by_hand():
     shares = ((367, 0.05), (8, 0.0625), (8, 0.06))  # halves go up
-    assert [nets.chosen_images(*share) for share in shares] == [18, 1, 0]
-    assert not np.array_equal(nets.subsets(100, [0.1], 0)[0], nets.subsets(100, [0.1], 1)[0])
+    assert [pretrain.chosen_images(*share) for share in shares] == [18, 1, 0]
+    assert not np.array_equal(
+        pretrain.subsets(100, [0.1], 0)[0], pretrain.subsets(100, [0.1], 1)[0]
+    )
     config = defaults("camvid", "quick")
     assert fine_fidelity(config).train == replace(config.final.train, steps=100, lr=0.01 / 3)
     told = fine_fidelity(replace(config, finetune_steps=7, finetune_lr=0.5)).train
@@ -63,16 +66,20 @@ def way(monkeypatch):
             diverge()
         return f"net {len(done)}"
 
-    monkeypatch.setattr(miou, "train", train)
-    monkeypatch.setattr(nets, "training_set", lambda recipe, proposal, seed: blank)
-    monkeypatch.setattr(miou, "score", lambda *_, **__: np.array([[len(done), 100], [100, 100]]))
+    monkeypatch.setattr(evaluate, "train", train)
+    monkeypatch.setattr(transfer, "training_set", lambda recipe, proposal, seed: blank)
+    monkeypatch.setattr(
+        evaluate, "score", lambda *_, **__: np.array([[len(done), 100], [100, 100]])
+    )
 
     def way(row):
-        recipe = miou.Recipe(fidelity, "camvid", "embree", AssetPool())
+        recipe = Recipe(fidelity, "camvid", "embree", AssetPool())
         fine = recipe._replace(fidelity=replace(fidelity, train=replace(fidelity.train, steps=3)))
         proposal = random_proposal() if row in ("random", "learnt") else None
-        start = nets.Start(recipe, proposal, on_subset=row == "longer")
-        return nets.transfer(start, fine, 5, real, [np.array([2]), np.array([0, 2])], real), done
+        start = Start(recipe, proposal, on_subset=row == "longer")
+        return transfer.transfer(
+            start, fine, 5, real, [np.array([2]), np.array([0, 2])], real
+        ), done
 
     way.diverges = -1
     return way
@@ -136,8 +143,8 @@ def test_what_a_store_or_half_a_run_knows_is_not_trained_again(command, learnt_f
 def test_nets_that_failed_are_told_and_left_out(measured):
     def sometimes(*task):
         outcomes = transferred(*task)
-        if task[2] == 0 and task[0].proposal is None:
-            outcomes[0] = miou.Outcome(math.nan, [], 0.0, 1.0, "the loss is nan")
+        if task[2] == 0 and task[0].streets is None:
+            outcomes[0] = Result(math.nan, [], 0.0, 1.0, "the loss is nan")
         return outcomes
 
     report, text = measured(transfer=sometimes)
@@ -165,13 +172,13 @@ def test_attributes_may_be_learnt_from_the_share_that_nets_are_tuned_on(
         return formula(recipe, source, seed, truth, *more, **also)
 
     def tunes(start, fine, seed, real, chosen, truth):
-        tuned.append((start.proposal is not None, [k.tolist() for k in chosen]))
+        tuned.append((start.streets is not None, [k.tolist() for k in chosen]))
         return transferred(start, fine, seed, real, chosen, truth)
 
     words = "--rows scratch learnt --fractions 0.5 1.0 --learn-on share --method random_search"
     flags = words.split()
     report, text = reported("pretrain", *flags, evaluate=scores, transfer=tunes)
-    (half,) = nets.subsets(4, [0.5], 0)
+    (half,) = pretrain.subsets(4, [0.5], 0)
     assert set(seen) == {2, 4} and seen.count(2) >= 8  # rewards and candidates
     scratch, learnt = ([chosen for was, chosen in tuned if was is kind] for kind in (False, True))
     assert scratch == [[half.tolist(), [0, 1, 2, 3]]] * 2

@@ -12,10 +12,10 @@ import plotly.graph_objects as go
 import pytest
 from PIL import Image
 
+from experiments.evaluation.predictions import file_of, load
 from experiments.main.summary import ROWS
 from experiments.report.__main__ import main
 from experiments.report.figures import NAMES
-from experiments.reward.seen import Seen, look
 from scene.attributes import NAMES as ATTRIBUTES
 from scene.proposal import Histogram, describe, mixture, random_proposal
 from seg.metrics import iou
@@ -107,7 +107,7 @@ def test_the_figures_are_those_of_the_summary(run):
 def test_confusions_and_predictions_are_those_of_the_nets_that_were_scored(run):
     summary, seen = (read_json(run / name) for name in ("summary.json", "pictures/seen.json"))
     finals = [line for line in lines(run / "finals.jsonl") if line["nets"] == "final"]
-    found = {line["key"]: look(Seen(run / "nets").of(line["key"])) for line in finals}
+    found = {line["key"]: load(file_of(run, line["key"])) for line in finals}
     for line in finals:
         wanted = [np.nan if v is None else v for v in line["class_iou"]]
         np.testing.assert_allclose(iou(found[line["key"]].confusion), wanted)

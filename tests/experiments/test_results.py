@@ -6,10 +6,10 @@ import pytest
 import tyro
 
 from experiments.config import presets
+from experiments.evaluation.store import write_store
 from experiments.results import __main__ as command
 from experiments.results import making
 from experiments.results import parts as results
-from experiments.reward.store import write_store
 from experiments.study.skeleton import check
 from shell.errors import UserError
 from shell.files import read_json, write, write_json

@@ -11,12 +11,12 @@ import pytest
 
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.reward.made_with import made_with
-from experiments.reward.miou import Recipe, trained, worker_environment
-from experiments.reward.mmd import train_features
-from experiments.reward.store import digest_of, read, write_store
+from experiments.evaluation.evaluate import trained, worker_environment
+from experiments.evaluation.job import Recipe
+from experiments.evaluation.made_with import made_with
+from experiments.evaluation.mmd import train_features
+from experiments.evaluation.store import digest_of, read, write_store
 from experiments.run import context
-from experiments.run.nets import score_nets
 from experiments.store import main as merge_stores
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
@@ -27,7 +27,7 @@ from shell.errors import UserError
 from shell.folder import plain
 from tests.conftest import printed
 
-from .conftest import formula, main_job, never
+from .conftest import formula, main_job, never, results_of
 
 FINAL = defaults(MainConfig, "camvid", "smoke").final
 
@@ -56,7 +56,7 @@ def test_a_run_goes_on_with_other_workers_and_another_store(tiny_camvid, scored_
         with context.opened(config) as run:
             run.begin([context.Work.at("final nets", 2, config.final)])
             recipe = run.recipe(config.final)
-            found = score_nets(run, "final", {"random": random_proposal()}, recipe, [1, 2])
+            found = results_of(run, "final", {"random": random_proposal()}, recipe, [1, 2])
             return [outcome.reward for outcome in found["random"]]
 
     scored_by(formula)
@@ -122,7 +122,7 @@ def elsewhere(monkeypatch):
 
     def change() -> None:
         found = (("backend", "gpu"), *made_with()[1:])
-        monkeypatch.setattr("experiments.reward.made_with.made_with", lambda: found)
+        monkeypatch.setattr("experiments.evaluation.made_with.made_with", lambda: found)
 
     return change
 
@@ -147,7 +147,7 @@ def test_a_store_keeps_two_backends_apart(tiny_camvid, counted, elsewhere, capsy
         with context.opened(config) as run:
             run.begin([context.Work.at("final nets", 2, config.final)])
             recipe = run.recipe(config.final)
-            score_nets(run, "final", {"random": random_proposal()}, recipe, [1, 2])
+            results_of(run, "final", {"random": random_proposal()}, recipe, [1, 2])
         return len(counted.calls)
 
     assert (score("a"), score("again")) == (2, 0)

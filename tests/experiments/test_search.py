@@ -11,7 +11,7 @@ import pytest
 
 import sdr_jax
 from experiments.config import make_space
-from experiments.reward.miou import Outcome
+from experiments.evaluation.job import Result
 from experiments.run.context import opened
 from experiments.run.learn import plan_of
 from experiments.run.search import embed, search
@@ -20,7 +20,7 @@ from shell.errors import UserError
 
 from .conftest import Counted, Killed, diverge, formula, lines, main_job, never, searching, untimed
 
-nothing_to_score = Mock(return_value=Outcome(float("nan"), [], 0.0, 0.0))
+nothing_to_score = Mock(return_value=Result(float("nan"), [], 0.0, 0.0))
 
 
 def die(*task) -> None:
@@ -54,7 +54,7 @@ def test_every_reward_is_logged_with_its_actions(config, run):
     np.testing.assert_array_equal(found.groups, np.repeat(np.arange(6), 2))
     assert found.probabilities.shape == (12, 23, 5)
     np.testing.assert_allclose(found.probabilities.sum(-1), 1, atol=1e-5)
-    assert [outcome.reward for outcome in found.outcomes] == [r["reward"] for r in logged]
+    assert [result.reward for result in found.results] == [r["reward"] for r in logged]
     assert found.wall_seconds > 0
     seeds = [r["seed"] for r in logged]  # random numbers are common to an update
     assert seeds[::2] == seeds[1::2] and len(set(seeds)) == 12
@@ -134,7 +134,7 @@ def end(camvid, out, scored_by, capsys):
 
 
 @pytest.mark.parametrize(("evaluate", "flags", "code", "words"), [
-    (nothing_to_score, (), 2, ["the score is nan", "at least one labelled class"]),
+    (nothing_to_score, (), 2, ["the reward is nan", "at least one labelled class"]),
     (diverge, (), 2, ["2 of 12 evaluations failed", "the loss is nan after 50 of 200 steps"]),
     (Mock(side_effect=KeyboardInterrupt), (), 130, ["stopped; the same command goes on where it was"]),
     (die, ("--workers", "1"), 1, ["a worker process died twice", "--workers"]),
@@ -151,4 +151,4 @@ def test_a_disk_that_fills_up_is_named_and_the_run_goes_on_later(end, out, filli
     assert code == 2 and f"{log}: No space left on device" in text and len(lines(log)) == 4
     filling_disk(99)
     code, text = end(nothing_to_score)
-    assert code == 2 and "the score is nan" in text and len(lines(log)) == 4
+    assert code == 2 and "the reward is nan" in text and len(lines(log)) == 4

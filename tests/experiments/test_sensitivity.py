@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments import sensitivity as job
-from experiments.reward.store import HEADER, Store
+from experiments.evaluation.store import HEADER, Store
 from experiments.sensitivity import summarize, text
 from experiments.study import sobol as model
 from experiments.study.records import BINS, Records, read

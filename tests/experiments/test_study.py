@@ -10,10 +10,10 @@ from PIL import Image
 
 from experiments.config import LearntConfig, read_attributes
 from experiments.config.presets import defaults
-from experiments.reward.miou import Outcome
-from experiments.reward.store import LOGS, Log
+from experiments.evaluation.job import Result
+from experiments.evaluation.store import LOGS, Store
 from experiments.run.context import Work, opened, plan_text
-from experiments.run.nets import paired_seeds, score_nets, training_sets
+from experiments.run.nets import paired_seeds, training_sets
 from experiments.study import form
 from experiments.study.skeleton import Study, check, do, learnt_attributes, learnt_work
 from experiments.study.stats import statistics
@@ -31,6 +31,7 @@ from .conftest import (
     lines,
     main_job,
     never,
+    results_of,
     searching,
     study,
     transferred,
@@ -88,9 +89,9 @@ def test_killed_it_goes_on_ends_the_same_and_is_derived_anew(
     assert printed.splitlines()[1] == "Plan, in CPU seconds:" and " left" in printed
     made = len(scored.calls)
     for count in counts:
-        dying = Counted(Log.add, limit=count)
+        dying = Counted(Store.add, limit=count)
         with monkeypatch.context() as patch, pytest.raises(Killed):
-            patch.setattr(Log, "add", lambda *record, dying=dying: dying(*record))
+            patch.setattr(Store, "add", lambda *record, dying=dying: dying(*record))
             work(broken, *flags)
     assert sum(len(lines(broken / log)) for log in LOGS) == sum(counts)
     assert work(broken, *flags) == 0
@@ -225,19 +226,19 @@ def test_nets_are_paired_and_made_once(config, counted):
         recipe, seeds = run.recipe(config.final), paired_seeds(run)
         sources = training_sets(run, random_proposal())
         assert list(sources) == ["random", "default", "learnt", "real"]
-        found = score_nets(run, "some", sources, recipe, seeds)
+        found = results_of(run, "some", sources, recipe, seeds)
         # Random and learnt attributes are the same here.
         assert [task[2] for task in counted.calls] == [0, 0, 1, 1, 0, 1]  # the longest first
-        again = score_nets(run, "others", sources, recipe, seeds)
+        again = results_of(run, "others", sources, recipe, seeds)
         assert len(counted.calls) == 6 and list(found) == list(again) == list(sources)
         for name, own in found.items():
             assert again[name] == [outcome._replace(stored=True) for outcome in own]
         # Other assets are other nets.
         half = run.recipe(config.final, fraction=0.5)
-        score_nets(run, "some", {"random": random_proposal()}, half, seeds)
+        results_of(run, "some", {"random": random_proposal()}, half, seeds)
         assert len(counted.calls) == 8
     with opened(config) as run:
-        score_nets(run, "some", sources, recipe, seeds)
+        results_of(run, "some", sources, recipe, seeds)
     made = {line["key"] for line in lines(config.out / "finals.jsonl")}
     assert len(counted.calls) == len(made) == 8
 
@@ -272,8 +273,8 @@ def test_statistics_leave_failed_nets_out_and_figures_in_tables_by_hand():
     assert found["mean"] == 12 and found["gain"]["mean"] == 2  # of 1 and 3
     assert statistics([None, 3.0], [1.0, None])["gain"] is None
     assert statistics([None], None) == {"mean": None, "ci95": None, "gain": None}
-    outcomes = [Outcome(v, [v, None], 1, 1) for v in (0.2, 0.4)]
-    scored = form.nets([*outcomes, Outcome(np.nan, [], 1, 1, "the loss is nan")])
+    outcomes = [Result(v, [v, None], 1, 1) for v in (0.2, 0.4)]
+    scored = form.nets([*outcomes, Result(np.nan, [], 1, 1, "the loss is nan")])
     assert form.class_means(scored, ["a", "b"]) == {"a": pytest.approx(30), "b": None}
     assert form.miou(scored) == pytest.approx([20, 40, None]) and scored[2] is None
     assert form.failures([{"nets": scored}])[1].startswith("1 nets failed")

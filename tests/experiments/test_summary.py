@@ -7,8 +7,8 @@ import pytest
 
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
+from experiments.evaluation.job import Result
 from experiments.main.summary import derive, scores, text
-from experiments.reward.miou import Outcome
 from experiments.run.judge import select
 from experiments.run.learn import Learnt
 from experiments.target.base import Target
@@ -22,9 +22,9 @@ CLASSES = class_table("cityscapes").classes
 ROW_MIOU = {"random": [0.1, 0.2], "default": [0.2, 0.3], "learnt": [0.3, 0.5], "real": [0.6, 0.6]}
 
 
-def outcome(miou: float, failed: str | None = None) -> Outcome:
+def outcome(miou: float, failed: str | None = None) -> Result:
     """IoU of road = miou, of the rest 0; the last class never occurs."""
-    return Outcome(miou, [miou] + [0.0] * (len(CLASSES) - 2) + [None], 2.0, 3.0, failed)
+    return Result(miou, [miou] + [0.0] * (len(CLASSES) - 2) + [None], 2.0, 3.0, failed)
 
 
 def made(
@@ -36,7 +36,7 @@ def made(
     )  # fmt: skip
     rows = {row: [outcome(m) for m in values[:seeds]] for row, values in ROW_MIOU.items()}
     if failed:
-        rows["random"][0] = Outcome(float("nan"), [], 0.0, 1.0, "the loss is nan")
+        rows["random"][0] = Result(float("nan"), [], 0.0, 1.0, "the loss is nan")
     line = {"failed": None, "render_seconds": 2.0, "train_seconds": 3.0}
     logs = [[{**line, "key": f"{log}{k}"} for k in range(n)] for log, n in (("e", 3), ("f", 4))]
     logs[1] += [{**logs[1][0], "row": "learnt"}]  # the same net in another row

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from experiments.reward.truth import WithFew
 from experiments.run.nets import with_net
 from experiments.study.stats import mean_ci95, paired_gain
 from experiments.table import FORM, PAPER, defaults, fidelity_of, subset_miou
+from seg.beside import TrainingSet
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
@@ -97,8 +97,8 @@ def test_a_few_labelled_images_add_rows(table):
     few = [(row["trained_on"], row["images"]) for row in report["rows"][3:]]
     beside = [(f"few+{name}", 8) for name in ("random", "default", "learnt")]
     assert few == [("few", 2), *beside, ("real", 4)]
-    beside = [source for _, source, *_ in seen.calls if isinstance(source, WithFew)]
-    assert len(beside) == 6 and {source.share for source in beside} == {0.5}
+    beside = [source for _, source, *_ in seen.calls if isinstance(source, TrainingSet)]
+    assert len(beside) == 6 and {source.shares for source in beside} == {(0.5, 0.5)}
     assert "| compact | 64x48 | the few and learnt attributes | 8 |" in text
 
 

@@ -20,7 +20,14 @@ from typing import Any, NamedTuple
 import pytest
 
 from tests.conftest import ROOT
-from tests.experiments.conftest import POOLED, TINY, camvid, command, scored_by  # noqa: F401
+from tests.experiments.conftest import (  # noqa: F401
+    POOLED,
+    TINY,
+    camvid,
+    command,
+    scored_by,
+    within_this_process,
+)
 from tests.experiments.test_main_job import SCORES, files_of
 
 TIMES = int(os.environ.get("ROBUST_TIMES", "2"))

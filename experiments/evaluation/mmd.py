@@ -18,10 +18,11 @@ import jax
 import numpy as np
 from flax.traverse_util import flatten_dict, unflatten_dict
 
-from experiments.reward.made_with import refuse_other
-from experiments.reward.miou import Outcome, Recipe, render, training_set
-from experiments.reward.shelf import sent
-from experiments.reward.store import digest_of
+from experiments.evaluation.cache import sent
+from experiments.evaluation.evaluate import render, training_set
+from experiments.evaluation.job import Recipe, Result
+from experiments.evaluation.made_with import refuse_other
+from experiments.evaluation.store import digest_of
 from scene.proposal import Streets, random_proposal
 from scene.workers import Workers
 from seg.features import features
@@ -93,7 +94,7 @@ def train_features(recipe: Recipe) -> Any:
     return jax.tree.map(np.asarray, params)
 
 
-def evaluate_mmd(recipe: Recipe, source: Streets, seed: int, real: Reference) -> Outcome:
+def evaluate_mmd(recipe: Recipe, source: Streets, seed: int, real: Reference) -> Result:
     """Render and compare; the arguments are those of ``evaluate_miou``, but for the last."""
     refuse_other(recipe.made_with)
     started = time.perf_counter()
@@ -101,7 +102,7 @@ def evaluate_mmd(recipe: Recipe, source: Streets, seed: int, real: Reference) ->
     rendered = time.perf_counter()
     ours = features(_load(real.net), dataset.images, len(recipe.classes.classes))
     reward = -mmd2(ours, real.features)
-    return Outcome(reward, [], rendered - started, time.perf_counter() - rendered)
+    return Result(reward, [], rendered - started, time.perf_counter() - rendered)
 
 
 @lru_cache(maxsize=1)

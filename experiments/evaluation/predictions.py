@@ -1,7 +1,7 @@
-"""What a net saw in the images that score it: which class it took for which, and its predictions.
+"""What a net sees in the images that it is tested on: which class it takes for which, and predictions.
 
-A file of the run folder for each net, named by its evaluation: the log says which row and seed that is. So
-logs stay small, and a net that two rows share leaves it once.
+A file of the run folder for each net, named by its evaluation: the store says which row and seed that is. So
+stores stay small, and a net that two rows share leaves it once.
 """
 
 from __future__ import annotations
@@ -16,22 +16,13 @@ import numpy as np
 from seg.metrics import confusion_matrix, mean_iou
 from shell.files import naming, write
 
+FOLDER = "nets"
+"""Of the run folder."""
 MOST = 128
 """Images of which predictions are kept, spread evenly over all."""
 
 
-class Seen(NamedTuple):
-    """Where it is kept."""
-
-    path: Path  # the folder, or the file of a net
-    predictions: bool = False  # of up to ``MOST`` images, too
-
-    def of(self, key: str) -> Seen:
-        """The file of an evaluation."""
-        return self._replace(path=self.path / f"{key[:16]}.npz")
-
-
-class Sight(NamedTuple):
+class Predictions(NamedTuple):
     """What is in a file."""
 
     confusion: np.ndarray  # i64[classes, classes], pixels; row: true class
@@ -45,37 +36,44 @@ def picked(images: int) -> np.ndarray:
     return np.unique(np.linspace(0, images - 1, min(MOST, images)).round().astype(np.int32))
 
 
-def sight(
+def compared(
     confusion: np.ndarray, chosen: np.ndarray, labels: np.ndarray, predictions: np.ndarray
-) -> Sight:
+) -> Predictions:
     """What is kept of a net with its predictions.
 
     Args:
         confusion: i64[classes, classes], over all images.
         chosen: i32[n], those that were predicted.
-        labels: u8[n, h, w], their truth.
+        labels: u8[n, h, w], their labels.
         predictions: u8[n, h, w].
     """
     pairs = zip(labels, predictions, strict=True)
-    own = [confusion_matrix(truth, found, len(confusion)) for truth, found in pairs]
+    own = [confusion_matrix(true, found, len(confusion)) for true, found in pairs]
     miou = np.array([mean_iou(one) if one.any() else np.nan for one in own], np.float32)
-    return Sight(confusion, chosen, miou, predictions)
+    return Predictions(confusion, chosen, miou, predictions)
 
 
-def leave(seen: Seen, found: Sight) -> None:
+def file_of(run: Path, key: str) -> Path:
+    """The file of an evaluation in a run folder."""
+    return run / FOLDER / f"{key[:16]}.npz"
+
+
+def save(path: Path, found: Predictions) -> None:
     """Write the file, whole or not at all."""
     arrays: dict[str, Any] = {k: v for k, v in found._asdict().items() if v is not None}
     data = io.BytesIO()
     np.savez_compressed(data, **arrays)
-    with naming(seen.path.parent):
-        seen.path.parent.mkdir(parents=True, exist_ok=True)
-    write(seen.path, data.getvalue())
+    with naming(path.parent):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    write(path, data.getvalue())
 
 
-def look(seen: Seen) -> Sight | None:
+def load(path: Path) -> Predictions | None:
     """What is in the file; None where there is none that can be read, as of a net from ``--store``."""
     try:
-        with np.load(io.BytesIO(seen.path.read_bytes())) as found:
-            return Sight(**{name: found[name] for name in found.files if name in Sight._fields})
+        with np.load(io.BytesIO(path.read_bytes())) as found:
+            return Predictions(
+                **{name: found[name] for name in found.files if name in Predictions._fields}
+            )
     except (OSError, ValueError, EOFError, TypeError, BadZipFile):
         return None

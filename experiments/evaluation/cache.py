@@ -1,5 +1,7 @@
 """Images that many nets of a run see, and what a frozen trunk sees in them: made once, read by all processes.
 
+A folder of files is named by its content, images and labels, and so are the features of them by the trunk.
+
     RUN/shared/3f2ab07c91d4e655/            images.npy, labels.npy: 4 bytes a pixel
     RUN/shared/3f2ab07c91d4e655-1c9d02aa/   eighth.npy, sixteenth.npy, thirtysecond.npy: 3.6 bytes a
                                             pixel of every view
@@ -17,18 +19,19 @@ import shutil
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 from zipfile import BadZipFile
 
 import numpy as np
 
-from experiments.reward.miou import Recipe
-from experiments.reward.store import digest_of
-from experiments.reward.truth import Shared, loaded, removable
+from experiments.evaluation.job import Recipe
+from experiments.evaluation.store import digest_of
 from experiments.target.base import Target
 from scene.dataset.render import render_street
 from scene.workers import Workers
+from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.nets.lite0 import Pyramid
 from seg.pyramid import Statistics, channel_statistics, features
@@ -37,60 +40,107 @@ from seg.views import LOOKS, view_images
 from seg.weights import lite0
 from shell.errors import UserError
 from shell.files import digest, file_digest, read_json, whole_folder, write, write_json
+from shell.sent import here
 
 FOLDER, ABOUT = "shared", "about.json"
 CHUNK = 16
 """Images per task of a worker: whole batches of the trunk."""
 
 
-class Shelf:
-    """Workers, and the files in which they find real images.
+class Cached(NamedTuple):
+    """Labelled images in folders of a cache; what a task carries in their place."""
+
+    images: str  # folder of images and labels
+    features: str | None = None  # folder of their features
+    picked: tuple[int, ...] | None = None  # of the images, by index; by default all
+
+    def take(self, indices: Sequence[int] | np.ndarray) -> Cached:
+        """Some of the images; of all of them."""
+        return self._replace(picked=tuple(np.asarray(indices).tolist()))
+
+    def load(self) -> LabelledImages:
+        """The images, their files mapped into memory, once per process; what is picked of them is copied.
+
+        Raises:
+            UserError: a file is missing or cut off.
+        """
+        whole = _load(self._replace(picked=None))
+        return whole if self.picked is None else whole.take(self.picked)
+
+
+def loaded(value: Any) -> Any:
+    """Cached images as arrays, also those of a training set, anything else as it is."""
+    if isinstance(value, TrainingSet):
+        return value._replace(parts=tuple(map(loaded, value.parts)))
+    return value.load() if isinstance(value, Cached) else value
+
+
+@lru_cache(maxsize=8)
+def _load(cached: Cached) -> LabelledImages:
+    images, labels = (_mapped(cached.images, name) for name in ("images", "labels"))
+    if cached.features is None:
+        return LabelledImages(images, labels)
+    maps = Pyramid(*(_mapped(cached.features, name) for name in Pyramid._fields))
+    return LabelledImages(images, labels, features=maps)
+
+
+def _mapped(folder: str, name: str) -> np.ndarray:
+    path = here(folder) / f"{name}.npy"
+    try:
+        return np.asarray(np.load(path, mmap_mode="r"))
+    except (OSError, ValueError, EOFError) as error:
+        raise UserError(f"{path} cannot be read ({error}); {removable(folder)}") from None
+
+
+def removable(folder: str | Path) -> str:
+    """What errors about a file of a cache end with."""
+    return f"remove {folder}, and the same command writes it anew"
+
+
+class Cache:
+    """The files in which the workers of a run find images.
 
     Args:
-        workers: who render, train and compute features.
-        run: folder of the run; None keeps nothing, and tasks carry arrays.
+        workers: who render and compute features.
+        run: folder of the run.
         say: told how far features are.
     """
 
     def __init__(
-        self,
-        workers: Workers,
-        run: Path | None = None,
-        say: Callable[[str], None] = lambda text: None,
+        self, workers: Workers, run: Path, say: Callable[[str], None] = lambda text: None
     ) -> None:
-        self.workers, self._say = workers, say
-        self._root = None if run is None else (run / FOLDER).absolute()
+        self._workers, self._say = workers, say
+        self._root = (run / FOLDER).absolute()
         self._checked: set[Path] = set()
 
     def put(
-        self, truth: LabelledImages, train: TrainSettings, *, training: bool = False
-    ) -> LabelledImages | Shared:
+        self, images: LabelledImages, train: TrainSettings, *, training: bool = False
+    ) -> Cached:
         """Images for tasks; their files are written if they are not there.
 
         Args:
-            truth: real images and labels.
+            images: real images and labels.
             train: of the nets that see them; those on a frozen trunk get features.
-            training: whether nets are trained on the images, and not scored.
+            training: whether nets are trained on the images, and not tested.
 
         Raises:
             UserError: files that are damaged, or of other images or another trunk.
         """
-        if self._root is None:
-            return truth._replace(origin=None)
-        if truth.origin is not None:
-            held = self.put(truth.origin[0], train, training=training)
-            assert isinstance(held, Shared)
-            return held._replace(picked=truth.origin[1])
-        source = digest_of(truth.images, truth.labels)
+        source = digest_of(images.images, images.labels)
         folder = self._root / source[:16]
-        self._keep(folder, {"images": source}, lambda part: _write_truth(part, truth))
-        held = Shared(self.workers.share(str(folder)))
+        count, arrays = len(images.images), {"images": images.images, "labels": images.labels}
+
+        def store(part: Path) -> None:
+            with _Arrays(part, count) as files:
+                files.write(arrays, 0, count)
+
+        self._keep(folder, {"images": source}, store)
+        held = Cached(self._workers.share(str(folder)))
         if not train.frozen:
             return held
         views = _views(train, training)
         folder = self._root / f"{source[:16]}-{digest(views)[:8]}"
         told = {"images": source, "trunk": lite0.SHA256, **views}
-        count = len(truth.images)
 
         def fill(part: Path) -> None:
             starts = range(0, max(count - CHUNK // 2, 1), CHUNK)  # no batch of another size
@@ -99,11 +149,11 @@ class Shelf:
             self._compute(part, count, tasks)
 
         self._keep(folder, told, fill)
-        return held._replace(features=self.workers.share(str(folder)))
+        return held._replace(features=self._workers.share(str(folder)))
 
     def streets(
         self, name: str, recipe: Recipe, units: np.ndarray, seed: int, done: Callable[[int], None]
-    ) -> tuple[Shared, float]:
+    ) -> tuple[Cached, float]:
         """One shot of each street with its features; what an earlier process has made is not made again.
 
         Args:
@@ -116,7 +166,6 @@ class Shelf:
         Returns:
             The streets, and how many CPU seconds they have taken.
         """
-        assert self._root is not None
         folder = self._pool(name)
         pieces = folder.with_name(f"{folder.name}.pieces")
         starts = range(0, len(units), CHUNK)
@@ -126,9 +175,9 @@ class Shelf:
             files = {start: pieces / f"{start:06d}.npz" for start in starts}
             missing = [start for start in starts if _piece(files[start]) is None]
             done(sum(len(units[s : s + CHUNK]) for s in starts if s not in missing))
-            own = sent(recipe, self.workers)
+            own = sent(recipe, self._workers)
             tasks = [(own, units[s : s + CHUNK], seed, s) for s in missing]
-            for index, made in self.workers.map(_made_streets, tasks, net=True):
+            for index, made in self._workers.map(_made_streets, tasks, net=True):
                 start = missing[index]
                 buffer = io.BytesIO()
                 np.savez(buffer, **made)
@@ -138,17 +187,15 @@ class Shelf:
 
         self._keep(folder, {"streets": name}, fill)
         shutil.rmtree(pieces, ignore_errors=True)
-        held = self.workers.share(str(folder))
-        return Shared(held, held), float(np.load(folder / "seconds.npy"))
+        held = self._workers.share(str(folder))
+        return Cached(held, held), float(np.load(folder / "seconds.npy"))
 
     def forget(self, name: str) -> None:
         """Remove the streets of a name: all their nets are trained."""
-        if self._root is not None:
-            shutil.rmtree(self._pool(name), ignore_errors=True)
-            self._checked.discard(self._pool(name))
+        shutil.rmtree(self._pool(name), ignore_errors=True)
+        self._checked.discard(self._pool(name))
 
     def _pool(self, name: str) -> Path:
-        assert self._root is not None
         return self._root / f"pool-{name[:16]}"
 
     def normalised(self, recipe: Recipe, target: Target) -> Recipe:
@@ -162,22 +209,18 @@ class Shelf:
         real = target.at(fidelity.height, fidelity.width)["reward"]
         trunk = replace(fidelity.train, trunk="frozen")  # as a tuned one begins
         held = self.put(real, trunk)
-        ((_, found),) = self.workers.map(_statistics, [(held, trunk)], net=True)
+        ((_, found),) = self._workers.map(_statistics, [(held,)], net=True)
         return recipe._replace(statistics=found)
 
     def _compute(self, part: Path, count: int, tasks: list[tuple]) -> None:
         """Features of all tasks into the files of a folder, view after view."""
-        files: dict[str, tuple[IO[bytes], int]] = {}
         done = 0
-        try:
-            for index, maps in self.workers.map(_features_of, tasks, net=True):
+        with _Arrays(part, count) as arrays:
+            for index, maps in self._workers.map(_features_of, tasks, net=True):
                 _, start, stop, *_ = tasks[index]
-                _write_part(part, files, maps._asdict(), stop - start, start, count)
+                arrays.write(maps._asdict(), start, stop)
                 done += stop - start
                 self._say(f"features of real images, once per run: {done} of {count}")
-        finally:
-            for file, _ in files.values():
-                file.close()
 
     def _keep(self, folder: Path, told: Mapping[str, Any], fill: Callable[[Path], None]) -> None:
         """Write a folder unless it is there; look once per run whether it is what it should be."""
@@ -211,28 +254,26 @@ def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
     return {"dtype": train.dtype, **looks}
 
 
-def _features(truth: LabelledImages, train: TrainSettings, training: bool) -> Pyramid:
+def _features(images: np.ndarray, train: TrainSettings, training: bool) -> Pyramid:
     """Features of images, or of all views that training takes of them: view after view, in their order.
 
     What a view shows depends on its image alone, so that those of a part are part of those of all.
     """
-    images = view_images(truth.images, train) if training else truth.images
-    return features(images, train.dtype)
+    return features(view_images(images, train) if training else images, train.dtype)
 
 
 def _features_of(
-    held: Shared, start: int, stop: int, train: TrainSettings, training: bool
+    held: Cached, start: int, stop: int, train: TrainSettings, training: bool
 ) -> Pyramid:
     """Features of some of the images; runs in a worker."""
-    whole = held.load()
-    part = LabelledImages(whole.images[start:stop], whole.labels[start:stop])
-    return _features(part, train, training)
+    return _features(held.load().images[start:stop], train, training)
 
 
-def _statistics(held: LabelledImages | Shared, train: TrainSettings) -> Statistics:
+def _statistics(held: Cached) -> Statistics:
     """Statistics of features; runs in a worker."""
-    truth = loaded(held)
-    return channel_statistics(truth.features or _features(truth, train, False))
+    maps = held.load().features
+    assert maps is not None
+    return channel_statistics(maps)
 
 
 def _made_streets(
@@ -248,7 +289,7 @@ def _made_streets(
     ]
     images = np.stack([frame.image for frame in frames])
     labels = recipe.classes.from_train_id[np.stack([frame.label for frame in frames])]
-    maps = _features(LabelledImages(images, labels), fidelity.train, True)
+    maps = _features(images, fidelity.train, True)
     seconds = np.float64(time.perf_counter() - began)
     return {"images": images, "labels": labels, **maps._asdict(), "seconds": seconds}
 
@@ -264,9 +305,8 @@ def _piece(path: Path) -> dict[str, np.ndarray] | None:
 
 def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
     """The files of a pool from its pieces, of features view after view."""
-    files: dict[str, tuple[IO[bytes], int]] = {}
     first, seconds = 0, 0.0
-    try:
+    with _Arrays(part, count) as arrays:
         for path in pieces:
             piece = _piece(path)
             if piece is None:
@@ -274,59 +314,45 @@ def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
                     f"{path} was damaged after it was made; the same command makes it anew"
                 )
             seconds += float(piece.pop("seconds"))
-            own = len(piece["images"])
-            _write_part(part, files, piece, own, first, count)
-            first += own
+            end = first + len(piece["images"])
+            arrays.write(piece, first, end)
+            first = end
         np.save(part / "seconds.npy", seconds)
-    finally:
-        for file, _ in files.values():
+
+
+class _Arrays:
+    """Arrays of so many images in files of a folder, written some images at a time.
+
+    An array holds one view after the other. They are no memory maps: a full disk would end the process with
+    no word.
+    """
+
+    def __init__(self, folder: Path, count: int) -> None:
+        self._folder, self._count = folder, count
+        self._files: dict[str, tuple[IO[bytes], int]] = {}  # and where their rows begin
+
+    def __enter__(self) -> _Arrays:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for file, _begin in self._files.values():
             file.close()
 
-
-def _write_truth(part: Path, truth: LabelledImages) -> None:
-    for name, array in (("images", truth.images), ("labels", truth.labels)):
-        file, start = _npy(part / f"{name}.npy", array.shape, array.dtype)
-        with file:
-            _write_rows(file, start, 0, array)
-
-
-def _npy(path: Path, shape: tuple[int, ...], dtype: np.dtype) -> tuple[IO[bytes], int]:
-    """A new file of NumPy's whose rows are not written yet, and where they begin.
-
-    Not a memory map: a full disk would end the process with no word.
-    """
-    file = path.open("wb")
-    descr = np.lib.format.dtype_to_descr(dtype)
-    header = {"descr": descr, "fortran_order": False, "shape": shape}
-    np.lib.format.write_array_header_1_0(file, header)
-    return file, file.tell()
-
-
-def _write_rows(file: IO[bytes], begin: int, row: int, rows: np.ndarray) -> None:
-    file.seek(begin + row * rows[0].nbytes)
-    file.write(np.ascontiguousarray(rows).data)
-
-
-def _write_part(
-    part: Path,
-    files: dict[str, tuple[IO[bytes], int]],
-    arrays: Mapping[str, np.ndarray],
-    own: int,
-    first: int,
-    count: int,
-) -> None:
-    """Rows of ``own`` of ``count`` images, from the first of them on, into the files of a folder.
-
-    An array holds one view after the other; its file is made with its first rows.
-    """
-    for name, array in arrays.items():
-        views = len(array) // own
-        if name not in files:
-            shape = (count * views, *array.shape[1:])
-            files[name] = _npy(part / f"{name}.npy", shape, array.dtype)
-        for view in range(views):
-            rows = array[view * own : (view + 1) * own]
-            _write_rows(*files[name], view * count + first, rows)
+    def write(self, arrays: Mapping[str, np.ndarray], first: int, end: int) -> None:
+        """Write the rows of the images from the first up to the end."""
+        for name, array in arrays.items():
+            views = len(array) // (end - first)
+            if name not in self._files:
+                file: IO[bytes] = (self._folder / f"{name}.npy").open("wb")
+                shape = (self._count * views, *array.shape[1:])
+                descr = np.lib.format.dtype_to_descr(array.dtype)
+                header = {"descr": descr, "fortran_order": False, "shape": shape}
+                np.lib.format.write_array_header_1_0(file, header)
+                self._files[name] = file, file.tell()
+            file, begin = self._files[name]
+            for view, rows in enumerate(np.split(array, views)):
+                file.seek(begin + (view * self._count + first) * rows[0].nbytes)
+                file.write(np.ascontiguousarray(rows).data)
 
 
 def _is_whole(folder: Path, told: Mapping[str, Any]) -> bool:

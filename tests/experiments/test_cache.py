@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from experiments.config import Fidelity
-from experiments.reward import shelf
-from experiments.reward.evaluator import Evaluator, Job, Memory, about
-from experiments.reward.miou import Recipe, evaluate_miou, worker_environment
-from experiments.reward.shelf import ABOUT, FOLDER, Shelf
-from experiments.reward.store import Log, outcome_of
-from experiments.reward.truth import loaded, part_of
+from experiments.evaluation import cache
+from experiments.evaluation.cache import ABOUT, FOLDER, Cache, loaded
+from experiments.evaluation.evaluate import evaluate_miou, worker_environment
+from experiments.evaluation.job import Job, Recipe
+from experiments.evaluation.runner import Runner, about
+from experiments.evaluation.store import result_of
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal
 from scene.workers import WorkerPool
@@ -25,7 +25,7 @@ from seg.views import view_images
 from shell.errors import UserError
 from shell.files import read_json, write_json
 
-from .conftest import POOL, Counted, Killed, never, target_of
+from .conftest import POOL, Counted, Killed, never, runner_of, target_of
 
 TRAIN = replace(RECIPES["lite0-frozen"], steps=2, batch=2, scale=True)
 RECIPE = Recipe(Fidelity(64, 48, 1, 2, samples=1, train=TRAIN), "camvid", "embree", AssetPool(0, 2))
@@ -42,69 +42,79 @@ REAL, TEST = noise(COUNT, 0), noise(3, 1)
 TARGET = target_of(REAL, TEST)
 
 
-def outcomes(held: Shelf, log: Path, recipe: Recipe = RECIPE) -> list[tuple]:
-    """Keys and scores of two nets that are trained on the reward images."""
-    scorer = Evaluator(recipe, TARGET, "test", TEST, held)
-    found = dict(scorer.map([Job(REAL, 5, {}), Job(REAL, 6, {})], Memory(Log(log), None, float)))
-    return [(scorer.key(REAL, 5 + k), found[k].reward, found[k].class_iou) for k in range(2)]
+def made(runner: Runner, recipe: Recipe = RECIPE) -> list[tuple]:
+    """Keys and results of two nets that are trained on the reward images."""
+    jobs = [Job(recipe, REAL, 5 + k, {}) for k in range(2)]
+    found = runner.run(jobs)
+    return [(runner.key(job), r.reward, r.class_iou) for job, r in zip(jobs, found, strict=True)]
+
+
+def plain(recipe: Recipe = RECIPE) -> list[tuple]:
+    """The same results, of nets that are given arrays."""
+    found = [evaluate_miou(recipe, REAL, 5 + k, TEST) for k in range(2)]
+    return [(result.reward, result.class_iou) for result in found]
 
 
 @pytest.fixture
 def opened(tmp_path):
     """Opens the run's files, as a new run does."""
-    return lambda: Shelf(POOL, tmp_path / "run")
+    return lambda: Cache(POOL, tmp_path / "run")
+
+
+@pytest.fixture
+def runner(tmp_path):
+    """Opens a run on the target above, which goes on where an earlier one was."""
+    return lambda: runner_of(TARGET, tmp_path / "run")
 
 
 def same(ours, theirs) -> bool:
     return all(map(np.array_equal, ours, theirs))
 
 
-def test_parts_are_scored_each_for_itself(opened, tmp_path):
-    def scorer(*parts):
-        return Evaluator(RECIPE, TARGET, "test", TEST, opened(), *parts)
-
-    log, jobs = Log(tmp_path / "log"), [Job(REAL, 5, {})]
-    ((_, found),) = scorer(((0, 2), (2, 3))).map(jobs, Memory(log, None, float))
+def test_parts_are_tested_separately(runner):
+    own = runner()
+    job = Job(RECIPE, REAL, 5, {}, parts=((0, 2), (2, 3)))
+    (found,) = own.run([job])
     whole = evaluate_miou(RECIPE, REAL, 5, TEST)
-    each = [evaluate_miou(RECIPE, REAL, 5, TEST.between(*part)).reward for part in ((0, 2), (2, 3))]
+    each = [evaluate_miou(RECIPE, REAL, 5, TEST.between(*part)).reward for part in job.parts]
     assert (found.reward, found.class_iou) == (whole.reward, whole.class_iou)
     assert found.parts == pytest.approx(each) and whole.parts == () and each[0] != each[1]
-    key = scorer().key(REAL, 5)  # parts are only reported: they do not name the evaluation
-    assert scorer(((0, 2), (2, 3))).key(REAL, 5) == scorer(((0, 3),)).key(REAL, 5) == key
-    assert outcome_of(log.get(key)) == found._replace(stored=True)
+    # Parts are only reported: they do not name the evaluation.
+    keys = {own.key(job._replace(parts=parts)) for parts in ((), job.parts, ((0, 3),))}
+    assert len(keys) == 1
+    assert result_of(own._finals.get(keys.pop())) == found._replace(stored=True)
 
 
 @pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
-def test_outcomes_and_keys_are_those_of_arrays(workers, tmp_path):
-    plain, told = outcomes(Shelf(POOL), tmp_path / "plain"), []
-    assert plain[0][1] == evaluate_miou(RECIPE, REAL, 5, TEST).reward != plain[1][1]
+def test_results_are_those_of_arrays(workers, tmp_path):
+    told: list[str] = []
     with WorkerPool(workers, worker_environment()) as pool:
-        held = Shelf(pool, tmp_path / "run", told.append)
-        assert outcomes(held, tmp_path / "log") == plain
+        own = runner_of(TARGET, tmp_path / "run", pool, told.append)
+        found = made(own)
+        assert [result for _, *result in found] == [list(result) for result in plain()]
+        assert found[0][0] != found[1][0] and found[0][1] != found[1][1]
         # A single set is rendered by all workers, and the same.
         streets, two = default_proposal(), replace(RECIPE.fidelity, streets=2)
         recipe = RECIPE._replace(fidelity=two)
-        scorer = Evaluator(recipe, TARGET, "test", TEST, held)
-        memory = Memory(Log(tmp_path / "log"), None, float)
-        ((_, found),) = scorer.map([Job(streets, 5, {})], memory)
+        (result,) = own.run([Job(recipe, streets, 5, {})])
         alone = evaluate_miou(recipe, streets, 5, TEST)
-        assert (found.reward, found.class_iou) == (alone.reward, alone.class_iou)
+        assert (result.reward, result.class_iou) == (alone.reward, alone.class_iou)
     done = [line.rpartition(": ")[2] for line in told]
     assert done[0] == "3 of 3" and done[2:] == ["25 of 25"]
 
 
-def test_features_are_computed_once_for_all_nets_of_a_run(opened, tmp_path, monkeypatch):
-    plain = outcomes(Shelf(POOL), tmp_path / "plain")
+def test_features_are_computed_once_for_all_nets_of_a_run(opened, runner, tmp_path, monkeypatch):
+    expected = plain()
     opened().put(TEST, TRAIN)
     real = loaded(opened().put(REAL, TRAIN, training=True))
     assert same(real.features, pyramid.features(view_images(REAL.images, TRAIN)))
-    part = part_of(real, np.array([3, 17, 24]))
+    part = real.take(np.array([3, 17, 24]))
     assert same(part.features, pyramid.features(view_images(part.images, TRAIN)))
-    for module in (pyramid, shelf):
+    for module in (pyramid, cache):
         monkeypatch.setattr(module, "features", never)
-    assert outcomes(opened(), tmp_path / "log") == plain
+    assert [tuple(result) for _, *result in made(runner())] == expected
     with pytest.raises(AssertionError, match="known"):
-        outcomes(Shelf(POOL), tmp_path / "other")
+        made(runner_of(TARGET, tmp_path / "other"))
 
 
 def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk, monkeypatch):
@@ -114,7 +124,7 @@ def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk
     assert Path(caught.value.filename).parent == folder and not list(folder.iterdir())
     monkeypatch.undo()
     with monkeypatch.context() as patch:
-        patch.setattr(shelf, "_features_of", Counted(shelf._features_of, 1))
+        patch.setattr(cache, "_features_of", Counted(cache._features_of, 1))
         with pytest.raises(Killed):
             opened().put(REAL, TRAIN)
     (images,) = folder.iterdir()
@@ -159,13 +169,12 @@ def test_a_command_ends_with_exit_code_2(command, learnt_file, tmp_path, error_l
     assert command(*asked) == 2 and "is of other trunk" in error_line(begun=True)
 
 
-def test_heads_may_normalise_by_the_images_that_give_the_reward(opened, tmp_path):
+def test_heads_may_normalise_by_the_images_that_give_the_reward(runner):
     train = replace(TRAIN, head_statistics="target")
     own = RECIPE._replace(fidelity=replace(RECIPE.fidelity, train=train))
     targets = TARGET, target_of(noise(COUNT, 2), TEST)
     names = [about(r, t, "test", TEST)["config"] for r, t in product((RECIPE, own), targets)]
     assert names[0] == names[1] and len(set(names)) == 3
-    found = outcomes(opened(), tmp_path / "files", own)
-    assert found == outcomes(Shelf(POOL), tmp_path / "arrays", own)
+    found = made(runner(), own)
     own = own._replace(statistics=pyramid.channel_statistics(pyramid.features(REAL.images)))
-    assert found[0][1] == evaluate_miou(own, REAL, 5, TEST).reward
+    assert [tuple(result) for _, *result in found] == plain(own)

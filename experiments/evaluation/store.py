@@ -1,4 +1,4 @@
-"""Evaluations on disk: what has been scored is not scored again.
+"""Evaluations on disk: what has been made is not made again.
 
 One record is one evaluation, named by all that decides it (`identity`): a run folder keeps its own, lines of
 ``evaluations.jsonl`` and ``finals.jsonl``; ``--store FILE`` names a file that many runs share and may write
@@ -18,14 +18,12 @@ from typing import Any
 
 import numpy as np
 
-from experiments.reward.miou import Outcome, Source
-from experiments.reward.truth import Subset
+from experiments.evaluation.job import Given, LabelledSubset, Result, Source, Subset
 from scene.attributes import SPACES, names
 from scene.proposal import Histogram, Mixture, Proposal, components
-from seg.data import LabelledImages
 from shell.errors import UserError
 from shell.files import digest, write
-from shell.lines import JsonLines, Record
+from shell.lines import CURE, JsonLines, Record
 
 FORMAT = "sdr-jax evaluations, 2"
 NAMES = names("extended")
@@ -49,7 +47,7 @@ FIELDS: dict[str, tuple[type, ...]] = {
 }
 """One record. A failed evaluation says why in ``failed`` and has no reward; a net that was trained on real
 images has no proposal, one that was trained on a histogram has ``probabilities`` in its place, on a mixture
-``components``. Where parts of the images were scored for themselves, ``parts`` has their rewards."""
+``components``. Where nets were tested on parts of the images separately, ``parts`` has their rewards."""
 VALUES = ("reward", "class_iou", "failed")
 """What is always the same for the same key; seconds are not."""
 
@@ -62,8 +60,8 @@ def identity(config: str, source: Source, seed: int) -> str:
         source: streets, or the images that are trained on.
         seed: of the streets and of the net.
     """
-    if isinstance(source, LabelledImages):
-        named: Any = digest_of(source.images, source.labels)  # features follow from images
+    if isinstance(source, Given):
+        named: Any = digest_of_images(source)
     elif isinstance(source, Subset):
         named = [source.pool.name, list(source.picked)]
     elif isinstance(source, Mixture):
@@ -87,6 +85,22 @@ def digest_of(*arrays: np.ndarray) -> str:
     return digest([_DIGESTS[id(array)][1] for array in arrays])
 
 
+_DIGESTS_OF_PARTS: dict[tuple[str, tuple[int, ...]], str] = {}
+"""By the digest of all images and the indices of some."""
+
+
+def digest_of_images(images: Given) -> str:
+    """Sha256 of labelled images, or of some; features follow from images."""
+    if not isinstance(images, LabelledSubset):
+        return digest_of(images.images, images.labels)
+    whole = images.images
+    name = (digest_of(whole.images, whole.labels), images.picked)
+    if name not in _DIGESTS_OF_PARTS:
+        own = whole.take(images.picked)
+        _DIGESTS_OF_PARTS[name] = digest_of(own.images, own.labels)
+    return _DIGESTS_OF_PARTS[name]
+
+
 def _forget(number: int, _: Any) -> None:
     _DIGESTS.pop(number, None)
 
@@ -97,21 +111,21 @@ def _read(array: np.ndarray) -> str:
     return found.hexdigest()
 
 
-def record_of(key: str, source: Source, seed: int, outcome: Outcome) -> Record:
+def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
     """What is kept of an evaluation."""
     record: Record = {
         "key": key,
         "centre": _floats(source.centre) if isinstance(source, Proposal) else None,
         "width": _floats(source.width) if isinstance(source, Proposal) else None,
         "seed": int(seed),
-        "reward": None if outcome.failed else float(outcome.reward),
-        "class_iou": outcome.class_iou,
-        "render_seconds": round(outcome.render_seconds, 3),
-        "train_seconds": round(outcome.train_seconds, 3),
-        "failed": outcome.failed,
+        "reward": None if result.failed else float(result.reward),
+        "class_iou": result.class_iou,
+        "render_seconds": round(result.render_seconds, 3),
+        "train_seconds": round(result.train_seconds, 3),
+        "failed": result.failed,
     }
-    if outcome.parts:
-        record["parts"] = [float(reward) for reward in outcome.parts]
+    if result.parts:
+        record["parts"] = [float(reward) for reward in result.parts]
     if isinstance(source, Histogram):
         record["probabilities"] = _floats(source.probabilities)
     if isinstance(source, Mixture):
@@ -122,9 +136,9 @@ def record_of(key: str, source: Source, seed: int, outcome: Outcome) -> Record:
     return record
 
 
-def outcome_of(record: Record) -> Outcome:
+def result_of(record: Record) -> Result:
     """An evaluation as it is remembered."""
-    return Outcome(
+    return Result(
         math.nan if record["reward"] is None else record["reward"],
         record["class_iou"],
         record["render_seconds"],
@@ -141,45 +155,8 @@ def _floats(values: Any) -> list[Any]:
     return [float(str(v)) if array.ndim == 1 else _floats(v) for v in array]
 
 
-class Log:
-    """Evaluations of one run in a file of its folder; no other process writes to it.
-
-    Args:
-        path: the file.
-
-    Raises:
-        UserError: a line is not as this program writes it.
-    """
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self._lines = JsonLines(path, "remove it and all after it, or use another --out")
-        self._known: dict[str, list[Record]] = {}
-        for number, record in enumerate(self.records):
-            check_fields(self._lines.where(number), record)
-            self._known.setdefault(record["key"], []).append(record)
-
-    @property
-    def records(self) -> list[Record]:
-        """Every line, in order: one for each job, and some jobs are the same evaluation (`each`)."""
-        return self._lines.lines
-
-    def get(self, key: str) -> Record | None:
-        """The evaluation of a key, if it is known."""
-        return self._known[key][0] if key in self._known else None
-
-    def notes(self, key: str, notes: Record) -> bool:
-        """Whether a line of an evaluation has these notes."""
-        return any(notes.items() <= line.items() for line in self._known.get(key, ()))
-
-    def add(self, record: Record) -> None:
-        """Keep an evaluation, and see it to the disk."""
-        self._lines.append(record)
-        self._known.setdefault(record["key"], []).append(record)
-
-
 def each(records: Iterable[Record]) -> list[Record]:
-    """Every evaluation once, its first line, of the lines of logs."""
+    """Every evaluation once, its first line, of lines of stores."""
     found: dict[str, Record] = {}
     for record in records:
         found.setdefault(record["key"], record)
@@ -187,21 +164,24 @@ def each(records: Iterable[Record]) -> list[Record]:
 
 
 class Store:
-    """The evaluations in a shared file, those that other runs add meanwhile included.
+    """The evaluations in a file: those of a run, or those that many runs share.
 
     Args:
         path: the file; it is made with the first evaluation.
+        shared: whether other runs write to it, too. Then it begins with a header, and has each evaluation
+            once. A run's own file has a line for each of its jobs, and some jobs are the same evaluation
+            (`each`).
 
     Raises:
-        UserError: the file is no store, or the store of other attributes.
+        UserError: the file is no such store, or the store of other attributes.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, shared: bool = False) -> None:
         if path.is_dir():
             raise UserError(f"{path} is a folder; a store is a file")
-        self.path = path
-        self._known: dict[str, tuple[Record, str]] = {}
-        self._lines = JsonLines(path)
+        self.path, self._shared = path, shared
+        self._known: dict[str, list[tuple[Record, str]]] = {}  # lines of a key, and where they are
+        self._lines = JsonLines(path, CURE if shared else f"{CURE}, or use another --out")
         self._absorb(self._lines.lines)
 
     def __len__(self) -> int:
@@ -209,8 +189,8 @@ class Store:
 
     @property
     def records(self) -> list[Record]:
-        """Every evaluation, in the order in which they were made."""
-        return [record for record, _ in self._known.values()]
+        """The lines in their order; of a shared file those that tell of a new evaluation."""
+        return each(self._lines.lines[1:]) if self._shared else self._lines.lines
 
     def refresh(self) -> None:
         """Read what other runs have added."""
@@ -218,18 +198,26 @@ class Store:
 
     def get(self, key: str) -> Record | None:
         """The evaluation of a key, if it is known."""
-        return self._known[key][0] if key in self._known else None
+        return self._known[key][0][0] if key in self._known else None
 
     def where(self, key: str) -> str:
         """File and line of a key."""
-        return self._known[key][1]
+        return self._known[key][0][1]
+
+    def notes(self, key: str, notes: Record) -> bool:
+        """Whether a line of an evaluation has these notes."""
+        return any(notes.items() <= line.items() for line, _ in self._known.get(key, ()))
 
     def add(self, record: Record) -> Record:
-        """Keep an evaluation and see it to the disk; what another run added first stands.
+        """Keep an evaluation and see it to the disk.
 
         Returns:
-            The evaluation that is kept.
+            The evaluation that is kept: what another run has added to a shared file first stands.
         """
+        if not self._shared:
+            self._lines.append(record)
+            self._remember(record, len(self._lines.lines) - 1)
+            return record
         before = len(self._lines.lines)
         with self._lines.shared():
             self._absorb(self._lines.lines[before:])
@@ -238,18 +226,23 @@ class Store:
                 return known
             first = [] if self._lines.lines else [HEADER]
             self._lines.append(*first, record)
-            self._known[record["key"]] = record, self._lines.where(len(self._lines.lines) - 1)
+            self._remember(record, len(self._lines.lines) - 1)
         return record
 
     def _absorb(self, records: Sequence[Record]) -> None:
         start = len(self._lines.lines) - len(records)
         for number, record in enumerate(records, start):
-            if number == 0:
+            if self._shared and number == 0:
                 _check_header(self.path, record)
                 continue
-            where = self._lines.where(number)
-            check_fields(where, record)
-            refuse_conflict(*self._known.setdefault(record["key"], (record, where)), record, where)
+            check_fields(self._lines.where(number), record)
+            self._remember(record, number)
+
+    def _remember(self, record: Record, number: int) -> None:
+        lines, where = self._known.setdefault(record["key"], []), self._lines.where(number)
+        if self._shared and lines:
+            refuse_conflict(*lines[0], record, where)
+        lines.append((record, where))
 
 
 def _check_header(path: Path, header: Record) -> None:
@@ -306,7 +299,7 @@ def read(path: Path) -> dict[str, tuple[Record, str]]:
         files = [path / name for name in LOGS if (path / name).exists()]
         if not files:
             raise UserError(f"{path}: no run folder; it holds neither of {', '.join(LOGS)}")
-        logs = [(file, Log(file).records) for file in files]
+        logs = [(file, Store(file).records) for file in files]
         return merged(
             (record, f"{file}: line {number}")
             for file, records in logs
@@ -314,7 +307,7 @@ def read(path: Path) -> dict[str, tuple[Record, str]]:
         )
     if not path.exists():
         raise UserError(f"{path}: no such store")
-    store = Store(path)
+    store = Store(path, shared=True)
     return {record["key"]: (record, store.where(record["key"])) for record in store.records}
 
 

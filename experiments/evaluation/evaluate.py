@@ -1,4 +1,4 @@
-"""One evaluation: render a dataset or take a real one, train a fresh net on it, score it on real images.
+"""One evaluation: render a dataset or take a real one, train a fresh net on it, test it on real images.
 
 The functions here run in worker processes; they are pure in their arguments, so work lost with a worker
 can be done again.
@@ -11,93 +11,48 @@ import os
 import pickle
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
-from experiments.config import Fidelity
-from experiments.reward.made_with import MadeWith, refuse_other
-from experiments.reward.seen import Sight, picked, sight
-from experiments.reward.truth import Shared, Subset, WithFew, loaded, rendered_of
-from scene.assets.catalogue import AssetPool
+from experiments.evaluation.cache import Cached, loaded
+from experiments.evaluation.job import Keeps, Parts, Recipe, Result, Source, rendered_of
+from experiments.evaluation.made_with import refuse_other
+from experiments.evaluation.predictions import Predictions, compared, picked
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
 from scene.workers import Workers
-from seg.beside import Beside
-from seg.classes import ClassTable, class_table
+from seg.beside import Beside, TrainingSet
 from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
 from seg.nets.lite0 import Pyramid
-from seg.pyramid import Statistics, features
+from seg.pyramid import features
 from seg.train import Params, TrainingError, predict, score, train
 from seg.views import view_images
 
-
-class Recipe(NamedTuple):
-    """All that decides a net, but for its training set and its seed."""
-
-    fidelity: Fidelity
-    table: str  # name of the class table
-    renderer: str
-    pool: AssetPool  # the assets that may appear
-    statistics: Statistics | None = None  # that lite0's head normalises by; or its training set's
-    made_with: MadeWith = ()  # backend and versions of all workers of the run
-
-    @property
-    def classes(self) -> ClassTable:
-        """What its nets tell apart."""
-        return class_table(self.table)
-
-
-Source = Streets | Subset | LabelledImages | WithFew
-"""What a net is trained on: a dataset rendered from streets, given images, or both."""
-
-Parts = tuple[tuple[int, int], ...]
-"""First image of each part of the images that score, and the first after it."""
-
 _KEPT: dict[Any, LabelledImages] = {}
 """At most one rendered dataset of this process, by all that decides it."""
-
-
-class Outcome(NamedTuple):
-    """What one training set was worth, or why that is not known."""
-
-    reward: float  # mIoU in [0, 1], or -MMD^2; NaN if it failed
-    class_iou: list[float | None]  # in [0, 1]; None for classes that do not occur in the truth
-    render_seconds: float
-    train_seconds: float  # training and scoring
-    failed: str | None = None
-    stored: bool = False  # it was known, and took no time now
-    parts: tuple[float, ...] = ()  # reward on each part of the images, where it was asked for
-    sight: Sight | None = None  # what the net saw, where it was asked for and was not known before
-
-    @property
-    def seconds(self) -> float:
-        """What the evaluation took, when it was made, on a worker's one core."""
-        return self.render_seconds + self.train_seconds
-
 
 Rendered = tuple[LabelledImages, float]
 """A training set, and the seconds that rendering it took."""
 
 
 def prepared(
-    evaluate: Callable[..., Outcome], recipe: Recipe, source: Any, seed: int, *_: Any
-) -> Any:
+    evaluate: Callable[..., Any], recipe: Recipe, source: Any, seed: int, *_: Any
+) -> Rendered | None:
     """What of an evaluation needs no GPU: the rendered set, if it is of the kind that trains on one."""
-    named = getattr(evaluate, "func", evaluate)  # below what says where the net leaves what it saw
-    if named is not evaluate_miou or isinstance(source, LabelledImages | Shared):
+    named = evaluate.func if isinstance(evaluate, partial) else evaluate
+    if named is not evaluate_miou or isinstance(source, LabelledImages | Cached):
         return None
     started = time.perf_counter()
     own = training_set(recipe, loaded(source), seed)
     return own, time.perf_counter() - started
 
 
-def attempt(
-    evaluate: Callable[..., Outcome], *arguments: Any, ready: Rendered | None = None
-) -> Outcome:
-    """Evaluate, with shared images as arrays; training that diverges is an outcome, too.
+def attempt(evaluate: Callable[..., Any], *arguments: Any, ready: Rendered | None = None) -> Any:
+    """Evaluate, with cached images as arrays; training that diverges is a result, too.
 
     Args:
         evaluate: `evaluate_miou`, or another one.
@@ -109,7 +64,7 @@ def attempt(
     try:
         return evaluate(*map(loaded, arguments), **known)
     except TrainingError as error:
-        return Outcome(math.nan, [], 0.0, time.perf_counter() - started, str(error))
+        return Result(math.nan, [], 0.0, time.perf_counter() - started, str(error))
 
 
 def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Dataset:
@@ -138,23 +93,23 @@ def rendered_set(
 
 
 def training_set(recipe: Recipe, source: Source, seed: int) -> LabelledImages:
-    """The images of a source, but for a few beside it, with labels in the classes of the recipe.
+    """The images of a source, but for those beside it, with labels in the classes of the recipe.
 
-    What was rendered last beside a few images is kept, with its features: the next net may have others
+    What was rendered last beside labelled images is kept, with its features: the next net may have others
     beside it.
     """
-    proposal = rendered_of(source)
-    if isinstance(proposal, LabelledImages):
-        return proposal
-    name = (recipe._replace(statistics=None), pickle.dumps(proposal), seed)
+    rendered = rendered_of(source)
+    if isinstance(rendered, LabelledImages):
+        return rendered
+    name = (recipe._replace(statistics=None), pickle.dumps(rendered), seed)
     if name in _KEPT:
         return _KEPT[name]
     _KEPT.clear()
-    found = rendered_set(recipe, proposal, seed)
-    if isinstance(source, WithFew):
-        train = recipe.fidelity.train
-        if train.frozen:
-            maps = features(view_images(found.images, train), train.dtype)
+    found = rendered_set(recipe, rendered, seed)
+    if isinstance(source, TrainingSet):
+        settings = recipe.fidelity.train
+        if settings.frozen:
+            maps = features(view_images(found.images, settings), settings.dtype)
             found = found._replace(features=maps)
         _KEPT[name] = found
     return found
@@ -164,22 +119,22 @@ def evaluate_miou(
     recipe: Recipe,
     source: Source,
     seed: int,
-    truth: LabelledImages,
+    real: LabelledImages,
     parts: Parts = (),
     ready: Rendered | None = None,
     *,
-    sees: bool | None = None,
-) -> Outcome:
-    """Render, train, score.
+    keeps: Keeps | None = None,
+) -> Result:
+    """Render, train, test.
 
     Args:
         recipe: sizes, net, training, assets.
         source: what to train on.
         seed: of the streets and of the net.
-        truth: what to score on.
-        parts: of it that are scored each for itself, too.
+        real: images to test on.
+        parts: of them that it is tested on separately, too.
         ready: the set, if it was rendered elsewhere.
-        sees: whether the outcome tells what the net saw: True with predictions, False the counts alone.
+        keeps: what the result tells of the net's predictions, if anything.
 
     Raises:
         TrainingError: training diverged.
@@ -190,15 +145,14 @@ def evaluate_miou(
         rendered = time.perf_counter() - started
     began = time.perf_counter()
     params = trained(recipe, own, seed, beside=_beside(source))
-    spent = time.perf_counter() - began
-    return scored(recipe, params, truth, rendered, spent, parts, sees)
+    return tested(recipe, params, real, rendered, time.perf_counter() - began, parts, keeps)
 
 
 def _beside(source: Source) -> Beside | None:
-    if not isinstance(source, WithFew):
+    if not isinstance(source, TrainingSet):
         return None
-    few = source.arrays
-    return Beside(few.images, few.labels, source.share, few.features)
+    few: LabelledImages = source.parts[1]
+    return Beside(few.images, few.labels, source.shares[1], few.features)
 
 
 def trained(
@@ -215,13 +169,12 @@ def trained(
         UserError: this process makes nets with another backend than the run.
     """
     refuse_other(recipe.made_with)
-    settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
     return train(
         seed,
         own.images,
         own.labels,
-        settings,
-        classes,
+        recipe.fidelity.train,
+        len(recipe.classes.classes),
         params=params,
         features=own.features,
         statistics=recipe.statistics,
@@ -229,43 +182,44 @@ def trained(
     )
 
 
-def scored(
+def tested(
     recipe: Recipe,
     params: Params,
-    truth: LabelledImages,
+    real: LabelledImages,
     render_seconds: float,
     train_seconds: float,
     parts: Parts = (),
-    sees: bool | None = None,
-) -> Outcome:
-    """What a trained net is worth; the time of scoring counts as training."""
+    keeps: Keeps | None = None,
+) -> Result:
+    """What a trained net is worth; the time of testing counts as training."""
     started = time.perf_counter()
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
     confusions = []
-    for first, end in parts or ((0, len(truth.images)),):
-        own = truth.between(first, end)
+    for first, end in parts or ((0, len(real.images)),):
+        own = real.between(first, end)
         confusion = score(params, own.images, own.labels, settings, classes, features=own.features)
         confusions.append(confusion)
     confusion = np.sum(confusions, axis=0)
     present = confusion.sum(axis=1) > 0
     class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]
     seconds = train_seconds + time.perf_counter() - started
-    found = None if sees is None else _sight(recipe, params, truth, confusion, sees)
+    found = None if keeps is None else _predictions(recipe, params, real, confusion, keeps)
     each = tuple(mean_iou(own) for own in confusions) if parts else ()
-    return Outcome(mean_iou(confusion), class_iou, render_seconds, seconds, parts=each, sight=found)
+    return Result(
+        mean_iou(confusion), class_iou, render_seconds, seconds, parts=each, predictions=found
+    )
 
 
-def _sight(
-    recipe: Recipe, params: Params, truth: LabelledImages, confusion: np.ndarray, predictions: bool
-) -> Sight:
-    """What a net saw: its counts, and predictions if they are asked for."""
-    if not predictions:
-        return Sight(confusion)
-    settings, chosen = recipe.fidelity.train, picked(len(truth.images))
-    images, labels = truth.images[chosen], truth.labels[chosen]
-    maps = truth.features and Pyramid(*(own[chosen] for own in truth.features))
-    found = predict(params, images, settings, len(confusion), features=maps)
-    return sight(confusion, chosen, labels, found)
+def _predictions(
+    recipe: Recipe, params: Params, real: LabelledImages, confusion: np.ndarray, keeps: Keeps
+) -> Predictions:
+    """What is kept of a net: its confusion matrix, and predictions if they are asked for."""
+    if keeps == "confusion":
+        return Predictions(confusion)
+    settings, chosen = recipe.fidelity.train, picked(len(real.images))
+    maps = real.features and Pyramid(*(own[chosen] for own in real.features))
+    found = predict(params, real.images[chosen], settings, len(confusion), features=maps)
+    return compared(confusion, chosen, real.labels[chosen], found)
 
 
 def worker_environment() -> dict[str, str]:

@@ -1,0 +1,62 @@
+"""About what evaluations take, in CPU seconds.
+
+Source: `docs/benchmarks.md`.
+"""
+
+from __future__ import annotations
+
+from experiments.config import Fidelity
+from experiments.evaluation.job import Given, Job, Subset, rendered_of
+from seg.recipes import recipe_for
+
+STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "vgg-adam": 5e-5, "scratch": 5e-5}
+STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-tuned": 2e-6}
+"""Seconds of a CPU that one update takes, for each pixel of its images, by recipe, about."""
+STREET_COST = 0.045
+"""Seconds of a CPU that sampling a street and its geometry take."""
+VIEW_COST = 2.5e-7
+"""The same for what a frozen trunk sees in one view of an image."""
+
+
+def cost_of(fidelity: Fidelity) -> float:
+    """About how many CPU seconds a net on a rendered dataset takes, testing left out."""
+    streets = fidelity.streets * STREET_COST
+    return streets + fidelity.images * _image_cost(fidelity) + training_cost(fidelity)
+
+
+def _image_cost(fidelity: Fidelity) -> float:
+    return 0.025 + 2.8e-7 * fidelity.width * fidelity.height * fidelity.samples**2
+
+
+def street_cost(fidelity: Fidelity) -> float:
+    """About how many CPU seconds one street of one shot and its features take."""
+    views = VIEW_COST * fidelity.width * fidelity.height * fidelity.train.views
+    return STREET_COST + _image_cost(fidelity) + views
+
+
+def head_cost(fidelity: Fidelity) -> float:
+    """The part of `training_cost` that is left where the features are there already."""
+    train = fidelity.train
+    pixels = fidelity.width * fidelity.height
+    return pixels * STEP_COST[recipe_for(train)] * train.steps * train.batch
+
+
+def training_cost(fidelity: Fidelity) -> float:
+    """The part of `cost_of` that is training: all of it where the images are there already."""
+    train = fidelity.train
+    pixels = fidelity.width * fidelity.height
+    views = VIEW_COST * fidelity.images * train.views if train.frozen else 0.0
+    return pixels * views + head_cost(fidelity)
+
+
+def job_cost(job: Job) -> float:
+    """About how many CPU seconds a job takes, with its share of what comes before the fine-tuning."""
+    fidelity, start, before = job.recipe.fidelity, job.start, 0.0
+    if start is not None and start.on_subset:
+        before = training_cost(start.recipe.fidelity)
+    elif start is not None and start.streets is not None:
+        before = cost_of(start.recipe.fidelity) / start.nets
+    if isinstance(job.source, Given):
+        return before + training_cost(fidelity)
+    pooled = isinstance(rendered_of(job.source), Subset)
+    return before + (head_cost if pooled else cost_of)(fidelity)

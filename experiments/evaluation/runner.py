@@ -1,0 +1,421 @@
+"""Who makes evaluations: those that are known are remembered, the others made by worker processes.
+
+A search waits for the last dataset of an update, then for its method. Nets that do not depend on what it
+finds fill the cores meanwhile, behind all that is urgent; whoever asks for them later finds them known, or
+well under way (`Runner.prefetch`).
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import CancelledError, Future
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from experiments.config import RewardKind
+from experiments.evaluation.cache import Cache, Cached, by_target, sent
+from experiments.evaluation.cost import job_cost
+from experiments.evaluation.evaluate import attempt, evaluate_miou, prepared, rendered_set
+from experiments.evaluation.job import (
+    Given,
+    Job,
+    LabelledSubset,
+    Recipe,
+    Result,
+    Source,
+    Subset,
+    count_of,
+    rendered_of,
+    said,
+)
+from experiments.evaluation.made_with import FIELD
+from experiments.evaluation.mmd import FeatureNet, Reference, evaluate_mmd, feature_net
+from experiments.evaluation.predictions import file_of, save
+from experiments.evaluation.store import (
+    Store,
+    digest_of,
+    digest_of_images,
+    identity,
+    record_of,
+    result_of,
+)
+from experiments.evaluation.transfer import transfer
+from experiments.target.base import Side, Target
+from scene.proposal import Streets
+from scene.version import ENGINE
+from scene.workers import Workers
+from sdr_jax import refuse_failures
+from seg.beside import TrainingSet
+from seg.data import LabelledImages
+from shell.errors import UserError
+from shell.files import digest, file_digest, folder_digest
+from shell.lines import Record
+from shell.progress import Progress
+
+LEAST = 60.0
+"""CPU seconds of nets that are worth workers of their own: one takes ten to start."""
+
+
+class _Prefetched(NamedTuple):
+    """A net that trains before anybody waits for it."""
+
+    job: Job
+    future: Future
+
+
+class Runner:
+    """Makes the evaluations of a run: `Job` to `Result`.
+
+    Args:
+        target: what nets are tested on.
+        workers: who render and train.
+        folder: of the run.
+        finals: where evaluations are kept that are no rewards of a search.
+        store: what many runs share, if there is such a file.
+        progress: of the run, at the moment.
+        features: recipe of the net in whose features -MMD^2 compares images.
+
+    Attributes:
+        cache: files in which workers find images.
+    """
+
+    def __init__(
+        self,
+        target: Target,
+        workers: Workers,
+        folder: Path,
+        finals: Store,
+        store: Store | None,
+        progress: Callable[[], Progress],
+        features: Recipe,
+    ) -> None:
+        self._target, self._workers, self._folder = target, workers, folder
+        self._finals, self._store, self._progress = finals, store, progress
+        self.cache = Cache(workers, folder, lambda text: progress().update(text))
+        self._features = features
+        self._net: FeatureNet | None = None
+        self._references: dict[tuple[int, int, Side], Reference] = {}
+        self._about: dict[tuple[Recipe, Side, RewardKind], Record] = {}
+        self._shared: dict[tuple[Recipe, Side, RewardKind], tuple[Recipe, Cached | Reference]] = {}
+        self._prefetched: dict[str, _Prefetched] = {}
+        self._ended: set[str] = (
+            set()
+        )  # keys of those whose results came in before they were asked for
+
+    def key(self, job: Job) -> str:
+        """The name of an evaluation."""
+        return identity(self.about(job)["config"], rendered_of(job.source), job.seed)
+
+    def about(self, job: Job) -> Record:
+        """What a record says of a job beside source and result; ``config`` names all else that decides it."""
+        kind = (job.recipe, job.side, job.kind)
+        if kind not in self._about:
+            self._about[kind] = about(job.recipe, self._target, job.side, self._real(job))
+        found, start, source = self._about[kind], job.start, job.source
+        if isinstance(source, TrainingSet):
+            (_, few), (_, share) = source.parts, source.shares
+            told = [found["config"], digest_of_images(few), share]
+            also = {"few": count_of(few), "few_share": share}
+            return {**found, "config": digest(told)[:16], **also}
+        if start is None or (start.streets is None and not start.on_subset):
+            return found
+        before = self.about(job._replace(recipe=start.recipe, start=None))["config"]
+        if start.streets is not None:
+            before = identity(before, start.streets, 0)
+        return {**found, "config": digest([before, found["config"]])[:16]}
+
+    def known(self, jobs: Sequence[Job], log: Store | None = None) -> list[bool]:
+        """Which of the evaluations are known already, in the log or in the store."""
+        self._refresh()
+        log = self._finals if log is None else log
+        stores = [log] if self._store is None else [log, self._store]
+        keys = [self.key(job) for job in jobs]
+        return [any(store.get(key) is not None for store in stores) for key in keys]
+
+    def prefetch(self, jobs: Sequence[Job]) -> None:
+        """Begin jobs that are asked for later, behind all that is urgent, if they are worth it.
+
+        Those on given images alone are left out: they are short, and fill the last gaps when asked for.
+        """
+        jobs = [job for job in jobs if not isinstance(job.source, Given)]
+        new = {
+            self.key(job): job
+            for job, known in zip(jobs, self.known(jobs), strict=True)
+            if not known and self.key(job) not in self._prefetched
+        }
+        if not self._prefetched and sum(map(job_cost, new.values())) < LEAST:
+            return
+        for key, job in new.items():
+            future = self._workers.begin(attempt, *self._task([job]), first=prepared)
+            if future is not None:
+                self._prefetched[key] = _Prefetched(job, future)
+
+    def run(
+        self,
+        jobs: Sequence[Job],
+        log: Store | None = None,
+        say: Callable[[int, Result], str] | None = None,
+    ) -> list[Result]:
+        """Make all evaluations; training that diverges is a result with its reason.
+
+        Args:
+            jobs: to be done.
+            log: where results are kept; by default ``finals``.
+            say: what progress says about a new result; the job's index is the first argument.
+
+        Raises:
+            UserError: no pixel of the images that nets are tested on has a label.
+        """
+        log = self._finals if log is None else log
+        found: dict[int, Result] = {}
+        self._keep_ended()
+        for index, key, result in self._made(jobs, log):
+            found[index] = result
+            if key in self._ended:
+                self._ended.remove(key)
+            else:
+                self._progress().advance(job_cost(jobs[index]), replayed=result.stored)
+            if say is not None and not result.stored:
+                self._progress().update(say(index, result))
+            self._keep_ended()
+        return [found[index] for index in range(len(jobs))]
+
+    def test(self, jobs: Sequence[Job]) -> list[Result]:
+        """Make all evaluations, which are no rewards of a search, and say what each came to.
+
+        Raises:
+            UserError: more than a tenth of the nets of one kind, ``nets`` of their notes, failed.
+        """
+        results = self.run(jobs, say=lambda index, result: said(jobs[index], result))
+        for what in dict.fromkeys(job.notes["nets"] for job in jobs):
+            own = [r for job, r in zip(jobs, results, strict=True) if job.notes["nets"] == what]
+            refuse_failed(own, len(own))
+        return results
+
+    def _made(self, jobs: Sequence[Job], log: Store) -> Iterator[tuple[int, str, Result]]:
+        """Yield (index, key, result) of every job: known ones first, the others as they come in.
+
+        All that are missing are one list, the longest first.
+        """
+        keys = [self.key(job) for job in jobs]
+        begun = {key: self._prefetched.pop(key).future for key in set(keys) & set(self._prefetched)}
+        self._refresh()
+        missing: dict[str, list[int]] = {}  # several jobs of one call may be the same
+        for index, (key, job) in enumerate(zip(keys, jobs, strict=True)):
+            known = self._remembered(key, job, log)
+            if known is None:
+                missing.setdefault(key, []).append(index)
+            else:
+                yield index, key, known
+        work = _grouped(jobs, [indices[0] for indices in missing.values()])
+        if not work:
+            return
+        tasks = [self._task([jobs[index] for index in indices]) for indices in work]
+        rendered = [0.0] * len(tasks)
+        if len(tasks) < self._workers.workers and not begun:  # else some would have nothing to do
+            tasks, rendered = zip(*map(self._rendered_by_all, tasks), strict=True)
+        own = {n: begun[keys[work[n][0]]] for n in range(len(work)) if keys[work[n][0]] in begun}
+        made = self._workers.map(
+            attempt, tasks, net=True, first=prepared, behind=bool(begun), begun=own
+        )
+        for number, results in made:
+            several = results if isinstance(results, list) else [results]
+            for index, result in zip(work[number], several, strict=True):
+                key, job = keys[index], jobs[index]
+                seconds = result.render_seconds + rendered[number] + job.rendered
+                yield index, key, self._keep(key, job, result._replace(render_seconds=seconds), log)
+                for twin in missing[key][1:]:
+                    known = self._remembered(key, jobs[twin], log)
+                    assert known is not None
+                    yield twin, key, known
+
+    def _remembered(self, key: str, job: Job, log: Store) -> Result | None:
+        """What is known of an evaluation; the log has a line for each of its jobs, by their notes."""
+        known = log.get(key)
+        if known is None and self._store is not None:
+            known = self._store.get(key)
+        if known is None:
+            return None
+        if not log.notes(key, job.notes):
+            self._write(known, job, log)
+        return result_of(known)
+
+    def _keep(self, key: str, job: Job, result: Result, log: Store) -> Result:
+        """Keep what a job came to.
+
+        Raises:
+            UserError: no pixel that it was tested on has a label.
+        """
+        if result.failed is None and not math.isfinite(result.reward):
+            raise UserError(
+                f"the reward is {result.reward}: the images that nets are tested on must hold at least "
+                "one labelled class"
+            )
+        if result.predictions is not None:
+            save(file_of(self._folder, key), result.predictions)
+        record = record_of(key, rendered_of(job.source), job.seed, result) | self.about(job)
+        if self._store is not None:
+            # What is kept decides, lest a continued run see another value.
+            record = self._store.add(record)
+        self._write(record, job, log)
+        return result_of(record)._replace(stored=False)
+
+    def _write(self, record: Record, job: Job, log: Store) -> None:
+        log.add({**record, **job.notes, "elapsed": round(self._progress().elapsed, 2)})
+
+    def _keep_ended(self) -> None:
+        """Keep and tell the results of prefetched nets that have come in."""
+        for key, (job, future) in list(self._prefetched.items()):
+            if future.done():
+                del self._prefetched[key]
+                try:
+                    result = self._workers.result(future)
+                except (BrokenProcessPool, CancelledError):
+                    continue  # its worker died; who asks for it has it made
+                self._ended.add(key)
+                result = self._keep(key, job, result, self._finals)
+                self._progress().advance(job_cost(job))
+                self._progress().update(said(job, result))
+
+    def _refresh(self) -> None:
+        """Read what other runs have added to the store."""
+        if self._store is not None:
+            self._store.refresh()
+
+    def _real(self, job: Job) -> LabelledImages | Reference:
+        """What a job's net is tested on: images, or for rewards without labels their features."""
+        size = (job.recipe.fidelity.height, job.recipe.fidelity.width)
+        images = self._target.at(*size)[job.side]
+        if job.kind == "miou":
+            return images
+        if self._net is None:
+            self._progress().say(
+                "The reward is -MMD^2 in the features of one net: labels are left alone"
+            )
+            self._net = feature_net(self._features, self._folder, self._workers)
+        if (*size, job.side) not in self._references:
+            self._references[*size, job.side] = self._net.reference(images.images)
+        return self._references[*size, job.side]
+
+    def _task(self, jobs: Sequence[Job]) -> tuple:
+        """Arguments of `attempt`; jobs that are fine-tuned from one net are one task."""
+        job = jobs[0]
+        recipe, real = self._for_tasks(job)
+        train, start = job.recipe.fidelity.train, job.start
+        if start is not None:
+            subsets = [each.source for each in jobs if isinstance(each.source, LabelledSubset)]
+            before = sent(start.recipe, self._workers)
+            before = before._replace(statistics=recipe.statistics)  # of the same size
+            images = self.cache.put(subsets[0].images, train, training=True)
+            chosen = [np.array(own.picked) for own in subsets]
+            own = (start._replace(recipe=before), recipe, int(job.seed), images, chosen, real)
+            return (transfer, *own)
+        evaluate: Callable[..., Result] = evaluate_miou if job.kind == "miou" else evaluate_mmd
+        if job.keeps is not None:
+            evaluate = partial(evaluate, keeps=job.keeps)
+        parts = (job.parts,) if job.parts else ()
+        return (evaluate, recipe, self._source(job.source, job.recipe), int(job.seed), real, *parts)
+
+    def _for_tasks(self, job: Job) -> tuple[Recipe, Cached | Reference]:
+        """A job's recipe, and what its net is tested on, as workers want them."""
+        kind = (job.recipe, job.side, job.kind)
+        if kind not in self._shared:
+            recipe, real = job.recipe, self._real(job)
+            if isinstance(real, Reference):
+                net = self._workers.share(real.net)
+                self._shared[kind] = sent(recipe, self._workers), real._replace(net=net)
+            else:
+                recipe = self.cache.normalised(recipe, self._target)
+                held = self.cache.put(real, recipe.fidelity.train)
+                self._shared[kind] = sent(recipe, self._workers), held
+        return self._shared[kind]
+
+    def _source(self, source: Source, recipe: Recipe) -> Any:
+        """A source as workers want it."""
+        if isinstance(source, TrainingSet):
+            return source._replace(parts=tuple(self._source(part, recipe) for part in source.parts))
+        if isinstance(source, Subset):
+            assert source.pool.held is not None
+            return source.pool.held.take(source.picked)
+        train = recipe.fidelity.train
+        if isinstance(source, LabelledSubset):
+            return self.cache.put(source.images, train, training=True).take(source.picked)
+        if isinstance(source, LabelledImages):
+            return self.cache.put(source, train, training=True)
+        return source
+
+    def _rendered_by_all(self, task: tuple) -> tuple[tuple, float]:
+        """A task with its training set, rendered street by street by all workers, and their core seconds."""
+        evaluate, recipe, source, seed, real, *parts = task
+        if isinstance(real, Reference) or not isinstance(source, Streets):
+            return task, 0.0
+        started = time.perf_counter()
+        own = rendered_set(recipe, source, seed, self._workers)
+        busy = min(self._workers.workers, recipe.fidelity.streets)
+        return (evaluate, recipe, own, seed, real, *parts), busy * (time.perf_counter() - started)
+
+
+def _grouped(jobs: Sequence[Job], wanted: Sequence[int]) -> list[list[int]]:
+    """Jobs by index in tasks, the longest first: those that are fine-tuned from one net are one task."""
+    groups: dict[Any, list[int]] = {}
+    for index in wanted:
+        job = jobs[index]
+        name = index if job.start is None else (id(job.start), job.seed)
+        groups.setdefault(name, []).append(index)
+    return sorted(groups.values(), key=lambda own: -sum(job_cost(jobs[k]) for k in own))
+
+
+def refuse_failed(results: Sequence[Result], total: int) -> None:
+    """Raise UserError if more than a tenth of all that is asked for has failed."""
+    reasons = [result.failed for result in results if result.failed is not None]
+    if reasons:
+        refuse_failures(len(reasons), total, reasons[-1])
+
+
+def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Reference) -> Record:
+    """What all evaluations of a recipe share: a hash of what decides them, words for people."""
+    names = target.reward_names if side == "reward" else target.test_names
+    if isinstance(real, Reference):
+        kind, source = "mmd", real.source
+    else:
+        kind, source = "miou", digest_of_images(real)
+    fidelity, pool = recipe.fidelity, recipe.pool.decides
+    size = asdict(fidelity)
+    # Files count, not where they lie.
+    if pool["own"]:
+        pool["own"] = folder_digest(Path(pool["own"]))
+    if fidelity.train.weights is not None:
+        size["train"]["weights"] = file_digest(Path(fidelity.train.weights))
+    decides = {
+        "kind": kind,
+        "fidelity": size,
+        "table": recipe.table,
+        "renderer": recipe.renderer,
+        "pool": pool,
+        # Names alone do not tell one twin from another.
+        "truth": [target.name, side, digest(list(names)), source],
+        "engine": ENGINE,
+        FIELD: dict(recipe.made_with),
+    }
+    if kind == "miou" and by_target(fidelity.train):
+        own = target.at(fidelity.height, fidelity.width)["reward"]
+        decides["statistics"] = digest_of(own.images)
+    return {
+        "config": digest(decides)[:16],
+        "target": target.name,
+        "side": side,
+        "kind": kind,  # of the reward; what a log calls its nets is "nets"
+        "size": fidelity.size,
+        "images": fidelity.images,
+        "steps": fidelity.train.steps,
+        "net": fidelity.train.net,
+        "engine": ENGINE,
+        FIELD: decides[FIELD],
+    }

@@ -1,0 +1,74 @@
+"""One net's way: trained once, then fine-tuned on several subsets of the real images.
+
+The functions here run in worker processes; they are pure in their arguments.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+
+import numpy as np
+
+from experiments.evaluation.evaluate import attempt, tested, trained, training_set
+from experiments.evaluation.job import Recipe, Result, Start
+from seg.data import LabelledImages
+from seg.train import Params, TrainingError
+
+
+def transfer(
+    start: Start,
+    fine: Recipe,
+    seed: int,
+    images: LabelledImages,
+    chosen: Sequence[np.ndarray],
+    real: LabelledImages,
+) -> list[Result]:
+    """Train a net once, fine-tune it on each subset, test every one.
+
+    Args:
+        start: what comes before the fine-tuning.
+        fine: how the net is fine-tuned.
+        seed: of the streets and of all training.
+        images: to fine-tune on; their subsets are given by index.
+        chosen: i64[images of the subset] each.
+        real: images to test on.
+
+    Returns:
+        One result a subset. The time of what comes before is in the first one.
+    """
+    began = time.perf_counter()
+    rendered, params = 0.0, None
+    if start.streets is not None:
+        try:
+            own = training_set(start.recipe, start.streets, seed)
+            rendered = time.perf_counter() - began
+            params = trained(start.recipe, own, seed)
+        except TrainingError as error:
+            spent = time.perf_counter() - began
+            return [Result(math.nan, [], 0.0, spent, str(error)) for _ in chosen]
+    spent = time.perf_counter() - began - rendered
+    results = []
+    for indices in chosen:
+        found = attempt(_tune, start, fine, params, seed, images.take(indices), real)
+        results.append(
+            found._replace(render_seconds=rendered, train_seconds=found.train_seconds + spent)
+        )
+        rendered = spent = 0.0
+    return results
+
+
+def _tune(
+    start: Start,
+    fine: Recipe,
+    params: Params | None,
+    seed: int,
+    own: LabelledImages,
+    real: LabelledImages,
+) -> Result:
+    began = time.perf_counter()
+    if start.on_subset:
+        params = trained(start.recipe, own, seed)
+    tuned = trained(fine, own, seed, params)
+    return tested(fine, tuned, real, 0.0, time.perf_counter() - began)
