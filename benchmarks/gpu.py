@@ -33,7 +33,7 @@ from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal
 from scene.render import RendererError
 from seg.classes import class_table
-from seg.data import LabelledImages, list_camvid, load
+from seg.data import LabelledImages, read_split
 from seg.pyramid import features
 from seg.recipes import with_net
 from seg.settings import TrainSettings
@@ -148,8 +148,7 @@ def tests(words: list[str]) -> Row:
 
 
 def _real_images(data: Path, fidelity: Fidelity) -> LabelledImages:
-    entries = list_camvid(data, "train")
-    return load(entries, class_table(TABLE), (fidelity.height, fidelity.width))
+    return read_split(TABLE, data, "train", (fidelity.height, fidelity.width))
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -64,12 +64,13 @@ from experiments.study.skeleton import (
 from experiments.study.stats import gain, mean, statistics
 from experiments.target.base import Target
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, class_table
-from seg.data import LabelledImages
-from seg.data.folders import read_folders
+from seg.data import LabelledImages, load, subset
 from seg.settings import VGG_NETS, NetName
 from seg.weights import described
 from shell.bounds import DISTINCT
 from shell.errors import UserError
+from shell.listing import list_all
+from shell.target_file import shipped
 
 BASELINE, EYE = "random", "default"
 """Gains are measured from both."""
@@ -125,7 +126,7 @@ class TableConfig(LearntConfig, FewConfig):
     weights: Path | None = None
     """ImageNet weights that the VGG nets start from (see ``seg.weights``); by default from scratch."""
     gta5: Path | None = None
-    """Folder of GTA5, to train on (see ``seg.data.folders``)."""
+    """Folder of GTA5, to train on."""
     synthia: Path | None = None
     """Folder of SYNTHIA RAND-CITYSCAPES."""
     kitti: Path | None = None
@@ -168,7 +169,9 @@ def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str,
     found = {}
     for layout, root in zip(OTHERS, (config.gta5, config.synthia, config.kitti), strict=True):
         if root is not None:
-            data = read_folders(root, layout, size, limit, config.seed)
+            files = shipped(layout)
+            entries = [entry for own in list_all(files, root).values() for entry in own]
+            data = load(subset(sorted(entries), limit, config.seed), files, size)
             labels = class_table(target.table).from_train_id[data.labels]
             if np.all(labels == IGNORE_LABEL):
                 raise UserError(f"--{layout} {root}: all labels are void")

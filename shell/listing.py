@@ -136,12 +136,14 @@ def _refuse_split(root: Path, split: str, there: Sequence[str], why: str) -> NoR
 
 
 def _shown(target: TargetFile, split: str = "{split}") -> str:
-    """The patterns of images and labels, for errors."""
+    """Where images and labels should be, for errors."""
     shown = []
     for own in (target.images, target.labels):
         pattern = own.get(split, "a list") if isinstance(own, dict) else own
         shown.append(str(pattern).replace("{split}", split))
-    return " and ".join(shown)
+    lists = target.splits
+    listing = f"{lists.replace('{split}', split)} or " if isinstance(lists, str) else ""
+    return f"{listing}{' and '.join(shown)}"
 
 
 # ---- patterns

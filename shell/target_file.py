@@ -44,6 +44,9 @@ PLACES = ("split", "group", "name")
 TRAIN = "train"
 """The split that has what the other shares and groups leave."""
 
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""In C where PyYAML was built with it, ten times as fast."""
+
 Id = Annotated[int, Meta(ge=0, le=65535)]
 Channel = Annotated[int, Meta(ge=0, le=255)]
 Colour = tuple[Channel, Channel, Channel]
@@ -198,7 +201,7 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
     """
     lines = _Lines(source)
     try:
-        node = yaml.compose(text, yaml.SafeLoader)
+        node = yaml.compose(text, _LOADER)
     except yaml.MarkedYAMLError as error:
         lines.refuse_at(error.problem_mark, f"is no YAML: {error.problem}")
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:

@@ -13,8 +13,8 @@ import scene
 import seg
 from benchmarks.transfer.ingredients import INGREDIENTS
 from benchmarks.transfer.recipe import TABLE, Recipe, real_net, rendered_net, units
-from seg.classes import class_table
-from seg.data import DataError, LabelledImages, list_camvid, load
+from seg.data import DataError, LabelledImages, list_split, load
+from shell.target_file import shipped
 
 SEQUENCES = ("0001TP", "0016E5")
 """Drives of CamVid that may steer the engine; results are reported on the other, which is never read."""
@@ -42,12 +42,13 @@ def steering_set(root: Path, recipe: Recipe) -> LabelledImages:
     Raises:
         DataError: the folder is not CamVid, or lacks a sequence.
     """
-    entries = {e.name: e for split in ("train", "val") for e in list_camvid(root, split)}
+    files = shipped(TABLE)
+    entries = {e.name: e for split in ("train", "val") for e in list_split(files, root, split)}
     chosen = [entries[name] for name in sorted(entries) if entries[name].sequence in SEQUENCES]
     missing = sorted(set(SEQUENCES) - {e.sequence for e in chosen})
     if missing:
         raise DataError(f"{root}: train and val have no image of sequence {', '.join(missing)}")
-    return load(chosen, class_table(TABLE), (recipe.height, recipe.width))
+    return load(chosen, files, (recipe.height, recipe.width))
 
 
 def held_out(sequences: Sequence[str], block: int) -> np.ndarray:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
@@ -12,21 +14,19 @@ import cv2
 import numpy as np
 from jaxtyping import UInt8
 
-from seg.classes import ClassTable
-from seg.data.images import read_image, read_label
+from seg.classes import IGNORE_LABEL, ClassTable, table_of
+from seg.data.images import read_image
+from seg.data.labels import LabelReader
 from seg.errors import DataError
+from shell.errors import UserError
+from shell.listing import Entry, list_split, shared_groups, split_names
+from shell.target_file import TRAIN, Fit, TargetFile, find_target
 
 if TYPE_CHECKING:  # the nets load JAX
     from seg.nets.lite0 import Pyramid
 
-
-class Entry(NamedTuple):
-    """One labelled image on disk."""
-
-    name: str  # file name without folder and extension, unique within a split
-    sequence: str  # the drive it was taken on: consecutive frames are nearly the same image
-    image_path: Path
-    label_path: Path
+PADDING = (124, 116, 104)
+"""The colour beside an image of another shape: ImageNet's mean, which is 0 to the nets."""
 
 
 class LabelledImages(NamedTuple):
@@ -107,49 +107,61 @@ def cut(pixels: np.ndarray, aspect: float) -> np.ndarray:
     return pixels[top : top + rows, left : left + columns]
 
 
-LabelReader = Callable[[Path, ClassTable], np.ndarray]
-"""From a label file and the table of its data set to ids u8[h, w] of the table."""
+def fitted(
+    image: UInt8[np.ndarray, "_h _w 3"], size: tuple[int, int]
+) -> tuple[UInt8[np.ndarray, "_height _width 3"], tuple[int, int]]:
+    """An image at another size with its aspect kept, and the rows and columns of it that show the image.
+
+    Where its shape is another it touches the top and the left, with `PADDING` beside it or below.
+
+    Args:
+        image: RGB.
+        size: (height, width).
+    """
+    scale = min(wanted / own for wanted, own in zip(size, image.shape[:2], strict=True))
+    rows, columns = (
+        min(max(round(own * scale), 1), wanted)
+        for own, wanted in zip(image.shape[:2], size, strict=True)
+    )
+    canvas = np.empty((*size, 3), np.uint8)
+    canvas[:] = PADDING
+    canvas[:rows, :columns] = resize_image(image, (rows, columns))
+    return canvas, (rows, columns)
 
 
-def _load_one(
-    entry: Entry,
-    table: ClassTable,
-    size: tuple[int, int] | None,
-    read: LabelReader,
-    aspect: float | None,
+def _fit(
+    image: np.ndarray, label: np.ndarray, size: tuple[int, int], fit: Fit
 ) -> tuple[np.ndarray, np.ndarray]:
-    image = read_image(entry.image_path)
-    label = read(entry.label_path, table)
-    if image.shape[:2] != label.shape:
-        raise DataError(
-            f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
-            f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must agree"
-        )
-    if aspect is not None:
-        image, label = cut(image, aspect), cut(label, aspect)
-    if size is None or label.shape == size:
-        return image, label
-    height, width = size
+    """An image and its label at a size (height, width), their aspect kept."""
+    if fit == "cut":
+        image, label = (cut(pixels, size[1] / size[0]) for pixels in (image, label))
+        return resize_image(image, size), _resize_label(label, size)
+    image, inner = fitted(image, size)
+    whole = np.full(size, IGNORE_LABEL, np.uint8)
+    whole[: inner[0], : inner[1]] = _resize_label(label, inner)
+    return image, whole
+
+
+def _resize_label(label: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    if label.shape == size:
+        return label
     # The exact variant samples at pixel centres; plain nearest shifts labels against the image.
-    label = cv2.resize(label, (width, height), interpolation=cv2.INTER_NEAREST_EXACT)
-    return resize_image(image, size), label
+    return cv2.resize(label, (size[1], size[0]), interpolation=cv2.INTER_NEAREST_EXACT)
 
 
 def load(
     entries: Sequence[Entry],
-    table: ClassTable,
+    target: TargetFile,
     size: tuple[int, int] | None = None,
-    read: LabelReader = read_label,
-    aspect: float | None = None,
+    fit: Fit | None = None,
 ) -> LabelledImages:
     """Read images and labels; images are resized by area averages, labels by nearest pixel.
 
     Args:
-        entries: from `list_camvid`, `list_cityscapes`, `subset`, or made by hand.
-        table: of the data set the files belong to.
+        entries: from `list_split`, `subset`, or made by hand.
+        target: what the label files hold.
         size: (height, width) in pixels; None keeps the size on disk, which must then be one.
-        read: of one label file.
-        aspect: width over height to which images are cut around their centre first; None takes all of them.
+        fit: what is done to images of another shape; by default as the target's file says.
 
     Returns:
         The images, in the order of the entries.
@@ -162,18 +174,109 @@ def load(
         raise ValueError(f"size must be a positive (height, width); got {size}")
     if not entries:
         raise DataError("zero images to load; expected at least one entry")
+    reader = LabelReader(target)
+
+    def one(entry: Entry) -> tuple[np.ndarray, np.ndarray, Counter[str]]:
+        image = read_image(entry.image_path)
+        label, unknown = reader.known(entry.label_path)
+        if image.shape[:2] != label.shape:
+            raise DataError(
+                f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
+                f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must agree"
+            )
+        if size is not None:
+            image, label = _fit(image, label, size, fit or target.fit)
+        return image, label, unknown
+
     with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
-        pairs = list(pool.map(lambda entry: _load_one(entry, table, size, read, aspect), entries))
-    first = pairs[0][1].shape
-    for entry, (_, label) in zip(entries, pairs, strict=True):
+        found = list(pool.map(one, entries))
+    wrong = {e.label_path: own for e, (_, _, own) in zip(entries, found, strict=True) if own}
+    if wrong:
+        raise reader.error(wrong)
+    first = found[0][1].shape
+    for entry, (_, label, _) in zip(entries, found, strict=True):
         if label.shape != first:
             raise DataError(
                 f"{entry.image_path}: {label.shape[1]}x{label.shape[0]} pixels where "
                 f"{entries[0].image_path} has {first[1]}x{first[0]}; give a size to resize them all"
             )
     return LabelledImages(
-        np.stack([image for image, _ in pairs]),
-        np.stack([label for _, label in pairs]),
+        np.stack([image for image, _, _ in found]),
+        np.stack([label for _, label, _ in found]),
         names=tuple(entry.name for entry in entries),
         sequences=tuple(entry.sequence for entry in entries),
     )
+
+
+def read_split(
+    target: TargetFile | str,
+    root: str | Path,
+    split: str,
+    size: tuple[int, int] | None = None,
+    limit: int | None = None,
+    seed: int = 0,
+) -> LabelledImages:
+    """Read a split of a target as ids of its classes: `list_split`, `subset` and `load` in one.
+
+    Args:
+        target: what the files are, or the name or path of a target's file.
+        root: the data's folder.
+        split: one of those that the target's file or the folder has.
+        size: (height, width) in pixels; None keeps the size on disk.
+        limit: how many images to keep; None keeps all.
+        seed: of the choice.
+    """
+    own = find_target(target) if isinstance(target, str) else target
+    return load(subset(list_split(own, root, split), limit, seed), own, size)
+
+
+class TargetData(NamedTuple):
+    """All labelled images of a target at one size."""
+
+    splits: dict[str, LabelledImages]
+    table: ClassTable
+    notes: tuple[str, ...]  # warnings that belong into a report
+
+
+def read_target(
+    target: TargetFile,
+    root: str | Path,
+    size: tuple[int, int],
+    fit: Fit | None = None,
+    splits: Sequence[str] = (),
+) -> TargetData:
+    """Read the splits of a target.
+
+    Args:
+        target: from `find_target`.
+        root: the data's folder.
+        size: (height, width) in pixels.
+        fit: what is done to images of another shape; by default as the target's file says.
+        splits: by default all.
+
+    Raises:
+        UserError: a file is not as it must be, or an image is in two splits.
+    """
+    names = tuple(splits) or split_names(target, Path(root)) or (TRAIN,)
+    listed = {split: list_split(target, root, split) for split in names}
+    read = {split: load(entries, target, size, fit) for split, entries in listed.items()}
+    refuse_shared(read)
+    note = shared_groups(listed)
+    return TargetData(read, table_of(target), (note,) if note else ())
+
+
+def refuse_shared(sides: Mapping[str, LabelledImages]) -> None:
+    """Raise UserError if an image is in two splits, by its pixels: names may differ."""
+    seen: dict[bytes, tuple[str, str]] = {}
+    shared: list[str] = []
+    for side, own in sides.items():
+        for k, image in enumerate(own.images):
+            name = own.names[k] if own.names else f"image {k + 1}"
+            key = hashlib.sha256(image.tobytes()).digest()
+            first, other = seen.setdefault(key, (side, name))
+            if first != side:
+                shared.append(f"{other} in {first} is {name} in {side}")
+    if shared:
+        raise UserError(
+            f"{len(shared)} images are in two splits, such as {shared[0]}; leave each in one of them"
+        )

@@ -233,9 +233,15 @@ def test_what_is_missing_or_not_as_it_should_be(tmp_path):
         "none_l/.keep",
     )
     refuses(
-        tmp_path, own, "val", "no split 'val'; expected val/{name}.png", "Splits there: train, none"
+        tmp_path,
+        own,
+        "val",
+        "no split 'val'; expected val.txt or val/{name}.png",
+        "Splits there: train, none",
     )
-    refuses(tmp_path, own, "none", "zero images in split 'none'; expected none/{name}.png")
+    refuses(
+        tmp_path, own, "none", "zero images in split 'none'; expected none.txt or none/{name}.png"
+    )
     refuses(tmp_path, own, "train", "train/b.png: image without label; expected", "train_l/b.png")
     for text, words in {
         "\n": ("zero images in split 'train'",), "a\na": ("line 2: a is listed twice",),

@@ -68,7 +68,7 @@ def test_the_format_follows_from_the_classes():
 @pytest.mark.parametrize(("old", "new", "words"), [
     (TEXT, "", ("line 1:", "lacks the field images")),
     (TEXT, "- images", ("line 1:", "expected fields such as")),
-    (TEXT, "a: [", ("line 1:", "is no YAML")),
+    (TEXT, "a: [", ("line ", "is no YAML")),
     (TEXT, "a: \x00", ("is no YAML",)),
     ("void: [255]", "voids: [255]", ("line 5: voids:", "is no field; there are images, labels, classes")),
     ("void: [255]", "source: a", ("line 5: source:", "no field")),
