@@ -7,7 +7,7 @@
 
 Every variant is a search of its own with as many evaluations: without relaxation, with all attributes in
 one group, with groups that pay no regard to correlation, and with environment, positions or densities
-left random. Nets trained on what they found are scored on the test images, paired. Kill it at any moment;
+left random. Nets trained on what they found are tested on the test images, paired. Kill it at any moment;
 the same command goes on where it was.
 """
 

@@ -6,7 +6,7 @@
     python -m experiments.assets --rederive runs/a/assets.json --out runs/b    # no net at all
 
 Nets are trained on 90 to 1350 images that draw from all assets or from the first half of each class, and
-scored on the test images, paired. Kill it at any moment; the same command goes on where it was.
+tested on the test images, paired. Kill it at any moment; the same command goes on where it was.
 """
 
 from __future__ import annotations

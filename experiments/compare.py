@@ -6,7 +6,7 @@
     python -m experiments.compare --rederive runs/a/compare.json --out runs/b     # no net at all
 
 With 3, 5 and 7 positions optimised and all else random, every method finds attributes; nets trained on
-them are scored on the test images. Kill it at any moment; the same command goes on where it was.
+them are tested on the test images. Kill it at any moment; the same command goes on where it was.
 """
 
 from __future__ import annotations
@@ -168,7 +168,7 @@ def work(config: CompareConfig) -> list[Work]:
 
 
 def budgets(config: CompareConfig) -> tuple[Fidelity, ...]:
-    """The fidelities at which answers are scored on the test images, the final one last."""
+    """The fidelities at which answers are tested on the test images, the final one last."""
     if not config.finals:
         return ()
     return fidelities(config.reward, config.final) if config.cheap_finals else (config.final,)

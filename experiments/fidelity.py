@@ -5,7 +5,7 @@
     python -m experiments.fidelity --target twin --reward-kind mmd               # without labels
     python -m experiments.fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
 
-Proposals with random bins, the hand-set street and random attributes are scored on every rung of the
+Proposals with random bins, the hand-set street and random attributes are evaluated on every rung of the
 ladder from the reward's size to the final one, some of them with several seeds. Kill it at any moment;
 the same command goes on where it was.
 """
@@ -64,7 +64,7 @@ class FidelityConfig(RewardConfig, BinsConfig, Rederived):
     proposals: Annotated[int, at_least(2), NETS] = 24
     """Proposals with random bins for all attributes; the hand-set street and random ones are added."""
     repeated: Annotated[int, at_least(2), NETS] = 6
-    """Proposals that are scored with several seeds, the two that are added among them."""
+    """Proposals that are evaluated with several seeds, the two that are added among them."""
     repeats: Annotated[int, within(2, MOST_REPEATS), NETS] = 4
     """Seeds of those."""
     rungs: Annotated[int | None, at_least(1)] = None

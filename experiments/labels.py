@@ -6,7 +6,7 @@
     python -m experiments.labels --rederive runs/a/labels.json --out runs/b    # no net at all
 
 Nets are trained on 0, 7, 14, ... labelled images (a seeded choice, spread over sequences and time), on these
-beside renders, and scored on the test images. Kill it at any moment; the same command goes on where it was.
+beside renders, and tested on the test images. Kill it at any moment; the same command goes on where it was.
 """
 
 from __future__ import annotations

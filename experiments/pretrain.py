@@ -6,7 +6,7 @@
     python -m experiments.pretrain --rederive runs/a/pretrain.json --out runs/b  # no net at all
 
 Nets from scratch (or from ImageNet weights, with --final.train.weights), pre-trained on random and on
-learnt attributes are fine-tuned alike on 5, 10, 25 and 100 % of the reward images and scored on the test
+learnt attributes are fine-tuned alike on 5, 10, 25 and 100 % of the reward images and tested on the test
 images; Welch's t-test over seeds says which differences are more than chance. Attributes are learnt first,
 unless --learnt names what an earlier run has learnt. Kill it at any moment; the same command goes on
 where it was.

@@ -89,9 +89,7 @@ class Start(NamedTuple):
 
     recipe: Recipe  # sizes, net and training, as on a rendered dataset
     streets: Streets | None  # that dataset's; None begins at the fine-tuning
-    on_subset: bool = (
-        False  # instead train as many steps on the images that it is to be fine-tuned on
-    )
+    on_subset: bool = False  # instead train as many steps on the images of the fine-tuning
     nets: int = 1  # so many are fine-tuned from one that was trained on the dataset
 
 
@@ -109,9 +107,7 @@ class Job(NamedTuple):
     evaluation: one that is known already may tell of other parts, or of none."""
     keeps: Keeps | None = None  # what it leaves in the run folder
     start: Start | None = None  # what comes before the training by the recipe
-    rendered: float = (
-        0.0  # CPU seconds that rendering its training set took before, its share of them
-    )
+    rendered: float = 0.0  # CPU seconds of its share of the rendering that was done before
 
 
 class Result(NamedTuple):

@@ -43,7 +43,7 @@ def show(run: Run[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]
 
     Args:
         run: its final nets are done.
-        test: what they were scored on.
+        test: what they were tested on.
         sets: what some were trained on, by row, labels in the target's classes.
     """
     folder, table = run.config.out / PICTURES, class_table(run.target.table)

@@ -67,7 +67,7 @@ def climb(
     Args:
         candidates: their names.
         rungs: from the cheapest to the final one.
-        score: trains nets and scores them.
+        score: trains nets and tests them.
         reference: the candidate that stays to the end, and that others must be better than.
     """
     left = [name for name in candidates if name != reference]

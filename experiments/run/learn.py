@@ -118,7 +118,7 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
 
 
 def judged_on(target: Target, config: SearchConfig) -> tuple[Parts, tuple[str, ...]]:
-    """The parts of the reward images that candidates are also scored on, and what they are in words.
+    """The parts of the reward images that candidates are tested on separately, and what they are in words.
 
     Raises:
         UserError: fewer images than ``--parts``.
@@ -177,7 +177,7 @@ def _selected(
     parts: Parts,
     prefix: str,
 ) -> tuple[Selection, dict[str, list[tuple[float, ...]]]]:
-    """Train and score nets of the candidates, choose one; also their scores on each part."""
+    """Train and test nets of the candidates, choose one; also their scores on each part."""
     own = len(pooled.work_of(config, [plan_of(config)]))
     rungs, cost = _rungs(config), sum(work.cost for work in work_of(config)[own:])
     results: dict[str, list[Result]] = {}

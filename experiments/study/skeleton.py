@@ -208,7 +208,7 @@ def learnt_attributes(run: Run[Any]) -> Streets:
     """The attributes learnt for this target: from ``--learnt``, else by search, as the main job does.
 
     A run of the main job with the same flags and the same ``--store`` gives the same, and what one of them
-    has scored, the other does not score again.
+    has evaluated, the other does not evaluate again.
 
     Raises:
         UserError: ``--learnt`` is no attributes.json.

@@ -214,7 +214,7 @@ def test_rewards_that_others_have_made_count(config, counted, tmp_path):
     more = replace(shared, out=tmp_path / "more")
     report = job.analyse(more)
     assert len(counted.calls) == 4 and report["records"]["rewards"] == 12
-    assert len(Store(tmp_path / "shared.jsonl")) == 12
+    assert len(Store(tmp_path / "shared.jsonl", shared=True)) == 12
     assert job.analyse(more) == report and len(counted.calls) == 4
 
 

@@ -168,7 +168,10 @@ def in_turns(target):
 
 
 def test_images_of_two_sizes_are_rendered_once(renders, monkeypatch):
-    monkeypatch.setattr(named, "refuse_void", lambda split, *_: split)
+    def unchecked(reward, test, *_):
+        return {"reward": reward, "test": test}
+
+    monkeypatch.setattr(named, "two_sides", unchecked)
     target = named_target(defaults(MainConfig, "twin", "smoke"), POOL)
     assert in_turns(target) and in_turns(with_reward(target, np.arange(3)))
     assert len(renders) == 4  # two sides each
