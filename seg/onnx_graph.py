@@ -195,12 +195,15 @@ class Graph:
         self, x: Value, kernel: Value, *, shape: Any, avals: Any, **own: Any
     ) -> str:
         numbers, padding = own["dimension_numbers"], own["padding"]
-        plain = set(own["lhs_dilation"]) == {1} and own["batch_group_count"] == 1
-        if not plain or np.min(padding) < 0:
+        if own["batch_group_count"] != 1 or np.min(padding) < 0:
             raise ModelError("a convolution of this net has no counterpart in ONNX")
+        x = self.node("Transpose", x, perm=numbers.lhs_spec)
+        sizes = [avals[0].shape[axis] for axis in numbers.lhs_spec]
+        for axis, times in enumerate(own["lhs_dilation"], 2):
+            x, sizes = self._dilated(x, sizes, axis, times)
         made = self.node(
             "Conv",
-            self.node("Transpose", x, perm=numbers.lhs_spec),
+            x,
             np.transpose(kernel, numbers.rhs_spec),
             strides=own["window_strides"],
             dilations=own["rhs_dilation"],
@@ -208,6 +211,21 @@ class Graph:
             pads=[int(p) for pads in zip(*padding, strict=True) for p in pads],
         )
         return self.node("Transpose", made, perm=np.argsort(numbers.out_spec).tolist())
+
+    def _dilated(
+        self, x: Value, sizes: list[int], axis: int, times: int
+    ) -> tuple[Value, list[int]]:
+        """Zeros between the cells along an axis, and the sizes then."""
+        if times == 1:
+            return x, sizes
+        before, n, behind = sizes[:axis], sizes[axis], sizes[axis + 1 :]
+        x = self.node("Reshape", x, np.array([*before, n, 1, *behind], np.int64))
+        pads = np.zeros(2 * (len(sizes) + 1), np.int64)
+        pads[len(sizes) + 1 + axis + 1] = times - 1
+        x = self.node("Pad", x, pads, np.float32(0))
+        x = self.node("Reshape", x, np.array([*before, n * times, *behind], np.int64))
+        end = n * times - (times - 1)
+        return self._cut(x, [0], [end], [axis], [1]), [*before, end, *behind]
 
     def _dot_general(
         self, x: Value, y: Value, *, dimension_numbers: Any, avals: Any, **_: Any
