@@ -19,7 +19,6 @@ import numpy as np
 
 from scene.dataset.export import read_dataset
 from scene.dataset.read import DESCRIPTION
-from seg.classes import CITYSCAPES_19
 from seg.model import Model, classes_of
 from seg.recipes import RECIPES
 from seg.train import CHUNK, TrainingError, train
@@ -27,6 +26,7 @@ from shell.command import Parser, exit_code
 from shell.errors import UserError
 from shell.files import file_digest, read_json
 from shell.progress import Progress
+from shell.target_file import shipped
 
 RECIPE = replace(RECIPES["lite0-frozen"], steps=3000, batch=8, head_width=128)
 """Ten times as many images as the nets of a run train on: ten times the steps, and a head twice as wide."""
@@ -60,7 +60,7 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
             progress.advance(min(CHUNK, steps))
             progress.update(f"step {done} of {steps}, loss {loss:.3f}")
 
-        settings, classes = replace(RECIPE, steps=steps), classes_of(CITYSCAPES_19)
+        settings, classes = replace(RECIPE, steps=steps), classes_of(shipped("cityscapes"))
         images, labels = (np.concatenate(column) for column in zip(*renders, strict=True))
         variables = train(seed, images, labels, settings, len(classes), progress=told)
         progress.close()

@@ -25,7 +25,6 @@ from experiments import presets
 from experiments.cli import main
 from experiments.config import FewConfig, Fidelity, LearntConfig, Preset, TargetName, check_net
 from experiments.reward.miou import Source
-from experiments.reward.truth import Truth
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.nets import with_net
@@ -57,10 +56,12 @@ from experiments.study.skeleton import (
 from experiments.study.stats import gain, mean, statistics
 from experiments.target.base import Target
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, class_table
-from seg.data.folders import read_folders
+from seg.data import LabelledImages, load, subset
 from seg.settings import VGG_NETS, NetName
 from seg.weights import described
 from shell.errors import UserError, refuse_repeats
+from shell.listing import list_all
+from shell.target_file import shipped
 
 BASELINE, EYE = "random", "default"
 """Gains are measured from both."""
@@ -116,7 +117,7 @@ class TableConfig(LearntConfig, FewConfig):
     weights: Path | None = None
     """ImageNet weights that the VGG nets start from (see ``seg.weights``); by default from scratch."""
     gta5: Path | None = None
-    """Folder of GTA5, to train on (see ``seg.data.folders``)."""
+    """Folder of GTA5, to train on."""
     synthia: Path | None = None
     """Folder of SYNTHIA RAND-CITYSCAPES."""
     kitti: Path | None = None
@@ -151,7 +152,7 @@ def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
     return with_net(own, name, str(config.weights) if vgg and config.weights else None)
 
 
-def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, Truth]:
+def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, LabelledImages]:
     """Training sets that others have made, as large as a net's rendered ones; ids of the target's table.
 
     Raises:
@@ -162,17 +163,19 @@ def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str,
     found = {}
     for layout, root in zip(OTHERS, (config.gta5, config.synthia, config.kitti), strict=True):
         if root is not None:
-            data = read_folders(root, layout, size, limit, config.seed)
+            files = shipped(layout)
+            entries = [entry for own in list_all(files, root).values() for entry in own]
+            data = load(subset(sorted(entries), limit, config.seed), files, size)
             labels = class_table(target.table).from_train_id[data.labels]
             if np.all(labels == IGNORE_LABEL):
                 raise UserError(f"--{layout} {root}: all labels are void")
-            found[layout] = Truth(data.images, labels)
+            found[layout] = LabelledImages(data.images, labels)
     return found
 
 
 def rows(config: TableConfig, target: Target) -> list[Row]:
     """For each net rendered sets, these beside the few images if there are any, and sets of images alone."""
-    read: dict[tuple[int, int, int], dict[str, Truth]] = {}  # nets of one size share them
+    read: dict[tuple[int, int, int], dict[str, LabelledImages]] = {}  # nets of one size share them
     found = []
     for net in config.nets:
         at = fidelity_of(config, net)
@@ -201,7 +204,12 @@ def rows(config: TableConfig, target: Target) -> list[Row]:
 
 
 def _source(
-    name: str, at: Fidelity, given: dict[str, Truth], run: Run[TableConfig], made: Made, seed: int
+    name: str,
+    at: Fidelity,
+    given: dict[str, LabelledImages],
+    run: Run[TableConfig],
+    made: Made,
+    seed: int,
 ) -> Source:
     """What nets of a row are trained on."""
     if name in given:

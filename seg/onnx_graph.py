@@ -14,8 +14,9 @@ import jax
 import numpy as np
 from jax.extend.core import Literal
 
+from seg.data.labelled import PADDING
 from seg.errors import ModelError
-from seg.model import PADDING, Model
+from seg.model import Model
 from seg.train import apply
 
 OPSET, IR = 18, 9

@@ -20,7 +20,7 @@ from scene.render import RenderSettings
 from scene.render.sensor import CameraResponse
 from scene.workers import Workers
 from seg.classes import class_table
-from seg.data import RealSet
+from seg.data import LabelledImages
 
 PRIOR_STD = 0.12
 """Near: hidden centres are normal around the street set by eye, with this standard deviation (unit)."""
@@ -111,7 +111,7 @@ def twin_split(
     renderer: str,
     workers: Workers,
     assets: int = ASSETS,
-) -> RealSet:
+) -> LabelledImages:
     """Render one split, ``train`` (for the reward) or ``test``, at ``size`` (height, width).
 
     Of every family it shows ``assets`` that the search never uses.
@@ -133,9 +133,5 @@ def twin_split(
         pool=AssetPool(FIRST_ASSET, assets),
         workers=workers,
     )
-    return RealSet(
-        names=names,
-        sequences=sequences,
-        images=dataset.images[:count],
-        labels=class_table("cityscapes").from_train_id[dataset.labels[:count]],
-    )
+    labels = class_table("cityscapes").from_train_id[dataset.labels[:count]]
+    return LabelledImages(dataset.images[:count], labels, names, sequences)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from experiments.labels import FORM, counts_of, defaults
-from experiments.reward.truth import Truth, WithFew
+from experiments.reward.truth import WithFew
 from experiments.study.stats import reached, worth
 from experiments.target.base import Target
 from scene.proposal import Mixture, describe, streets_named
+from seg.data import LabelledImages
 
 from .conftest import Counted, never
 
@@ -137,7 +138,7 @@ def test_every_net_sees_its_labels_and_pairs_share_them(reported):
     found, _ = reported("labels", evaluate=scores)
     calls = [(source, seed) for _, source, seed, _ in scores.calls]
     beside = {(len(s.arrays.images), seed): s for s, seed in calls if isinstance(s, WithFew)}
-    alone = {(len(s.images), seed): s for s, seed in calls if isinstance(s, Truth)}
+    alone = {(len(s.images), seed): s for s, seed in calls if isinstance(s, LabelledImages)}
     assert set(beside) == set(alone) == {(2, 0), (2, 1), (4, 0), (4, 1)} and len(calls) == 2 + 4 + 4
     for place, few in alone.items():
         np.testing.assert_array_equal(beside[place].arrays.images, few.images)
