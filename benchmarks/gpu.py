@@ -26,7 +26,7 @@ import numpy as np
 from benchmarks.report import Row, machine, parser, table, timed, write
 from benchmarks.train import random_truth
 from experiments.config import Fidelity, MainConfig
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.reward.miou import Recipe, evaluate_miou, render
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal

@@ -116,7 +116,7 @@ def read(path: Path = RECORD) -> tuple[np.ndarray, np.ndarray]:
 def camvid() -> Surrogate:
     """The surrogate of the committed record."""
     from experiments.config import MainConfig, make_space
-    from experiments.presets import defaults
+    from experiments.config.presets import defaults
 
     return fit(make_space(defaults(MainConfig, "camvid", "quick")), *read())
 

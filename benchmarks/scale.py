@@ -28,7 +28,7 @@ import sdr_jax
 from benchmarks.report import Row, count, parser, table, timed, write
 from benchmarks.train import random_truth
 from experiments.config import Fidelity, MainConfig
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.reward.miou import Recipe, attempt, evaluate_miou, worker_environment
 from experiments.run.ladder import cost_of, training_cost
 from scene.assets.catalogue import AssetPool

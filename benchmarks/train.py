@@ -28,7 +28,7 @@ import numpy as np
 
 from benchmarks.report import Row, count, parser, table, timed, write
 from experiments.config import Fidelity, MainConfig
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.reward.miou import Recipe, rendered_set, scored, trained
 from scene.proposal import random_proposal
 from seg.data import LabelledImages

@@ -17,14 +17,13 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import MethodOptions, Preset, SearchesConfig, TargetName
-from experiments.presets import DENSITIES, ENVIRONMENT, POSITIONS
+from experiments.config import NETS, MethodOptions, Preset, SearchesConfig, TargetName, presets
+from experiments.config.cli import main
+from experiments.config.presets import DENSITIES, ENVIRONMENT, POSITIONS
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.pooled import find, work_of
@@ -50,7 +49,8 @@ from experiments.study.stats import statistics
 from experiments.target.base import Target
 from scene.attributes import SpaceName, names
 from scene.proposal import random_proposal
-from shell.errors import UserError, refuse_repeats
+from shell.bounds import DISTINCT, at_least
+from shell.errors import UserError
 
 Variant = Literal[
     "full",
@@ -112,8 +112,8 @@ class AblationConfig(SearchesConfig):
     """One ablation. Every field is a flag."""
 
     search: MethodOptions
-    evaluations: int = 96
-    variants: tuple[Variant, ...] = VARIANTS
+    evaluations: Annotated[int, at_least(1), NETS] = 96
+    variants: Annotated[tuple[Variant, ...], DISTINCT] = VARIANTS
     """What is compared; full must be among them."""
 
 
@@ -126,7 +126,6 @@ def check(config: AblationConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
     if config.search.method == "random_attributes":
         raise UserError("--search.method random_attributes searches for nothing")
-    refuse_repeats("--variants", config.variants)
     if FULL not in config.variants:
         raise UserError(f"--variants must hold {FULL}, from which losses are measured")
     planned(config)

@@ -17,9 +17,8 @@ from functools import partial
 from itertools import product
 from typing import Annotated, Any, Literal
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import LearntConfig, Preset, TargetName, Unused, refuse_shares
+from experiments.config import LearntConfig, Preset, TargetName, Unused, presets
+from experiments.config.cli import main
 from experiments.run.context import Run
 from experiments.study.figure import curves
 from experiments.study.form import (
@@ -44,11 +43,12 @@ from experiments.study.skeleton import (
 )
 from experiments.study.stats import estimated, gain
 from experiments.target.base import Target
-from shell.errors import UserError, refuse_repeats
+from shell.bounds import DISTINCT, at_least, within
+from shell.errors import UserError
 
 ATTRIBUTES = {
     "random": "random attributes",
-    "default": "attributes set by eye",
+    "default": "hand-set attributes",
     "learnt": "learnt attributes",
 }
 
@@ -61,12 +61,12 @@ class AssetsConfig(LearntConfig):
     """
 
     asset_fraction: Annotated[float, *Unused] = 1.0
-    images: tuple[int, ...] = (90, 180, 450, 900, 1350)
+    images: Annotated[tuple[int, ...], at_least(1), DISTINCT] = (90, 180, 450, 900, 1350)
     """Images of a training set; multiples of --final.shots, images of a street."""
-    fractions: tuple[float, ...] = (1.0, 0.5)
+    fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (1.0, 0.5)
     """Shares of the assets."""
     attributes: Literal["random", "default", "learnt"] = "default"
-    """From which streets are drawn: random, set by eye, or learnt (by --learnt, else searched for)."""
+    """From which streets are drawn: random, hand-set, or learnt (by --learnt, else searched for)."""
 
 
 def defaults(target: TargetName, preset: Preset) -> AssetsConfig:
@@ -82,13 +82,9 @@ def defaults(target: TargetName, preset: Preset) -> AssetsConfig:
 
 def check(config: AssetsConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if not config.images:
-        raise UserError("--images needs at least one value")
-    refuse_repeats("--images", config.images)
-    refuse_shares("--fractions", config.fractions)
     shots = config.final.shots
     for count in config.images:
-        if count < 1 or count % shots:
+        if count % shots:
             raise UserError(
                 f"--images must be multiples of --final.shots {shots}, the images of a street, "
                 f"not {count}"

@@ -14,10 +14,10 @@ from functools import partial
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.cli import main
     from experiments.config import MainConfig
+    from experiments.config.cli import main
+    from experiments.config.presets import defaults
     from experiments.main.job import MAIN
-    from experiments.presets import defaults
     from experiments.study.skeleton import do
 
     sys.exit(

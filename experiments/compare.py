@@ -15,15 +15,14 @@ import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import Fidelity, Group, Preset, SearchesConfig, TargetName
-from experiments.presets import POSITIONS
+from experiments.config import NETS, Fidelity, Group, Preset, SearchesConfig, TargetName, presets
+from experiments.config.cli import main
+from experiments.config.presets import POSITIONS
 from experiments.reward.miou import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
@@ -54,6 +53,7 @@ from experiments.target.base import Target
 from scene.attributes import names
 from scene.proposal import random_proposal
 from sdr_jax.registry import MethodName
+from shell.bounds import DISTINCT, POSITIVE, at_least
 from shell.errors import UserError, refuse_repeats
 
 RANDOM: MethodName = "random_attributes"
@@ -72,10 +72,10 @@ OWN: dict[Preset, dict[str, Any]] = {
 class CompareConfig(SearchesConfig):
     """One comparison. Every field is a flag."""
 
-    evaluations: int = 48
-    core_minutes: float | None = None
+    evaluations: Annotated[int, at_least(1), NETS] = 48
+    core_minutes: Annotated[float | None, POSITIVE] = None
     """In place of --evaluations: as many rewards for each search as cost so many minutes of a core, about."""
-    methods: tuple[MethodName, ...] = (
+    methods: Annotated[tuple[MethodName, ...], DISTINCT] = (
         RANDOM, "random_search", "attribute_descent", "sdr", "surrogate",
     )  # fmt: skip
     """The search methods."""
@@ -103,12 +103,8 @@ def defaults(target: TargetName, preset: Preset) -> CompareConfig:
 
 def check(config: CompareConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    for name, values in (("methods", config.methods), ("subsets", config.subsets)):
-        if not values:
-            raise UserError(f"--{name} needs at least one of them")
-    refuse_repeats("--methods", config.methods)
-    if config.core_minutes is not None and not config.core_minutes > 0:
-        raise UserError(f"--core-minutes must be positive, not {config.core_minutes:g}")
+    if not config.subsets:
+        raise UserError("--subsets needs at least one value")
     known = names(config.space)
     for subset in subsets_of(config):
         for name in subset:

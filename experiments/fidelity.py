@@ -5,24 +5,32 @@
     python -m experiments.fidelity --target twin --reward-kind mmd               # without labels
     python -m experiments.fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
 
-Proposals with random bins, the street set by eye and random attributes are scored on every rung of the
+Proposals with random bins, the hand-set street and random attributes are scored on every rung of the
 ladder from the reward's size to the final one, some of them with several seeds. Kill it at any moment;
 the same command goes on where it was.
 """
 
 from __future__ import annotations
 
-import math
 import sys
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from experiments import presets
-from experiments.cli import Unmet, main
-from experiments.config import Bins, Config, Fidelity, Preset, Rederived, RewardKind, TargetName
+from experiments.config import (
+    NETS,
+    BinsConfig,
+    Fidelity,
+    Preset,
+    Rederived,
+    RewardConfig,
+    RewardKind,
+    TargetName,
+    presets,
+)
+from experiments.config.cli import Unmet, main
 from experiments.run.context import REWARD_NAMES, Run, Work
 from experiments.run.ladder import fidelities
 from experiments.run.nets import score_nets
@@ -31,7 +39,8 @@ from experiments.study.figure import plt, png
 from experiments.study.form import Column, Form, Report, about, interval, number, starts, table
 from experiments.study.skeleton import Study, do
 from experiments.study.stats import bootstrap, pairing, signal_to_noise, spearman
-from scene.proposal import RELAXATION, Proposal, default_proposal, random_proposal
+from scene.proposal import Proposal, default_proposal, random_proposal
+from shell.bounds import POSITIVE, at_least, within
 from shell.errors import UserError
 
 FIDELITY_SEED = 10_000_000
@@ -45,26 +54,21 @@ BOOTSTRAP_SEED = 0
 
 
 @dataclass(frozen=True, kw_only=True)
-class FidelityConfig(Config, Rederived):
+class FidelityConfig(RewardConfig, BinsConfig, Rederived):
     """One measurement. Every field is a flag."""
 
-    final: Fidelity
-    """The full fidelity, the ladder's top rung."""
-    search: Bins
     reward_kind: RewardKind = "miou"
     """miou of a net trained on the dataset; or mmd, a distance of images that needs no labels: it is
     compared with mIoU at the final size, too."""
-    default_width: float = RELAXATION
-    """Relaxation of the street set by eye, as a share of each range."""
-    proposals: int = 24
-    """Proposals with random bins for all attributes; the street set by eye and random ones are added."""
-    repeated: int = 6
+    proposals: Annotated[int, at_least(2), NETS] = 24
+    """Proposals with random bins for all attributes; the hand-set street and random ones are added."""
+    repeated: Annotated[int, at_least(2), NETS] = 6
     """Proposals that are scored with several seeds, the two that are added among them."""
-    repeats: int = 4
+    repeats: Annotated[int, within(2, MOST_REPEATS), NETS] = 4
     """Seeds of those."""
-    rungs: int | None = None
+    rungs: Annotated[int | None, at_least(1)] = None
     """Only the cheapest rungs, so many; by default all of them, up to the final size."""
-    require_signal: float | None = None
+    require_signal: Annotated[float | None, POSITIVE] = None
     """End with exit code 1 where the signal of the cheapest reward, what a search would see, is less than so
     many times its noise. 2 is a good demand to make before a search with a net that may learn nothing."""
 
@@ -77,19 +81,11 @@ def defaults(target: TargetName, preset: Preset) -> FidelityConfig:
 
 def check(config: FidelityConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if config.proposals < 2:
-        raise UserError(f"--proposals must be 2 or more, not {config.proposals}")
     most = config.proposals + len(ADDED)
-    if not 2 <= config.repeated <= most:
+    if config.repeated > most:
         raise UserError(
-            f"--repeated must be 2 to {most}, the number of proposals, not {config.repeated}"
+            f"--repeated must be {most} or less, the number of proposals, not {config.repeated}"
         )
-    if not 2 <= config.repeats <= MOST_REPEATS:
-        raise UserError(f"--repeats must be 2 to {MOST_REPEATS}, not {config.repeats}")
-    if config.rungs is not None and config.rungs < 1:
-        raise UserError(f"--rungs must be 1 or more, not {config.rungs}")
-    if config.require_signal is not None and not 0 < config.require_signal < math.inf:
-        raise UserError(f"--require-signal must be above 0, not {config.require_signal}")
 
 
 class Rung(NamedTuple):
@@ -111,7 +107,7 @@ def rungs(config: FidelityConfig) -> list[Rung]:
 
 
 def proposals(config: FidelityConfig) -> dict[str, Proposal]:
-    """The street set by eye, random attributes, and draws with random bins, by name."""
+    """The hand-set street, random attributes, and draws with random bins, by name."""
     added = default_proposal(config.default_width, config.space), random_proposal(config.space)
     drawn = enumerate(random_bins(config, config.proposals), 1)
     return {**dict(zip(ADDED, added, strict=True)), **{f"draw-{k}": own for k, own in drawn}}
@@ -302,7 +298,7 @@ def _panel(axis: Axes, rung: Report, top: Report) -> None:
     noise = axis.errorbar(x, y, rung["noise"], top["noise"], "none", ecolor="0.8", elinewidth=0.8)
     noise.set_label("noise, 1 s.d.")
     axis.scatter(x[len(ADDED) :], y[len(ADDED) :], s=18, zorder=3, label="random bins")
-    for k, (marker, label) in enumerate((("s", "set by eye"), ("D", "random attributes"))):
+    for k, (marker, label) in enumerate((("s", "hand-set"), ("D", "random attributes"))):
         axis.scatter(x[k], y[k], s=36, marker=marker, zorder=3, label=label)
     name, rank, signal = rung["rung"], rung["rank_correlation"], rung["signal_to_noise"]
     cost = f"{rung['images']} images, {rung['core_seconds']:.0f} s a net"

@@ -15,13 +15,12 @@ import math
 import sys
 from dataclasses import dataclass
 from functools import partial
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import LearntConfig, Preset, ShareConfig, TargetName
+from experiments.config import LearntConfig, Preset, ShareConfig, TargetName, presets
+from experiments.config.cli import main
 from experiments.reward.miou import Source
 from experiments.reward.truth import WithFew, part_of
 from experiments.run.context import Run
@@ -50,7 +49,8 @@ from experiments.study.skeleton import (
 from experiments.study.stats import estimated, gain, mean, worth
 from experiments.target.base import Target
 from experiments.target.few import spread
-from shell.errors import UserError, refuse_repeats
+from shell.bounds import DISTINCT, at_least
+from shell.errors import UserError
 
 Renders = Literal["random", "default", "mixed", "learnt"]
 ALONE = "none"
@@ -58,8 +58,8 @@ ALONE = "none"
 RENDERS = {
     ALONE: "none",
     "random": "random attributes",
-    "default": "attributes set by eye",
-    "mixed": "half of them random, half by eye",
+    "default": "hand-set attributes",
+    "mixed": "half of them random, half hand-set",
     "learnt": "learnt attributes",
 }
 FIRST, SHARES = (0, 7, 14), (0.1, 0.25, 0.5, 1.0)
@@ -72,11 +72,11 @@ BESIDE = (0, 14)
 class LabelsConfig(LearntConfig, ShareConfig):
     """One study. Every field is a flag."""
 
-    counts: tuple[int, ...] | None = None
+    counts: Annotated[tuple[int, ...] | None, at_least(0), DISTINCT] = None
     """Labelled images that nets are trained on; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
-    renders: tuple[Renders, ...] | None = None
-    """What stands beside them: streets with random attributes, set by eye (default), half of either (mixed)
-    or learnt; by default learnt with --learnt, else default."""
+    renders: Annotated[tuple[Renders, ...] | None, DISTINCT] = None
+    """What stands beside them: streets with random attributes, hand-set ones (default), half of either
+    (mixed) or learnt; by default learnt with --learnt, else default."""
 
     @property
     def rendered(self) -> tuple[Renders, ...]:
@@ -94,18 +94,10 @@ def defaults(target: TargetName, preset: Preset) -> LabelsConfig:
 
 def check(config: LabelsConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if not config.rendered:
-        raise UserError("--renders needs at least one value")
-    refuse_repeats("--renders", config.rendered)
     if config.learnt is not None and LEARNT not in config.rendered:
         raise UserError(f"--learnt is of no use with --renders {' '.join(config.rendered)}")
-    if config.counts is None:
-        return
-    refuse_repeats("--counts", config.counts)
-    if sum(count > 0 for count in config.counts) < 2:
+    if config.counts is not None and sum(count > 0 for count in config.counts) < 2:
         raise UserError("--counts needs at least two numbers above 0: between them is a curve")
-    if min(config.counts) < 0:
-        raise UserError(f"--counts must be 0 or more, not {min(config.counts)}")
 
 
 def counts_of(config: LabelsConfig, target: Target) -> tuple[int, ...]:

@@ -14,16 +14,21 @@ where it was.
 
 from __future__ import annotations
 
-import math
 import sys
 from dataclasses import dataclass, replace
 from functools import partial
 from itertools import product
 from typing import Annotated, Literal
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import Fidelity, LearntConfig, Preset, TargetName, Unused, refuse_shares
+from experiments.config import (
+    Fidelity,
+    LearntConfig,
+    Preset,
+    TargetName,
+    Unused,
+    presets,
+)
+from experiments.config.cli import main
 from experiments.reward.transfer import Start, chosen_images, subsets
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
@@ -50,7 +55,8 @@ from experiments.study.skeleton import Study, do, learnt_attributes, learnt_from
 from experiments.study.stats import holm, stars, statistics, welch
 from experiments.target.base import Target, with_reward
 from scene.proposal import Streets, random_proposal
-from shell.errors import UserError, refuse_repeats
+from shell.bounds import DISTINCT, POSITIVE, at_least, within
+from shell.errors import UserError
 
 Row = Literal["scratch", "random", "learnt", "longer"]
 RENDERED = ("random", "learnt")
@@ -70,18 +76,18 @@ class PretrainConfig(LearntConfig):
     """One measurement of pre-training. Every field is a flag."""
 
     default_width: Annotated[float, *Unused] = 0.0
-    rows: tuple[Row, ...] = ("scratch", "random", "learnt")
+    rows: Annotated[tuple[Row, ...], DISTINCT] = ("scratch", "random", "learnt")
     """What nets begin with: scratch (nothing, or ImageNet weights), random, learnt (pre-trained on SceneX
     with these attributes), longer (from scratch, too, but with as many steps on the real subset first; as
     dear as pre-training for every fraction anew)."""
-    fractions: tuple[float, ...] = (0.05, 0.1, 0.25, 1.0)
+    fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (0.05, 0.1, 0.25, 1.0)
     """Shares of the reward images that nets are fine-tuned on, nested, the same for all rows of a seed."""
     learn_on: Literal["all", "share"] = "all"
     """Which labels the learnt attributes know: of all reward images, or of the share that nets are then
     fine-tuned on: a search for every fraction, and the same images of it for all seeds."""
-    finetune_steps: int | None = None
+    finetune_steps: Annotated[int | None, at_least(1)] = None
     """Updates of the fine-tuning; by default a third of --final.train.steps."""
-    finetune_lr: float | None = None
+    finetune_lr: Annotated[float | None, POSITIVE] = None
     """Highest learning rate of the fine-tuning; by default a third of --final.train.lr."""
 
 
@@ -102,16 +108,8 @@ def fine_fidelity(config: PretrainConfig) -> Fidelity:
 
 def check(config: PretrainConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if not config.rows:
-        raise UserError("--rows needs at least one value")
-    refuse_repeats("--rows", config.rows)
-    refuse_shares("--fractions", config.fractions)
     if config.learn_on == "share" and config.learnt is not None:
         raise UserError("--learn-on share searches on every share itself; leave out --learnt")
-    if config.finetune_steps is not None and config.finetune_steps < 1:
-        raise UserError(f"--finetune-steps must be 1 or more, not {config.finetune_steps}")
-    if config.finetune_lr is not None and not 0 < config.finetune_lr < math.inf:
-        raise UserError(f"--finetune-lr must be positive, not {config.finetune_lr}")
 
 
 def refuse_empty(config: PretrainConfig, target: Target) -> None:

@@ -6,8 +6,8 @@
     python -m experiments.searches --rederive runs/a/searches.json --out runs/b   # no net at all
 
 The k-th search of every method has the seed --seed + k and is what the main job with that seed and method
-does: with its --store, nothing is scored twice. Final nets of all answers, of random attributes, of the
-street set by eye and of the reward images share their seeds, and intervals are over searches and nets.
+does: with its --store, nothing is evaluated twice. Final nets of all answers, of random attributes, of the
+hand-set street and of the reward images share their seeds, and intervals are over searches and nets.
 Kill it at any moment; the same command goes on where it was.
 """
 
@@ -16,11 +16,10 @@ from __future__ import annotations
 import sys
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import FewConfig, Preset, Rederived, SearchConfig, TargetName
+from experiments.config import FewConfig, Preset, Rederived, TargetName, presets
+from experiments.config.cli import main
 from experiments.reward.miou import Source
 from experiments.run import few
 from experiments.run.context import Run, Work
@@ -46,11 +45,12 @@ from experiments.study.stats import Table, gain, less, mean, over_both
 from experiments.target.base import Target
 from scene.proposal import describe, named
 from sdr_jax.registry import MethodName
-from shell.errors import UserError, refuse_repeats
+from shell.bounds import DISTINCT, at_least
+from shell.errors import UserError
 
 BASELINES = {
     "random": "random attributes",
-    "default": "attributes set by eye",
+    "default": "hand-set attributes",
     "few": "the few labelled images alone",
     "real": "the reward images themselves",
 }
@@ -70,12 +70,12 @@ OWN: dict[Preset, dict[str, Any]] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class ManyConfig(SearchConfig, FewConfig, Rederived):
+class ManyConfig(FewConfig, Rederived):
     """One study. Every field is a flag."""
 
-    searches: int = 5
+    searches: Annotated[int, at_least(1)] = 5
     """Searches of each method, of seeds --seed, --seed + 1, ..."""
-    methods: tuple[MethodName, ...] = ("intervals", "sdr", "random_search")
+    methods: Annotated[tuple[MethodName, ...], DISTINCT] = ("intervals", "sdr", "random_search")
     """The search methods; all have the same rewards and model selection."""
 
 
@@ -86,11 +86,6 @@ def defaults(target: TargetName, preset: Preset) -> ManyConfig:
 
 def check(config: ManyConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if config.searches < 1:
-        raise UserError(f"--searches must be 1 or more, not {config.searches}")
-    if not config.methods:
-        raise UserError("--methods needs at least one of them")
-    refuse_repeats("--methods", config.methods)
     if "random_attributes" in config.methods:
         raise UserError("--methods random_attributes searches for nothing: it is the row random")
     for own in configured(config).values():
@@ -214,7 +209,7 @@ def derive(report: Report) -> Report:
 
 def _title(row: Report) -> str:
     """What the nets of a row were trained on."""
-    own = "" if row["judged"] else ", without the judge"
+    own = "" if row["judged"] else ", without model selection"
     return BASELINES.get(row["name"], f"learnt by {words(row['name'])}{own}")
 
 
@@ -227,7 +222,7 @@ COLUMNS: list[Column] = [
     ("searches", lambda row: str(row["searches"] or "")),
     *estimate("mIoU"),
     *estimate("gain over random", lambda row: row["gain_over_random"], "+.1f"),
-    *estimate("gain over by eye", lambda row: row["gain_over_default"], "+.1f"),
+    *estimate("gain over hand-set", lambda row: row["gain_over_default"], "+.1f"),
     ("of real, %", lambda row: number(row["of_real"], ".0f")),
 ]
 EACH: list[Column] = [
@@ -236,7 +231,7 @@ EACH: list[Column] = [
     ("answer", lambda search: search["chosen_candidate"]),
     ("mIoU", lambda search: number(search["learnt"])),
     estimate("over random", lambda search: search["over_random"], "+.1f")[0],
-    estimate("over by eye", lambda search: search["over_default"], "+.1f")[0],
+    estimate("over hand-set", lambda search: search["over_default"], "+.1f")[0],
     ("its method's own answer, mIoU", lambda search: number(search.get("own_answer"))),
     ("reward, first third", lambda search: number(thirds(search["rewards"])[0])),
     ("last third", lambda search: number(thirds(search["rewards"])[1])),
@@ -254,13 +249,13 @@ def text(report: Report) -> str:
         "",
         f"Every search had {report['evaluations']} rewards at {report['rewards_at']} in the space "
         f"{report['space']}; its answer was chosen on the reward images, among its method's in several "
-        "readings and the street set by eye. Intervals of methods are over searches and seeds of nets, "
+        "readings and the hand-set street. Intervals of methods are over searches and seeds of nets, "
         "both drawn at random: a two-way analysis of variance with "
         "Satterthwaite's degrees of freedom.",
         *([f"All rendered sets stand beside {beside} labelled images."] if beside else []),
         "",
         *table(COLUMNS, report["rows"]),
-        *_by_eye(searches),
+        *_hand_set(searches),
         "",
         "Every search, mIoU of its nets and rewards in percent:",
         "",
@@ -271,14 +266,14 @@ def text(report: Report) -> str:
     return "\n".join(lines)
 
 
-def _by_eye(searches: list[Report]) -> list[str]:
-    """A sentence about answers that are no gain over by eye by what they are, if there are any."""
+def _hand_set(searches: list[Report]) -> list[str]:
+    """A sentence on how many answers are the hand-set street itself, if any are."""
     counts = []
     for method in dict.fromkeys(search["method"] for search in searches):
         own = [s["chosen_candidate"] == "default" for s in searches if s["method"] == method]
         if any(own):
             counts.append(f"{sum(own)} of {len(own)} of {words(method)}")
-    return ["", f"Answers that are by eye itself: {', '.join(counts)}."] if counts else []
+    return ["", f"Answers that are hand-set: {', '.join(counts)}."] if counts else []
 
 
 def picture(report: Report) -> bytes:

@@ -14,14 +14,20 @@ from __future__ import annotations
 import sys
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import Bins, Config, Preset, Rederived, TargetName
+from experiments.config import (
+    NETS,
+    BinsConfig,
+    Preset,
+    Rederived,
+    TargetName,
+    presets,
+)
+from experiments.config.cli import main
 from experiments.reward.evaluator import Job
 from experiments.reward.miou import Outcome
 from experiments.run.context import FREE_FIELDS, PACKAGES, Run, Work, refuse_failed
@@ -47,6 +53,7 @@ from experiments.study.stats import bootstrap
 from scene.attributes import SPACES, Attribute, space_of
 from scene.version import ENGINE
 from shell import folder
+from shell.bounds import at_least
 from shell.errors import UserError
 
 SENSITIVITY_SEED = 20_000_000
@@ -68,16 +75,15 @@ ACROSS = 6
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensitivityConfig(Config, Rederived):
+class SensitivityConfig(BinsConfig, Rederived):
     """One analysis. Every field is a flag."""
 
-    search: Bins
     records: tuple[Path, ...] = ()
     """Stores of evaluations, run folders, or lines of bins and rewards; nothing is rendered."""
     records_config: str | None = None
     """Which configuration in them, by the name that experiments.store show prints; by default the one
     with the most rewards."""
-    evaluations: int = 128
+    evaluations: Annotated[int, at_least(LEAST), NETS] = 128
     """Without --records: rewards that there must be, those in --store included; the missing ones are of
     random attributes."""
 
@@ -90,8 +96,6 @@ def defaults(target: TargetName, preset: Preset) -> SensitivityConfig:
 
 def check(config: SensitivityConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if config.evaluations < LEAST:
-        raise UserError(f"--evaluations must be {LEAST} or more, not {config.evaluations}")
     if config.records_config is not None and not config.records:
         raise UserError("--records-config needs --records")
 

@@ -5,7 +5,7 @@
     python -m experiments.table --target twin --preset smoke                     # under a minute
     python -m experiments.table --rederive runs/a/table.json --out runs/b        # no net at all
 
-Training sets are SceneX with random attributes, with the street set by eye and with learnt attributes,
+Training sets are SceneX with random attributes, with the hand-set street and with learnt attributes,
 data sets of others, and the reward images themselves. Attributes are learnt first, unless
 --learnt names what an earlier run has learnt; with its --store, that run's nets are not trained again.
 Kill it at any moment; the same command goes on where it was.
@@ -18,12 +18,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
-from experiments import presets
-from experiments.cli import main
-from experiments.config import FewConfig, Fidelity, LearntConfig, Preset, TargetName, check_net
+from experiments.config import (
+    FewConfig,
+    Fidelity,
+    LearntConfig,
+    Preset,
+    TargetName,
+    check_net,
+    presets,
+)
+from experiments.config.cli import main
 from experiments.reward.miou import Source
 from experiments.run import few
 from experiments.run.context import Run
@@ -59,7 +67,8 @@ from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, cla
 from seg.data import LabelledImages, load, subset
 from seg.settings import VGG_NETS, NetName
 from seg.weights import described
-from shell.errors import UserError, refuse_repeats
+from shell.bounds import DISTINCT
+from shell.errors import UserError
 from shell.listing import list_all
 from shell.target_file import shipped
 
@@ -69,7 +78,7 @@ RENDERED = (BASELINE, EYE, LEARNT)
 """Rows whose training sets are rendered."""
 TRAINED_ON = {
     "random": "SceneX, random attributes",
-    "default": "SceneX, attributes set by eye",
+    "default": "SceneX, hand-set attributes",
     "learnt": "SceneX, learnt attributes",
     **few.TRAINED_ON,
     "gta5": "GTA5",
@@ -108,7 +117,7 @@ PAPER: dict[str, dict[str, tuple[int, float, float]]] = {
 class TableConfig(LearntConfig, FewConfig):
     """One table. Every field is a flag."""
 
-    nets: tuple[NetName, ...] = ("compact",)
+    nets: Annotated[tuple[NetName, ...], DISTINCT] = ("compact",)
     """The nets that are trained."""
     compact: Fidelity
     """The fidelity of the compact net, where that is not the final one's."""
@@ -134,9 +143,6 @@ def defaults(target: TargetName, preset: Preset) -> TableConfig:
 
 def check(config: TableConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if not config.nets:
-        raise UserError("--nets needs at least one net")
-    refuse_repeats("--nets", config.nets)
     if config.weights is not None and not set(config.nets) & set(VGG_NETS):
         raise UserError("--weights are for VGG nets; --nets names none")
     for name in config.nets:
@@ -286,7 +292,7 @@ COLUMNS: list[Column] = [
         "+.1f",
     ),
     *estimate(
-        "over by eye",
+        "over hand-set",
         lambda row: row["gain_over_default"] if row["trained_on"] not in (BASELINE, EYE) else None,
         "+.1f",
     ),

@@ -1,7 +1,9 @@
 """All that decides how a net is trained, apart from the data and the seed."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from shell.bounds import POSITIVE, at_least, at_most, check_bounds, must, within
 
 NetName = Literal["compact", "deeplabv2", "fcn8s", "lite0"]
 VGG_NETS: tuple[NetName, ...] = ("fcn8s", "deeplabv2")
@@ -13,6 +15,7 @@ LrMultipliers = Literal["none", "deeplab"]
 Dtype = Literal["float32", "bfloat16"]
 STRIDES = (1, 2, 4, 8)
 """What the distance of the pixels that a loss looks at may be."""
+_STRIDE = must(f"be one of {', '.join(map(str, STRIDES))}", STRIDES.__contains__)
 
 
 @dataclass(frozen=True)
@@ -64,13 +67,13 @@ class TrainSettings:
 
     net: NetName = "compact"
     optimizer: OptimizerName = "adam"
-    lr: float = 1e-2
-    steps: int = 200
-    batch: int = 8
-    warmup: int = 20
-    power: float = 0.9
-    momentum: float = 0.9
-    weight_decay: float = 0.0
+    lr: Annotated[float, POSITIVE] = 1e-2
+    steps: Annotated[int, at_least(1)] = 200
+    batch: Annotated[int, at_least(1)] = 8
+    warmup: Annotated[int, at_least(0), at_most(2**31 - 1)] = 20
+    power: Annotated[float, at_least(0)] = 0.9
+    momentum: Annotated[float, at_least(0)] = 0.9
+    weight_decay: Annotated[float, at_least(0)] = 0.0
     mirror: bool = True
     colour: bool = True
     mix: bool = False
@@ -78,19 +81,19 @@ class TrainSettings:
     noise: bool = False
     scale: bool = False
     weighted: bool = True
-    predict_batch: int = 16
+    predict_batch: Annotated[int, at_least(1)] = 16
     weights: str | None = None
     norm: bool = False
     lr_multipliers: LrMultipliers = "none"
-    accumulate: int = 1
+    accumulate: Annotated[int, at_least(1)] = 1
     dtype: Dtype = "float32"
     trunk: Trunk = "frozen"
-    views: int = 2
+    views: Annotated[int, at_least(1)] = 2
     head_statistics: HeadStatistics = "training"
-    loss_stride: int = 1
-    head_width: int = 64
-    head_dropout: float = 0.0
-    average: float = 0.0
+    loss_stride: Annotated[int, _STRIDE] = 1
+    head_width: Annotated[int, at_least(1)] = 64
+    head_dropout: Annotated[float, within(0, 1, "[)")] = 0.0
+    average: Annotated[float, within(0, 1, "[)")] = 0.0
 
     @property
     def frozen(self) -> bool:
@@ -104,14 +107,10 @@ def check_settings(settings: TrainSettings) -> None:
     Raises:
         ValueError: a field out of range, by name.
     """
-    if settings.steps < 1 or settings.batch < 1:
+    check_bounds(settings)
+    if settings.batch % settings.accumulate:
         raise ValueError(
-            f"steps and batch must be at least 1; got {settings.steps} and {settings.batch}"
-        )
-    if settings.accumulate < 1 or settings.batch % settings.accumulate:
-        raise ValueError(
-            f"accumulate must be at least 1 and divide the batch of {settings.batch} evenly; "
-            f"got {settings.accumulate}"
+            f"accumulate must divide the batch of {settings.batch} evenly, not {settings.accumulate}"
         )
     if settings.norm and settings.weights is not None:
         raise ValueError("norm is for training from scratch: the nets of weights have no GroupNorm")
@@ -124,21 +123,7 @@ def check_settings(settings: TrainSettings) -> None:
         raise ValueError(f'trunk is "tuned", but the net {settings.net} has no trunk; lite0 has')
     if settings.net == "lite0" and (settings.norm or settings.lr_multipliers != "none"):
         raise ValueError("norm and lr_multipliers are for the VGG nets; lite0 has rates of its own")
-    if settings.views < 1 or settings.loss_stride not in STRIDES:
-        raise ValueError(
-            f"views must be at least 1 and loss_stride one of {', '.join(map(str, STRIDES))}; "
-            f"got {settings.views} and {settings.loss_stride}"
-        )
     if settings.net != "lite0" and (
         settings.loss_stride != 1 or settings.head_statistics != "training"
     ):
         raise ValueError(f"loss_stride and head_statistics are of lite0; the net is {settings.net}")
-    if settings.head_width < 1 or not 0 <= settings.head_dropout < 1:
-        raise ValueError(
-            "head_width must be at least 1 and head_dropout in [0, 1); "
-            f"got {settings.head_width} and {settings.head_dropout}"
-        )
-    if not 0 <= settings.average < 1:
-        raise ValueError(
-            f"average, a share of the steps, must be in [0, 1); got {settings.average}"
-        )

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
 
 class UserError(ValueError):
@@ -13,3 +14,18 @@ def refuse_repeats(flag: str, values: Sequence[object]) -> None:
     """Raise UserError if a flag names one value twice."""
     if len(set(values)) < len(values):
         raise UserError(f"{flag} {' '.join(map(str, values))} names one of them twice")
+
+
+@contextmanager
+def flagged(flag: str, unless: str = "--") -> Iterator[None]:
+    """Let errors of libraries name the flag that is to blame.
+
+    Args:
+        flag: of the value.
+        unless: how messages begin that name their flag already.
+    """
+    try:
+        yield
+    except (ValueError, ImportError) as error:
+        said = str(error)
+        raise UserError(said if said.startswith(unless) else f"{flag}: {said}") from None

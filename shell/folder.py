@@ -12,9 +12,32 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from shell.errors import UserError
-from shell.files import parse_json, versions, write_json
+from shell.files import read_json, versions, write_json
 
 CONFIG, LOCK = "config.json", "lock"
+VERSION = 1
+"""Version of the layout of ``config.json``. A file without a version is of version 1."""
+
+
+def read_config(path: Path) -> dict[str, Any]:
+    """What the ``config.json`` of a folder says, without its version.
+
+    Raises:
+        UserError: it is no JSON object, or of a version that this program does not read.
+    """
+    file = path / CONFIG
+    try:
+        found = read_json(file)
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise UserError(f"{file} is no JSON object")
+    version = found.pop("version", 1)
+    if version != VERSION:
+        raise UserError(
+            f"{file} has version {json.dumps(version)}, and this program reads version {VERSION}"
+        )
+    return found
 
 
 def refuse_foreign(
@@ -32,17 +55,14 @@ def refuse_foreign(
         return
     if not path.is_dir():
         raise UserError(f"--out {path} is a file; it must be a folder")
-    stored = path / CONFIG
-    if not stored.exists():
+    if not (path / CONFIG).exists():
         if {entry.name for entry in path.iterdir()} - {LOCK, f"{CONFIG}.part", *ours}:
             raise UserError(f"--out {path} holds other files and no run; choose another")
         return
     try:
-        found = parse_json(stored.read_bytes())
-    except ValueError:
-        found = None
-    if not isinstance(found, dict):
-        raise UserError(f"{stored} is no JSON object; use another --out")
+        found = read_config(path)
+    except UserError as error:
+        raise UserError(f"{error}; use another --out") from None
     found.pop("versions", None)
     for name, mine, theirs in differences(plain(config), found):
         if name not in free:
@@ -65,7 +85,8 @@ def opened(
 
     Args:
         path: the folder.
-        config: all that decides the job; ``config.json`` holds it, with the versions of packages.
+        config: all that decides the job; ``config.json`` holds it, with its own version and those of
+            packages.
         free: dotted names of values that may differ when a job is continued.
         ours: what a folder may hold before there is a job in it.
         packages: whose versions are worth keeping.
@@ -94,7 +115,8 @@ def opened(
         refuse_foreign(path, config, free, ours)  # another process may have been first
         continued = (path / CONFIG).exists()
         if not continued:
-            write_json(path / CONFIG, {**plain(config), "versions": versions(packages)})
+            told = {"version": VERSION, **plain(config), "versions": versions(packages)}
+            write_json(path / CONFIG, told)
         yield continued
     finally:
         lock.release()

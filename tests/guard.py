@@ -26,7 +26,7 @@ from unittest.mock import patch
 import numpy as np
 
 from experiments.config import MainConfig
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.reward.miou import Recipe, evaluate_miou
 from experiments.target.twin import twin_split, twin_world
 from scene.assets.catalogue import AssetPool

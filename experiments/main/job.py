@@ -61,7 +61,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
 
 
 def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
-    """Streets of each kind with their labels: some by chance and by eye, all learnt ones, the real images."""
+    """Streets of each kind with their labels: some random and hand-set, all learnt ones, the real images."""
     config, fidelity = run.config, recipe.fidelity
     some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
     sets = {}

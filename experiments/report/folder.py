@@ -15,7 +15,7 @@ from experiments.study.form import Report
 from scene.attributes import SPACES, Attribute, space_of
 from shell.errors import UserError
 from shell.files import read_json
-from shell.folder import CONFIG
+from shell.folder import CONFIG, read_config
 from shell.lines import JsonLines, Record
 
 SUMMARY = "summary.json"
@@ -64,7 +64,7 @@ def read(path: Path, report: Report | None = None) -> RunFolder:
     Raises:
         UserError: it is no folder of a finished run of the main job, with what it is instead.
     """
-    config = _object(path / CONFIG) if (path / CONFIG).is_file() else None
+    config = read_config(path) if (path / CONFIG).is_file() else None
     if config is None:
         what = "no such folder" if not path.is_dir() else f"no run folder; it holds no {CONFIG}"
         raise UserError(f"{path}: {what}; name the --out of a run")

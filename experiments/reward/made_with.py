@@ -1,7 +1,7 @@
 """With what nets are made, beside all that they are told: JAX's backend, and versions of libraries.
 
 Initial parameters come from a generator that differs between backends and may between versions. Workers
-compute with one thread, and so does the main process (`experiments.cli`): their number decides nothing.
+compute with one thread, and so does the main process (`config.cli`): their number decides nothing.
 """
 
 from __future__ import annotations

@@ -18,7 +18,7 @@ FEW = "few"
 TRAINED_ON = {
     FEW: "the few labelled images alone",
     "few+random": "the few and random attributes",
-    "few+default": "the few and attributes set by eye",
+    "few+default": "the few and hand-set attributes",
     "few+learnt": "the few and learnt attributes",
 }
 """What the nets of these rows were trained on."""

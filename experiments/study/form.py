@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from experiments.config import Fidelity
+from experiments.config import Fidelity, NetsConfig
 from experiments.reward.miou import Outcome
 from experiments.run.context import Run
 from experiments.study.stats import mean
@@ -84,7 +84,7 @@ def about(run: Run[Any], fidelity: Fidelity) -> Report:
         "preset": config.preset,
         "reward_images": len(target.reward_names),
         "test_images": len(target.test_names),
-        "seeds": getattr(config, "seeds", None),
+        "seeds": config.seeds if isinstance(config, NetsConfig) else None,
         "scored_at": fidelity.size,
         "starts": [start] if (start := described(fidelity.train)) else [],
         "classes": list(class_table(target.table).classes),

@@ -16,12 +16,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, Generic, NamedTuple
 
-from experiments.config import Fidelity, LearntConfig, SearchConfig, read_attributes
+from experiments.config import Fidelity, LearntConfig, Rederived, SearchConfig, read_attributes
 from experiments.config import check as check_flags
-from experiments.limits import refuse_too_large
 from experiments.reward.miou import Outcome, Source
 from experiments.run.context import AnyConfig, Run, Work, opened
 from experiments.run.ladder import cost_of, training_cost
@@ -64,9 +62,8 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
         UserError, DataError: what a user can get wrong.
         WorkerError: worker processes keep dying.
     """
-    rederive: Path | None = getattr(config, "rederive", None)
-    if rederive is not None:
-        report = rewrite(study.form, rederive, config.out)
+    if isinstance(config, Rederived) and config.rederive is not None:
+        report = rewrite(study.form, config.rederive, config.out)
         print(study.form.text(report), flush=True)
         return report
     check(study, config)
@@ -92,7 +89,6 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
 
 def check(study: Study[AnyConfig], config: AnyConfig) -> None:
     """Raise UserError for a configuration that the job cannot work with, by flag."""
-    refuse_too_large(config)
     check_flags(config)
     if isinstance(config, LearntConfig) and config.learnt is not None:
         read_attributes("--learnt", config.learnt, config.space)

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from experiments.config import Config
+from experiments.config import Config, FewConfig
 from experiments.target.base import SIZES, Sides, Target
 from seg.classes import IGNORE_LABEL, class_table
 from seg.data import LabelledImages
@@ -27,7 +27,7 @@ def with_few(target: Target, config: Config) -> Target:
     Raises:
         UserError: there are not so many, or none is left on one of the sides.
     """
-    few: int | float | None = getattr(config, "few", None)
+    few = config.few if isinstance(config, FewConfig) else None
     if few is None:
         return target
     names, sequences = target.reward_names, target.reward_sequences

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from experiments.config import Config
-from experiments.presets import VARIABLES
+from experiments.config import Config, MainConfig
+from experiments.config.presets import VARIABLES
 from experiments.target.base import SIZES, Sides, Target, two_sides
 from experiments.target.few import with_few
 from experiments.target.real import real_target
@@ -38,7 +38,7 @@ def _twin(config: Config, workers: Workers) -> Target:
     """The embedded stand-in; see ``twin``."""
     if config.holdout or config.test_split:
         raise UserError("--holdout and --test-split need --data: the twin has no such names")
-    if getattr(config, "unlabelled", None):
+    if isinstance(config, MainConfig) and config.unlabelled is not None:
         raise UserError("--unlabelled needs --data: nothing real is like the twin")
     if config.asset_count is not None and config.asset_count >= FIRST_ASSET:
         raise UserError(

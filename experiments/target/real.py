@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.config import Config
+from experiments.config import Config, MainConfig, RewardConfig
 from experiments.target.base import SIZES, Sides, Target, refuse_overlap, two_sides
 from seg.classes import IGNORE_LABEL
 from seg.data import (
@@ -41,14 +41,14 @@ def real_target(name: str, config: Config, data: Path) -> Target:
     reward, test, where = _sides(files, data, config.test_split or REPORTED[name], config)
     # The same for every --seed: a study's searches share their target with the main job of each one's seed.
     test = subset(test, config.test_images)
-    unlabelled: Path | None = getattr(config, "unlabelled", None)
+    unlabelled = config.unlabelled if isinstance(config, MainConfig) else None
     if unlabelled is not None:
         # No label is read, nor is there a place for one.
         reward = tuple(Entry(p.stem, "", p, p) for p in list_unlabelled(unlabelled))
     reward = subset(reward, config.reward_images)
     refuse_overlap([e.name for e in reward], [e.name for e in test])
     # What gives -MMD^2 needs no labels, even where there are some.
-    scored = getattr(config, "reward_kind", "miou") == "miou"
+    scored = not isinstance(config, RewardConfig) or config.reward_kind == "miou"
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:
@@ -106,5 +106,5 @@ def _void(entries: Sequence[Entry], size: tuple[int, int]) -> LabelledImages:
     """Images without labels as a set whose every pixel is void."""
     images = load_unlabelled([e.image_path for e in entries], size)
     labels = np.full(images.shape[:3], IGNORE_LABEL, np.uint8)
-    names, sequences = (tuple(getattr(e, f) for e in entries) for f in ("name", "sequence"))
+    names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
     return LabelledImages(images, labels, names, sequences)

@@ -23,9 +23,9 @@ from seg.classes import class_table
 from seg.data import LabelledImages
 
 PRIOR_STD = 0.12
-"""Near: hidden centres are normal around the street set by eye, with this standard deviation (unit)."""
+"""Near: hidden centres are normal around the hand-set street, with this standard deviation (unit)."""
 FAR = (0.1, 0.9)
-"""Far: hidden centres are uniform in this range (unit), whatever the street set by eye is."""
+"""Far: hidden centres are uniform in this range (unit), whatever the hand-set street is."""
 FAR_CAMERA = {"camera_position_y": (1.0, 2.5), "camera_rotation_x": (-8.0, 8.0)}
 """But these in ranges of their own (m, deg), so that the camera sees a street."""
 HIDDEN_WIDTH = 0.15

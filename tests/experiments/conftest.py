@@ -18,10 +18,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from experiments.cli import main
 from experiments.config import MainConfig
+from experiments.config.cli import main
+from experiments.config.presets import PRESETS, TARGETS, defaults
 from experiments.main.job import MAIN
-from experiments.presets import PRESETS, TARGETS, defaults
 from experiments.reward.miou import Outcome, Recipe, Source
 from experiments.reward.truth import WithFew, rendered_of
 from experiments.study.skeleton import do

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments import ablation as job
-from experiments import presets
-from experiments.presets import CAMVID_GROUPS
+from experiments.config import presets
+from experiments.config.presets import CAMVID_GROUPS
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from shell.files import read_json

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.config import MainConfig
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.reward import evaluator, mmd, store
 from experiments.reward.miou import Outcome, attempt, worker_environment
 from experiments.reward.store import (

@@ -12,17 +12,18 @@ import pytest
 import tyro
 
 from experiments import table
-from experiments.cli import main
 from experiments.config import Fidelity, MainConfig, check, fidelities, make_space, start_of
-from experiments.main.job import MAIN
-from experiments.presets import (
+from experiments.config.cli import main
+from experiments.config.presets import (
     CAMVID_GROUPS,
     CITYSCAPES_GROUPS,
     PRESETS,
+    TABLES,
     TARGETS,
     defaults,
     in_space,
 )
+from experiments.main.job import MAIN
 from experiments.run.learn import plan_of
 from experiments.study.skeleton import check as refuse_wrong
 from experiments.study.skeleton import do
@@ -87,6 +88,22 @@ def test_the_paper_preset_has_the_papers_numbers(target):
         assert (net.net, net.optimizer, net.lr, net.batch) == ("deeplabv2", "sgd", 5e-4, 4)
         assert (net.momentum, net.weight_decay, net.power, net.warmup) == (0.9, 1e-4, 0.9, 0)
         assert (net.mirror, net.colour, net.blur, net.weighted) == (True, False, False, False)
+
+
+def unknown(kind: type, values: dict) -> list[str]:
+    """What a table says of fields that a configuration lacks."""
+    hints = get_type_hints(kind)
+    inner = [n for k, v in values.items() if isinstance(v, dict) for n in unknown(hints[k], v)]
+    return [name for name in values if name not in hints and name != "recipe"] + inner
+
+
+def test_the_tables_of_presets_name_fields_that_there_are():
+    assert unknown(table.TableConfig, {"final": {"train": {"step": 3}}, "sets": 1}) == [
+        "sets",
+        "step",
+    ]
+    for _, _, values in TABLES:
+        assert unknown(table.TableConfig, values) == []
 
 
 @by_preset
@@ -178,12 +195,12 @@ SIZES = ("--reward.streets", "--reward.shots", "--final.samples", "--final.train
     (["--asset-fraction", "0"], ["--asset-fraction", "(0, 1]"]),
     (["--asset-use", "own"], ["--asset-use 'own'", "folder"]),
     (["--assets", "/no/such"], ["--assets", "/no/such", "not there"]),
-    (["--seed", str(2**31)], ["--seed", "less than"]),
+    (["--seed", str(2**31)], ["--seed", "2147483647 or less"]),
     (["--asset-count", "2000000"], ["--asset-count", "1,000,000 or less"]),
-    (["--search.bins", "1001"], ["--search.bins", "2..1000"]),
+    (["--search.bins", "1001"], ["--search.bins", "1000 or less"]),
     *(([flag, str(10**12)], [flag, " of memory for ", "is the most"]) for flag in SIZES),
     (["--seeds", str(10**400)], ["--seeds", "more than 4,000 PB"]),
-    (["--reward.train.warmup", str(10**12)], ["--reward.train.warmup", "less than"]),
+    (["--reward.train.warmup", str(10**12)], ["--reward.train.warmup", "2147483647 or less"]),
     (["--default-width", "1.5"], ["--default-width", "[0, 1]"]),
     (["--holdout", "ulm"], ["--holdout", "--data", "twin"]),
     (["--test-split", "val"], ["--test-split", "--data", "twin"]),

@@ -47,7 +47,7 @@ def test_labels_that_renders_are_worth_by_hand():
     assert by[14, "default"]["of_all"] == pytest.approx(100 * 34 / 35)
     text = FORM.text(found)
     assert "alone are worth 10 labelled images" in text
-    assert "| 14 | attributes set by eye | 34.0 |" in text and "+4.0" in text
+    assert "| 14 | hand-set attributes | 34.0 |" in text and "+4.0" in text
     beyond = report({7: 20, 14: 30}, {0: 5, 14: 40})
     ends = [(end["labels"], end["bound"]) for end in beyond["worth"]]
     assert ends == [(7, "at most"), (14, "at least")]
@@ -130,7 +130,7 @@ def test_renders_may_be_half_random_and_half_by_eye(reported):
     assert (
         sum(isinstance(each, Mixture) and describe(each) == describe(own) for each in renders) == 6
     )
-    assert "| 0 | half of them random, half by eye |" in words
+    assert "| 0 | half of them random, half hand-set |" in words
 
 
 def test_every_net_sees_its_labels_and_pairs_share_them(reported):

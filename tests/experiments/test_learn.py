@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import stats
 
-from experiments import presets
-from experiments.config import SEED_END, MainConfig, check, offered
-from experiments.presets import defaults
+from experiments.config import SEED_END, MainConfig, check, offered, presets
+from experiments.config.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.run import judge, ladder
 from experiments.run.context import opened

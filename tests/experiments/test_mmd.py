@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.config import MainConfig, check
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.reward.evaluator import Evaluator, Job, Memory, about
 from experiments.reward.miou import Recipe, render
 from experiments.reward.mmd import FILE, FeatureNet, evaluate_mmd, feature_net

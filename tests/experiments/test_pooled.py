@@ -11,7 +11,7 @@ import pytest
 
 import sdr_jax
 from experiments.config import MainConfig, check
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.reward.store import identity
 from experiments.reward.truth import Shared, StreetPool, Subset, WithFew, loaded

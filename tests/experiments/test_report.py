@@ -203,6 +203,7 @@ def test_the_rewards_of_a_search_by_pools_are_of_subsets_of_streets(run):
     ({"config.json": {}}, "that run is not at its end"),
     ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of experiments.labels, whose report"),
     ({"config.json": [], "summary.json": {}}, "config.json is no JSON object"),
+    ({"config.json": {"version": 2}, "summary.json": {}}, "config.json has version 2, and this program"),
     ({"config.json": {}, "summary.json": {"nets": 3}}, "does not hold what a run writes"),
 ])  # fmt: skip
 def test_a_folder_that_is_no_finished_run_is_refused(left, complaint, tmp_path, error_line):

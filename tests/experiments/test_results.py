@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 import tyro
 
-from experiments import presets
+from experiments.config import presets
 from experiments.results import __main__ as command
 from experiments.results import making
 from experiments.results import parts as results

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from experiments.config import MainConfig
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.reward.made_with import made_with
 from experiments.reward.miou import Recipe, trained, worker_environment
 from experiments.reward.mmd import train_features
@@ -46,7 +46,7 @@ def fails(error_line, camvid):
 def test_a_folder_says_everything_needed_to_repeat_the_run(tiny_camvid):
     with context.opened(tiny_camvid):
         stored = json.loads((tiny_camvid.out / "config.json").read_text())
-    assert set(stored.pop("versions")) >= {"sdr-jax"}
+    assert set(stored.pop("versions")) >= {"sdr-jax"} and stored.pop("version") == 1
     own = {"engine": context.ENGINE, "made_with": dict(made_with())}
     assert stored == plain({**own, **asdict(tiny_camvid)})
 
@@ -104,9 +104,9 @@ def test_nets_are_the_same_in_a_worker_and_in_the_main_process():
     # Where there is more than one core.
     code = (
         "from functools import partial\n"
-        "from experiments.cli import main\n"
+        "from experiments.config.cli import main\n"
         "from experiments.config import MainConfig\n"
-        "from experiments.presets import defaults\n"
+        "from experiments.config.presets import defaults\n"
         "from tests.experiments.test_run import gradient\n"
         "work = lambda config: print(gradient())\n"
         "main('camvid', partial(defaults, MainConfig), work, '', (), target='camvid')\n"

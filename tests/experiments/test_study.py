@@ -9,7 +9,7 @@ import pytest
 from PIL import Image
 
 from experiments.config import LearntConfig, read_attributes
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.reward.store import LOGS, Log
 from experiments.run.context import Work, opened, plan_text
@@ -143,7 +143,7 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("pretrain", ("--finetune-steps", "0"), "--finetune-steps must be 1 or more"),
     ("pretrain", ("--finetune-lr", "-1"), "--finetune-lr must be positive"),
     ("assets", ("--images", "3"), "--images must be multiples of --final.shots 2"),
-    ("assets", ("--images", "0"), "--images must be multiples of --final.shots 2"),
+    ("assets", ("--images", "0"), "--images must be 1 or more, not 0"),
     ("assets", ("--images", "4", "4"), "--images 4 4 names one of them twice"),
     ("assets", ("--fractions", "0.5", "0.5"), "--fractions 0.5 0.5 names one of them twice"),
     ("assets", ("--fractions", "0"), "--fractions must lie in (0, 1], not 0"),
@@ -168,14 +168,15 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
     ("compare", ("--subsets", "all", ",".join(NAMES)), "names one of them twice"),
     ("compare", ("--subsets",), "--subsets needs at least one"),
     ("compare", ("--groups", "car_position"), "--groups: in no group"),
-    ("compare", ("--evaluations", "0"), "multiple of --search.datasets-per-update 2, not 0"),
+    ("compare", ("--evaluations", "0"), "--evaluations must be 1 or more, not 0"),
+    ("compare", ("--evaluations", "3"), "multiple of --search.datasets-per-update 2, not 3"),
     ("compare", ("--subsets", "all", "--methods", "sdr"), "too few for sdr on 23 attributes: 6 groups"),
     ("fidelity", ("--proposals", "1"), "--proposals must be 2 or more"),
-    ("fidelity", ("--repeated", "9"), "--repeated must be 2 to 5"),
-    ("fidelity", ("--repeats", "1"), "--repeats must be 2"),
+    ("fidelity", ("--repeated", "9"), "--repeated must be 5 or less, the number of proposals, not 9"),
+    ("fidelity", ("--repeats", "1"), "--repeats must lie in [2, "),
     ("fidelity", ("--rungs", "0"), "--rungs must be 1 or more"),
-    ("fidelity", ("--require-signal", "0"), "--require-signal must be above 0"),
-    ("fidelity", ("--require-signal", "nan"), "--require-signal must be above 0"),
+    ("fidelity", ("--require-signal", "0"), "--require-signal must be positive"),
+    ("fidelity", ("--require-signal", "nan"), "--require-signal must be positive"),
     ("fidelity", ("--search.relaxation", "2"), "--search.relaxation must lie in [0, 1]"),
     ("fidelity", ("--default-width", "2"), "--default-width must lie in [0, 1]"),
     ("fidelity", ("--target", "cityscapes", "--data", "None"), "Cityscapes needs its folder"),

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from experiments.config import MainConfig
+from experiments.config.presets import defaults
 from experiments.main.summary import derive, scores, text
-from experiments.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.run.judge import select
 from experiments.run.learn import Learnt

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from experiments.config import MainConfig
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.run.learn import judged_on
 from experiments.target.base import refuse_overlap
 from experiments.target.named import named_target

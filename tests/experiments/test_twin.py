@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.config import MainConfig
-from experiments.presets import defaults
+from experiments.config.presets import defaults
 from experiments.target import named, real, twin
 from experiments.target.base import with_reward
 from experiments.target.named import named_target

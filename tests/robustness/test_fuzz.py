@@ -22,8 +22,7 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from experiments import cli, presets
-from experiments.config import MainConfig
+from experiments.config import MainConfig, cli, presets
 from experiments.main.job import MAIN
 from experiments.study.skeleton import check
 from scene import AssetPool, sample_street, street_params

@@ -129,10 +129,11 @@ def test_arrays_that_do_not_fit(images, labels, message):
 
 
 @pytest.mark.parametrize(("change", "message"), [
-    ({"steps": 0}, "steps and batch must be at least 1"),
-    ({"batch": 0}, "steps and batch must be at least 1"),
-    ({"accumulate": 0}, "accumulate must be at least 1 and divide the batch of 2 evenly; got 0"),
-    ({"batch": 4, "accumulate": 3}, "divide the batch of 4 evenly; got 3"),
+    ({"steps": 0}, "steps must be 1 or more, not 0"),
+    ({"lr": 0.0}, "lr must be positive, not 0.0"),
+    ({"batch": 0}, "batch must be 1 or more, not 0"),
+    ({"accumulate": 0}, "accumulate must be 1 or more, not 0"),
+    ({"batch": 4, "accumulate": 3}, "accumulate must divide the batch of 4 evenly, not 3"),
     ({"weights": "vgg16.npz"}, "which the net compact does not have"),
     ({"net": "fcn8s", "weights": "vgg16.npz", "norm": True}, "norm is for training from scratch"),
     ({"trunk": "tuned"}, '"tuned", but the net compact has no trunk; lite0'),
@@ -140,13 +141,13 @@ def test_arrays_that_do_not_fit(images, labels, message):
     (LITE0 | {"weights": "vgg16.npz"}, "the net lite0 does not have in it; its own come with it"),
     (LITE0 | {"norm": True}, "lite0 has rates of its own"),
     (LITE0 | {"lr_multipliers": "deeplab"}, "lite0 has rates of its own"),
-    (LITE0 | {"views": 0}, "views must be at least 1"),
-    (LITE0 | {"loss_stride": 3}, "loss_stride one of 1, 2, 4, 8; got 2 and 3"),
+    (LITE0 | {"views": 0}, "views must be 1 or more, not 0"),
+    (LITE0 | {"loss_stride": 3}, "loss_stride must be one of 1, 2, 4, 8, not 3"),
     ({"loss_stride": 2}, "are of lite0; the net is compact"),
-    (LITE0 | {"head_width": 0}, "head_width must be at least 1"),
-    (LITE0 | {"head_dropout": 1.0}, r"head_dropout in \[0, 1\)"),
-    ({"average": 1.0}, r"average, a share of the steps, must be in \[0, 1\); got 1\.0"),
-    ({"average": -0.1}, r"must be in \[0, 1\); got -0\.1"),
+    (LITE0 | {"head_width": 0}, "head_width must be 1 or more, not 0"),
+    (LITE0 | {"head_dropout": 1.0}, r"head_dropout must lie in \[0, 1\), not 1\.0"),
+    ({"average": 1.0}, r"average must lie in \[0, 1\), not 1\.0"),
+    ({"average": -0.1}, r"average must lie in \[0, 1\), not -0\.1"),
 ])  # fmt: skip
 def test_settings_that_make_no_sense(change, message):
     images, labels = toy()

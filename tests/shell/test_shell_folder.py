@@ -45,7 +45,7 @@ def test_a_new_folder_says_everything_needed_to_repeat_the_job(tmp_path):
     out = tmp_path / "runs" / "new"
     assert began(out, packages=["none"])
     stored = json.loads((out / "config.json").read_text())
-    assert stored == {**plain(JOB), "versions": {"none": "not installed"}}
+    assert stored == {"version": 1, **plain(JOB), "versions": {"none": "not installed"}}
     assert stored["data"] == "/data" and stored["names"] == ["argmax", "spread"]
 
 
@@ -98,6 +98,27 @@ def test_a_folder_killed_at_its_birth_is_taken_and_one_of_other_things_is_not(ou
     assert "holds other files and no run" in refused(out)
     assert began(out, ours=("mine",))
     assert {path.name for path in out.iterdir()} == {"config.json", "lock", "mine"}
+
+
+def test_a_folder_from_before_there_were_versions_is_continued(out):
+    assert began(out)
+    stored = json.loads((out / "config.json").read_text())
+    assert stored.pop("version") == 1
+    (out / "config.json").write_text(json.dumps(stored))
+    before = (out / "config.json").read_bytes()
+    assert not began(out) and (out / "config.json").read_bytes() == before
+    assert "seed = 0, not 3" in refused(out, {**JOB, "seed": 3})
+
+
+@pytest.mark.parametrize("version", [0, 2, "1", None])
+def test_a_version_that_nobody_reads_is_refused(out, version):
+    assert began(out)
+    stored = json.loads((out / "config.json").read_text())
+    (out / "config.json").write_text(json.dumps({**stored, "version": version}))
+    said = refused(out)
+    assert (
+        f"config.json has version {json.dumps(version)}, and this program reads version 1" in said
+    )
 
 
 @pytest.mark.parametrize("text", ["{", "[]", "", "\xff"])

@@ -4,36 +4,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
 
-from experiments.config import Config, Fidelity, fidelities
+from experiments.config.config import RECORD, Config, GroupsConfig, fidelities
+from experiments.config.options import Fidelity, Search, SearchOptions
 from scene.render.protocol import MAX_PIXELS, refuse_large_images, refuse_many_shots
-from scene.workers import refuse_many_workers
 from seg.augment import DRAWS
-from shell.errors import UserError
 from shell.memory import refuse_larger
 
-COUNTS = ("seeds", "candidate_seeds", "evaluations", "proposals", "repeats", "repeated")
-"""Fields that count nets."""
 PIXEL, FEATURES, SCORES = 4, 3.6, 4 * (3 + 11)
 """Bytes of a pixel: its colour and label; what a frozen trunk sees in it; in training, colour and the scores
 of the fewest classes in single precision."""
-MOST_BINS = 1000
-"""More would only take time: a bin is a thousandth of an attribute's range."""
-RECORD = 1000
-"""Bytes of what is kept of a net."""
 
 
 def refuse_too_large(config: Config) -> None:
     """Raise UserError for a size that this machine cannot hold; names flag, memory and bound."""
-    refuse_many_workers("--workers", config.workers)
     for name, fidelity in fidelities(config).items():
         _refuse_fidelity(f"--{name}", fidelity)
-    for name in COUNTS:
-        value = getattr(config, name, None)
-        if value is not None:
-            refuse_larger(f"--{name.replace('_', '-')}", value, _times(RECORD), "records of nets")
-    _refuse_search(getattr(config, "search", None))
+    if isinstance(config, GroupsConfig):
+        _refuse_search(config.search)
 
 
 def _times(each: float) -> Callable[[int], int]:
@@ -51,10 +39,9 @@ def _refuse_fidelity(flag: str, fidelity: Fidelity) -> None:
     refuse_larger(
         f"{flag}.streets", fidelity.streets, _times(fidelity.shots * pixels * PIXEL), dataset
     )
-    batch = f"a batch of {fidelity.size}"
-    for name in ("batch", "predict_batch"):
-        words = f"{flag}.train.{name.replace('_', '-')}"
-        refuse_larger(words, getattr(train, name), _times(pixels * SCORES), batch)
+    scores, batch = _times(pixels * SCORES), f"a batch of {fidelity.size}"
+    refuse_larger(f"{flag}.train.batch", train.batch, scores, batch)
+    refuse_larger(f"{flag}.train.predict-batch", train.predict_batch, scores, batch)
     step = 4 * (train.batch * (DRAWS + 1) + 1)
     refuse_larger(f"{flag}.train.steps", train.steps, _times(step), "random numbers")
     if train.frozen:
@@ -65,14 +52,10 @@ def _refuse_fidelity(flag: str, fidelity: Fidelity) -> None:
         refuse_larger(f"{flag}.train.head-width", train.head_width, head, "features of a batch")
 
 
-def _refuse_search(search: Any) -> None:
-    if search is None:
-        return
-    updates, datasets = (
-        getattr(search, n, 1) for n in ("updates_per_group", "datasets_per_update")
-    )
-    if search.bins > MOST_BINS:
-        raise UserError(f"--search.bins must lie in 2..{MOST_BINS}, not {search.bins}")
+def _refuse_search(search: SearchOptions) -> None:
     # A model compares the datasets of an update pair by pair.
+    datasets = search.datasets_per_update
     refuse_larger("--search.datasets-per-update", datasets, lambda n: n * (n + RECORD), "records")
-    refuse_larger("--search.updates-per-group", updates, _times(datasets * RECORD), "records")
+    if isinstance(search, Search):
+        updates = search.updates_per_group
+        refuse_larger("--search.updates-per-group", updates, _times(datasets * RECORD), "records")

@@ -7,12 +7,12 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import tyro
 
-from experiments.config import Preset, TargetName, TwinName
-from experiments.presets import in_space
-from experiments.run.context import AnyConfig
+from experiments.config.config import AnyConfig, Preset, TargetName, TwinName, fidelities
+from experiments.config.presets import in_space
 from scene.attributes import SpaceName
 from scene.render import RendererError
 from scene.workers import WorkerError
@@ -20,17 +20,6 @@ from seg.recipes import with_net
 from seg.settings import NetName, Trunk
 from shell.command import DEBUG, called, exit_code
 from shell.errors import UserError
-
-
-@dataclass(frozen=True)
-class _Choice:
-    """What decides the defaults of all other flags."""
-
-    preset: Preset = "quick"
-    target: TargetName = "twin"
-    data: Path | None = None
-    twin: TwinName = "near"
-    space: SpaceName | None = None
 
 
 @dataclass(frozen=True)
@@ -46,22 +35,28 @@ class _Fidelity:
 
 
 @dataclass(frozen=True)
-class _Nets:
-    """What decides the defaults of a net's training."""
+class _Choice:
+    """What decides the defaults of all other flags."""
 
+    preset: Preset = "quick"
+    target: TargetName = "twin"
+    data: Path | None = None
+    twin: TwinName = "near"
+    space: SpaceName | None = None
     reward: _Fidelity = _Fidelity()
     final: _Fidelity = _Fidelity()
 
 
-def _with_nets(default: AnyConfig, arguments: Sequence[str]) -> AnyConfig:
-    """Defaults with the recipes of the nets that the arguments name."""
-    nets, _ = tyro.cli(_Nets, args=arguments, return_unknown_args=True, add_help=False)
-    for name, named in vars(nets).items():
-        changes = {key: value for key, value in vars(named.train).items() if value is not None}
-        fidelity = getattr(default, name, None)
-        if fidelity is not None and changes:
-            own = replace(fidelity, train=with_net(fidelity.train, **changes))
-            default = replace(default, **{name: own})
+def _with_nets(default: AnyConfig, choice: _Choice) -> AnyConfig:
+    """Defaults with the recipes of the nets that are chosen."""
+    chosen = {"reward": choice.reward, "final": choice.final}
+    for name, fidelity in fidelities(default).items():
+        named = vars(chosen[name].train) if name in chosen else {}
+        changes = {key: value for key, value in named.items() if value is not None}
+        if changes:
+            train = with_net(fidelity.train, **changes)
+            own: dict[str, Any] = {name: replace(fidelity, train=train)}
+            default = replace(default, **own)
     return default
 
 
@@ -111,7 +106,7 @@ def main(
         default = in_space(defaults(chosen, choice.preset), space)
         others = ("--preset", *(["--data DIR"] if with_data else [] if target else ["--target"]))
         words = (name, choice.preset) if target else (name, chosen, choice.preset)
-        default = _with_nets(replace(default, out=Path("runs") / "-".join(words)), arguments)
+        default = _with_nets(replace(default, out=Path("runs") / "-".join(words)), choice)
         config = tyro.cli(
             type(default),
             prog=called(f"experiments.{name}"),

@@ -1,0 +1,157 @@
+"""What is refused: fields out of their bounds, sizes without memory, fields that do not fit together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from experiments.config.config import (
+    OF_OTHERS,
+    OF_POOL,
+    Candidate,
+    Config,
+    FewConfig,
+    GroupsConfig,
+    MainConfig,
+    RewardConfig,
+    SearchConfig,
+    ShareConfig,
+    fidelities,
+)
+from experiments.config.limits import refuse_too_large
+from experiments.config.method import make_method, make_space
+from experiments.config.options import Fidelity
+from scene.assets.catalogue import check_pool
+from scene.render import check_settings
+from seg.beside import drawn
+from seg.nets.lite0 import SMALLEST
+from seg.settings import check_settings as check_train_settings
+from seg.weights import check as check_weights
+from shell.bounds import check_bounds
+from shell.errors import UserError, flagged
+
+
+def check(config: Config) -> None:
+    """Refuse what no job can work with, by flag; files are looked at only where weights are named.
+
+    Raises:
+        UserError: a field out of its bounds, a size that needs too much memory, or fields that do not fit
+            together.
+    """
+    check_bounds(config, "--")
+    refuse_too_large(config)
+    for kind, refuse in _RELATIONS:
+        if isinstance(config, kind):
+            refuse(config)
+
+
+def _check_target(config: Config) -> None:
+    if config.twin == "far" and config.target != "twin":
+        raise UserError(f"--twin far needs --target twin, not {config.target}")
+    with flagged("--assets", "--asset"):
+        check_pool(config.pool, "--asset-")
+    for name, fidelity in fidelities(config).items():
+        _check_fidelity(f"--{name}", fidelity)
+
+
+def _check_fidelity(flag: str, fidelity: Fidelity) -> None:
+    if fidelity.width % 8 or fidelity.height % 8:
+        raise UserError(
+            f"{flag}.width and {flag}.height must be multiples of 8, not {fidelity.size}"
+        )
+    with flagged(flag):
+        check_settings(fidelity.render_settings())
+    check_net(flag, f"{flag}.train", fidelity)
+
+
+def check_net(flag: str, train_flag: str, fidelity: Fidelity) -> None:
+    """Raise UserError for a size, settings or weights that do not fit the net, by flag."""
+    train = fidelity.train
+    if train.net == "lite0" and min(fidelity.width, fidelity.height) < SMALLEST:
+        raise UserError(
+            f"{flag}: images of {fidelity.size} are too small for lite0, which needs "
+            f"{SMALLEST} pixels in width and height"
+        )
+    with flagged(train_flag):
+        check_train_settings(train)
+    check_weights(train, 1)  # of any number of classes: the last layer is not among them
+
+
+def _check_search(config: GroupsConfig) -> None:
+    search, pool = config.search, config.search.pool
+    if pool.subset > pool.streets:
+        raise UserError(
+            f"--search.pool.subset {pool.subset} is more than the {pool.streets} streets of "
+            "--search.pool.streets that it is taken from"
+        )
+    if search.baseline == "leave_one_out" and search.datasets_per_update < 2:
+        raise UserError(
+            "--search.baseline leave_one_out needs --search.datasets-per-update 2 or more"
+        )
+
+
+def _check_reward(config: RewardConfig) -> None:
+    if config.reward_kind == "mmd" and min(config.reward.images, config.final.images) < 2:
+        raise UserError("--reward-kind mmd needs fidelities of at least 2 images")
+
+
+def _check_answer(config: SearchConfig) -> None:
+    if isinstance(config, MainConfig) and config.unlabelled and config.reward_kind != "mmd":
+        raise UserError("--unlabelled needs --reward-kind mmd: mIoU needs labels")
+    if not offered(config):
+        own = OF_POOL if config.search.method == "pool" else OF_OTHERS
+        raise UserError(
+            f"--candidates {' '.join(config.candidates)}: --method {config.search.method} has "
+            f"{', '.join(own)}, random and default"
+        )
+    if config.search.method == "pool":
+        _check_pool(config)
+    if config.reward_kind == "mmd" and config.search.squared_reward:
+        raise UserError("--search.squared-reward needs --reward-kind miou: squares have no sign")
+    make_method(config, config.search.method, make_space(config), 1)
+
+
+def offered(config: SearchConfig) -> tuple[Candidate, ...]:
+    """Those of the configuration's candidates that its method has."""
+    absent = OF_OTHERS if config.search.method == "pool" else OF_POOL
+    return tuple(name for name in config.candidates if name not in absent)
+
+
+def _check_pool(config: SearchConfig) -> None:
+    if config.reward_kind != "miou":
+        raise UserError("--method pool needs --reward-kind miou")
+    if not config.reward.train.frozen:
+        train = config.reward.train
+        kind = "a tuned trunk" if train.net == "lite0" else f"the net {train.net}"
+        raise UserError(
+            f"--method pool keeps the features of a frozen trunk, and --reward.train has {kind}; use "
+            "--reward.train.net lite0 --reward.train.trunk frozen, or another --method"
+        )
+
+
+def _check_few(config: FewConfig) -> None:
+    if config.few is not None and config.reward_kind == "mmd":
+        raise UserError("--few needs rewards of labelled images: --reward-kind miou")
+
+
+def _check_share(config: ShareConfig) -> None:
+    for name, fidelity in fidelities(config).items():
+        train = fidelity.train
+        images = train.steps * train.batch
+        if drawn(config.few_share, images) in (0, images):
+            what = "none" if config.few_share < 0.5 else "all"
+            raise UserError(
+                f"--few-share {config.few_share} makes {what} of the {images} images of "
+                f"--{name}.train.steps {train.steps} x --{name}.train.batch {train.batch} few ones"
+            )
+
+
+_RELATIONS: tuple[tuple[type, Callable[[Any], None]], ...] = (
+    (Config, _check_target),
+    (GroupsConfig, _check_search),
+    (RewardConfig, _check_reward),
+    (FewConfig, _check_few),
+    (SearchConfig, _check_answer),
+    (ShareConfig, _check_share),
+)
+"""How fields must fit together, by the class of configuration that has them."""

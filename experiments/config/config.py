@@ -1,0 +1,241 @@
+"""What a job can be told: frozen dataclasses of plain values, each field a flag; defaults: `presets`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal, TypeVar, get_args
+
+import tyro
+from tyro.constructors import PrimitiveConstructorSpec
+
+from experiments.config.options import Bins, Fidelity, Search, SearchOptions
+from scene.assets.catalogue import AssetPool
+from scene.attributes import SpaceName
+from scene.proposal import RELAXATION
+from scene.workers import ExecutorName, refuse_many_workers
+from shell.bounds import DISTINCT, Bound, at_least, at_most, must, within
+from shell.memory import refuse_larger
+
+Preset = Literal["smoke", "quick", "paper"]
+TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
+TwinName = Literal["near", "far"]
+Candidate = Literal["argmax", "seen", "broad", "last", "previous", "mixed", "random", "default"]
+OF_POOL: tuple[Candidate, ...] = ("last", "previous", "mixed")
+OF_OTHERS: tuple[Candidate, ...] = ("argmax", "seen", "broad")
+"""Candidates that only the method `pool` has, and those that only the others have."""
+RewardKind = Literal["miou", "mmd"]
+
+Group = Annotated[
+    tuple[str, ...],
+    PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="NAME,NAME,...",
+        instance_from_str=lambda words: tuple(words[0].split(",")),
+        is_instance=lambda value: isinstance(value, tuple),
+        str_from_instance=lambda group: [",".join(group)],
+    ),
+]
+"""Names of attributes; on the command line one word, with commas."""
+Unused = (tyro.conf.Fixed, tyro.conf.Suppress)
+"""Marks of a field that is no flag of a command, though others have it."""
+
+SEED_END = 2**31
+"""Seeds lie below: what is derived from them must fit into 32 bits."""
+RECORD = 1000
+"""Bytes of what is kept of a net."""
+NETS = Bound(lambda flag, nets: refuse_larger(flag, nets, lambda n: RECORD * n, "records of nets"))
+"""Counts of nets whose records fit into memory."""
+_FEW = must(
+    "be a number of images, 1 or more, or a share in (0, 1]",
+    lambda few: few >= 1 if isinstance(few, int) else 0 < few <= 1,
+)
+_CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class Config:
+    """What every job on a target can be told."""
+
+    reward: Fidelity
+    """The cheap fidelity that gives the rewards."""
+    target: TargetName = "twin"
+    """What the nets must be good on."""
+    preset: Preset = "quick"
+    """Where the defaults of all other flags come from."""
+    space: SpaceName = "scenex"
+    """The attributes of streets: the paper's 23, or those with the added of camera and road. By default
+    extended with --twin far, else scenex."""
+    data: Path | None = None
+    """Folder of real images. By default the variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
+    labelmefacade."""
+    out: Path = Path("runs/run")
+    """The run folder. The same command continues a run that was stopped."""
+    seed: Annotated[int, at_least(0), at_most(SEED_END - 1)] = 0
+    """Decides everything left to chance, but for the twin and for the choice of real images."""
+    renderer: Literal["embree", "opengl"] = "embree"
+    """What renders."""
+    workers: Annotated[int, at_least(0), Bound(refuse_many_workers)] = _CORES
+    """Processes, one core each; 0 works in the main process."""
+    executor: ExecutorName = "processes"
+    """Who works: processes of this machine, or a Dask cluster (see docs/cluster.md)."""
+    scheduler: str | None = None
+    """Address of the cluster's scheduler, such as tcp://10.0.0.1:8786; its workers stand in for --workers."""
+    reward_images: Annotated[int | None, at_least(1)] = None
+    """At most so many real images for the reward, a random choice that is the same for every --seed; by
+    default all."""
+    test_images: Annotated[int | None, at_least(1)] = None
+    """At most so many real images for the reported figures, chosen alike; by default all."""
+    test_split: str | None = None
+    """The split that is reported on; by default the data's own."""
+    holdout: str | None = None
+    """Report on this sequence (CamVid), city (Cityscapes) or album (LabelMeFacade), taken out of the training
+    images."""
+    twin_seed: Annotated[int, at_least(0)] = 0
+    """Decides the hidden attributes of the twin, when there is no data."""
+    twin: TwinName = "near"
+    """Where the twin's hidden attributes lie: around the hand-set street (near), or anywhere in the extended
+    space (far)."""
+    store: Path | None = None
+    """File of evaluations that runs share: none is made twice. See ``experiments.store``."""
+    assets: Path | None = None
+    """Folder of own assets, by class (see ``scene.library``)."""
+    asset_use: Literal["both", "own", "built-in"] = "both"
+    """Which assets streets draw from. With ``own``, classes without own assets are left out."""
+    asset_fraction: float = 1.0
+    """Share of the assets that is used."""
+    asset_count: int | None = None
+    """Built-in assets of each family that streets may draw from; by default the full catalogue."""
+
+    @property
+    def target_name(self) -> str:
+        """What results and records call the target."""
+        return "far twin" if self.twin == "far" else self.target
+
+    @property
+    def pool(self) -> AssetPool:
+        """The assets that the search may use; the twin's begin elsewhere."""
+        own = "" if self.assets is None else str(self.assets)
+        return AssetPool(0, self.asset_count, self.asset_fraction, own, self.asset_use)
+
+
+@dataclass(frozen=True, kw_only=True)
+class FinalConfig(Config):
+    """What a job that trains nets at the full fidelity can be told, too."""
+
+    final: Fidelity
+    """The full fidelity that gives the reported figures."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetsConfig(FinalConfig):
+    """What a job that reports final nets can be told, too."""
+
+    seeds: Annotated[int, at_least(1), NETS] = 5
+    """Nets per row of the result; paired: the k-th of every row shares its seed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class BinsConfig(Config):
+    """What a job with cut attributes can be told, too."""
+
+    search: Bins
+
+
+@dataclass(frozen=True, kw_only=True)
+class GroupsConfig(NetsConfig, BinsConfig):
+    """What a job that searches can be told, too."""
+
+    search: SearchOptions
+    groups: tuple[Group, ...]
+    """Attributes optimised together, one word per group, in this order; each of the space in one group."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RewardConfig(FinalConfig):
+    """What a job with rewards of either kind can be told, too."""
+
+    default_width: Annotated[float, within(0, 1)] = RELAXATION
+    """Relaxation of the hand-set street, as a share of each range."""
+    reward_kind: RewardKind = "miou"
+    """miou of a net trained on the dataset; or mmd, for reward images without labels: minus the distance
+    of rendered and real images in the features of one net, in units of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchConfig(GroupsConfig, RewardConfig):
+    """What a job that learns attributes can be told, too."""
+
+    search: Search
+    candidates: Annotated[tuple[Candidate, ...], DISTINCT] = get_args(Candidate)
+    """What may be the answer: argmax (the best found), seen (the dataset with the best reward), broad (as
+    wide as the search is unsure, at least half of each range), in place of these three with the method pool
+    last (its last policy), previous (the one before) and mixed (half the last, half the first); random (all
+    attributes random) or default (the hand-set street: the others must be significantly better)."""
+    candidate_seeds: Annotated[int, at_least(1), NETS] = 10
+    """Nets of each candidate on each rung, scored on the reward images; with 1 the hand-set street stays."""
+    parts: Annotated[int | None, at_least(1)] = None
+    """Parts of the reward images that candidates are also scored on, for the report; by default one for each
+    sequence, city or album, 2 to 4."""
+    ladder: bool = False
+    """Compare candidates on a ladder of sizes up to the final one, the better half going on to the next."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShareConfig(SearchConfig):
+    """How a few labelled images join rendered ones."""
+
+    few_share: Annotated[float, within(0, 1, "()")] = 0.5
+    """What part of all batches the few labelled images are, however few they are."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FewConfig(ShareConfig):
+    """A few labelled images beside every training set."""
+
+    few: Annotated[int | float | None, _FEW] = None
+    """So many labelled images (or, below 1, this share of them) join every training set; then only the others
+    give the reward. A random choice, spread over sequences and time, that is the same for every --seed."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MainConfig(FewConfig):
+    """One run of the main job. Every field is a flag."""
+
+    target: Annotated[TargetName, *Unused] = "twin"
+    unlabelled: Path | None = None
+    """Folder of images that give the reward in place of the labelled training images; only with
+    --reward-kind mmd. The reported figures still come from --data."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rederived(Config):
+    """What every study can be told."""
+
+    rederive: Path | None = None
+    """Only write the table and the figure of this report (NAME.json) anew, into --out."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LearntConfig(SearchConfig, Rederived):
+    """What a study of learnt attributes can be told, too."""
+
+    learnt: Path | None = None
+    """attributes.json of an earlier run; by default the search runs here."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SearchesConfig(GroupsConfig, Rederived):
+    """What a study of many searches can be told, too."""
+
+    evaluations: Annotated[int, at_least(1), NETS]
+    """Rewards that each search may ask for."""
+
+
+AnyConfig = TypeVar("AnyConfig", bound=Config)
+
+
+def fidelities(config: Config) -> dict[str, Fidelity]:
+    """The fidelities of a configuration, by field."""
+    return {name: own for name, own in vars(config).items() if isinstance(own, Fidelity)}

@@ -1,0 +1,104 @@
+"""A search as the configuration has it: its space, its start, its method."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import sdr_jax
+from experiments.config.config import BinsConfig, GroupsConfig, RewardConfig
+from scene.attributes import SpaceName, default_unit, names
+from scene.proposal import (
+    RELAXATION,
+    Mixture,
+    Proposal,
+    Streets,
+    moments,
+    named,
+    slide,
+    space_in,
+    streets_in,
+)
+from sdr_jax.registry import MethodName
+from shell.errors import UserError, flagged
+
+WIDE = 0.5
+"""Width of the intervals around the hand-set street that half of a pool's first streets are drawn from."""
+
+
+def make_space(config: BinsConfig) -> sdr_jax.Space:
+    """The space's attributes in the configuration's bins and groups; without groups, all in one.
+
+    Raises:
+        UserError: groups that are no partition of the attributes.
+    """
+    groups = config.groups if isinstance(config, GroupsConfig) else None
+    with flagged("--groups"):
+        return sdr_jax.space(names(config.space), config.search.bins, groups)
+
+
+def start_of(config: GroupsConfig) -> Proposal:
+    """Where the configuration's search begins, f32[attributes of the space] each; a histogram's moments.
+
+    Raises:
+        UserError: the file of a mixture, or none of this space's attributes.
+    """
+    start = config.search.start
+    if start in ("random", "default"):
+        width = config.default_width if isinstance(config, RewardConfig) else RELAXATION
+        return named(start, config.space, width)
+    found = read_attributes("--search.start", Path(start), config.space)
+    if isinstance(found, Mixture):
+        raise UserError(
+            f"--search.start {start} holds {len(found.shares)} components; a search starts from one"
+        )
+    return moments(found)
+
+
+def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:
+    """The streets in an ``attributes.json``.
+
+    Raises:
+        UserError: no such file, or the file of something else, such as of another space; names the flag.
+    """
+    try:
+        found = streets_in(path)
+    except OSError as error:
+        raise UserError(f"{flag} {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise UserError(f"{flag} {error}") from None
+    theirs = space_in(found)
+    if theirs != space:
+        raise UserError(f"{flag} {path} holds attributes of --space {theirs}, not {space}")
+    return found
+
+
+def make_method(
+    config: GroupsConfig, name: MethodName, space: sdr_jax.Space, updates_per_group: int
+) -> sdr_jax.Method:
+    """A search method as the configuration has it, for some of its attributes.
+
+    Raises:
+        UserError: an option out of range, a start that cannot be read, or a library that is not installed.
+    """
+    own: dict[str, Any] = {}
+    options = config.search
+    if name == "sdr":
+        own = {
+            "learning_rate": options.learning_rate,
+            "baseline": options.baseline,
+            "normalise": options.normalise,
+            "squared_reward": options.squared_reward,
+            "unoptimised": options.unoptimised,
+            "updates_per_group": updates_per_group,
+        }
+    if name == "pool":
+        own["bound"] = options.pool.bound
+    if name == "intervals" or (name == "pool" and options.start != "random"):
+        start = start_of(config)
+        if name == "pool" and options.start == "default":
+            start = slide(default_unit(config.space), WIDE)
+        where = [names(config.space).index(attribute) for attribute in space.names]
+        own["start"] = tuple(tuple(part[where].tolist()) for part in start)
+    with flagged("--search"):
+        return sdr_jax.registry.make(name, space, options.relaxation, **own)

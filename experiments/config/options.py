@@ -1,0 +1,116 @@
+"""Groups of options that commands share: how large an evaluation is, and how a search goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
+
+import tyro
+
+from scene.render import RenderSettings
+from sdr_jax.registry import MethodName
+from seg.settings import TrainSettings
+from shell.bounds import POSITIVE, at_least, at_most, within
+
+MOST_BINS = 1000
+"""More would only take time: a bin is a thousandth of an attribute's range."""
+
+
+@dataclass(frozen=True)
+class Fidelity:
+    """How large an evaluation is: the dataset that is rendered, and the net that is trained on it."""
+
+    width: int
+    """Pixels across, of rendered and real images alike."""
+    height: int
+    """Pixels down."""
+    streets: Annotated[int, at_least(1)]
+    """Streets per dataset."""
+    shots: Annotated[int, at_least(1)]
+    """Images per street."""
+    samples: int = 2
+    """Rays per pixel along each axis."""
+    train: TrainSettings = field(default_factory=TrainSettings)
+    """The net and how it is trained."""
+
+    @property
+    def images(self) -> int:
+        """Images per dataset."""
+        return self.streets * self.shots
+
+    @property
+    def size(self) -> str:
+        """Width and height in one word."""
+        return f"{self.width}x{self.height}"
+
+    def render_settings(self) -> RenderSettings:
+        """The engine's settings at this size."""
+        return RenderSettings(self.width, self.height, self.samples)
+
+
+@dataclass(frozen=True)
+class Bins:
+    """How attributes are cut."""
+
+    bins: Annotated[int, at_least(2), at_most(MOST_BINS)] = 10
+    """Values that each attribute is cut into (the paper's K)."""
+    relaxation: Annotated[float | None, within(0, 1)] = None
+    """Width of a relaxed bin, as a share of the range; by default 1 / bins, so that bins tile it."""
+
+
+@dataclass(frozen=True)
+class PoolOptions:
+    """How the method ``pool`` searches: what a reward is one of, how many there are, how far a step goes."""
+
+    streets: Annotated[int, at_least(1)] = 1200
+    """Streets of one shot that each round draws and renders."""
+    subset: Annotated[int, at_least(1)] = 200
+    """Streets of a round that one reward's net is trained on."""
+    rewards: Annotated[int, at_least(2)] = 120
+    """Rewards of each round."""
+    rounds: Annotated[int, at_least(1)] = 4
+    """Rounds; each ends with a step of the policy."""
+    bound: Annotated[float, POSITIVE] = 0.04
+    """Nats that a step may take at most, for each attribute."""
+
+
+@dataclass(frozen=True)
+class SearchOptions(Bins):
+    """How any method searches. Under every preset ``sdr`` estimates its gradient as the paper does."""
+
+    datasets_per_update: Annotated[int, at_least(1)] = 4
+    """Datasets that each update renders, trains on and scores."""
+    learning_rate: Annotated[float, POSITIVE] = 1e-2
+    """Of Adam (sdr)."""
+    baseline: Literal["ema", "ema_current", "leave_one_out"] = "ema"
+    """What a reward is compared with (sdr): earlier rewards (paper), those and itself (the authors' code),
+    or the update's other rewards."""
+    normalise: bool = False
+    """Divide advantages by their size (sdr; not in the paper)."""
+    squared_reward: bool = False
+    """(100 mIoU)^2, as in the authors' code, instead of mIoU (sdr)."""
+    common_random_numbers: bool = False
+    """Datasets of one update share their seed, and their streets' places within the intervals."""
+    start: Annotated[str, tyro.conf.arg(aliases=["--start"])] = "default"
+    """Where the search begins (intervals, pool): default (the hand-set street), random, or an
+    attributes.json. Half of a pool's first streets are random in any case."""
+    pool: PoolOptions = field(default_factory=PoolOptions)
+    """Of the method pool."""
+    unoptimised: Literal["random", "half"] = "random"
+    """What groups not optimised yet are (sdr): random (paper), or 0.5 (the authors' code)."""
+
+
+@dataclass(frozen=True)
+class MethodOptions(SearchOptions):
+    """Which method searches, and how."""
+
+    method: Annotated[MethodName, tyro.conf.arg(aliases=["--method"])] = "surrogate"
+    """The search method; ``sdr`` is the paper's."""
+
+
+@dataclass(frozen=True)
+class Search(MethodOptions):
+    """The whole search."""
+
+    updates_per_group: Annotated[int, at_least(1)] = 8
+    """Policy updates for each group; methods without an order of groups take as many in all."""

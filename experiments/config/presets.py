@@ -1,0 +1,192 @@
+"""The defaults of every command by target and preset, as tables of what differs from the fields' own."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any, get_args, get_type_hints
+
+from experiments.config.config import AnyConfig, GroupsConfig, Preset, TargetName
+from scene.attributes import NAMES, SpaceName
+from seg.recipes import RECIPES
+
+PRESETS: tuple[Preset, ...] = get_args(Preset)
+TARGETS: tuple[TargetName, ...] = get_args(TargetName)
+VARIABLES: dict[TargetName, str] = {"camvid": "CAMVID_DIR", "labelmefacade": "LABELMEFACADE_DIR"}
+"""Of the environment: the folder of a target's data, where no flag says it."""
+FOUR_BY_THREE: tuple[TargetName, ...] = ("camvid", "labelmefacade")
+"""Targets whose images are four wide to three high."""
+TWO_BY_ONE: tuple[TargetName, ...] = ("twin", "cityscapes")
+"""Targets whose images are two wide to one high."""
+
+POSITIONS = tuple(
+    f"{n}_position" for n in ("building", "fence", "tree", "pole", "bicycle", "person", "car")
+)
+DENSITIES = (
+    "building_probability",
+    *(f"{n}_interval" for n in ("building", "fence", "tree", "bicycle", "person", "pole", "car")),
+)
+ENVIRONMENT = NAMES[:8]
+
+CITYSCAPES_GROUPS: tuple[tuple[str, ...], ...] = (
+    POSITIONS,
+    *(DENSITIES[i : i + 2] for i in range(0, 8, 2)),
+    ENVIRONMENT,
+)
+"""The paper's six groups for Cityscapes: positions, densities in four pairs, environment."""
+
+CAMVID_GROUPS: tuple[tuple[str, ...], ...] = (
+    *(POSITIONS[i : i + 2] for i in range(0, 7, 2)),
+    DENSITIES,
+    ENVIRONMENT,
+)
+"""The paper's six groups for CamVid: positions in four, densities, environment."""
+
+ADDED_GROUPS: tuple[tuple[str, ...], ...] = (
+    ("field_of_view", "camera_roll", "exposure", "white_balance"),
+    ("road_width", "sidewalk_width", "bend", "gradient", "junction_share"),
+    ("parked_share", "queue_share", "open_share", "bare_tree_share", "overcast_share"),
+)
+"""Ours, of what the extended space adds: the camera, the road, what stands beside it."""
+
+Table = dict[str, Any]
+"""Values by the name of their field; those of a group of fields are a table, too. In the table of a net's
+training, ``recipe`` names the recipe of `seg.recipes` that its other values change."""
+
+
+_SMOKE_NET = {"steps": 12, "batch": 4, "warmup": 2}
+_SMOKE_FINAL = {"streets": 3, "shots": 2, "samples": 1, "train": {**_SMOKE_NET, "steps": 20}}
+_SMOKE: Table = {
+    "search": {
+        "updates_per_group": 1,
+        "datasets_per_update": 2,
+        "bins": 5,
+        "pool": {"streets": 8, "subset": 4, "rewards": 3, "rounds": 2},
+    },
+    "reward": {"streets": 2, "shots": 2, "samples": 1, "train": _SMOKE_NET},
+    "final": _SMOKE_FINAL,
+    "compact": _SMOKE_FINAL,
+    "vgg": _SMOKE_FINAL,
+    "reward_images": 8,
+    "test_images": 8,
+    "candidate_seeds": 1,
+    "candidates": ("argmax", "broad", "last", "mixed"),
+    "seeds": 2,
+    "asset_count": 4,
+}
+
+_FROZEN = {"recipe": "lite0-frozen"}
+_BRIEF = {**_FROZEN, "steps": 150, "views": 1}
+_QUICK: Table = {
+    "search": {"method": "intervals", "relaxation": 0.3},
+    "reward": {"samples": 1, "train": _BRIEF},
+    "final": {"shots": 1, "samples": 1, "train": _FROZEN},
+    # Sizes and steps at which two cores train the nets that are not the preset's.
+    "compact": {"streets": 50, "shots": 8, "train": {"recipe": "compact"}},
+    "vgg": {"streets": 100, "shots": 4, "train": {"recipe": "scratch", "steps": 150}},
+}
+_QUICK_TWIN: Table = {
+    "search": {"updates_per_group": 5, "pool": {"subset": 100, "rewards": 300, "rounds": 3}},
+    "reward": {"streets": 12, "shots": 6},
+    "final": {"streets": 120},
+    "seeds": 6,
+}
+_QUICK_REAL: Table = {
+    "search": {"updates_per_group": 4, "datasets_per_update": 8},
+    # Of methods without a pool; 12 streets with 8 images have more noise (`experiments.fidelity`).
+    "reward": {"streets": 24, "shots": 4},
+    "final": {"streets": 400},
+    "ladder": True,
+}
+
+_PAPER_NET = {"recipe": "paper"}
+_PAPER_FINAL = {"streets": 45, "shots": 10, "samples": 1}
+_PAPER: Table = {
+    "search": {"method": "sdr", "updates_per_group": 50, "datasets_per_update": 1},
+    "reward": {"streets": 18, "shots": 10, "samples": 1, "train": _PAPER_NET},
+    "final": {**_PAPER_FINAL, "train": {**_PAPER_NET, "steps": 20_000}},
+    "compact": {**_PAPER_FINAL, "train": {"recipe": "compact"}},
+    "vgg": {**_PAPER_FINAL, "train": {**_PAPER_NET, "steps": 20_000}},
+    "candidates": ("argmax",),
+    "candidate_seeds": 1,
+}
+
+TABLES: tuple[tuple[Preset, tuple[TargetName, ...], Table], ...] = (
+    ("smoke", TARGETS, _SMOKE),
+    ("quick", TARGETS, _QUICK),
+    ("quick", ("twin",), _QUICK_TWIN),
+    ("quick", (*FOUR_BY_THREE, "cityscapes"), _QUICK_REAL),
+    ("quick", ("cityscapes",), {"reward_images": 500}),
+    ("paper", TARGETS, _PAPER),
+    ("paper", TWO_BY_ONE, {"reward_images": 500}),
+)
+"""What a preset changes for some targets; a later row changes what an earlier one says."""
+Size = tuple[int, int]
+SIZES: tuple[tuple[Preset, tuple[TargetName, ...], Size, Size], ...] = (
+    ("smoke", FOUR_BY_THREE, (64, 48), (64, 48)),
+    ("smoke", TWO_BY_ONE, (64, 32), (64, 32)),
+    ("quick", FOUR_BY_THREE, (240, 176), (128, 96)),
+    ("quick", ("twin",), (128, 64), (96, 48)),
+    ("quick", ("cityscapes",), (256, 128), (128, 64)),
+    ("paper", FOUR_BY_THREE, (480, 360), (480, 360)),
+    ("paper", TWO_BY_ONE, (640, 320), (640, 320)),
+)
+"""Width and height of the images of rewards and final nets, then of the table's other nets."""
+
+
+def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: Any) -> AnyConfig:
+    """The defaults of a command's configuration.
+
+    Args:
+        kind: its class; fields that no table names have defaults of their own, and values in tables for
+            fields that it lacks are left out.
+        target: what the nets must be good on.
+        preset: "smoke", "quick" or "paper".
+        own: values of this command in place of the preset's, as a `Table`.
+    """
+    groups = CAMVID_GROUPS if target in FOUR_BY_THREE else CITYSCAPES_GROUPS
+    values: Table = {"target": target, "preset": preset, "groups": groups}
+    if folder := os.environ.get(VARIABLES.get(target, "")):
+        values["data"] = Path(folder)
+    for name, targets, table in TABLES:
+        if name == preset and target in targets:
+            values = _merged(values, table)
+    for name, targets, usual, others in SIZES:
+        if name == preset and target in targets:
+            sizes = {"reward": usual, "final": usual, "compact": others, "vgg": others}
+            values = _merged(values, {k: {"width": w, "height": h} for k, (w, h) in sizes.items()})
+    return _made(kind, _merged(values, own))
+
+
+def _merged(values: Table, changes: Table) -> Table:
+    """Values with some of them changed, those of groups of fields one by one."""
+    both = values.keys() & changes.keys()
+    inner = {
+        name: _merged(values[name], changes[name])
+        for name in both
+        if isinstance(values[name], dict) and isinstance(changes[name], dict)
+    }
+    return values | changes | inner
+
+
+def _made(kind: Any, values: Table) -> Any:
+    """A dataclass from the values of its fields; others are left out."""
+    hints, names = get_type_hints(kind), {field.name for field in fields(kind)}
+    given = {
+        name: _made(hints[name], value) if isinstance(value, dict) else value
+        for name, value in values.items()
+        if name in names
+    }
+    recipe = values.get("recipe")
+    return kind(**given) if recipe is None else replace(RECIPES[recipe], **given)
+
+
+def in_space(config: AnyConfig, space: SpaceName) -> AnyConfig:
+    """The defaults with the attributes of another space; what it adds is searched after the 23."""
+    if space == config.space:
+        return config
+    config = replace(config, space=space)
+    if isinstance(config, GroupsConfig):
+        return replace(config, groups=(*config.groups, *ADDED_GROUPS))
+    return config
