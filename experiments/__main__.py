@@ -30,6 +30,8 @@ COMMANDS = {
     "fidelity": "experiments.fidelity",
     "predict": "experiments.predict",
     "evaluate": "experiments.evaluate",
+    "export": "experiments.export",
+    "renders19": "experiments.renders19",
     "results": "experiments.results",
     "report": "experiments.report",
     "store": "experiments.store",

@@ -1,8 +1,9 @@
 """Scores a trained net on labelled images: mIoU, every class, every group, outlines, the worst images.
 
-    python -m experiments.evaluate runs/fit/model DIR --target camvid --json scores.json
-    python -m experiments.evaluate runs/fit/model DIR --split train val --group 0006R0 --json scores.json
+    python -m experiments.evaluate runs/fit/model DIR --json scores.json
+    python -m experiments.evaluate runs/fit/model DIR --target camvid --split train val --json scores.json
 
+DATA is a folder with a `target.yaml`, or --target says what its files are.
 The model may have the classes of the data, in any order, or the engine's: these are then brought to those of
 the data, and only classes that have a counterpart there are predicted; a class of the data that has none
 counts as 0. Scores are percent, at each image's own size; boundary IoU (Cheng et al., 2021) looks at strips
@@ -19,18 +20,19 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from experiments.predict import png
-from experiments.target.real import LISTS
+from experiments.target.real import REPORTED
 from seg.boundary import SHARE, boundary_counts, boundary_iou
-from seg.classes import CITYSCAPES_19, IGNORE_LABEL, class_table
-from seg.data import DataError, Entry
-from seg.data.images import read_image, read_label
-from seg.data.labelmefacade import read_colors
+from seg.classes import CITYSCAPES_19, IGNORE_LABEL, table_of
+from seg.data import DataError, Entry, LabelReader, list_split
+from seg.data.images import read_image
 from seg.metrics import absent_classes, confusion_matrix, iou
 from seg.model import Model, load_model
 from shell.command import Parser, exit_code
 from shell.errors import UserError
 from shell.files import write, write_json
+from shell.listing import split_names
 from shell.progress import Progress
+from shell.target_file import SHIPPED, TargetFile, find_target
 
 WORST = 6
 """Images that are shown."""
@@ -48,35 +50,37 @@ class Labelled(NamedTuple):
 
 
 def labelled(
-    target: str, data: Path, splits: Sequence[str] = (), groups: Sequence[str] = ()
+    target: TargetFile | str,
+    data: Path,
+    splits: Sequence[str] = (),
+    groups: Sequence[str] = (),
 ) -> Labelled:
-    """The labelled images of a folder.
+    """The labelled images of a target.
 
     Args:
-        target: camvid, cityscapes or labelmefacade.
+        target: what the files are, or the name or path of a target's file.
         data: the folder.
-        splits: which are taken; by default the one that is reported on.
+        splits: which are taken; by default the one that is reported on, or all where there is none.
         groups: drives, cities or albums that are taken; by default all.
 
     Raises:
-        UserError: no such target, split or group.
-        DataError: the folder is not as it should be.
+        UserError: no such target, split or group, or the folder is not as it should be.
     """
-    if target not in LISTS:
-        raise UserError(f"--target {target}: there is none; known are {', '.join(LISTS)}")
-    listing, test, _ = LISTS[target]
-    entries = [entry for split in splits or (test,) for entry in listing(data, split)]
-    there = sorted({entry.sequence for entry in entries})
+    target = find_target(target, data) if isinstance(target, str) else target
+    there = split_names(target, data)
+    if not splits:
+        reported = REPORTED.get(target.name, "test")
+        splits = [reported] if reported in there or not there else there
+    entries = [entry for split in splits for entry in list_split(target, data, split)]
+    known = sorted({entry.sequence for entry in entries})
     for group in groups:
-        if group not in there:
-            raise UserError(
-                f"--group {group}: {data} has none there; its groups: {', '.join(there)}"
-            )
-    table = class_table(target)
-    read_labels = read_colors if target == "labelmefacade" else read_label
+        if group not in known:
+            shown = ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
+            raise UserError(f"--group {group}: {data} has none there; its groups: {shown}")
+    read_labels, table = LabelReader(target), table_of(target)
 
     def read(entry: Entry) -> tuple[np.ndarray, np.ndarray]:
-        image, labels = read_image(entry.image_path), read_labels(entry.label_path, table)
+        image, labels = read_image(entry.image_path), read_labels(entry.label_path)
         if labels.shape != image.shape[:2]:
             raise DataError(
                 f"{entry.label_path}: {labels.shape[1]}x{labels.shape[0]} pixels, but its image "
@@ -287,7 +291,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = Parser("experiments.evaluate", __doc__)
     parser.add_argument("model", metavar="MODEL", help="folder of a model")
     parser.add_argument("data", type=Path, metavar="DATA", help="folder of labelled images")
-    parser.add_argument("--target", default="camvid", help="layout of DATA: " + ", ".join(LISTS))
+    parser.add_argument(
+        "--target",
+        metavar="NAME|FILE",
+        help=f"what the files are: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml",
+    )
     parser.add_argument(
         "--split", nargs="+", default=[], help="splits; by default the one that is reported on"
     )
@@ -302,11 +310,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     def work() -> None:
         model = load_model(options.model)
-        data = labelled(options.target, options.data, options.split, options.group)
+        target = find_target(options.target, options.data)
+        data = labelled(target, options.data, options.split, options.group)
         if options.json.is_dir():
             raise UserError(f"--json {options.json} is a folder; name a file")
         scores = evaluate(model, data, options.pictures, progress=True)
-        about = {"target": options.target, "data": str(options.data), "splits": options.split}
+        about = {"target": target.name, "data": str(options.data), "splits": options.split}
         write_json(options.json, {**about, **scores})
         print(text(scores))
         print(options.json)

@@ -19,8 +19,8 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_tensors
 from safetensors.numpy import save as tensor_bytes
 
-from seg.classes import IGNORE_LABEL, ClassTable
-from seg.data.labelled import resize_image
+from seg.classes import IGNORE_LABEL
+from seg.data.labelled import fitted
 from seg.errors import ModelError
 from seg.nets.lite0 import SMALLEST
 from seg.settings import TrainSettings, check_settings
@@ -28,14 +28,13 @@ from seg.train import Params, logits, outline
 from seg.weights import lite0
 from shell.errors import UserError
 from shell.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
+from shell.target_file import TargetFile
 
 FORMAT = 1
 """Of the folder; a newer one is refused."""
 CONFIG, WEIGHTS = "config.json", "weights.safetensors"
 SHIPPED = Path(__file__).parent / "models"
 """Folders of the models that come with the package; each is known by its name."""
-PADDING = (124, 116, 104)
-"""The colour beside an image of another shape: ImageNet's mean, which is 0 to the nets."""
 PACKAGES = ("sdr-jax", "jax", "flax", "numpy", "opencv-python-headless", "safetensors")
 """Whose versions a saved model names."""
 _LARGEST = 2**31  # bytes of weights: VGG16 has 553 MB
@@ -74,10 +73,10 @@ def label_classes(
     )
 
 
-def classes_of(table: ClassTable) -> tuple[LabelClass, ...]:
-    """The classes of a table with its colours; the id of a class is the first value that label files have."""
-    ids = [int(np.argmax(table.from_file == k)) for k in range(len(table.classes))]
-    return label_classes(table.classes, ids, table.colors.tolist())
+def classes_of(target: TargetFile) -> tuple[LabelClass, ...]:
+    """The classes of a target; the id of a class is the first of its ids, or its place where it has none."""
+    ids = [own.ids[0] if own.ids else k for k, own in enumerate(target.classes.values())]
+    return label_classes(target.class_names, ids, target.palette)
 
 
 def _voc_color(number: int) -> tuple[int, int, int]:
@@ -409,28 +408,6 @@ def _named(tree: Params) -> Iterator[tuple[str, Any]]:
 
 def _trunk() -> dict[str, str]:
     return {"package": lite0.PACKAGE, "version": lite0.VERSION, "sha256": lite0.SHA256}
-
-
-def fitted(
-    image: UInt8[np.ndarray, "_h _w 3"], size: tuple[int, int]
-) -> tuple[UInt8[np.ndarray, "height width 3"], tuple[int, int]]:
-    """An image at another size with its aspect kept, and the rows and columns of it that show the image.
-
-    Where its shape is another it touches the top and the left, with `PADDING` beside it or below.
-
-    Args:
-        image: RGB.
-        size: (height, width).
-    """
-    scale = min(wanted / own for wanted, own in zip(size, image.shape[:2], strict=True))
-    rows, cols = (
-        min(max(round(own * scale), 1), wanted)
-        for own, wanted in zip(image.shape[:2], size, strict=True)
-    )
-    canvas = np.empty((*size, 3), np.uint8)
-    canvas[:] = PADDING
-    canvas[:rows, :cols] = resize_image(image, (rows, cols))
-    return canvas, (rows, cols)
 
 
 def _plane(scores: np.ndarray, place: int, size: tuple[int, int]) -> np.ndarray:

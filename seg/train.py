@@ -27,25 +27,36 @@ from seg.pyramid import Statistics
 from seg.settings import TrainSettings, check_settings
 from seg.step import Data, Functions, Params, TrainState, functions, plan
 from seg.views import view_labels, views
-from seg.weights import load
+from seg.weights import lite0, load
 
-_CHUNK = 50  # steps between two looks at the loss; also the length of a scan on an accelerator
+CHUNK = 50  # steps between two looks at the loss; also the length of a scan on an accelerator
 
 
 class TrainingError(Exception):
     """Training went wrong in its numbers: the loss is no longer finite."""
 
 
+def apply(
+    params: Params, images: UInt8[Array, "b h w 3"], settings: TrainSettings, classes: int
+) -> Float32[Array, "b h w classes"]:
+    """What `logits` returns, as one function that JAX can trace, a frozen trunk included."""
+    module = net_of(settings, classes)
+    if settings.frozen:
+        maps = pyramid.maps_of(lite0.load().trunk, images, settings.dtype)
+        size = (images.shape[1], images.shape[2])
+        return module.apply({"params": params}, maps, size, method=Lite0.from_pyramid)
+    return module.apply(
+        {"params": params}, normalise(images.astype(jnp.float32) / 255), train=False
+    )
+
+
 @lru_cache(maxsize=32)
 def _predictor(
     net_settings: TrainSettings, classes: int, scores: bool
 ) -> Callable[[Params, ArrayLike], Array]:
-    module = net_of(net_settings, classes)
-
     @jax.jit
     def predict_batch(params: Params, images: UInt8[Array, "b h w 3"]) -> Array:
-        x = normalise(images.astype(jnp.float32) / 255)
-        logits = module.apply({"params": params}, x, train=False)
+        logits = apply(params, images, net_settings, classes)
         return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
@@ -223,8 +234,8 @@ def train(
             state = _started(state, compiled, settings, statistics)
     if stepwise is None:
         stepwise = jax.default_backend() == "cpu"
-    for start in range(0, settings.steps, _CHUNK):
-        stop = min(start + _CHUNK, settings.steps)
+    for start in range(0, settings.steps, CHUNK):
+        stop = min(start + CHUNK, settings.steps)
         if stepwise:
             for i in range(start, stop):
                 state, loss = compiled.step(state, data, rows.rows(i))

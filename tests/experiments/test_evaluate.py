@@ -9,12 +9,13 @@ import pytest
 from PIL import Image
 
 from experiments.evaluate import Labelled, evaluate, labelled, main, mapping
-from seg.classes import CAMVID_11, CITYSCAPES_19, LABELMEFACADE_6
+from seg.classes import CAMVID_11, LABELMEFACADE_6
 from seg.data import DataError, Entry
 from seg.model import Model, classes_of, label_classes
 from seg.settings import TrainSettings
 from seg.train import train
 from shell.errors import UserError
+from shell.target_file import shipped
 from tests.conftest import refused
 
 SETTINGS = TrainSettings(steps=1, batch=2, warmup=1, predict_batch=2)
@@ -92,7 +93,7 @@ def test_classes_in_another_order_are_brought_to_those_of_the_data(red):
 @pytest.mark.parametrize(("table", "gone"), [(CAMVID_11, 1), (LABELMEFACADE_6, 8)])
 def test_the_engines_classes_are_brought_to_those_of_the_data(table, gone, red):
     data = DATA._replace(classes=table.classes, of_engine=table.from_train_id[:19])
-    among, found = mapping(replace(red, classes=classes_of(CITYSCAPES_19)), data)
+    among, found = mapping(replace(red, classes=classes_of(shipped("cityscapes"))), data)
     assert len(among) == 19 - gone
     np.testing.assert_array_equal(found[:19], table.from_train_id[:19])
 
@@ -108,13 +109,15 @@ def model() -> Model:
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (2, 12, 16, 3), np.uint8)
     labels = rng.integers(0, 11, (2, 12, 16), np.uint8)
-    return Model(SETTINGS, train(0, images, labels, SETTINGS, 11), (12, 16), classes_of(CAMVID_11))
+    return Model(
+        SETTINGS, train(0, images, labels, SETTINGS, 11), (12, 16), classes_of(shipped("camvid"))
+    )
 
 
 def test_the_command_writes_what_the_function_returns(model, camvid, tmp_path, capsys):
     model.save(tmp_path / "model")
     file = tmp_path / "scores.json"
-    flags = ["--split", "train", "test", "--group", "B", "--json", str(file)]
+    flags = ["--target", "camvid", "--split", "train", "test", "--group", "B", "--json", str(file)]
     assert main([str(tmp_path / "model"), str(camvid), *flags]) == 0
     scores = json.loads(file.read_text())
     data = labelled("camvid", camvid, ("train", "test"), ("B",))
@@ -133,11 +136,40 @@ def test_labels_at_their_own_size_and_predictions_at_the_images(model, camvid):
     assert np.sum(scores["confusion"]["pixels"]) == 48 * 36 + 12 * 16
 
 
+TARGET = """
+images: photographs/{name}.png
+labels: ids/{name}.png
+group: "^[a-z]+"
+classes:
+  ground: {ids: [3, 4], renders: [road, sidewalk]}
+  shop: {ids: [9]}
+"""
+
+
+def test_a_folder_with_a_target_file_and_a_net_of_the_engines_classes(tmp_path):
+    (tmp_path / "target.yaml").write_text(TARGET)
+    red = Red(SETTINGS, {}, (4, 6), classes_of(shipped("cityscapes")))
+    for name in ("up1", "up2", "down1"):
+        image, ids = np.zeros((2, 3, 3), np.uint8), np.array([[3, 4, 9], [4, 4, 9]], np.uint8)
+        image[..., 0] = [[0, 1, 1], [0, 0, 0]]  # road and sidewalk
+        for folder, pixels in (("photographs", image), ("ids", ids)):
+            (tmp_path / folder).mkdir(exist_ok=True)
+            Image.fromarray(pixels).save(tmp_path / folder / f"{name}.png")
+    data = labelled(str(tmp_path / "target.yaml"), tmp_path)
+    assert mapping(red, data)[0] == [0, 1]
+    scores = evaluate(red, data)
+    # All is taken for ground: 4 of 6 pixels of each image are; no net of renders knows a shop.
+    assert scores["classes"] == {"ground": 66.67, "shop": 0.0} and scores["miou"] == 33.33
+    assert {k: own["images"] for k, own in scores["groups"].items()} == {"down": 1, "up": 2}
+
+
 def test_what_cannot_be_scored_is_refused(model, red, camvid, tmp_path, capsys):
-    refused(UserError, "--target mars: there is none; known are camvid", labelled, "mars", camvid)
+    refused(
+        UserError, "--target mars: no such file, nor is it one of camvid", labelled, "mars", camvid
+    )
     message = "--group Z: .* has none there; its groups: B, C"
     refused(UserError, message, labelled, "camvid", camvid, (), ("Z",))
-    refused(DataError, "no split 'x'", labelled, "camvid", camvid, ("x",))
+    refused(UserError, "no split 'x'", labelled, "camvid", camvid, ("x",))
     void = DATA._replace(read=lambda own: (read(own)[0], np.full((2, 4), 255, np.uint8)))
     void = void._replace(entries=void.entries[:1])
     refused(UserError, "every label is void", evaluate, red, void)

@@ -9,8 +9,10 @@ import pytest
 
 import seg
 from seg import ModelError, TrainSettings
-from seg.model import CONFIG, PADDING, WEIGHTS, Model, classes_of, fitted, label_classes, load_model
+from seg.data.labelled import PADDING, fitted
+from seg.model import CONFIG, WEIGHTS, Model, classes_of, label_classes, load_model
 from seg.train import logits, predict, train
+from shell.target_file import shipped
 from tests.conftest import refused
 
 from .conftest import assert_same, pixels, toy
@@ -116,10 +118,12 @@ def test_labels_are_painted_as_label_files_have_them(compact):
         small.painted(labels, "overlay")
 
 
-def test_classes_of_a_table_have_the_values_of_its_files():
-    cityscapes = {own.name: own for own in classes_of(seg.CITYSCAPES_19)}
+def test_classes_of_a_target_have_the_values_of_its_files():
+    cityscapes = {own.name: own for own in classes_of(shipped("cityscapes"))}
     assert cityscapes["road"] == ("road", 7, (128, 64, 128)) and cityscapes["bicycle"].id == 33
-    assert [own.id for own in classes_of(seg.CAMVID_11)] == list(range(11))
+    assert [own.id for own in classes_of(shipped("camvid"))] == list(range(11))
+    facade = classes_of(shipped("labelmefacade"))  # its files hold colours
+    assert [own.id for own in facade] == list(range(6)) and facade[3].color == (128, 64, 0)
 
 
 @pytest.mark.parametrize(("changes", "message"), [
