@@ -8,11 +8,19 @@ from typing import Any
 
 import numpy as np
 
-from scene.classes import CLASS_NAMES, TrainId, colorize
+from scene.classes import CLASS_NAMES, VOID, TrainId
 from scene.dataset.formats import rle
-from scene.dataset.formats.planes import ids_of, normals_of
+from scene.dataset.formats.labels import ILLEGAL, Labels
+from scene.dataset.formats.planes import ids_of, label_planes, normals_of
 from scene.dataset.formats.png import read_png
-from scene.dataset.formats.segments import PER_CLASS, TRAIN_OF_LABEL, is_thing, label_ids, segments
+from scene.dataset.formats.segments import (
+    PER_CLASS,
+    TRAIN_OF_LABEL,
+    Segment,
+    is_thing,
+    label_ids,
+    segments,
+)
 from scene.dataset.read import Described
 from shell.files import read_json
 
@@ -43,6 +51,8 @@ def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str
             faults.append(str(error))
             continue
         dtype, axes = ("uint16" if kind in DEEP else "uint8"), (3 if kind in COLOURED else 2)
+        if kind == "label_ids":
+            dtype, axes = dataset.labels.values.dtype.name, dataset.labels.values.ndim + 1
         if plane.shape[:2] != (height, width):
             faults.append(f"{path} is {plane.shape[1]}x{plane.shape[0]}, not {width}x{height}")
         elif plane.dtype != dtype or plane.ndim != axes:
@@ -70,33 +80,41 @@ def _check_camera(path: Path) -> None:
                 raise ValueError(f"{path}: {part}.{name} must be a number, not {found!r}")
 
 
-def verify(planes: dict[str, np.ndarray], known: dict[str, Any]) -> Iterator[str]:
+def verify(planes: dict[str, np.ndarray], known: dict[str, Any], labels: Labels) -> Iterator[str]:
     """Yield everything in one image that does not agree.
 
     Args:
         planes: its pictures by kind, as far as they could be read.
-        known: what the files about all images say of it: ``panoptic``, the segments, and ``instances``,
-            the annotations of things.
+        known: what the files about all images say of it: ``panoptic``, the segments, ``instances``, the
+            annotations of things, and ``semantic``, those of classes.
+        labels: the classes of label pictures.
     """
     if "panoptic" not in planes:
+        if "label_ids" in planes:
+            strange = np.count_nonzero(labels.classes_of(planes["label_ids"]) == ILLEGAL)
+            if strange:
+                yield f"label_ids: {strange} pixels hold a value that is of no class"
         return
     ids = ids_of(planes["panoptic"])
     yield from _illegal(ids)
     label = label_ids(ids)
     train = TRAIN_OF_LABEL[label]
-    derived = {
-        "label_ids": label,
-        "train_ids": train,
-        "instance_ids": ids,
-        "color": colorize(train),
-    }
+    derived = {"instance_ids": ids, **label_planes(train, labels)}
     for kind, wanted in derived.items():
         if kind in planes:
             wrong = planes[kind] != wanted
             if wrong.any():
                 yield f"{kind}: {np.count_nonzero(wrong)} values differ from the panoptic segments"
-    yield from _segments(ids, known["panoptic"])
-    yield from _instances(ids, known["instances"])
+    if "panoptic" in known:
+        yield from _segments(ids, known["panoptic"])
+    if "instances" in known:
+        yield from _masks(ids, [s for s in segments(ids) if s.id >= PER_CLASS], known["instances"])
+    if "semantic" in known:
+        numbers = np.where(
+            derived["train_ids"] == VOID, 0, derived["train_ids"].astype(np.int32) + 1
+        )
+        found = [s._replace(label_id=labels.category_ids[s.id - 1]) for s in segments(numbers)]
+        yield from _masks(numbers, found, known["semantic"])
     sky = train == TrainId.SKY
     for kind in ("depth", "disparity", "normals"):
         if kind in planes:
@@ -138,9 +156,11 @@ def _segments(ids: np.ndarray, listed: list[dict[str, Any]]) -> Iterator[str]:
         yield f"{len(listed)} segments are listed with {len(told)} different ids"
 
 
-def _instances(ids: np.ndarray, annotations: list[dict[str, Any]]) -> Iterator[str]:
-    """Compare things with their annotations: every mask is one whole segment, with its box."""
-    left = {s.id: s for s in segments(ids) if s.id >= PER_CLASS}
+def _masks(
+    ids: np.ndarray, wanted: list[Segment], annotations: list[dict[str, Any]]
+) -> Iterator[str]:
+    """Compare segments with their annotations: every mask is one whole segment, with its box."""
+    left = {s.id: s for s in wanted}
     for annotation in annotations:
         where = f"annotation {annotation.get('id')}"
         try:

@@ -13,7 +13,7 @@ import trimesh
 
 from scene import AssetPool, RenderSettings
 from scene.attributes import NAMES
-from scene.dataset import export
+from scene.dataset import description, export
 from scene.dataset.description import versions
 from scene.dataset.export import ExportError, export_dataset, read_dataset
 from scene.dataset.formats.layout import FORMATS
@@ -151,10 +151,10 @@ def test_an_export_of_other_settings_or_another_engine_is_kept(finished, tmp_pat
     with monkeypatch.context() as other:
         for name, version in (("numba", "0.1"), ("numpy", "0.2")):
             other.setattr(
-                "scene.dataset.plan.versions", lambda n=name, v=version: {**versions(), n: v}
+                description, "versions", lambda *_, n=name, v=version: {**versions(), n: v}
             )
             refused(ExportError, f"versions.{name} = [0-9.]+, not {version}; use the", run, folder)
-    monkeypatch.setattr("scene.dataset.plan.ENGINE", ENGINE + 1)
+    monkeypatch.setattr(description, "ENGINE", ENGINE + 1)
     refused(ExportError, f"version {ENGINE}, and this is {ENGINE + 1}; cont", run, folder)
     assert tree(folder) == before
 
@@ -162,7 +162,7 @@ def test_an_export_of_other_settings_or_another_engine_is_kept(finished, tmp_pat
 def test_what_makes_no_picture_may_have_another_version(tmp_path, monkeypatch):
     first = run(tmp_path)
     found = {**versions(), "python": "3.99.0", "trimesh": "99"}
-    monkeypatch.setattr("scene.dataset.plan.versions", lambda: found)
+    monkeypatch.setattr(description, "versions", lambda *_: found)
     assert run(tmp_path) == first
 
 
@@ -244,7 +244,7 @@ def test_the_command_line_exports_and_reports(tmp_path, printed):
     lines = printed(main, *FLAGS, first, "--attributes", "random", "--shots", 1).splitlines()
     assert lines[0].startswith("[  0 %] 0 of 2 images | 0.0 MB")
     assert lines[1].startswith("[ 50 %] 1 of 2 images | ") and lines[1].endswith(" left")
-    assert "2 images in " in lines[-1] and "dataset.json" in lines[-1]
+    assert "2 images of 2 streets in " in lines[-1] and "dataset.json" in lines[-1]
     file.write_text(json.dumps(described(first)["attributes"]))
     printed(main, *FLAGS, second, "--attributes", file, "--shots", 1)
     assert tree(first) == tree(second)
