@@ -32,6 +32,8 @@ ENOUGH_JUMPS = 1000
 EVERYWHERE = ("road", "sidewalk", "sky")
 """Classes that a dataset of ``ENOUGH_IMAGES`` cannot be without."""
 ENOUGH_IMAGES = 20
+SLACK = 0.02
+"""By so much of its pixels the outline of an object may miss them."""
 ENOUGH_PLACED = 100
 """Objects of a class placed in the streets of a dataset of which at least one must be seen."""
 
@@ -58,6 +60,7 @@ def findings(folder: Path) -> Iterator[str]:
         except (LookupError, TypeError, AttributeError) as error:
             yield f"{dataset.folder / path} is not as the format wants it: {error!r}"
     pixels, containing, edges, complete = Counter[int](), Counter[int](), Overlap(), True
+    enclosed, objects = np.zeros(len(dataset.labels.names)), "objects" in dataset.layout.files
     for stem in dataset.stems:
         planes, faults = load(dataset, stem)
         yield from faults
@@ -69,14 +72,17 @@ def findings(folder: Path) -> Iterator[str]:
         elif "label_ids" in planes:
             classes = dataset.labels.classes_of(planes["label_ids"])
         else:
-            complete = False
+            complete = complete and objects and "objects" in planes
+            enclosed += planes.get("objects", 0)
             continue
         values, counts = np.unique(classes, return_counts=True)
         pixels.update(dict(zip(values.tolist(), counts.tolist(), strict=True)))
         containing.update(values.tolist())
         if "depth" in planes and "panoptic" in planes:
             edges = edges.plus(overlap(ids, planes["depth"]))
-    if complete:
+    if complete and objects:
+        yield from _enclosed(dataset, enclosed)
+    elif complete:
         yield from _statistics(dataset, pixels, containing)
     if edges.aligned + edges.shifted > ENOUGH_JUMPS and edges.lift < LEAST_LIFT:
         yield (
@@ -87,6 +93,10 @@ def findings(folder: Path) -> Iterator[str]:
 
 def _stray_files(dataset: Described) -> Iterator[str]:
     """Files in the folders of images that belong to no image."""
+    if dataset.rows is not None:
+        for name in sorted(set(dataset.rows) - set(dataset.stems)):
+            yield f"{dataset.rows[name].shard}: {name} is no image of dataset.json"
+        return
     expected = {dataset.path(k, s) for s in dataset.stems for k in dataset.layout.files}
     for folder in sorted({path.parent for path in expected}):
         if folder.is_dir():
@@ -122,6 +132,20 @@ def _by_stem(dataset: Described, name: str, found: Any) -> dict[str, list[dict[s
             raise TypeError("an id that is no whole number")
         by_stem[stem_of[annotation["image_id"]]] += told
     return by_stem
+
+
+def _enclosed(dataset: Described, found: np.ndarray) -> Iterator[str]:
+    """Compare the pixels f64[classes] inside the outlines of things with those that were rendered."""
+    told = dataset.description.get("class_frequency")
+    total = len(dataset.stems) * dataset.size[0] * dataset.size[1]
+    for k in dataset.labels.things:
+        name = dataset.labels.names[k]
+        says = told.get(name) if isinstance(told, dict) else None
+        if not isinstance(says, int | float) or abs(says * total - found[k]) > SLACK * found[k] + 1:
+            yield (
+                f"dataset.json: class_frequency of {name} is {says}, but outlines enclose "
+                f"{found[k] / total:.9f}"
+            )
 
 
 def _statistics(

@@ -113,6 +113,10 @@ def export_dataset(
     plan = Plan(
         Path(folder), format, split, images, shots, seed, settings, renderer_name, pool, own
     )
+    if "objects" in plan.layout.files and not plan.labels.things:
+        raise UserError(
+            f"format {format} has things only, and target {target and target.name} has none"
+        )
     wanted = settings_of(plan, units, streets)
     if not _complete(plan.folder, wanted):
         _check_room(plan, units)

@@ -12,7 +12,6 @@ from scene.classes import CLASS_NAMES, VOID, TrainId
 from scene.dataset.formats import rle
 from scene.dataset.formats.labels import ILLEGAL, Labels
 from scene.dataset.formats.planes import ids_of, label_planes, normals_of
-from scene.dataset.formats.png import read_png
 from scene.dataset.formats.segments import (
     PER_CLASS,
     TRAIN_OF_LABEL,
@@ -21,8 +20,10 @@ from scene.dataset.formats.segments import (
     label_ids,
     segments,
 )
+from scene.dataset.formats.yolo import area
 from scene.dataset.read import Described
-from shell.files import read_json
+from shell.files import read_bytes, read_json
+from shell.pictures import MOST_BYTES
 
 ROUNDING = 0.02
 """How far from 1 the length of a normal may be after it was rounded to bytes."""
@@ -39,11 +40,15 @@ def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str
     width, height = dataset.size
     for kind in dataset.layout.files:
         path = dataset.path(kind, name)
+        where = path if dataset.rows is None else f"{dataset.folder}: {kind} of {name}"
         try:
             if kind == "camera":
                 _check_camera(path)
                 continue
-            plane = read_png(path)
+            if kind == "objects":
+                planes[kind] = _areas(path, dataset)
+                continue
+            plane = dataset.picture(kind, name)
         except FileNotFoundError:
             faults.append(f"{path} is missing")
             continue
@@ -54,10 +59,10 @@ def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str
         if kind == "label_ids":
             dtype, axes = dataset.labels.values.dtype.name, dataset.labels.values.ndim + 1
         if plane.shape[:2] != (height, width):
-            faults.append(f"{path} is {plane.shape[1]}x{plane.shape[0]}, not {width}x{height}")
+            faults.append(f"{where} is {plane.shape[1]}x{plane.shape[0]}, not {width}x{height}")
         elif plane.dtype != dtype or plane.ndim != axes:
             faults.append(
-                f"{path} is {plane.dtype} with {plane.ndim} axes, not {dtype} with {axes}"
+                f"{where} is {plane.dtype} with {plane.ndim} axes, not {dtype} with {axes}"
             )
         else:
             planes[kind] = plane
@@ -78,6 +83,34 @@ def _check_camera(path: Path) -> None:
                 found = None
             if isinstance(found, bool) or not isinstance(found, int | float):
                 raise ValueError(f"{path}: {part}.{name} must be a number, not {found!r}")
+
+
+def _areas(path: Path, dataset: Described) -> np.ndarray:
+    """Pixels f64[classes] that the outlines of objects in a file enclose.
+
+    Raises:
+        ValueError: a line is no outline of an object, with the file's name.
+    """
+    things, found = dataset.labels.things, np.zeros(len(dataset.labels.names))
+    for number, line in enumerate(
+        read_bytes(path, MOST_BYTES).decode("ascii", "replace").split("\n")
+    ):
+        if not line:
+            continue
+        try:
+            own, *shares = line.split(" ")
+            corners = np.array(shares, float).reshape(-1, 2)
+            if not own.isdecimal() or int(own) >= len(things) or len(corners) < 3:
+                raise ValueError
+            if not ((corners >= 0) & (corners <= 1)).all():
+                raise ValueError
+        except ValueError:
+            raise ValueError(
+                f"{path}, line {number + 1}: expected a class below {len(things)}, then x and y of "
+                "three corners or more, all in [0, 1]"
+            ) from None
+        found[things[int(own)]] += abs(area(corners * dataset.size))
+    return found
 
 
 def verify(planes: dict[str, np.ndarray], known: dict[str, Any], labels: Labels) -> Iterator[str]:

@@ -8,7 +8,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-from scene.dataset.formats import cityscapes, coco
+from scene.dataset.formats import card, cityscapes, coco, parquet, yolo
 from scene.dataset.formats.about import CITY, About
 from shell.errors import UserError
 
@@ -38,7 +38,7 @@ class Layout(NamedTuple):
                 import_module(package)
             except ImportError as error:
                 raise UserError(
-                    f"this format needs {package}: pip install 'sdr-jax[parquet]' ({error})"
+                    f"format parquet needs {package}: pip install 'sdr-jax[parquet]' ({error})"
                 ) from None
 
     def paths(self, split: str, stem: str) -> dict[str, str]:
@@ -91,6 +91,26 @@ LAYOUTS: dict[str, Layout] = {
                 "annotations/semantic.json", partial(coco.semantic, file_name="{stem}.png")
             ),
         },
+    ),
+    "folders": Layout(
+        {"image": "images/{stem}.png", "label_ids": "masks/{stem}.png"},
+        {
+            "classes": Summary("classes.txt", card.class_list),
+            "card": Summary("README.md", card.card),
+        },
+        published=False,
+    ),
+    "yolo-seg": Layout(
+        {"image": "images/{split}/{stem}.png", "objects": "labels/{split}/{stem}.txt"},
+        {"names": Summary("data.yaml", yolo.names)},
+    ),
+    # Its pictures are packed in the end.
+    "parquet": Layout(
+        {"image": ".export/images/{stem}.png", "label_ids": ".export/labels/{stem}.png"},
+        {"card": Summary("README.md", parquet.parquet_card)},
+        published=False,
+        packages=parquet.PACKAGES,
+        pack=parquet.pack,
     ),
 }
 FORMATS: tuple[str, ...] = tuple(LAYOUTS)

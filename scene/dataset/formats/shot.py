@@ -15,6 +15,7 @@ from scene.dataset.formats.layout import Layout
 from scene.dataset.formats.planes import BASELINE, PLANES, focal_length, label_planes
 from scene.dataset.formats.rle import Runs, encode
 from scene.dataset.formats.segments import PER_CLASS, Segment, panoptic_ids, segments
+from scene.dataset.formats.yolo import object_lines
 from scene.ground.path import Path, height_at, nearest, road_axes
 from scene.render.protocol import Frame, RenderSettings, seen_through
 from scene.street.camera import Camera, camera_axes
@@ -49,6 +50,8 @@ def shot_files(
     for kind in layout.files:
         if kind == "camera":
             files[kind] = json.dumps(camera_entry(camera, path, settings), indent=1).encode()
+        elif kind == "objects":
+            files[kind] = object_lines(ids, labels).encode()
         elif kind in of_classes:
             files[kind] = png.encode(of_classes[kind])
         else:
