@@ -5,6 +5,7 @@ import io
 import json
 import os
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ TINY = RenderSettings(width=64, height=48)
 UNITS = draw(random_proposal(), 5, 3)
 OPTIONS = {"units": UNITS, "shots": 2, "images": 5, "settings": TINY, "pool": AssetPool(0, 3),
            "streets": random_proposal()}  # fmt: skip
+PARQUET = pytest.mark.skipif(find_spec("pyarrow") is None, reason="needs pyarrow")
 FLAGS = ["--images", "2", "--size", "64x48", "--workers", "0", "--out"]
 
 
@@ -40,7 +42,9 @@ def tree(folder):
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
-@pytest.fixture(scope="module", params=FORMATS)
+@pytest.fixture(scope="module", params=[
+    pytest.param(name, marks=PARQUET if name == "parquet" else ()) for name in FORMATS
+])  # fmt: skip
 def unbroken(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("unbroken") / "dataset"
     run(folder, format=request.param)
@@ -57,7 +61,10 @@ def format(unbroken):
 
 
 def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
-    found, dataset = described(unbroken), read_dataset(unbroken)
+    found = described(unbroken)
+    if found["format"] == "yolo-seg":
+        pytest.skip("it has no label of every pixel")
+    dataset = read_dataset(unbroken)
     asked = {"images": 5, "shots": 2, "seed": 7, "renderer": "embree", "split": "train"}
     assert found.items() >= {**asked, "engine": ENGINE}.items() and found["own_assets"] == []
     assert found["render"]["width"] == 64 and found["render"]["response"]
@@ -76,7 +83,7 @@ def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
 
 @pytest.mark.parametrize("writes", [0, 1, 4, 13, 22, 30])
 def test_cut_short_anywhere_it_ends_alike(unbroken, format, writes, tmp_path, monkeypatch):
-    left = iter(range(writes))
+    left = iter(range(writes if format in ("cityscapes", "coco") else writes // 2))  # fewer files
     folder, seen, real = tmp_path / "a", [], os.replace
 
     def cut(source, target):

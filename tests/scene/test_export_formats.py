@@ -164,7 +164,7 @@ def test_no_two_files_of_a_format_share_a_path(name):
     paths = [path for stem in "ab" for path in found.paths("train", stem).values()]
     paths += found.summary_paths("train").values()
     assert len(set(paths)) == len(paths)
-    refused(ValueError, "unknown format 'voc'; known: cityscapes, coco", layout, "voc")
+    refused(ValueError, "unknown format 'voc'; known: cityscapes, coco, folders", layout, "voc")
 
 
 @pytest.mark.parametrize("course", [
