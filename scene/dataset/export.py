@@ -65,7 +65,7 @@ def export_dataset(
     split: str = "train",
     renderer_name: str = "embree",
     pool: AssetPool | None = None,
-    target: TargetFile | None = None,
+    target: TargetFile | str | Path | None = None,
     streets: Streets | None = None,
     workers: int | Workers = 0,
     progress: Callable[[int, int, int], None] | None = None,
@@ -86,7 +86,8 @@ def export_dataset(
         split: ``train`` or ``val``.
         renderer_name: ``embree`` or ``opengl``.
         pool: which assets may appear.
-        target: whose classes label pictures have, in its ids or colours; by default the engine's.
+        target: whose classes label pictures have, in its ids or colours, or its name or file; by default
+            the engine's.
         streets: what ``units`` was drawn from, for the record.
         workers: processes to render in; 0 renders here, ``Workers`` are used and left open.
         progress: called with (images done, images, bytes written by this call).
@@ -115,7 +116,7 @@ def export_dataset(
     )
     if "objects" in plan.layout.files and not plan.labels.things:
         raise UserError(
-            f"format {format} has things only, and target {target and target.name} has none"
+            f"format {format} has things only, and target {plan.target and plan.target['name']} has none"
         )
     wanted = settings_of(plan, units, streets)
     if not _complete(plan.folder, wanted):

@@ -25,7 +25,7 @@ from scene.render.protocol import refuse_large_images, refuse_many_shots
 from scene.workers import ExecutorName, WorkerError, refuse_many_workers
 from shell.command import Parser, exit_code, size
 from shell.memory import refuse_larger
-from shell.target_file import SHIPPED, find_target
+from shell.target_file import SHIPPED
 
 if TYPE_CHECKING:
     from shell.progress import Progress
@@ -105,7 +105,6 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     refuse_many_shots("--shots", options.shots, settings)
     refuse_larger("--images", options.images, lambda n: n * STREET // options.shots, "streets")
     chosen = read_streets(options.attributes, options.space)
-    target = None if options.target is None else find_target(options.target)
     with workers_of(options.executor, options.workers, options.scheduler) as workers:
         if workers.dashboard is not None:
             progress.say(f"Dashboard: {workers.dashboard}")
@@ -125,7 +124,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
                 own=options.assets,
                 use=options.asset_use,
             ),
-            target=target,
+            target=options.target,
             streets=chosen,
             workers=workers,
             progress=reporter(progress),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -80,15 +81,19 @@ def engine_labels(published: bool) -> Labels:
     )
 
 
-def target_entry(target: TargetFile) -> dict[str, Any]:
+def target_entry(target: TargetFile | str | Path) -> dict[str, Any]:
     """What ``dataset.json`` says of a target, as `target_labels` reads it.
 
     A class has the first of its ids or colours, and void the first of the target's. Where label files hold
     names, the value is the class's place.
 
     Raises:
-        UserError: the engine renders none of its classes.
+        UserError: there is no such target, or the engine renders none of its classes.
     """
+    from shell.target_file import find_target  # workers need none
+
+    if isinstance(target, str | Path):
+        target = find_target(target)
     if not any(target.rendered):
         raise UserError(
             f"target {target.name}: no class of it renders one of the engine's, so all would be void; "
