@@ -4,7 +4,8 @@
     python examples/own_net/search.py examples/own_net/torch_net.py --real DIR --out runs/own
 
 The file defines `score(images, labels, real_images, real_labels)`: it trains on the first two and tests on
-the others; higher is better. DIR has real images as `sdr-jax render --format folders` writes them: images/ and masks/.
+the others; higher is better. DIR has real images as `sdr-jax render --format folders` writes them: images/
+and masks/.
 """
 
 import argparse
