@@ -10,6 +10,8 @@ from scene.dataset.export import export_dataset as export_dataset
 from scene.dataset.render import Dataset as Dataset
 from scene.dataset.render import render_dataset as render_dataset
 from scene.dataset.render import render_street as render_street
+from scene.dataset.stream import Sample as Sample
+from scene.dataset.stream import stream as stream
 from scene.render import RENDERERS as RENDERERS
 from scene.render import Frame as Frame
 from scene.render import RendererError as RendererError

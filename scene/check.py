@@ -15,14 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from scene.classes import CLASS_NAMES, LABEL_IDS
+from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.edges import Overlap, overlap
+from scene.dataset.formats.about import About
 from scene.dataset.formats.planes import ids_of
-from scene.dataset.formats.segments import label_ids
+from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
 from scene.dataset.read import Described, describe
 from scene.dataset.verify import load, verify
 from shell.command import Parser, exit_code
-from shell.files import read_json
+from shell.files import read_bytes, read_json
 
 LEAST_LIFT = 2.2
 """Depth jumps on id edges, over what chance gives. Ours: 4 to 5; labels off by one pixel: 1.6."""
@@ -31,6 +32,8 @@ ENOUGH_JUMPS = 1000
 EVERYWHERE = ("road", "sidewalk", "sky")
 """Classes that a dataset of ``ENOUGH_IMAGES`` cannot be without."""
 ENOUGH_IMAGES = 20
+SLACK = 0.02
+"""By so much of its pixels the outline of an object may miss them."""
 ENOUGH_PLACED = 100
 """Objects of a class placed in the streets of a dataset of which at least one must be seen."""
 
@@ -44,8 +47,11 @@ def findings(folder: Path) -> Iterator[str]:
     dataset = describe(folder)
     yield from _stray_files(dataset)
     known: dict[str, Any] = {}
-    for name, path in dataset.layout.summaries(dataset.split).items():
+    for name, path in dataset.layout.summary_paths(dataset.split).items():
         try:
+            if not path.endswith(".json"):
+                yield from _text(dataset, name, dataset.folder / path)
+                continue
             known[name] = _by_stem(dataset, name, read_json(dataset.folder / path))
         except FileNotFoundError:
             yield f"{dataset.folder / path} is missing"
@@ -53,24 +59,30 @@ def findings(folder: Path) -> Iterator[str]:
             yield str(error)
         except (LookupError, TypeError, AttributeError) as error:
             yield f"{dataset.folder / path} is not as the format wants it: {error!r}"
-    if len(known) < len(dataset.layout.summaries(dataset.split)):
-        return
     pixels, containing, edges, complete = Counter[int](), Counter[int](), Overlap(), True
+    enclosed, objects = np.zeros(len(dataset.labels.names)), "objects" in dataset.layout.files
     for stem in dataset.stems:
         planes, faults = load(dataset, stem)
         yield from faults
         told = {name: by_stem.get(stem, []) for name, by_stem in known.items()}
-        yield from (f"{stem}: {fault}" for fault in verify(planes, told))
-        if "panoptic" not in planes:
-            complete = False
+        yield from (f"{stem}: {fault}" for fault in verify(planes, told, dataset.labels))
+        if "panoptic" in planes:
+            ids = ids_of(planes["panoptic"])
+            classes = dataset.labels.of_engine[TRAIN_OF_LABEL[label_ids(ids)]]
+        elif "label_ids" in planes:
+            classes = dataset.labels.classes_of(planes["label_ids"])
+        else:
+            complete = complete and objects and "objects" in planes
+            enclosed += planes.get("objects", 0)
             continue
-        ids = ids_of(planes["panoptic"])
-        values, counts = np.unique(label_ids(ids), return_counts=True)
+        values, counts = np.unique(classes, return_counts=True)
         pixels.update(dict(zip(values.tolist(), counts.tolist(), strict=True)))
         containing.update(values.tolist())
-        if "depth" in planes:
+        if "depth" in planes and "panoptic" in planes:
             edges = edges.plus(overlap(ids, planes["depth"]))
-    if complete:
+    if complete and objects:
+        yield from _enclosed(dataset, enclosed)
+    elif complete:
         yield from _statistics(dataset, pixels, containing)
     if edges.aligned + edges.shifted > ENOUGH_JUMPS and edges.lift < LEAST_LIFT:
         yield (
@@ -81,12 +93,25 @@ def findings(folder: Path) -> Iterator[str]:
 
 def _stray_files(dataset: Described) -> Iterator[str]:
     """Files in the folders of images that belong to no image."""
+    if dataset.rows is not None:
+        for name in sorted(set(dataset.rows) - set(dataset.stems)):
+            yield f"{dataset.rows[name].shard}: {name} is no image of dataset.json"
+        return
     expected = {dataset.path(k, s) for s in dataset.stems for k in dataset.layout.files}
     for folder in sorted({path.parent for path in expected}):
         if folder.is_dir():
             for path in sorted(folder.iterdir()):
                 if path.is_file() and path not in expected:
                     yield f"{path} belongs to no image"
+
+
+def _text(dataset: Described, name: str, path: Path) -> Iterator[str]:
+    """A text about all images that follows from ``dataset.json``; a card is there to be edited."""
+    summary = dataset.layout.summaries[name]
+    about = About(lambda: (), dataset.split, dataset.size, dataset.labels, dataset.description)
+    found = read_bytes(path)
+    if name != "card" and found != "".join(summary.text(about)).encode():
+        yield f"{path} does not say what dataset.json says"
 
 
 def _by_stem(dataset: Described, name: str, found: Any) -> dict[str, list[dict[str, Any]]]:
@@ -109,6 +134,20 @@ def _by_stem(dataset: Described, name: str, found: Any) -> dict[str, list[dict[s
     return by_stem
 
 
+def _enclosed(dataset: Described, found: np.ndarray) -> Iterator[str]:
+    """Compare the pixels f64[classes] inside the outlines of things with those that were rendered."""
+    told = dataset.description.get("class_frequency")
+    total = len(dataset.stems) * dataset.size[0] * dataset.size[1]
+    for k in dataset.labels.things:
+        name = dataset.labels.names[k]
+        says = told.get(name) if isinstance(told, dict) else None
+        if not isinstance(says, int | float) or abs(says * total - found[k]) > SLACK * found[k] + 1:
+            yield (
+                f"dataset.json: class_frequency of {name} is {says}, but outlines enclose "
+                f"{found[k] / total:.9f}"
+            )
+
+
 def _statistics(
     dataset: Described, pixels: Counter[int], containing: Counter[int]
 ) -> Iterator[str]:
@@ -118,16 +157,21 @@ def _statistics(
         key: value if isinstance(value := dataset.description.get(key), dict) else {}
         for key in ("class_frequency", "images_with_class", "placed")
     }
-    for name, label in zip(CLASS_NAMES, LABEL_IDS.tolist(), strict=True):
-        share = round(pixels[label] / total, 9)
-        for key, seen in (("class_frequency", share), ("images_with_class", containing[label])):
+    placed = Counter[str]()
+    for name, number in told["placed"].items():
+        if name in CLASS_NAMES and isinstance(number, int):
+            own = int(dataset.labels.of_engine[CLASS_NAMES.index(name)])
+            placed.update({dataset.labels.names[own]: number} if own != VOID else {})
+    for k, name in enumerate(dataset.labels.names):
+        share = round(pixels[k] / total, 9)
+        for key, seen in (("class_frequency", share), ("images_with_class", containing[k])):
             says = told[key].get(name)
             if not isinstance(says, int | float) or abs(says - seen) > 1e-8:
                 yield f"dataset.json: {key} of {name} is {says}, but {seen} in the labels"
-        placed = told["placed"].get(name, 0)
-        if not containing[label] and isinstance(placed, int) and placed >= ENOUGH_PLACED:
-            yield f"{name}: {placed} stand in the streets, and none is in any image"
-        if not containing[label] and name in EVERYWHERE and len(dataset.stems) >= ENOUGH_IMAGES:
+        if not containing[k] and placed[name] >= ENOUGH_PLACED:
+            yield f"{name}: {placed[name]} stand in the streets, and none is in any image"
+        everywhere = name in EVERYWHERE and dataset.description.get("target") is None
+        if not containing[k] and everywhere and len(dataset.stems) >= ENOUGH_IMAGES:
             yield f"{name} is in no image"
 
 

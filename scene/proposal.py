@@ -352,14 +352,17 @@ def _interval(name: str, entry: Any) -> tuple[float, float]:
     return centre, width
 
 
-def draw(streets: Streets, seed: int, count: int) -> np.ndarray:
-    """Attributes f32[count, attributes] in [0, 1); street ``k`` depends on (streets, seed, k) only."""
+def draw(streets: Streets, seed: int, count: int, start: int = 0) -> np.ndarray:
+    """Attributes f32[count, attributes] in [0, 1) of the streets from ``start`` on.
+
+    Street ``k`` depends on (streets, seed, k) only.
+    """
     drawn = [_drawn_from(own) for _, own in components(streets)]
     units = np.empty((count, len(components(streets)[0][1][0])), np.float32)
-    for street in range(count):
+    for street in range(start, start + count):
         rng = streams.units(seed, street)
         uniform = rng.random(units.shape[1], dtype=np.float32)
-        units[street] = drawn[component_of(streets, street)](uniform)
+        units[street - start] = drawn[component_of(streets, street)](uniform)
     return np.clip(units, 0.0, BELOW_ONE)  # rounding could reach 1
 
 

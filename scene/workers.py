@@ -11,10 +11,12 @@ import multiprocessing
 import os
 import signal
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -27,6 +29,8 @@ ExecutorName = Literal["processes", "dask"]
 Self = TypeVar("Self", bound="Workers")
 LEAST_URGENT = 19
 """How nice processes are that work behind the others, where the system knows such a thing."""
+AHEAD = 2
+"""Tasks that are worked at ahead of what is taken, per worker."""
 PROCESS = 100_000_000
 """Bytes of a worker that has done nothing yet, at least."""
 
@@ -123,6 +127,46 @@ class Workers:
         except BaseException:
             self._drop(futures.values())
             raise
+
+    def in_order(self, function: Callable[..., Any], tasks: Iterable[tuple]) -> Iterator[Any]:
+        """Yield ``function(*task)`` of tasks in their order, which need not end; a few are worked at ahead.
+
+        Raises:
+            WorkerError: a process died, and died again when the work was repeated.
+            Exception: whatever ``function`` raised.
+        """
+        if self.workers == 0:
+            yield from (function(*task) for task in tasks)
+            return
+        left, died = iter(tasks), False
+        ahead: deque[tuple[tuple, Future]] = deque()
+        try:
+            while True:
+                for task in islice(left, AHEAD * self.workers - len(ahead)):
+                    ahead.append((task, self._submit(function, task, False, None, False)))
+                if not ahead:
+                    return
+                try:
+                    [(_, result)] = self._results({0: ahead[0][1]})
+                except BrokenProcessPool as error:
+                    if died:
+                        raise WorkerError(
+                            "a worker process died twice over one task (out of memory, or killed?); "
+                            "try fewer workers"
+                        ) from error
+                    died = True
+                    self._drop(future for _, future in ahead)
+                    again = [task for task, _ in ahead]
+                    ahead = deque(
+                        (task, self._submit(function, task, False, None, False)) for task in again
+                    )
+                    continue
+                ahead.popleft()
+                died = False
+                yield result
+        finally:
+            if ahead:
+                self._drop(future for _, future in ahead)
 
     def _results(self, futures: dict[int, Future]) -> Iterator[tuple[int, Any]]:
         """Empties the dictionary: what was taken from here is nowhere else."""

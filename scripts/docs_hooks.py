@@ -19,6 +19,7 @@ ELSEWHERE = {
     "contributing.md": "CONTRIBUTING.md",
     "changes.md": "CHANGELOG.md",
     "howto/tune.md": "examples/tune/README.md",
+    "howto/own_net.md": "examples/own_net/README.md",
 }
 """Pages whose text lies outside docs/."""
 PAGES = {source: page for page, source in ELSEWHERE.items()}

@@ -1,18 +1,29 @@
-"""``dataset.json``: everything that decided a dataset, and what came out of it."""
+"""``dataset.json``: the plan of a dataset, which decides everything in it, and what came out of it."""
 
 from __future__ import annotations
 
 import platform
+import zlib
 from collections import Counter
 from collections.abc import Iterable
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import llvmlite.binding
 import numpy as np
 
-from scene.classes import CLASS_NAMES
-from scene.version import MAKERS
+from scene.assets import library
+from scene.assets.catalogue import AssetPool
+from scene.classes import CLASS_NAMES, VOID
+from scene.dataset.formats.labels import Labels, labels_of
+from scene.dataset.formats.layout import Layout, layout
+from scene.dataset.read import WORK
+from scene.proposal import Streets, describe, shortest
+from scene.render import RenderSettings
+from scene.version import ENGINE, MAKERS
 from shell import files
+from shell.files import folder_digest
+from shell.folder import plain
 
 PACKAGES = ("sdr-jax", *MAKERS, "scipy", "trimesh", "pyrender")
 ENCODINGS = {
@@ -22,37 +33,131 @@ ENCODINGS = {
 }
 
 
-def outcome(streets: Iterable[dict[str, Any]], pixels: int) -> dict[str, Any]:
+class Plan(NamedTuple):
+    """What every worker needs to know about an export."""
+
+    folder: Path
+    format: str
+    split: str
+    images: int
+    shots: int
+    seed: int
+    settings: RenderSettings
+    renderer: str
+    pool: AssetPool
+    target: dict[str, Any] | None = None  # whose classes labels have, as `dataset.json` says it
+
+    @property
+    def layout(self) -> Layout:
+        """Which files there are."""
+        return layout(self.format)
+
+    @property
+    def labels(self) -> Labels:
+        """The classes of label pictures."""
+        return labels_of({"target": self.target}, self.layout.published)
+
+    @property
+    def work(self) -> Path:
+        """The folder inside that is there while the export is under way."""
+        return self.folder / WORK
+
+    @property
+    def own(self) -> str:
+        """The folder of own assets, if any of them may appear."""
+        return "" if self.pool.use == "built-in" else self.pool.own
+
+    def record(self, street: int) -> Path:
+        """The file that says that a street is finished, and what came out."""
+        return self.work / "streets" / f"{street:06d}.json"
+
+    def shots_of(self, street: int) -> int:
+        """Images of one street; the last may be cut short."""
+        return min(self.shots, self.images - street * self.shots)
+
+
+def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str, Any]:
+    """All that decides the files, as ``dataset.json`` has it."""
+    of_target = {} if plan.target is None else {"target": plan.target}
+    render = {**plan.settings._asdict(), "response": plan.settings.response._asdict()}
+    return {
+        "engine": ENGINE,
+        "versions": versions(layout(plan.format).packages),
+        "format": plan.format,
+        **of_target,
+        "split": plan.split,
+        "images": plan.images,
+        "shots": plan.shots,
+        "seed": plan.seed,
+        "renderer": plan.renderer,
+        "render": plain(render),
+        "assets": {**plan.pool.decides, "own": Path(plan.pool.own).name},
+        "own_assets": _own_assets(plan.own),
+        "own_files": own_files(plan.own),
+        "attributes": None if streets is None else _units(streets),
+        "streets": [[shortest(value) for value in row] for row in units.tolist()],
+    }
+
+
+def _units(streets: Streets) -> dict[str, Any]:
+    """What `scene.proposal.parse_streets` reads, without physical values; of one proposal its attributes."""
+    rows = [
+        {**row, "attributes": {name: own["unit"] for name, own in row["attributes"].items()}}
+        for row in describe(streets)["components"]
+    ]
+    attributes: dict[str, Any] = rows[0]["attributes"]
+    return {"components": rows} if len(rows) > 1 else attributes
+
+
+def own_files(folder: str) -> str:
+    """What all files of the folder of own assets come to, textures and manifest among them; empty without."""
+    return folder_digest(Path(folder)) if folder else ""
+
+
+def _own_assets(folder: str) -> list[dict[str, Any]]:
+    """What the manifest says of every own asset, and a checksum, since a file may be exchanged."""
+    rows = library.manifest(folder) if folder else ()
+    return [
+        {**row._asdict(), "crc32": zlib.crc32((Path(folder) / row.file).read_bytes())}
+        for row in rows
+    ]
+
+
+def outcome(streets: Iterable[dict[str, Any]], pixels: int, labels: Labels) -> dict[str, Any]:
     """What came out: shares of classes, in how many images, mean colour, and what was placed.
 
     Args:
         streets: the records of all streets.
         pixels: of one image.
+        labels: the classes that are counted.
     """
-    count, images = np.zeros(len(CLASS_NAMES), np.int64), 0
-    containing, rgb = np.zeros(len(CLASS_NAMES), np.int64), np.zeros(3, np.int64)
+    of_engine = labels.of_engine[: len(CLASS_NAMES)].tolist()
+    count, images = np.zeros(VOID + 1, np.int64), 0
+    containing, rgb = np.zeros(VOID + 1, np.int64), np.zeros(3, np.int64)
     placed: Counter[str] = Counter()
     for street in streets:
         placed.update(street["placed"])
         for record in street["images"]:
-            count += record["pixels"]
-            containing += np.array(record["pixels"]) > 0
+            here = np.bincount(of_engine, record["pixels"], minlength=VOID + 1).astype(np.int64)
+            count += here
+            containing += here > 0
             rgb += record["rgb"]
             images += 1
     total = pixels * images
     return {
-        "class_frequency": _by_class(np.round(count / total, 9)),
-        "images_with_class": _by_class(containing),
+        "class_frequency": _by_class(labels, np.round(count / total, 9)),
+        "images_with_class": _by_class(labels, containing),
         "mean_rgb": np.round(rgb / total, 3).tolist(),
         "placed": {name: placed[name] for name in CLASS_NAMES if name in placed},
     }
 
 
-def _by_class(values: np.ndarray) -> dict[str, Any]:
-    return dict(zip(CLASS_NAMES, values.tolist(), strict=True))
+def _by_class(labels: Labels, values: np.ndarray) -> dict[str, Any]:
+    return dict(zip(labels.names, values.tolist(), strict=False))
 
 
-def versions() -> dict[str, str]:
+def versions(more: tuple[str, ...] = ()) -> dict[str, str]:
     """Versions of all that has a part in the bytes, and the processor that shading is compiled for."""
     cpu = llvmlite.binding.get_host_cpu_name()
-    return {"python": platform.python_version(), "processor": cpu, **files.versions(PACKAGES)}
+    found = files.versions((*PACKAGES, *more))
+    return {"python": platform.python_version(), "processor": cpu, **found}

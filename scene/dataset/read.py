@@ -8,9 +8,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from scene.dataset.formats.layout import FORMATS, SPLITS, Layout, layout, stem
+from scene.dataset.formats import parquet
+from scene.dataset.formats.about import stem
+from scene.dataset.formats.labels import ILLEGAL, Labels, labels_of
+from scene.dataset.formats.layout import FORMATS, SPLITS, Layout, layout
 from scene.dataset.formats.planes import ids_of
-from scene.dataset.formats.png import read_png
+from scene.dataset.formats.png import decode, read_png
 from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
 from scene.render.protocol import MAX_PIXELS
 from shell.files import read_json
@@ -31,10 +34,25 @@ class Described(NamedTuple):
     split: str
     stems: tuple[str, ...]  # of all images, in order
     size: tuple[int, int]  # width, height in pixels
+    labels: Labels  # the classes of label pictures
+    rows: dict[str, parquet.Place] | None = None  # where pictures are packed, of each stem
 
     def path(self, kind: str, name: str) -> Path:
         """The file of one kind of the image called ``name``."""
         return self.folder / self.layout.paths(self.split, name)[kind]
+
+    def picture(self, kind: str, name: str) -> np.ndarray:
+        """One picture of the image called ``name``.
+
+        Raises:
+            ValueError, OSError: it is damaged or missing, with its name.
+        """
+        if self.rows is None:
+            return read_png(self.path(kind, name))
+        if name not in self.rows:
+            raise ValueError(f"{self.folder}: no row of image {name} in data/")
+        place = self.rows[name]
+        return decode(parquet.picture(place, kind), f"{place.shard}: {kind} of {name}")
 
 
 def describe(folder: Path) -> Described:
@@ -56,27 +74,36 @@ def describe(folder: Path) -> Described:
         most = images <= MOST_IMAGES and size[0] * size[1] <= MAX_PIXELS
         if not sound or not most or min(images, shots, *size) < 1:
             raise ValueError("format, split, images, shots or size")
+        own = layout(found["format"])
+        classes = labels_of(found, own.published)
     except (LookupError, TypeError, ValueError) as error:
         raise ValueError(f"{path} does not describe a dataset: {error}") from None
     stems = tuple(stem(k // shots, k % shots) for k in range(images))
-    return Described(folder, found, layout(found["format"]), found["split"], stems, size)
+    own.check()
+    rows = parquet.places(folder, found["split"]) if own.pack is not None else None
+    return Described(folder, found, own, found["split"], stems, size, classes, rows)
 
 
 def labels(dataset: Described, name: str) -> np.ndarray:
-    """Train ids u8[h, w] of one image.
+    """Classes u8[h, w] of one image, by their numbers in ``dataset.labels``.
 
     Raises:
-        ValueError, OSError: the file is damaged or missing, with its name.
+        ValueError, OSError: the file is damaged or missing, with its name; the format has no such labels.
     """
-    return TRAIN_OF_LABEL[label_ids(ids_of(read_png(dataset.path("panoptic", name))))]
+    if "panoptic" in dataset.layout.files:
+        ids = ids_of(dataset.picture("panoptic", name))
+        return dataset.labels.of_engine[TRAIN_OF_LABEL[label_ids(ids)]]
+    if "label_ids" not in dataset.layout.files:
+        raise ValueError(
+            f"{dataset.folder}: the format {dataset.description['format']} has no label of every pixel"
+        )
+    found = dataset.labels.classes_of(dataset.picture("label_ids", name))
+    if (found == ILLEGAL).any():
+        raise ValueError(f"{dataset.folder}: labels of {name} hold a value that is of no class")
+    return found
 
 
-def pictures(folder: Path) -> Iterator[tuple[np.ndarray, np.ndarray]]:
-    """Images u8[h, w, 3] and train ids u8[h, w] of an exported dataset, one by one.
-
-    Raises:
-        ValueError, OSError: not a dataset, or a file is damaged or missing, with its name.
-    """
-    dataset = describe(folder)
+def pictures(dataset: Described) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Images u8[h, w, 3] and classes u8[h, w] of an exported dataset, one by one; raises as `labels`."""
     for name in dataset.stems:
-        yield read_png(dataset.path("image", name)), labels(dataset, name)
+        yield dataset.picture("image", name), labels(dataset, name)

@@ -11,7 +11,7 @@ import numpy as np
 
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.formats.segments import TRAIN_OF_LABEL
-from scene.dataset.read import DESCRIPTION, pictures
+from scene.dataset.read import DESCRIPTION, describe, pictures
 from shell.errors import UserError
 from shell.files import read_bytes
 from shell.pictures import MOST_BYTES, label_ids, too_large
@@ -42,7 +42,8 @@ def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
         ValueError: none of these, with what was looked for; when read, a damaged file, by name.
     """
     if (folder / DESCRIPTION).is_file():
-        return Pictures(CLASS_NAMES, pictures(folder))
+        dataset = describe(folder)
+        return Pictures(dataset.labels.names, pictures(dataset))
     if (folder / "train").is_dir() and (folder / "trainannot").is_dir():
         found, tail, labels, ending = "train/*.[jp][pn]g", "", "trainannot", ""
         classes, legal = CAMVID, np.arange(256, dtype=np.uint8)

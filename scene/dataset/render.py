@@ -48,7 +48,8 @@ def render_street(
     return renderer(renderer_name).render(street_of(unit, seed, index, shots, pool), settings)
 
 
-def _images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
+def images_and_labels(*task: Any) -> tuple[np.ndarray, np.ndarray]:
+    """All shots of a street, with `render_street`'s arguments: u8[shots, h, w, 3] and u8[shots, h, w]."""
     frames = render_street(*task)
     return np.stack([f.image for f in frames]), np.stack([f.label for f in frames])
 
@@ -109,7 +110,7 @@ def render_dataset(
     with opened(workers) as processes:
         pool = pool._replace(own=processes.share(pool.own))
         tasks = [(u, seed, i, shots, settings, renderer_name, pool) for i, u in enumerate(units)]
-        for done, (i, result) in enumerate(processes.map(_images_and_labels, tasks), start=1):
+        for done, (i, result) in enumerate(processes.map(images_and_labels, tasks), start=1):
             images[i * shots : (i + 1) * shots], labels[i * shots : (i + 1) * shots] = result
             if progress is not None:
                 progress(done, len(tasks))

@@ -8,13 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from scene.classes import CLASS_NAMES, TrainId, colorize
+from scene.classes import CLASS_NAMES, VOID, TrainId
 from scene.dataset.formats import rle
-from scene.dataset.formats.planes import ids_of, normals_of
-from scene.dataset.formats.png import read_png
-from scene.dataset.formats.segments import PER_CLASS, TRAIN_OF_LABEL, is_thing, label_ids, segments
+from scene.dataset.formats.labels import ILLEGAL, Labels
+from scene.dataset.formats.planes import ids_of, label_planes, normals_of
+from scene.dataset.formats.segments import (
+    PER_CLASS,
+    TRAIN_OF_LABEL,
+    Segment,
+    is_thing,
+    label_ids,
+    segments,
+)
+from scene.dataset.formats.yolo import area
 from scene.dataset.read import Described
-from shell.files import read_json
+from shell.files import read_bytes, read_json
+from shell.pictures import MOST_BYTES
 
 ROUNDING = 0.02
 """How far from 1 the length of a normal may be after it was rounded to bytes."""
@@ -31,11 +40,15 @@ def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str
     width, height = dataset.size
     for kind in dataset.layout.files:
         path = dataset.path(kind, name)
+        where = path if dataset.rows is None else f"{dataset.folder}: {kind} of {name}"
         try:
             if kind == "camera":
                 _check_camera(path)
                 continue
-            plane = read_png(path)
+            if kind == "objects":
+                planes[kind] = _areas(path, dataset)
+                continue
+            plane = dataset.picture(kind, name)
         except FileNotFoundError:
             faults.append(f"{path} is missing")
             continue
@@ -43,11 +56,13 @@ def load(dataset: Described, name: str) -> tuple[dict[str, np.ndarray], list[str
             faults.append(str(error))
             continue
         dtype, axes = ("uint16" if kind in DEEP else "uint8"), (3 if kind in COLOURED else 2)
+        if kind == "label_ids":
+            dtype, axes = dataset.labels.values.dtype.name, dataset.labels.values.ndim + 1
         if plane.shape[:2] != (height, width):
-            faults.append(f"{path} is {plane.shape[1]}x{plane.shape[0]}, not {width}x{height}")
+            faults.append(f"{where} is {plane.shape[1]}x{plane.shape[0]}, not {width}x{height}")
         elif plane.dtype != dtype or plane.ndim != axes:
             faults.append(
-                f"{path} is {plane.dtype} with {plane.ndim} axes, not {dtype} with {axes}"
+                f"{where} is {plane.dtype} with {plane.ndim} axes, not {dtype} with {axes}"
             )
         else:
             planes[kind] = plane
@@ -70,33 +85,69 @@ def _check_camera(path: Path) -> None:
                 raise ValueError(f"{path}: {part}.{name} must be a number, not {found!r}")
 
 
-def verify(planes: dict[str, np.ndarray], known: dict[str, Any]) -> Iterator[str]:
+def _areas(path: Path, dataset: Described) -> np.ndarray:
+    """Pixels f64[classes] that the outlines of objects in a file enclose.
+
+    Raises:
+        ValueError: a line is no outline of an object, with the file's name.
+    """
+    things, found = dataset.labels.things, np.zeros(len(dataset.labels.names))
+    for number, line in enumerate(
+        read_bytes(path, MOST_BYTES).decode("ascii", "replace").split("\n")
+    ):
+        if not line:
+            continue
+        try:
+            own, *shares = line.split(" ")
+            corners = np.array(shares, float).reshape(-1, 2)
+            if not own.isdecimal() or int(own) >= len(things) or len(corners) < 3:
+                raise ValueError
+            if not ((corners >= 0) & (corners <= 1)).all():
+                raise ValueError
+        except ValueError:
+            raise ValueError(
+                f"{path}, line {number + 1}: expected a class below {len(things)}, then x and y of "
+                "three corners or more, all in [0, 1]"
+            ) from None
+        found[things[int(own)]] += abs(area(corners * dataset.size))
+    return found
+
+
+def verify(planes: dict[str, np.ndarray], known: dict[str, Any], labels: Labels) -> Iterator[str]:
     """Yield everything in one image that does not agree.
 
     Args:
         planes: its pictures by kind, as far as they could be read.
-        known: what the files about all images say of it: ``panoptic``, the segments, and ``instances``,
-            the annotations of things.
+        known: what the files about all images say of it: ``panoptic``, the segments, ``instances``, the
+            annotations of things, and ``semantic``, those of classes.
+        labels: the classes of label pictures.
     """
     if "panoptic" not in planes:
+        if "label_ids" in planes:
+            strange = np.count_nonzero(labels.classes_of(planes["label_ids"]) == ILLEGAL)
+            if strange:
+                yield f"label_ids: {strange} pixels hold a value that is of no class"
         return
     ids = ids_of(planes["panoptic"])
     yield from _illegal(ids)
     label = label_ids(ids)
     train = TRAIN_OF_LABEL[label]
-    derived = {
-        "label_ids": label,
-        "train_ids": train,
-        "instance_ids": ids,
-        "color": colorize(train),
-    }
+    derived = {"instance_ids": ids, **label_planes(train, labels)}
     for kind, wanted in derived.items():
         if kind in planes:
             wrong = planes[kind] != wanted
             if wrong.any():
                 yield f"{kind}: {np.count_nonzero(wrong)} values differ from the panoptic segments"
-    yield from _segments(ids, known["panoptic"])
-    yield from _instances(ids, known["instances"])
+    if "panoptic" in known:
+        yield from _segments(ids, known["panoptic"])
+    if "instances" in known:
+        yield from _masks(ids, [s for s in segments(ids) if s.id >= PER_CLASS], known["instances"])
+    if "semantic" in known:
+        numbers = np.where(
+            derived["train_ids"] == VOID, 0, derived["train_ids"].astype(np.int32) + 1
+        )
+        found = [s._replace(label_id=labels.category_ids[s.id - 1]) for s in segments(numbers)]
+        yield from _masks(numbers, found, known["semantic"])
     sky = train == TrainId.SKY
     for kind in ("depth", "disparity", "normals"):
         if kind in planes:
@@ -138,9 +189,11 @@ def _segments(ids: np.ndarray, listed: list[dict[str, Any]]) -> Iterator[str]:
         yield f"{len(listed)} segments are listed with {len(told)} different ids"
 
 
-def _instances(ids: np.ndarray, annotations: list[dict[str, Any]]) -> Iterator[str]:
-    """Compare things with their annotations: every mask is one whole segment, with its box."""
-    left = {s.id: s for s in segments(ids) if s.id >= PER_CLASS}
+def _masks(
+    ids: np.ndarray, wanted: list[Segment], annotations: list[dict[str, Any]]
+) -> Iterator[str]:
+    """Compare segments with their annotations: every mask is one whole segment, with its box."""
+    left = {s.id: s for s in wanted}
     for annotation in annotations:
         where = f"annotation {annotation.get('id')}"
         try:

@@ -2,6 +2,7 @@
 
 python -m scene.render --attributes default --images 180 --size 640x320 --out streets
 python -m scene.render --attributes runs/main/attributes.json --images 450 --format coco --out streets
+python -m scene.render --attributes random --images 600 --format folders --target camvid --out streets
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from scene.render.protocol import refuse_large_images, refuse_many_shots
 from scene.workers import ExecutorName, WorkerError, refuse_many_workers
 from shell.command import Parser, exit_code, size
 from shell.memory import refuse_larger
+from shell.target_file import SHIPPED
 
 if TYPE_CHECKING:
     from shell.progress import Progress
@@ -44,9 +46,15 @@ def parser() -> Parser:
         "run's attributes.json, or every attribute's name with a value in [0, 1]",
     )
     add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
-    add("--images", type=int, default=180)
+    add("--images", type=int, default=180, help="of as many streets, unless --shots says otherwise")
     add("--size", type=size, default=(640, 320), help="WIDTHxHEIGHT in pixels")
-    add("--format", choices=FORMATS, default="cityscapes")
+    add("--format", choices=FORMATS, default="cityscapes", help="layout, see docs/datasets.md")
+    add(
+        "--target",
+        metavar="NAME_OR_FILE",
+        help="write labels of these classes, in the ids or colours of its label files: "
+        f"{', '.join(SHIPPED)}, or a target's file",
+    )
     add("--split", choices=SPLITS, default="train", help="what the dataset calls its images")
     add("--seed", type=int, default=0)
     add("--workers", type=int, default=2, help="processes; the files do not depend on it")
@@ -57,7 +65,7 @@ def parser() -> Parser:
         help="who renders: processes of this machine, or a Dask cluster, see docs/cluster.md",
     )
     add("--scheduler", metavar="ADDRESS", help="of the cluster, such as tcp://10.0.0.1:8786")
-    add("--shots", type=int, default=6, help="images per street")
+    add("--shots", type=int, default=1, help="images along each street")
     add("--samples", type=int, default=2, help="rays per pixel along each axis")
     add("--renderer", choices=RENDERERS, default="embree")
     add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
@@ -116,6 +124,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
                 own=options.assets,
                 use=options.asset_use,
             ),
+            target=options.target,
             streets=chosen,
             workers=workers,
             progress=reporter(progress),
@@ -135,7 +144,8 @@ def main(arguments: list[str] | None = None) -> int:
         finally:
             progress.close()
         seconds = duration(progress.elapsed)
-        print(f"{found['images']} images in {seconds}: {options.out / DESCRIPTION}", flush=True)
+        of = f"{found['images']} images of {len(found['streets'])} streets"
+        print(f"{of} in {seconds}: {options.out / DESCRIPTION}", flush=True)
 
     users = (ValueError, RendererError)
     return exit_code(work, also=(WorkerError,), users=users, debug=options.debug)

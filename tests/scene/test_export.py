@@ -5,6 +5,7 @@ import io
 import json
 import os
 import shutil
+from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ import trimesh
 
 from scene import AssetPool, RenderSettings
 from scene.attributes import NAMES
-from scene.dataset import export
+from scene.dataset import description, export
 from scene.dataset.description import versions
 from scene.dataset.export import ExportError, export_dataset, read_dataset
 from scene.dataset.formats.layout import FORMATS
@@ -27,6 +28,7 @@ TINY = RenderSettings(width=64, height=48)
 UNITS = draw(random_proposal(), 5, 3)
 OPTIONS = {"units": UNITS, "shots": 2, "images": 5, "settings": TINY, "pool": AssetPool(0, 3),
            "streets": random_proposal()}  # fmt: skip
+PARQUET = pytest.mark.skipif(find_spec("pyarrow") is None, reason="needs pyarrow")
 FLAGS = ["--images", "2", "--size", "64x48", "--workers", "0", "--out"]
 
 
@@ -40,7 +42,9 @@ def tree(folder):
     return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
 
 
-@pytest.fixture(scope="module", params=FORMATS)
+@pytest.fixture(scope="module", params=[
+    pytest.param(name, marks=PARQUET if name == "parquet" else ()) for name in FORMATS
+])  # fmt: skip
 def unbroken(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp("unbroken") / "dataset"
     run(folder, format=request.param)
@@ -57,7 +61,10 @@ def format(unbroken):
 
 
 def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
-    found, dataset = described(unbroken), read_dataset(unbroken)
+    found = described(unbroken)
+    if found["format"] == "yolo-seg":
+        pytest.skip("it has no label of every pixel")
+    dataset = read_dataset(unbroken)
     asked = {"images": 5, "shots": 2, "seed": 7, "renderer": "embree", "split": "train"}
     assert found.items() >= {**asked, "engine": ENGINE}.items() and found["own_assets"] == []
     assert found["render"]["width"] == 64 and found["render"]["response"]
@@ -76,7 +83,7 @@ def test_the_description_says_what_was_asked_and_what_came_out(unbroken):
 
 @pytest.mark.parametrize("writes", [0, 1, 4, 13, 22, 30])
 def test_cut_short_anywhere_it_ends_alike(unbroken, format, writes, tmp_path, monkeypatch):
-    left = iter(range(writes))
+    left = iter(range(writes if format in ("cityscapes", "coco") else writes // 2))  # fewer files
     folder, seen, real = tmp_path / "a", [], os.replace
 
     def cut(source, target):
@@ -151,10 +158,10 @@ def test_an_export_of_other_settings_or_another_engine_is_kept(finished, tmp_pat
     with monkeypatch.context() as other:
         for name, version in (("numba", "0.1"), ("numpy", "0.2")):
             other.setattr(
-                "scene.dataset.plan.versions", lambda n=name, v=version: {**versions(), n: v}
+                description, "versions", lambda *_, n=name, v=version: {**versions(), n: v}
             )
             refused(ExportError, f"versions.{name} = [0-9.]+, not {version}; use the", run, folder)
-    monkeypatch.setattr("scene.dataset.plan.ENGINE", ENGINE + 1)
+    monkeypatch.setattr(description, "ENGINE", ENGINE + 1)
     refused(ExportError, f"version {ENGINE}, and this is {ENGINE + 1}; cont", run, folder)
     assert tree(folder) == before
 
@@ -162,7 +169,7 @@ def test_an_export_of_other_settings_or_another_engine_is_kept(finished, tmp_pat
 def test_what_makes_no_picture_may_have_another_version(tmp_path, monkeypatch):
     first = run(tmp_path)
     found = {**versions(), "python": "3.99.0", "trimesh": "99"}
-    monkeypatch.setattr("scene.dataset.plan.versions", lambda: found)
+    monkeypatch.setattr(description, "versions", lambda *_: found)
     assert run(tmp_path) == first
 
 
@@ -244,7 +251,7 @@ def test_the_command_line_exports_and_reports(tmp_path, printed):
     lines = printed(main, *FLAGS, first, "--attributes", "random", "--shots", 1).splitlines()
     assert lines[0].startswith("[  0 %] 0 of 2 images | 0.0 MB")
     assert lines[1].startswith("[ 50 %] 1 of 2 images | ") and lines[1].endswith(" left")
-    assert "2 images in " in lines[-1] and "dataset.json" in lines[-1]
+    assert "2 images of 2 streets in " in lines[-1] and "dataset.json" in lines[-1]
     file.write_text(json.dumps(described(first)["attributes"]))
     printed(main, *FLAGS, second, "--attributes", file, "--shots", 1)
     assert tree(first) == tree(second)

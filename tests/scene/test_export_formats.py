@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 from scene.dataset.description import outcome
 from scene.dataset.edges import overlap
 from scene.dataset.formats import coco, planes, png, rle, shot
+from scene.dataset.formats.labels import engine_labels
 from scene.dataset.formats.layout import FORMATS, layout
 from scene.dataset.formats.segments import label_ids, panoptic_ids, segments
 from scene.ground.path import height_at, nearest, to_world
@@ -128,7 +129,9 @@ def test_outcome_by_hand_and_lists_written_in_pieces():
         shot.image_record(image, label, panoptic_ids(label, label.astype(np.uint16))),
         shot.image_record(0 * image, np.full_like(label, SKY), np.full((2, 2), 23, np.int32)),
     ]
-    found = outcome([{"placed": {"car": 2}, "images": records}], pixels=4)
+    found = outcome(
+        [{"placed": {"car": 2}, "images": records}], pixels=4, labels=engine_labels(True)
+    )
     assert found["class_frequency"]["sky"] == 0.75 and found["class_frequency"]["car"] == 0.125
     assert found["images_with_class"]["sky"] == 2 and found["images_with_class"]["bus"] == 0
     assert found["mean_rgb"] == [50, 0, 0] and found["placed"] == {"car": 2}
@@ -159,9 +162,9 @@ def test_outlines_of_labels_meet_those_of_depth_and_categories_are_those_of_city
 def test_no_two_files_of_a_format_share_a_path(name):
     found = layout(name)
     paths = [path for stem in "ab" for path in found.paths("train", stem).values()]
-    paths += found.summaries("train").values()
+    paths += found.summary_paths("train").values()
     assert len(set(paths)) == len(paths)
-    refused(ValueError, "unknown format 'voc'; known: cityscapes, coco", layout, "voc")
+    refused(ValueError, "unknown format 'voc'; known: cityscapes, coco, folders", layout, "voc")
 
 
 @pytest.mark.parametrize("course", [

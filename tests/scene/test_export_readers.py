@@ -8,7 +8,7 @@ from PIL import Image
 
 from scene import AssetPool, RenderSettings, export_dataset, render_street
 from scene.attributes import names
-from scene.dataset.formats import layout, planes, segments
+from scene.dataset.formats import planes, segments
 from scene.proposal import default_proposal, draw
 
 SETTINGS = RenderSettings(width=160, height=96)
@@ -29,7 +29,7 @@ def frames():
 def exported(tmp_path_factory):
     """The folder of the frames in each format."""
     options = {"shots": SHOTS, "settings": SETTINGS, "pool": POOL, "split": "val"}
-    folders = {name: tmp_path_factory.mktemp(name) / "dataset" for name in layout.FORMATS}
+    folders = {name: tmp_path_factory.mktemp(name) / "dataset" for name in ("cityscapes", "coco")}
     for name, folder in folders.items():
         export_dataset(UNITS, SEED, folder, format=name, **options)
     return folders

@@ -12,8 +12,7 @@ from trimesh.visual.material import SimpleMaterial
 
 from scene.assets import catalogue, library
 from scene.assets.catalogue import AssetPool
-from scene.dataset.export import export_dataset
-from scene.dataset.plan import ExportError
+from scene.dataset.export import ExportError, export_dataset
 from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
 from scene.workers import WorkerPool

@@ -1,31 +1,18 @@
-"""The layout of COCO: pictures in flat folders, and what is in them in two JSON files.
+"""The JSON files of COCO: things with boxes and masks, panoptic segments, and classes with masks.
 
-``images/``, ``panoptic/``, ``depth/`` and ``normals/`` hold one PNG per image, ``camera/`` one JSON.
-``annotations/instances.json`` has boxes and masks of all things, ``annotations/panoptic.json`` all segments
-of COCO's panoptic format. Category ids are the labelIds of Cityscapes. Masks are run-length text, since
-polygons could not be exact. Source: cocodataset.org, "Data format".
+Category ids of things and segments are the labelIds of Cityscapes. Masks are run-length text, since polygons
+could not be exact. Source: cocodataset.org, "Data format".
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from scene.classes import CLASS_NAMES, COLORS, LABEL_IDS
-from scene.dataset.formats.segments import is_thing
-
-Records = Callable[[], Iterable[dict[str, Any]]]
-"""Begins anew with every call: what ``export`` keeps about each image, in order."""
-
-FILES = {
-    "image": "images/{stem}.png",
-    "panoptic": "panoptic/{stem}.png",
-    "depth": "depth/{stem}.png",
-    "normals": "normals/{stem}.png",
-    "camera": "camera/{stem}.json",
-}
-"""Kind -> path in the dataset."""
+from scene.dataset.formats.about import About
+from scene.dataset.formats.segments import PER_CLASS, is_thing
 
 SUPERCATEGORIES = (
     *("flat", "flat", "construction", "construction", "construction"),
@@ -33,18 +20,6 @@ SUPERCATEGORIES = (
     *("vehicle",) * 6,
 )
 """Category of each train id, as published with Cityscapes."""
-
-
-def summaries(split: str) -> dict[str, str]:
-    """Name -> path of the files about all images."""
-    return {"instances": "annotations/instances.json", "panoptic": "annotations/panoptic.json"}
-
-
-def summary_text(name: str, split: str, records: Records, size: tuple[int, int]) -> Iterator[str]:
-    """One of the ``summaries``, in pieces; ``size`` is (width, height) in pixels."""
-    if name == "instances":
-        return json_lines(instances(records, size, lambda stem: f"{stem}.png"))
-    return json_lines(panoptic(records, size))
 
 
 def categories(things_only: bool = False) -> list[dict[str, Any]]:
@@ -62,47 +37,72 @@ def categories(things_only: bool = False) -> list[dict[str, Any]]:
     ]
 
 
-def _images(
-    records: Records, size: tuple[int, int], file_name: Callable[[str], str]
-) -> Iterator[dict[str, Any]]:
-    for number, record in enumerate(records(), start=1):
-        name = file_name(record["stem"])
-        yield {"id": number, "width": size[0], "height": size[1], "file_name": name}
+def _images(about: About, file_name: str) -> Iterator[dict[str, Any]]:
+    for number, record in enumerate(about.records(), start=1):
+        name = file_name.format(split=about.split, stem=record["stem"])
+        width, height = about.size
+        yield {"id": number, "width": width, "height": height, "file_name": name}
 
 
-def instances(
-    records: Records, size: tuple[int, int], file_name: Callable[[str], str]
-) -> dict[str, Iterable[Any]]:
+def instances(about: About, file_name: str) -> Iterator[str]:
     """COCO's object detection: a box, an area and a mask for every thing in every image.
 
     Args:
-        records: what is known of every image.
-        size: width and height in pixels.
-        file_name: the image's name in the JSON file from its stem.
+        about: the dataset.
+        file_name: the image's name in the JSON file, with {split} and {stem}.
     """
+    return json_lines(
+        {
+            "images": _images(about, file_name),
+            "annotations": _masks(about, "segments", PER_CLASS),
+            "categories": categories(things_only=True),
+        }
+    )
 
-    def annotations() -> Iterator[dict[str, Any]]:
-        number = 0
-        for image, record in enumerate(records(), start=1):
-            for segment in record["segments"]:
-                if "rle" not in segment:
-                    continue
-                number += 1
-                yield {
-                    "id": number,
-                    "image_id": image,
-                    "category_id": segment["category_id"],
-                    "bbox": segment["bbox"],
-                    "area": segment["area"],
-                    "iscrowd": 0,
-                    "segmentation": {"size": [size[1], size[0]], "counts": segment["rle"]},
-                }
 
-    return {
-        "images": _images(records, size, file_name),
-        "annotations": annotations(),
-        "categories": categories(things_only=True),
-    }
+def semantic(about: About, file_name: str) -> Iterator[str]:
+    """COCO's stuff segmentation: a mask of each class in every image, of things as well.
+
+    The categories are the classes of the dataset's labels, by their ids in label pictures.
+
+    Args:
+        about: the dataset.
+        file_name: the image's name in the JSON file, with {split} and {stem}.
+    """
+    own = about.labels
+    listed = [
+        {"id": category, "name": name, "isthing": int(k in own.things), "color": colour}
+        for k, (category, name, colour) in enumerate(
+            zip(own.category_ids, own.names, own.colours.tolist(), strict=False)
+        )
+    ]
+    return json_lines(
+        {
+            "images": _images(about, file_name),
+            "annotations": _masks(about, "classes", 0),
+            "categories": listed,
+        }
+    )
+
+
+def _masks(about: About, kind: str, least: int) -> Iterator[dict[str, Any]]:
+    """The annotations of the records' ``segments`` or ``classes`` with ids from ``least`` on."""
+    number = 0
+    width, height = about.size
+    for image, record in enumerate(about.records(), start=1):
+        for segment in record[kind]:
+            if segment["id"] < least:
+                continue
+            number += 1
+            yield {
+                "id": number,
+                "image_id": image,
+                "category_id": segment["category_id"],
+                "bbox": segment["bbox"],
+                "area": segment["area"],
+                "iscrowd": 0,
+                "segmentation": {"size": [height, width], "counts": segment["rle"]},
+            }
 
 
 def panoptic_segment(segment: dict[str, Any]) -> dict[str, Any]:
@@ -111,7 +111,7 @@ def panoptic_segment(segment: dict[str, Any]) -> dict[str, Any]:
     return {**{key: segment[key] for key in keys}, "iscrowd": 0}
 
 
-def panoptic(records: Records, size: tuple[int, int]) -> dict[str, Iterable[Any]]:
+def panoptic(about: About) -> Iterator[str]:
     """COCO's panoptic segmentation."""
     annotations = (
         {
@@ -119,13 +119,15 @@ def panoptic(records: Records, size: tuple[int, int]) -> dict[str, Iterable[Any]
             "file_name": f"{record['stem']}.png",
             "segments_info": [panoptic_segment(s) for s in record["segments"]],
         }
-        for number, record in enumerate(records(), start=1)
+        for number, record in enumerate(about.records(), start=1)
     )
-    return {
-        "images": _images(records, size, lambda stem: f"{stem}.png"),
-        "annotations": annotations,
-        "categories": categories(),
-    }
+    return json_lines(
+        {
+            "images": _images(about, "{stem}.png"),
+            "annotations": annotations,
+            "categories": categories(),
+        }
+    )
 
 
 def json_lines(members: dict[str, Iterable[Any]]) -> Iterator[str]:

@@ -1,26 +1,119 @@
-"""The formats by name, and where each keeps the files of an image."""
+"""The formats: one table of where each keeps the files of an image, and the files about all images."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from functools import partial
+from importlib import import_module
+from pathlib import Path
 from typing import NamedTuple
 
-from scene.dataset.formats import cityscapes, coco
+from scene.dataset.formats import card, cityscapes, coco, parquet, yolo
+from scene.dataset.formats.about import CITY, About
+from shell.errors import UserError
 
-FORMATS: tuple[str, ...] = ("cityscapes", "coco")
 SPLITS: tuple[str, ...] = ("train", "val")
 
 
+class Summary(NamedTuple):
+    """A file about all images."""
+
+    path: str  # with {split}
+    text: Callable[[About], Iterator[str]]  # in pieces
+
+
 class Layout(NamedTuple):
-    """One format."""
+    """One format; paths are relative to the dataset."""
 
     files: dict[str, str]  # kind -> path, with {split} and {stem}
-    summaries: Callable[[str], dict[str, str]]  # split -> name -> path
-    summary_text: Callable[[str, str, coco.Records, tuple[int, int]], Iterator[str]]
+    summaries: dict[str, Summary]
+    published: bool = True  # label pictures hold Cityscapes' labelIds; otherwise train ids
+    packages: tuple[str, ...] = ()  # that it needs, of the extra parquet
+    pack: Callable[[Path, About], None] | None = None  # what makes other files of those of images
+
+    def check(self) -> None:
+        """Raise UserError where a package is missing."""
+        for package in self.packages:
+            try:
+                import_module(package)
+            except ImportError as error:
+                raise UserError(
+                    f"format parquet needs {package}: pip install 'sdr-jax[parquet]' ({error})"
+                ) from None
 
     def paths(self, split: str, stem: str) -> dict[str, str]:
-        """Kind -> path of one image's files, relative to the dataset."""
+        """Kind -> path of one image's files."""
         return {kind: path.format(split=split, stem=stem) for kind, path in self.files.items()}
+
+    def summary_paths(self, split: str) -> dict[str, str]:
+        """Name -> path of the files about all images."""
+        return {name: own.path.format(split=split) for name, own in self.summaries.items()}
+
+
+_GT_FINE = f"gtFine/{{split}}/{CITY}/{{stem}}_gtFine"
+_IMAGE = f"leftImg8bit/{{split}}/{CITY}/{{stem}}_leftImg8bit.png"
+LAYOUTS: dict[str, Layout] = {
+    # ``leftImg8bit``, ``gtFine``, ``disparity`` and ``camera`` are as published; the others are ours.
+    "cityscapes": Layout(
+        {
+            "image": _IMAGE,
+            "label_ids": f"{_GT_FINE}_labelIds.png",
+            "train_ids": f"{_GT_FINE}_labelTrainIds.png",
+            "instance_ids": f"{_GT_FINE}_instanceIds.png",
+            "color": f"{_GT_FINE}_color.png",
+            "panoptic": "gtFine/cityscapes_panoptic_{split}/{stem}_gtFine_panoptic.png",
+            "depth": f"depth/{{split}}/{CITY}/{{stem}}_depth.png",
+            "disparity": f"disparity/{{split}}/{CITY}/{{stem}}_disparity.png",
+            "normals": f"normals/{{split}}/{CITY}/{{stem}}_normals.png",
+            "camera": f"camera/{{split}}/{CITY}/{{stem}}_camera.json",
+        },
+        {
+            "instances": Summary(
+                "annotations/instances_{split}.json", partial(coco.instances, file_name=_IMAGE)
+            ),
+            "panoptic": Summary("gtFine/cityscapes_panoptic_{split}.json", cityscapes.panoptic),
+        },
+    ),
+    "coco": Layout(
+        {
+            "image": "images/{stem}.png",
+            "panoptic": "panoptic/{stem}.png",
+            "depth": "depth/{stem}.png",
+            "normals": "normals/{stem}.png",
+            "camera": "camera/{stem}.json",
+        },
+        {
+            "instances": Summary(
+                "annotations/instances.json", partial(coco.instances, file_name="{stem}.png")
+            ),
+            "panoptic": Summary("annotations/panoptic.json", coco.panoptic),
+            "semantic": Summary(
+                "annotations/semantic.json", partial(coco.semantic, file_name="{stem}.png")
+            ),
+        },
+    ),
+    "folders": Layout(
+        {"image": "images/{stem}.png", "label_ids": "masks/{stem}.png"},
+        {
+            "classes": Summary("classes.txt", card.class_list),
+            "card": Summary("README.md", card.card),
+        },
+        published=False,
+    ),
+    "yolo-seg": Layout(
+        {"image": "images/{split}/{stem}.png", "objects": "labels/{split}/{stem}.txt"},
+        {"names": Summary("data.yaml", yolo.names)},
+    ),
+    # Its pictures are packed in the end.
+    "parquet": Layout(
+        {"image": ".export/images/{stem}.png", "label_ids": ".export/labels/{stem}.png"},
+        {"card": Summary("README.md", parquet.parquet_card)},
+        published=False,
+        packages=parquet.PACKAGES,
+        pack=parquet.pack,
+    ),
+}
+FORMATS: tuple[str, ...] = tuple(LAYOUTS)
 
 
 def layout(name: str) -> Layout:
@@ -29,12 +122,6 @@ def layout(name: str) -> Layout:
     Raises:
         ValueError: unknown name.
     """
-    if name not in FORMATS:
+    if name not in LAYOUTS:
         raise ValueError(f"unknown format {name!r}; known: {', '.join(FORMATS)}")
-    module = coco if name == "coco" else cityscapes
-    return Layout(module.FILES, module.summaries, module.summary_text)
-
-
-def stem(street: int, shot: int) -> str:
-    """The name of one image, as Cityscapes would name a frame of a sequence."""
-    return f"{cityscapes.CITY}_{street:06d}_{shot:06d}"
+    return LAYOUTS[name]

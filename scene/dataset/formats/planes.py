@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from scene.classes import colorize
-from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
+from scene.dataset.formats.labels import Labels
 
 if TYPE_CHECKING:  # who only reads datasets need not load the engine
     from scene.render.protocol import Frame, RenderSettings
@@ -28,8 +27,6 @@ BASELINE = 0.209313
 DISPARITY_SCALE = 256
 """Disparity of Cityscapes: pixels = (value - 1) / 256, and 0 where there is none."""
 DEEPEST = 65535
-COLOR_OF_LABEL = colorize(TRAIN_OF_LABEL)
-"""u8[256, 3]: the published colour of each labelId, black for what is not evaluated."""
 
 
 def focal_length(settings: RenderSettings) -> float:
@@ -74,15 +71,22 @@ def ids_of(plane: np.ndarray) -> np.ndarray:
     return plane.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
 
 
+def label_planes(train_ids: np.ndarray, labels: Labels) -> dict[str, np.ndarray]:
+    """The pictures of classes of train ids u8[h, w]: their values in label files, numbers and colours."""
+    classes = labels.of_engine.take(train_ids)
+    return {
+        "label_ids": labels.values.take(classes, axis=0),
+        "train_ids": classes,
+        "color": labels.colours.take(classes, axis=0),
+    }
+
+
 PLANES: dict[str, Callable[["Frame", np.ndarray, "RenderSettings"], np.ndarray]] = {
     "image": lambda frame, ids, settings: frame.image,
-    "label_ids": lambda frame, ids, settings: label_ids(ids),
-    "train_ids": lambda frame, ids, settings: TRAIN_OF_LABEL[label_ids(ids)],
     "instance_ids": lambda frame, ids, settings: ids.astype(np.uint16),
-    "color": lambda frame, ids, settings: COLOR_OF_LABEL.take(label_ids(ids), axis=0),
     "panoptic": lambda frame, ids, settings: panoptic_plane(ids),
     "depth": lambda frame, ids, settings: depth_plane(frame.depth),
     "disparity": lambda frame, ids, settings: disparity_plane(frame.depth, settings),
     "normals": lambda frame, ids, settings: normals_plane(frame.normal),
 }
-"""Kind -> picture, from (frame, segment ids, settings); colours are RGB."""
+"""Kind -> picture, from (frame, segment ids, settings); those of classes are `label_planes`."""

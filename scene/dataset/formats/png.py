@@ -52,14 +52,18 @@ def read_png(path: Path) -> np.ndarray:
         ValueError: not a whole PNG file, with the file's name.
         OSError: it cannot be read.
     """
-    data = read_bytes(path, MOST_BYTES)
+    return decode(read_bytes(path, MOST_BYTES), str(path))
+
+
+def decode(data: bytes, name: str) -> np.ndarray:
+    """A picture as it was given to ``encode``; raises ValueError with its name where it is damaged."""
     fault = fault_of(data)
     if fault is not None:
-        raise ValueError(f"{path} {fault}")
+        raise ValueError(f"{name} {fault}")
     why = too_large(data)
     if why is not None:
-        raise ValueError(f"{path}: {why}")
+        raise ValueError(f"{name}: {why}")
     plane = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
     if plane is None:
-        raise ValueError(f"{path} cannot be decoded")
+        raise ValueError(f"{name} cannot be decoded")
     return plane[..., ::-1] if plane.ndim == 3 else plane

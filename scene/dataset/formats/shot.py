@@ -10,17 +10,24 @@ import numpy as np
 
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.formats import png
+from scene.dataset.formats.labels import Labels
 from scene.dataset.formats.layout import Layout
-from scene.dataset.formats.planes import BASELINE, PLANES, focal_length
+from scene.dataset.formats.planes import BASELINE, PLANES, focal_length, label_planes
 from scene.dataset.formats.rle import Runs, encode
-from scene.dataset.formats.segments import PER_CLASS, panoptic_ids, segments
+from scene.dataset.formats.segments import PER_CLASS, Segment, panoptic_ids, segments
+from scene.dataset.formats.yolo import object_lines
 from scene.ground.path import Path, height_at, nearest, road_axes
 from scene.render.protocol import Frame, RenderSettings, seen_through
 from scene.street.camera import Camera, camera_axes
 
 
 def shot_files(
-    frame: Frame, camera: Camera, path: Path, settings: RenderSettings, layout: Layout
+    frame: Frame,
+    camera: Camera,
+    path: Path,
+    settings: RenderSettings,
+    layout: Layout,
+    labels: Labels,
 ) -> tuple[dict[str, bytes], dict[str, Any]]:
     """All files of one shot, and its record.
 
@@ -30,6 +37,7 @@ def shot_files(
         path: of the road it drives on.
         settings: size and field of view.
         layout: which files there are.
+        labels: the classes of label pictures.
 
     Returns:
         Kind -> content of the file; and what is known of the image, as plain values: pixels of each
@@ -37,13 +45,21 @@ def shot_files(
     """
     settings = seen_through(camera, settings)
     ids = panoptic_ids(frame.label, frame.instance)
-    files = {
-        kind: json.dumps(camera_entry(camera, path, settings), indent=1).encode()
-        if kind == "camera"
-        else png.encode(PLANES[kind](frame, ids, settings))
-        for kind in layout.files
-    }
-    return files, image_record(frame.image, frame.label, ids)
+    of_classes = label_planes(frame.label, labels)
+    files: dict[str, bytes] = {}
+    for kind in layout.files:
+        if kind == "camera":
+            files[kind] = json.dumps(camera_entry(camera, path, settings), indent=1).encode()
+        elif kind == "objects":
+            files[kind] = object_lines(ids, labels).encode()
+        elif kind in of_classes:
+            files[kind] = png.encode(of_classes[kind])
+        else:
+            files[kind] = png.encode(PLANES[kind](frame, ids, settings))
+    record = image_record(frame.image, frame.label, ids)
+    if "semantic" in layout.summaries:
+        record["classes"] = class_masks(of_classes["train_ids"], labels)
+    return files, record
 
 
 def image_record(image: np.ndarray, label: np.ndarray, ids: np.ndarray) -> dict[str, Any]:
@@ -51,12 +67,7 @@ def image_record(image: np.ndarray, label: np.ndarray, ids: np.ndarray) -> dict[
     runs = Runs(ids)
     found = []
     for segment in segments(ids):
-        entry: dict[str, Any] = {
-            "id": segment.id,
-            "category_id": segment.label_id,
-            "area": segment.area,
-            "bbox": list(segment.box),
-        }
+        entry = _entry(segment, segment.label_id)
         if segment.id >= PER_CLASS:
             entry["rle"] = encode(runs.counts(segment.id))
         found.append(entry)
@@ -64,6 +75,25 @@ def image_record(image: np.ndarray, label: np.ndarray, ids: np.ndarray) -> dict[
         "pixels": np.bincount(label.ravel(), minlength=VOID + 1)[: len(CLASS_NAMES)].tolist(),
         "rgb": [int(image[..., channel].sum(dtype=np.int64)) for channel in range(3)],
         "segments": found,
+    }
+
+
+def class_masks(classes: np.ndarray, labels: Labels) -> list[dict[str, Any]]:
+    """Category, area, box and mask of each class in u8[h, w]."""
+    ids = np.where(classes == VOID, 0, classes.astype(np.int32) + 1)
+    runs, categories = Runs(ids), labels.category_ids
+    return [
+        {**_entry(segment, categories[segment.id - 1]), "rle": encode(runs.counts(segment.id))}
+        for segment in segments(ids)
+    ]
+
+
+def _entry(segment: Segment, category: int) -> dict[str, Any]:
+    return {
+        "id": segment.id,
+        "category_id": category,
+        "area": segment.area,
+        "bbox": list(segment.box),
     }
 
 

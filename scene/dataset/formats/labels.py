@@ -1,0 +1,162 @@
+"""The classes of label pictures: the engine's, or a target's in its own ids or colours."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from scene.classes import CLASS_NAMES, COLORS, LABEL_IDS, VOID
+from scene.dataset.formats.segments import is_thing
+from shell.errors import UserError
+
+if TYPE_CHECKING:
+    from shell.target_file import TargetFile
+
+ILLEGAL = 254
+"""Class of values in label pictures that stand for nothing; a target has fewer classes."""
+
+
+class Labels(NamedTuple):
+    """Classes by number, and what label pictures hold for each."""
+
+    names: tuple[str, ...]
+    of_engine: np.ndarray  # u8[256], train id -> class, VOID
+    values: np.ndarray  # u8 or u16[256] ids, or u8[256, 3] colours, of each class and of VOID
+    colours: np.ndarray  # u8[256, 3] for people, VOID is black
+    things: tuple[int, ...]  # classes whose objects are told apart
+
+    @property
+    def category_ids(self) -> list[int]:
+        """Of each class in COCO's files: its id in label pictures, or from 1 if these are coloured."""
+        ids = self.values if self.values.ndim == 1 else np.arange(1, 257)
+        return ids[: len(self.names)].tolist()
+
+    @property
+    def all_values(self) -> list[tuple[Any, str]]:
+        """What label pictures may hold, with names: an id, or red, green and blue."""
+        places = [*range(len(self.names)), VOID]
+        return list(zip(self.values[places].tolist(), (*self.names, "void"), strict=True))
+
+    def classes_of(self, picture: np.ndarray) -> np.ndarray:
+        """Classes u8[h, w] of a label picture, `ILLEGAL` where its value stands for nothing."""
+        coloured = self.values.ndim == 2
+        ours = _codes(self.values, coloured).tolist()
+        known = {ours[VOID]: VOID, **{ours[k]: k for k in range(len(self.names))}}
+        values, places = np.unique(_codes(picture, coloured), return_inverse=True)
+        found = np.array([known.get(value, ILLEGAL) for value in values.tolist()], np.uint8)
+        return found[places].reshape(picture.shape[:2])
+
+
+def _codes(values: np.ndarray, coloured: bool) -> np.ndarray:
+    """Ids as they are, and colours [..., 3] as one number each."""
+    if not coloured:
+        return values.astype(np.int32)
+    return values.astype(np.int32) @ np.array([1, 256, 65536], np.int32)
+
+
+def _table(rows: Any, void: Any, dtype: Any) -> np.ndarray:
+    """A value of each class, and ``void`` for all other numbers."""
+    found = np.empty((256, *np.shape(void)), dtype)
+    found[:] = void
+    found[: len(rows)] = rows
+    found.setflags(write=False)
+    return found
+
+
+def engine_labels(published: bool) -> Labels:
+    """The engine's 19 classes, as Cityscapes published them or by train id.
+
+    Args:
+        published: label pictures hold labelIds and 0 for void, not train ids and 255.
+    """
+    ids = np.arange(len(CLASS_NAMES))
+    return Labels(
+        CLASS_NAMES,
+        _table(ids, VOID, np.uint8),
+        _table(LABEL_IDS, 0, np.uint8) if published else _table(ids, VOID, np.uint8),
+        _table(COLORS, (0, 0, 0), np.uint8),
+        tuple(k for k in range(len(CLASS_NAMES)) if is_thing(k)),
+    )
+
+
+def target_entry(target: TargetFile | str | Path) -> dict[str, Any]:
+    """What ``dataset.json`` says of a target, as `target_labels` reads it.
+
+    A class has the first of its ids or colours, and void the first of the target's. Where label files hold
+    names, the value is the class's place.
+
+    Raises:
+        UserError: there is no such target, or the engine renders none of its classes.
+    """
+    from shell.target_file import find_target  # workers need none
+
+    if isinstance(target, str | Path):
+        target = find_target(target)
+    if not any(target.rendered):
+        raise UserError(
+            f"target {target.name}: no class of it renders one of the engine's, so all would be void; "
+            "say in its file what each class 'renders'"
+        )
+    names, kind = target.class_names, target.kind
+    values: list[Any] = list(range(len(names)))
+    if kind != "names":
+        values = [getattr(own, kind)[0] for own in target.classes.values()]
+    taken = {v for own in target.classes.values() for v in getattr(own, kind)}
+    free = ((k, k, k) for k in range(256)) if kind == "colours" else (255, *range(256))
+    void = target.void[0] if target.void and kind != "names" else None
+    if void is None:
+        void = next(value for value in free if value not in taken and value not in values)
+    return {
+        "name": target.name,
+        "void": _plain(void),
+        "classes": [
+            {"name": name, "value": _plain(value), "colour": list(colour), "renders": list(own.renders)}
+            for name, value, colour, own in zip(
+                names, values, target.palette, target.classes.values(), strict=True
+            )
+        ],
+    }  # fmt: skip
+
+
+def _plain(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value
+
+
+def target_labels(entry: Any) -> Labels:
+    """The classes of a target from its entry in ``dataset.json``.
+
+    Raises:
+        ValueError: it is not as `target_entry` writes it.
+    """
+    try:
+        rows, void = entry["classes"], entry["void"]
+        names = tuple(str(row["name"]) for row in rows)
+        renders = [[CLASS_NAMES.index(name) for name in row["renders"]] for row in rows]
+        values, colours = [row["value"] for row in rows], [row["colour"] for row in rows]
+        shape = np.shape(void)
+        whole = np.array([*values, void])
+        bound = 65535 if shape == () else 255
+        sound = shape in ((), (3,)) and whole.dtype.kind == "i" and 0 < len(rows) < ILLEGAL
+        if not sound or whole.min() < 0 or whole.max() > bound or len(set(names)) < len(names):
+            raise ValueError("classes, values or colours")
+        of_engine = np.full(256, VOID, np.uint8)
+        for k, train_ids in enumerate(renders):
+            of_engine[train_ids] = k
+        return Labels(
+            names,
+            of_engine,
+            _table(values, void, np.uint8 if whole.max() < 256 else np.uint16),
+            _table(colours, (0, 0, 0), np.uint8),
+            tuple(k for k, own in enumerate(renders) if own and all(map(is_thing, own))),
+        )
+    except (LookupError, TypeError, ValueError, OverflowError) as error:
+        raise ValueError(f"target is not as it was written: {error}") from None
+
+
+def labels_of(description: dict[str, Any], published: bool) -> Labels:
+    """The classes of the dataset with this ``dataset.json``; raises as `target_labels`."""
+    if description.get("target") is None:
+        return engine_labels(published)
+    return target_labels(description["target"])

@@ -1,0 +1,155 @@
+"""Parquet files as the library ``datasets`` of Hugging Face reads them: pictures and their classes in rows.
+
+Pictures are first written one by one, inside the folder that is there while an export is under way, so that a
+kill loses a street at most; `pack` then makes shards of them.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from scene.dataset.formats.about import About
+from scene.dataset.formats.card import SPLIT, card
+from shell.files import write
+
+PACKAGES = ("pyarrow",)
+COLUMNS = {"image": "image", "label_ids": "label"}
+"""Kind of picture -> column."""
+SHARD = 250_000_000
+"""Bytes of pictures in a shard, at most; it is put together in memory."""
+GROUP = 100
+"""Rows that are read at once."""
+
+
+def shards(folder: Path, split: str) -> list[Path]:
+    """The files of an exported dataset, in order."""
+    return sorted((folder / "data").glob(f"{SPLIT[split]}-*-of-*.parquet"))
+
+
+def features(about: About) -> dict[str, Any]:
+    """The columns in the words of ``datasets``; `Sequence` is what its old and new versions read."""
+    names = {"feature": {"names": list(about.labels.names), "_type": "ClassLabel"}}
+    return {
+        "image": {"_type": "Image"},
+        "label": {"_type": "Image"},
+        "classes": {**names, "_type": "Sequence"},
+    }
+
+
+def parquet_card(about: About) -> Iterator[str]:
+    """The card, with where the rows are."""
+    split = SPLIT[about.split]
+    return card(
+        about,
+        "configs:\n- config_name: default\n  data_files:\n"
+        f"  - split: {split}\n    path: data/{split}-*\n",
+    )
+
+
+def pack(folder: Path, about: About) -> None:
+    """Put the pictures of all images into shards; called again, it writes the same."""
+    import pyarrow
+    from pyarrow import parquet
+
+    from scene.dataset.formats.layout import layout
+
+    files = layout("parquet").files
+    picture = pyarrow.struct({"bytes": pyarrow.binary(), "path": pyarrow.string()})
+    schema = pyarrow.schema(
+        {**dict.fromkeys(COLUMNS.values(), picture), "classes": pyarrow.list_(pyarrow.int64())},
+        {"huggingface": json.dumps({"info": {"features": features(about)}})},
+    )
+    split, starts, room = SPLIT[about.split], [0], SHARD
+    sizes = [sum(record["bytes"]) for record in about.records()]
+    for k, size in enumerate(sizes):
+        room -= size
+        if room < 0 and k > starts[-1]:
+            starts.append(k)
+            room = SHARD - size
+    (folder / "data").mkdir(exist_ok=True)
+    records = iter(about.records())
+    for k, (start, end) in enumerate(zip(starts, [*starts[1:], len(sizes)], strict=True)):
+        held = io.BytesIO()
+        with parquet.ParquetWriter(held, schema) as writer:
+            for first in range(start, end, GROUP):
+                rows = [
+                    _row(folder, files, next(records), about)
+                    for _ in range(first, min(first + GROUP, end))
+                ]
+                writer.write_table(pyarrow.Table.from_pylist(rows, schema))
+        name = f"{split}-{k:05d}-of-{len(starts):05d}.parquet"
+        write(folder / "data" / name, held.getvalue(), folder / ".export" / "parts" / name)
+
+
+def _row(
+    folder: Path, files: dict[str, str], record: dict[str, Any], about: About
+) -> dict[str, Any]:
+    stem = record["stem"]
+    row: dict[str, Any] = {
+        column: {
+            "bytes": (folder / files[kind].format(stem=stem)).read_bytes(),
+            "path": f"{stem}.png",
+        }
+        for kind, column in COLUMNS.items()
+    }
+    seen = {int(about.labels.of_engine[k]) for k, n in enumerate(record["pixels"]) if n}
+    return {**row, "classes": sorted(k for k in seen if k < len(about.labels.names))}
+
+
+class Place(NamedTuple):
+    """Where a row is."""
+
+    shard: Path
+    group: int
+    row: int
+
+
+def places(folder: Path, split: str) -> dict[str, Place]:
+    """Stem -> place of every image.
+
+    Raises:
+        ValueError, OSError: a shard is damaged, or no Parquet file of such columns, by name.
+    """
+    from pyarrow import parquet
+
+    found: dict[str, Place] = {}
+    for shard in shards(folder, split):
+        try:
+            with parquet.ParquetFile(shard) as file:
+                for group in range(file.num_row_groups):
+                    names = file.read_row_group(group, ["image.path"])["image"].to_pylist()
+                    for row, name in enumerate(names):
+                        found[str(name["path"]).removesuffix(".png")] = Place(shard, group, row)
+        except (OSError, ValueError, LookupError, TypeError) as error:
+            raise ValueError(f"{shard} cannot be read: {' '.join(str(error).split())}") from None
+    return found
+
+
+def picture(place: Place, kind: str) -> bytes:
+    """The file of one picture.
+
+    Raises:
+        ValueError, OSError: the shard is damaged, by name.
+    """
+    try:
+        found = _group(place.shard, place.shard.stat().st_mtime_ns, place.group)
+        content = found[COLUMNS[kind]][place.row].as_py()["bytes"]
+        if not isinstance(content, bytes):
+            raise TypeError("no picture")
+        return content
+    except (OSError, ValueError, LookupError, TypeError) as error:
+        why = " ".join(str(error).split())
+        raise ValueError(f"{place.shard} cannot be read: {why}") from None
+
+
+@lru_cache(maxsize=1)
+def _group(shard: Path, changed: int, group: int) -> Any:
+    from pyarrow import parquet
+
+    with parquet.ParquetFile(shard) as file:
+        return file.read_row_group(group, list(COLUMNS.values()))

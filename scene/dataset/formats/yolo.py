@@ -1,0 +1,75 @@
+"""Ultralytics' format of segmentation: things only, the outline of each as one polygon.
+
+A line of ``labels/<split>/<stem>.txt`` is a class and the corners of an outline, x and y as shares of width
+and height. The outline follows the edges of pixels, so that it encloses their area. It lies `INSET` inside
+them: programs that cut corners to whole pixels and fill the polygon, edges included, get the mask. Pieces and
+holes of one object are joined by lines of no width, as in Ultralytics' own converter.
+Source: docs.ultralytics.com/datasets/segment.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+
+import cv2
+import numpy as np
+
+from scene.dataset.formats.about import About
+from scene.dataset.formats.labels import Labels
+from scene.dataset.formats.segments import PER_CLASS, TRAIN_OF_LABEL, segments
+
+INSET = 0.004
+"""Pixels. A single pixel loses 1.6 % of its area by it."""
+DIGITS = 7
+"""Of the shares: a thousandth of a pixel for all sizes that can be rendered."""
+
+
+def object_lines(ids: np.ndarray, labels: Labels) -> str:
+    """The file of one image from its segment ids i32[h, w]."""
+    number = {own: k for k, own in enumerate(labels.things)}
+    size = np.array(ids.shape[::-1], float)
+    lines = []
+    for segment in segments(ids):
+        own = int(labels.of_engine[TRAIN_OF_LABEL[segment.label_id]])
+        if segment.id < PER_CLASS or own not in number:
+            continue
+        x, y, width, height = segment.box
+        corners = outline(ids[y : y + height, x : x + width] == segment.id) + (x, y)
+        shares = " ".join(f"{share:.{DIGITS}f}" for share in (corners / size).ravel())
+        lines.append(f"{number[own]} {shares}\n")
+    return "".join(lines)
+
+
+def outline(mask: np.ndarray) -> np.ndarray:
+    """One closed polygon f64[corners, 2] around all of bool[h, w], in pixels from its upper left corner."""
+    # Twice as large, each corner of a pixel is a pixel of its own, and tells on which side it lies.
+    double = mask.astype(np.uint8).repeat(2, axis=0).repeat(2, axis=1)
+    found, _ = cv2.findContours(double, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
+    rings = [ring[:, 0] // 2 + np.where(ring[:, 0] % 2, 1 - INSET, INSET) for ring in found]
+    rings.sort(key=lambda ring: abs(area(ring)))
+    whole = rings.pop()
+    while rings:
+        # The nearest of the others first: its line is the shortest.
+        gaps = [np.linalg.norm(whole[:, None] - ring, axis=2) for ring in rings]
+        nearest = int(np.argmin([gap.min() for gap in gaps]))
+        ring, gap = rings.pop(nearest), gaps[nearest]
+        here, there = np.unravel_index(int(gap.argmin()), gap.shape)
+        way = np.roll(ring, -int(there), axis=0)
+        whole = np.concatenate([whole[: here + 1], way, way[:1], whole[here:]])
+    return whole
+
+
+def area(corners: np.ndarray) -> float:
+    """Of a polygon [corners, 2], in square pixels; negative the other way round."""
+    x, y = corners.T
+    return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
+
+
+def names(about: About) -> Iterator[str]:
+    """``data.yaml``: where images are, and what the classes are called."""
+    things = [about.labels.names[k] for k in about.labels.things]
+    # Both are wanted; there is one split.
+    yield f"train: images/{about.split}\nval: images/{about.split}\nnc: {len(things)}\nnames:\n"
+    for k, name in enumerate(things):
+        yield f"  {k}: {json.dumps(name)}\n"

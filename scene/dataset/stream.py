@@ -1,0 +1,115 @@
+"""Labelled images without files, one after the other, as an export would write them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import count, islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from scene.assets.catalogue import AssetPool, check_pool
+from scene.attributes import SpaceName
+from scene.dataset.formats.labels import engine_labels, target_entry, target_labels
+from scene.dataset.render import check_request, images_and_labels
+from scene.proposal import Streets, draw, read_streets
+from scene.render import RenderSettings
+from scene.workers import Workers, opened
+
+if TYPE_CHECKING:
+    from shell.target_file import TargetFile
+
+
+class Sample(NamedTuple):
+    """One image of a stream."""
+
+    image: np.ndarray  # u8[h, w, 3] sRGB
+    label: np.ndarray  # u8[h, w] classes by number, 255 is void
+    street: np.ndarray  # f32[attributes] of its street, in [0, 1]
+
+
+def stream(
+    streets: Streets | str | Path = "default",
+    seed: int = 0,
+    *,
+    size: tuple[int, int] = (640, 320),
+    settings: RenderSettings | None = None,
+    shots: int = 1,
+    start: int = 0,
+    images: int | None = None,
+    space: SpaceName = "scenex",
+    renderer_name: str = "embree",
+    pool: AssetPool | None = None,
+    target: TargetFile | str | Path | None = None,
+    workers: int | Workers = 0,
+) -> Iterator[Sample]:
+    """Render images one by one: the k-th is the k-th of an export with the same settings.
+
+    Args:
+        streets: what the attributes of every street are drawn from; or ``default``, ``random``, ``mixed`` or
+            a JSON file, as ``--attributes`` of ``sdr-jax render`` takes them.
+        seed: with the image's number it decides everything.
+        size: width and height in pixels.
+        settings: size and quality; they replace ``size``.
+        shots: images per street.
+        start: number of the first image, so that a stream goes on where it was.
+        images: how many; by default there is no end.
+        space: attributes of streets given by name.
+        renderer_name: ``embree`` or ``opengl``.
+        pool: which assets may appear.
+        target: whose classes the labels have, or its name or file; by default the engine's train ids.
+        workers: processes to render in, which work a few streets ahead; 0 renders here, ``Workers`` are used
+            and left open.
+
+    Yields:
+        Image, label and the attributes of its street.
+
+    Raises:
+        ValueError: attributes, numbers or size out of range, unknown renderer.
+        OSError: the JSON file cannot be read.
+        RendererError: this machine lacks what the renderer needs.
+        WorkerError: worker processes keep dying.
+    """
+    drawn = read_streets(str(streets), space) if isinstance(streets, str | Path) else streets
+    settings = settings or RenderSettings(*size)
+    for name, value in (("start", start), ("images", images or 0), ("seed", seed)):
+        if value < 0:
+            raise ValueError(f"{name} must be 0 or more, not {value}")
+    check_request(draw(drawn, seed, 1), shots, settings, renderer_name)
+    own = engine_labels(True) if target is None else target_labels(target_entry(target))
+    pool = check_pool(pool or AssetPool())
+    found = _samples(
+        drawn, seed, start, shots, settings, renderer_name, pool, own.of_engine, workers
+    )
+    return islice(found, images)
+
+
+def _samples(
+    drawn: Streets,
+    seed: int,
+    start: int,
+    shots: int,
+    settings: RenderSettings,
+    renderer_name: str,
+    pool: AssetPool,
+    of_engine: np.ndarray,
+    workers: int | Workers,
+) -> Iterator[Sample]:
+    first, skipped = divmod(start, shots)
+
+    def units(index: int) -> np.ndarray:
+        return draw(drawn, seed, 1, start=index)[0]
+
+    with opened(workers) as processes:
+        sent = pool._replace(own=processes.share(pool.own))
+        tasks: Iterator[tuple[Any, ...]] = (
+            (units(k), seed, k, shots, settings, renderer_name, sent) for k in count(first)
+        )
+        for index, (images, labels) in enumerate(
+            processes.in_order(images_and_labels, tasks), start=first
+        ):
+            street = units(index)
+            for image, label in zip(images[skipped:], labels[skipped:], strict=True):
+                yield Sample(image, of_engine[label], street)
+            skipped = 0

@@ -1,0 +1,87 @@
+"""Streams: the images of an export without its files, from any of them on, however many work."""
+
+import os
+import signal
+from itertools import islice
+
+import numpy as np
+import pytest
+
+import scene
+from scene import AssetPool, RenderSettings, export_dataset, stream
+from scene.dataset.export import read_dataset
+from scene.proposal import draw, random_proposal
+from scene.workers import WorkerError, WorkerPool
+from tests.scene.conftest import refused
+
+SETTINGS = RenderSettings(width=64, height=48)
+OPTIONS = {"shots": 2, "settings": SETTINGS, "pool": AssetPool(0, 3)}
+SEED, STREETS = 7, 3
+
+
+@pytest.fixture(scope="module")
+def exported(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("stream") / "dataset"
+    units = draw(random_proposal(), SEED, STREETS)
+    export_dataset(units, SEED, folder, format="folders", target="camvid", **OPTIONS)
+    return units, read_dataset(folder)
+
+
+@pytest.mark.parametrize(("start", "workers"), [(0, 0), (0, 1), (3, 0), (4, 1)])
+def test_each_image_is_that_of_an_export_with_its_street(start, workers, exported):
+    units, dataset = exported
+    found = stream("random", SEED, start=start, workers=workers, target="camvid", **OPTIONS)
+    for k, sample in enumerate(islice(found, 6 - start), start=start):
+        np.testing.assert_array_equal(sample.image, dataset.images[k])
+        np.testing.assert_array_equal(sample.label, dataset.labels[k])
+        np.testing.assert_array_equal(sample.street, units[k // 2])
+    found.close()
+
+
+def test_without_a_target_labels_are_train_ids_and_a_number_of_images_is_the_end(exported):
+    _, dataset = exported
+    [sample] = scene.stream(random_proposal(), SEED, images=1, **OPTIONS)
+    from shell.target_file import find_target
+
+    of_engine = np.array(find_target("camvid").of_engine, np.uint8)
+    np.testing.assert_array_equal(of_engine[sample.label], dataset.labels[0])
+    assert list(stream("random", images=0, **OPTIONS)) == []
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"start": -1}, "start must be 0 or more, not -1"), ({"shots": 0}, "shots per street must be 1"),
+    ({"streets": "nowhere.json"}, "nowhere.json"), ({"target": "nowhere"}, "no such file"),
+    ({"settings": SETTINGS._replace(width=0)}, "too small"), ({"seed": -3}, "seed must be 0"),
+])  # fmt: skip
+def test_bad_arguments_are_refused_before_the_first_image(changes, message):
+    refused((ValueError, OSError), message, stream, **{"streets": "random", **OPTIONS, **changes})
+
+
+def test_streets_are_drawn_from_any_of_them_on():
+    whole = draw(random_proposal(), 3, 9)
+    np.testing.assert_array_equal(draw(random_proposal(), 3, 4, start=5), whole[5:])
+
+
+def squared(path, deaths, x):
+    """Kill this process the first times that 3 is tried."""
+    if x == 3:
+        with open(path, "a") as file:
+            file.write(".")
+        if os.path.getsize(path) <= deaths:
+            os.kill(os.getpid(), signal.SIGKILL)
+    return x * x
+
+
+def test_endless_tasks_come_in_order_and_one_death_of_a_worker_is_survived(tmp_path):
+    def tasks(name, deaths):
+        k = 0
+        while True:
+            yield str(tmp_path / name), deaths, k
+            k += 1
+
+    with WorkerPool(2) as pool:
+        found = pool.in_order(squared, tasks("once", 1))
+        assert list(islice(found, 8)) == [k * k for k in range(8)]
+        found.close()
+        refused(WorkerError, "died twice", list, pool.in_order(squared, tasks("always", 9)))
+        assert list(pool.in_order(squared, [(str(tmp_path / "once"), 1, 4)])) == [16]
