@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from seg.data.labelmefacade import read_colors
 
 from experiments.predict import png
 from experiments.target.real import LISTS
@@ -24,7 +25,6 @@ from seg.boundary import SHARE, boundary_counts, boundary_iou
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, class_table
 from seg.data import DataError, Entry
 from seg.data.images import read_image, read_label
-from seg.data.labelmefacade import read_colors
 from seg.metrics import absent_classes, confusion_matrix, iou
 from seg.model import Model, load_model
 from shell.command import Parser, exit_code

@@ -19,7 +19,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_tensors
 from safetensors.numpy import save as tensor_bytes
 
-from seg.classes import IGNORE_LABEL, ClassTable
+from seg.classes import IGNORE_LABEL
 from seg.data.labelled import resize_image
 from seg.errors import ModelError
 from seg.nets.lite0 import SMALLEST
@@ -28,6 +28,7 @@ from seg.train import Params, logits, outline
 from seg.weights import lite0
 from shell.errors import UserError
 from shell.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
+from shell.target_file import TargetFile
 
 FORMAT = 1
 """Of the folder; a newer one is refused."""
@@ -74,10 +75,15 @@ def label_classes(
     )
 
 
-def classes_of(table: ClassTable) -> tuple[LabelClass, ...]:
-    """The classes of a table with its colours; the id of a class is the first value that label files have."""
-    ids = [int(np.argmax(table.from_file == k)) for k in range(len(table.classes))]
-    return label_classes(table.classes, ids, table.colors.tolist())
+def label_classes_of(target: TargetFile) -> tuple[tuple[LabelClass, ...], Written]:
+    """The classes of a target, and how its label files name them.
+
+    Of several ids or colours of a class the first is written; classes of polygons have their places as ids.
+    """
+    own = list(target.classes.values())
+    ids = [each.ids[0] if each.ids else k for k, each in enumerate(own)]
+    written: Written = "colours" if target.kind == "colours" else "ids"
+    return label_classes(target.class_names, ids, target.palette), written
 
 
 def _voc_color(number: int) -> tuple[int, int, int]:
