@@ -28,6 +28,7 @@ COMMANDS = {
     "assets": "experiments.assets",
     "sensitivity": "experiments.sensitivity",
     "fidelity": "experiments.fidelity",
+    "fit": "experiments.fit",
     "predict": "experiments.predict",
     "evaluate": "experiments.evaluate",
     "export": "experiments.export",

@@ -7,6 +7,7 @@ package holds table ids. Renderers write Cityscapes train ids; `from_train_id` m
 from dataclasses import dataclass
 from functools import lru_cache
 
+import msgspec
 import numpy as np
 from jaxtyping import UInt8
 
@@ -42,13 +43,25 @@ def table_of(target: TargetFile) -> ClassTable:
     return ClassTable(target.name, target.class_names, colors, from_train_id)
 
 
+def table_text(target: TargetFile) -> str:
+    """By what `class_table` finds a target: its name, if its file comes with the package, else its file."""
+    if target.name in SHIPPED and target == shipped(target.name):
+        return target.name
+    return msgspec.json.encode(target).decode()
+
+
 @lru_cache
 def class_table(name: str) -> ClassTable:
-    """The classes of a target whose file comes with the package, such as "cityscapes" or "camvid".
+    """The classes of a target.
+
+    Args:
+        name: of a target whose file comes with the package, such as "cityscapes"; or what `table_text` gives.
 
     Raises:
         ValueError: no target has that name; the message lists those that exist.
     """
+    if name.startswith("{"):
+        return table_of(msgspec.json.decode(name, type=TargetFile))
     if name not in SHIPPED:
         raise ValueError(f"unknown class table {name!r}; known tables: {', '.join(SHIPPED)}")
     return table_of(shipped(name))

@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import jax
 import numpy as np
 
 from experiments.evaluation.cache import Cached, loaded
@@ -180,6 +181,17 @@ def trained(
         statistics=recipe.statistics,
         beside=beside,
     )
+
+
+def trained_net(recipe: Recipe, source: Any, seed: int, params: Params | None) -> Params | str:
+    """The variables of a net trained on a source, in NumPy; or why there are none. Runs in a worker."""
+    source = loaded(source)
+    try:
+        own = training_set(recipe, source, seed)
+        found = trained(recipe, own, seed, params, _beside(source))
+    except TrainingError as error:
+        return str(error)
+    return jax.tree.map(np.asarray, found)
 
 
 def tested(

@@ -22,7 +22,13 @@ import numpy as np
 from experiments.config import RewardKind
 from experiments.evaluation.cache import Cache, Cached, by_target, sent
 from experiments.evaluation.cost import job_cost
-from experiments.evaluation.evaluate import attempt, evaluate_miou, prepared, rendered_set
+from experiments.evaluation.evaluate import (
+    attempt,
+    evaluate_miou,
+    prepared,
+    rendered_set,
+    trained_net,
+)
 from experiments.evaluation.job import (
     Given,
     Job,
@@ -54,6 +60,7 @@ from scene.workers import Workers
 from sdr_jax import refuse_failures
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
+from seg.train import Params
 from shell.errors import UserError
 from shell.files import digest, file_digest, folder_digest
 from shell.lines import Record
@@ -198,6 +205,23 @@ class Runner:
             own = [r for job, r in zip(jobs, results, strict=True) if job.notes["nets"] == what]
             refuse_failed(own, len(own))
         return results
+
+    def train(self, job: Job, params: Params | None = None) -> Params:
+        """Train a job's net and give its variables; nothing is tested or remembered.
+
+        Args:
+            job: to be done.
+            params: to begin with.
+
+        Raises:
+            UserError: training diverged.
+        """
+        recipe = sent(self.cache.normalised(job.recipe, self._target), self._workers)
+        task = (recipe, self._source(job.source, job.recipe), int(job.seed), params)
+        ((_, found),) = self._workers.map(trained_net, [task], net=True)
+        if isinstance(found, str):
+            raise UserError(f"the net that is left failed in training: {found}")
+        return found
 
     def _made(self, jobs: Sequence[Job], log: Store) -> Iterator[tuple[int, str, Result]]:
         """Yield (index, key, result) of every job: known ones first, the others as they come in.

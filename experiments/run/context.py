@@ -163,7 +163,9 @@ def workers_for(config: Config) -> Workers:
 
 @contextmanager
 def opened(
-    config: AnyConfig, refuse: Callable[[Target], None] | None = None
+    config: AnyConfig,
+    refuse: Callable[[Target], None] | None = None,
+    find: Callable[[AnyConfig, Workers], Target] = named_target,
 ) -> Iterator[Run[AnyConfig]]:
     """Open all that a job works with; close it afterwards.
 
@@ -171,6 +173,7 @@ def opened(
         config: the job, its fields checked.
         refuse: raises UserError for what cannot be done on this target. Whatever the user got wrong
             shows before the folder is made.
+        find: the target of the job.
 
     Raises:
         UserError, DataError: what a user can get wrong.
@@ -182,7 +185,7 @@ def opened(
     plain = {"engine": ENGINE, **asdict(config)}
     with workers_for(config) as workers:
         answer = asked(workers)
-        target = named_target(config, workers)
+        target = find(config, workers)
         _refuse_former(config.out)
         folder.refuse_foreign(config.out, plain, (*FREE_FIELDS, FIELD))
         if refuse is not None:

@@ -27,7 +27,9 @@ from experiments.run.learn import judged_on, learn, work_of
 from experiments.run.nets import paired_seeds
 from experiments.study.form import Form, Report, about, nets, rewrite, write_report
 from experiments.target.base import Target
+from experiments.target.named import named_target
 from scene.proposal import Streets, streets_named
+from scene.workers import Workers
 from shell.progress import duration
 
 
@@ -53,6 +55,8 @@ class Study(Generic[AnyConfig]):
     """Raises UserError for a field that only this job has and that is out of range, by flag."""
     prepare: Callable[[AnyConfig, Target], Any] = none
     """Made before the folder is; raises UserError or DataError for what cannot be done on this target."""
+    target: Callable[[AnyConfig, Workers], Target] = named_target
+    """Finds the target; raises UserError or DataError."""
 
 
 def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
@@ -74,7 +78,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
             judged_on(target, config)
         made.append(study.prepare(config, target))
 
-    with opened(config, prepare) as run:
+    with opened(config, prepare, study.target) as run:
         run.begin(study.plan(config, made[0]))
         report = write_report(study.form, study.scores(run, made[0]), config.out)
         share = run.workers.cpu_share()

@@ -1,0 +1,543 @@
+"""Fits a net to your labelled images, with renders beside them, and says what the renders add.
+
+    sdr-jax fit photographs --out runs/fit                       # photographs/target.yaml says what is where
+    sdr-jax fit CamVid --target camvid --few 14 --holdout 0006R0 --out runs/fit14
+    sdr-jax fit photographs --preset smoke --out runs/try        # under a minute
+
+Leaves the net in OUT/model (see `sdr-jax predict`), and in OUT/report.html how good nets are on images that
+they have not seen: with your labels alone, with renders beside them, and with renders alone. Where the data
+have no split, these are the folds of your images, by group, in turn. The same command continues what was
+stopped.
+"""
+
+from __future__ import annotations
+
+import re
+import sys
+from base64 import b64encode
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, cast, get_args
+
+import numpy as np
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from experiments.config import FewConfig, Fidelity, Preset
+from experiments.config.presets import defaults, in_space
+from experiments.evaluation.cost import head_cost, street_cost
+from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool, Subset
+from experiments.evaluation.predictions import file_of, load
+from experiments.main.pictures import colorize
+from experiments.predict import png
+from experiments.run.context import Run, Work
+from experiments.run.learn import learn, work_of
+from experiments.run.nets import paired_seeds
+from experiments.study.form import Form, Report, about, cells, class_means, estimate, nets, table
+from experiments.study.skeleton import Study, do
+from experiments.study.stats import crossed
+from experiments.target.base import Target
+from experiments.target.folder import Parts, all_labelled, fold_targets, parts_of, suitable_size
+from scene.proposal import Streets, draw, random_proposal
+from scene.workers import Workers
+from seg.beside import TrainingSet
+from seg.classes import class_table
+from seg.data import LabelledImages
+from seg.data.images import read_image
+from seg.model import Model, classes_of, load_model
+from seg.recipes import with_net
+from seg.train import Params
+from shell.command import Parser, exit_code
+from shell.errors import UserError
+from shell.files import digest, write
+from shell.target_file import Fit, find_target
+
+Row = Literal["labels", "labels+renders", "renders", "labels+learnt"]
+WORDS: dict[Row, str] = {
+    "labels": "your labels alone",
+    "labels+renders": "your labels and renders",
+    "renders": "renders alone",
+    "labels+learnt": "your labels and renders of learnt streets",
+}
+"""What the nets of each row were trained on."""
+MODEL, STRIP = "model", "predictions.png"
+"""Of the run folder: the net; images with their labels and predictions."""
+SHOWN = 4
+"""Images of the strip."""
+AREAS: dict[Preset, int] = {"smoke": 64 * 48, "quick": 240 * 176}
+"""Pixels of the images that nets see, about: what two cores train on within a minute, or ten."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FitConfig(FewConfig):
+    """One job; the command line has a few of these fields."""
+
+    file: str | None = None
+    """The target's file, or its name; by default target.yaml beside the images."""
+    shape: Fit | None = None
+    """What is done to images of another shape; by default what the target's file says."""
+    learnt: bool = False
+    """Whether streets are learnt, too."""
+    init: Path | None = None
+    """Folder of a model that the net starts from."""
+
+
+class Prepared(NamedTuple):
+    """What is known before the folder of the job is made."""
+
+    parts: Parts
+    folds: list[Target]
+    init: Params | None
+
+
+def config_of(
+    data: Path,
+    out: Path,
+    *,
+    target: str | None = None,
+    few: int | None = None,
+    holdout: str | None = None,
+    search: bool = False,
+    preset: Preset = "quick",
+    size: tuple[int, int] | None = None,
+    shape: Fit | None = None,
+    seeds: int = 3,
+    workers: int | None = None,
+    init: Path | None = None,
+    store: Path | None = None,
+) -> FitConfig:
+    """The job that a command line asks for.
+
+    Args:
+        data: folder of the images.
+        out: folder of the run.
+        target: the target's file, or the name of one that comes with the package.
+        few: use so many labels only.
+        holdout: the group that figures come from.
+        search: learn streets, too.
+        preset: quick or smoke.
+        size: width and height of the images that nets see; by default a suitable one.
+        shape: what is done to images of another shape.
+        seeds: nets of each row and fold.
+        workers: processes.
+        init: folder of a model to start from.
+        store: file of evaluations that runs share.
+
+    Raises:
+        UserError: no such target or folder, or an image that cannot be read.
+    """
+    found = find_target(target, data)
+    parts = parts_of(found, data, holdout, few)
+    if size is None:
+        height, width = read_image(parts.entries[0].image_path).shape[:2]
+        size = suitable_size(width, height, AREAS[preset])
+    base = in_space(defaults(FitConfig, "camvid", preset), "extended")
+    wide, high = size
+    reward, final = (_frozen(own, wide, high) for own in (base.reward, base.final))
+    return replace(
+        base,
+        data=data,
+        out=out,
+        file=target,
+        shape=shape,
+        few=few,
+        holdout=holdout,
+        learnt=search,
+        seeds=seeds,
+        init=init,
+        store=store,
+        reward=reward,
+        final=replace(final, shots=1),
+        search=replace(base.search, method="pool"),
+        reward_images=None,
+        test_images=None,
+        workers=base.workers if workers is None else workers,
+    )
+
+
+def _frozen(fidelity: Fidelity, width: int, height: int) -> Fidelity:
+    """A fidelity of another size, whose nets are heads on a frozen trunk."""
+    train = with_net(fidelity.train, net="lite0", trunk="frozen")
+    return replace(fidelity, width=width, height=height, train=train)
+
+
+def prepare(config: FitConfig, _: Target) -> Prepared:
+    """Sort the images, and look at the model that is to be started from."""
+    parts, folds = _folds(config)
+    return Prepared(parts, folds, None if config.init is None else _start(config, folds[0]))
+
+
+def _folds(config: FitConfig) -> tuple[Parts, list[Target]]:
+    assert config.data is not None
+    few = None if config.few is None else int(config.few)
+    found = find_target(config.file, config.data)
+    parts = parts_of(found, config.data, config.holdout, few)
+    return parts, fold_targets(parts, config.data, config.shape)
+
+
+def _start(config: FitConfig, target: Target) -> Params:
+    """The variables of the model of ``--init``.
+
+    Raises:
+        UserError: no model, or one of another net or of other classes.
+    """
+    assert config.init is not None
+    model, train = load_model(config.init), config.final.train
+    classes = class_table(target.table).classes
+    if model.names != tuple(classes):
+        raise UserError(
+            f"--init {config.init}: a model of other classes, {', '.join(model.names)}; the target has "
+            f"{', '.join(classes)}"
+        )
+    if (model.settings.net, model.settings.frozen) != (train.net, train.frozen):
+        raise UserError(
+            f"--init {config.init}: a model of the net {model.settings.net}, not {train.net}"
+        )
+    return model.variables
+
+
+def first_fold(config: FitConfig, _: Workers) -> Target:
+    """The target that the job is opened with."""
+    return _folds(config)[1][0]
+
+
+def plan(config: FitConfig, prepared: Prepared) -> list[Work]:
+    """Streets, searches, and the nets of every row and fold."""
+    final, folds = config.final, len(prepared.folds)
+    kinds = 1 + config.learnt * folds
+    searches = [work._replace(nets=work.nets * folds) for work in work_of(config)]
+    count = len(_rows(config)) * folds * config.seeds
+    return [
+        Work("streets", kinds * config.seeds * final.streets, final, street_cost(final)),
+        *(searches if config.learnt else []),
+        Work("nets, each of which is tested", count, final, head_cost(final)),
+        Work("the net that is left", 1, final, head_cost(final)),
+    ]
+
+
+def _rows(config: FitConfig) -> tuple[Row, ...]:
+    rows: tuple[Row, ...] = get_args(Row)
+    return rows if config.learnt else rows[:-1]
+
+
+def scores(run: Run[FitConfig], prepared: Prepared) -> Report:
+    """Do the whole job, or what is left of it."""
+    config, seeds = run.config, paired_seeds(run)
+    recipe = run.recipe(config.final)
+    folds = [replace(run, target=target) for target in prepared.folds]
+    random = {seed: rendered(run, random_proposal(config.space), seed) for seed in seeds}
+    learnt: list[dict[int, Subset]] = []
+    for number, fold in enumerate(folds, 1):
+        if config.learnt:
+            streets = learn(fold, name=f"fold-{number}").streets
+            learnt.append({seed: rendered(run, streets, seed) for seed in seeds})
+    found: dict[Row, list[Any]] = {row: [] for row in _rows(config)}
+    jobs: list[Job] = []
+    for number, fold in enumerate(folds):
+        labels = fold.images(config.final, "labelled")
+        own: list[Job] = []
+        for seed in seeds:
+            sources: dict[Row, Source] = {
+                "labels": labels,
+                "labels+renders": _beside(config, random[seed], labels),
+                "renders": random[seed],
+            }
+            if config.learnt:
+                sources["labels+learnt"] = _beside(config, learnt[number][seed], labels)
+            for row, source in sources.items():
+                notes = {"nets": f"fold {number + 1}", "row": row, "seed": seed}
+                keeps: Keeps | None = "predictions" if number == 0 and seed == seeds[0] else None
+                own.append(Job(recipe, source, seed, notes, keeps=keeps))
+        results = fold.runner.test(own)
+        for row, values in found.items():
+            chosen = [r for job, r in zip(own, results, strict=True) if job.notes["row"] == row]
+            values.append(nets(chosen))
+        jobs += own
+    _show(run, folds[0], [job for job in jobs if job.keeps])
+    report = {
+        **about(run, config.final),
+        "labels": len(prepared.parts.entries),
+        "where": prepared.parts.where,
+        "notes": list(prepared.parts.notes),
+        "tested": sum(len(target.test_names) for target in prepared.folds),
+        "not_rendered": [
+            name for name, own in prepared.parts.target.classes.items() if not own.renders
+        ],
+        "rendered_images": config.final.images,
+        "few_share": config.few_share,
+        "net": config.final.train.net,
+        "nets": found,
+    }
+    _leave(run, prepared, random[seeds[0]], derive(report))
+    for made in (random, *learnt):
+        for subset in made.values():
+            run.runner.cache.forget(subset.pool.name)
+    return report
+
+
+def rendered(run: Run[FitConfig], streets: Streets, seed: int) -> Subset:
+    """Streets of one shot with their features, which all nets of a seed share."""
+    config, recipe = run.config, run.recipe(run.config.final)
+    units = draw(streets, seed, config.final.streets)
+    name, cost = (
+        digest([digest(units.tolist()), seed, config.final.size]),
+        street_cost(config.final),
+    )
+
+    def done(count: int) -> None:
+        run.progress.advance(count * cost)
+        run.progress.update(f"streets of seed {seed}")
+
+    held, _ = run.runner.cache.streets(name, recipe, units, seed, done)
+    return Subset(StreetPool(name, held), tuple(range(len(units))))
+
+
+def _beside(
+    config: FitConfig, renders: Source, labels: LabelledImages | LabelledSubset
+) -> TrainingSet:
+    return TrainingSet((renders, labels), (1 - config.few_share, config.few_share))
+
+
+def _leave(run: Run[FitConfig], prepared: Prepared, renders: Source, report: Report) -> None:
+    """Train the net on all labels, as the better row was trained, and save it."""
+    config, parts = run.config, prepared.parts
+    assert config.data is not None
+    target = all_labelled(parts, prepared.folds[0], config.data, config.shape)
+    whole = replace(run, target=target)
+    labels = whole.images(config.final, "labelled")
+    source = labels if report["recipe"] == "labels" else _beside(config, renders, labels)
+    seed, recipe = config.seed, run.recipe(config.final)
+    variables = whole.runner.train(Job(recipe, source, seed, {}), prepared.init)
+    Model(
+        config.final.train,
+        variables,
+        (config.final.height, config.final.width),
+        classes_of(parts.target),
+        "colours" if parts.target.kind == "colours" else "ids",
+        {
+            "target": parts.target.name,
+            "labelled_images": len(labels.images),
+            "trained_on": report["recipe"],
+            "verdict": report["verdict"],
+            "miou": report["rows"][report["recipe"]]["mean"],
+            "reported_on": report["where"],
+        },
+    ).save(config.out / MODEL)
+    run.progress.advance(head_cost(config.final))
+
+
+def _show(run: Run[FitConfig], fold: Run[FitConfig], jobs: Sequence[Job]) -> None:
+    """Images that nets have not seen, their labels, and what the first net of each row predicts."""
+    table, images = class_table(fold.target.table), fold.images(run.config.final, "test")
+    kept = [load(file_of(run.config.out, fold.runner.key(job))) for job in jobs]
+    found = [own for own in kept if own is not None and own.picked is not None]
+    if len(found) < len(jobs):
+        return  # some were in the store already, which has no predictions
+    picked = cast(np.ndarray, found[0].picked)
+    lines = []
+    for place in np.unique(np.linspace(0, len(picked) - 1, SHOWN).round().astype(int)):
+        index = picked[place]
+        seen = [colorize(cast(np.ndarray, own.predictions)[place], table) for own in found]
+        lines.append(
+            np.hstack([images.images[index], colorize(images.labels[index], table), *seen])
+        )
+    write(run.config.out / STRIP, png(np.vstack(lines)))
+
+
+def derive(report: Report) -> Report:
+    """The report with means, intervals over folds and seeds, what renders add, and the verdict."""
+    values = {row: _miou(own) for row, own in report["nets"].items()}
+    rows = {
+        row: {
+            **_estimate(values[row]),
+            "per_class": class_means([net for fold in own for net in fold], report["classes"]),
+        }
+        for row, own in report["nets"].items()
+    }
+    gains = {
+        row: _estimate(values[row] - values["labels"]) for row in rows if row.startswith("labels+")
+    }
+    best = max(
+        (row for row in ("labels", "labels+renders") if rows[row]["mean"] is not None),
+        key=lambda row: rows[row]["mean"],
+        default="labels+renders",
+    )
+    return {
+        **report,
+        "rows": rows,
+        "gains": gains,
+        "recipe": best,
+        "verdict": verdict(gains["labels+renders"], report["labels"]),
+    }
+
+
+def _miou(folds: Sequence[Sequence[Report | None]]) -> np.ndarray:
+    """MIoU f64[folds, seeds] in percent, NaN where a net failed."""
+    return np.array([[np.nan if net is None else net["miou"] for net in fold] for fold in folds])
+
+
+def _estimate(values: np.ndarray) -> Report:
+    """Mean and 95 % interval; seeds of which a net failed are left out."""
+    known = values[:, np.isfinite(values).all(axis=0)]
+    mean, ci95 = crossed(known.tolist()) if known.size else (None, None)
+    return {"mean": mean, "ci95": ci95}
+
+
+def verdict(gain: Mapping[str, Any], labels: int) -> str:
+    """What renders add, in a sentence."""
+    mean, ci95 = gain["mean"], gain["ci95"]
+    own = f"your {labels} labels"
+    if mean is None:
+        return "Nets failed in training, so it is not known what renders add."
+    if ci95 is None:
+        return f"Renders add {mean:.1f} points to {own}, by one net each: --seeds 3 says how sure that is."
+    low, high = ci95
+    between = f"({low:.1f} to {high:.1f})"
+    if low > 0:
+        return f"Renders add {mean:.1f} points {between} to {own}."
+    if high < 0:
+        return f"Renders cost {-mean:.1f} points {between}: {own} alone are better."
+    return f"Renders add {mean:.1f} points {between} to {own}, which may be chance."
+
+
+def text(report: Report) -> str:
+    """The table and the verdict, in Markdown."""
+    over = "folds and nets" if len(report["nets"]["labels"]) > 1 else "nets"
+    share = 100 * (1 - report["few_share"])
+    lines = [
+        report["verdict"],
+        "",
+        f"mIoU in percent at {report['scored_at']} on {report['tested']} images that a net has not seen "
+        f"({report['where']}), {report['seeds']} nets each; 95 % intervals over {over}. Beside labels "
+        f"{report['rendered_images']} renders are {share:g} % of all batches.",
+        "",
+        *table(
+            [
+                ("nets trained on", lambda row: WORDS[row["name"]]),
+                *estimate("mIoU"),
+                *estimate("over labels alone", lambda row: row["gain"], "+.1f"),
+            ],
+            [
+                {"name": name, **own, "gain": report["gains"].get(name)}
+                for name, own in report["rows"].items()
+            ],
+        ),
+    ]
+    if report["not_rendered"]:
+        lines += ["", f"Learnt from labels alone: {', '.join(report['not_rendered'])}."]
+    lines += [f"\nNote: {note}." for note in report["notes"]]
+    lines += ["", f"The net in {MODEL}/ was trained on {WORDS[report['recipe']]}."]
+    return "\n".join(lines)
+
+
+def html(report: Report, folder: Path) -> str:
+    """The report as a page that needs no network."""
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent / "report"),
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=StrictUndefined,
+    )
+    strip = folder / STRIP
+    shown = b64encode(strip.read_bytes()).decode() if strip.exists() else None
+    rows = [
+        [WORDS[cast(Row, name)], *cells(own), *cells(report["gains"].get(name), "+.1f")]
+        for name, own in report["rows"].items()
+    ]
+    classes = [
+        [
+            name,
+            *(
+                "" if (v := own["per_class"][name]) is None else f"{v:.1f}"
+                for own in report["rows"].values()
+            ),
+        ]
+        for name in report["classes"]
+    ]
+    return environment.get_template("fit.html").render(
+        report=report, rows=rows, classes=classes, strip=shown, folder=folder, WORDS=WORDS,
+        columns=[WORDS[cast(Row, name)] for name in report["rows"]],
+        style=(Path(__file__).parent / "report" / "page.css").read_text(encoding="utf-8"),
+    )  # fmt: skip
+
+
+FORM = Form("summary", derive, text, {}, {"report.html": html})
+STUDY: Study[FitConfig] = Study(FORM, plan, scores, prepare=prepare, target=first_fold)
+
+
+def fit(config: FitConfig) -> Report:
+    """Do a whole job, or what is left of it; `config_of` makes its configuration.
+
+    Raises:
+        UserError, DataError: what a user can get wrong.
+        WorkerError: worker processes keep dying.
+    """
+    return do(STUDY, config)
+
+
+def _size(text: str) -> tuple[int, int]:
+    found = re.fullmatch(r"(\d+)x(\d+)", text)
+    if found is None:
+        raise ValueError(text)
+    return int(found[1]), int(found[2])
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    parser = Parser("experiments.fit", __doc__)
+    add = parser.add_argument
+    add("data", type=Path, metavar="DATA", help="folder of images and labels")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
+    add("--target", metavar="NAME|FILE", help="what the data are, where DATA has no target.yaml")
+    add(
+        "--few",
+        type=int,
+        metavar="N",
+        help="use the labels of N images only, spread over groups and time",
+    )
+    add(
+        "--holdout",
+        metavar="GROUP",
+        help="report on this group; no figure comes from nets that have seen it",
+    )
+    add(
+        "--search",
+        action="store_true",
+        help="learn streets, too, for each fold; its cost is printed first",
+    )
+    add("--preset", choices=("smoke", "quick"), default="quick", help="how much is spent (quick)")
+    add(
+        "--size",
+        type=_size,
+        metavar="WxH",
+        help="of the images that nets see; by default a suitable one",
+    )
+    add(
+        "--shape",
+        choices=get_args(Fit),
+        help="pad or cut images of another shape; by default as the target's file says",
+    )
+    add("--seeds", type=int, default=3, metavar="N", help="nets of each row and fold (3)")
+    add("--workers", type=int, metavar="N", help="processes; by default one for each core")
+    add(
+        "--init",
+        type=Path,
+        metavar="MODEL",
+        help="the net that is left starts from this one; figures never do",
+    )
+    add("--store", type=Path, metavar="FILE", help="evaluations that runs share")
+    options = parser.parse_args(arguments)
+
+    def work() -> None:
+        given = {name: value for name, value in vars(options).items() if name != "debug"}
+        config = config_of(given.pop("data"), given.pop("out"), **given)
+        fit(config)
+        print(f"Use the net: sdr-jax predict {config.out / MODEL} IMAGES --out DIR")
+        print(f"Look at {config.out / 'report.html'}")
+
+    return exit_code(work, debug=options.debug)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
