@@ -24,8 +24,8 @@ from seg.metrics import iou as iou
 from seg.metrics import mean_iou as mean_iou
 from seg.model import LabelClass as LabelClass
 from seg.model import Model as Model
+from seg.model import classes_of as classes_of
 from seg.model import label_classes as label_classes
-from seg.model import label_classes_of as label_classes_of
 from seg.model import load_model as load_model
 from seg.nets import net as net
 from seg.recipes import RECIPES as RECIPES

@@ -39,6 +39,7 @@ class Parts(NamedTuple):
     """Of each fold the images that nets are trained on, and those that they are tested on, by index into the
     entries and the held-out images behind them."""
     held_out: tuple[Entry, ...]  # of a split or a group that is only reported on
+    all_labels: bool  # whether the net that is left may see the held-out images, too
     where: str  # figures are from, in words
     notes: tuple[str, ...]  # warnings that belong into the report
 
@@ -95,7 +96,8 @@ def parts_of(
         folds = [(tuple(k for k in range(count) if k not in set(own)), own) for own in tests]
         where = f"{len(folds)} folds, each tested on in turn"
         notes += [told] if told else []
-    return Parts(target, entries, tuple(folds), held_out, where, tuple(notes))
+    whole = holdout is not None and few is None
+    return Parts(target, entries, tuple(folds), held_out, whole, where, tuple(notes))
 
 
 def cut(groups: Sequence[str], data: Path) -> tuple[list[tuple[int, ...]], str]:
@@ -173,11 +175,11 @@ def fold_targets(parts: Parts, data: Path, fit: Fit | None = None) -> list[Targe
 
 
 def all_labelled(parts: Parts, of: Target, data: Path, fit: Fit | None = None) -> Target:
-    """The target whose labelled images are all that the shipped net sees: a group held out is among them.
+    """The target whose labelled images are all that the net sees that is left.
 
-    A published split is not, nor is what ``--few`` leaves out.
+    A group that was held out is among them, unless only a few labels are to be used; a published split is not.
     """
-    own = parts.every if parts.where.startswith("group") and parts.held_out else parts.entries
+    own = parts.every if parts.all_labels else parts.entries
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:
