@@ -177,7 +177,7 @@ def fold_targets(parts: Parts, data: Path, fit: Fit | None = None) -> list[Targe
 def all_labelled(parts: Parts, of: Target, data: Path, fit: Fit | None = None) -> Target:
     """The target whose labelled images are all that the net sees that is left.
 
-    A group that was held out is among them, unless only a few labels are to be used; a published split is not.
+    A group that was held out is among them, unless only a few labels are to be used; a split is not.
     """
     own = parts.every if parts.all_labels else parts.entries
 

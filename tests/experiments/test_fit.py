@@ -1,0 +1,184 @@
+"""`sdr-jax fit`: folds by group, what renders add, and a net from a folder of one's own."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from experiments.fit import config_of, derive, fit, main, text, verdict
+from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, suitable_size
+from seg.model import load_model
+from shell.errors import UserError
+from shell.target_file import find_target
+from tests.layouts import save, write
+
+TARGET = """
+images: images/{name}.png
+labels: labels/{name}.png
+group: "^[a-z]+"
+void: [255]
+classes:
+  street: {ids: [7], renders: [road, sidewalk]}
+  house: {ids: [11, 12], renders: [building, wall]}
+  sky: {ids: [23], renders: [sky]}
+  plant: {ids: [21], renders: [vegetation, terrain]}
+  bench: {ids: [40]}
+"""
+IDS = np.array([7, 11, 12, 23, 21, 40, 255], np.uint8)
+NAMES = ("park1", "park2", "mall1", "mall2", "mall3")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory) -> Path:
+    """Images of three shapes with labels in a palette of its own, in two groups."""
+    root = tmp_path_factory.mktemp("own")
+    (root / "target.yaml").write_text(TARGET)
+    for k, name in enumerate(NAMES):
+        rng = np.random.default_rng(k)
+        shape = ((48, 64), (64, 48), (60, 90))[k % 3]
+        save(root / "images" / f"{name}.png", rng.integers(0, 256, (*shape, 3)))
+        ids = Image.fromarray(IDS[rng.integers(0, len(IDS), shape)], "P")
+        ids.putpalette([value for entry in range(256) for value in (entry, 255 - entry, 9)])
+        (root / "labels").mkdir(exist_ok=True)
+        ids.save(root / "labels" / f"{name}.png")
+    return root
+
+
+@given(st.lists(st.sampled_from("abcdefg"), min_size=2, max_size=40))
+def test_folds_hold_every_image_once_and_share_no_group(groups: list[str]) -> None:
+    groups = sorted(groups)
+    folds, note = cut(groups, Path("data"))
+    assert sorted(index for fold in folds for index in fold) == list(range(len(groups)))
+    if len(set(groups)) == 1:
+        assert len(folds) == min(FOLDS, len(groups)) and "stretches of time" in note
+        assert all(list(fold) == list(range(fold[0], fold[-1] + 1)) for fold in folds)
+        return
+    assert not note and len(folds) == min(FOLDS, len(set(groups)))
+    sets = [{groups[index] for index in fold} for fold in folds]
+    assert sum(map(len, sets)) == len(set(groups)) and all(sets)
+
+
+def test_a_single_image_cannot_be_tested_on() -> None:
+    with pytest.raises(UserError, match=r"data: 1 labelled image, .*label one more"):
+        cut(["a"], Path("data"))
+
+
+@pytest.mark.parametrize(("shape", "area", "expected"), [
+    ((480, 360), 240 * 176, (240, 176)), ((2048, 1024), 240 * 176, (288, 144)),
+    ((100, 80), 240 * 176, (96, 80)), ((4000, 100), 240 * 176, (1296, 32)),
+])  # fmt: skip
+def test_a_size_for_nets(shape, area, expected) -> None:
+    assert suitable_size(*shape, area) == expected
+
+
+def test_figures_come_from_the_published_split_a_group_or_folds(
+    tmp_path: Path, folder: Path
+) -> None:
+    camvid = find_target("camvid")
+    data = write("camvid", tmp_path)
+    published = parts_of(camvid, data)
+    assert len(published.entries) == 3 and [e.name for e in published.held_out] == ["Seq05VD_f4"]
+    assert published.folds == (((0, 1, 2), (3,)),) and published.where == "split test"
+    held = parts_of(camvid, data, holdout="0006R0")
+    assert [e.name for e in held.entries] == ["0001TP_1"] and len(held.held_out) == 2
+    assert held.all_labels and not parts_of(camvid, data, holdout="0006R0", few=1).all_labels
+    own = parts_of(find_target(None, folder), folder)
+    assert len(own.folds) == 2 and own.where == "2 folds, each tested on in turn"
+    for train, test in own.folds:
+        groups = [{own.entries[k].sequence for k in side} for side in (train, test)]
+        assert not groups[0] & groups[1] and len(train) + len(test) == len(NAMES)
+    first, second = fold_targets(own, folder)
+    sides = first.at(48, 64)
+    assert sides["reward"].images.shape == (len(first.reward_names), 48, 64, 3)
+    assert set(first.test_names) == set(second.reward_names)
+    for more, message in (
+        (
+            {"holdout": "town"},
+            "--holdout town must leave images on both sides; the groups are mall, park",
+        ),
+        ({"few": 9}, "--few 9 is more than the 5 labelled images there are"),
+    ):
+        with pytest.raises(UserError, match=message):
+            parts_of(find_target(None, folder), folder, **more)
+
+
+@pytest.mark.parametrize(("mean", "ci95", "expected"), [
+    (4.6, (4.0, 5.3), "Renders add 4.6 points (4.0 to 5.3) to your 14 labels."),
+    (0.4, (-0.3, 1.1), "Renders add 0.4 points (-0.3 to 1.1) to your 14 labels, which may be chance."),
+    (-2.0, (-3.0, -1.0), "Renders cost 2.0 points (-3.0 to -1.0): your 14 labels alone are better."),
+    (1.0, None,
+     "Renders add 1.0 points to your 14 labels, by one net each: --seeds 3 says how sure that is."),
+    (None, None, "Nets failed in training, so it is not known what renders add."),
+])  # fmt: skip
+def test_the_verdict(mean, ci95, expected) -> None:
+    assert verdict({"mean": mean, "ci95": ci95}, 14) == expected
+
+
+def test_means_are_over_folds_and_seeds_and_a_net_that_failed_drops_its_seed() -> None:
+    def net(miou: float):
+        return {"miou": miou, "class_iou": [miou, None]}
+
+    report = {
+        "nets": {
+            "labels": [[net(40.0), net(42.0), net(90.0)], [net(50.0), net(52.0), None]],
+            "labels+renders": [[net(45.0), net(47.0), net(0.0)], [net(55.0), net(57.0), net(0.0)]],
+            "renders": [[net(30.0)] * 3] * 2,
+        },
+        "classes": ["road", "sky"],
+        "labels": 14,
+    }  # fmt: skip
+    found = derive(report)
+    assert found["rows"]["labels"]["mean"] == 46.0 and found["rows"]["renders"]["mean"] == 30.0
+    assert found["gains"]["labels+renders"]["mean"] == 5.0 and found["recipe"] == "labels"
+    assert found["rows"]["renders"]["per_class"] == {"road": 30.0, "sky": None}
+
+
+def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys) -> None:
+    arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
+    assert main([*arguments, "--size", "64x48", "--workers", "1"]) == 0
+    said = capsys.readouterr().out
+    assert "to your 5 labels" in said and "Learnt from labels alone: bench." in said
+    summary = json.loads((tmp_path / "run" / "summary.json").read_bytes())
+    assert list(summary["rows"]) == ["labels", "labels+renders", "renders"]
+    assert [len(fold) for fold in summary["nets"]["labels"]] == [1, 1]
+    page = (tmp_path / "run" / "report.html").read_text()
+    assert summary["verdict"] in page and "data:image/png" in page
+    assert (tmp_path / "run" / "predictions.png").exists()
+    model = load_model(tmp_path / "run" / "model")
+    assert model.names == ("street", "house", "sky", "plant", "bench")
+    assert [own.id for own in model.classes] == [7, 11, 23, 21, 40] and model.size == (48, 64)
+    assert model.notes["labelled_images"] == 5 and model.notes["verdict"] == summary["verdict"]
+    (labels,) = model.predict([np.zeros((30, 70, 3), np.uint8)])
+    assert labels.shape == (30, 70)
+    # Again: everything is known, and the answer is the same.
+    again = fit(
+        config_of(folder, tmp_path / "run", preset="smoke", seeds=1, size=(64, 48), workers=1)
+    )
+    assert again["nets"] == summary["nets"] and text(again) in said
+    # Labels were added: the net that is left starts from the model before.
+    config = config_of(
+        folder, tmp_path / "next", preset="smoke", seeds=1, size=(64, 48), workers=1,
+        init=tmp_path / "run" / "model",
+    )  # fmt: skip
+    assert fit(config)["nets"] == summary["nets"]
+    other = load_model(tmp_path / "next" / "model")
+    assert other.digest != model.digest
+
+
+def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys) -> None:
+    out = ["--out", str(tmp_path / "run"), "--preset", "smoke"]
+    (tmp_path / "empty").mkdir()
+    for arguments, message in (
+        ([str(tmp_path / "none"), *out], "none: no such folder"),
+        ([str(tmp_path / "empty"), *out], "no target.yaml in it"),
+        ([str(folder), *out, "--few", "9"], "--few 9 is more than"),
+        ([str(folder), *out, "--seeds", "0"], "--seeds must be"),
+        ([str(folder), *out, "--init", str(tmp_path)], "no model"),
+    ):
+        assert main(arguments) == 2
+        assert message in capsys.readouterr().err.splitlines()[-1]
+    assert not (tmp_path / "run").exists()
