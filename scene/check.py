@@ -106,11 +106,11 @@ def _stray_files(dataset: Described) -> Iterator[str]:
 
 
 def _text(dataset: Described, name: str, path: Path) -> Iterator[str]:
-    """A text about all images that follows from ``dataset.json``; a card is there to be edited."""
+    """The list of classes follows from ``dataset.json``; other texts are there to be edited."""
     summary = dataset.layout.summaries[name]
     about = About(lambda: (), dataset.split, dataset.size, dataset.labels, dataset.description)
     found = read_bytes(path)
-    if name != "card" and found != "".join(summary.text(about)).encode():
+    if name == "classes" and found != "".join(summary.text(about)).encode():
         yield f"{path} does not say what dataset.json says"
 
 

@@ -35,7 +35,7 @@ class Export:
     Args:
         state: its streets, with seed, shots, size, rays and assets of its view.
         images: how many.
-        format: ``cityscapes`` or ``coco``.
+        format: a layout, as `scene.dataset.formats.layout` names it.
         folder: new, empty, or the same export to be continued.
 
     Raises:

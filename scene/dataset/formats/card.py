@@ -64,7 +64,7 @@ def card(about: About, features: str = "") -> Iterator[str]:
 def class_list(about: About) -> Iterator[str]:
     """``classes.txt``: a value of label pictures and the name of its class on each line."""
     for value, name in about.labels.all_values:
-        yield f"{_text(value)} {name}\n"
+        yield f"{_text(value)} {' '.join(name.split())}\n"
 
 
 def _text(value: object) -> str:
