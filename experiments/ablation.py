@@ -26,8 +26,9 @@ from experiments.config.cli import main
 from experiments.config.presets import DENSITIES, ENVIRONMENT, POSITIONS
 from experiments.run import plans
 from experiments.run.context import Run, Work
-from experiments.run.pooled import find, work_of
-from experiments.run.search import Found, SearchPlan
+from experiments.run.pooled import work_of
+from experiments.run.rewards import SearchPlan
+from experiments.run.search import Found, search
 from experiments.study.figure import plt, png
 from experiments.study.form import (
     Column,
@@ -180,7 +181,7 @@ def planned(config: AblationConfig) -> dict[Variant, SearchPlan]:
 
 def searches(config: AblationConfig) -> dict[str, Search]:
     """The search of every variant."""
-    return {variant: partial(find, plan=plan) for variant, plan in planned(config).items()}
+    return {variant: partial(search, plan=plan) for variant, plan in planned(config).items()}
 
 
 def work(config: AblationConfig) -> list[Work]:

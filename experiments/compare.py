@@ -27,8 +27,9 @@ from experiments.evaluation.job import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.ladder import fidelities
-from experiments.run.pooled import affordable, find, work_of
-from experiments.run.search import Found, SearchPlan
+from experiments.run.pooled import affordable, work_of
+from experiments.run.rewards import SearchPlan
+from experiments.run.search import Found, search
 from experiments.study.figure import plt, png
 from experiments.study.form import (
     Column,
@@ -159,7 +160,7 @@ def planned(config: CompareConfig) -> list[SearchPlan]:
 
 def searches(config: CompareConfig) -> dict[str, Search]:
     """Every method's search on every subset."""
-    return {plan.name: partial(find, plan=plan) for plan in planned(config)}
+    return {plan.name: partial(search, plan=plan) for plan in planned(config)}
 
 
 def work(config: CompareConfig) -> list[Work]:

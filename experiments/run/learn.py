@@ -30,7 +30,8 @@ from experiments.run.few import beside
 from experiments.run.judge import Scores, Selection, parts_of
 from experiments.run.ladder import climb, compared, fidelities
 from experiments.run.nets import by_row, jobs_of
-from experiments.run.search import Found, SearchPlan
+from experiments.run.rewards import SearchPlan
+from experiments.run.search import Found, search
 from experiments.target.base import Target
 from scene.attributes import names
 from scene.proposal import Streets, describe, named, slide
@@ -107,7 +108,7 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
     """
     config = config or run.config
     parts, words = judged_on(run.target, config)
-    found = pooled.find(run, plan_of(config, name or "search"), config.reward_kind)
+    found = search(run, plan_of(config, name or "search"), config.reward_kind)
     candidates = {each: candidate(each, found, config) for each in offered(config)}
     selection, by_part = _selected(run, config, candidates, parts, f"{name}, " if name else "")
     streets = candidates[cast(Candidate, selection.chosen)]

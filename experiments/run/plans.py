@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sdr_jax
 from experiments.config import SearchesConfig, make_method, make_space
-from experiments.run.search import SearchPlan
+from experiments.run.rewards import SearchPlan
 from sdr_jax.registry import MethodName
 from shell.errors import UserError
 

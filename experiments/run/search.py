@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -11,38 +10,14 @@ import jax
 import numpy as np
 
 import sdr_jax
-from experiments.config import Candidate, RewardKind, SearchOptions
-from experiments.evaluation.job import REWARD_NAMES, Job, Result, in_words
-from experiments.evaluation.runner import refuse_failed
+from experiments.config import Candidate, RewardKind
+from experiments.evaluation.job import REWARD_NAMES, Result, in_words
 from experiments.run.context import Run
-from experiments.run.few import beside
-from scene.attributes import SpaceName, names
-from scene.proposal import Proposal, Streets, random_proposal
+from experiments.run.pooled import PoolRewards, answers
+from experiments.run.rewards import DatasetRewards, SearchPlan, Stopwatch, embed
+from scene.proposal import Proposal, Streets
 from sdr_jax.method import on_clipping
-from sdr_jax.registry import MethodName
-from shell.errors import UserError
-
-PLACE = ("search", "update", "dataset")
-"""What the log of a run says of a reward's place."""
-
-
-class SearchPlan(NamedTuple):
-    """One search."""
-
-    name: str  # what the run's log calls it
-    space: SpaceName
-    method: MethodName
-    search: sdr_jax.Method
-    subset: tuple[str, ...]  # the attributes that it decides; all others stay random
-    datasets: int  # per update
-    updates: int
-    options: SearchOptions
-    seed: int  # of the search, and of the datasets that it asks for
-
-    @property
-    def evaluations(self) -> int:
-        """Rewards that it asks for."""
-        return self.datasets * self.updates
+from sdr_jax.pool import Policy, divergence
 
 
 class Found(NamedTuple):
@@ -65,87 +40,6 @@ class Found(NamedTuple):
     """Of a search that learns a distribution of streets: those that may be the answer."""
 
 
-def embed(space: SpaceName, subset: Sequence[str], proposals: Any) -> Proposal:
-    """Proposals f32[*batch, attributes of the subset] as those of the whole space, the others random."""
-    where = [names(space).index(name) for name in subset]
-    whole = []
-    for values, random in zip(proposals, random_proposal(space), strict=True):
-        array = np.broadcast_to(random, (*values.shape[:-1], len(random))).copy()
-        array[..., where] = np.asarray(values)
-        whole.append(array)
-    return Proposal(*whole)
-
-
-class Stopwatch:
-    """CPU and wall seconds of this process while it runs; what runs inside another is taken off it."""
-
-    def __init__(self) -> None:
-        self.cpu = self.wall = 0.0
-
-    def __enter__(self) -> None:
-        self._started = time.process_time(), time.perf_counter()
-
-    def __exit__(self, *_: object) -> None:
-        self.cpu += time.process_time() - self._started[0]
-        self.wall += time.perf_counter() - self._started[1]
-
-
-class _Rewards:
-    """Evaluates the datasets of one update after the other; runs behind the callback, without JAX."""
-
-    def __init__(self, run: Run[Any], plan: SearchPlan, kind: RewardKind) -> None:
-        self._run, self._plan = run, plan
-        recipe = run.recipe(run.config.reward)
-        self._job = Job(recipe, random_proposal(plan.space), 0, {}, "reward", kind)
-        run.runner.about(self._job)  # what needs JAX is made now
-        self._logged = logged(run)
-        self._update = 0
-        self.watch = Stopwatch()
-        self.results: list[Result] = []
-        self.asked: list[Proposal] = []
-
-    def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
-        """Rewards f32[n]; NaN where the evaluation failed."""
-        with self.watch:
-            centres, widths = embed(self._plan.space, self._plan.subset, asked.proposals)
-            actions, seeds = np.asarray(asked.actions).tolist(), asked.seeds.tolist()
-            proposals = [Proposal(*each) for each in zip(centres, widths, strict=True)]
-            run, place = self._run, {"search": self._plan.name, "update": self._update}
-            jobs = [
-                self._job._replace(
-                    source=beside(run, run.config.reward, proposals[k]),
-                    seed=seed,
-                    notes={**place, "dataset": k, "actions": actions[k]},
-                )
-                for k, seed in enumerate(seeds)
-            ]
-            for job in jobs:
-                refuse_another(run, self._logged, job)
-            results = run.runner.run(jobs, run.evaluations)
-            self.results += results
-            self.asked += proposals
-            self._update += 1
-            refuse_failed(self.results, self._plan.evaluations)
-            return np.array([result.reward for result in results], np.float32)
-
-
-def logged(run: Run[Any]) -> dict[tuple, str]:
-    """The keys of the rewards that a run folder has, by search, update and number."""
-    return {
-        tuple(line.get(name) for name in PLACE): line["key"] for line in run.evaluations.records
-    }
-
-
-def refuse_another(run: Run[Any], known: Mapping[tuple, str], job: Job) -> None:
-    """Raise UserError if the run folder has another reward in the place of a job."""
-    place, key = tuple(job.notes[name] for name in PLACE), run.runner.key(job)
-    if known.get(place, key) != key:
-        raise UserError(
-            f"{run.evaluations.path}: update {place[1]}, dataset {place[2]} was not made by "
-            "this run; use another --out"
-        )
-
-
 def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     """Run a whole search, or what is left of it.
 
@@ -161,21 +55,27 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     Raises:
         UserError: more than a tenth of the evaluations failed, or a log of another run.
     """
-    rewards, watch = _Rewards(run, plan, kind), Stopwatch()
+    method, pool, watch = plan.search, plan.options.pool, Stopwatch()
+    of_pool = method.subsets is not None
+    rewards = PoolRewards(run, plan) if of_pool else DatasetRewards(run, plan, kind)
     reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
+    n = sdr_jax.Subsets(plan.datasets, pool.streets, pool.subset) if of_pool else plan.datasets
     key = jax.random.key(plan.seed)
-    steps = sdr_jax.drive(key, plan.search, reward_fn, plan.updates, plan.datasets)
+    steps = sdr_jax.drive(key, method, reward_fn, plan.updates, n)
     history: list[tuple] = []
     foreseen: list[np.ndarray] = []
+    policies = [] if method.policy is None else [method.policy(sdr_jax.first_state(key, method))]
     state: Any = None  # before the first update nothing is expected
     clipped = False
     for update in range(plan.updates):
         with watch:
             before = state
             state, record = next(steps)
-            foreseen += _foreseen(plan.search, before, record)
+            foreseen += _foreseen(method, before, record)
             info = jax.device_get(record.info)
-            probabilities = np.asarray(plan.search.probabilities(state))
+            probabilities = np.asarray(method.probabilities(state))
+            if method.policy is not None:
+                policies.append(method.policy(state))
         history.append(
             (np.asarray(record.rewards), float(info.baseline), int(info.group), probabilities)
         )
@@ -184,15 +84,18 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
             told = sum(len(rewards) for rewards, *_ in history)
             run.progress.say(f"{plan.name}: {on_clipping(int(info.clipped), told)}")
         run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
-        run.progress.update(_said(plan, kind, update, history))
+        run.progress.update(_said(plan, kind, update, history, policies))
     with watch:
-        solution = embed(plan.space, plan.subset, jax.device_get(plan.search.solution(state)))
-        spread = embed(plan.space, plan.subset, jax.device_get(plan.search.spread(state)))
+        solution = embed(plan.space, plan.subset, jax.device_get(method.solution(state)))
+        spread = embed(plan.space, plan.subset, jax.device_get(method.spread(state)))
     by_update, baselines, groups, distributions = zip(*history, strict=True)
+    best = solution
+    if isinstance(rewards, DatasetRewards):
+        best = _best(rewards.asked, np.stack(by_update).ravel())
     return Found(
         solution,
         spread,
-        _best(rewards.asked, np.stack(by_update).ravel()),
+        best,
         results=rewards.results,
         rewards=np.stack(by_update),
         baselines=np.array(baselines, np.float32),
@@ -201,6 +104,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         cpu_seconds=max(watch.cpu - rewards.watch.cpu, 0.0),
         wall_seconds=max(watch.wall - rewards.watch.wall, 0.0),
         expected=np.stack(foreseen) if foreseen else None,
+        answers=answers(policies, plan) if policies else {},
     )
 
 
@@ -224,10 +128,16 @@ def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:
     return f"best {REWARD_NAMES[kind]} {in_words(kind, max(known))}" if known else ""
 
 
-def _said(plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tuple]) -> str:
+def _said(
+    plan: SearchPlan,
+    kind: RewardKind,
+    update: int,
+    history: Sequence[tuple],
+    policies: Sequence[Policy],
+) -> str:
     """What progress says about an update."""
     latest, baseline, group, _ = history[-1]
-    where = f"{plan.name}: update {update + 1}/{plan.updates}"
+    where = f"{plan.name}: {'round' if policies else 'update'} {update + 1}/{plan.updates}"
     if plan.method == "sdr":
         where += f", group {group + 1}"
     if np.isnan(latest).all():
@@ -237,4 +147,8 @@ def _said(plan: SearchPlan, kind: RewardKind, update: int, history: Sequence[tup
     if np.isfinite(baseline):
         scale = 100 if plan.options.squared_reward else 1
         line += f", baseline {in_words(kind, baseline / scale)}"
+    if policies:
+        line += f", moved {max(float(divergence(policies[-1], policies[-2])), 0.0):.2f} nats"  # it rounds
+        shares = [f"{100 * share:.0f}" for share in policies[-1].shares.tolist()]
+        line += f", shares {' and '.join(shares)} %" if len(shares) > 1 else ""
     return f"{where} | {line}"

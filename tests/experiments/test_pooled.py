@@ -4,8 +4,6 @@ import shutil
 from dataclasses import replace
 from functools import partial
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -18,8 +16,9 @@ from experiments.evaluation.store import identity
 from experiments.run import pooled
 from experiments.run.context import opened
 from experiments.run.learn import candidate, learn, offered, plan_of
+from experiments.run.search import search
 from scene.attributes import NAMES, default_unit
-from scene.proposal import Mixture, components, moments
+from scene.proposal import Mixture, Proposal, components, moments
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from shell.errors import UserError
@@ -60,7 +59,7 @@ def run(scored_by):
         scored_by(scores or Counted(far))
         with opened(config) as job:
             job.begin([])
-            return pooled.find(job, plan_of(config))
+            return search(job, plan_of(config))
 
     return ran
 
@@ -189,7 +188,7 @@ def test_attributes_outside_the_subset_stay_random(config, run, scored_by):
     scored_by(Counted(far))
     with opened(config) as job:
         job.begin([])
-        found = pooled.find(job, plan_of(config)._replace(search=method, subset=subset))
+        found = search(job, plan_of(config)._replace(search=method, subset=subset))
     ((_, own),) = components(found.answers["last"])
     np.testing.assert_allclose(np.delete(own.probabilities, [3, 4], axis=0), 0.2)
     assert found.solution.width[6] == 1
@@ -203,7 +202,7 @@ def test_one_worker_and_two_give_the_same_rewards(config, tmp_path):
         own = replace(config, reward=small, workers=workers, out=tmp_path / f"{workers}")
         with opened(own) as job:
             job.begin([])
-            found.append(pooled.find(job, plan_of(own)).rewards)
+            found.append(search(job, plan_of(own)).rewards)
     np.testing.assert_array_equal(*found)
 
 
@@ -245,9 +244,9 @@ def test_defaults_of_every_target_can_be_searched():
 
 def test_streets_are_uniform_on_their_intervals_and_below_one():
     centre, width = np.float32([0.5, 0.3, 0.95, 1.0]), np.float32([1.0, 0.2, 0.0, 0.0])
-    many = sdr_jax.Proposal(*(np.tile(part, (20_000, 1)) for part in (centre, width)))
-    units = pooled.drawn(jax.random.key(3), many)
-    assert units.shape == (20_000, 4) and units.dtype == jnp.float32
+    many = Proposal(*(np.tile(part, (20_000, 1)) for part in (centre, width)))
+    units = pooled.drawn(np.random.default_rng(3), many)
+    assert units.shape == (20_000, 4) and units.dtype == np.float32
     assert np.all((units >= 0) & (units < 1))
     assert np.all(np.abs(units - centre[None]) <= width[None] / 2 + 1e-6)
     np.testing.assert_allclose(units.mean(0), centre, atol=0.01)

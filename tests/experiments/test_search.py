@@ -14,7 +14,8 @@ from experiments.config import make_space
 from experiments.evaluation.job import Result
 from experiments.run.context import opened
 from experiments.run.learn import plan_of
-from experiments.run.search import embed, search
+from experiments.run.rewards import embed
+from experiments.run.search import search
 from scene.attributes import NAMES
 from shell.errors import UserError
 

@@ -1,0 +1,148 @@
+"""The rewards that searches ask for: they run behind the callback of a jitted step, without JAX."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import sdr_jax
+from experiments.config import RewardKind, SearchOptions
+from experiments.evaluation.job import Job, Result
+from experiments.evaluation.runner import refuse_failed
+from experiments.run.context import Run
+from experiments.run.few import beside
+from scene.attributes import SpaceName, names
+from scene.proposal import Proposal, random_proposal
+from sdr_jax.registry import MethodName
+from shell.errors import UserError
+
+PLACE = ("search", "update", "dataset")
+"""What the log of a run says of a reward's place."""
+
+
+class SearchPlan(NamedTuple):
+    """One search."""
+
+    name: str  # what the run's log calls it
+    space: SpaceName
+    method: MethodName
+    search: sdr_jax.Method
+    subset: tuple[str, ...]  # the attributes that it decides; all others stay random
+    datasets: int  # per update
+    updates: int
+    options: SearchOptions
+    seed: int  # of the search, and of the datasets that it asks for
+
+    @property
+    def evaluations(self) -> int:
+        """Rewards that it asks for."""
+        return self.datasets * self.updates
+
+
+def embed(space: SpaceName, subset: Sequence[str], proposals: Any) -> Proposal:
+    """Proposals f32[*batch, attributes of the subset] as those of the whole space, the others random."""
+    where = [names(space).index(name) for name in subset]
+    whole = []
+    for values, random in zip(proposals, random_proposal(space), strict=True):
+        array = np.broadcast_to(random, (*values.shape[:-1], len(random))).copy()
+        array[..., where] = np.asarray(values)
+        whole.append(array)
+    return Proposal(*whole)
+
+
+class Stopwatch:
+    """CPU and wall seconds of this process while it runs; what runs inside another is taken off it."""
+
+    def __init__(self) -> None:
+        self.cpu = self.wall = 0.0
+
+    def __enter__(self) -> None:
+        self._started = time.process_time(), time.perf_counter()
+
+    def __exit__(self, *_: object) -> None:
+        self.cpu += time.process_time() - self._started[0]
+        self.wall += time.perf_counter() - self._started[1]
+
+
+class Rewards:
+    """Evaluates what one update after the other asks for.
+
+    Args:
+        run: its reward's fidelity is the search's.
+        plan: the search.
+    """
+
+    def __init__(self, run: Run[Any], plan: SearchPlan) -> None:
+        self._run, self._plan = run, plan
+        self._known = {
+            tuple(line.get(name) for name in PLACE): line["key"] for line in run.evaluations.records
+        }
+        self.update = 0
+        self.watch = Stopwatch()
+        self.results: list[Result] = []
+
+    def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
+        """Rewards f32[n]; NaN where the evaluation failed.
+
+        Raises:
+            UserError: more than a tenth of the evaluations failed, or a log of another run.
+        """
+        with self.watch:
+            results = self._evaluated(asked)
+            self.results += results
+            self.update += 1
+            refuse_failed(self.results, self._plan.evaluations)
+            return np.array([result.reward for result in results], np.float32)
+
+    def _evaluated(self, asked: sdr_jax.DataSets) -> list[Result]:
+        raise NotImplementedError
+
+    def _refuse_another(self, jobs: Sequence[Job]) -> None:
+        """Raise UserError if the run folder has another reward in the place of a job."""
+        for job in jobs:
+            place, key = tuple(job.notes[name] for name in PLACE), self._run.runner.key(job)
+            if self._known.get(place, key) != key:
+                raise UserError(
+                    f"{self._run.evaluations.path}: update {place[1]}, dataset {place[2]} was not made by "
+                    "this run; use another --out"
+                )
+
+    def _notes(self, dataset: int) -> dict[str, Any]:
+        return {"search": self._plan.name, "update": self.update, "dataset": dataset}
+
+
+class DatasetRewards(Rewards):
+    """A dataset of its own for each reward.
+
+    Args:
+        kind: of the rewards.
+
+    Attributes:
+        asked: the proposals of all datasets so far.
+    """
+
+    def __init__(self, run: Run[Any], plan: SearchPlan, kind: RewardKind) -> None:
+        super().__init__(run, plan)
+        recipe = run.recipe(run.config.reward)
+        self._job = Job(recipe, random_proposal(plan.space), 0, {}, "reward", kind)
+        run.runner.about(self._job)  # what needs JAX is made now
+        self.asked: list[Proposal] = []
+
+    def _evaluated(self, asked: sdr_jax.DataSets) -> list[Result]:
+        centres, widths = embed(self._plan.space, self._plan.subset, asked.proposals)
+        actions, run = asked.actions.tolist(), self._run
+        proposals = [Proposal(*each) for each in zip(centres, widths, strict=True)]
+        jobs = [
+            self._job._replace(
+                source=beside(run, run.config.reward, proposals[k]),
+                seed=seed,
+                notes={**self._notes(k), "actions": actions[k]},
+            )
+            for k, seed in enumerate(asked.seeds.tolist())
+        ]
+        self._refuse_another(jobs)
+        self.asked += proposals
+        return run.runner.run(jobs, run.evaluations)
