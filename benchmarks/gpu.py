@@ -28,12 +28,11 @@ from benchmarks.train import random_truth
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
 from experiments.reward.miou import Recipe, evaluate_miou, render
-from experiments.reward.truth import Truth
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal
 from scene.render import RendererError
 from seg.classes import class_table
-from seg.data import list_camvid, load
+from seg.data import LabelledImages, read_split
 from seg.pyramid import features
 from seg.recipes import with_net
 from seg.settings import TrainSettings
@@ -109,7 +108,7 @@ def _row(
     }  # fmt: skip
 
 
-def reward(fidelity: Fidelity, truth: Truth, renderer: str) -> Row:
+def reward(fidelity: Fidelity, truth: LabelledImages, renderer: str) -> Row:
     """One evaluation as a search asks for it, the second of its process."""
     recipe = Recipe(fidelity, TABLE, renderer, AssetPool())
     for seed in (0, 1):
@@ -147,10 +146,8 @@ def tests(words: list[str]) -> Row:
     }  # fmt: skip
 
 
-def _real_truth(data: Path, fidelity: Fidelity) -> Truth:
-    entries = list_camvid(data, "train")
-    found = load(entries, class_table(TABLE), (fidelity.height, fidelity.width))
-    return Truth(found.images, found.labels)
+def _real_images(data: Path, fidelity: Fidelity) -> LabelledImages:
+    return read_split(TABLE, data, "train", (fidelity.height, fidelity.width))
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -176,7 +173,7 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         truth = random_truth(fidelity, tested)
         if options.data is not None:
-            truth = _real_truth(options.data, fidelity)
+            truth = _real_images(options.data, fidelity)
         rows = rendering(fidelity, options.renderers)
         rows += nets(fidelity, timed, updates)
         print(table(rows), flush=True)

@@ -30,8 +30,8 @@ from benchmarks.report import Row, count, parser, table, timed, write
 from experiments.config import Fidelity, MainConfig
 from experiments.config.presets import defaults
 from experiments.reward.miou import Recipe, rendered_set, scored, trained
-from experiments.reward.truth import Truth
 from scene.proposal import random_proposal
+from seg.data import LabelledImages
 from seg.nets import net_of, normalise
 from seg.nets.ops.normalise import MEAN, STD
 from seg.pyramid import features
@@ -226,12 +226,12 @@ def net_rows(job: Job, repeats: int, threads: int, compare: bool) -> list[Row]:
     return rows
 
 
-def random_truth(fidelity: Fidelity, number: int, classes: int = CLASSES) -> Truth:
+def random_truth(fidelity: Fidelity, number: int, classes: int = CLASSES) -> LabelledImages:
     """Images and labels of noise, where only the time counts."""
     rng = np.random.default_rng(0)
     shape = (number, fidelity.height, fidelity.width)
     images = rng.integers(0, 256, (*shape, 3), np.uint8)
-    return Truth(images, rng.integers(0, classes, shape, np.uint8))
+    return LabelledImages(images, rng.integers(0, classes, shape, np.uint8))
 
 
 def reward_row(number: int = REAL, steps: int | None = None, images: int | None = None) -> Row:

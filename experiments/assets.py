@@ -48,7 +48,7 @@ from shell.errors import UserError
 
 ATTRIBUTES = {
     "random": "random attributes",
-    "default": "attributes set by eye",
+    "default": "hand-set attributes",
     "learnt": "learnt attributes",
 }
 
@@ -66,7 +66,7 @@ class AssetsConfig(LearntConfig):
     fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (1.0, 0.5)
     """Shares of the assets."""
     attributes: Literal["random", "default", "learnt"] = "default"
-    """From which streets are drawn: random, set by eye, or learnt (by --learnt, else searched for)."""
+    """From which streets are drawn: random, hand-set, or learnt (by --learnt, else searched for)."""
 
 
 def defaults(target: TargetName, preset: Preset) -> AssetsConfig:

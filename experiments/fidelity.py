@@ -5,7 +5,7 @@
     python -m experiments.fidelity --target twin --reward-kind mmd               # without labels
     python -m experiments.fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
 
-Proposals with random bins, the street set by eye and random attributes are scored on every rung of the
+Proposals with random bins, the hand-set street and random attributes are scored on every rung of the
 ladder from the reward's size to the final one, some of them with several seeds. Kill it at any moment;
 the same command goes on where it was.
 """
@@ -61,7 +61,7 @@ class FidelityConfig(RewardConfig, BinsConfig, Rederived):
     """miou of a net trained on the dataset; or mmd, a distance of images that needs no labels: it is
     compared with mIoU at the final size, too."""
     proposals: Annotated[int, at_least(2), NETS] = 24
-    """Proposals with random bins for all attributes; the street set by eye and random ones are added."""
+    """Proposals with random bins for all attributes; the hand-set street and random ones are added."""
     repeated: Annotated[int, at_least(2), NETS] = 6
     """Proposals that are scored with several seeds, the two that are added among them."""
     repeats: Annotated[int, within(2, MOST_REPEATS), NETS] = 4
@@ -107,7 +107,7 @@ def rungs(config: FidelityConfig) -> list[Rung]:
 
 
 def proposals(config: FidelityConfig) -> dict[str, Proposal]:
-    """The street set by eye, random attributes, and draws with random bins, by name."""
+    """The hand-set street, random attributes, and draws with random bins, by name."""
     added = default_proposal(config.default_width, config.space), random_proposal(config.space)
     drawn = enumerate(random_bins(config, config.proposals), 1)
     return {**dict(zip(ADDED, added, strict=True)), **{f"draw-{k}": own for k, own in drawn}}
@@ -298,7 +298,7 @@ def _panel(axis: Axes, rung: Report, top: Report) -> None:
     noise = axis.errorbar(x, y, rung["noise"], top["noise"], "none", ecolor="0.8", elinewidth=0.8)
     noise.set_label("noise, 1 s.d.")
     axis.scatter(x[len(ADDED) :], y[len(ADDED) :], s=18, zorder=3, label="random bins")
-    for k, (marker, label) in enumerate((("s", "set by eye"), ("D", "random attributes"))):
+    for k, (marker, label) in enumerate((("s", "hand-set"), ("D", "random attributes"))):
         axis.scatter(x[k], y[k], s=36, marker=marker, zorder=3, label=label)
     name, rank, signal = rung["rung"], rung["rank_correlation"], rung["signal_to_noise"]
     cost = f"{rung['images']} images, {rung['core_seconds']:.0f} s a net"

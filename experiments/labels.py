@@ -58,8 +58,8 @@ ALONE = "none"
 RENDERS = {
     ALONE: "none",
     "random": "random attributes",
-    "default": "attributes set by eye",
-    "mixed": "half of them random, half by eye",
+    "default": "hand-set attributes",
+    "mixed": "half of them random, half hand-set",
     "learnt": "learnt attributes",
 }
 FIRST, SHARES = (0, 7, 14), (0.1, 0.25, 0.5, 1.0)
@@ -75,8 +75,8 @@ class LabelsConfig(LearntConfig, ShareConfig):
     counts: Annotated[tuple[int, ...] | None, at_least(0), DISTINCT] = None
     """Labelled images that nets are trained on; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
     renders: Annotated[tuple[Renders, ...] | None, DISTINCT] = None
-    """What stands beside them: streets with random attributes, set by eye (default), half of either (mixed)
-    or learnt; by default learnt with --learnt, else default."""
+    """What stands beside them: streets with random attributes, hand-set ones (default), half of either
+    (mixed) or learnt; by default learnt with --learnt, else default."""
 
     @property
     def rendered(self) -> tuple[Renders, ...]:

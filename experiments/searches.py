@@ -6,8 +6,8 @@
     python -m experiments.searches --rederive runs/a/searches.json --out runs/b   # no net at all
 
 The k-th search of every method has the seed --seed + k and is what the main job with that seed and method
-does: with its --store, nothing is scored twice. Final nets of all answers, of random attributes, of the
-street set by eye and of the reward images share their seeds, and intervals are over searches and nets.
+does: with its --store, nothing is evaluated twice. Final nets of all answers, of random attributes, of the
+hand-set street and of the reward images share their seeds, and intervals are over searches and nets.
 Kill it at any moment; the same command goes on where it was.
 """
 
@@ -50,7 +50,7 @@ from shell.errors import UserError
 
 BASELINES = {
     "random": "random attributes",
-    "default": "attributes set by eye",
+    "default": "hand-set attributes",
     "few": "the few labelled images alone",
     "real": "the reward images themselves",
 }
@@ -209,7 +209,7 @@ def derive(report: Report) -> Report:
 
 def _title(row: Report) -> str:
     """What the nets of a row were trained on."""
-    own = "" if row["judged"] else ", without the judge"
+    own = "" if row["judged"] else ", without model selection"
     return BASELINES.get(row["name"], f"learnt by {words(row['name'])}{own}")
 
 
@@ -222,7 +222,7 @@ COLUMNS: list[Column] = [
     ("searches", lambda row: str(row["searches"] or "")),
     *estimate("mIoU"),
     *estimate("gain over random", lambda row: row["gain_over_random"], "+.1f"),
-    *estimate("gain over by eye", lambda row: row["gain_over_default"], "+.1f"),
+    *estimate("gain over hand-set", lambda row: row["gain_over_default"], "+.1f"),
     ("of real, %", lambda row: number(row["of_real"], ".0f")),
 ]
 EACH: list[Column] = [
@@ -231,7 +231,7 @@ EACH: list[Column] = [
     ("answer", lambda search: search["chosen_candidate"]),
     ("mIoU", lambda search: number(search["learnt"])),
     estimate("over random", lambda search: search["over_random"], "+.1f")[0],
-    estimate("over by eye", lambda search: search["over_default"], "+.1f")[0],
+    estimate("over hand-set", lambda search: search["over_default"], "+.1f")[0],
     ("its method's own answer, mIoU", lambda search: number(search.get("own_answer"))),
     ("reward, first third", lambda search: number(thirds(search["rewards"])[0])),
     ("last third", lambda search: number(thirds(search["rewards"])[1])),
@@ -249,13 +249,13 @@ def text(report: Report) -> str:
         "",
         f"Every search had {report['evaluations']} rewards at {report['rewards_at']} in the space "
         f"{report['space']}; its answer was chosen on the reward images, among its method's in several "
-        "readings and the street set by eye. Intervals of methods are over searches and seeds of nets, "
+        "readings and the hand-set street. Intervals of methods are over searches and seeds of nets, "
         "both drawn at random: a two-way analysis of variance with "
         "Satterthwaite's degrees of freedom.",
         *([f"All rendered sets stand beside {beside} labelled images."] if beside else []),
         "",
         *table(COLUMNS, report["rows"]),
-        *_by_eye(searches),
+        *_hand_set(searches),
         "",
         "Every search, mIoU of its nets and rewards in percent:",
         "",
@@ -266,14 +266,14 @@ def text(report: Report) -> str:
     return "\n".join(lines)
 
 
-def _by_eye(searches: list[Report]) -> list[str]:
-    """A sentence about answers that are no gain over by eye by what they are, if there are any."""
+def _hand_set(searches: list[Report]) -> list[str]:
+    """A sentence on how many answers are the hand-set street itself, if any are."""
     counts = []
     for method in dict.fromkeys(search["method"] for search in searches):
         own = [s["chosen_candidate"] == "default" for s in searches if s["method"] == method]
         if any(own):
             counts.append(f"{sum(own)} of {len(own)} of {words(method)}")
-    return ["", f"Answers that are by eye itself: {', '.join(counts)}."] if counts else []
+    return ["", f"Answers that are hand-set: {', '.join(counts)}."] if counts else []
 
 
 def picture(report: Report) -> bytes:

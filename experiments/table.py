@@ -5,7 +5,7 @@
     python -m experiments.table --target twin --preset smoke                     # under a minute
     python -m experiments.table --rederive runs/a/table.json --out runs/b        # no net at all
 
-Training sets are SceneX with random attributes, with the street set by eye and with learnt attributes,
+Training sets are SceneX with random attributes, with the hand-set street and with learnt attributes,
 data sets of others, and the reward images themselves. Attributes are learnt first, unless
 --learnt names what an earlier run has learnt; with its --store, that run's nets are not trained again.
 Kill it at any moment; the same command goes on where it was.
@@ -33,7 +33,6 @@ from experiments.config import (
 )
 from experiments.config.cli import main
 from experiments.reward.miou import Source
-from experiments.reward.truth import Truth
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.run.nets import with_net
@@ -65,11 +64,13 @@ from experiments.study.skeleton import (
 from experiments.study.stats import gain, mean, statistics
 from experiments.target.base import Target
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, class_table
-from seg.data.folders import read_folders
+from seg.data import LabelledImages, load, subset
 from seg.settings import VGG_NETS, NetName
 from seg.weights import described
 from shell.bounds import DISTINCT
 from shell.errors import UserError
+from shell.listing import list_all
+from shell.target_file import shipped
 
 BASELINE, EYE = "random", "default"
 """Gains are measured from both."""
@@ -77,7 +78,7 @@ RENDERED = (BASELINE, EYE, LEARNT)
 """Rows whose training sets are rendered."""
 TRAINED_ON = {
     "random": "SceneX, random attributes",
-    "default": "SceneX, attributes set by eye",
+    "default": "SceneX, hand-set attributes",
     "learnt": "SceneX, learnt attributes",
     **few.TRAINED_ON,
     "gta5": "GTA5",
@@ -125,7 +126,7 @@ class TableConfig(LearntConfig, FewConfig):
     weights: Path | None = None
     """ImageNet weights that the VGG nets start from (see ``seg.weights``); by default from scratch."""
     gta5: Path | None = None
-    """Folder of GTA5, to train on (see ``seg.data.folders``)."""
+    """Folder of GTA5, to train on."""
     synthia: Path | None = None
     """Folder of SYNTHIA RAND-CITYSCAPES."""
     kitti: Path | None = None
@@ -157,7 +158,7 @@ def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
     return with_net(own, name, str(config.weights) if vgg and config.weights else None)
 
 
-def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, Truth]:
+def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, LabelledImages]:
     """Training sets that others have made, as large as a net's rendered ones; ids of the target's table.
 
     Raises:
@@ -168,17 +169,19 @@ def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str,
     found = {}
     for layout, root in zip(OTHERS, (config.gta5, config.synthia, config.kitti), strict=True):
         if root is not None:
-            data = read_folders(root, layout, size, limit, config.seed)
+            files = shipped(layout)
+            entries = [entry for own in list_all(files, root).values() for entry in own]
+            data = load(subset(sorted(entries), limit, config.seed), files, size)
             labels = class_table(target.table).from_train_id[data.labels]
             if np.all(labels == IGNORE_LABEL):
                 raise UserError(f"--{layout} {root}: all labels are void")
-            found[layout] = Truth(data.images, labels)
+            found[layout] = LabelledImages(data.images, labels)
     return found
 
 
 def rows(config: TableConfig, target: Target) -> list[Row]:
     """For each net rendered sets, these beside the few images if there are any, and sets of images alone."""
-    read: dict[tuple[int, int, int], dict[str, Truth]] = {}  # nets of one size share them
+    read: dict[tuple[int, int, int], dict[str, LabelledImages]] = {}  # nets of one size share them
     found = []
     for net in config.nets:
         at = fidelity_of(config, net)
@@ -207,7 +210,12 @@ def rows(config: TableConfig, target: Target) -> list[Row]:
 
 
 def _source(
-    name: str, at: Fidelity, given: dict[str, Truth], run: Run[TableConfig], made: Made, seed: int
+    name: str,
+    at: Fidelity,
+    given: dict[str, LabelledImages],
+    run: Run[TableConfig],
+    made: Made,
+    seed: int,
 ) -> Source:
     """What nets of a row are trained on."""
     if name in given:
@@ -284,7 +292,7 @@ COLUMNS: list[Column] = [
         "+.1f",
     ),
     *estimate(
-        "over by eye",
+        "over hand-set",
         lambda row: row["gain_over_default"] if row["trained_on"] not in (BASELINE, EYE) else None,
         "+.1f",
     ),

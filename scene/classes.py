@@ -1,4 +1,4 @@
-"""The 19 Cityscapes classes: train ids, file ids and colours, as published with Cityscapes."""
+"""The classes that the engine renders: train ids by name, and their names, file ids and colours as arrays."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from enum import IntEnum
 
 import numpy as np
 
-VOID = 255
-"""Train id of pixels that count for nothing."""
+from shell.classes import CLASSES, NAMES
+from shell.classes import VOID as VOID
 
 
 class TrainId(IntEnum):
@@ -34,18 +34,12 @@ class TrainId(IntEnum):
     BICYCLE = 18
 
 
-CLASS_NAMES: tuple[str, ...] = tuple(c.name.lower().replace("_", " ") for c in TrainId)
+CLASS_NAMES: tuple[str, ...] = NAMES
 
-LABEL_IDS = np.array(
-    [7, 8, 11, 12, 13, 17, 19, 20, 21, 22, 23, 24, 25, 26, 27, 28, 31, 32, 33], np.uint8
-)
+LABEL_IDS = np.array([own.file_id for own in CLASSES], np.uint8)
 """u8[19]: the value of each train id in ``*_gtFine_labelIds.png``."""
 
-COLORS = np.array([
-    [128, 64, 128], [244, 35, 232], [70, 70, 70], [102, 102, 156], [190, 153, 153], [153, 153, 153],
-    [250, 170, 30], [220, 220, 0], [107, 142, 35], [152, 251, 152], [70, 130, 180], [220, 20, 60],
-    [255, 0, 0], [0, 0, 142], [0, 0, 70], [0, 60, 100], [0, 80, 100], [0, 0, 230], [119, 11, 32],
-], np.uint8)  # fmt: skip
+COLORS = np.array([own.colour for own in CLASSES], np.uint8)
 """u8[19, 3]: the published colour (sRGB) of each train id."""
 
 

@@ -35,7 +35,6 @@ from sdr_jax.run import first_state as first_state
 from sdr_jax.run import make_step as make_step
 from sdr_jax.run import refuse_failures as refuse_failures
 from sdr_jax.run import run as run
-from sdr_jax.run import run_on_host as run_on_host
 from sdr_jax.sdr import sdr as sdr
 from sdr_jax.space import Proposal as Proposal
 from sdr_jax.space import Space as Space

@@ -7,46 +7,51 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.experimental import io_callback
-from jaxtyping import Array, Float, Key, Real
+from jaxtyping import Array, Float, Int, Key, Real
 
 from sdr_jax.rewards import LARGEST
 from sdr_jax.space import Proposal
 
 
 class DataSets(NamedTuple):
-    """The data sets that one update evaluates, in NumPy."""
+    """The data sets that one update evaluates, in NumPy.
 
-    actions: np.ndarray  # [n attributes], see the method's `sample`; [n 0] where nobody told
-    proposals: Proposal  # f32[n attributes] each
+    Each action is a data set of its own, unless there are `subsets`: then an action is a street, a data set
+    holds the streets of its subset, and n is the number of subsets.
+    """
+
+    actions: (
+        np.ndarray
+    )  # [actions attributes], see the method's `sample`; [actions 0] where nobody told
+    proposals: Proposal  # f32[actions attributes] each
     seeds: np.ndarray  # u32[n], for all that is random in an evaluation
+    subsets: np.ndarray  # i32[n size], indices of actions; [n 0] where each action is a data set
 
 
 class HostReward:
     """A reward function that asks the host; made by `host_reward`."""
 
-    def __init__(
-        self, evaluate: Callable[[DataSets], np.ndarray], common: bool, within: bool
-    ) -> None:
+    def __init__(self, evaluate: Callable[[DataSets], np.ndarray], common: bool) -> None:
         self._evaluate = evaluate
         self._common = common
-        self.within = within
         self._error: BaseException | None = None
 
     def __call__(
         self,
         rng_key: Key[Array, ""],
         proposals: Proposal,
-        actions: Real[Array, "n attributes"] | None = None,
+        actions: Real[Array, "actions attributes"] | None = None,
+        subsets: Int[Array, "n size"] | None = None,
     ) -> Float[Array, "n"]:
         """Draws seeds and lets the host evaluate the data sets; the key is consumed."""
-        n = proposals.centre.shape[0]
+        count = len(proposals.centre)
+        told = jnp.zeros((count, 0), jnp.int32) if actions is None else actions
+        chosen = jnp.zeros((count, 0), jnp.int32) if subsets is None else subsets
+        n = len(chosen)
         shape = () if self._common else (n,)
         seeds = jnp.broadcast_to(jax.random.bits(rng_key, shape, jnp.uint32), (n,))
-        told = jnp.zeros((n, 0), jnp.int32) if actions is None else actions
-        if not self.within:
-            return jnp.asarray(self._on_host(told, proposals, seeds))
         result = jax.ShapeDtypeStruct((n,), jnp.float32)
-        return io_callback(self._on_host, result, told, proposals, seeds, ordered=True)
+        return io_callback(self._on_host, result, told, proposals, seeds, chosen, ordered=True)
 
     def reraise(self) -> None:
         """Raises the error that an evaluation ended with, if any, and forgets it.
@@ -60,7 +65,7 @@ class HostReward:
             raise error
 
     def _on_host(self, *arguments: Any) -> np.ndarray:
-        """Runs in the callback, if there is one: there nothing may be raised, and JAX not be called."""
+        """Runs in the callback: there nothing may be raised, and JAX not be called."""
         # Some versions of JAX pass arrays of its own.
         data_sets = DataSets(*jax.tree.map(np.asarray, arguments))
         n = len(data_sets.seeds)
@@ -74,9 +79,7 @@ class HostReward:
         return np.full(n, np.nan, np.float32)
 
 
-def host_reward(
-    evaluate: Callable[[DataSets], np.ndarray], *, common: bool = False, within: bool = True
-) -> HostReward:
+def host_reward(evaluate: Callable[[DataSets], np.ndarray], *, common: bool = False) -> HostReward:
     """Makes a `reward_fn` of a host function that renders, trains and tests.
 
     Every call makes exactly one call of `evaluate`, in order (an ordered `io_callback`): a reward
@@ -93,17 +96,15 @@ def host_reward(
             ...
 
     Args:
-        evaluate: gives the rewards of data sets, f32[n] in NumPy. It must not call JAX in this process,
-            unless ``within`` is False: that can deadlock, and does where there is one core.
+        evaluate: gives the rewards of data sets, f32[n] in NumPy. It must not call JAX in this process: that
+            can deadlock, and does where there is one core.
         common: whether the data sets of one call share their seed. The seed's effect is then the same for
             all rewards of an update, and comparisons between them are free of it.
-        within: whether compiled steps call it. If not, only `drive` takes it, and calls it between two
-            compiled halves of a step.
 
     Returns:
         The reward function.
     """
-    return HostReward(evaluate, common, within)
+    return HostReward(evaluate, common)
 
 
 def _check(rewards: object, n: int) -> None:

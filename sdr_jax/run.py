@@ -31,52 +31,67 @@ class RewardFn(Protocol):
 class Record(NamedTuple):
     """The actions of one step and their rewards."""
 
-    actions: Real[Array, "n attributes"]  # see the method's `sample`
+    actions: Real[Array, "actions attributes"]  # see the method's `sample`
     rewards: Float[Array, "n"]  # one per data set
     info: Info  # of the update
+
+
+class Subsets(NamedTuple):
+    """What one update of a method such as `pool` evaluates: rewards of subsets of its streets."""
+
+    rewards: int
+    streets: int  # that are sampled
+    size: int  # streets of each subset
 
 
 StepFn = Callable[[RngKey, State], tuple[State, Record]]
 """One update, from one state to the next; the key is consumed, the state given stays valid."""
 
 
-def make_step(method: Method, reward_fn: RewardFn, n: int = 1) -> StepFn:
-    """Makes one step, sample -> reward -> update, and jits it where the method can be traced.
-
-    The step is jitted as a whole, unless the reward is a host reward with ``within=False``.
+def make_step(method: Method, reward_fn: RewardFn, n: int | Subsets = 1) -> StepFn:
+    """Makes one step, sample -> reward -> update, and jits it as a whole where the method can be traced.
 
     Args:
         method: the search method.
         reward_fn: the reward, in JAX or through `host_reward`.
-        n: data sets per update.
+        n: data sets per update; or the subsets, of a method that takes them. The reward of subsets is a
+            `host_reward`.
 
     Returns:
         `step(rng_key, state) -> (state, record)`.
     """
-    within = not isinstance(reward_fn, HostReward) or reward_fn.within
-    if method.traced and not within:
-        sample = jax.jit(method.sample, static_argnums=2)
-        method = method._replace(sample=sample, update=jax.jit(method.update))
     step = _plain_step(method, reward_fn, n)
-    return jax.jit(step) if method.traced and within else step
+    return jax.jit(step) if method.traced else step
 
 
-def _plain_step(method: Method, reward_fn: RewardFn, n: int) -> StepFn:
-    def step(rng_key: RngKey, state: State) -> tuple[State, Record]:
-        sample_key, reward_key = jax.random.split(rng_key)
+def _plain_step(method: Method, reward_fn: RewardFn, n: int | Subsets) -> StepFn:
+    def evaluated(state: State, sample_key: RngKey, reward_key: RngKey) -> tuple:
+        """The arguments of `update` behind the state."""
+        if isinstance(n, Subsets):
+            assert method.subsets is not None and isinstance(reward_fn, HostReward)
+            sample_key, subsets_key = jax.random.split(sample_key)
+            actions, proposals = method.sample(sample_key, state, n.streets)
+            subsets = method.subsets(subsets_key, state, actions, n.rewards, n.size)
+            return actions, reward_fn(reward_key, proposals, actions, subsets), subsets
         actions, proposals = method.sample(sample_key, state, n)
         if isinstance(reward_fn, HostReward):
-            rewards = reward_fn(reward_key, proposals, actions)
-        else:
-            rewards = jnp.asarray(reward_fn(reward_key, proposals), jnp.float32)
-        state, info = method.update(state, actions, rewards)
-        return state, Record(actions, rewards, info)
+            return actions, reward_fn(reward_key, proposals, actions)
+        return actions, jnp.asarray(reward_fn(reward_key, proposals), jnp.float32)
+
+    def step(rng_key: RngKey, state: State) -> tuple[State, Record]:
+        told = evaluated(state, *jax.random.split(rng_key))
+        state, info = method.update(state, *told)
+        return state, Record(told[0], told[1], info)
 
     return step
 
 
 def run(
-    rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int | None = None, n: int = 1
+    rng_key: RngKey,
+    method: Method,
+    reward_fn: RewardFn,
+    updates: int | None = None,
+    n: int | Subsets = 1,
 ) -> tuple[State, Record]:
     """Runs a whole optimisation as one scan; jit it as a whole for rewards written in JAX.
 
@@ -85,7 +100,7 @@ def run(
         method: the search method; it must not be a host adapter.
         reward_fn: the reward.
         updates: how many updates; by default as many as the method takes.
-        n: data sets per update.
+        n: data sets per update, or subsets; see `make_step`.
 
     Returns:
         The final state, and the records of all updates, stacked on a leading axis.
@@ -109,7 +124,11 @@ def first_state(rng_key: RngKey, method: Method) -> State:
 
 
 def drive(
-    rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int | None = None, n: int = 1
+    rng_key: RngKey,
+    method: Method,
+    reward_fn: RewardFn,
+    updates: int | None = None,
+    n: int | Subsets = 1,
 ) -> Iterator[tuple[State, Record]]:
     """The same optimisation as a loop on the host, one update at a time.
 
@@ -140,22 +159,6 @@ def drive(
             yield state, record
 
     return steps()
-
-
-def run_on_host(
-    rng_key: RngKey, method: Method, reward_fn: RewardFn, updates: int | None = None, n: int = 1
-) -> tuple[State, Record]:
-    """Runs `drive` to the end, for any method and any reward; `run` takes pure ones only.
-
-    The arguments and results are those of `run`.
-
-    Raises:
-        ValueError: no number of updates, neither here nor in the method; or fewer than one.
-    """
-    if _count(method, updates) < 1:
-        raise ValueError(f"updates is {updates}, but must be at least 1")
-    states, records = zip(*drive(rng_key, method, reward_fn, updates, n), strict=True)
-    return states[-1], jax.tree.map(lambda *leaves: jnp.stack(leaves), *records)
 
 
 def refuse_failures(failed: int, total: int, reason: str) -> None:

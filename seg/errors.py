@@ -9,3 +9,7 @@ class DataError(UserError):
 
 class WeightsError(UserError):
     """Weights cannot be used; the message names the file and the layer, and what would be right."""
+
+
+class ModelError(UserError):
+    """A saved model cannot be used; the message names the file and the field, and what would be right."""

@@ -16,6 +16,8 @@ from seg.weights import lite0
 
 BATCH = 8
 """Images per call of the trunk."""
+CHANNELS = (64, 112, 320)
+"""Of the maps at strides 8, 16 and 32."""
 Params = Any  # a pytree
 
 
@@ -35,20 +37,21 @@ def trunk_params() -> Params:
     return jax.device_put(lite0.load().trunk)
 
 
+def maps_of(params: Params, images: UInt8[Array, "b h w 3"], dtype: Dtype = "float32") -> Pyramid:
+    """Features of images, with the trunk's weights; part of a compiled function."""
+    trunk = Trunk(jnp.bfloat16 if dtype == "bfloat16" else None)
+    maps = pyramid(trunk.apply({"params": params}, images.astype(jnp.float32) / 255))
+    return jax.tree.map(lambda m: m.astype(jnp.float16), maps)
+
+
 @lru_cache(maxsize=2)
 def _extractor(dtype: Dtype) -> Callable[[Params, ArrayLike], Pyramid]:
-    trunk = Trunk(jnp.bfloat16 if dtype == "bfloat16" else None)
-
-    def of(params: Params, images: Array) -> Pyramid:
-        maps = pyramid(trunk.apply({"params": params}, images.astype(jnp.float32) / 255))
-        return jax.tree.map(lambda m: m.astype(jnp.float16), maps)
-
     @jax.jit
     def extract(params: Params, images: UInt8[Array, "b h w 3"]) -> Pyramid:
         if jax.default_backend() != "cpu":
-            return of(params, images)
+            return maps_of(params, images, dtype)
         # One image fits the cache: a third less time than eight at once.
-        maps = jax.lax.map(lambda image: of(params, image[None]), images)
+        maps = jax.lax.map(lambda image: maps_of(params, image[None], dtype), images)
         return jax.tree.map(lambda m: m[:, 0], maps)
 
     return extract
@@ -91,7 +94,7 @@ def check_features(maps: Pyramid, images: UInt8[np.ndarray, "n h w 3"], views: i
     count, h, w, _ = images.shape
     count *= views
     rows, cols = -(-h // 8), -(-w // 8)
-    for name, m, times, c in zip(Pyramid._fields, maps, (1, 2, 4), (64, 112, 320), strict=True):
+    for name, m, times, c in zip(Pyramid._fields, maps, (1, 2, 4), CHANNELS, strict=True):
         expected = (count, -(-rows // times), -(-cols // times), c)
         if m.shape != expected or m.dtype != np.float16:
             raise ValueError(

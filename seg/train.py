@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Int64, UInt8
+from jaxtyping import Array, Float32, Int64, UInt8
 
 from seg import losses, pyramid
 from seg.batches import in_batches
@@ -26,42 +26,49 @@ from seg.pyramid import Statistics
 from seg.settings import TrainSettings, check_settings
 from seg.step import Data, Functions, Params, TrainState, Variables, functions, plan
 from seg.views import view_labels, views
-from seg.weights import load
+from seg.weights import lite0, load
 
-_CHUNK = 50  # steps between two looks at the loss; also the length of a scan on an accelerator
+CHUNK = 50  # steps between two looks at the loss; also the length of a scan on an accelerator
 
 
 class TrainingError(Exception):
     """Training went wrong in its numbers: the loss is no longer finite."""
 
 
+def apply(
+    variables: Variables, images: UInt8[Array, "b h w 3"], settings: TrainSettings, classes: int
+) -> Float32[Array, "b h w classes"]:
+    """What `logits` returns, as one function that JAX can trace, a frozen trunk included."""
+    module = net_of(settings, classes)
+    if settings.frozen:
+        maps = pyramid.maps_of(lite0.load().trunk, images, settings.dtype)
+        size = (images.shape[1], images.shape[2])
+        return module.apply(variables, maps, size, method=Lite0.from_pyramid)
+    return module.apply(variables, normalise(images.astype(jnp.float32) / 255), train=False)
+
+
 @lru_cache(maxsize=32)
 def _predictor(
-    net_settings: TrainSettings, classes: int
+    net_settings: TrainSettings, classes: int, scores: bool
 ) -> Callable[[Variables, ArrayLike], Array]:
-    module = net_of(net_settings, classes)
-
     @jax.jit
-    def predict_batch(
-        variables: Variables, images: UInt8[Array, "b h w 3"]
-    ) -> UInt8[Array, "b h w"]:
-        x = normalise(images.astype(jnp.float32) / 255)
-        logits = module.apply(variables, x, train=False)
-        return jnp.argmax(logits, axis=-1).astype(jnp.uint8)
+    def predict_batch(variables: Variables, images: UInt8[Array, "b h w 3"]) -> Array:
+        logits = apply(variables, images, net_settings, classes)
+        return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
 
 
 @lru_cache(maxsize=32)
-def _head_predictor(net_settings: TrainSettings, classes: int) -> Callable[..., Array]:
+def _head_predictor(
+    net_settings: TrainSettings, classes: int, scores: bool
+) -> Callable[..., Array]:
     module = net_of(net_settings, classes)
 
     @partial(jax.jit, static_argnums=2)
-    def predict_batch(
-        variables: Variables, maps: Pyramid, size: tuple[int, int]
-    ) -> UInt8[Array, "b h w"]:
+    def predict_batch(variables: Variables, maps: Pyramid, size: tuple[int, int]) -> Array:
         logits = module.apply(variables, maps, size, method=Lite0.from_pyramid)
-        return jnp.argmax(logits, axis=-1).astype(jnp.uint8)
+        return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
 
@@ -223,8 +230,8 @@ def train(
             state = _started(state, compiled, settings, statistics)
     if stepwise is None:
         stepwise = jax.default_backend() == "cpu"
-    for start in range(0, settings.steps, _CHUNK):
-        stop = min(start + _CHUNK, settings.steps)
+    for start in range(0, settings.steps, CHUNK):
+        stop = min(start + CHUNK, settings.steps)
         if stepwise:
             for i in range(start, stop):
                 state, loss = compiled.step(state, data, rows.rows(i))
@@ -267,20 +274,55 @@ def predict(
         ValueError: there are no images, they are not RGB bytes, or too small for the net.
         WeightsError: the frozen trunk's weights cannot be used.
     """
+    return _of_batches(params, images, settings, classes, features, scores=False)
+
+
+def logits(
+    params: Variables,
+    images: UInt8[np.ndarray, "n h w 3"],
+    settings: TrainSettings,
+    classes: int,
+    *,
+    features: Pyramid | None = None,
+) -> Float32[np.ndarray, "n h w classes"]:
+    """The scores of all classes whose largest `predict` takes; arguments and errors are the same."""
+    return _of_batches(params, images, settings, classes, features, scores=True)
+
+
+def _of_batches(
+    params: Variables,
+    images: np.ndarray,
+    settings: TrainSettings,
+    classes: int,
+    features: Pyramid | None,
+    scores: bool,
+) -> np.ndarray:
+    """Labels, or the scores of all classes."""
     _check(images)
     _check_net(images, settings, features)
     variables = variables_of(params)
     if settings.frozen:
         size = (images.shape[1], images.shape[2])
         maps = features or pyramid.features(images, settings.dtype)
-        predict_head = _head_predictor(_of_net(settings), classes)
+        predict_head = _head_predictor(_of_net(settings), classes, scores)
 
         def run(picks: np.ndarray) -> Array:
             return predict_head(variables, Pyramid(*(m[picks] for m in maps)), size)
 
         return in_batches(run, np.arange(len(images)), settings.predict_batch)
-    predict_batch = _predictor(_of_net(settings), classes)
+    predict_batch = _predictor(_of_net(settings), classes, scores)
     return in_batches(lambda batch: predict_batch(variables, batch), images, settings.predict_batch)
+
+
+def outline(settings: TrainSettings, classes: int) -> Variables:
+    """Shapes and types of what `train` returns, as a tree of `jax.ShapeDtypeStruct`."""
+    compiled = functions(settings, classes)
+    images: Any = jax.ShapeDtypeStruct((1, 64, 64, 3), np.uint8)
+    if settings.frozen:
+        channels = pyramid.CHANNELS
+        images = Pyramid(*(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels))
+    seed = jax.ShapeDtypeStruct((), np.uint32)
+    return jax.eval_shape(lambda *given: compiled.init(*given).trained, seed, images)
 
 
 def score(

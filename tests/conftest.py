@@ -41,6 +41,9 @@ ROOT = Path(__file__).resolve().parents[1]
 install_import_hook(["sdr_jax", "seg"], "beartype.beartype")
 
 jax.config.update("jax_numpy_rank_promotion", "raise")
+# Some tests evaluate in this process, behind the callback of a compiled step: JAX must not wait for a thread
+# that the step holds.
+jax.config.update("jax_cpu_enable_async_dispatch", False)
 
 hypothesis.settings.register_profile("sdr", deadline=None, max_examples=30, derandomize=True)
 hypothesis.settings.load_profile("sdr")

@@ -28,7 +28,6 @@ import numpy as np
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.reward.miou import Recipe, evaluate_miou
-from experiments.reward.truth import Truth
 from experiments.target.twin import twin_split, twin_world
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import street_of
@@ -121,12 +120,11 @@ def rewards() -> list[float]:
     config = defaults(MainConfig, "twin", "smoke")
     fidelity = config.reward
     with WorkerPool(0) as workers:
-        real = twin_split(
+        truth = twin_split(
             twin_world(0), "train", (fidelity.height, fidelity.width),
             images=config.reward_images, renderer="embree", workers=workers,
         )  # fmt: skip
     recipe = Recipe(fidelity, "cityscapes", "embree", config.pool)
-    truth = Truth(real.images, real.labels)
     proposal = random_proposal(config.space)
     return [evaluate_miou(recipe, proposal, seed, truth).reward for seed in range(REWARDS)]
 

@@ -16,6 +16,7 @@ import pytest
 import tyro
 
 from experiments.__main__ import COMMANDS
+from shell.target_file import parse_target
 from tests.conftest import ROOT
 
 FILES = (ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md"))
@@ -102,7 +103,10 @@ def test_commands_are_real(page, only_parsed, monkeypatch, capsys):
 @pytest.mark.parametrize("page", PAGES)
 def test_nothing_escapes(page):
     text = PAGES[page]
-    assert {kind for kind, _ in FENCE.findall(text)} <= {"", "python", "json", "math"}
+    assert {kind for kind, _ in FENCE.findall(text)} <= {"", "python", "json", "math", "yaml"}
+    for kind, block in FENCE.findall(text):
+        if kind == "yaml":
+            parse_target(block, page)
     assert len(re.findall(r"^```", text, re.MULTILINE)) == 2 * len(FENCE.findall(text))
     assert not re.findall(r"RESULTS_|LIMITS$|TODO", text, flags=re.MULTILINE)
     for module in re.findall(r"python -m ([a-z_]+\.[a-z_.]+[a-z])\b", text):

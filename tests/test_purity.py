@@ -25,7 +25,7 @@ SHELL = (
     "scene/stats.py",
     "scene/workers.py", "scene/assets/library.py", "scene/dataset/", "scene/render/",
     "scene/mesh/beside.py", "scene/mesh/bombs.py", "scene/mesh/file.py",
-    "sdr_jax/ask_tell.py", "sdr_jax/tune/", "seg/data/", "seg/weights/",
+    "sdr_jax/ask_tell.py", "sdr_jax/tune/", "seg/data/", "seg/model.py", "seg/weights/",
 )  # fmt: skip
 JAX = frozenset({"flax", "jax", "jaxlib", "optax"})
 IMPURE_MODULES = frozenset({"random", "time"})

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from benchmarks.transfer.nets import steering_set
-from benchmarks.transfer.recipe import CLASSES, TABLE, Recipe, Result, Truth, units
+from benchmarks.transfer.recipe import CLASSES, TABLE, Recipe, Result, units
 from scene.assets.catalogue import AssetPool
 from scene.attributes import street_params
 from scene.dataset.render import street_seed
@@ -19,7 +19,7 @@ from scene.render import RenderSettings, renderer
 from scene.street.extras import Mix
 from scene.street.street import sample_street
 from seg.classes import class_table
-from seg.nets.lite0 import Pyramid
+from seg.data import LabelledImages
 from seg.pyramid import features
 from seg.recipes import RECIPES
 from seg.train import score, train
@@ -71,8 +71,9 @@ def content_net(data: Path, recipe: Recipe, name: str, seed: int) -> Result:
     images, labels = rendered(recipe, CONTENTS[name], seed)
     training = RECIPES["lite0-frozen"]
     params = train(seed, images, labels, training, CLASSES)
-    truth, seen = _real(data, recipe)
-    return {"real": score(params, *truth, training, CLASSES, features=seen).tolist()}, None
+    real = _real(data, recipe)
+    found = score(params, real.images, real.labels, training, CLASSES, features=real.features)
+    return {"real": found.tolist()}, None
 
 
 def rendered(recipe: Recipe, content: Content, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -92,6 +93,6 @@ def rendered(recipe: Recipe, content: Content, seed: int) -> tuple[np.ndarray, n
 
 
 @lru_cache(maxsize=1)
-def _real(data: Path, recipe: Recipe) -> tuple[Truth, Pyramid]:
+def _real(data: Path, recipe: Recipe) -> LabelledImages:
     real = steering_set(data, recipe)
-    return Truth(real.images, real.labels), features(real.images)
+    return real._replace(features=features(real.images))

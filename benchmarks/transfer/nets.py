@@ -12,9 +12,9 @@ import numpy as np
 import scene
 import seg
 from benchmarks.transfer.ingredients import INGREDIENTS
-from benchmarks.transfer.recipe import TABLE, Recipe, Truth, real_net, rendered_net, units
-from seg.classes import class_table
-from seg.data import DataError, RealSet, list_camvid, load
+from benchmarks.transfer.recipe import TABLE, Recipe, real_net, rendered_net, units
+from seg.data import DataError, LabelledImages, list_split, load
+from shell.target_file import shipped
 
 SEQUENCES = ("0001TP", "0016E5")
 """Drives of CamVid that may steer the engine; results are reported on the other, which is never read."""
@@ -36,18 +36,19 @@ class Net(NamedTuple):
     task: tuple  # function and arguments
 
 
-def steering_set(root: Path, recipe: Recipe) -> RealSet:
+def steering_set(root: Path, recipe: Recipe) -> LabelledImages:
     """The labelled images of the sequences that may steer the engine, in the order they were taken.
 
     Raises:
         DataError: the folder is not CamVid, or lacks a sequence.
     """
-    entries = {e.name: e for split in ("train", "val") for e in list_camvid(root, split)}
+    files = shipped(TABLE)
+    entries = {e.name: e for split in ("train", "val") for e in list_split(files, root, split)}
     chosen = [entries[name] for name in sorted(entries) if entries[name].sequence in SEQUENCES]
     missing = sorted(set(SEQUENCES) - {e.sequence for e in chosen})
     if missing:
         raise DataError(f"{root}: train and val have no image of sequence {', '.join(missing)}")
-    return load(chosen, class_table(TABLE), (recipe.height, recipe.width))
+    return load(chosen, files, (recipe.height, recipe.width))
 
 
 def held_out(sequences: Sequence[str], block: int) -> np.ndarray:
@@ -66,9 +67,10 @@ def engine() -> str:
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
 
 
-def nets(recipe: Recipe, real: RealSet, parts: Sequence[str], seeds: Sequence[int]) -> list[Net]:
+def nets(
+    recipe: Recipe, real: LabelledImages, parts: Sequence[str], seeds: Sequence[int]
+) -> list[Net]:
     """Every net that the tables in ``parts`` need, the longest first so that workers end together."""
-    truth = Truth(real.images, real.labels)
     same = {"engine": engine(), "recipe": recipe._asdict(), "images": len(real.images)}
     found = []
 
@@ -77,7 +79,7 @@ def nets(recipe: Recipe, real: RealSet, parts: Sequence[str], seeds: Sequence[in
 
     for seed in seeds if "recognition" in parts else ():
         unseen = held_out(real.sequences, seed)
-        sides = [Truth(truth.images[side], truth.labels[side]) for side in (~unseen, unseen)]
+        sides = [real.take(np.flatnonzero(side)) for side in (~unseen, unseen)]
         default = units(recipe, "default", seed)
         add(REAL, seed, REAL_COST, real_net, recipe, *sides, default, seed)
     for seed in seeds:
@@ -90,5 +92,5 @@ def nets(recipe: Recipe, real: RealSet, parts: Sequence[str], seeds: Sequence[in
         if "ingredients" in parts:
             rows += [(WITHOUT + name, name, "default") for name in INGREDIENTS]
         for name, without, attributes in rows:
-            add(name, seed, 1.0, rendered_net, recipe, without, drawn[attributes], seed, truth)
+            add(name, seed, 1.0, rendered_net, recipe, without, drawn[attributes], seed, real)
     return found

@@ -16,6 +16,7 @@ from benchmarks.transfer.ingredients import INGREDIENTS, World, render_world
 from scene.proposal import default_proposal, draw, random_proposal
 from scene.render import RenderSettings
 from seg.classes import class_table
+from seg.data import LabelledImages
 from seg.train import TrainSettings, predict, score, train
 
 TABLE = "camvid"
@@ -35,13 +36,6 @@ class Recipe(NamedTuple):
     relaxed: float = 0.15  # width of the intervals around the hand-set street
     close_ups: int = 8  # of each family, for each net
     batch: int = 8
-
-
-class Truth(NamedTuple):
-    """Real images with labels."""
-
-    images: np.ndarray  # u8[n, h, w, 3]
-    labels: np.ndarray  # u8[n, h, w]
 
 
 Result = tuple[dict[str, Any], np.ndarray | None]
@@ -71,23 +65,25 @@ def units(recipe: Recipe, attributes: str, seed: int) -> np.ndarray:
 
 
 def rendered_net(
-    recipe: Recipe, without: str | None, units: np.ndarray, seed: int, truth: Truth
+    recipe: Recipe, without: str | None, units: np.ndarray, seed: int, real: LabelledImages
 ) -> Result:
     """Trains a net on renders and tests it on real images."""
     images, labels = render_world(world(recipe, without), units, seed, recipe.shots, TABLE)
     training = settings(recipe, recipe.steps)
     params = train(seed, images, labels, training, CLASSES)
-    return {"real": score(params, *truth, training, CLASSES).tolist()}, None
+    return {"real": score(params, real.images, real.labels, training, CLASSES).tolist()}, None
 
 
-def real_net(recipe: Recipe, seen: Truth, unseen: Truth, units: np.ndarray, seed: int) -> Result:
+def real_net(
+    recipe: Recipe, seen: LabelledImages, unseen: LabelledImages, units: np.ndarray, seed: int
+) -> Result:
     """Trains a net on real images and tests it on unseen ones, on default streets and on close-ups.
 
     Of a close-up only the asset's own pixels count: i64[classes], by predicted class. The picture shows
     all of them, and what the net saw in them.
     """
     training = settings(recipe, recipe.real_steps)
-    params = train(seed, *seen, training, CLASSES)
+    params = train(seed, seen.images, seen.labels, training, CLASSES)
     whole = world(recipe)
     families, strips = {}, []
     for family in DISTANCE:
@@ -98,7 +94,7 @@ def real_net(recipe: Recipe, seen: Truth, unseen: Truth, units: np.ndarray, seed
         strips.append(_strip(family, images, masks, predicted))
     streets = render_world(whole, units, seed, recipe.shots, TABLE)
     scores = {
-        "real": score(params, *unseen, training, CLASSES).tolist(),
+        "real": score(params, unseen.images, unseen.labels, training, CLASSES).tolist(),
         "renders": score(params, *streets, training, CLASSES).tolist(),
         "close-ups": families,
     }

@@ -10,7 +10,6 @@ from experiments.main import note, pictures, summary
 from experiments.report import page
 from experiments.report.matters import FILE, matters
 from experiments.reward.miou import Recipe, render
-from experiments.reward.truth import Truth
 from experiments.run.context import Run, Work
 from experiments.run.ladder import training_cost
 from experiments.run.learn import learn, work_of
@@ -19,6 +18,7 @@ from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
 from scene.proposal import Streets, draw, named
+from seg.data import LabelledImages
 from shell.files import write, write_json
 
 
@@ -47,7 +47,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     begin(run, [final], seeds)
     pictures.search(folder / pictures.PICTURES, learnt.found)
     export(run, recipe, learnt.streets)
-    test = target.at(config.final.height, config.final.width).test
+    test = target.at(config.final.height, config.final.width)["test"]
     shown = _shown(run, recipe)
     (rows,) = score_lists(run, [final], seeds)
     pictures.show(run, test, shown)
@@ -60,8 +60,8 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
     }
 
 
-def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, Truth]:
-    """Streets of each kind with their labels: some by chance and by eye, all learnt ones, the real images."""
+def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
+    """Streets of each kind with their labels: some random and hand-set, all learnt ones, the real images."""
     config, fidelity = run.config, recipe.fidelity
     some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
     sets = {}
@@ -70,7 +70,7 @@ def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, Truth]:
         sets[name] = render(recipe._replace(fidelity=some), streets, config.seed, run.workers)
     sets["learnt"] = read_dataset(config.out / "dataset")
     found = {
-        name: Truth(own.images, recipe.classes.from_train_id[own.labels])
+        name: LabelledImages(own.images, recipe.classes.from_train_id[own.labels])
         for name, own in sets.items()
     }
     return found | ({"real": run.truth(fidelity, "labelled")} if run.target.labelled else {})

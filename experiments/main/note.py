@@ -15,17 +15,19 @@ from pathlib import Path
 
 from scene.dataset.export import read_dataset
 from seg.beside import Beside
-from seg.classes import class_table
-from seg.data import list_{name}, load
+from seg.classes import table_of
+from seg.data import list_split, load
 from seg.settings import TrainSettings
 from seg.train import train
+from shell.target_file import find_target
 
 config = json.loads(Path("config.json").read_text())
-final, table = config["final"], class_table("{name}")
+final, target = config["final"], find_target("{name}")
+table = table_of(target)
 few = json.loads(Path("summary.json").read_text())["few_images"]
 # Where --data was relative, give it as seen from here.
-entries = [e for e in list_{name}(config["data"], "train") if e.name in few]
-real = load(entries, table, (final["height"], final["width"]))
+entries = [e for e in list_split(target, config["data"], "train") if e.name in few]
+real = load(entries, target, (final["height"], final["width"]))
 renders = read_dataset(Path("dataset"))
 params = train(
     config["seed"], renders.images, table.from_train_id[renders.labels],

@@ -15,11 +15,10 @@ import numpy as np
 from PIL import Image
 
 from experiments.reward.seen import Seen, Sight, look
-from experiments.reward.truth import Truth
 from experiments.run.context import Run
 from experiments.run.search import Found
 from seg.classes import ClassTable, class_table
-from seg.data import RealSet
+from seg.data import LabelledImages
 from shell.files import naming, write, write_json
 from shell.lines import Record
 
@@ -39,7 +38,7 @@ def search(folder: Path, found: Found) -> None:
             _write(folder, f"{name}.npy", data.getvalue())
 
 
-def show(run: Run[Any], test: RealSet, sets: Mapping[str, Truth]) -> None:
+def show(run: Run[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]) -> None:
     """Write all pictures, and the file that says what is what.
 
     Args:
@@ -108,7 +107,9 @@ def _confusion(sights: Sequence[Sight]) -> dict[str, Any]:
     return {"nets": len(sights), "pixels": total.tolist()}
 
 
-def _streets(folder: Path, name: str, own: Truth, table: ClassTable) -> list[dict[str, str]]:
+def _streets(
+    folder: Path, name: str, own: LabelledImages, table: ClassTable
+) -> list[dict[str, str]]:
     """Some images of a set, spread evenly, with their labels."""
     chosen = np.linspace(0, len(own.images) - 1, min(SHOWN, len(own.images))).astype(int)
     return [
@@ -121,7 +122,7 @@ def _streets(folder: Path, name: str, own: Truth, table: ClassTable) -> list[dic
 
 
 def _worst(
-    folder: Path, test: RealSet, sights: Mapping[str, Sequence[Sight]], table: ClassTable
+    folder: Path, test: LabelledImages, sights: Mapping[str, Sequence[Sight]], table: ClassTable
 ) -> dict[str, Any] | None:
     """The test images that the first net on learnt streets is worst at, and every row's predictions there."""
     first = {row: own[0] for row, own in sights.items() if own[0].predictions is not None}

@@ -20,7 +20,7 @@ from shell.command import given
 
 TRAINED_ON = {
     "random": "random attributes",
-    "default": "attributes set by eye",
+    "default": "hand-set attributes",
     "learnt": "learnt attributes",
     **few.TRAINED_ON,
     "real": "the reward images themselves",
@@ -127,7 +127,7 @@ def text(report: Report) -> str:
         )
     lines.append(f"  {'gain':{wide}s} {_said(report['gain'], '+5.1f')}  learnt minus random")
     lines.append(
-        f"  {'gain':{wide}s} {_said(report['gain_over_default'], '+5.1f')}  learnt minus by eye"
+        f"  {'gain':{wide}s} {_said(report['gain_over_default'], '+5.1f')}  learnt minus hand-set"
     )
     for other, gain in report.get("gain_beside_few", {}).items():
         lines.append(f"  {'gain':{wide}s} {_said(gain, '+5.1f')}  few+learnt minus {other}")

@@ -31,7 +31,7 @@ def photograph(path: Path) -> bytes:
         DataError: it is missing or broken.
     """
     from seg.data.images import read_image
-    from seg.data.realset import resize_image
+    from seg.data.labelled import resize_image
 
     image = read_image(path)
     height, width = image.shape[:2]

@@ -133,7 +133,7 @@ def parts(
         ),
         study(
             "compare", "compare", "Search methods on all 23 attributes",
-            "Methods with the same number of rewards; intervals begins at the street set by eye, the others "
+            "Methods with the same number of rewards; intervals begins at the hand-set street, the others "
             "anywhere.",
             *camvid, HOLDOUT, *size, "--subsets", "all", *evaluations, "--methods", *METHODS,
         ),

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from dataclasses import asdict
 from functools import cached_property, partial
 from pathlib import Path
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 from experiments.reward.made_with import FIELD
 from experiments.reward.miou import (
@@ -26,16 +26,15 @@ from experiments.reward.mmd import Reference, evaluate_mmd
 from experiments.reward.seen import Seen, leave
 from experiments.reward.shelf import Shelf, by_target, sent
 from experiments.reward.store import Log, Store, digest_of, identity, outcome_of, record_of
-from experiments.reward.truth import Shared, Subset, Truth, WithFew, rendered_of
-from experiments.target.base import Target
+from experiments.reward.truth import Shared, Subset, WithFew, rendered_of
+from experiments.target.base import Side, Target
 from scene.proposal import Streets
 from scene.version import ENGINE
 from scene.workers import Workers
+from seg.data import LabelledImages
 from shell.errors import UserError
 from shell.files import digest, file_digest, folder_digest
 from shell.lines import Record
-
-Side = Literal["reward", "test"]
 
 
 class Job(NamedTuple):
@@ -109,13 +108,13 @@ class Evaluator:
         recipe: Recipe,
         target: Target,
         side: Side,
-        truth: Truth | Reference,
+        truth: LabelledImages | Reference,
         shelf: Shelf,
         parts: Parts = (),
     ) -> None:
         self._recipe, self._target, self._truth, self._shelf = recipe, target, truth, shelf
         self._evaluate: Callable[..., Outcome] = (
-            evaluate_miou if isinstance(truth, Truth) else evaluate_mmd
+            evaluate_miou if isinstance(truth, LabelledImages) else evaluate_mmd
         )
         self._parts = (parts,) if parts else ()
         self.about = about(recipe, target, side, truth)
@@ -168,7 +167,7 @@ class Evaluator:
         return partial(self._evaluate, sees=job.seen.predictions)
 
     @cached_property
-    def _for_tasks(self) -> tuple[Recipe, Truth | Shared | Reference]:
+    def _for_tasks(self) -> tuple[Recipe, LabelledImages | Shared | Reference]:
         """Recipe and truth as workers want them."""
         workers = self._shelf.workers
         if isinstance(self._truth, Reference):
@@ -184,7 +183,7 @@ class Evaluator:
             return source._replace(rendered=self._source(source.rendered), few=few)
         if isinstance(source, Subset):
             return source.images
-        if not isinstance(source, Truth):
+        if not isinstance(source, LabelledImages):
             return source
         return self._shelf.put(source, train, training=True)
 
@@ -254,7 +253,9 @@ def _rendered_by_all(task: tuple, workers: Workers) -> tuple[tuple, float]:
     return (evaluate, recipe, own, seed, truth, *parts), busy * (time.perf_counter() - started)
 
 
-def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) -> dict[str, Any]:
+def about(
+    recipe: Recipe, target: Target, side: Side, truth: LabelledImages | Reference
+) -> dict[str, Any]:
     """What all evaluations of a recipe share: a hash of what decides them, words for people."""
     names = target.reward_names if side == "reward" else target.test_names
     if isinstance(truth, Reference):
@@ -280,7 +281,7 @@ def about(recipe: Recipe, target: Target, side: Side, truth: Truth | Reference) 
         FIELD: dict(recipe.made_with),
     }
     if kind == "miou" and by_target(fidelity.train):
-        real = target.at(fidelity.height, fidelity.width).reward
+        real = target.at(fidelity.height, fidelity.width)["reward"]
         decides["statistics"] = digest_of(real.images)
     return {
         "config": digest(decides)[:16],

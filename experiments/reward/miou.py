@@ -19,13 +19,14 @@ import numpy as np
 from experiments.config import Fidelity
 from experiments.reward.made_with import MadeWith, refuse_other
 from experiments.reward.seen import Sight, picked, sight
-from experiments.reward.truth import Shared, Subset, Truth, WithFew, loaded, rendered_of
+from experiments.reward.truth import Shared, Subset, WithFew, loaded, rendered_of
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import Dataset, render_dataset
 from scene.proposal import Streets, draw
 from scene.workers import Workers
 from seg.beside import Beside
 from seg.classes import ClassTable, class_table
+from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
 from seg.nets.lite0 import Pyramid
 from seg.pyramid import Statistics, features
@@ -49,13 +50,13 @@ class Recipe(NamedTuple):
         return class_table(self.table)
 
 
-Source = Streets | Subset | Truth | WithFew
+Source = Streets | Subset | LabelledImages | WithFew
 """What a net is trained on: a dataset rendered from streets, given images, or both."""
 
 Parts = tuple[tuple[int, int], ...]
 """First image of each part of the images that score, and the first after it."""
 
-_KEPT: dict[Any, Truth] = {}
+_KEPT: dict[Any, LabelledImages] = {}
 """At most one rendered dataset of this process, by all that decides it."""
 
 
@@ -77,7 +78,7 @@ class Outcome(NamedTuple):
         return self.render_seconds + self.train_seconds
 
 
-Rendered = tuple[Truth, float]
+Rendered = tuple[LabelledImages, float]
 """A training set, and the seconds that rendering it took."""
 
 
@@ -86,7 +87,7 @@ def prepared(
 ) -> Any:
     """What of an evaluation needs no GPU: the rendered set, if it is of the kind that trains on one."""
     named = getattr(evaluate, "func", evaluate)  # below what says where the net leaves what it saw
-    if named is not evaluate_miou or isinstance(source, Truth | Shared):
+    if named is not evaluate_miou or isinstance(source, LabelledImages | Shared):
         return None
     started = time.perf_counter()
     own = training_set(recipe, loaded(source), seed)
@@ -128,20 +129,22 @@ def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers =
     )
 
 
-def rendered_set(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Truth:
+def rendered_set(
+    recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0
+) -> LabelledImages:
     """The images of streets and a seed, with labels in the classes of the recipe."""
     dataset = render(recipe, streets, seed, workers)
-    return Truth(dataset.images, recipe.classes.from_train_id[dataset.labels])
+    return LabelledImages(dataset.images, recipe.classes.from_train_id[dataset.labels])
 
 
-def training_set(recipe: Recipe, source: Source, seed: int) -> Truth:
+def training_set(recipe: Recipe, source: Source, seed: int) -> LabelledImages:
     """The images of a source, but for a few beside it, with labels in the classes of the recipe.
 
     What was rendered last beside a few images is kept, with its features: the next net may have others
     beside it.
     """
     proposal = rendered_of(source)
-    if isinstance(proposal, Truth):
+    if isinstance(proposal, LabelledImages):
         return proposal
     name = (recipe._replace(statistics=None), pickle.dumps(proposal), seed)
     if name in _KEPT:
@@ -161,7 +164,7 @@ def evaluate_miou(
     recipe: Recipe,
     source: Source,
     seed: int,
-    truth: Truth,
+    truth: LabelledImages,
     parts: Parts = (),
     ready: Rendered | None = None,
     *,
@@ -183,7 +186,7 @@ def evaluate_miou(
     """
     started = time.perf_counter()
     own, rendered = ready or (training_set(recipe, source, seed), 0.0)
-    if ready is None and not isinstance(source, Truth):
+    if ready is None and not isinstance(source, LabelledImages):
         rendered = time.perf_counter() - started
     began = time.perf_counter()
     params = trained(recipe, own, seed, beside=_beside(source))
@@ -200,7 +203,7 @@ def _beside(source: Source) -> Beside | None:
 
 def trained(
     recipe: Recipe,
-    own: Truth,
+    own: LabelledImages,
     seed: int,
     params: Params | None = None,
     beside: Beside | None = None,
@@ -229,7 +232,7 @@ def trained(
 def scored(
     recipe: Recipe,
     params: Params,
-    truth: Truth,
+    truth: LabelledImages,
     render_seconds: float,
     train_seconds: float,
     parts: Parts = (),
@@ -240,8 +243,9 @@ def scored(
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
     confusions = []
     for first, end in parts or ((0, len(truth.images)),):
-        images, labels, maps, _ = truth.between(first, end)
-        confusions.append(score(params, images, labels, settings, classes, features=maps))
+        own = truth.between(first, end)
+        confusion = score(params, own.images, own.labels, settings, classes, features=own.features)
+        confusions.append(confusion)
     confusion = np.sum(confusions, axis=0)
     present = confusion.sum(axis=1) > 0
     class_iou = [float(v) if p else None for v, p in zip(iou(confusion), present, strict=True)]
@@ -252,7 +256,7 @@ def scored(
 
 
 def _sight(
-    recipe: Recipe, params: Params, truth: Truth, confusion: np.ndarray, predictions: bool
+    recipe: Recipe, params: Params, truth: LabelledImages, confusion: np.ndarray, predictions: bool
 ) -> Sight:
     """What a net saw: its counts, and predictions if they are asked for."""
     if not predictions:

@@ -25,10 +25,11 @@ import numpy as np
 
 from experiments.reward.miou import Recipe
 from experiments.reward.store import digest_of
-from experiments.reward.truth import Shared, Truth, loaded, removable
+from experiments.reward.truth import Shared, loaded, removable
 from experiments.target.base import Target
 from scene.dataset.render import render_street
 from scene.workers import Workers
+from seg.data import LabelledImages
 from seg.nets.lite0 import Pyramid
 from seg.pyramid import Statistics, channel_statistics, features
 from seg.settings import TrainSettings
@@ -61,8 +62,10 @@ class Shelf:
         self._root = None if run is None else (run / FOLDER).absolute()
         self._checked: set[Path] = set()
 
-    def put(self, truth: Truth, train: TrainSettings, *, training: bool = False) -> Truth | Shared:
-        """A truth for tasks; its files are written if they are not there.
+    def put(
+        self, truth: LabelledImages, train: TrainSettings, *, training: bool = False
+    ) -> LabelledImages | Shared:
+        """Images for tasks; their files are written if they are not there.
 
         Args:
             truth: real images and labels.
@@ -156,9 +159,9 @@ class Shelf:
         fidelity = recipe.fidelity
         if not by_target(fidelity.train):
             return recipe
-        real = target.at(fidelity.height, fidelity.width).reward
+        real = target.at(fidelity.height, fidelity.width)["reward"]
         trunk = replace(fidelity.train, trunk="frozen")  # as a tuned one begins
-        held = self.put(Truth(real.images, real.labels), trunk)
+        held = self.put(real, trunk)
         ((_, found),) = self.workers.map(_statistics, [(held, trunk)], net=True)
         return recipe._replace(statistics=found)
 
@@ -208,7 +211,7 @@ def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
     return {"dtype": train.dtype, **looks}
 
 
-def _features(truth: Truth, train: TrainSettings, training: bool) -> Pyramid:
+def _features(truth: LabelledImages, train: TrainSettings, training: bool) -> Pyramid:
     """Features of images, or of all views that training takes of them: view after view, in their order.
 
     What a view shows depends on its image alone, so that those of a part are part of those of all.
@@ -222,11 +225,11 @@ def _features_of(
 ) -> Pyramid:
     """Features of some of the images; runs in a worker."""
     whole = held.load()
-    part = Truth(whole.images[start:stop], whole.labels[start:stop])
+    part = LabelledImages(whole.images[start:stop], whole.labels[start:stop])
     return _features(part, train, training)
 
 
-def _statistics(held: Truth | Shared, train: TrainSettings) -> Statistics:
+def _statistics(held: LabelledImages | Shared, train: TrainSettings) -> Statistics:
     """Statistics of features; runs in a worker."""
     truth = loaded(held)
     return channel_statistics(truth.features or _features(truth, train, False))
@@ -245,7 +248,7 @@ def _made_streets(
     ]
     images = np.stack([frame.image for frame in frames])
     labels = recipe.classes.from_train_id[np.stack([frame.label for frame in frames])]
-    maps = _features(Truth(images, labels), fidelity.train, True)
+    maps = _features(LabelledImages(images, labels), fidelity.train, True)
     seconds = np.float64(time.perf_counter() - began)
     return {"images": images, "labels": labels, **maps._asdict(), "seconds": seconds}
 
@@ -280,7 +283,7 @@ def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
             file.close()
 
 
-def _write_truth(part: Path, truth: Truth) -> None:
+def _write_truth(part: Path, truth: LabelledImages) -> None:
     for name, array in (("images", truth.images), ("labels", truth.labels)):
         file, start = _npy(part / f"{name}.npy", array.shape, array.dtype)
         with file:

@@ -19,9 +19,10 @@ from typing import Any
 import numpy as np
 
 from experiments.reward.miou import Outcome, Source
-from experiments.reward.truth import Subset, Truth
+from experiments.reward.truth import Subset
 from scene.attributes import SPACES, names
 from scene.proposal import Histogram, Mixture, Proposal, components
+from seg.data import LabelledImages
 from shell.errors import UserError
 from shell.files import digest, write
 from shell.lines import JsonLines, Record
@@ -61,7 +62,7 @@ def identity(config: str, source: Source, seed: int) -> str:
         source: streets, or the images that are trained on.
         seed: of the streets and of the net.
     """
-    if isinstance(source, Truth):
+    if isinstance(source, LabelledImages):
         named: Any = digest_of(source.images, source.labels)  # features follow from images
     elif isinstance(source, Subset):
         named = [source.pool.name, list(source.picked)]

@@ -13,8 +13,9 @@ from typing import NamedTuple
 import numpy as np
 
 from experiments.reward.miou import Outcome, Recipe, attempt, scored, trained, training_set
-from experiments.reward.truth import Shared, Truth, loaded, part_of
+from experiments.reward.truth import Shared, loaded, part_of
 from scene.proposal import Streets
+from seg.data import LabelledImages
 from seg.train import Params, TrainingError
 
 SUBSET_STREAM = 3
@@ -50,9 +51,9 @@ def transfer(
     start: Start,
     fine: Recipe,
     seed: int,
-    real: Truth | Shared,
+    real: LabelledImages | Shared,
     chosen: Sequence[np.ndarray],
-    truth: Truth | Shared,
+    truth: LabelledImages | Shared,
 ) -> list[Outcome]:
     """Pre-train a net once, fine-tune it on each subset, score every result.
 
@@ -68,8 +69,8 @@ def transfer(
         One outcome a subset. The time of pre-training is in the first one.
     """
     began = time.perf_counter()
-    images: Truth = loaded(real)
-    scoring: Truth = loaded(truth)
+    images: LabelledImages = loaded(real)
+    scoring: LabelledImages = loaded(truth)
     rendered, params = 0.0, None
     if start.proposal is not None:
         try:
@@ -91,7 +92,12 @@ def transfer(
 
 
 def _tune(
-    start: Start, fine: Recipe, params: Params | None, seed: int, own: Truth, truth: Truth
+    start: Start,
+    fine: Recipe,
+    params: Params | None,
+    seed: int,
+    own: LabelledImages,
+    truth: LabelledImages,
 ) -> Outcome:
     began = time.perf_counter()
     if start.on_subset:

@@ -9,37 +9,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from seg.data import LabelledImages
 from seg.nets.lite0 import Pyramid
 from shell.errors import UserError
 from shell.sent import here
 
 
-class Truth(NamedTuple):
-    """Images and their labels, ids of the target's table."""
-
-    images: np.ndarray  # u8[n, h, w, 3]
-    labels: np.ndarray  # u8[n, h, w]
-    features: Pyramid | None = None
-    """Of a frozen trunk, if they are known: of the images for scoring, of all their views for training."""
-    origin: tuple[Truth, tuple[int, ...]] | None = None
-    """The images of which these are some, by index, if files are to hold all of them once."""
-
-    def between(self, first: int, end: int) -> Truth:
-        """Images from the first up to the end, of a truth that scores; nothing is copied."""
-        own = self.features and Pyramid(*(maps[first:end] for maps in self.features))
-        return Truth(self.images[first:end], self.labels[first:end], own)
-
-
-def part_of(real: Truth, indices: Sequence[int] | np.ndarray) -> Truth:
-    """Some of the images, with the features of all their views."""
+def part_of(images: LabelledImages, indices: Sequence[int] | np.ndarray) -> LabelledImages:
+    """Some of the images; files hold all of them, once."""
     picked = np.asarray(indices)
-    part = Truth(real.images[picked], real.labels[picked], origin=(real, tuple(picked.tolist())))
-    if real.features is None:
-        return part
-    count = len(real.images)
-    views = np.arange(0, len(real.features.eighth), count)[:, None]  # rows where they begin
-    rows = (views + picked).ravel()
-    return part._replace(features=Pyramid(*(maps[rows] for maps in real.features)))
+    return images.take(picked)._replace(origin=(images, tuple(picked.tolist())))
 
 
 class Shared(NamedTuple):
@@ -49,7 +28,7 @@ class Shared(NamedTuple):
     features: str | None = None  # folder of their features
     picked: tuple[int, ...] | None = None  # of the images, by index; by default all
 
-    def load(self) -> Truth:
+    def load(self) -> LabelledImages:
         """The truth, its files mapped into memory, once per process; what is picked of it is copied.
 
         Raises:
@@ -63,7 +42,9 @@ class StreetPool(NamedTuple):
     """Streets of one shot, drawn once and used by many nets."""
 
     name: str  # hash of their attributes and seed
-    held: Truth | Shared | None = None  # images, labels and features; None while they are not made
+    held: LabelledImages | Shared | None = (
+        None  # images, labels and features; None while they are not made
+    )
 
 
 class Subset(NamedTuple):
@@ -73,7 +54,7 @@ class Subset(NamedTuple):
     picked: tuple[int, ...]  # by index
 
     @property
-    def images(self) -> Truth | Shared:
+    def images(self) -> LabelledImages | Shared:
         """Their images, labels and features; of a pool that is made."""
         held = self.pool.held
         assert held is not None
@@ -86,13 +67,13 @@ class WithFew(NamedTuple):
     """A rendered dataset, and a few labelled images, so often that they are a share of all batches."""
 
     rendered: Any  # the streets that it is rendered from, or a subset of a pool
-    few: Truth | Shared
+    few: LabelledImages | Shared
     share: float
 
     @property
-    def arrays(self) -> Truth:
+    def arrays(self) -> LabelledImages:
         """The few images."""
-        found: Truth = loaded(self.few)
+        found: LabelledImages = loaded(self.few)
         return found
 
 
@@ -114,12 +95,12 @@ def removable(folder: str | Path) -> str:
 
 
 @lru_cache(maxsize=8)
-def _load(shared: Shared) -> Truth:
+def _load(shared: Shared) -> LabelledImages:
     images, labels = (_mapped(shared.images, name) for name in ("images", "labels"))
     if shared.features is None:
-        return Truth(images, labels)
+        return LabelledImages(images, labels)
     maps = Pyramid(*(_mapped(shared.features, name) for name in Pyramid._fields))
-    return Truth(images, labels, maps)
+    return LabelledImages(images, labels, features=maps)
 
 
 def _mapped(folder: str, name: str) -> np.ndarray:

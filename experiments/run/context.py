@@ -14,25 +14,25 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, Generic, Literal, NamedTuple, TypeVar, get_args
+from typing import Any, Generic, NamedTuple, TypeVar, get_args
 
 from experiments.config import Candidate, Config, Fidelity, RewardKind
-from experiments.reward.evaluator import Asked, Evaluator, Job, Memory, Side, evaluated
+from experiments.reward.evaluator import Asked, Evaluator, Job, Memory, evaluated
 from experiments.reward.made_with import FIELD, MadeWith, asked
 from experiments.reward.miou import Outcome, Parts, Recipe, worker_environment
 from experiments.reward.mmd import FeatureNet, Reference, feature_net
 from experiments.reward.shelf import Shelf
 from experiments.reward.store import LOGS, Log, Store
-from experiments.reward.truth import Truth
 from experiments.run.ahead import Ahead
 from experiments.run.ladder import cost_of
-from experiments.target.base import Target
+from experiments.target.base import Side, Target
 from experiments.target.named import named_target
 from scene.executors import workers_of
 from scene.render import RendererError, renderer
 from scene.version import ENGINE
 from scene.workers import Workers
 from sdr_jax import refuse_failures
+from seg.data import LabelledImages
 from seg.weights import described
 from shell import folder
 from shell.errors import UserError
@@ -101,17 +101,16 @@ class Run(Generic[AnyConfig]):
         table, own = self.target.table, self.made_with
         return Recipe(fidelity, table, config.renderer, assets, made_with=own)
 
-    def truth(self, fidelity: Fidelity, side: Side | Literal["few", "labelled"]) -> Truth:
+    def truth(self, fidelity: Fidelity, side: Side) -> LabelledImages:
         """The target's labelled images of a side, at a fidelity's size; the few, or all but the test's."""
-        images = getattr(self.target.at(fidelity.height, fidelity.width), side)
-        return Truth(images.images, images.labels)
+        return self.target.at(fidelity.height, fidelity.width)[side]
 
     def evaluator(
         self, recipe: Recipe, side: Side = "reward", kind: RewardKind = "miou", parts: Parts = ()
     ) -> Evaluator:
         """Scores nets of a recipe on the images of a side, and on each of its parts."""
         images = self.truth(recipe.fidelity, side)
-        truth: Truth | Reference = images
+        truth: LabelledImages | Reference = images
         if kind == "mmd":
             if not self._net:
                 self.progress.say(

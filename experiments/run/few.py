@@ -7,17 +7,18 @@ from typing import Any
 
 from experiments.config import Fidelity
 from experiments.reward.miou import Source
-from experiments.reward.truth import Truth, WithFew
+from experiments.reward.truth import WithFew
 from experiments.run.context import Run
 from experiments.study.form import Report
 from experiments.study.stats import statistics
+from seg.data import LabelledImages
 
 FEW = "few"
 """The row of nets that are trained on the few images alone; ``few+ROW`` has those of ROW, too."""
 TRAINED_ON = {
     FEW: "the few labelled images alone",
     "few+random": "the few and random attributes",
-    "few+default": "the few and attributes set by eye",
+    "few+default": "the few and hand-set attributes",
     "few+learnt": "the few and learnt attributes",
 }
 """What the nets of these rows were trained on."""
@@ -40,7 +41,7 @@ def rows(run: Run[Any], rendered: Mapping[str, Source], fidelity: Fidelity) -> d
 
 def images_of(source: Source, fidelity: Fidelity) -> int:
     """Images that a net of a fidelity is trained on, each counted once."""
-    if isinstance(source, Truth):
+    if isinstance(source, LabelledImages):
         return len(source.images)
     return fidelity.images + (len(source.arrays.images) if isinstance(source, WithFew) else 0)
 

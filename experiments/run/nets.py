@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from experiments.config import Fidelity, RewardKind, SearchConfig
-from experiments.reward.evaluator import Evaluator, Job, Side
+from experiments.reward.evaluator import Evaluator, Job
 from experiments.reward.miou import Outcome, Parts, Recipe, Source
 from experiments.reward.seen import Seen
-from experiments.reward.truth import Truth
 from experiments.run import few
 from experiments.run.context import Run, net_said, refuse_failed
 from experiments.run.ladder import cost_of, training_cost
+from experiments.target.base import Side
 from scene.proposal import Streets, default_proposal, random_proposal
 from seg import recipes
+from seg.data import LabelledImages
 from seg.settings import NetName
 
 Scores = dict[str, list[Outcome]]
@@ -102,7 +103,9 @@ def begin(run: Run[Any], lists: Sequence[Nets], seeds: Sequence[int]) -> None:
 
     Those on real images alone are short, and fill the last gaps then.
     """
-    begin_each(run, [net for net in _each(lists, seeds) if not isinstance(net.source, Truth)])
+    begin_each(
+        run, [net for net in _each(lists, seeds) if not isinstance(net.source, LabelledImages)]
+    )
 
 
 def begin_each(run: Run[Any], wanted: Sequence[Net]) -> None:
@@ -167,7 +170,7 @@ def _asked(
 
 
 def _cost(recipe: Recipe, source: Source) -> float:
-    cost = training_cost if isinstance(source, Truth) else cost_of
+    cost = training_cost if isinstance(source, LabelledImages) else cost_of
     return cost(recipe.fidelity)
 
 

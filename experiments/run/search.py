@@ -167,9 +167,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         UserError: more than a tenth of the evaluations failed, or a log of another run.
     """
     rewards, watch = _Rewards(run, plan, kind), Stopwatch()
-    # Without workers nets are trained in this process, by JAX.
-    within, common = run.workers.workers > 0, plan.options.common_random_numbers
-    reward_fn = sdr_jax.host_reward(rewards, common=common, within=within)
+    reward_fn = sdr_jax.host_reward(rewards, common=plan.options.common_random_numbers)
     key = jax.random.key(plan.seed)
     steps = sdr_jax.drive(key, plan.search, reward_fn, plan.updates, plan.datasets)
     history: list[tuple] = []

@@ -13,10 +13,11 @@ from experiments.reward.miou import Outcome, Recipe
 from experiments.reward.shelf import sent
 from experiments.reward.store import identity, record_of
 from experiments.reward.transfer import Start, subsets, transfer
-from experiments.reward.truth import Truth, part_of
+from experiments.reward.truth import part_of
 from experiments.run.context import Run, refuse_failed, verdict
 from experiments.run.ladder import cost_of, training_cost
 from experiments.run.nets import paired_seeds
+from seg.data import LabelledImages
 from shell.files import digest
 from shell.lines import Record
 
@@ -97,8 +98,8 @@ def tuned(
 def _tasks(
     run: Run[Any],
     fine: Recipe,
-    real: Truth,
-    truth: Truth,
+    real: LabelledImages,
+    truth: LabelledImages,
     parts: Sequence[tuple[Start, int, list[np.ndarray]]],
 ) -> list[tuple]:
     """Arguments of `transfer` for every start, seed and list of subsets, real images in files."""
@@ -113,7 +114,7 @@ def _tasks(
     return tasks
 
 
-def _about(run: Run[Any], start: Start, fine: Recipe, truth: Truth) -> Record:
+def _about(run: Run[Any], start: Start, fine: Recipe, truth: LabelledImages) -> Record:
     """What all nets of a row share: ``config`` is a hash of all but their images and their seed."""
     found = about(fine, run.target, "test", truth)
     if start.proposal is None and not start.on_subset:

@@ -2,33 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
 from experiments.target.twin import TwinWorld
 from seg.classes import IGNORE_LABEL
-from seg.data import RealSet
+from seg.data import LabelledImages
 from shell.errors import UserError
 
 SIZES = 2
 """Sizes at which images are kept: that of the rewards and that of the final nets, which take turns."""
 
 
-class Split(NamedTuple):
-    """Both sides of a target at one size."""
-
-    reward: RealSet
-    test: RealSet
-    few: RealSet | None = None  # join every training set, and give no reward
-    whole: RealSet | None = None  # those that give the reward and the few, as they are listed
-
-    @property
-    def labelled(self) -> RealSet:
-        """All images whose labels may be used before the result is reported."""
-        return self.reward if self.whole is None else self.whole
+Side = Literal["reward", "test", "few", "labelled"]
+"""Images of a target: those that give the reward, those that nets are tested on, those that join every
+training set and give no reward, and all whose labels may be used before the result is reported."""
+Sides = Mapping[Side, LabelledImages]
+"""Images of a target at one size; `few` is absent where no image joins every training set."""
 
 
 class Target(NamedTuple):
@@ -43,25 +36,21 @@ class Target(NamedTuple):
     reward_names: tuple[str, ...]
     reward_sequences: tuple[str, ...]  # of those images
     test_names: tuple[str, ...]
-    at: Callable[[int, int], Split]  # (height, width) -> images and labels
+    at: Callable[[int, int], Sides]  # (height, width) -> images and labels
     twin: TwinWorld | None = None
     labelled: bool = True  # whether the reward images are
     few_names: tuple[str, ...] = ()  # images that join every training set
-
-
-def part_of(images: RealSet, picked: np.ndarray) -> RealSet:
-    """Some of the images, by index."""
-    names, sequences = (tuple(column[k] for k in picked) for column in images[:2])
-    return RealSet(names, sequences, images.images[picked], images.labels[picked])
 
 
 def with_reward(target: Target, picked: np.ndarray) -> Target:
     """The target with some of its reward images, by index, as if it had no others."""
 
     @lru_cache(maxsize=SIZES)
-    def at(height: int, width: int) -> Split:
-        split = target.at(height, width)
-        return split._replace(reward=part_of(split.reward, picked))
+    def at(height: int, width: int) -> Sides:
+        sides = target.at(height, width)
+        reward = sides["reward"].take(picked)
+        labelled = sides["labelled"] if "few" in sides else reward
+        return {**sides, "reward": reward, "labelled": labelled}
 
     return target._replace(
         reward_names=tuple(target.reward_names[k] for k in picked),
@@ -80,9 +69,20 @@ def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> No
         )
 
 
-def refuse_void(split: Split, where: str, labelled: bool) -> Split:
-    """The split itself; raises UserError if no pixel of a side that is scored has a label."""
-    for side, images in (("reward", split.reward), ("test", split.test)):
-        if (side == "test" or labelled) and np.all(images.labels == IGNORE_LABEL):
+def two_sides(reward: LabelledImages, test: LabelledImages, where: str, labelled: bool) -> Sides:
+    """The sides of a target with no image that joins every training set.
+
+    Args:
+        reward: images that give the reward.
+        test: images that nets are tested on.
+        where: they are from, for the error.
+        labelled: whether the labels of the reward images are needed.
+
+    Raises:
+        UserError: no pixel of a side whose labels are needed has one.
+    """
+    sides: Sides = {"reward": reward, "test": test, "labelled": reward}
+    for side in ("reward", "test") if labelled else ("test",):
+        if np.all(sides[side].labels == IGNORE_LABEL):  # type: ignore[index]
             raise UserError(f"{where}: all labels of the {side} images are void")
-    return split
+    return sides

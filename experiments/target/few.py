@@ -10,8 +10,9 @@ from functools import lru_cache
 import numpy as np
 
 from experiments.config import Config, FewConfig
-from experiments.target.base import SIZES, Split, Target, part_of
+from experiments.target.base import SIZES, Sides, Target
 from seg.classes import IGNORE_LABEL, class_table
+from seg.data import LabelledImages
 from shell.errors import UserError
 
 STREAM = 5
@@ -34,11 +35,12 @@ def with_few(target: Target, config: Config) -> Target:
     others = np.setdiff1d(np.arange(len(names)), picked)
 
     @lru_cache(maxsize=SIZES)
-    def at(height: int, width: int) -> Split:
-        whole, test, *_ = target.at(height, width)
-        split = Split(part_of(whole, others), test, part_of(whole, picked), whole)
-        _refuse_void(split, few, target)
-        return split
+    def at(height: int, width: int) -> Sides:
+        sides = target.at(height, width)
+        whole = sides["reward"]
+        own = {"reward": whole.take(others), "few": whole.take(picked), "labelled": whole}
+        _refuse_void(own["reward"], own["few"], few, target)
+        return {**sides, **own}  # type: ignore[dict-item]
 
     of = Counter(sequences[k] for k in picked)
     told = ", ".join(f"{sequence} {count}" for sequence, count in sorted(of.items()))
@@ -103,18 +105,19 @@ def spread(names: Sequence[str], sequences: Sequence[str], count: int, seed: int
     return np.sort(np.array(chosen, np.int64))
 
 
-def _refuse_void(split: Split, few: int | float | None, target: Target) -> None:
+def _refuse_void(
+    reward: LabelledImages, chosen: LabelledImages, few: int | float | None, target: Target
+) -> None:
     """Raise UserError for a sequence of which the few show nothing that nets tell apart."""
-    assert split.few is not None
     classes = len(class_table(target.table).classes)
-    if np.all(split.reward.labels == IGNORE_LABEL):
+    if np.all(reward.labels == IGNORE_LABEL):
         raise UserError(
-            f"--few {few}: the {len(split.reward.labels)} images left for the reward show none of the "
+            f"--few {few}: the {len(reward.labels)} images left for the reward show none of the "
             f"{classes} classes of {target.table}"
         )
-    for sequence in sorted(set(split.few.sequences)):
-        own = np.array(split.few.sequences) == sequence
-        if np.all(split.few.labels[own] == IGNORE_LABEL):
+    for sequence in sorted(set(chosen.sequences)):
+        own = np.array(chosen.sequences) == sequence
+        if np.all(chosen.labels[own] == IGNORE_LABEL):
             raise UserError(
                 f"--few {few}: the {own.sum()} images chosen of sequence {sequence} show none of the "
                 f"{classes} classes of {target.table}; leave them out of the data, or label them"

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 from experiments.config import Config, MainConfig
 from experiments.config.presets import VARIABLES
-from experiments.target.base import SIZES, Split, Target, refuse_void
+from experiments.target.base import SIZES, Sides, Target, two_sides
 from experiments.target.few import with_few
 from experiments.target.real import real_target
 from experiments.target.twin import ASSETS, FIRST_ASSET, twin_names, twin_split, twin_world
@@ -53,8 +53,8 @@ def _twin(config: Config, workers: Workers) -> Target:
     )
 
     @lru_cache(maxsize=SIZES)
-    def at(height: int, width: int) -> Split:
-        sides = [
+    def at(height: int, width: int) -> Sides:
+        reward, test = (
             twin_split(
                 world,
                 split,
@@ -65,8 +65,8 @@ def _twin(config: Config, workers: Workers) -> Target:
                 assets=min(ASSETS, config.asset_count or ASSETS),
             )
             for split, count in counts.items()
-        ]
-        return refuse_void(Split(*sides), f"the {name}", True)
+        )
+        return two_sides(reward, test, f"the {name}", True)
 
     return Target(
         name=name,

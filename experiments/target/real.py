@@ -2,36 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from experiments.config import Config, MainConfig, RewardConfig
-from experiments.target.base import SIZES, Split, Target, refuse_overlap, refuse_void
-from seg.classes import IGNORE_LABEL, class_table
+from experiments.target.base import SIZES, Sides, Target, refuse_overlap, two_sides
+from seg.classes import IGNORE_LABEL
 from seg.data import (
-    DataError,
     Entry,
-    RealSet,
-    list_camvid,
-    list_cityscapes,
-    list_labelmefacade,
+    LabelledImages,
+    list_split,
     list_unlabelled,
     load,
-    load_labelmefacade,
     load_unlabelled,
+    refuse_shared,
     subset,
 )
 from shell.errors import UserError
+from shell.target_file import TargetFile, shipped
 
-LISTS: dict[str, tuple[Callable[..., tuple[Entry, ...]], str, Callable[..., RealSet]]] = {
-    "camvid": (list_camvid, "test", load),
-    "cityscapes": (list_cityscapes, "val", load),
-    "labelmefacade": (list_labelmefacade, "test", load_labelmefacade),
-}
-"""How each layout is listed, the split that is reported on by default, and how its files are read."""
+REPORTED = {"camvid": "test", "cityscapes": "val", "labelmefacade": "test"}
+"""The split that is reported on by default."""
 MOST_NAMED = 8
 """Sequences on both sides that the title names; of more it says how many they are."""
 
@@ -43,8 +37,8 @@ def real_target(name: str, config: Config, data: Path) -> Target:
         UserError: no images on one of the sides, or the same ones on both.
         DataError: the data are not as they should be.
     """
-    listing, test_split, loaded = LISTS[name]
-    reward, test, where = _sides(listing, data, config.test_split or test_split, config)
+    files = shipped(name)
+    reward, test, where = _sides(files, data, config.test_split or REPORTED[name], config)
     # The same for every --seed: a study's searches share their target with the main job of each one's seed.
     test = subset(test, config.test_images)
     unlabelled = config.unlabelled if isinstance(config, MainConfig) else None
@@ -53,15 +47,16 @@ def real_target(name: str, config: Config, data: Path) -> Target:
         reward = tuple(Entry(p.stem, "", p, p) for p in list_unlabelled(unlabelled))
     reward = subset(reward, config.reward_images)
     refuse_overlap([e.name for e in reward], [e.name for e in test])
-    table = class_table(name)
     # What gives -MMD^2 needs no labels, even where there are some.
     scored = not isinstance(config, RewardConfig) or config.reward_kind == "miou"
 
     @lru_cache(maxsize=SIZES)
-    def at(height: int, width: int) -> Split:
+    def at(height: int, width: int) -> Sides:
         size = (height, width)
-        read = loaded(reward, table, size) if unlabelled is None else _void(reward, size)
-        return refuse_void(Split(read, loaded(test, table, size)), str(data), scored)
+        read = load(reward, files, size) if unlabelled is None else _void(reward, size)
+        sides = two_sides(read, load(test, files, size), str(data), scored)
+        refuse_shared({"the reward images": sides["reward"], "the test images": sides["test"]})
+        return sides
 
     shared = sorted({e.sequence for e in reward} & {e.sequence for e in test})
     told = f"sequences {', '.join(shared)}"
@@ -83,14 +78,14 @@ def real_target(name: str, config: Config, data: Path) -> Target:
 
 
 def _sides(
-    listing: Callable[..., tuple[Entry, ...]], data: Path, test_split: str, config: Config
+    files: TargetFile, data: Path, test_split: str, config: Config
 ) -> tuple[tuple[Entry, ...], tuple[Entry, ...], str]:
     """What gives the reward, what is reported on, and where that is from."""
-    reward = listing(data, "train")
+    reward = list_split(files, data, "train")
     if config.holdout is None:
         try:
-            test = listing(data, test_split)
-        except DataError as error:
+            test = list_split(files, data, test_split)
+        except UserError as error:
             raise UserError(
                 f"{error}; --test-split or --holdout choose other images to report on"
             ) from None
@@ -107,9 +102,9 @@ def _sides(
     return rest, held, f"reported on sequence {config.holdout}"
 
 
-def _void(entries: Sequence[Entry], size: tuple[int, int]) -> RealSet:
+def _void(entries: Sequence[Entry], size: tuple[int, int]) -> LabelledImages:
     """Images without labels as a set whose every pixel is void."""
     images = load_unlabelled([e.image_path for e in entries], size)
     labels = np.full(images.shape[:3], IGNORE_LABEL, np.uint8)
     names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
-    return RealSet(names, sequences, images, labels)
+    return LabelledImages(images, labels, names, sequences)

@@ -20,12 +20,12 @@ from scene.render import RenderSettings
 from scene.render.sensor import CameraResponse
 from scene.workers import Workers
 from seg.classes import class_table
-from seg.data import RealSet
+from seg.data import LabelledImages
 
 PRIOR_STD = 0.12
-"""Near: hidden centres are normal around the street set by eye, with this standard deviation (unit)."""
+"""Near: hidden centres are normal around the hand-set street, with this standard deviation (unit)."""
 FAR = (0.1, 0.9)
-"""Far: hidden centres are uniform in this range (unit), whatever the street set by eye is."""
+"""Far: hidden centres are uniform in this range (unit), whatever the hand-set street is."""
 FAR_CAMERA = {"camera_position_y": (1.0, 2.5), "camera_rotation_x": (-8.0, 8.0)}
 """But these in ranges of their own (m, deg), so that the camera sees a street."""
 HIDDEN_WIDTH = 0.15
@@ -111,7 +111,7 @@ def twin_split(
     renderer: str,
     workers: Workers,
     assets: int = ASSETS,
-) -> RealSet:
+) -> LabelledImages:
     """Render one split, ``train`` (for the reward) or ``test``, at ``size`` (height, width).
 
     Of every family it shows ``assets`` that the search never uses.
@@ -133,9 +133,5 @@ def twin_split(
         pool=AssetPool(FIRST_ASSET, assets),
         workers=workers,
     )
-    return RealSet(
-        names=names,
-        sequences=sequences,
-        images=dataset.images[:count],
-        labels=class_table("cityscapes").from_train_id[dataset.labels[:count]],
-    )
+    labels = class_table("cityscapes").from_train_id[dataset.labels[:count]]
+    return LabelledImages(dataset.images[:count], labels, names, sequences)

@@ -15,26 +15,13 @@ from scene.dataset.read import DESCRIPTION, pictures
 from shell.errors import UserError
 from shell.files import read_bytes
 from shell.pictures import MOST_BYTES, label_ids, too_large
+from shell.target_file import shipped
 
-_CAMVID: dict[str, tuple[str, ...]] = {
-    "sky": ("sky",),
-    "building": ("building", "wall"),
-    "pole": ("pole",),
-    "road": ("road",),
-    "sidewalk": ("sidewalk",),
-    "tree": ("vegetation", "terrain"),
-    "sign": ("traffic light", "traffic sign"),
-    "fence": ("fence",),
-    "car": ("car", "truck", "bus"),
-    "pedestrian": ("person",),
-    "bicyclist": ("rider", "motorcycle", "bicycle"),
-}
-CAMVID: tuple[str, ...] = tuple(_CAMVID)
+CAMVID: tuple[str, ...] = shipped("camvid").class_names
 """The 11 classes of CamVid as the literature counts them."""
 CAMVID_OF_TRAIN = np.full(256, VOID, np.uint8)
 """u8[256]: train id -> CamVid's class; trains are void there."""
-for _k, _ours in enumerate(_CAMVID.values()):
-    CAMVID_OF_TRAIN[[CLASS_NAMES.index(name) for name in _ours]] = _k
+CAMVID_OF_TRAIN[: len(CLASS_NAMES)] = shipped("camvid").of_engine
 
 
 class Pictures(NamedTuple):

@@ -1,33 +1,33 @@
-"""Readers of real labelled images, as they are on disk."""
+"""Real labelled images: listed and read as their target's file says."""
 
-from seg.data.camvid import list_camvid, read_camvid
-from seg.data.cityscapes import list_cityscapes, read_cityscapes
-from seg.data.folders import LAYOUTS, list_folders, read_folders
-from seg.data.labelmefacade import (
-    list_labelmefacade,
-    load_labelmefacade,
-    read_labelmefacade,
+from seg.data.labelled import (
+    LabelledImages,
+    TargetData,
+    fitted,
+    load,
+    read_split,
+    read_target,
+    refuse_shared,
+    subset,
 )
-from seg.data.realset import Entry, RealSet, load, subset
+from seg.data.labels import LabelReader
 from seg.data.unlabelled import list_unlabelled, load_unlabelled
 from seg.errors import DataError
+from shell.listing import Entry, list_split
 
 __all__ = [
-    "LAYOUTS",
     "DataError",
     "Entry",
-    "RealSet",
-    "list_camvid",
-    "list_cityscapes",
-    "list_folders",
-    "list_labelmefacade",
+    "LabelReader",
+    "LabelledImages",
+    "TargetData",
+    "fitted",
+    "list_split",
     "list_unlabelled",
     "load",
-    "load_labelmefacade",
     "load_unlabelled",
-    "read_camvid",
-    "read_cityscapes",
-    "read_folders",
-    "read_labelmefacade",
+    "read_split",
+    "read_target",
+    "refuse_shared",
     "subset",
 ]

@@ -1,4 +1,4 @@
-"""Decode one image or one label file into an array, or say clearly what is wrong with it."""
+"""Decode one image into an array, or say clearly what is wrong with it."""
 
 import io
 from pathlib import Path
@@ -8,16 +8,20 @@ import numpy as np
 from jaxtyping import UInt8
 from PIL import Image
 
-from seg.classes import ClassTable
 from seg.errors import DataError
 from shell.errors import UserError
 from shell.files import read_bytes
-from shell.pictures import MOST_BYTES, label_ids, too_large
+from shell.pictures import MOST_BYTES, too_large
 
 _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 
-def _read_bytes(path: Path) -> bytes:
+def read_file(path: Path) -> bytes:
+    """The bytes of an image or a label file.
+
+    Raises:
+        DataError: it cannot be read, or is too large.
+    """
     try:
         data = read_bytes(path, MOST_BYTES)
     except OSError as error:
@@ -36,7 +40,12 @@ def _unreadable(path: Path, why: object) -> DataError:
     )
 
 
-def _decode(path: Path, data: bytes, flags: int) -> np.ndarray:
+def decode(path: Path, data: bytes, flags: int) -> np.ndarray:
+    """The pixels in the bytes of an image file, as OpenCV has them.
+
+    Raises:
+        DataError: they are no image, broken or truncated.
+    """
     try:
         pixels = cv2.imdecode(np.frombuffer(data, np.uint8), flags) if data else None
     except cv2.error as error:
@@ -52,63 +61,12 @@ def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     Raises:
         DataError: the file is missing, not an image, broken or truncated.
     """
-    data = _read_bytes(path)
+    data = read_file(path)
     if data.startswith(_JPEG_START) and not data.rstrip(b"\0\r\n").endswith(_JPEG_END):
         # OpenCV fills the lost part of a truncated JPEG with grey and says nothing; Pillow tells.
         try:
             Image.open(io.BytesIO(data)).load()
         except OSError as error:
             raise _unreadable(path, error) from error
-    bgr = _decode(path, data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+    bgr = decode(path, data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
     return cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB)
-
-
-def read_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
-    """Read a label file and map its values to the ids of a table, 255 for void.
-
-    Args:
-        path: PNG of one channel, grey of 1 to 16 bits or with a palette.
-        table: which values are legal, and what they mean.
-
-    Raises:
-        DataError: the file is missing, broken, in colours, or holds a value outside the table.
-    """
-    data = _read_bytes(path)
-    try:
-        values = label_ids(data)
-    except UserError as error:
-        raise DataError(f"{path}: {error}") from error
-    return _mapped(path, values, table)
-
-
-def read_packed_label(path: Path, table: ClassTable) -> UInt8[np.ndarray, "h w"]:
-    """Read a label file of SYNTHIA, 16 bits: class ids in the first channel, instances in the second.
-
-    Args:
-        path: PNG of three channels.
-        table: which values are legal, and what they mean.
-
-    Raises:
-        DataError: the file is missing, broken, of other channels or bits, or holds a value outside the table.
-    """
-    channels = _decode(path, _read_bytes(path), cv2.IMREAD_UNCHANGED)
-    if channels.ndim != 3 or channels.dtype != np.uint16:
-        count = 1 if channels.ndim == 2 else channels.shape[2]
-        raise DataError(
-            f"{path}: {count} channel(s) of {8 * channels.itemsize} bits; expected three of 16, "
-            "with class ids in the first (GT/LABELS of SYNTHIA, not GT/COLOR)"
-        )
-    return _mapped(path, channels[..., 2], table)  # OpenCV turns the channels round
-
-
-def _mapped(path: Path, values: np.ndarray, table: ClassTable) -> np.ndarray:
-    """Ids of the table from values in a file, if all are legal."""
-    if values.max() > 255 or not table.legal[values].all():
-        found = np.unique(values)
-        wrong = [int(v) for v in found if v > 255 or not table.legal[v]]
-        shown = ", ".join(map(str, wrong[:5])) + (", ..." if len(wrong) > 5 else "")
-        raise DataError(
-            f"{path}: label value {shown} lies outside the {table.name} table; "
-            f"legal values are 0..{np.flatnonzero(table.legal)[-1]}"
-        )
-    return table.from_file[values]

@@ -7,10 +7,9 @@ import numpy as np
 from jaxtyping import UInt8
 
 from seg.data.images import read_image
-from seg.data.realset import resize_image
+from seg.data.labelled import cut, resize_image
 from seg.errors import DataError
-
-SUFFIXES = (".png", ".jpg", ".jpeg")
+from shell.target_file import SUFFIXES
 
 
 def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
@@ -36,9 +35,10 @@ def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
 def load_unlabelled(
     paths: Sequence[Path], size: tuple[int, int]
 ) -> UInt8[np.ndarray, "n height width 3"]:
-    """Read images as RGB and resize them to (height, width).
+    """Read images as RGB, cut to the aspect of (height, width) around their centre, and resize them to it.
 
     Raises:
         DataError: a file is missing, broken or not an image.
     """
-    return np.stack([resize_image(read_image(path), size) for path in paths])
+    aspect = size[1] / size[0]
+    return np.stack([resize_image(cut(read_image(path), aspect), size) for path in paths])

@@ -23,16 +23,16 @@ from experiments.config.cli import main
 from experiments.config.presets import PRESETS, TARGETS, defaults
 from experiments.main.job import MAIN
 from experiments.reward.miou import Outcome, Recipe, Source
-from experiments.reward.truth import Truth, WithFew, rendered_of
+from experiments.reward.truth import WithFew, rendered_of
 from experiments.study.skeleton import do
-from experiments.target.base import Split, Target
+from experiments.target.base import Target
 from scene.attributes import NAMES
 from scene.proposal import components, describe, moments, slide
 from scene.workers import WorkerPool
-from seg.data import RealSet
-from seg.data.labelmefacade import COLORS
+from seg.data import LabelledImages
 from seg.train import TrainingError
 from shell.files import read_json
+from tests.layouts import FACADE
 
 ROOT = Path(__file__).resolve().parents[2]
 H, W = 12, 16
@@ -71,7 +71,8 @@ def camvid(tmp_path: Path) -> Path:
     root = tmp_path / "camvid"
     for split, names in {"train": ["A_1", "A_2", "B_1", "B_2"], "test": ["B_8", "C_1"]}.items():
         for k, name in enumerate(names):
-            write_pair(root / split / f"{name}.png", root / f"{split}annot" / f"{name}.png", k, 10)
+            paths = root / split / f"{name}.png", root / f"{split}annot" / f"{name}.png"
+            write_pair(*paths, k + 8 * (split == "test"), 10)
     return root
 
 
@@ -83,7 +84,11 @@ def cityscapes(tmp_path: Path) -> Path:
         for k in range(2):
             kinds = ("leftImg8bit", "leftImg8bit"), ("gtFine", "gtFine_labelIds")
             stem = f"{split}/{city}/{city}_000000_{k:06d}"
-            write_pair(*(root / folder / f"{stem}_{kind}.png" for folder, kind in kinds), k, 33)
+            write_pair(
+                *(root / folder / f"{stem}_{kind}.png" for folder, kind in kinds),
+                k + 8 * (split == "val"),
+                33,
+            )
     return root
 
 
@@ -91,13 +96,12 @@ def cityscapes(tmp_path: Path) -> Path:
 def labelmefacade(tmp_path: Path) -> Path:
     """Train (two albums, two photographs each) and test (two), wider and higher than 4:3."""
     root = tmp_path / "labelmefacade"
-    colors = np.array(COLORS, np.uint8)
     for split, names in {"train": "b__2 a_p1 b__1 a_p2", "test": "b__10 c"}.items():
         for k, name in enumerate(names.split()):
             path = root / "labels" / f"{name}.png"
-            write_pair(path.with_suffix(".tif"), path, k, len(COLORS) - 1)
+            write_pair(path.with_suffix(".tif"), path, k + 8 * (split == "test"), len(FACADE) - 1)
             values = np.asarray(Image.open(path))[:, : W - 4 * (k % 2)]
-            Image.fromarray(colors[values]).save(path)
+            Image.fromarray(FACADE[values]).save(path)
             photo = Image.open(path.with_suffix(".tif")).crop((0, 0, *values.shape[::-1]))
             (root / "images").mkdir(exist_ok=True)
             photo.save(root / "images" / f"{name}.jpg")
@@ -108,7 +112,7 @@ def labelmefacade(tmp_path: Path) -> Path:
 
 def target_of(reward: Any, test: Any) -> Target:
     """Stands for CamVid: named images, and arrays that are the same at every size."""
-    sides = Split(*(RealSet((), (), side.images, side.labels) for side in (reward, test)))
+    sides = {"reward": reward, "test": test, "labelled": reward}
     return Target("camvid", True, "camvid", "", ("a", "b"), ("s", "s"), ("c",), lambda *_: sides)
 
 
@@ -149,7 +153,7 @@ def formula(
     recipe: Recipe, source: Source, seed: int, truth: Any, parts: Any = (), sees: Any = None
 ) -> Outcome:
     """Worth more with buildings far off, or with (more) real images; a little noise by seed."""
-    if isinstance(source, Truth):
+    if isinstance(source, LabelledImages):
         right = 800 + len(source.images)
     else:
         place = NAMES.index("building_position")

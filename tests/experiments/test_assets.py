@@ -47,7 +47,7 @@ def test_a_study_leaves_its_figures(assets):
     gain, interval = paired_gain(full, half)
     assert report["rows"][0]["more_assets"] is None and gain > 0
     assert report["rows"][1]["more_assets"] == {"mean": gain, "ci95": interval}
-    assert "| 4 | 2 | 50 % |" in text and "attributes set by eye" in text
+    assert "| 4 | 2 | 50 % |" in text and "hand-set attributes" in text
     # Nets that failed are told and left out.
     report["rows"][1]["nets"] = [None, None]
     found = FORM.derive(report)

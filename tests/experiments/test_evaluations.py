@@ -28,7 +28,6 @@ from experiments.reward.store import (
     read,
     record_of,
 )
-from experiments.reward.truth import Truth
 from experiments.run.context import Run
 from experiments.run.ladder import cost_of, training_cost
 from experiments.run.learn import plan_of
@@ -38,13 +37,14 @@ from experiments.store import main
 from scene.attributes import NAMES
 from scene.proposal import Histogram, Proposal, default_proposal, mixture, random_proposal
 from scene.workers import WorkerPool
+from seg.data import LabelledImages
 from shell.errors import UserError
 from shell.progress import Progress
 
 from .conftest import POOL, diverge, formula, lines, main_job, never, searching, target_of, untimed
 
 CONFIG = defaults(MainConfig, "camvid", "smoke")
-TRUTH = Truth(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
+TRUTH = LabelledImages(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
 TARGET = target_of(TRUTH, TRUTH)
 FAILED = "the loss is nan after 50 of 200 steps"
 
@@ -363,7 +363,7 @@ def test_nets_begun_ahead_are_made_once_with_the_same_values(killed, a_run, scor
 
 def test_more_than_a_tenth_failed_ends_it(a_run, scored_by, capsys):
     def first_fail(end, recipe, source, seed, truth):
-        fails = isinstance(source, Truth) and seed < end
+        fails = isinstance(source, LabelledImages) and seed < end
         return (diverge if fails else formula)(recipe, source, seed, truth)
 
     scored_by(partial(first_fail, 6))  # one may

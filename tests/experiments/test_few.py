@@ -14,11 +14,12 @@ from experiments.reward import miou
 from experiments.reward.evaluator import Evaluator, Job, Memory
 from experiments.reward.shelf import FOLDER, Shelf
 from experiments.reward.store import Log
-from experiments.reward.truth import Truth, WithFew, part_of
+from experiments.reward.truth import WithFew, part_of
 from experiments.run.few import TRAINED_ON
 from experiments.target.few import spread
 from experiments.target.named import named_target
 from scene.proposal import default_proposal, random_proposal
+from seg.data import LabelledImages
 from shell.files import read_json
 
 from .conftest import POOL, Counted, lines, main_job, never
@@ -50,13 +51,13 @@ def test_the_few_give_no_reward(tiny_camvid):
     assert [name[0] for name in target.few_names] == ["A", "B"]
     assert sorted(target.reward_names + target.few_names) == sorted(whole.reward_names)
     assert "2 of the 4 (A 1, B 1) join every training set" in target.title
-    split, all_ = target.at(12, 16), whole.at(12, 16).reward
-    for part, names in ((split.reward, target.reward_names), (split.few, target.few_names)):
+    split, all_ = target.at(12, 16), whole.at(12, 16)["reward"]
+    for part, names in ((split["reward"], target.reward_names), (split["few"], target.few_names)):
         assert part.names == names
         for name, image, label in zip(names, part.images, part.labels, strict=True):
             k = all_.names.index(name)
             assert np.array_equal(image, all_.images[k]) and np.array_equal(label, all_.labels[k])
-    assert split.labelled.names == all_.names and split.test.names == target.test_names
+    assert split["labelled"].names == all_.names and split["test"].names == target.test_names
     found = {named_target(replace(tiny_camvid, few=0.5, seed=s), POOL).few_names for s in range(9)}
     assert found == {target.few_names}  # runs of all seeds share them
 
@@ -99,7 +100,7 @@ def test_an_evaluation_is_named_by_its_few():
     sources += [WithFew(ours, few, 0.3), WithFew(by_eye, few, 0.5)]
     keys = [key(source, 1) for source in sources]
     assert len(set(keys)) == len(keys)
-    again = Truth(few.images.copy(), few.labels.copy())
+    again = LabelledImages(few.images.copy(), few.labels.copy())
     assert key(WithFew(ours, again, 0.5), 1) == keys[2] and key(again, 1) == keys[1]
     configs = {about(source)["config"] for source in sources}
     assert len(configs) == 4 and about(sources[2])["few"] == 2  # none, two sets, two shares
@@ -133,7 +134,10 @@ def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counte
     assert main_job("camvid", "--out", str(out), *flags) == 0
     seen = [source for _, source, *_ in counted.calls]
     assert all(isinstance(source, WithFew) and source.share == 0.4 for source in seen[:12])
-    sizes = [len(s.images) if isinstance(s, Truth) else isinstance(s, WithFew) for s in seen[13:]]
+    sizes = [
+        len(s.images) if isinstance(s, LabelledImages) else isinstance(s, WithFew)
+        for s in seen[13:]
+    ]
     # What is rendered takes longer, and begins first.
     assert sizes == [*[False, False, False, True, True, True] * 2, 2, 4, 2, 4]
     assert [len(task[3].images) for task in counted.calls[:13]] == [2] * 13

@@ -5,8 +5,9 @@ import json
 import pytest
 
 from experiments.reward.miou import Outcome
-from experiments.reward.truth import Truth, rendered_of
+from experiments.reward.truth import rendered_of
 from scene.proposal import moments
+from seg.data import LabelledImages
 from tests.guard_files import as_recorded
 from tests.guard_searches import FLAGS, METHODS, RECORD, mark, summed_up
 
@@ -30,7 +31,7 @@ class Recorded:
             self.known.setdefault(seed, []).append((place, reward))
 
     def __call__(self, recipe, source, seed, truth, parts=(), sees=None):
-        own = None if isinstance(source, Truth) else mark(*moments(rendered_of(source)))
+        own = None if isinstance(source, LabelledImages) else mark(*moments(rendered_of(source)))
         fitting = {
             reward for place, reward in self.known.get(seed, ())
             if own == place or (None not in (own, place) and abs(own - place) < CLOSE)

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from experiments.labels import FORM, counts_of, defaults
-from experiments.reward.truth import Truth, WithFew
+from experiments.reward.truth import WithFew
 from experiments.study.stats import reached, worth
 from experiments.target.base import Target
 from scene.proposal import Mixture, describe, streets_named
+from seg.data import LabelledImages
 
 from .conftest import Counted, never
 
@@ -46,7 +47,7 @@ def test_labels_that_renders_are_worth_by_hand():
     assert by[14, "default"]["of_all"] == pytest.approx(100 * 34 / 35)
     text = FORM.text(found)
     assert "alone are worth 10 labelled images" in text
-    assert "| 14 | attributes set by eye | 34.0 |" in text and "+4.0" in text
+    assert "| 14 | hand-set attributes | 34.0 |" in text and "+4.0" in text
     beyond = report({7: 20, 14: 30}, {0: 5, 14: 40})
     ends = [(end["labels"], end["bound"]) for end in beyond["worth"]]
     assert ends == [(7, "at most"), (14, "at least")]
@@ -129,7 +130,7 @@ def test_renders_may_be_half_random_and_half_by_eye(reported):
     assert (
         sum(isinstance(each, Mixture) and describe(each) == describe(own) for each in renders) == 6
     )
-    assert "| 0 | half of them random, half by eye |" in words
+    assert "| 0 | half of them random, half hand-set |" in words
 
 
 def test_every_net_sees_its_labels_and_pairs_share_them(reported):
@@ -137,7 +138,7 @@ def test_every_net_sees_its_labels_and_pairs_share_them(reported):
     found, _ = reported("labels", evaluate=scores)
     calls = [(source, seed) for _, source, seed, _ in scores.calls]
     beside = {(len(s.arrays.images), seed): s for s, seed in calls if isinstance(s, WithFew)}
-    alone = {(len(s.images), seed): s for s, seed in calls if isinstance(s, Truth)}
+    alone = {(len(s.images), seed): s for s, seed in calls if isinstance(s, LabelledImages)}
     assert set(beside) == set(alone) == {(2, 0), (2, 1), (4, 0), (4, 1)} and len(calls) == 2 + 4 + 4
     for place, few in alone.items():
         np.testing.assert_array_equal(beside[place].arrays.images, few.images)

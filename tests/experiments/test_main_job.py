@@ -14,7 +14,7 @@ from scene.attributes import NAMES
 from scene.dataset.export import read_dataset
 from scene.render.__main__ import main as scene_render
 from seg.classes import CITYSCAPES_19
-from seg.data import read_cityscapes
+from seg.data import read_split
 from shell.files import read_json
 from tests.conftest import gone, wait_for_lines
 from tests.guard_files import as_recorded
@@ -50,7 +50,10 @@ def test_the_run_folder_is_complete(unbroken):
     assert {Image.open(path).size for path in pictures} == {(64, 32)}
     kept = {p.name for p in (out / "pictures").iterdir()} - {p.name for p in pictures}
     assert kept == {"expected.npy", "matters.json", "probabilities.npy", "seen.json"}
-    found, rendered = read_cityscapes(out / "dataset", "train"), read_dataset(out / "dataset")
+    found, rendered = (
+        read_split("cityscapes", out / "dataset", "train"),
+        read_dataset(out / "dataset"),
+    )
     assert found.images.shape == (6, 32, 64, 3) and found.names[0] == "scenex_000000_000000"
     np.testing.assert_array_equal(found.images, rendered.images)
     np.testing.assert_array_equal(found.labels, CITYSCAPES_19.from_train_id[rendered.labels])

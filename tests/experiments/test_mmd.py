@@ -13,11 +13,10 @@ from experiments.reward.miou import Recipe, render
 from experiments.reward.mmd import FILE, FeatureNet, evaluate_mmd, feature_net
 from experiments.reward.shelf import Shelf
 from experiments.reward.store import Log
-from experiments.reward.truth import Truth
 from experiments.target.named import named_target
 from scene.attributes import NAMES
 from scene.proposal import random_proposal
-from seg.data import RealSet
+from seg.data import LabelledImages
 from seg.mmd import mmd2
 from shell.errors import UserError
 from shell.files import read_json
@@ -25,11 +24,11 @@ from shell.files import read_json
 from .conftest import POOL, TINY, diverge, lines, main_job, searching, target_of
 
 
-def unlabelled(height: int, width: int, count: int = 6) -> RealSet:
+def unlabelled(height: int, width: int, count: int = 6) -> LabelledImages:
     """Real images of noise, all of whose labels are void."""
     names = tuple(f"{k}" for k in range(count))
     images = np.random.default_rng(0).integers(0, 256, (count, height, width, 3)).astype(np.uint8)
-    return RealSet(names, names, images, np.full(images.shape[:3], 255, np.uint8))
+    return LabelledImages(images, np.full(images.shape[:3], 255, np.uint8), names, names)
 
 
 TARGET = target_of(unlabelled(48, 64), unlabelled(48, 64))
@@ -119,7 +118,7 @@ def test_a_dataset_is_nearest_to_itself_by_a_net_that_is_trained_once(recipe, ne
 
 def test_kinds_of_rewards_are_kept_apart(recipe, net, tmp_path):
     images = unlabelled(recipe.fidelity.height, recipe.fidelity.width)
-    truth, reference = Truth(images.images, images.labels), net.reference(images.images)
+    truth, reference = images, net.reference(images.images)
     moved = reference._replace(net="elsewhere.npz")  # where the net lies does not matter
     told = [about(recipe, TARGET, "reward", t) for t in (truth, reference, moved)]
     keys = [each["config"] for each in told]

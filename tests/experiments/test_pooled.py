@@ -14,12 +14,13 @@ from experiments.config import MainConfig, check
 from experiments.config.presets import defaults
 from experiments.reward.miou import Outcome
 from experiments.reward.store import identity
-from experiments.reward.truth import Shared, StreetPool, Subset, Truth, WithFew, loaded
+from experiments.reward.truth import Shared, StreetPool, Subset, WithFew, loaded
 from experiments.run import pooled
 from experiments.run.context import opened
 from experiments.run.learn import candidate, learn, offered, plan_of
 from scene.attributes import NAMES, default_unit
 from scene.proposal import Mixture, components, moments
+from seg.data import LabelledImages
 from shell.errors import UserError
 from shell.files import read_json
 
@@ -30,7 +31,7 @@ def far(recipe, source, seed, truth, parts=(), sees=None) -> Outcome:
     """Worth more with buildings far off, as the labels of the streets tell; of others by seed."""
     own = source.rendered if isinstance(source, WithFew) else source
     share = 0.4
-    if isinstance(own, Truth):
+    if isinstance(own, LabelledImages):
         share = float(np.mean(loaded(own).labels == 3))
     iou = 0.3 + 0.2 * share + 0.0001 * (seed % 7)
     return Outcome(iou, [iou], 0.5, 1.5, parts=(iou,) * len(parts))

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from experiments.pretrain import FORM, defaults, fine_fidelity
 from experiments.reward import miou
 from experiments.reward import transfer as nets
-from experiments.reward.truth import Truth
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
+from seg.data import LabelledImages
 
 from .conftest import Counted, diverge, formula, lines, never, transferred
 
@@ -53,9 +53,9 @@ def test_subsets_and_the_fine_tuning_by_hand():
 def way(monkeypatch):
     """Follows one net with stubs for rendering, training and scoring; lists what was trained."""
     fidelity = defaults("camvid", "smoke").final
-    blank = Truth(np.zeros((6, 48, 64, 3), np.uint8), np.zeros((6, 48, 64), np.uint8))
+    blank = LabelledImages(np.zeros((6, 48, 64, 3), np.uint8), np.zeros((6, 48, 64), np.uint8))
     numbered = blank.images[:4] + np.arange(4, dtype=np.uint8)[:, None, None, None]
-    real, done = Truth(numbered, blank.labels[:4]), []
+    real, done = LabelledImages(numbered, blank.labels[:4]), []
 
     def train(seed, images, labels, settings, classes, params=None, **_):
         done.append((settings.steps, images[:, 0, 0, 0].tolist(), params))

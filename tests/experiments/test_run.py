@@ -15,7 +15,6 @@ from experiments.reward.made_with import made_with
 from experiments.reward.miou import Recipe, trained, worker_environment
 from experiments.reward.mmd import train_features
 from experiments.reward.store import digest_of, read, write_store
-from experiments.reward.truth import Truth
 from experiments.run import context
 from experiments.run.nets import score_nets
 from experiments.store import main as merge_stores
@@ -23,6 +22,7 @@ from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from scene.render import RendererError
 from scene.workers import WorkerPool
+from seg.data import LabelledImages
 from shell.errors import UserError
 from shell.folder import plain
 from tests.conftest import printed
@@ -176,7 +176,7 @@ def test_a_store_keeps_two_backends_apart(tiny_camvid, counted, elsewhere, capsy
 def test_a_worker_of_another_backend_is_refused(elsewhere):
     recipe = Recipe(FINAL, "camvid", "embree", AssetPool(), made_with=made_with())
     elsewhere()
-    real = Truth(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
+    real = LabelledImages(np.zeros((2, 8, 8, 3), np.uint8), np.zeros((2, 8, 8), np.uint8))
     for work in (partial(trained, recipe, real, 0), partial(train_features, recipe)):
         with pytest.raises(
             UserError, match="a worker has backend gpu, the run began with cpu: give"

@@ -28,7 +28,7 @@ def report(*searches):
     return derive({**about, **budget, "baselines": BASELINES, "searches": list(searches)})
 
 
-def test_a_method_has_a_row_with_the_judge_and_one_without():
+def test_a_method_has_a_row_with_model_selection_and_one_without():
     found = report(
         search(0, "default", nets(34.0, 36.0), own_nets=nets(31.0, 31.0)),
         search(1, "half", nets(36.0, 38.0), own_nets=nets(33.0, 35.0)),
@@ -40,12 +40,12 @@ def test_a_method_has_a_row_with_the_judge_and_one_without():
     assert rows["sdr", False]["gain_over_default"]["mean"] == -2.5
     assert [each["own_answer"] for each in found["searches"]] == [31.0, 34.0]
     page = text(found)
-    assert "learnt by sdr, without the judge | 2 | 32.5" in page
-    assert "Answers that are by eye itself: 1 of 2 of sdr." in page
+    assert "learnt by sdr, without model selection | 2 | 32.5" in page
+    assert "Answers that are hand-set: 1 of 2 of sdr." in page
 
 
 def test_reports_from_before_own_answers_had_nets_are_read():
     found = report(search(0, "half", nets(36.0, 38.0)))
     assert [row["judged"] for row in found["rows"]] == [True] * 4
     page = text(found)
-    assert "without the judge" not in page and "by eye itself" not in page
+    assert "without model selection" not in page and "that are hand-set" not in page

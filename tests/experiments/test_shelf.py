@@ -14,11 +14,12 @@ from experiments.reward.evaluator import Evaluator, Job, Memory, about
 from experiments.reward.miou import Recipe, evaluate_miou, worker_environment
 from experiments.reward.shelf import ABOUT, FOLDER, Shelf
 from experiments.reward.store import Log, outcome_of
-from experiments.reward.truth import Truth, loaded, part_of
+from experiments.reward.truth import loaded, part_of
 from scene.assets.catalogue import AssetPool
 from scene.proposal import default_proposal
 from scene.workers import WorkerPool
 from seg import pyramid
+from seg.data import LabelledImages
 from seg.recipes import RECIPES
 from seg.views import view_images
 from shell.errors import UserError
@@ -31,10 +32,10 @@ RECIPE = Recipe(Fidelity(64, 48, 1, 2, samples=1, train=TRAIN), "camvid", "embre
 COUNT = 25  # two tasks, of 16 and 9
 
 
-def noise(count: int, seed: int) -> Truth:
+def noise(count: int, seed: int) -> LabelledImages:
     rng = np.random.default_rng(seed)
     images = rng.integers(0, 256, (count, 48, 64, 3), dtype=np.uint8)
-    return Truth(images, rng.integers(0, 11, (count, 48, 64), dtype=np.uint8))
+    return LabelledImages(images, rng.integers(0, 11, (count, 48, 64), dtype=np.uint8))
 
 
 REAL, TEST = noise(COUNT, 0), noise(3, 1)

@@ -11,11 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from experiments.reward.truth import Truth, WithFew
+from experiments.reward.truth import WithFew
 from experiments.run.nets import with_net
 from experiments.study.stats import mean_ci95, paired_gain
 from experiments.table import FORM, PAPER, defaults, fidelity_of, subset_miou
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
+from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
 from seg.recipes import RECIPES
 
@@ -85,7 +86,7 @@ def test_data_sets_of_others_have_the_size_and_number_that_each_net_s_renders_ha
     for recipe, source, _, truth, *_ in seen.calls:
         size = (recipe.fidelity.height, recipe.fidelity.width)
         assert truth.images.shape[1:3] == size
-        if isinstance(source, Truth):
+        if isinstance(source, LabelledImages):
             assert source.images.shape[1:3] == source.labels.shape[1:3] == size
             assert len(source.images) in (4, recipe.fidelity.images)
 

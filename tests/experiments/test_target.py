@@ -16,9 +16,8 @@ from experiments.config.presets import defaults
 from experiments.run.learn import judged_on
 from experiments.target.base import refuse_overlap
 from experiments.target.named import named_target
-from seg.classes import CAMVID_11, LABELMEFACADE_6
-from seg.data.labelmefacade import COLORS
 from shell.errors import UserError
+from tests.layouts import FACADE, FACADE_IDS
 
 from .conftest import POOL, main_job
 
@@ -47,11 +46,15 @@ def test_the_public_protocol_and_a_sequence_held_out(tiny_camvid, camvid):
     assert "4 images" in target.title and "split test" in target.title
     assert "sequences B are on both sides" in target.title
     split = target.at(24, 32)
-    assert split.reward.images.shape == (4, 24, 32, 3) and split.test.labels.shape == (2, 24, 32)
-    reward = target.at(12, 16).reward
+    assert split["reward"].images.shape == (4, 24, 32, 3) and split["test"].labels.shape == (
+        2,
+        24,
+        32,
+    )
+    reward = target.at(12, 16)["reward"]
     for name, labels in zip(reward.names, reward.labels, strict=True):
         values = np.asarray(Image.open(camvid / "trainannot" / f"{name}.png"))
-        np.testing.assert_array_equal(labels, CAMVID_11.from_file[values])
+        np.testing.assert_array_equal(labels, np.where(values == 11, 255, values))
     target = named_target(replace(tiny_camvid, holdout="B"), POOL)
     assert (target.reward_names, target.test_names) == (("A_1", "A_2"), ("B_1", "B_2"))
     assert "sequence B" in target.title and "both sides" not in target.title
@@ -76,14 +79,14 @@ def test_photographs_are_cut_to_four_by_three_and_albums_held_out(labelmefacade)
     assert judged_on(target, config)[0] == ((0, 2), (2, 4))
     assert "split test, 2 images (sequences b are on both sides)" in target.title
     split = target.at(9, 12)
-    for name, label in zip(target.reward_names, split.reward.labels, strict=True):
+    for name, label in zip(target.reward_names, split["reward"].labels, strict=True):
         # 16x12 as it is, 12x12 without a row and a half at either end.
         colors = np.asarray(Image.open(labelmefacade / "labels" / f"{name}.png"))
         assert colors.shape[1] in (16, 12)
         if colors.shape[1] == 12:
-            own = (colors[1:10, :, None] == np.array(COLORS)).all(axis=-1).argmax(axis=-1)
-            np.testing.assert_array_equal(label, LABELMEFACADE_6.from_file[own])
-    assert split.test.images.shape == (2, 9, 12, 3)
+            own = (colors[1:10, :, None] == FACADE).all(axis=-1).argmax(axis=-1)
+            np.testing.assert_array_equal(label, FACADE_IDS[own])
+    assert split["test"].images.shape == (2, 9, 12, 3)
     target = named_target(replace(config, holdout="a_p"), POOL)
     assert target.reward_names == ("b__1", "b__2") and target.test_names == ("a_p1", "a_p2")
     assert "both sides" not in target.title
@@ -117,18 +120,25 @@ def test_limits_choose_a_subset_that_runs_of_all_seeds_share(tiny_camvid):
     config = replace(tiny_camvid, reward_images=2, test_images=1)
     found = [named_target(replace(config, seed=s), POOL) for s in range(12)]
     ((reward, test),) = {(own.reward_names, own.test_names) for own in found}
-    assert (len(reward), len(test)) == (2, 1) and reward == found[0].at(16, 16).reward.names
+    assert (len(reward), len(test)) == (2, 1) and reward == found[0].at(16, 16)["reward"].names
 
 
 @pytest.mark.parametrize(("flags", "words"), [
-    (("--data", "/nowhere"), ("/nowhere", "no such folder", "CamVid")),
+    (("--data", "/nowhere"), ("/nowhere", "no such folder", "camvid", "{split}.txt or {split}/{name}")),
     (("--holdout", "Z"), ("--holdout 'Z'", "sequences A, B")),
     (("--holdout", "A", "--test-split", "test"), ("--holdout", "--test-split")),
     (("--test-split", "train"), ("4 images", "A_1", "--test-split", "--holdout")),
-    (("--test-split", "val"), ("no split 'val'", "Splits there: test, train")),
+    (("--test-split", "val"), ("no split 'val'", "val.txt", "Splits there: train, test")),
 ])  # fmt: skip
 def test_what_is_not_there_or_at_odds(fails, flags, words):
     fails(*words, flags=flags)
+
+
+def test_an_image_on_both_sides_is_found_under_another_name(fails, camvid):
+    for kind in ("", "annot"):
+        image = (camvid / f"train{kind}" / "A_2.png").read_bytes()
+        (camvid / f"test{kind}" / "Z_9.png").write_bytes(image)
+    fails("1 images are in two splits", "A_2 in the reward images is Z_9 in the test images")
 
 
 def test_a_missing_split_and_an_image_on_both_sides(fails, camvid):
@@ -166,7 +176,7 @@ def flat(value: int, size=(12, 16)):
     (short(40), "trainannot/B_1.png", ("FILE", "broken or truncated")),
     (short(0), "test/C_1.png", ("C_1.png", "empty")),
     (flat(0, (8, 8)), "trainannot/A_2.png", ("FILE", "8x8", "16x12")),
-    (flat(77), "testannot/C_1.png", ("FILE", "label value 77", "camvid", "0..11")),
+    (flat(77), "testannot/C_1.png", ("FILE", "label id 77 (192 pixels in 1 file)", "no class of camvid")),
     (flat(11), "testannot/*.png", ("camvid", "all labels of the test images are void")),
     (Path.unlink, "train*/*.png", ("zero images", "train")),
 ])  # fmt: skip

@@ -32,10 +32,11 @@ from scene.mesh.file import SUFFIXES, read_mesh
 from scene.proposal import Histogram, default_proposal, describe
 from scene.render import __main__ as render
 from sdr_jax.tune import __main__ as tune
-from seg.classes import CAMVID_11
-from seg.data.images import read_image, read_label
+from seg.data import LabelReader
+from seg.data.images import read_image
 from seg.weights import convert
 from shell.errors import UserError
+from shell.target_file import shipped
 from tests.robustness.conftest import EXAMPLE
 from tests.robustness.test_untrusted import bomb
 from tests.seg.test_seg_weights import SAVERS
@@ -168,7 +169,7 @@ def test_images_and_labels(data, counted, tmp_path):
     path = tmp_path / "x.png"
     path.write_bytes(data)
     with counted("label files"):
-        for read in (read_image, partial(read_label, table=CAMVID_11)):
+        for read in (read_image, LabelReader(shipped("camvid"))):
             with contextlib.suppress(UserError):
                 read(path)
 

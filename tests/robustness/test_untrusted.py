@@ -6,7 +6,6 @@ import pickle
 import struct
 import zipfile
 import zlib
-from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +14,12 @@ import pytest
 from scene.dataset.formats.png import read_png
 from scene.dataset.read import describe
 from scene.dataset.real import open_pictures
-from seg.classes import CAMVID_11
-from seg.data import list_camvid, list_labelmefacade
-from seg.data.images import read_image, read_label
+from seg.data import LabelReader, list_split
+from seg.data.images import read_image
 from seg.weights.read import read
 from shell.errors import UserError
 from shell.files import read_json
+from shell.target_file import shipped
 from tests.conftest import refused
 
 
@@ -42,7 +41,7 @@ def test_a_picture_that_says_it_is_huge_is_not_decoded(size, tmp_path, monkeypat
     (tmp_path / "trainannot").mkdir()
     path.write_bytes(bomb(*size))
     monkeypatch.setattr("cv2.imdecode", None)
-    labels, pairs = partial(read_label, table=CAMVID_11), open_pictures(tmp_path).pairs
+    labels, pairs = LabelReader(shipped("camvid")), open_pictures(tmp_path).pairs
     for reader in (read_image, labels, read_png, lambda _: next(pairs)):
         refused(ValueError, r"1\.png: .*more than 50,000,000 pixels", reader, path)
 
@@ -53,10 +52,17 @@ def test_a_list_of_images_does_not_lead_out_of_its_folder(name, tmp_path):
     for part in ("train", "trainannot"):
         (tmp_path / part).mkdir()
         (tmp_path / part / "a.png").write_bytes(bomb(1, 1))
-    refused(UserError, rf"train\.txt, line 2: {name} leads out of ", list_camvid, tmp_path, "train")
+    refused(
+        UserError,
+        rf"train\.txt, line 2: {name} leads out of ",
+        list_split,
+        shipped("camvid"),
+        tmp_path,
+        "train",
+    )
     (tmp_path / "train.txt").write_text(f"\n../{name}\n")
     message = rf"train\.txt, line 2: \.\./{name} leads out of "
-    refused(UserError, message, list_labelmefacade, tmp_path, "train")
+    refused(UserError, message, list_split, shipped("labelmefacade"), tmp_path, "train")
 
 
 def header(shape: tuple[int, ...], descr: str = "<f4") -> bytes:

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import pytest
 from hypothesis import strategies as st
 
+from sdr_jax.run import drive
 from tests.conftest import refuses as refuses
 from tests.trees import assert_close as assert_close
 from tests.trees import assert_same as assert_same
@@ -24,6 +25,12 @@ def light_compilation() -> Iterator[None]:
         yield
         jax.config.update("jax_disable_most_optimizations", False)
         jax.clear_caches()
+
+
+def driven(rng_key, method, reward_fn, updates=None, n=1):
+    """The last state of `drive`, and the records of all its updates, stacked."""
+    states, records = zip(*drive(rng_key, method, reward_fn, updates, n), strict=True)
+    return states[-1], jax.tree.map(lambda *leaves: jnp.stack(leaves), *records)
 
 
 def tell(method, actions, rewards, state=None):

@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import AskTell, Proposal, run_on_host, space
+from sdr_jax import AskTell, Proposal, space
 from sdr_jax.registry import make
 
-from .conftest import assert_close, assert_same, refuses
+from .conftest import assert_close, assert_same, driven, refuses
 
 SPACE = space(list("abc"), bins=[3, 5, 2], groups=[["b", "a"], ["c"]])
 PBIL = sdr_jax.pbil(SPACE)
@@ -46,7 +46,7 @@ def test_it_tries_what_the_loop_on_the_host_tries() -> None:
     def reward_fn(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
         return jnp.asarray([score(Proposal(*pair)) for pair in zip(*proposals, strict=True)])
 
-    state, record = run_on_host(jax.random.key(5), PBIL, reward_fn, updates=4, n=N)
+    state, record = driven(jax.random.key(5), PBIL, reward_fn, updates=4, n=N)
     search = AskTell(SPACE, PBIL, n=N, seed=5)
     for actions in np.asarray(record.actions):
         for trial in search.ask():

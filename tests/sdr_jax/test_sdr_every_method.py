@@ -12,11 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import METHODS, Method, MethodName, Proposal, relax, run, run_on_host, space
+from sdr_jax import METHODS, Method, MethodName, Proposal, relax, run, space
 from sdr_jax.registry import make, options_of
 from sdr_jax.relaxation import bin_mask
 
-from .conftest import KEY, SEEDS, assert_close, assert_same, learnt, refuses, tell
+from .conftest import KEY, SEEDS, assert_close, assert_same, driven, learnt, refuses, tell
 
 # Numbers of bins that differ, two included; groups of one and of several; one without an order.
 GROUPS = [["b", "a"], ["d"], ["c", "e"]]
@@ -51,7 +51,7 @@ def reward(share: float):
 def runner(name: str, updates: int, n: int):
     """Compiled once for any share of failures."""
     if name in HOST:
-        return lambda key, share: run_on_host(key, HOST[name], reward(share), updates, n)
+        return lambda key, share: driven(key, HOST[name], reward(share), updates, n)
     return jax.jit(lambda key, share: run(key, PURE[name], reward(share), updates, n))
 
 
@@ -71,13 +71,13 @@ def test_it_finds_the_optimum_of_an_easy_problem(name: str, failing: float, leas
 @pytest.mark.parametrize("name", PURE)
 def test_the_host_loop_keeps_the_record_of_run(name: str) -> None:
     _, record = runner(name, 75, 4)(jax.random.key(3), 0.0)  # compiled above
-    _, other = run_on_host(jax.random.key(3), PURE[name], reward(0), 5, 4)
+    _, other = driven(jax.random.key(3), PURE[name], reward(0), 5, 4)
     assert_close(other, jax.tree.map(lambda leaf: leaf[:5], record), rtol=1e-3, atol=1e-4)
 
 
 @pytest.mark.parametrize("name", ALL)
 def test_the_same_key_gives_the_same_bytes(name: str) -> None:
-    first, second = (run_on_host(jax.random.key(5), ALL[name], reward(0), 4, 3) for _ in range(2))
+    first, second = (driven(jax.random.key(5), ALL[name], reward(0), 4, 3) for _ in range(2))
     if name in HOST:  # states are no arrays
         first, second = ((HOST[name].solution(state), record) for state, record in (first, second))
     for a, b in zip(jax.tree.leaves(first), jax.tree.leaves(second), strict=True):

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import Method, Proposal, linear, run_on_host, space, surrogate
+from sdr_jax import Method, Proposal, linear, space, surrogate
 from sdr_jax.models import effects, history, regression
 from sdr_jax.models.choices import choices, integrated, runs
 from sdr_jax.models.features import Features, evaluate, features, maximise, maximise_each, tables
@@ -19,7 +19,7 @@ from sdr_jax.models.surrogate import follow, stratified
 from sdr_jax.registry import make
 from sdr_jax.relaxation import bin_mask
 
-from .conftest import KEY, SEEDS, assert_close, assert_same, learnt, refuses, tell
+from .conftest import KEY, SEEDS, assert_close, assert_same, driven, learnt, refuses, tell
 
 SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"], ["c"]])
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
@@ -300,7 +300,7 @@ def test_an_effect_is_found_and_what_has_none_stays_wide(method: Method) -> None
         noise = 0.2 * jax.random.normal(rng_key, proposals.centre.shape[:1])
         return 70 - 4 * jnp.abs(proposals.centre[:, 1] - 0.7) + noise
 
-    state, record = run_on_host(KEY, method, reward, 20, 4)
+    state, record = driven(KEY, method, reward, 20, 4)
     np.testing.assert_allclose(method.solution(state).centre[1], 0.7, atol=1e-6)
     a, b, c, d = np.asarray(method.spread(state).width)
     assert b == pytest.approx(0.2, abs=0.15) and np.mean([a, c, d]) > 0.6
@@ -314,7 +314,7 @@ def test_an_effect_is_found_and_what_has_none_stays_wide(method: Method) -> None
 def test_interactions_within_a_group_are_learnt(method: Method) -> None:
     """Where d and a agree in sign it is good; neither matters alone."""
     both = lambda _, proposals: (proposals.centre[:, [0, 3]] - 0.5).prod(axis=1)  # noqa: E731
-    state, _ = run_on_host(jax.random.key(1), method, both, 15, 4)
+    state, _ = driven(jax.random.key(1), method, both, 15, 4)
     a, _, _, d = method.solution(state).centre
     assert (a - 0.5) * (d - 0.5) > 0.12
 

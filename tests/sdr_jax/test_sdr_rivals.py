@@ -18,10 +18,9 @@ from sdr_jax.rivals.gaussian import GaussianParams, gaussian
 from sdr_jax.rivals.gaussian_process import gaussian_process
 from sdr_jax.rivals.pbil import _kernel, _rank_weights, pbil
 from sdr_jax.rivals.tpe import tpe
-from sdr_jax.run import run_on_host
 from sdr_jax.sdr import SdrState
 
-from .conftest import KEY, SEEDS, assert_same, refuses, tell
+from .conftest import KEY, SEEDS, assert_same, driven, refuses, tell
 
 SPACE = space(["a", "b", "c"], bins=[2, 10, 5])
 PAIR = space(["a", "b"], bins=[4, 2])
@@ -148,7 +147,7 @@ def test_descent_is_sdr_with_one_group_per_attribute_and_brute_force_for_a_polic
         best = max(tried, key=lambda k: np.mean(tried[k]))
         state = moved(fixed=state.descent.fixed.at[group].set(best))  # in place of arg max
 
-    found, record = run_on_host(KEY, DESCENT, reward, 4 * per_group, n)
+    found, record = driven(KEY, DESCENT, reward, 4 * per_group, n)
     np.testing.assert_array_equal(record.actions, jnp.stack(expected))
     np.testing.assert_array_equal(found.current, state.descent.fixed)
     np.testing.assert_array_equal(DESCENT.solution(found), relax(SINGLE, state.descent.fixed))
@@ -164,14 +163,14 @@ def test_a_round_tries_every_bin_with_any_number_of_data_sets(n: int, updates: i
         distance = jnp.abs(proposals.centre - values[None, :])
         return -jnp.sum(jnp.where(proposals.width < 1, distance, 1.0), axis=1)
 
-    state, record = run_on_host(KEY, method, reward, updates, n)
+    state, record = driven(KEY, method, reward, updates, n)
     assert (int(state.sweeps), int(state.tried)) == (3, 0)
     np.testing.assert_array_equal(state.current, best)
     assert record.info.group.tolist() == sorted(record.info.group.tolist())
     tried = np.asarray(record.actions).reshape(-1, 3)
     assert set(tried[:, 0]) == {-1, 0, 1, 2}  # the last in the order
     assert set(tried[:, 1]) == {0, 1, 2, 3, 4}  # the first: from then on it stays decided
-    earlier, _ = run_on_host(KEY, method, reward, updates - 1, n)
+    earlier, _ = driven(KEY, method, reward, updates - 1, n)
     assert int(earlier.current[0]) == -1  # a sweep that is not finished decides nothing
 
 
@@ -190,7 +189,7 @@ def test_repeats_are_averaged_and_failed_bins_tried_again_but_not_for_ever() -> 
     assert int(state.current[0]) == 1  # 0.6, against the mean of 1, 0 and 0
     np.testing.assert_allclose(method.probabilities(state), 0.5)  # it goes round again
     failing = lambda _, proposals: jnp.where(proposals.centre[:, 0] == 0.75, jnp.nan, 1.0)  # noqa: E731
-    state, record = run_on_host(KEY, attribute_descent(space(["a", "b"], bins=2)), failing, 6)
+    state, record = driven(KEY, attribute_descent(space(["a", "b"], bins=2)), failing, 6)
     assert record.actions[:, 0, 0].tolist() == [0, 1, 1, 1, 1, 1]  # 3 times the usual 2
     assert (state.current.tolist(), int(state.sweeps)) == ([0, -1], 1)
 

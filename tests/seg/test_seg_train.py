@@ -12,9 +12,10 @@ from jax.flatten_util import ravel_pytree
 
 import seg
 from seg import TrainingError, TrainSettings, mean_iou, predict, score
-from seg.data import list_camvid, load
+from seg.data import list_split, load, read_split
 from seg.step import Data, functions, plan
 from seg.train import _check, train
+from shell.target_file import shipped
 
 from .conftest import assert_close, assert_same, refuses, toy
 
@@ -167,9 +168,12 @@ def test_public_names_exist_and_reading_data_does_not_load_jax():
 
 
 def test_real_images_are_learnt(camvid_dir):
-    entries = [e for e in list_camvid(camvid_dir, "train") if e.sequence != "0006R0"]
-    data = load(entries, seg.CAMVID_11, (48, 64))
-    held_out = load(list_camvid(camvid_dir, "val"), seg.CAMVID_11, (48, 64))
+    files = shipped("camvid")
+    entries = [e for e in list_split(files, camvid_dir, "train") if e.sequence != "0006R0"]
+    data, held_out = (
+        load(entries, files, (48, 64)),
+        read_split("camvid", camvid_dir, "val", (48, 64)),
+    )
     settings = TrainSettings()
     params = train(0, data.images, data.labels, settings, 11)
     assert 0.20 < mean_iou(score(params, held_out.images, held_out.labels, settings, 11)) < 0.32

@@ -1,0 +1,327 @@
+"""Scores a trained net on labelled images: mIoU, every class, every group, outlines, the worst images.
+
+    python -m experiments.evaluate runs/fit/model DIR --json scores.json
+    python -m experiments.evaluate runs/fit/model DIR --target camvid --split train val --json scores.json
+
+DATA is a folder with a `target.yaml`, or --target says what its files are.
+The model may have the classes of the data, in any order, or the engine's: these are then brought to those of
+the data, and only classes that have a counterpart there are predicted; a class of the data that has none
+counts as 0. Scores are percent, at each image's own size; boundary IoU (Cheng et al., 2021) looks at strips
+along outlines, 2 % of the diagonal wide.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from experiments.predict import png
+from experiments.target.real import REPORTED
+from seg.boundary import SHARE, boundary_counts, boundary_iou
+from seg.classes import CITYSCAPES_19, IGNORE_LABEL, table_of
+from seg.data import DataError, Entry, LabelReader, list_split
+from seg.data.images import read_image
+from seg.metrics import absent_classes, confusion_matrix, iou
+from seg.model import Model, load_model
+from shell.command import Parser, exit_code
+from shell.errors import UserError
+from shell.files import write, write_json
+from shell.listing import split_names
+from shell.progress import Progress
+from shell.target_file import SHIPPED, TargetFile, find_target
+
+WORST = 6
+"""Images that are shown."""
+Read = Callable[[Entry], tuple[np.ndarray, np.ndarray]]
+
+
+class Labelled(NamedTuple):
+    """Labelled images on disk, of any sizes."""
+
+    classes: tuple[str, ...]  # what labels 0, 1, 2 ... mean
+    colors: np.ndarray  # u8[classes, 3] RGB
+    of_engine: np.ndarray  # u8[19], class of each of the engine's classes, 255 for none
+    entries: tuple[Entry, ...]  # with their groups
+    read: Read  # image u8[h, w, 3] and labels u8[h, w], 255 void
+
+
+def labelled(
+    target: TargetFile | str,
+    data: Path,
+    splits: Sequence[str] = (),
+    groups: Sequence[str] = (),
+) -> Labelled:
+    """The labelled images of a target.
+
+    Args:
+        target: what the files are, or the name or path of a target's file.
+        data: the folder.
+        splits: which are taken; by default the one that is reported on, or all where there is none.
+        groups: drives, cities or albums that are taken; by default all.
+
+    Raises:
+        UserError: no such target, split or group, or the folder is not as it should be.
+    """
+    target = find_target(target, data) if isinstance(target, str) else target
+    there = split_names(target, data)
+    if not splits:
+        reported = REPORTED.get(target.name, "test")
+        splits = [reported] if reported in there or not there else there
+    entries = [entry for split in splits for entry in list_split(target, data, split)]
+    known = sorted({entry.sequence for entry in entries})
+    for group in groups:
+        if group not in known:
+            shown = ", ".join(known[:8]) + (", ..." if len(known) > 8 else "")
+            raise UserError(f"--group {group}: {data} has none there; its groups: {shown}")
+    read_labels, table = LabelReader(target), table_of(target)
+
+    def read(entry: Entry) -> tuple[np.ndarray, np.ndarray]:
+        image, labels = read_image(entry.image_path), read_labels(entry.label_path)
+        if labels.shape != image.shape[:2]:
+            raise DataError(
+                f"{entry.label_path}: {labels.shape[1]}x{labels.shape[0]} pixels, but its image "
+                f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must agree"
+            )
+        return image, labels
+
+    chosen = tuple(e for e in entries if not groups or e.sequence in groups)
+    return Labelled(table.classes, table.colors, table.from_train_id[:19], chosen, read)
+
+
+def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
+    """Which of a model's classes may be predicted, and what they are in the data.
+
+    Returns:
+        Places in the model's classes, and u8[256] from a place there to a class of the data.
+
+    Raises:
+        UserError: the model has other classes.
+    """
+    table = np.full(256, IGNORE_LABEL, np.uint8)
+    if set(model.names) == set(data.classes):
+        table[: len(model.names)] = [data.classes.index(name) for name in model.names]
+    elif set(model.names) <= set(CITYSCAPES_19.classes):
+        engine = CITYSCAPES_19.classes
+        table[: len(model.names)] = [data.of_engine[engine.index(name)] for name in model.names]
+    among = np.flatnonzero(table != IGNORE_LABEL).tolist()
+    if not among:
+        raise UserError(
+            f"a model of other classes: {', '.join(model.names)}; the data have "
+            f"{', '.join(data.classes)}; expected these, or the engine's"
+        )
+    return among, table
+
+
+class _Scored(NamedTuple):
+    """What a model made of one image."""
+
+    entry: Entry
+    confusion: np.ndarray  # i64[classes, classes]
+    boundary: np.ndarray  # i64[2, classes]
+
+    @property
+    def miou(self) -> float:
+        """Mean IoU of the classes in the image, NaN where all is void."""
+        return _mean(iou(self.confusion))
+
+
+def evaluate(
+    model: Model | str | Path,
+    data: Labelled,
+    pictures: Path | None = None,
+    *,
+    progress: bool = False,
+) -> dict[str, Any]:
+    """Score a model.
+
+    Args:
+        model: a model, its folder, or the name of one that comes with the package.
+        data: from `labelled`, or made by hand.
+        pictures: a folder for the images that it is worst on, with their labels and its predictions.
+        progress: print how far the work is, and how long it will take.
+
+    Returns:
+        What `--json` writes: `miou` and `classes` in percent, None for classes that do not occur; the
+        `confusion` in pixels, by true and predicted class; `boundary_iou`; each of the `groups`; the `worst`.
+
+    Raises:
+        UserError: no model, a model of other classes, no labels, or a folder that holds something else.
+        DataError: a file is missing or broken.
+        OSError: a file cannot be written, with its name.
+    """
+    model = model if isinstance(model, Model) else load_model(model)
+    among, table = mapping(model, data)
+    if pictures is not None:
+        _refuse_others(pictures)
+    told = Progress(len(data.entries)) if progress else None
+    scored: list[_Scored] = []
+    for entry, _, labels, found in _predicted(model, data, among, table, told):
+        counts = boundary_counts(labels, found, len(data.classes))
+        scored.append(_Scored(entry, confusion_matrix(labels, found, len(data.classes)), counts))
+    if told is not None:
+        told.close()
+    confusion = np.sum([own.confusion for own in scored], axis=0)
+    if not confusion.any():
+        raise UserError("no pixel of these images is labelled; every label is void")
+    worst = sorted((own for own in scored if own.miou == own.miou), key=lambda own: own.miou)[
+        :WORST
+    ]
+    if pictures is not None:
+        _show(pictures, model, data, [own.entry for own in worst], among, table)
+    edges = boundary_iou(np.sum([own.boundary for own in scored], axis=0), confusion)
+    groups = sorted({own.entry.sequence for own in scored})
+    return {
+        "model": model.digest,
+        "images": len(scored),
+        **_scores(data, iou(confusion)),
+        "absent": list(absent_classes(confusion, data.classes)),
+        "boundary_iou": {**_scores(data, edges), "share_of_diagonal": SHARE},
+        "groups": {group: _group(data, scored, group) for group in groups},
+        "worst": [
+            {
+                "name": own.entry.name,
+                "group": own.entry.sequence,
+                "miou": _percent(own.miou),
+                "picture": None if pictures is None else _picture(k),
+            }
+            for k, own in enumerate(worst)
+        ],
+        "confusion": {"classes": list(data.classes), "pixels": confusion.tolist()},
+    }
+
+
+def _predicted(
+    model: Model,
+    data: Labelled,
+    among: Sequence[int],
+    table: np.ndarray,
+    told: Progress | None = None,
+) -> Iterator[tuple[Entry, np.ndarray, np.ndarray, np.ndarray]]:
+    """Entry, image, labels and prediction in the data's classes, a few images at a time."""
+    many, count = model.settings.predict_batch, len(data.entries)
+    for start in range(0, count, many):
+        some = data.entries[start : start + many]
+        pairs = [data.read(entry) for entry in some]
+        found = model.predict([image for image, _ in pairs], among)
+        for entry, (image, labels), own in zip(some, pairs, found, strict=True):
+            yield entry, image, labels, table[own]
+        if told is not None:
+            told.advance(len(some))
+            told.update(f"{start + len(some)} of {count} images")
+
+
+def _mean(values: np.ndarray) -> float:
+    """Mean of what is not NaN; NaN where nothing is left."""
+    known = values[~np.isnan(values)]
+    return float(known.mean()) if len(known) else float("nan")
+
+
+def _percent(value: float) -> float | None:
+    return None if np.isnan(value) else round(100 * value, 2)
+
+
+def _scores(data: Labelled, values: np.ndarray) -> dict[str, Any]:
+    classes = {name: _percent(v) for name, v in zip(data.classes, values.tolist(), strict=True)}
+    return {"miou": _percent(_mean(values)), "classes": classes}
+
+
+def _group(data: Labelled, scored: Sequence[_Scored], group: str) -> dict[str, Any]:
+    own = [one.confusion for one in scored if one.entry.sequence == group]
+    return {"images": len(own), **_scores(data, iou(np.sum(own, axis=0)))}
+
+
+def _picture(place: int) -> str:
+    return f"worst_{place + 1}.png"
+
+
+def _refuse_others(pictures: Path) -> None:
+    """Raise UserError for a folder that holds anything but such pictures."""
+    if pictures.exists() and not pictures.is_dir():
+        raise UserError(f"--pictures {pictures} is a file; it must be a folder")
+    ours = {_picture(k) for k in range(WORST)}
+    others = {path.name for path in pictures.iterdir()} - ours if pictures.is_dir() else set()
+    if others:
+        raise UserError(
+            f"--pictures {pictures} holds other files, such as {min(others)}; choose another"
+        )
+
+
+def _show(
+    pictures: Path,
+    model: Model,
+    data: Labelled,
+    entries: Sequence[Entry],
+    among: Sequence[int],
+    table: np.ndarray,
+) -> None:
+    """Write each image beside its labels and its prediction."""
+    pictures.mkdir(parents=True, exist_ok=True)
+    for k in range(WORST):  # of an earlier call
+        (pictures / _picture(k)).unlink(missing_ok=True)
+    palette = np.zeros((256, 3), np.uint8)
+    palette[: len(data.colors)] = data.colors
+    shown = _predicted(model, data._replace(entries=tuple(entries)), among, table)
+    for k, (_, image, labels, found) in enumerate(shown):
+        row = np.concatenate([image, palette[labels], palette[found]], axis=1)
+        write(pictures / _picture(k), png(row))
+
+
+def text(scores: dict[str, Any]) -> str:
+    """The scores as lines to print."""
+    edges = scores["boundary_iou"]
+    lines = [f"{'':16s} {'IoU':>6s} {'outline':>8s}"]
+    for name, value in {**scores["classes"], "mean": scores["miou"]}.items():
+        edge = edges["miou"] if name == "mean" else edges["classes"][name]
+        if value is not None:
+            lines.append(f"{name:16s} {value:6.2f} {edge:8.2f}")
+    lines += [
+        f"{group}: {own['miou']:.2f} on {own['images']} images"
+        for group, own in scores["groups"].items()
+        if own["miou"] is not None and len(scores["groups"]) <= 12
+    ]
+    return "\n".join(lines)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    parser = Parser("experiments.evaluate", __doc__)
+    parser.add_argument("model", metavar="MODEL", help="folder of a model")
+    parser.add_argument("data", type=Path, metavar="DATA", help="folder of labelled images")
+    parser.add_argument(
+        "--target",
+        metavar="NAME|FILE",
+        help=f"what the files are: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml",
+    )
+    parser.add_argument(
+        "--split", nargs="+", default=[], help="splits; by default the one that is reported on"
+    )
+    parser.add_argument(
+        "--group", nargs="+", default=[], help="drives, cities or albums; by default all"
+    )
+    parser.add_argument("--json", type=Path, required=True, help="the file to write")
+    parser.add_argument(
+        "--pictures", type=Path, help=f"folder for the {WORST} worst images, labels and predictions"
+    )
+    options = parser.parse_args(arguments)
+
+    def work() -> None:
+        model = load_model(options.model)
+        target = find_target(options.target, options.data)
+        data = labelled(target, options.data, options.split, options.group)
+        if options.json.is_dir():
+            raise UserError(f"--json {options.json} is a folder; name a file")
+        scores = evaluate(model, data, options.pictures, progress=True)
+        about = {"target": target.name, "data": str(options.data), "splits": options.split}
+        write_json(options.json, {**about, **scores})
+        print(text(scores))
+        print(options.json)
+
+    return exit_code(work, debug=options.debug, goes_on=False)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

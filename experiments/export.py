@@ -1,0 +1,57 @@
+"""Writes a trained net as an ONNX file, for onnxruntime and other programs.
+
+    python -m experiments.export runs/fit/model --onnx net.onnx
+
+The file's input is `image`, u8[1, height, width, 3], RGB of the model's size; its outputs are `labels`, u8[1,
+height, width], places of the classes, and `logits`. The classes stand in its metadata. It needs the extra
+onnx: pip install 'sdr-jax[onnx]'.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from seg.model import Model, load_model
+from seg.onnx_graph import onnx_bytes
+from shell.command import Parser, exit_code
+from shell.errors import UserError
+from shell.files import write
+
+
+def export(model: Model | str | Path, path: str | Path) -> int:
+    """Write a model as an ONNX file, whole or not at all; returns its bytes.
+
+    Args:
+        model: a model, its folder, or the name of one that comes with the package.
+        path: the file.
+
+    Raises:
+        UserError: no model, one that cannot be written as ONNX, or no package onnx.
+        OSError: the file cannot be written, with its name.
+    """
+    if Path(path).is_dir():
+        raise UserError(
+            f"--onnx {path} is a folder; name a file, such as {Path(path) / 'net.onnx'}"
+        )
+    model = model if isinstance(model, Model) else load_model(model)
+    return write(Path(path), onnx_bytes(model))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    parser = Parser("experiments.export", __doc__)
+    parser.add_argument("model", metavar="MODEL", help="folder of a model")
+    parser.add_argument("--onnx", type=Path, required=True, help="the file to write")
+    options = parser.parse_args(arguments)
+
+    def work() -> None:
+        size = export(options.model, options.onnx)
+        print(f"{options.onnx}: {size / 1e6:.1f} MB")
+
+    return exit_code(work, debug=options.debug, goes_on=False)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

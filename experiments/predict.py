@@ -1,0 +1,160 @@
+"""Segments images and videos with a trained net: label pictures of any size.
+
+    python -m experiments.predict runs/fit/model photographs --out labels
+    python -m experiments.predict runs/fit/model drive.mp4 --out frames --as overlay
+
+MODEL is a folder that `fit` or `Model.save` has left. IMAGES is an image, a video, or a folder of both. Each
+image gives a PNG of its own size and name in the folder of --out, each frame of a video NAME/000000.png and
+so on. The same command continues what was stopped: results that are there are kept.
+"""
+
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import chain, islice
+from pathlib import Path
+from typing import get_args
+
+import cv2
+import numpy as np
+
+from seg.data.frames import Frame, frames, list_sources
+from seg.model import PACKAGES, As, Model, load_model
+from shell.command import Parser, exit_code
+from shell.errors import UserError
+from shell.files import write
+from shell.folder import opened
+from shell.progress import Progress
+
+
+def predict(
+    model: Model | str | Path,
+    images: str | Path,
+    out: str | Path,
+    how: As | None = None,
+    *,
+    probabilities: bool = False,
+    progress: bool = False,
+) -> int:
+    """Write a label picture of each image, and go on where an earlier call was stopped.
+
+    Args:
+        model: a model, its folder, or the name of one that comes with the package.
+        images: an image, a video, or a folder of both.
+        out: the folder of the results, new or of the same call.
+        how: ids, colours or overlays; by default what label files of the model's data hold.
+        probabilities: write `NAME.npy`, f16[h, w, classes], too.
+        progress: print how far the work is, and how long it will take.
+
+    Returns:
+        How many images have their results in `out`.
+
+    Raises:
+        UserError: no model, no images, a broken file, or a folder that holds something else.
+        OSError: a file cannot be written, with its name.
+    """
+    model = model if isinstance(model, Model) else load_model(model)
+    images, out = Path(images), Path(out)
+    sources = list_sources(images)
+    how = how or model.written
+    if images.is_dir() and out.resolve().is_relative_to(images.resolve()):
+        raise UserError(f"--out {out} lies within {images}, whose images are read; choose another")
+    job = {
+        "command": "predict",
+        "model": model.digest,
+        "images": str(images.resolve()),
+        "as": how,
+        "probabilities": probabilities,
+        "classes": [own._asdict() for own in model.classes],
+    }
+    total = sum(source.frames for source in sources)
+    told = Progress(total) if progress else None
+    done = 0
+    with opened(out, job, packages=PACKAGES):
+        found = chain.from_iterable(frames(s, lambda n: _label(out, n).exists()) for s in sources)
+        for some in _batches(found, model.settings.predict_batch):
+            new = [frame for frame in some if frame is not None]
+            _write(model, new, out, how, probabilities)
+            before, done = done, done + len(some)
+            if told is not None:
+                told.advance(len(some) - len(new), replayed=True)
+                told.advance(len(new))
+                if 100 * before // total < 100 * done // total:
+                    told.update(f"{done} of {total} images")
+    if told is not None:
+        told.close()
+    return done
+
+
+def _batches(found: Iterator[Frame | None], size: int) -> Iterator[list[Frame | None]]:
+    while some := list(islice(found, size)):
+        yield some
+
+
+def _label(out: Path, name: str) -> Path:
+    return out / f"{name}.png"
+
+
+def _write(model: Model, new: Sequence[Frame], out: Path, how: As, probabilities: bool) -> None:
+    """Write what the model makes of some images; labels come last, since they say that all is there."""
+    if not new:
+        return
+    images = [frame.image for frame in new]
+    found = model.probabilities(images) if probabilities else model.predict(images)
+    for frame, labels in zip(new, found, strict=True):
+        path = _label(out, frame.name)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        if probabilities:
+            data = io.BytesIO()
+            np.save(data, labels.astype(np.float16))
+            write(path.with_name(f"{Path(frame.name).name}.npy"), data.getvalue())
+            labels = labels.argmax(axis=-1).astype(np.uint8)
+        write(path, png(model.painted(labels, how, frame.image)))
+
+
+def png(pixels: np.ndarray) -> bytes:
+    """A PNG of ids u8 or u16[h, w], or of RGB u8[h, w, 3]."""
+    _, data = cv2.imencode(".png", pixels[..., ::-1] if pixels.ndim == 3 else pixels)
+    return data.tobytes()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    parser = Parser("experiments.predict", __doc__)
+    parser.add_argument("model", metavar="MODEL", help="folder of a model")
+    parser.add_argument("images", type=Path, metavar="IMAGES", help="image, video or folder")
+    parser.add_argument("--out", type=Path, required=True, help="folder of the results")
+    parser.add_argument(
+        "--as",
+        dest="how",
+        choices=get_args(As),
+        help="what the PNGs hold: the ids of the model's own label files, their colours, or the image with "
+        "colours over it; by default ids, or colours where the model's label files have these",
+    )
+    parser.add_argument(
+        "--probabilities",
+        action="store_true",
+        help="beside each PNG NAME.npy, float16 of height, width and classes: how likely each class is",
+    )
+    options = parser.parse_args(arguments)
+
+    def work() -> None:
+        model = load_model(options.model)
+        done = predict(
+            model,
+            options.images,
+            options.out,
+            options.how,
+            probabilities=options.probabilities,
+            progress=True,
+        )
+        how = options.how or model.written
+        print(f"{options.out}: {done} images, {how} of {', '.join(model.names)}")
+
+    return exit_code(work, debug=options.debug)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

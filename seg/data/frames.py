@@ -1,0 +1,118 @@
+"""Images to segment: single files, folders of them, and videos, frame by frame."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+
+from seg.data.images import read_image
+from seg.errors import DataError
+from shell.files import files_below
+from shell.pictures import MOST_PIXELS
+
+IMAGES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
+
+
+class Source(NamedTuple):
+    """An image file, or a video."""
+
+    name: str  # path below the folder that was listed, without its ending
+    path: Path
+    frames: int  # about, of a video; 1 of an image
+
+    @property
+    def video(self) -> bool:
+        """Whether it is a video."""
+        return self.path.suffix.lower() in VIDEOS
+
+
+class Frame(NamedTuple):
+    """An image of a source."""
+
+    name: str  # that of the image; of a video its name and the number of the frame, `drive/000012`
+    image: np.ndarray  # u8[h, w, 3] RGB
+
+
+def list_sources(path: str | Path) -> tuple[Source, ...]:
+    """List the images and videos of a folder and its sub-folders, or one file, without reading images.
+
+    Args:
+        path: folder, image or video.
+
+    Raises:
+        DataError: there is no such file, nothing to segment, a video without frames, or two files would
+            give results of one name.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise DataError(f"{path}: no such file or folder; expected images or a video")
+    if path.is_dir():
+        paths = [p for p in files_below(path) if p.suffix.lower() in IMAGES + VIDEOS]
+        if not paths:
+            kinds = ", ".join(IMAGES + VIDEOS)
+            raise DataError(f"{path}: no images and no videos; expected files of {kinds}")
+        named = [(p.relative_to(path).with_suffix("").as_posix(), p) for p in paths]
+    else:
+        named = [(path.stem, path)]
+    seen: dict[str, Path] = {}
+    for name, own in named:
+        if name in seen:
+            raise DataError(f"{own}: {seen[name]} has the same name; names must differ")
+        seen[name] = own
+    return tuple(Source(name, own, _frames(own)) for name, own in named)
+
+
+def _frames(path: Path) -> int:
+    if path.suffix.lower() not in VIDEOS:
+        return 1
+    video = _opened(path)
+    count = max(int(video.get(cv2.CAP_PROP_FRAME_COUNT)), 1)
+    video.release()
+    return count
+
+
+def _opened(path: Path) -> cv2.VideoCapture:
+    """A video before its first frame; DataError where there is none."""
+    video = cv2.VideoCapture(str(path))
+    if not video.isOpened() or not video.grab():
+        raise DataError(
+            f"{path}: a video without frames, or in a format that OpenCV does not read; "
+            "put a readable video there, or its frames as images"
+        )
+    width, height = (
+        int(video.get(k)) for k in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)
+    )
+    if width * height > MOST_PIXELS:
+        raise DataError(f"{path}: {width}x{height} is more than {MOST_PIXELS:,} pixels")
+    return video
+
+
+def frames(source: Source, skip: Callable[[str], bool]) -> Iterator[Frame | None]:
+    """The images of a source in their order; None for each whose name is to be skipped.
+
+    Args:
+        source: from `list_sources`.
+        skip: whether the image of a name is not wanted; it is not decoded.
+
+    Raises:
+        DataError: the file is missing, broken or truncated, or a video without frames.
+    """
+    if not source.video:
+        yield None if skip(source.name) else Frame(source.name, read_image(source.path))
+        return
+    video = _opened(source.path)
+    number, there = 0, True
+    while there:
+        name = f"{source.name}/{number:06d}"
+        if skip(name):
+            yield None
+        else:
+            decoded, image = video.retrieve()
+            if not decoded:
+                raise DataError(f"{source.path}: frame {number} cannot be decoded; it is damaged")
+            yield Frame(name, cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
+        number, there = number + 1, video.grab()
+    video.release()

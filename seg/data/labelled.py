@@ -1,0 +1,284 @@
+"""Labelled images in memory, and the loading of them from a list of files."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+
+from seg.classes import IGNORE_LABEL, ClassTable, table_of
+from seg.data.images import read_image
+from seg.data.labels import LabelReader
+from seg.errors import DataError
+from shell.errors import UserError
+from shell.listing import Entry, list_split, shared_groups, split_names
+from shell.target_file import TRAIN, Fit, TargetFile, find_target
+
+if TYPE_CHECKING:  # the nets load JAX
+    from seg.nets.lite0 import Pyramid
+
+PADDING = (124, 116, 104)
+"""The colour beside an image of another shape: ImageNet's mean, which is 0 to the nets."""
+
+
+class LabelledImages(NamedTuple):
+    """Images of one size with their labels."""
+
+    images: UInt8[np.ndarray, "n h w 3"]  # RGB
+    labels: UInt8[np.ndarray, "n h w"]  # ids of a class table, 255 void
+    names: tuple[str, ...] = ()  # of each image, where they are known
+    sequences: tuple[str, ...] = ()  # of each image, where they are known
+    features: Pyramid | None = None
+    """Features of a frozen trunk, if they are known: one row per image for testing, those of all views of
+    the images for training, view after view."""
+    origin: tuple[LabelledImages, tuple[int, ...]] | None = None
+    """The images of which these are some, and their indices, if files are to hold all of them once."""
+
+    def between(self, first: int, end: int) -> LabelledImages:
+        """The images from the first up to the end, with one row of features each; nothing is copied."""
+        maps = self.features and type(self.features)(*(own[first:end] for own in self.features))
+        names, sequences = self.names[first:end], self.sequences[first:end]
+        return LabelledImages(
+            self.images[first:end], self.labels[first:end], names, sequences, maps
+        )
+
+    def take(self, indices: Sequence[int] | np.ndarray) -> LabelledImages:
+        """A copy of some of the images, with the features of all their views."""
+        picked, count = np.asarray(indices, np.int64), len(self.images)
+        names, sequences = (
+            tuple(column[k] for k in picked) if column else ()
+            for column in (self.names, self.sequences)
+        )
+        maps = self.features
+        if maps is not None:
+            views = np.arange(0, len(maps.eighth), count)[:, None]  # rows where they begin
+            maps = type(maps)(*(own[(views + picked).ravel()] for own in maps))
+        return LabelledImages(self.images[picked], self.labels[picked], names, sequences, maps)
+
+
+def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[Entry, ...]:
+    """Pick a random subset, the same for the same seed, in the order of the list.
+
+    Args:
+        entries: the whole split.
+        limit: how many to keep; None, or more than there are, keeps all.
+        seed: of the choice.
+
+    Raises:
+        ValueError: limit is less than 1.
+    """
+    if limit is not None and limit < 1:
+        raise ValueError(f"limit must be at least 1, or None for all images; got {limit}")
+    if limit is None or limit >= len(entries):
+        return tuple(entries)
+    kept = np.random.default_rng(seed).choice(len(entries), limit, replace=False)
+    return tuple(entries[index] for index in np.sort(kept))
+
+
+def resize_image(
+    image: UInt8[np.ndarray, "_h _w 3"], size: tuple[int, int]
+) -> UInt8[np.ndarray, "_height _width 3"]:
+    """Resize an image to (height, width): by area averages where it shrinks, else bilinearly."""
+    height, width = size
+    if image.shape[:2] == size:
+        return image
+    shrinks = height <= image.shape[0] and width <= image.shape[1]
+    kind = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    return cv2.resize(image, (width, height), interpolation=kind)
+
+
+def cut(pixels: np.ndarray, aspect: float) -> np.ndarray:
+    """The largest part around the centre that is so many times as wide as high, to the nearest pixel.
+
+    Args:
+        pixels: [h, w, ...], of an image or of its labels.
+        aspect: width over height.
+    """
+    height, width = pixels.shape[:2]
+    rows = min(height, max(round(width / aspect), 1))
+    columns = min(width, max(round(height * aspect), 1))
+    top, left = (height - rows) // 2, (width - columns) // 2
+    return pixels[top : top + rows, left : left + columns]
+
+
+def fitted(
+    image: UInt8[np.ndarray, "_h _w 3"], size: tuple[int, int]
+) -> tuple[UInt8[np.ndarray, "_height _width 3"], tuple[int, int]]:
+    """An image at another size with its aspect kept, and the rows and columns of it that show the image.
+
+    Where its shape is another it touches the top and the left, with `PADDING` beside it or below.
+
+    Args:
+        image: RGB.
+        size: (height, width).
+    """
+    scale = min(wanted / own for wanted, own in zip(size, image.shape[:2], strict=True))
+    rows, columns = (
+        min(max(round(own * scale), 1), wanted)
+        for own, wanted in zip(image.shape[:2], size, strict=True)
+    )
+    canvas = np.empty((*size, 3), np.uint8)
+    canvas[:] = PADDING
+    canvas[:rows, :columns] = resize_image(image, (rows, columns))
+    return canvas, (rows, columns)
+
+
+def _fit(
+    image: np.ndarray, label: np.ndarray, size: tuple[int, int], fit: Fit
+) -> tuple[np.ndarray, np.ndarray]:
+    """An image and its label at a size (height, width), their aspect kept."""
+    if fit == "cut":
+        image, label = (cut(pixels, size[1] / size[0]) for pixels in (image, label))
+        return resize_image(image, size), _resize_label(label, size)
+    image, inner = fitted(image, size)
+    whole = np.full(size, IGNORE_LABEL, np.uint8)
+    whole[: inner[0], : inner[1]] = _resize_label(label, inner)
+    return image, whole
+
+
+def _resize_label(label: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    if label.shape == size:
+        return label
+    # The exact variant samples at pixel centres; plain nearest shifts labels against the image.
+    return cv2.resize(label, (size[1], size[0]), interpolation=cv2.INTER_NEAREST_EXACT)
+
+
+def load(
+    entries: Sequence[Entry],
+    target: TargetFile,
+    size: tuple[int, int] | None = None,
+    fit: Fit | None = None,
+) -> LabelledImages:
+    """Read images and labels; images are resized by area averages, labels by nearest pixel.
+
+    Args:
+        entries: from `list_split`, `subset`, or made by hand.
+        target: what the label files hold.
+        size: (height, width) in pixels; None keeps the size on disk, which must then be one.
+        fit: what is done to images of another shape; by default as the target's file says.
+
+    Returns:
+        The images, in the order of the entries.
+
+    Raises:
+        DataError: there is nothing to load, or a file is missing, broken, or not what it should be.
+        ValueError: size is not positive.
+    """
+    if size is not None and (size[0] < 1 or size[1] < 1):
+        raise ValueError(f"size must be a positive (height, width); got {size}")
+    if not entries:
+        raise DataError("zero images to load; expected at least one entry")
+    reader = LabelReader(target)
+
+    def one(entry: Entry) -> tuple[np.ndarray, np.ndarray, Counter[str]]:
+        image = read_image(entry.image_path)
+        label, unknown = reader.known(entry.label_path)
+        if image.shape[:2] != label.shape:
+            raise DataError(
+                f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image "
+                f"{entry.image_path} has {image.shape[1]}x{image.shape[0]}; both must agree"
+            )
+        if size is not None:
+            image, label = _fit(image, label, size, fit or target.fit)
+        return image, label, unknown
+
+    with ThreadPoolExecutor(min(8, os.cpu_count() or 1)) as pool:
+        found = list(pool.map(one, entries))
+    wrong = {e.label_path: own for e, (_, _, own) in zip(entries, found, strict=True) if own}
+    if wrong:
+        raise reader.error(wrong)
+    first = found[0][1].shape
+    for entry, (_, label, _) in zip(entries, found, strict=True):
+        if label.shape != first:
+            raise DataError(
+                f"{entry.image_path}: {label.shape[1]}x{label.shape[0]} pixels where "
+                f"{entries[0].image_path} has {first[1]}x{first[0]}; give a size to resize them all"
+            )
+    return LabelledImages(
+        np.stack([image for image, _, _ in found]),
+        np.stack([label for _, label, _ in found]),
+        names=tuple(entry.name for entry in entries),
+        sequences=tuple(entry.sequence for entry in entries),
+    )
+
+
+def read_split(
+    target: TargetFile | str,
+    root: str | Path,
+    split: str,
+    size: tuple[int, int] | None = None,
+    limit: int | None = None,
+    seed: int = 0,
+) -> LabelledImages:
+    """Read a split of a target as ids of its classes: `list_split`, `subset` and `load` in one.
+
+    Args:
+        target: what the files are, or the name or path of a target's file.
+        root: the data's folder.
+        split: one of those that the target's file or the folder has.
+        size: (height, width) in pixels; None keeps the size on disk.
+        limit: how many images to keep; None keeps all.
+        seed: of the choice.
+    """
+    own = find_target(target) if isinstance(target, str) else target
+    return load(subset(list_split(own, root, split), limit, seed), own, size)
+
+
+class TargetData(NamedTuple):
+    """All labelled images of a target at one size."""
+
+    splits: dict[str, LabelledImages]
+    table: ClassTable
+    notes: tuple[str, ...]  # warnings that belong into a report
+
+
+def read_target(
+    target: TargetFile,
+    root: str | Path,
+    size: tuple[int, int],
+    fit: Fit | None = None,
+    splits: Sequence[str] = (),
+) -> TargetData:
+    """Read the splits of a target.
+
+    Args:
+        target: from `find_target`.
+        root: the data's folder.
+        size: (height, width) in pixels.
+        fit: what is done to images of another shape; by default as the target's file says.
+        splits: by default all.
+
+    Raises:
+        UserError: a file is not as it must be, or an image is in two splits.
+    """
+    names = tuple(splits) or split_names(target, Path(root)) or (TRAIN,)
+    listed = {split: list_split(target, root, split) for split in names}
+    read = {split: load(entries, target, size, fit) for split, entries in listed.items()}
+    refuse_shared(read)
+    note = shared_groups(listed)
+    return TargetData(read, table_of(target), (note,) if note else ())
+
+
+def refuse_shared(sides: Mapping[str, LabelledImages]) -> None:
+    """Raise UserError if an image is in two splits, by its pixels: names may differ."""
+    seen: dict[bytes, tuple[str, str]] = {}
+    shared: list[str] = []
+    for side, own in sides.items():
+        for k, image in enumerate(own.images):
+            name = own.names[k] if own.names else f"image {k + 1}"
+            key = hashlib.sha256(image.tobytes()).digest()
+            first, other = seen.setdefault(key, (side, name))
+            if first != side:
+                shared.append(f"{other} in {first} is {name} in {side}")
+    if shared:
+        raise UserError(
+            f"{len(shared)} images are in two splits, such as {shared[0]}; leave each in one of them"
+        )

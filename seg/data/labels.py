@@ -1,0 +1,254 @@
+"""Label files of every format, as ids of their target's classes."""
+
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import cv2
+import numpy as np
+from jaxtyping import UInt8
+from PIL import Image, ImageDraw
+
+from seg.classes import IGNORE_LABEL
+from seg.data.images import decode, read_file, read_image
+from seg.errors import DataError
+from shell.errors import UserError
+from shell.files import parse_json
+from shell.pictures import MOST_PIXELS, label_ids
+from shell.target_file import MOST_CLASSES, Format, TargetFile
+
+_UNKNOWN = MOST_CLASSES
+"""Of a value that stands in no class; no class has this id."""
+_FAR = 100_000.0
+"""Pixels from the picture that a corner of a polygon may be at most."""
+
+
+class Values(NamedTuple):
+    """What a label file holds."""
+
+    codes: np.ndarray  # i[h, w]: ids, colours as numbers of 24 bits, or places in `names`
+    names: tuple[str, ...] = ()
+
+
+class LabelReader:
+    """Reads the label files of one target.
+
+    Args:
+        target: says of which format they are, and what stands in them.
+    """
+
+    def __init__(self, target: TargetFile) -> None:
+        self._target = target
+        self._read = _FORMATS[target.format or "ids"]
+        self._class_of: dict[Any, int] = dict.fromkeys(target.void, IGNORE_LABEL)
+        for k, own in enumerate(target.classes.values()):
+            self._class_of |= dict.fromkeys(getattr(own, target.kind), k)
+        self._table = np.zeros(0, np.uint8)  # of polygons each file has its own
+        if target.kind != "names":
+            self._table = np.full(1 << (16 if target.kind == "ids" else 24), _UNKNOWN, np.uint8)
+            for value, k in self._class_of.items():
+                self._table[_code(value) if isinstance(value, tuple) else value] = k
+
+    def __call__(self, path: Path) -> UInt8[np.ndarray, "_h _w"]:
+        """Read one file as ids of the target's classes, `IGNORE_LABEL` for void.
+
+        Raises:
+            DataError: it is missing, broken, of another format, or holds what no class names.
+        """
+        label, unknown = self.known(path)
+        if unknown:
+            raise self.error({path: unknown})
+        return label
+
+    def known(self, path: Path) -> tuple[UInt8[np.ndarray, "_h _w"], Counter[str]]:
+        """The same, void where no class names a value, and the pixels of each such value.
+
+        Raises:
+            DataError: the file is missing, broken or of another format.
+        """
+        codes, names = self._read(path)
+        if self._target.kind == "names":
+            ids = [IGNORE_LABEL, *(self._of_name(name) for name in names)]
+            label = np.array(ids, np.uint8)[codes]
+        elif codes.size and (codes.min() < 0 or codes.max() >= len(self._table)):
+            inside = (codes >= 0) & (codes < len(self._table))
+            label = np.where(inside, self._table[np.where(inside, codes, 0)], np.uint8(_UNKNOWN))
+        else:
+            label = self._table[codes]
+        wrong = label == _UNKNOWN
+        unknown: Counter[str] = Counter()
+        if wrong.any():
+            label = np.where(wrong, np.uint8(IGNORE_LABEL), label)
+            values, counts = np.unique(codes[wrong], return_counts=True)
+            for value, count in zip(values.tolist(), counts.tolist(), strict=True):
+                unknown[self._shown(value, names)] = count
+        return label, unknown
+
+    def _of_name(self, name: str) -> int:
+        # Cityscapes calls a crowd of cars "cargroup".
+        single = name.removesuffix("group")
+        return self._class_of.get(name, self._class_of.get(single, _UNKNOWN))
+
+    def _shown(self, code: int, names: Sequence[str]) -> str:
+        if self._target.kind == "names":
+            return repr(names[code - 1])
+        return str(code if self._target.kind == "ids" else _colour(code))
+
+    def error(self, unknown: dict[Path, Counter[str]]) -> DataError:
+        """What files hold that no class names: each value with its count and the first file that has it."""
+        total: Counter[str] = Counter()
+        for counts in unknown.values():
+            total += counts
+        files: Counter[str] = Counter(value for counts in unknown.values() for value in counts)
+        most = total.most_common(3)
+        shown = [
+            f"{value} ({count:,} pixels in {files[value]} file{'s' * (files[value] > 1)})"
+            for value, count in most
+        ]
+        more = f" and {len(total) - 3} more" if len(total) > 3 else ""
+        what = {"ids": "id", "colours": "colour", "names": "name"}[self._target.kind]
+        first = next(path for path, counts in unknown.items() if most[0][0] in counts)
+        return DataError(
+            f"{first}: label {what} {', '.join(shown)}{more} stands in no class of "
+            f"{self._target.source}, nor in its void; put it into one"
+        )
+
+
+def _code(rgb: Any) -> Any:
+    """One number for each colour, i32[...] of [... 3]."""
+    return np.asarray(rgb, np.int32) @ np.array((1 << 16, 1 << 8, 1), np.int32)
+
+
+def _colour(code: int) -> tuple[int, int, int]:
+    return code >> 16, code >> 8 & 255, code & 255
+
+
+def read_ids(path: Path) -> Values:
+    """Ids in one channel, grey of 1 to 16 bits or with a palette."""
+    try:
+        return Values(label_ids(read_file(path)))
+    except UserError as error:
+        why = error if str(path) in str(error) else f"{path}: {error}"
+        raise DataError(str(why)) from error
+
+
+def read_first_channel(path: Path) -> Values:
+    """Ids in the first of three channels of 16 bits, as SYNTHIA has them; instances are in the second."""
+    channels = decode(path, read_file(path), cv2.IMREAD_UNCHANGED)
+    if channels.ndim != 3 or channels.dtype != np.uint16:
+        count = 1 if channels.ndim == 2 else channels.shape[2]
+        raise DataError(
+            f"{path}: {count} channel(s) of {8 * channels.itemsize} bits; expected three of 16, "
+            "with class ids in the first (GT/LABELS of SYNTHIA, not GT/COLOR)"
+        )
+    return Values(channels[..., 2])  # OpenCV turns the channels round
+
+
+def read_colours(path: Path) -> Values:
+    """Colours, exact ones: others tell of a file that was saved as JPEG or resized with smoothing."""
+    return Values(_code(read_image(path)))
+
+
+def read_labelme(path: Path) -> Values:
+    """Polygons and rectangles of LabelMe, the later above the earlier; void where there is none."""
+    found = _table_at(path, _json(path), "")
+    polygons = []
+    for k, shape in enumerate(_list_at(path, found, "shapes")):
+        where = f"shapes[{k}]"
+        own = _table_at(path, shape, where)
+        points = _points(path, own.get("points"), f"{where}.points")
+        kind = own.get("shape_type", "polygon")
+        if kind == "rectangle" and len(points) == 2:
+            (left, top), (right, bottom) = points
+            points = [(left, top), (right, top), (right, bottom), (left, bottom)]
+        elif kind != "polygon":
+            raise DataError(
+                f"{path}: {where}.shape_type is {kind!r}; expected polygon, or rectangle of two points"
+            )
+        polygons.append((_name(path, own, where), points))
+    size = _size(path, found, "imageHeight", "imageWidth")
+    return _drawn(size, polygons)
+
+
+def read_cityscapes_polygons(path: Path) -> Values:
+    """Polygons of Cityscapes (``*_polygons.json``), the later above the earlier, deleted ones left out."""
+    found = _table_at(path, _json(path), "")
+    polygons = []
+    for k, item in enumerate(_list_at(path, found, "objects")):
+        own = _table_at(path, item, f"objects[{k}]")
+        if not own.get("deleted"):
+            points = _points(path, own.get("polygon"), f"objects[{k}].polygon")
+            polygons.append((_name(path, own, f"objects[{k}]"), points))
+    return _drawn(_size(path, found, "imgHeight", "imgWidth"), polygons)
+
+
+_FORMATS: dict[Format, Callable[[Path], Values]] = {
+    "ids": read_ids,
+    "ids-first-channel": read_first_channel,
+    "colours": read_colours,
+    "labelme-json": read_labelme,
+    "cityscapes-json": read_cityscapes_polygons,
+}
+
+
+def _json(path: Path) -> Any:
+    try:
+        return parse_json(read_file(path))
+    except ValueError as error:
+        if isinstance(error, UserError):
+            raise
+        raise DataError(f"{path}: no JSON ({error})") from None
+
+
+def _table_at(path: Path, value: Any, where: str) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise DataError(f"{path}: {where or 'the file'} must be a table of JSON, in braces")
+    return value
+
+
+def _list_at(path: Path, table: dict[str, Any], name: str) -> list[Any]:
+    if not isinstance(table.get(name), list):
+        raise DataError(f"{path}: {name} must be a list")
+    return table[name]
+
+
+def _name(path: Path, table: dict[str, Any], where: str) -> str:
+    if not isinstance(table.get("label"), str):
+        raise DataError(f"{path}: {where}.label must be text")
+    return table["label"]
+
+
+def _points(path: Path, value: Any, where: str) -> list[tuple[float, float]]:
+    points: list[Any] = value if isinstance(value, list) else [None]
+    for point in points:
+        right = isinstance(point, list) and len(point) == 2
+        if not right or not all(type(v) in (int, float) and abs(v) <= _FAR for v in point):
+            raise DataError(
+                f"{path}: {where} must be a list of points [x, y] in or near the picture"
+            )
+    return [(float(x), float(y)) for x, y in points]
+
+
+def _size(path: Path, table: dict[str, Any], *names: str) -> tuple[int, int]:
+    height, width = (table.get(name) for name in names)
+    for name, value in zip(names, (height, width), strict=True):
+        if type(value) is not int or value < 1:
+            raise DataError(f"{path}: {name} must be a positive whole number, not {value!r}")
+    assert height is not None and width is not None
+    if height * width > MOST_PIXELS:
+        raise DataError(f"{path}: {width}x{height} is more than {MOST_PIXELS:,} pixels")
+    return height, width
+
+
+def _drawn(
+    size: tuple[int, int], polygons: Sequence[tuple[str, list[tuple[float, float]]]]
+) -> Values:
+    """Places of names from 1, one polygon above the other, as the tools of both formats draw them."""
+    names = tuple(dict.fromkeys(name for name, _ in polygons))
+    canvas = Image.new("I", (size[1], size[0]))
+    pen = ImageDraw.Draw(canvas)
+    for name, points in polygons:
+        if len(points) > 2:
+            pen.polygon(points, fill=1 + names.index(name), outline=1 + names.index(name))
+    return Values(np.asarray(canvas), names)

@@ -1,0 +1,437 @@
+"""A trained net that leaves the program: saved as files, loaded again, and used on images of any size.
+
+A model is a folder of two files. `weights.safetensors` holds all variables of the net that training returns:
+with a frozen trunk those of the head alone, since the trunk's weights come with a package, which
+`config.json` names with their digest. `config.json` holds the classes, the size, the recipe and the versions.
+"""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, get_args
+
+import cv2
+import jax
+import numpy as np
+from jaxtyping import Float32, UInt8
+from safetensors import SafetensorError
+from safetensors.numpy import load as parse_tensors
+from safetensors.numpy import save as tensor_bytes
+
+from seg.classes import IGNORE_LABEL
+from seg.data.labelled import fitted
+from seg.errors import ModelError
+from seg.nets.lite0 import SMALLEST
+from seg.settings import TrainSettings, check_settings
+from seg.train import Params, logits, outline
+from seg.weights import lite0
+from shell.errors import UserError
+from shell.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
+from shell.target_file import TargetFile
+
+FORMAT = 1
+"""Of the folder; a newer one is refused."""
+CONFIG, WEIGHTS = "config.json", "weights.safetensors"
+SHIPPED = Path(__file__).parent / "models"
+"""Folders of the models that come with the package; each is known by its name."""
+PACKAGES = ("sdr-jax", "jax", "flax", "numpy", "opencv-python-headless", "safetensors")
+"""Whose versions a saved model names."""
+_LARGEST = 2**31  # bytes of weights: VGG16 has 553 MB
+
+Written = Literal["ids", "colours"]
+"""How label files name classes."""
+As = Literal["ids", "colours", "overlay"]
+"""What is written of a prediction; an overlay is half image, half colours."""
+
+
+class LabelClass(NamedTuple):
+    """A class, and how label files name it."""
+
+    name: str
+    id: int  # in files of ids, 0..65535
+    color: tuple[int, int, int]  # RGB
+
+
+def label_classes(
+    names: Sequence[str],
+    ids: Sequence[int] | None = None,
+    colors: Sequence[Sequence[int]] | None = None,
+) -> tuple[LabelClass, ...]:
+    """Classes in the order of the net's labels.
+
+    Args:
+        names: of the classes.
+        ids: in label files; by default their places 0, 1, 2 and so on.
+        colors: RGB; by default those of PASCAL VOC.
+    """
+    chosen = [_voc_color(k + 1) for k in range(len(names))] if colors is None else colors
+    numbers = range(len(names)) if ids is None else ids
+    return tuple(
+        LabelClass(str(name), int(number), (int(rgb[0]), int(rgb[1]), int(rgb[2])))
+        for name, number, rgb in zip(names, numbers, chosen, strict=True)
+    )
+
+
+def classes_of(target: TargetFile) -> tuple[LabelClass, ...]:
+    """The classes of a target; the id of a class is the first of its ids, or its place where it has none."""
+    ids = [own.ids[0] if own.ids else k for k, own in enumerate(target.classes.values())]
+    return label_classes(target.class_names, ids, target.palette)
+
+
+def _voc_color(number: int) -> tuple[int, int, int]:
+    """The colour of a number in PASCAL VOC: its bits in threes, the lowest to the highest bits of R, G, B."""
+    channels = [0, 0, 0]
+    for place in range(8):
+        for channel in range(3):
+            channels[channel] |= (number >> (3 * place + channel) & 1) << (7 - place)
+    return channels[0], channels[1], channels[2]
+
+
+@dataclass(frozen=True)
+class Model:
+    """A trained net with all that is needed to use it.
+
+    Attributes:
+        settings: its recipe, which names the net.
+        variables: all of its variables, as `seg.train.train` returns them.
+        size: (height, width) of the images that it was trained on; others are brought to it.
+        classes: what its labels 0, 1, 2 ... mean.
+        written: how label files of its data name classes, ids or colours.
+        notes: what it was trained on and what it is worth; plain values.
+        versions: of the packages that it was saved with.
+    """
+
+    settings: TrainSettings
+    variables: Params
+    size: tuple[int, int]
+    classes: tuple[LabelClass, ...]
+    written: Written = "ids"
+    notes: Mapping[str, Any] = field(default_factory=dict)
+    versions: Mapping[str, str] = field(default_factory=lambda: versions(PACKAGES))
+
+    def __post_init__(self) -> None:
+        check_settings(self.settings)
+        _check_classes(self.classes, self.written)
+        least = SMALLEST if self.settings.net == "lite0" else 1
+        if min(self.size) < least:
+            raise ValueError(f"size must be (height, width) of {least} or more; got {self.size}")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the classes."""
+        return tuple(own.name for own in self.classes)
+
+    @property
+    def digest(self) -> str:
+        """Sha256 of all that decides predictions and how they are written."""
+        described = self._described()
+        free = ("versions", "notes")
+        return digest({key: value for key, value in described.items() if key not in free})
+
+    def predict(
+        self,
+        images: UInt8[np.ndarray, "n h w 3"] | Sequence[np.ndarray],
+        among: Sequence[int] | None = None,
+    ) -> Any:
+        """Segment images of any size.
+
+        Each is brought to the model's size, its aspect kept, by area averages where it shrinks, with a
+        margin on the right or below; scores of classes are brought back to the image's own size.
+
+        Args:
+            images: RGB, one array u8[n, h, w, 3], or a list of arrays u8[h, w, 3] of any sizes.
+            among: the classes that may be predicted, by place; None for all.
+
+        Returns:
+            Places in `classes`, u8[n, h, w], or a list of u8[h, w] for a list.
+
+        Raises:
+            ValueError: an image that is not RGB bytes, or has no pixel.
+            WeightsError: the frozen trunk's weights cannot be used.
+        """
+        places = range(len(self.classes)) if among is None else among
+        found = [_highest(own, size, places) for own, size in self._scores(images)]
+        return np.stack(found) if isinstance(images, np.ndarray) else found
+
+    def probabilities(self, images: UInt8[np.ndarray, "n h w 3"] | Sequence[np.ndarray]) -> Any:
+        """How likely each class is to the net: the softmax of the scores that `predict` compares.
+
+        Args:
+            images: as for `predict`.
+
+        Returns:
+            f32[n, h, w, classes], or a list of f32[h, w, classes] for a list.
+        """
+        found = [_softmax(own, size) for own, size in self._scores(images)]
+        return np.stack(found) if isinstance(images, np.ndarray) else found
+
+    def _scores(
+        self, images: Any
+    ) -> Iterator[tuple[Float32[np.ndarray, "rows cols classes"], tuple[int, int]]]:
+        """Scores of the part of the model's size that shows the image, and the image's own size."""
+        for image in images:
+            if image.ndim != 3 or image.shape[-1] != 3 or image.dtype != np.uint8 or not image.size:
+                raise ValueError(
+                    f"an image must be u8[h, w, 3]; got {image.dtype}{list(image.shape)}"
+                )
+        many = self.settings.predict_batch
+        for start in range(0, len(images), many):
+            some = [fitted(image, self.size) for image in images[start : start + many]]
+            canvases = np.stack([canvas for canvas, _ in some])
+            scores = logits(self.variables, canvases, self.settings, len(self.classes))
+            for k, (_, (rows, cols)) in enumerate(some):
+                yield scores[k, :rows, :cols], images[start + k].shape[:2]
+
+    def painted(
+        self,
+        labels: UInt8[np.ndarray, "h w"],
+        how: As | None = None,
+        image: UInt8[np.ndarray, "h w 3"] | None = None,
+    ) -> np.ndarray:
+        """A prediction as label files have it.
+
+        Args:
+            labels: from `predict`; 255 is void, black in colours.
+            how: by default as label files of the model's data name classes.
+            image: what was segmented; for overlays.
+
+        Returns:
+            Ids u8[h, w], u16[h, w] where one is above 255; or RGB u8[h, w, 3].
+        """
+        how = how or self.written
+        if how == "ids":
+            ids = np.array([own.id for own in self.classes])
+            table = np.full(256, IGNORE_LABEL, np.uint16 if ids.max() > 255 else np.uint8)
+            table[: len(ids)] = ids
+            return table[labels]
+        palette = np.zeros((256, 3), np.uint8)
+        palette[: len(self.classes)] = [own.color for own in self.classes]
+        if how == "colours":
+            return palette[labels]
+        if image is None:
+            raise ValueError("an overlay needs the image")
+        return cv2.addWeighted(image, 0.5, palette[labels], 0.5, 0)
+
+    def save(self, folder: str | Path) -> None:
+        """Write the model into a folder of its own: all of it, or nothing; an older model there goes.
+
+        Raises:
+            ModelError: the folder holds other files.
+            OSError: it cannot be written, with its name.
+        """
+        folder = Path(folder)
+        if folder.exists():
+            held = {path.name for path in folder.iterdir()} if folder.is_dir() else {folder.name}
+            if held - {CONFIG, WEIGHTS}:
+                raise ModelError(
+                    f"{folder} holds other files, such as {min(held - {CONFIG, WEIGHTS})}; "
+                    "a model is saved into a new folder, or over an older model"
+                )
+        with whole_folder(folder) as part:
+            write(part / WEIGHTS, self._weights())
+            write_json(part / CONFIG, self._described())
+
+    def _weights(self) -> bytes:
+        return tensor_bytes({name: np.ascontiguousarray(a) for name, a in _named(self.variables)})
+
+    def _described(self) -> dict[str, Any]:
+        height, width = self.size
+        return {
+            "format": FORMAT,
+            "net": self.settings.net,
+            "size": {"width": width, "height": height},
+            "written": self.written,
+            "classes": [{**own._asdict(), "color": list(own.color)} for own in self.classes],
+            "trunk": _trunk() if self.settings.frozen else None,
+            "weights": {"file": WEIGHTS, "sha256": hashlib.sha256(self._weights()).hexdigest()},
+            "recipe": asdict(self.settings),
+            "notes": dict(self.notes),
+            "versions": dict(self.versions),
+        }
+
+
+def load_model(path: str | Path) -> Model:
+    """Load a model that `Model.save` has written, or one that comes with the package.
+
+    Args:
+        path: its folder, or a name such as `renders19`.
+
+    Raises:
+        ModelError: no model, a damaged one, or one of a newer format; the message names file and field.
+    """
+    folder = Path(path)
+    if str(path) in shipped():
+        folder = SHIPPED / str(path)
+    file = folder / CONFIG
+    if not file.is_file():
+        raise ModelError(
+            f"{folder}: no model; expected a folder with {CONFIG} and {WEIGHTS}, or one of the names "
+            f"{', '.join(shipped())}"
+        )
+    try:
+        return _loaded(folder, read_json(file))
+    except ModelError:
+        raise
+    except OSError as error:
+        raise ModelError(f"{error.filename or folder}: {error.strerror or error}") from None
+    except (UserError, ValueError) as error:
+        raise ModelError(f"{file}: {str(error).removeprefix(f'{file}: ')}") from None
+
+
+def shipped() -> tuple[str, ...]:
+    """Names of the models that come with the package."""
+    return tuple(sorted(path.parent.name for path in SHIPPED.glob(f"*/{CONFIG}")))
+
+
+def _loaded(folder: Path, config: Any) -> Model:
+    """The model of a folder; ValueError says what is wrong in its config."""
+    newest = _field(config, "format", int)
+    if newest != FORMAT:
+        newer = newest > FORMAT
+        raise ValueError(
+            f"format is {newest}, and this version reads {FORMAT}"
+            + ("; upgrade sdr-jax to the version that wrote it" if newer else "; save it again")
+        )
+    settings = _settings(_field(config, "recipe", dict))
+    if settings.frozen and _field(config, "trunk", dict) != _trunk():
+        raise ValueError(
+            f"its head is for a trunk of {config['trunk'].get('package')} "
+            f"{config['trunk'].get('version')}, and here is {lite0.PACKAGE} {lite0.VERSION}"
+        )
+    rows = _field(config, "classes", list)
+    classes = tuple(_label_class(f"classes[{k}]", row) for k, row in enumerate(rows))
+    written = _field(config, "written", str)
+    _check_classes(classes, written)
+    size = _field(config, "size", dict)
+    variables = _variables(
+        folder / WEIGHTS,
+        _field(_field(config, "weights", dict), "sha256", str),
+        settings,
+        len(classes),
+    )
+    return Model(
+        settings,
+        variables,
+        (_field(size, "height", int), _field(size, "width", int)),
+        classes,
+        written,
+        _field(config, "notes", dict),
+        _field(config, "versions", dict),
+    )
+
+
+def _field(value: Any, name: str, kind: type) -> Any:
+    """A field of an object; ValueError unless it is there and of its type."""
+    if not isinstance(value, dict) or name not in value:
+        raise ValueError(f"{name} is missing; the file is damaged, or no model's")
+    found = value[name]
+    if not isinstance(found, kind) or isinstance(found, bool):
+        raise ValueError(f"{name} is {found!r}; expected {kind.__name__}")
+    return found
+
+
+def _settings(recipe: dict[str, Any]) -> TrainSettings:
+    known = {own.name: own.default for own in fields(TrainSettings)}
+    for name, value in recipe.items():
+        if name not in known:
+            raise ValueError(f"recipe.{name}: there is no such setting")
+        default = known[name]
+        if default is not None and type(value) is not type(default):
+            if not (isinstance(default, float) and type(value) is int):
+                raise ValueError(f"recipe.{name} is {value!r}; expected {type(default).__name__}")
+    return TrainSettings(**recipe)
+
+
+def _label_class(where: str, row: Any) -> LabelClass:
+    color = _field(row, "color", list)
+    if len(color) != 3 or any(type(v) is not int or not 0 <= v <= 255 for v in color):
+        raise ValueError(f"{where}.color is {color}; expected three numbers 0..255")
+    return LabelClass(_field(row, "name", str), _field(row, "id", int), tuple(color))
+
+
+def _check_classes(classes: Sequence[LabelClass], written: str) -> None:
+    """Raise ValueError unless label files can tell all classes apart."""
+    if not 1 <= len(classes) <= IGNORE_LABEL:
+        raise ValueError(f"a model has 1 to {IGNORE_LABEL} classes, not {len(classes)}")
+    if written not in get_args(Written):
+        raise ValueError(f"written is {written!r}; expected {' or '.join(get_args(Written))}")
+    told_by: dict[str, list[Any]] = {
+        "name": [own.name for own in classes],
+        "id": [own.id for own in classes],
+    }
+    if written == "colours":
+        told_by["color"] = [own.color for own in classes]
+    for what, values in told_by.items():
+        for value in values:
+            if values.count(value) > 1:
+                raise ValueError(f"two classes have the {what} {value!r}")
+    if any(not 0 <= own.id < 2**16 for own in classes):
+        raise ValueError("ids of classes must be in 0..65535")
+
+
+def _variables(path: Path, expected: str, settings: TrainSettings, classes: int) -> Params:
+    """The net's variables from a file; each is looked at before it is believed."""
+    data = read_bytes(path, _LARGEST)
+    found = hashlib.sha256(data).hexdigest()
+    if found != expected:
+        raise ModelError(
+            f"{path}: its SHA-256 is {found[:8]}..., not {expected[:8]}... as {CONFIG} says: "
+            "it is damaged, or of another model"
+        )
+    try:
+        arrays = parse_tensors(data)
+    except (SafetensorError, ValueError, KeyError) as error:
+        raise ModelError(f"{path}: a damaged .safetensors ({error})") from None
+    net = outline(settings, classes)
+    wanted = dict(_named(net))
+    if stray := sorted(wanted.keys() ^ arrays.keys()):
+        what = "is missing" if stray[0] in wanted else f"is no part of the net {settings.net}"
+        raise ModelError(f"{path}: {stray[0]} {what}; {CONFIG} is of another net")
+    for name, own in wanted.items():
+        array = arrays[name]
+        if array.shape != own.shape or array.dtype != own.dtype:
+            raise ModelError(
+                f"{path}: {name}: {array.dtype}{list(array.shape)}; the net {settings.net} with "
+                f"{classes} classes has {own.dtype}{list(own.shape)}"
+            )
+        if not np.isfinite(array).all():
+            raise ModelError(f"{path}: {name}: holds values that are not finite")
+    return jax.tree.unflatten(jax.tree.structure(net), [arrays[name] for name in wanted])
+
+
+def _named(tree: Params) -> Iterator[tuple[str, Any]]:
+    """Leaves by their place in the net, such as `head/score/kernel`; names leave collections out."""
+    for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
+        yield "/".join(str(key.key) for key in path[1:]), leaf
+
+
+def _trunk() -> dict[str, str]:
+    return {"package": lite0.PACKAGE, "version": lite0.VERSION, "sha256": lite0.SHA256}
+
+
+def _plane(scores: np.ndarray, place: int, size: tuple[int, int]) -> np.ndarray:
+    """The scores f32[h, w] of one class at a size (height, width)."""
+    plane = np.ascontiguousarray(scores[..., place])
+    if plane.shape == size:
+        return plane
+    shrinks = size[0] <= plane.shape[0] and size[1] <= plane.shape[1]
+    kind = cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    return cv2.resize(plane, (size[1], size[0]), interpolation=kind)
+
+
+def _highest(scores: np.ndarray, size: tuple[int, int], places: Sequence[int]) -> np.ndarray:
+    """The place of the highest score of each pixel; class by class, since scores of all would be large."""
+    best = _plane(scores, places[0], size)
+    labels = np.full(size, places[0], np.uint8)
+    for place in places[1:]:
+        plane = _plane(scores, place, size)
+        labels[plane > best] = place
+        best = np.maximum(best, plane)
+    return labels
+
+
+def _softmax(scores: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    planes = np.stack([_plane(scores, k, size) for k in range(scores.shape[-1])], axis=-1)
+    planes = np.exp(planes - planes.max(axis=-1, keepdims=True))
+    return planes / planes.sum(axis=-1, keepdims=True)

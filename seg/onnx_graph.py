@@ -1,0 +1,316 @@
+"""Writes a model as an ONNX graph, operation by operation of what JAX traces.
+
+The net is traced for one image, and each operation becomes one or two nodes. What depends on constants
+alone is computed here. Where nets have a way of their own for XLA's CPU backend, the other way is taken:
+a convolution is a Conv then, and not a sum of shifted copies.
+"""
+
+import json
+import math
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import jax
+import numpy as np
+from jax.extend.core import Literal
+
+from seg.data.labelled import PADDING
+from seg.errors import ModelError
+from seg.model import Model
+from seg.train import apply
+
+OPSET, IR = 18, 9
+"""Of the files: both are old enough for onnxruntime 1.15 and newer."""
+_INNER = {
+    "jit": "jaxpr",
+    "pjit": "jaxpr",
+    "custom_jvp_call": "call_jaxpr",
+    "custom_vjp_call": "call_jaxpr",
+}
+"""Operations that call a function, and the parameter that holds it."""
+_SAME = ("stop_gradient", "copy", "copy_p")
+_ELEMENTWISE = {
+    "add": "Add", "sub": "Sub", "mul": "Mul", "div": "Div", "max": "Max", "min": "Min", "pow": "Pow",
+    "gt": "Greater", "ge": "GreaterOrEqual", "lt": "Less", "le": "LessOrEqual", "eq": "Equal",
+    "exp": "Exp", "log": "Log", "neg": "Neg", "abs": "Abs", "sqrt": "Sqrt", "tanh": "Tanh", "and": "And",
+    "or": "Or", "not": "Not",
+}  # fmt: skip
+Value = Any  # a known array of NumPy, or the name of a value that is only there when the graph runs
+
+
+def onnx_package() -> Any:
+    """The package onnx.
+
+    Raises:
+        ModelError: it is not installed.
+    """
+    try:
+        import onnx
+    except ImportError:
+        raise ModelError("ONNX files need the package onnx: pip install 'sdr-jax[onnx]'") from None
+    return onnx
+
+
+def onnx_bytes(model: Model) -> bytes:
+    """A model as an ONNX file.
+
+    Its input is `image`, u8[1, height, width, 3], RGB of the model's size; its outputs are `labels`,
+    u8[1, height, width], places of the classes, and `logits`, f32[1, height, width, classes]. Its metadata
+    names the classes, their ids and colours.
+
+    Raises:
+        ModelError: the package onnx is not installed, or the net has an operation that cannot be written.
+    """
+    if model.settings.dtype != "float32":
+        raise ModelError(
+            f"a net of {model.settings.dtype} cannot be written as ONNX, since few runtimes compute in it; "
+            "train one of float32"
+        )
+    onnx = onnx_package()
+    shape, classes = (1, *model.size, 3), len(model.classes)
+
+    def logits_of(image: jax.Array) -> jax.Array:
+        return apply(model.variables, image, model.settings, classes)
+
+    traced = jax.make_jaxpr(logits_of)(jax.ShapeDtypeStruct(shape, np.uint8))
+    graph = Graph()
+    (found,) = graph.run(traced.jaxpr, traced.consts, ["image"])
+    graph.node("Identity", found, output="logits")
+    places = graph.node("ArgMax", found, axis=3, keepdims=0)
+    graph.node("Cast", places, output="labels", to=onnx.TensorProto.UINT8)
+    described = onnx.helper.make_tensor_value_info
+    whole = onnx.helper.make_graph(
+        graph.nodes,
+        model.settings.net,
+        [described("image", onnx.TensorProto.UINT8, shape)],
+        [
+            described("labels", onnx.TensorProto.UINT8, shape[:3]),
+            described("logits", onnx.TensorProto.FLOAT, (*shape[:3], classes)),
+        ],
+        graph.constants,
+    )
+    opset = [onnx.helper.make_opsetid("", OPSET)]
+    made = onnx.helper.make_model(
+        whole, opset_imports=opset, ir_version=IR, producer_name="sdr-jax"
+    )
+    about = {
+        "classes": json.dumps([own._asdict() for own in model.classes]),
+        "padding": json.dumps(PADDING),
+        "model": model.digest,
+    }
+    onnx.helper.set_model_props(made, about)
+    onnx.checker.check_model(made)
+    return made.SerializeToString()
+
+
+class Graph:
+    """Nodes and constants of a graph that grows.
+
+    Attributes:
+        nodes: of ONNX, in their order.
+        constants: arrays that nodes use.
+    """
+
+    def __init__(self) -> None:
+        self._onnx = onnx_package()
+        self.nodes: list[Any] = []
+        self.constants: list[Any] = []
+        self._names: dict[tuple[Any, ...], str] = {}
+
+    def constant(self, array: Any) -> str:
+        """The name of an array, which is stored once."""
+        array = np.asarray(array)
+        key = (array.dtype.str, array.shape, array.tobytes())
+        if key not in self._names:
+            self._names[key] = f"c{len(self._names)}"
+            self.constants.append(self._onnx.numpy_helper.from_array(array, self._names[key]))
+        return self._names[key]
+
+    def node(self, kind: str, *inputs: Value, output: str | None = None, **attributes: Any) -> str:
+        """Append a node; returns the name of its output."""
+        given = [own if isinstance(own, str) else self.constant(own) for own in inputs]
+        name = output or f"v{len(self.nodes)}"
+        self.nodes.append(self._onnx.helper.make_node(kind, given, [name], **attributes))
+        return name
+
+    def run(self, jaxpr: Any, constants: Sequence[Any], inputs: Sequence[Value]) -> list[Value]:
+        """Append a traced function; returns its outputs.
+
+        Raises:
+            ModelError: an operation that no net of ours has.
+        """
+        known: dict[Any, Value] = dict(
+            zip(jaxpr.constvars, map(np.asarray, constants), strict=True)
+        )
+        known |= zip(jaxpr.invars, inputs, strict=True)
+
+        def value(variable: Any) -> Value:
+            return np.asarray(variable.val) if isinstance(variable, Literal) else known[variable]
+
+        for step in jaxpr.eqns:
+            found = self._step(step, [value(variable) for variable in step.invars])
+            known.update(zip(step.outvars, found, strict=True))
+        return [value(variable) for variable in jaxpr.outvars]
+
+    def _step(self, step: Any, given: list[Value]) -> list[Value]:
+        name, params = step.primitive.name, step.params
+        if name in _INNER:
+            inner = params[_INNER[name]]
+            constants = getattr(inner, "consts", ())
+            return self.run(getattr(inner, "jaxpr", inner), constants, given)
+        if name in (*_SAME, "optimization_barrier"):
+            return given
+        if name == "platform_index":
+            return [np.int32(params["platforms"].index(None))]
+        if name == "cond":
+            inner = params["branches"][int(given[0])]
+            return self.run(inner.jaxpr, inner.consts, given[1:])
+        shape = step.outvars[0].aval.shape
+        if not any(isinstance(own, str) for own in given):
+            if name == "broadcast_in_dim":
+                return [np.broadcast_to(_spread(given[0], params, shape), shape)]
+            found = step.primitive.bind(*given, **params)
+            return [
+                np.asarray(own) for own in (found if step.primitive.multiple_results else [found])
+            ]
+        if name == "split":
+            ends = np.cumsum(params["sizes"]).tolist()
+            pieces = zip([0, *ends], ends, strict=False)
+            return [self._cut(given[0], [a], [b], [params["axis"]], [1]) for a, b in pieces]
+        if name in _ELEMENTWISE:
+            return [self.node(_ELEMENTWISE[name], *map(_thin, given))]
+        write: Callable[..., str] | None = getattr(self, f"_{name}", None)
+        if write is None:
+            raise ModelError(f"the operation {name} of this net cannot be written as ONNX")
+        about = {**params, "shape": shape, "avals": [own.aval for own in step.invars]}
+        return [write(*given, **about)]
+
+    def _cut(self, x: Value, starts: Any, ends: Any, axes: Any, steps: Any) -> str:
+        return self.node(
+            "Slice", x, *(np.array(own, np.int64) for own in (starts, ends, axes, steps))
+        )
+
+    # One method for each operation of JAX that is more than a name; keywords are its parameters.
+
+    def _conv_general_dilated(
+        self, x: Value, kernel: Value, *, shape: Any, avals: Any, **own: Any
+    ) -> str:
+        numbers, padding = own["dimension_numbers"], own["padding"]
+        if own["batch_group_count"] != 1 or np.min(padding) < 0:
+            raise ModelError("a convolution of this net has no counterpart in ONNX")
+        x = self.node("Transpose", x, perm=numbers.lhs_spec)
+        sizes = [avals[0].shape[axis] for axis in numbers.lhs_spec]
+        for axis, times in enumerate(own["lhs_dilation"], 2):
+            x, sizes = self._dilated(x, sizes, axis, times)
+        made = self.node(
+            "Conv",
+            x,
+            np.transpose(kernel, numbers.rhs_spec),
+            strides=own["window_strides"],
+            dilations=own["rhs_dilation"],
+            group=own["feature_group_count"],
+            pads=[int(p) for pads in zip(*padding, strict=True) for p in pads],
+        )
+        return self.node("Transpose", made, perm=np.argsort(numbers.out_spec).tolist())
+
+    def _dilated(
+        self, x: Value, sizes: list[int], axis: int, times: int
+    ) -> tuple[Value, list[int]]:
+        """Zeros between the cells along an axis, and the sizes then."""
+        if times == 1:
+            return x, sizes
+        before, n, behind = sizes[:axis], sizes[axis], sizes[axis + 1 :]
+        x = self.node("Reshape", x, np.array([*before, n, 1, *behind], np.int64))
+        pads = np.zeros(2 * (len(sizes) + 1), np.int64)
+        pads[len(sizes) + 1 + axis + 1] = times - 1
+        x = self.node("Pad", x, pads, np.float32(0))
+        x = self.node("Reshape", x, np.array([*before, n * times, *behind], np.int64))
+        end = n * times - (times - 1)
+        return self._cut(x, [0], [end], [axis], [1]), [*before, end, *behind]
+
+    def _dot_general(
+        self, x: Value, y: Value, *, dimension_numbers: Any, avals: Any, **_: Any
+    ) -> str:
+        (of_x, of_y), (batch_x, batch_y) = dimension_numbers
+        letters = iter("abcdefghijklmnopqrstuvwxyz")
+        left = [next(letters) for _ in avals[0].shape]
+        right = [next(letters) for _ in avals[1].shape]
+        for i, j in zip((*of_x, *batch_x), (*of_y, *batch_y), strict=True):
+            right[j] = left[i]
+        batch = [left[i] for i in batch_x]
+        free = [left[i] for i in range(len(left)) if i not in (*of_x, *batch_x)]
+        free += [right[j] for j in range(len(right)) if j not in (*of_y, *batch_y)]
+        if (of_x, of_y, len(left), len(right), batch) == ((1,), (0,), 2, 2, []):
+            return self.node("MatMul", x, y)
+        equation = f"{''.join(left)},{''.join(right)}->{''.join(batch + free)}"
+        return self.node("Einsum", x, y, equation=equation)
+
+    def _slice(
+        self, x: Value, *, start_indices: Any, limit_indices: Any, strides: Any, **_: Any
+    ) -> str:
+        axes = list(range(len(start_indices)))
+        return self._cut(x, start_indices, limit_indices, axes, strides or [1] * len(axes))
+
+    def _broadcast_in_dim(self, x: Value, *, shape: Any, avals: Any, **own: Any) -> str:
+        thin = [1] * len(shape)
+        for axis, size in zip(own["broadcast_dimensions"], avals[0].shape, strict=True):
+            thin[axis] = size
+        x = self.node("Reshape", x, np.array(thin, np.int64))
+        return x if tuple(thin) == shape else self.node("Expand", x, np.array(shape, np.int64))
+
+    def _reshape(self, x: Value, *, shape: Any, **_: Any) -> str:
+        return self.node("Reshape", x, np.array(shape, np.int64))
+
+    _squeeze = _reshape
+
+    def _transpose(self, x: Value, *, permutation: Any, **_: Any) -> str:
+        return self.node("Transpose", x, perm=permutation)
+
+    def _concatenate(self, *parts: Value, dimension: int, **_: Any) -> str:
+        return self.node("Concat", *parts, axis=dimension)
+
+    def _pad(self, x: Value, filling: Value, *, padding_config: Any, **_: Any) -> str:
+        low, high, between = np.array(padding_config, np.int64).T
+        if min(*low, *high) < 0 or between.any():
+            raise ModelError("a padding of this net has no counterpart in ONNX")
+        return self.node("Pad", x, np.concatenate([low, high]), filling)
+
+    def _reduce_sum(self, x: Value, *, axes: Any, **_: Any) -> str:
+        return self.node("ReduceSum", x, np.array(axes, np.int64), keepdims=0)
+
+    def _reduce_max(self, x: Value, *, axes: Any, **_: Any) -> str:
+        return self.node("ReduceMax", x, np.array(axes, np.int64), keepdims=0)
+
+    def _convert_element_type(self, x: Value, *, new_dtype: Any, avals: Any, **_: Any) -> str:
+        if np.dtype(new_dtype) == avals[0].dtype:
+            return x
+        return self.node(
+            "Cast", x, to=self._onnx.helper.np_dtype_to_tensor_dtype(np.dtype(new_dtype))
+        )
+
+    def _select_n(self, which: Value, first: Value, second: Value, **_: Any) -> str:
+        return self.node("Where", which, second, first)
+
+    def _integer_pow(self, x: Value, *, y: int, avals: Any, **_: Any) -> str:
+        return self.node("Pow", x, np.array(y, avals[0].dtype))
+
+    def _square(self, x: Value, **_: Any) -> str:
+        return self.node("Mul", x, x)
+
+    def _rsqrt(self, x: Value, **_: Any) -> str:
+        return self.node("Reciprocal", self.node("Sqrt", x))
+
+
+def _spread(x: np.ndarray, params: Any, shape: Sequence[int]) -> np.ndarray:
+    """A constant with axes of one cell where it is to be repeated."""
+    thin = [1] * len(shape)
+    for axis, size in zip(params["broadcast_dimensions"], x.shape, strict=True):
+        thin[axis] = size
+    return np.asarray(x).reshape(thin)
+
+
+def _thin(value: Value) -> Value:
+    """A repeated constant as it was before, since nodes of two inputs repeat it themselves."""
+    if isinstance(value, str) or value.ndim == 0 or math.prod(value.shape) == 0:
+        return value
+    return value[tuple(slice(0, 1) if s == 0 else slice(None) for s in value.strides)]

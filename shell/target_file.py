@@ -1,0 +1,456 @@
+"""Files that describe a target: where its images and labels are, what its classes are, how it is split.
+
+    images: images/{name}.jpg
+    labels: labels/{name}.png
+    splits: {train: train.txt, test: test.txt}
+    group: "^(.*)__"
+    void: [255]
+    classes:
+      road: {ids: [0], renders: [road]}
+      building: {ids: [1, 7], renders: [building, wall, fence]}
+
+Such a file is ``target.yaml`` beside the images, one anywhere, or one of those in ``shell/targets``. It is
+checked against the fields of `TargetFile`; every error names the file, the line and the field.
+"""
+
+from __future__ import annotations
+
+import colorsys
+import re
+from collections import Counter
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, NoReturn, cast
+
+import msgspec
+import yaml
+from msgspec import Meta
+
+from shell import classes as engine
+from shell.errors import UserError
+from shell.files import read_bytes
+
+FILE = "target.yaml"
+"""What a target's file is called where it lies beside the images."""
+SHIPPED = tuple(sorted(path.stem for path in (Path(__file__).parent / "targets").glob("*.yaml")))
+"""Names of the targets whose files come with the package."""
+MOST_BYTES, MOST_CLASSES = 1_000_000, 254
+"""Of a target's file."""
+SUFFIXES = (".png", ".jpg", ".jpeg")
+"""Of images, where a pattern names none."""
+PLACES = ("split", "group", "name")
+"""What may stand in braces in a pattern."""
+TRAIN = "train"
+"""The split that has what the other shares and groups leave."""
+
+_LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+"""In C where PyYAML was built with it, ten times as fast."""
+
+Id = Annotated[int, Meta(ge=0, le=65535)]
+Channel = Annotated[int, Meta(ge=0, le=255)]
+Colour = tuple[Channel, Channel, Channel]
+Name = Annotated[str, Meta(min_length=1)]
+Files = str | tuple[str, ...]
+Split = str | Annotated[float, Meta(gt=0, lt=1)] | Annotated[tuple[str, ...], Meta(min_length=1)]
+Format = Literal["ids", "ids-first-channel", "colours", "labelme-json", "cityscapes-json"]
+Fit = Literal["pad", "cut"]
+Kind = Literal["ids", "colours", "names"]
+_KINDS: dict[Format, Kind] = {
+    "ids": "ids",
+    "ids-first-channel": "ids",
+    "colours": "colours",
+    "labelme-json": "names",
+    "cityscapes-json": "names",
+}
+
+
+class TargetClass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """One class of a target.
+
+    Attributes:
+        ids: its values in label files of ids.
+        colours: its colours, RGB, in label files of colours; the first is that of pictures.
+        names: its names in label files of polygons.
+        renders: the engine's classes that it holds; none is learnt from labels alone.
+    """
+
+    ids: tuple[Id, ...] = ()
+    colours: tuple[Colour, ...] = ()
+    names: tuple[Name, ...] = ()
+    renders: tuple[str, ...] = ()
+
+
+class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a target's file says.
+
+    Attributes:
+        images: pattern of the images' paths below the data's folder; or for each split a pattern or a list.
+        labels: the same of the labels.
+        classes: by name; their places are the ids that nets learn.
+        format: of the label files; by default ids where the classes have some, else colours, else
+            labelme-json.
+        void: ids, colours or names of pixels that count for nothing.
+        splits: one pattern of lists; or for each split its list, its groups, or its share of the images. By
+            default the folders that stand at {split} in the pattern of the images, else all are `TRAIN`.
+        group: expression that finds the group in an image's name: its first parenthesis, or all that it
+            matches. By default what stands at {group} in the pattern, else each image is its own group.
+        fit: what is done to an image of another shape than the size that is asked for: void around it, or
+            a cut around its centre.
+        name: of the target; by default that of its file.
+        source: the file, for errors; it is no field of the file.
+    """
+
+    images: str | dict[str, Files]
+    labels: str | dict[str, Files]
+    classes: dict[Name, TargetClass]
+    format: Format | None = None
+    # The library mistakes bounds in a union with tuples of a fixed length, so these are checked below.
+    void: tuple[int | str | tuple[int, ...], ...] = ()
+    splits: str | dict[str, Split] = {}
+    group: str | None = None
+    fit: Fit = "pad"
+    name: Name = "target"
+    source: str = ""
+
+    @property
+    def kind(self) -> Kind:
+        """What the label files hold, as the field of `TargetClass` that says which."""
+        assert self.format is not None
+        return _KINDS[self.format]
+
+    @property
+    def class_names(self) -> tuple[str, ...]:
+        """Names of the classes, in the order of their ids."""
+        return tuple(self.classes)
+
+    @property
+    def rendered(self) -> tuple[bool, ...]:
+        """Whether the engine renders each class; the others are learnt from labels alone."""
+        return tuple(bool(own.renders) for own in self.classes.values())
+
+    @property
+    def of_engine(self) -> tuple[int, ...]:
+        """The class of each of the engine's classes, `shell.classes.VOID` where it has no counterpart."""
+        found = {name: k for k, own in enumerate(self.classes.values()) for name in own.renders}
+        return tuple(found.get(name, engine.VOID) for name in engine.NAMES)
+
+    @property
+    def palette(self) -> tuple[Colour, ...]:
+        """A colour of each class for pictures, all different: its own, the engine's, or one of a circle."""
+        published = {own.name: own.colour for own in engine.CLASSES}
+        found: list[Colour] = []
+        for k, own in enumerate(self.classes.values()):
+            wanted = [*own.colours, *(published[name] for name in own.renders), *_circle(k)]
+            found.append(next(colour for colour in wanted if colour not in found))
+        return tuple(found)
+
+
+def _circle(k: int) -> Iterator[Colour]:
+    """Colours apart from each other, by the golden angle."""
+    for n in range(k, k + 2 * MOST_CLASSES):
+        red, green, blue = colorsys.hsv_to_rgb(0.618034 * n % 1, 0.75, 0.95 - 0.25 * (n % 3))
+        yield round(255 * red), round(255 * green), round(255 * blue)
+
+
+def find_target(target: str | Path | None, data: Path | None = None) -> TargetFile:
+    """Read a target's file.
+
+    Args:
+        target: one of `SHIPPED`, or the path of a file; by default `FILE` in the data's folder.
+        data: folder of the images.
+
+    Raises:
+        UserError: there is no such file, or it is not as it must be.
+        OSError: it cannot be read.
+    """
+    if target is None:
+        if data is None:
+            raise UserError("neither a target nor a folder with its images is named")
+        if not data.is_dir():
+            raise UserError(f"{data}: no such folder; expected one with images and {FILE}")
+        if not (data / FILE).is_file():
+            raise UserError(
+                f"{data}: no {FILE} in it; sdr-jax doctor {data} --write {data / FILE} proposes one, "
+                f"and --target names another file, or one of {', '.join(SHIPPED)}"
+            )
+        target = data / FILE
+    if str(target) in SHIPPED:
+        return shipped(str(target))
+    if not Path(target).is_file():
+        raise UserError(f"--target {target}: no such file, nor is it one of {', '.join(SHIPPED)}")
+    return parse_target(read_bytes(Path(target), MOST_BYTES), str(target))
+
+
+@lru_cache
+def shipped(name: str) -> TargetFile:
+    """One of the targets whose files come with the package, by name."""
+    path = Path(__file__).parent / "targets" / f"{name}.yaml"
+    return msgspec.structs.replace(parse_target(path.read_bytes(), str(path)), source=name)
+
+
+def parse_target(text: bytes | str, source: str) -> TargetFile:
+    """Check the text of a target's file.
+
+    Args:
+        text: all of it.
+        source: its name, for errors and, without folder and ending, of the target.
+
+    Raises:
+        UserError: with file, line, field and what would be right.
+    """
+    lines = _Lines(source)
+    try:
+        node = yaml.compose(text, _LOADER)
+    except yaml.MarkedYAMLError as error:
+        lines.refuse_at(error.problem_mark, f"is no YAML: {error.problem}")
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise UserError(f"{source} is no YAML: {' '.join(str(error).split())}") from None
+    plain = lines.plain(node, "") if node is not None else {}
+    if not isinstance(plain, dict):
+        raise UserError(f"{source}, line 1: expected fields such as 'images: images/{{name}}.jpg'")
+    if "source" in plain:
+        lines.refuse("source", "no field of a target's file has this name")
+    # Entry by entry first, since the library does not say in which entry of a table it found something.
+    for field, kind in (
+        ("classes", TargetClass),
+        ("splits", Split),
+        ("images", Files),
+        ("labels", Files),
+    ):
+        if isinstance(plain.get(field), dict):
+            for name, value in plain[field].items():
+                lines.checked(value, kind, f"{field}.{name}")
+    found = lines.checked(plain, TargetFile, "")
+    found = msgspec.structs.replace(
+        found,
+        name=plain.get("name", _own_name(source)),
+        format=found.format or _format(found),
+        source=source,
+    )
+    _check(found, lines)
+    return found
+
+
+def _own_name(source: str) -> str:
+    path = Path(source)
+    return (path.absolute().parent.name if path.name == FILE else path.stem) or "target"
+
+
+def _format(target: TargetFile) -> Format:
+    formats: tuple[Format, ...] = ("ids", "colours", "labelme-json")
+    for own in formats:
+        if any(getattr(one, _KINDS[own]) for one in target.classes.values()):
+            return own
+    return "ids"
+
+
+class _Lines:
+    """Where each value of a file stands."""
+
+    def __init__(self, source: str) -> None:
+        self._source = source
+        self._of: dict[str, int] = {}
+        self._seen: set[int] = set()
+
+    def refuse(self, field: str, why: str) -> NoReturn:
+        """Raise UserError at a field, such as ``classes.road.ids[0]``."""
+        known = field
+        while known not in self._of and known:
+            known = re.sub(r"(\.[^.\[]*|\[[^\[]*|^[^.\[]*)$", "", known)
+        told = f" {field}:" if field else ""
+        raise UserError(f"{self._source}, line {self._of.get(known, 1)}:{told} {why}")
+
+    def refuse_at(self, mark: yaml.Mark | None, why: str) -> NoReturn:
+        """Raise UserError at a place in the text."""
+        where = f", line {mark.line + 1}" if mark is not None else ""
+        raise UserError(f"{self._source}{where}: {why}")
+
+    def plain(self, node: yaml.Node, field: str) -> Any:
+        """The plain value of a node of YAML; keys are always text, as they were written."""
+        self._of[field] = node.start_mark.line + 1
+        if isinstance(node, yaml.ScalarNode):
+            try:
+                return yaml.SafeLoader("").construct_object(node)  # type: ignore[no-untyped-call]
+            except (yaml.YAMLError, ValueError) as error:
+                why = getattr(error, "problem", None) or error
+                self.refuse(field, f"{node.value!r} cannot be read ({why})")
+        if id(node) in self._seen:  # small files of many aliases can stand for endless ones
+            self.refuse(field, "stands for a part of the file above; write it out")
+        self._seen.add(id(node))
+        if isinstance(node, yaml.SequenceNode):
+            return [self.plain(value, f"{field}[{k}]") for k, value in enumerate(node.value)]
+        found: dict[str, Any] = {}
+        for key, value in cast(yaml.MappingNode, node).value:
+            if not isinstance(key, yaml.ScalarNode):
+                self.refuse_at(key.start_mark, "a name must be a word, not a list or a table")
+            own = f"{field}.{key.value}" if field else key.value
+            if key.value in found:
+                self.refuse_at(key.start_mark, f"{own}: stands there twice; once is right")
+            found[key.value] = self.plain(value, own)
+            self._of[own] = key.start_mark.line + 1
+        return found
+
+    def checked(self, value: Any, kind: Any, field: str) -> Any:
+        """A value as one of a kind; raises UserError at the part of it that is none."""
+        try:
+            return msgspec.convert(value, kind)
+        except msgspec.ValidationError as error:
+            why, _, where = str(error).partition(" - at `$")
+            field += where.rstrip("`")
+            unknown = re.search(r"unknown field `(.*)`", why)
+            if unknown:
+                field, why = (
+                    f"{field}.{unknown[1]}",
+                    "is no field; there are "
+                    + ", ".join(
+                        name for name in getattr(kind, "__struct_fields__", ()) if name != "source"
+                    ),
+                )
+            self.refuse(field.lstrip("."), _in_words(why))
+
+
+def _in_words(why: str) -> str:
+    """What the library says, in the words of the format."""
+    for theirs, ours in (
+        ("Object missing required", "lacks the"), ("`", ""), ("Expected", "expected"), ("got", "not"),
+        ("array", "list"), ("object", "table"), ("int", "whole number"), ("float", "number"),
+        ("str", "text"), ("null", "nothing"), ("Invalid enum value", "there is no"),
+    ):  # fmt: skip
+        why = re.sub(rf"{theirs}\b" if theirs.isalpha() else re.escape(theirs), ours, why)
+    return why
+
+
+def _check(target: TargetFile, lines: _Lines) -> None:
+    """Refuse what the fields alone do not show."""
+    if not 0 < len(target.classes) <= MOST_CLASSES:
+        lines.refuse("classes", f"expected 1 to {MOST_CLASSES} classes, not {len(target.classes)}")
+    _check_classes(target, lines)
+    _check_splits(target, lines)
+    for field in ("images", "labels"):
+        own = getattr(target, field)
+        for where, pattern in [(field, own)] if isinstance(own, str) else [
+            (f"{field}.{split}", pattern) for split, pattern in own.items() if isinstance(pattern, str)
+        ]:  # fmt: skip
+            _check_pattern(pattern, where, lines)
+    if isinstance(target.images, dict) or isinstance(target.labels, dict):
+        if not (isinstance(target.images, dict) and isinstance(target.labels, dict)):
+            lines.refuse(
+                "labels", "expected the same of images and labels: patterns, or one for each split"
+            )
+        if set(target.images) != set(target.labels):
+            both = ", ".join(sorted(set(target.images) ^ set(target.labels)))
+            lines.refuse(
+                "labels", f"expected the splits that images have; {both} stands in one of both"
+            )
+        for split in target.images:
+            pair = target.images[split], target.labels[split]
+            counts = [len(files) for files in pair if not isinstance(files, str)]
+            if len(counts) == 1 or len({*counts}) == 2:
+                lines.refuse(
+                    f"labels.{split}", "expected a pattern, or as long a list, as of the images"
+                )
+    if target.group is not None:
+        try:
+            re.compile(target.group)
+        except re.error as error:
+            lines.refuse("group", f"{target.group!r} is no regular expression: {error}")
+
+
+def _check_classes(target: TargetFile, lines: _Lines) -> None:
+    kind = target.kind
+    owners: dict[Any, str] = {}
+    for k, value in enumerate(target.void):
+        if not _is_one(kind, value):
+            lines.refuse(f"void[{k}]", f"expected {_ONE[kind]}, since labels are {target.format}")
+        if value in owners:
+            lines.refuse(f"void[{k}]", f"{_shown(value)} stands there twice; once is right")
+        owners[value] = "void"
+    rendered: dict[str, str] = {}
+    for name, own in target.classes.items():
+        field = f"classes.{name}"
+        if not getattr(own, kind):
+            lines.refuse(field, f"lacks {kind}, by which labels of format {target.format} name it")
+        for k, value in enumerate(getattr(own, kind)):
+            if value in owners:
+                lines.refuse(
+                    f"{field}.{kind}[{k}]",
+                    f"{_shown(value)} is in {owners[value]}, too; one is right",
+                )
+            owners[value] = name
+        for k, engine_class in enumerate(own.renders):
+            if engine_class not in engine.NAMES:
+                there = ", ".join(engine.NAMES)
+                lines.refuse(
+                    f"{field}.renders[{k}]",
+                    f"the engine has no class {engine_class!r}; it has {there}",
+                )
+            if engine_class in rendered:
+                lines.refuse(
+                    f"{field}.renders[{k}]",
+                    f"{engine_class!r} is rendered for {rendered[engine_class]}, too; one is right",
+                )
+            rendered[engine_class] = name
+
+
+_ONE = {
+    "ids": "a whole number from 0 to 65535",
+    "colours": "a colour [red, green, blue] of numbers from 0 to 255",
+    "names": "a name",
+}
+
+
+def _is_one(kind: str, value: int | str | tuple[int, ...]) -> bool:
+    """Whether a value of ``void`` is of the kind that label files hold."""
+    if kind == "ids":
+        return isinstance(value, int) and 0 <= value <= 65535
+    if kind == "colours":
+        return isinstance(value, tuple) and len(value) == 3 and all(0 <= v <= 255 for v in value)
+    return isinstance(value, str) and bool(value)
+
+
+def _shown(value: object) -> str:
+    return str(list(value) if isinstance(value, tuple) else value)
+
+
+def _check_splits(target: TargetFile, lines: _Lines) -> None:
+    if isinstance(target.splits, str):
+        if "{split}" not in target.splits:
+            lines.refuse(
+                "splits", "expected {split} in it, as in '{split}.txt'; or a table of splits"
+            )
+        return
+    kinds = Counter(type(own) for own in target.splits.values())
+    if len(kinds) > 1:
+        lines.refuse("splits", "expected lists, groups or shares, of one kind for all splits")
+    if float in kinds:
+        if TRAIN in target.splits:
+            lines.refuse(f"splits.{TRAIN}", "has what the other shares leave; give none")
+        if sum(cast(Any, target.splits.values())) >= 1:
+            lines.refuse(
+                "splits", f"the shares leave nothing for {TRAIN}; together they must be below 1"
+            )
+    if tuple in kinds:
+        of: dict[str, str] = {}
+        for split, groups in target.splits.items():
+            for k, group in enumerate(cast(tuple[str, ...], groups)):
+                if group in of:
+                    lines.refuse(f"splits.{split}[{k}]", f"group {group!r} is in {of[group]}, too")
+                of[group] = split
+    if target.splits and isinstance(target.images, dict):
+        lines.refuse(
+            "splits", "the tables of images and labels say the splits; leave one of both out"
+        )
+
+
+def _check_pattern(pattern: str, field: str, lines: _Lines) -> None:
+    places = re.findall(r"\{(.*?)\}", pattern)
+    if unknown := [place for place in places if place not in PLACES]:
+        known = ", ".join(f"{{{place}}}" for place in PLACES)
+        lines.refuse(field, f"{{{unknown[0]}}} stands for nothing; there are {known}")
+    if "name" not in places:
+        lines.refuse(
+            field, f"expected {{name}} in it, as in '{field.partition('.')[0]}/{{name}}.png'"
+        )
+    if Path(pattern).is_absolute() or ".." in Path(pattern).parts:
+        lines.refuse(field, "expected a path below the data's folder, without '..'")

@@ -1,0 +1,206 @@
+"""Models: saved and loaded bit by bit, used on images of any size, and refused where they are damaged."""
+
+import json
+import os
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from safetensors.numpy import load_file
+
+import seg
+from seg import ModelError, TrainSettings
+from seg.data.labelled import PADDING, fitted
+from seg.model import CONFIG, WEIGHTS, Model, classes_of, label_classes, load_model
+from seg.train import logits, predict, train
+from shell.target_file import shipped
+from tests.conftest import refused
+
+from .conftest import assert_same, pixels, toy
+
+SIZE = (32, 40)
+COMPACT = TrainSettings(steps=2, batch=2, warmup=1, predict_batch=2)
+LITE0 = replace(seg.RECIPES["lite0-frozen"], steps=2, batch=2, predict_batch=2, head_width=8)
+SETTINGS = {
+    "compact": COMPACT,
+    "frozen": LITE0,
+    "tuned": replace(LITE0, trunk="tuned", average=0.0),
+}
+CLASSES = label_classes(["road", "sky", "car"], ids=[7, 300, 0])
+
+
+def model_of(kind: str) -> Model:
+    images, labels = toy(2, SIZE)
+    return Model(SETTINGS[kind], train(0, images, labels, SETTINGS[kind], 3), SIZE, CLASSES)
+
+
+@pytest.fixture(scope="module")
+def compact() -> Model:
+    return model_of("compact")
+
+
+@pytest.fixture
+def saved(compact, tmp_path):
+    compact.save(tmp_path / "model")
+    return tmp_path / "model"
+
+
+@pytest.mark.parametrize("kind", SETTINGS)
+def test_what_is_loaded_is_what_was_saved(kind, tmp_path):
+    model = model_of(kind)
+    model.save(tmp_path / "model")
+    again = load_model(tmp_path / "model")
+    assert_same(again.variables, model.variables)
+    assert replace(again, variables=None) == replace(model, variables=None)
+    assert again.digest == model.digest
+    images = pixels(3, *SIZE, 3)
+    found = again.predict(images)
+    np.testing.assert_array_equal(found, predict(model.variables, images, model.settings, 3))
+    assert found.dtype == np.uint8 and len(np.unique(found)) > 1
+    names = load_file(tmp_path / "model" / WEIGHTS).keys()
+    assert ("head/mean" in names) == (kind != "compact") and not any("params/" in n for n in names)
+    size = (tmp_path / "model" / WEIGHTS).stat().st_size
+    assert size < 30_000 if kind == "frozen" else size > 11_000_000 or kind == "compact"
+    before = (tmp_path / "model" / WEIGHTS).read_bytes()
+    again.save(tmp_path / "model")  # over the older one
+    assert (tmp_path / "model" / WEIGHTS).read_bytes() == before
+
+
+def test_images_of_any_size_give_labels_of_their_own(compact):
+    shapes = [(64, 80), (9, 30), (50, 20), (1, 1), (32, 40)]
+    images = [pixels(*shape, 3, seed=k) for k, shape in enumerate(shapes)]
+    found = compact.predict(images)
+    assert [labels.shape for labels in found] == shapes
+    # Twice as large: the scores of the halved image, enlarged and compared.
+    halved = images[0].reshape(32, 2, 40, 2, 3).astype(float).mean(axis=(1, 3))
+    canvas, shown = fitted(images[0], SIZE)
+    assert shown == SIZE and np.abs(canvas - halved).max() <= 0.51
+    scores = logits(compact.variables, canvas[None], COMPACT, 3)[0]
+    # At the corner bilinear interpolation repeats the first pixel.
+    assert found[0][0, 0] == scores[0, 0].argmax() and found[0][-1, -1] == scores[-1, -1].argmax()
+    np.testing.assert_array_equal(found[4], compact.predict(images[4][None])[0])
+
+
+def test_the_aspect_is_kept_and_the_rest_is_the_mean_colour():
+    canvas, shown = fitted(np.full((10, 40, 3), 9, np.uint8), SIZE)
+    assert shown == (10, 40) and (canvas[:10] == 9).all() and (canvas[10:] == PADDING).all()
+    canvas, shown = fitted(np.full((64, 16, 3), 9, np.uint8), SIZE)
+    assert shown == (32, 8) and (canvas[:, :8] == 9).all() and (canvas[:, 8:] == PADDING).all()
+
+
+def test_probabilities_are_the_softmax_of_the_scores(compact):
+    images = pixels(3, *SIZE, 3)
+    found = compact.probabilities(images)
+    scores = logits(compact.variables, images, COMPACT, 3)
+    expected = np.exp(scores) / np.exp(scores).sum(-1, keepdims=True)
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+    np.testing.assert_array_equal(found.argmax(-1), compact.predict(images))
+    (odd,) = compact.probabilities([pixels(20, 70, 3)])
+    assert odd.shape == (20, 70, 3) and np.abs(odd.sum(-1) - 1).max() < 1e-5
+
+
+def test_labels_can_be_kept_to_some_classes(compact):
+    images = pixels(2, *SIZE, 3)
+    scores = logits(compact.variables, images, COMPACT, 3)
+    expected = np.where(scores[..., 2] > scores[..., 0], 2, 0)
+    np.testing.assert_array_equal(compact.predict(images, among=(0, 2)), expected)
+
+
+def test_labels_are_painted_as_label_files_have_them(compact):
+    labels = np.array([[0, 1], [2, 255]], np.uint8)
+    ids = compact.painted(labels)
+    assert ids.dtype == np.uint16 and ids.tolist() == [[7, 300], [0, 255]]
+    small = replace(compact, classes=label_classes("abc"), written="colours")
+    assert small.painted(labels, "ids").dtype == np.uint8
+    colours = small.painted(labels)
+    # PASCAL VOC's first three.
+    assert colours.tolist() == [[[128, 0, 0], [0, 128, 0]], [[128, 128, 0], [0, 0, 0]]]
+    over = small.painted(labels, "overlay", np.full((2, 2, 3), 100, np.uint8))
+    assert over[0, 0].tolist() == [114, 50, 50]
+    with pytest.raises(ValueError, match="an overlay needs the image"):
+        small.painted(labels, "overlay")
+
+
+def test_classes_of_a_target_have_the_values_of_its_files():
+    cityscapes = {own.name: own for own in classes_of(shipped("cityscapes"))}
+    assert cityscapes["road"] == ("road", 7, (128, 64, 128)) and cityscapes["bicycle"].id == 33
+    assert [own.id for own in classes_of(shipped("camvid"))] == list(range(11))
+    facade = classes_of(shipped("labelmefacade"))  # its files hold colours
+    assert [own.id for own in facade] == list(range(6)) and facade[3].color == (128, 64, 0)
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"format": 2}, f"{CONFIG}: format is 2, and this version reads 1; upgrade sdr-jax"),
+    ({"format": None}, f"{CONFIG}: format is None; expected int"),
+    ({"classes": []}, f"{CONFIG}: a model has 1 to 255 classes, not 0"),
+    ({"classes": [{"name": "a", "id": 1, "color": [0, 0, 0]}]}, f"{WEIGHTS}: .*: .*with 1 classes has"),
+    ({"classes": [{"name": "a", "id": 1, "color": [0, 0]}]}, r"classes\[0\].color is \[0, 0\]"),
+    ({"size": {"width": 4}}, f"{CONFIG}: height is missing"),
+    ({"written": "words"}, f"{CONFIG}: written is 'words'; expected ids or colours"),
+    ({"recipe": {"net": "compact", "stride": 2}}, r"recipe\.stride: there is no such setting"),
+    ({"recipe": {"net": "compact", "lr": "high"}}, r"recipe\.lr is 'high'; expected float"),
+    ({"recipe": {"net": "compact", "norm": True, "weights": "x"}}, f"{CONFIG}: norm is for"),
+    ({"recipe": {"net": "fcn8s"}}, f"{WEIGHTS}: .* of another net"),
+])  # fmt: skip
+def test_a_model_that_is_not_right_is_refused_by_name(changes, message, saved):
+    config = json.loads((saved / CONFIG).read_text())
+    (saved / CONFIG).write_text(json.dumps({**config, **changes}))
+    refused(ModelError, message, load_model, saved)
+
+
+def test_a_trunk_of_another_version_is_refused(tmp_path):
+    model_of("frozen").save(tmp_path / "model")
+    config = json.loads((tmp_path / "model" / CONFIG).read_text())
+    config["trunk"]["version"] = "9"
+    (tmp_path / "model" / CONFIG).write_text(json.dumps(config))
+    refused(
+        ModelError, "its head is for a trunk of .* 9, and here is", load_model, tmp_path / "model"
+    )
+
+
+def test_damaged_files_are_refused_by_name(saved):
+    refused(ModelError, "nothing: no model; expected a folder with", load_model, saved / "nothing")
+    whole = (saved / WEIGHTS).read_bytes()
+    for data in (b"", whole[:-1], whole[:99] + b"x" + whole[100:]):
+        (saved / WEIGHTS).write_bytes(data)
+        refused(ModelError, f"{WEIGHTS}: its SHA-256 is", load_model, saved)
+    (saved / WEIGHTS).unlink()
+    refused(ModelError, f"{WEIGHTS}: No such file", load_model, saved)
+    (saved / CONFIG).write_text("{")
+    refused(ModelError, f"{CONFIG} is no JSON file", load_model, saved)
+
+
+def test_nothing_is_lost_or_half_written(saved, compact, tmp_path, full_disk):
+    before = {path.name: path.read_bytes() for path in saved.iterdir()}
+    with pytest.raises(OSError, match="No space left"):
+        compact.save(saved)
+    with pytest.raises(OSError, match="No space left"):
+        compact.save(tmp_path / "new")
+    assert {path.name: path.read_bytes() for path in saved.iterdir()} == before
+    assert os.listdir(tmp_path) == ["model"]
+
+
+def test_a_folder_of_other_files_is_left_alone(compact, tmp_path):
+    (tmp_path / "letter.txt").write_text("dear")
+    refused(ModelError, "holds other files, such as letter.txt", compact.save, tmp_path)
+    assert os.listdir(tmp_path) == ["letter.txt"]
+
+
+@pytest.mark.parametrize(("changes", "message"), [
+    ({"classes": label_classes("aba")}, "two classes have the name 'a'"),
+    ({"classes": label_classes("abc", ids=[1, 2, 1])}, "two classes have the id 1"),
+    ({"classes": label_classes("abc", ids=[1, 2, 2**16])}, "ids of classes must be in"),
+    ({"classes": label_classes("ab", colors=[(0, 0, 0)] * 2), "written": "colours"}, "the color"),
+    ({"size": (0, 8)}, r"size must be .* of 1 or more; got \(0, 8\)"),
+    ({"settings": LITE0, "size": (31, 80)}, "of 32 or more"),
+])  # fmt: skip
+def test_models_that_make_no_sense(changes, message, compact):
+    refused(ValueError, message, replace, compact, **changes)
+
+
+@pytest.mark.parametrize("image", [
+    np.zeros((4, 4), np.uint8), np.zeros((4, 4, 4), np.uint8), np.zeros((4, 4, 3), np.float32),
+    np.zeros((0, 4, 3), np.uint8),
+])  # fmt: skip
+def test_what_is_no_image_is_refused(image, compact):
+    refused(ValueError, r"an image must be u8\[h, w, 3\]; got ", compact.predict, [image])

@@ -1,0 +1,431 @@
+"""Labelled images as their targets' files name them: small folders in published layouts, and real ones."""
+
+import hashlib
+import json
+
+import msgspec
+import numpy as np
+import pytest
+from cityscapesscripts.helpers.annotation import Annotation
+from cityscapesscripts.preparation.json2labelImg import createLabelImage
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, LABELMEFACADE_6, class_table
+from seg.data import (
+    LabelReader,
+    fitted,
+    list_split,
+    load,
+    read_split,
+    read_target,
+    refuse_shared,
+    subset,
+)
+from seg.data.labelled import PADDING, cut
+from shell.errors import UserError
+from shell.target_file import find_target, parse_target, shipped
+from tests.layouts import FACADE, FACADE_IDS, LAYOUTS, SIZE, save, write, write_packed
+
+from .conftest import pixels, refuses, refuses_file
+
+DIGESTS = {
+    "camvid train - - -": "f634e62fb9c5c91d",
+    "camvid train 6 8 -": "ea86ca366a19d4ab",
+    "camvid train 24 32 2": "e1c67f792f3ba3f6",
+    "camvid test - - -": "021c41ffc9f366e1",
+    "camvid test 6 8 -": "f2b8a16146b78fc6",
+    "camvid test 24 32 2": "b6a3c022d2e0bfee",
+    "cityscapes train - - -": "b855e1b01f8f2087",
+    "cityscapes train 6 8 -": "355dc0eff693f990",
+    "cityscapes train 24 32 2": "e37f152e4315eead",
+    "cityscapes val - - -": "7b46714b97f7d8af",
+    "cityscapes val 6 8 -": "2767ede807c4a473",
+    "cityscapes val 24 32 2": "522c6aa7d3e3afed",
+    "labelmefacade train - - -": "514eea618a04de40",
+    "labelmefacade train 6 8 -": "2813f032e484cc66",
+    "labelmefacade train 24 32 2": "6d61715a092f68a4",
+    "labelmefacade test - - -": "a9fb034c20892389",
+    "labelmefacade test 6 8 -": "93c026db5c365e1f",
+    "labelmefacade test 24 32 2": "f2521a1c23af076c",
+    "gta5 train - - -": "b29e7d5df77fef87",
+    "gta5 train 6 8 -": "b40d21b2cbbfa180",
+    "gta5 train 24 32 2": "bafbd52ac7726e1e",
+    "synthia train - - -": "aedb798837d26006",
+    "synthia train 6 8 -": "1451c7f457862181",
+    "synthia train 24 32 2": "c82cd4661099d0c6",
+}  # layout, split, height, width, limit
+"""Of the images, labels, names and sequences that the readers gave before targets were files."""
+
+
+def digest(data) -> str:
+    found = hashlib.sha256("\n".join([*data.names, *data.sequences]).encode())
+    for array in (data.images, data.labels):
+        found.update(str(array.shape).encode())
+        found.update(np.ascontiguousarray(array).tobytes())
+    return found.hexdigest()[:16]
+
+
+def own(text: str, classes: str = "{road: {ids: [1]}, sky: {ids: [0, 2]}}"):
+    return parse_target(
+        f"images: i/{{name}}\nlabels: l/{{name}}\n{text}\nclasses: {classes}", "t.yaml"
+    )
+
+
+@pytest.mark.parametrize("layout", sorted({key.partition(" ")[0] for key in DIGESTS}))
+def test_the_same_is_read_as_by_the_readers_of_each_data_set_before(layout, tmp_path):
+    write(layout, tmp_path)
+    for key, expected in DIGESTS.items():
+        name, split, height, width, limit = key.split()
+        if name == layout:
+            size = None if height == "-" else (int(height), int(width))
+            data = read_split(
+                layout, tmp_path, split, size, None if limit == "-" else int(limit), 5
+            )
+            assert digest(data) == expected, key
+
+
+@pytest.mark.parametrize(("split", "images", "expected"), [
+    ("train", 367, "fe00fbd778cce776"), ("val", 101, "56b78803f2fc53c2"), ("test", 233, "36ba3cb47f5fc8ac"),
+])  # fmt: skip
+def test_real_camvid_is_read_as_before(camvid_dir, split, images, expected):
+    data = read_split("camvid", camvid_dir, split, (96, 128))
+    assert len(data.names) == images and digest(data) == expected
+
+
+@pytest.mark.parametrize(("split", "images", "expected"), [
+    ("train", 100, "26cab174e53bd81d"), ("test", 300, "9124509d09c078a7"),
+])  # fmt: skip
+def test_real_labelmefacade_is_read_as_before(labelmefacade_dir, split, images, expected):
+    data = read_split("labelmefacade", labelmefacade_dir, split, (96, 128))
+    assert len(data.names) == images and digest(data) == expected
+
+
+@pytest.mark.parametrize("layout", ["idd-lite", "camvid-32"])
+def test_published_layouts_that_had_no_reader(layout, tmp_path):
+    write(layout, tmp_path)
+    *_, splits, values = LAYOUTS[layout]
+    target = shipped(layout)
+    data = read_target(target, tmp_path, SIZE)
+    assert list(data.splits) == list(splits)
+    for split, found in data.splits.items():
+        entries = list_split(target, tmp_path, split)
+        for entry, ids, pixels_ in zip(entries, found.labels, found.images, strict=True):
+            raw = np.asarray(Image.open(entry.label_path))
+            if layout == "camvid-32":
+                names = ["Road", "Sidewalk", "Train", None, "Pedestrian"]
+                places = (raw[:, :, None] == values).all(axis=-1).argmax(axis=-1)
+                known = [255 if n is None else target.class_names.index(n) for n in names]
+                raw = np.array(known)[places]
+            np.testing.assert_array_equal(ids, raw)
+            np.testing.assert_array_equal(pixels_, np.asarray(Image.open(entry.image_path)))
+    assert not data.notes and data.table.classes == target.class_names
+
+
+def test_lists_that_share_groups_are_noted_once(tmp_path):
+    write("camvid", tmp_path)
+    image, label = (Image.open(p) for p in sorted(tmp_path.glob("test*/*.png")))
+    save(tmp_path / "test" / "0001TP_9.png", np.asarray(image) // 2)
+    save(tmp_path / "testannot" / "0001TP_9.png", np.asarray(label))
+    (note,) = read_target(shipped("camvid"), tmp_path, SIZE).notes
+    assert "share 1 of 3 groups (0001TP) between train and test" in note
+
+
+def test_what_colours_and_ids_mean(tmp_path):
+    building, car, sidewalk, road, sky, vegetation = range(6)
+    by_hand = (building, building, building, car, sidewalk, road, sky, vegetation, IGNORE_LABEL)
+    assert tuple(FACADE_IDS.tolist()) == by_hand
+    order = "building car sidewalk road sky vegetation"
+    assert " ".join(LABELMEFACADE_6.classes) == order
+    save(tmp_path / "a.png", FACADE[None])
+    np.testing.assert_array_equal(
+        LabelReader(shipped("labelmefacade"))(tmp_path / "a.png")[0], by_hand
+    )
+    for name, values in {
+        "gta5": {7: "road", 11: "building", 23: "sky", 33: "bicycle", 34: None, 0: None},
+        "kitti": {7: "road", 26: "car", 24: "person", 17: "pole", 4: None, 16: None, 30: None},
+        "synthia": {1: "sky", 3: "road", 21: "wall", 10: "person", 11: "bicycle", 20: "train",
+                    15: "traffic light", 0: None, 13: None, 22: None},
+        "camvid": {0: "sky", 3: "road", 10: "bicyclist", 11: None},
+    }.items():  # fmt: skip
+        ids = np.array([[*values]])
+        (write_packed if name == "synthia" else save)(tmp_path / "b.png", ids)
+        expected = [
+            255 if value is None else class_table(name).classes.index(value)
+            for value in values.values()
+        ]
+        np.testing.assert_array_equal(LabelReader(shipped(name))(tmp_path / "b.png")[0], expected)
+
+
+def test_transparency_and_palettes_change_no_label(tmp_path):
+    ids, reader = pixels(*SIZE, below=9), LabelReader(shipped("labelmefacade"))
+    transparent = Image.fromarray(FACADE[ids]).convert("RGBA")
+    transparent.putalpha(7)
+    palette = Image.fromarray(ids)
+    palette.putpalette(FACADE.ravel().tolist())
+    for picture in (transparent, palette):
+        picture.save(tmp_path / "a.png")
+        np.testing.assert_array_equal(reader(tmp_path / "a.png"), FACADE_IDS[ids])
+    # The same palette is read as ids by a target that has them.
+    many = own("void: [8]", "{low: {ids: [0, 1, 2, 3]}, high: {ids: [4, 5, 6, 7]}}")
+    expected = np.where(ids == 8, 255, ids > 3)
+    np.testing.assert_array_equal(LabelReader(many)(tmp_path / "a.png"), expected)
+
+
+def test_ids_of_16_bits(tmp_path):
+    target = own("void: [65535]", "{road: {ids: [300, 7000]}, sky: {ids: [0]}}")
+    values = np.array([[300, 7000], [0, 65535]], np.uint16)
+    Image.fromarray(values).save(tmp_path / "a.png")
+    np.testing.assert_array_equal(LabelReader(target)(tmp_path / "a.png"), [[0, 0], [1, 255]])
+    Image.fromarray(values + np.uint16(1)).save(tmp_path / "a.png")
+    refuses_file(r"a\.png: label id 1 \(1 pixels in 1 file\), 301 .*, 7001 .* stands", LabelReader(target),
+                 tmp_path / "a.png")  # fmt: skip
+
+
+@given(st.integers(1, 90), st.integers(1, 90), st.sampled_from([4 / 3, 1.0, 2.5, 0.4]))
+def test_a_cut_is_the_largest_of_its_aspect_around_the_centre(height, width, aspect):
+    rows, columns = np.mgrid[:height, :width]
+    found = cut(np.dstack([rows, columns]), aspect)
+    high, wide = found.shape[:2]
+    assert high == height or wide == width  # no more is lost than must be
+    assert abs(wide - high * aspect) <= max(1, aspect) * 0.5 + 1e-9 or 1 in (high, wide)
+    for axis, whole in ((0, height), (1, width)):
+        before, after = found[0, 0, axis], whole - 1 - found[-1, -1, axis]
+        assert 0 <= after - before <= 1
+
+
+@given(st.integers(1, 60), st.integers(1, 60))
+def test_a_fitted_image_keeps_its_aspect_and_all_of_itself(height, width):
+    canvas, (rows, columns) = fitted(np.full((height, width, 3), 9, np.uint8), (24, 32))
+    assert rows == 24 or columns == 32
+    assert abs(rows * width - columns * height) <= max(height, width)  # to the nearest pixel
+    shown = (canvas == 9).all(axis=-1)
+    assert shown[:rows, :columns].all() and shown.sum() == rows * columns
+    assert (canvas[~shown] == PADDING).all()
+
+
+@pytest.mark.parametrize(("shape", "fit", "void"), [
+    ((12, 16), "pad", 0), ((12, 16), "cut", 0), ((24, 16), "cut", 0), ((12, 48), "cut", 0),
+    ((24, 16), "pad", 1 / 2), ((12, 48), "pad", 2 / 3), ((12, 12), "pad", 1 / 4),
+])  # fmt: skip
+def test_images_of_other_shapes_are_padded_with_void_or_cut(tmp_path, shape, fit, void):
+    # Sky above road, of other brightness, so that image and label must be treated alike.
+    rows = np.arange(shape[0])[:, None] >= shape[0] / 2
+    label = np.broadcast_to(np.where(rows, 1, 0), shape)
+    save(tmp_path / "l" / "a.png", label)
+    save(tmp_path / "i" / "a.png", np.repeat(np.where(label, 40, 220)[..., None], 3, axis=2))
+    target = own(f"fit: {fit}")
+    data = load(list_split(target, tmp_path, "train"), target, (6, 8))
+    assert data.images.shape == (1, 6, 8, 3)
+    assert np.mean(data.labels == 255) == pytest.approx(void, abs=0.01)
+    road, sky = 0, 1
+    assert {*data.labels.ravel().tolist()} - {255} == {road, sky}
+    assert (data.images[data.labels == road] < 90).all() and (
+        data.images[data.labels == sky] > 170
+    ).all()
+    whole = load(
+        list_split(target, tmp_path, "train"), target, (6, 8), "pad" if fit == "cut" else "cut"
+    )
+    assert digest(whole) == digest(data) or shape != (12, 16)
+
+
+def test_images_of_three_shapes_come_at_one_size(tmp_path):
+    for k, shape in enumerate(((12, 16), (16, 12), (9, 30))):
+        save(tmp_path / "i" / f"{k}.png", pixels(*shape, 3, seed=k))
+        save(tmp_path / "l" / f"{k}.png", pixels(*shape, seed=k, below=3))
+    entries = list_split(own(""), tmp_path, "train")
+    data = load(entries, own(""), (12, 16))
+    shown = [np.mean(label != 255) for label in data.labels]
+    assert shown == pytest.approx([1, 9 / 16, 5 / 12])
+    assert not (load(entries, own(""), (12, 16), "cut").labels == 255).any()
+    refuses_file(
+        r"i/1\.png: 12x16 pixels where .*0\.png has 16x12; give a size", load, entries, own("")
+    )
+
+
+def test_values_of_no_class_are_told_with_their_count_and_first_file(tmp_path):
+    for k in range(3):
+        save(tmp_path / "i" / f"{k}.png", pixels(2, 4, 3, seed=k))
+        save(
+            tmp_path / "l" / f"{k}.png", np.array([[0, 1, 2, 0], [7 * (k > 0), 9 * (k > 1), 1, 1]])
+        )
+    entries = list_split(own(""), tmp_path, "train")
+    message = (
+        r"^.*l/1\.png: label id 7 \(2 pixels in 2 files\), 9 \(1 pixels in 1 file\) stands in no class of "
+        r"t\.yaml, nor in its void; put it into one$"
+    )
+    refuses_file(message, load, entries, own(""))
+    assert len(load(entries, own("void: [7, 9]")).names) == 3
+
+
+@given(
+    st.tuples(*[st.integers(0, 255)] * 3).filter(
+        lambda c: c not in set(map(tuple, FACADE.tolist()))
+    )
+)
+def test_any_colour_of_no_class_is_named_with_its_file(tmp_path_factory, color):
+    path = tmp_path_factory.getbasetemp() / "odd.png"
+    painted = FACADE[[[0, 1, 2], [3, 4, 5]]]
+    painted[1, 2] = color
+    save(path, painted)
+    message = (
+        r"odd\.png: label colour \({}, {}, {}\) \(1 pixels in 1 file\) stands in no class of label"
+    )
+    refuses_file(message.format(*color), LabelReader(shipped("labelmefacade")), path)
+
+
+def test_smoothed_labels_and_labels_of_other_kinds_are_refused(tmp_path):
+    path = tmp_path / "label.png"
+    facade, synthia = (LabelReader(shipped(name)) for name in ("labelmefacade", "synthia"))
+    save(path, pixels(9, 9, 3))
+    refuses_file(r"colour (\(.*\).*, ){2}\(.*\) and 78 more stands", facade, path)
+    refuses_file("a label of mode RGB, that is colours", LabelReader(shipped("camvid")), path)
+    write_packed(path, pixels(3, 4, below=20), np.uint8)
+    refuses_file(r"3 channel\(s\) of 8 bits; expected three of 16", synthia, path)
+    save(path, np.full((3, 4), 5))
+    refuses_file(r"1 channel\(s\) of 8 bits; expected three of 16", synthia, path)
+
+
+def test_labels_of_another_size_and_what_is_missing(tmp_path):
+    write("camvid", tmp_path)
+    read = read_split, "camvid", tmp_path, "train"
+    label = tmp_path / "trainannot" / "0006R0_2.png"
+    save(label, np.zeros((9, 7)))
+    refuses_file(r"0006R0_2\.png: 7x9 pixels, but its image .*0006R0_2\.png has 16x12", *read)
+    label.write_bytes(label.read_bytes()[:40])
+    refuses_file(r"0006R0_2\.png: not a readable image", *read)
+    label.unlink()
+    refuses(r"0006R0_2\.png: image without label; expected .*0006R0_2\.png", *read, error=UserError)
+    refuses("zero images to load", load, (), shipped("camvid"))
+    entries = list_split(shipped("camvid"), tmp_path, "test")
+    refuses(r"size must be a positive \(height, width\)", load, entries, shipped("camvid"), (0, 4))
+
+
+def test_limit_is_a_seeded_subset_in_order(tmp_path):
+    entries = list_split(shipped("camvid"), write("camvid", tmp_path), "train")
+    assert subset(entries, 2, seed=1) == subset(entries, 2, seed=1)
+    assert len({subset(entries, 2, seed) for seed in range(20)}) == 3
+    assert all(list(kept) == sorted(kept) for kept in (subset(entries, 2, s) for s in range(5)))
+    assert subset(entries, 99) == subset(entries, None) == entries
+    refuses("limit must be at least 1", subset, entries, 0)
+
+
+def test_an_image_in_two_splits_is_found_by_its_pixels(tmp_path):
+    write("camvid", tmp_path)
+    data = read_target(shipped("camvid"), tmp_path, SIZE).splits
+    refuse_shared(data)
+    for part in ("", "annot"):
+        save(tmp_path / f"test{part}" / "new_1.png",
+             np.asarray(Image.open(tmp_path / f"train{part}" / "0006R0_2.png")))  # fmt: skip
+    message = "1 images are in two splits, such as 0006R0_2 in train is new_1 in test"
+    refuses(message, read_target, shipped("camvid"), tmp_path, SIZE, error=UserError)
+    assert list(read_target(shipped("camvid"), tmp_path, SIZE, splits=["test"]).splits) == ["test"]
+
+
+def test_a_target_beside_its_images(tmp_path):
+    for k in range(4):
+        save(tmp_path / "i" / f"d{k // 2}_{k}.png", pixels(6, 8, 3, seed=k))
+        save(tmp_path / "l" / f"d{k // 2}_{k}.png", pixels(6, 8, seed=k, below=3))
+    (tmp_path / "target.yaml").write_text(
+        "images: i/{name}\nlabels: l/{name}\ngroup: '^[^_]+'\nsplits: {test: 0.5}\n"
+        "classes:\n  road: {ids: [0], renders: [road]}\n  thing: {ids: [1, 2]}\n"
+    )
+    data = read_target(find_target(None, tmp_path), tmp_path, (3, 4))
+    sides = {split: {*own.sequences} for split, own in data.splits.items()}
+    assert sorted(map(len, sides.values())) == [1, 1] and sides["train"] != sides["test"]
+    assert data.table.classes == ("road", "thing")
+    assert data.table.from_train_id[0] == 0 and set(data.table.from_train_id[1:]) == {255}
+
+
+POLYGONS = [
+    ("road", [[0, 6], [16, 6], [16, 12], [0, 12]]), ("sky", [[0, 0], [15, 0], [15, 4], [0, 4]]),
+    ("car", [[2.5, 5.2], [9.7, 5.1], [8.2, 9.9], [3, 10]]), ("cargroup", [[11, 6], [15, 7], [12, 11]]),
+    ("static", [[-3, -3], [2, 1], [1, 3]]),
+]  # fmt: skip
+
+
+def test_polygons_of_cityscapes_are_drawn_as_its_own_tool_draws_them(tmp_path):
+    objects = [{"label": name, "polygon": points} for name, points in POLYGONS]
+    objects.append({"label": "car", "polygon": POLYGONS[0][1], "deleted": 1})
+    path = tmp_path / "a_gtFine_polygons.json"
+    path.write_text(json.dumps({"imgHeight": 12, "imgWidth": 16, "objects": objects}))
+    annotation = Annotation()
+    annotation.fromJsonFile(str(path))
+    official = tmp_path / "ids.png"
+    createLabelImage(annotation, "ids").save(official)
+    classes = ", ".join(f"{n}: {{names: [{n}]}}" for n in ("road", "sky", "car"))
+    target = own("format: cityscapes-json\nvoid: [static]", f"{{{classes}}}")
+    found = LabelReader(target)(path)
+    expected = LabelReader(shipped("cityscapes"))(official)
+    table = [CITYSCAPES_19.classes.index(n) for n in ("road", "sky", "car")]
+    lookup = np.full(256, 255)
+    lookup[:3] = table
+    np.testing.assert_array_equal(lookup[found], expected)
+    assert len(np.unique(found)) == 4
+
+
+def test_polygons_and_rectangles_of_labelme(tmp_path):
+    shapes = [
+        {"label": "road", "points": [[0, 3], [7, 3], [7, 5], [0, 5]], "shape_type": "polygon"},
+        {"label": "car", "points": [[2, 2], [3, 4]], "shape_type": "rectangle"},
+        {"label": "sky", "points": [[0, 0], [7, 0], [7, 0]]},
+    ]
+    path, plain = tmp_path / "a.json", {"imageHeight": 6, "imageWidth": 8, "shapes": shapes}
+    path.write_text(json.dumps(plain))
+    target = own("", "{road: {names: [road]}, car: {names: [car]}, sky: {names: [sky]}}")
+    expected = np.full((6, 8), 255)
+    expected[3:], expected[2:5, 2:4], expected[0] = 0, 1, 2
+    np.testing.assert_array_equal(LabelReader(target)(path), expected)
+    save(tmp_path / "i" / "a.png", pixels(6, 8, 3))
+    (tmp_path / "l").mkdir()
+    path.rename(tmp_path / "l" / "a.json")
+    target = msgspec.structs.replace(target, labels="l/{name}.json")
+    np.testing.assert_array_equal(
+        load(list_split(target, tmp_path, "train"), target).labels[0], expected
+    )
+    empty = tmp_path / "e.json"
+    empty.write_text(json.dumps(plain | {"shapes": []}))
+    assert (LabelReader(target)(empty) == 255).all()
+    for change, message in (
+        ({"shapes": [shapes[0] | {"label": "lorry"}]}, r"label name 'lorry' \(24 pixels in 1 file\) stands"),
+        ({"shapes": [shapes[0] | {"shape_type": "circle"}]}, r"shapes\[0\]\.shape_type is 'circle'"),
+        ({"shapes": [shapes[0] | {"points": [[1, 2, 3]]}]}, r"shapes\[0\]\.points must be a list of points"),
+        ({"shapes": [shapes[0] | {"points": [[1, 1e9]]}]}, r"shapes\[0\]\.points must be a list of points"),
+        ({"shapes": [shapes[0] | {"label": 3}]}, r"shapes\[0\]\.label must be text"),
+        ({"shapes": [7]}, r"shapes\[0\] must be a table"), ({"shapes": {}}, "shapes must be a list"),
+        ({"imageWidth": None}, "imageWidth must be a positive whole number, not None"),
+        ({"imageWidth": 10**8, "imageHeight": 10**8}, "100000000x100000000 is more than 50,000,000 pixels"),
+    ):  # fmt: skip
+        empty.write_text(json.dumps(plain | change))
+        refuses_file(r"e\.json: " + message, LabelReader(target), empty)
+    for text in ("{", "[NaN]", "[" * 100_000):
+        empty.write_text(text)
+        refuses_file(r"e\.json: no JSON", LabelReader(target), empty)
+
+
+def test_real_camvid_has_the_shares_that_its_description_says(camvid_dir):
+    entries = list_split(shipped("camvid"), camvid_dir, "train")
+    assert {entry.sequence for entry in entries} == {"0001TP", "0006R0", "0016E5"}
+    data = load(subset(entries, 40, seed=1), shipped("camvid"), (90, 120))
+    share = np.bincount(data.labels.ravel(), minlength=256) / data.labels.size
+    # Shares over all 367 images: road .32, building .23, sky .17, void .04.
+    for name, expected in (("road", 0.32), ("building", 0.23), ("sky", 0.17)):
+        assert share[CAMVID_11.classes.index(name)] == pytest.approx(expected, abs=0.06)
+    assert 0 < share[255] < 0.1
+
+
+def test_real_labelmefacade_has_the_groups_and_shares_that_are_known(labelmefacade_dir):
+    train, test = (
+        list_split(shipped("labelmefacade"), labelmefacade_dir, s) for s in ("train", "test")
+    )
+    # The published lists cut through albums: photographs of most training albums are in both.
+    albums, reported = ({entry.sequence for entry in side} for side in (train, test))
+    assert (len(albums), len(reported), len(albums & reported)) == (43, 81, 32)
+    data = load(subset(train, 40, seed=1), shipped("labelmefacade"), (90, 120))
+    share = np.bincount(data.labels.ravel(), minlength=256) / data.labels.size
+    # Shares over all 100 images; void is .04.
+    for name, expected in (("building", 0.54), ("road", 0.14), ("sky", 0.11), ("car", 0.04)):
+        found = share[LABELMEFACADE_6.classes.index(name)]
+        assert found == pytest.approx(expected, abs=0.06)
+    assert 0 < share[IGNORE_LABEL] < 0.1

@@ -1,0 +1,263 @@
+"""Images and labels as targets' files name them, on folders of a few files; no pixel is read."""
+
+import re
+from collections import Counter
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shell.errors import UserError
+from shell.listing import list_all, list_split, shared_groups, split_names
+from shell.target_file import parse_target, shipped
+
+CLASSES = "\nclasses: {road: {ids: [0]}}"
+
+
+def put(root: Path, *names: str, text: str = "never read") -> Path:
+    for name in names:
+        path = root / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+    return root
+
+
+def target(text: str):
+    return parse_target(text + CLASSES, "t.yaml")
+
+
+def names(found) -> dict[str, list[str]]:
+    return {split: [entry.name for entry in own] for split, own in found.items()}
+
+
+def groups(found) -> dict[str, str]:
+    return {entry.name: entry.sequence for own in found.values() for entry in own}
+
+
+def refuses(root: Path, own, split: str, *words: str) -> None:
+    with pytest.raises(UserError) as caught:
+        list_split(own, root, split)
+    said = str(caught.value)
+    assert "\n" not in said and all(word in said for word in words), said
+
+
+LAYOUTS = {
+    "camvid": (
+        ["train/{}.png trainannot/{}.png 0001TP_1 0016E5_2",
+         "test/{}.jpg testannot/{}.png Seq05VD_f3 0001TP_4"],
+        {"train": ["0001TP_1", "0016E5_2"], "test": ["0001TP_4", "Seq05VD_f3"]},
+        ["0001TP", "0016E5", "Seq05VD"],
+    ),
+    "camvid-32": (
+        ["701_StillsRaw_full/{}.png LabeledApproved_full/{}_L.png 0006R0_f1 0016E5_2 Seq05VD_f3 Seq05VD_f4"],
+        {"train": ["0006R0_f1", "0016E5_2"], "test": ["Seq05VD_f3", "Seq05VD_f4"]},
+        ["0006R0", "0016E5", "Seq05VD"],
+    ),
+    "cityscapes": (
+        ["leftImg8bit/train/{}_leftImg8bit.png gtFine/train/{}_gtFine_labelIds.png bonn/bonn_0 "
+         "aachen/aachen_1",
+         "leftImg8bit/val/{}_leftImg8bit.png gtFine/val/{}_gtFine_labelIds.png ulm/ulm_0 ulm/ulm_1"],
+        {"train": ["aachen_1", "bonn_0"], "val": ["ulm_0", "ulm_1"]},
+        ["aachen", "bonn", "ulm"],
+    ),
+    "labelmefacade": (
+        ["images/{}.jpg labels/{}.png town__p10 boston__img_7 town__p9 laredo__street"],
+        {"train": ["boston__img_7", "town__p10", "town__p9"], "test": ["laredo__street"]},
+        ["boston__img", "laredo__street", "town__p"],
+    ),
+    "idd-lite": (
+        ["leftImg8bit/train/{}_image.jpg gtFine/train/{}_label.png 0/024541 87/357164 87/024541",
+         "leftImg8bit/val/{}_image.jpg gtFine/val/{}_label.png 132/475092"],
+        {"train": ["0_024541", "87_024541", "87_357164"], "val": ["132_475092"]},
+        ["0", "132", "87"],
+    ),
+    "kitti": (
+        ["training/image_2/{}.png training/semantic/{}.png 000000_10 000001_10 000002_10 000003_10"],
+        {"train": 3, "test": 1},
+        ["000000_10", "000001_10", "000002_10", "000003_10"],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LAYOUTS)
+def test_the_published_layouts_of_the_targets_that_come_with_the_package(tmp_path, name):
+    files, splits, expected = LAYOUTS[name]
+    for words in files:
+        image, label, *own = words.split()
+        for stem in own:
+            put(tmp_path, image.format(stem), label.format(stem))
+    if name == "labelmefacade":
+        put(tmp_path, "train.txt", text="town__p10\nboston__img_7\n\ntown__p9\n")
+        put(tmp_path, "test.txt", text="laredo__street")
+    found = list_all(shipped(name), tmp_path)
+    shown = names(found)
+    assert list(shown) == list(splits)
+    for split, own in splits.items():
+        assert shown[split] == own or len(shown[split]) == own
+    assert sorted(set(groups(found).values())) == expected
+    for entries in found.values():
+        assert list(entries) == sorted(entries, key=lambda entry: (entry.sequence, entry.name))
+        assert all(entry.image_path.is_file() and entry.label_path.is_file() for entry in entries)
+    label = next(entry for own in found.values() for entry in own).label_path
+    label.unlink()
+    with pytest.raises(
+        UserError, match=r"image without label; expected .*" + re.escape(label.name)
+    ):
+        list_all(shipped(name), tmp_path)
+
+
+def test_lists_of_names_of_paths_and_of_pairs(tmp_path):
+    own = target("images: '{split}/{name}'\nlabels: '{split}_l/{name}'\nsplits: '{split}.txt'")
+    put(tmp_path, *(f"day/{k}.png" for k in "abc"), *(f"day_l/{k}.png" for k in "abc"))
+    for text in (
+        "a\nb", " b \n\na\n", "day/a.png\nday/b.png", "/home/x/data/day/a.png /data/day_l/a.png\nb",
+        "day/a.jpg day_l/a.png\nday/b.png day_l/b.jpeg", "a.png\nb.png",
+    ):  # fmt: skip
+        put(tmp_path, "day.txt", text=text)
+        found = list_split(own, tmp_path, "day")
+        assert [e.name for e in found] == ["a", "b"], text
+        assert {e.image_path.suffix for e in found} == {".png"}
+    (tmp_path / "day.txt").unlink()
+    assert [e.name for e in list_split(own, tmp_path, "day")] == ["a", "b", "c"]
+    assert split_names(own, tmp_path) == ("day",)
+
+
+def test_a_list_of_images_whose_groups_are_folders(tmp_path):
+    own = target(
+        "images: 'i/{group}/{name}.jpg'\nlabels: 'l/{group}/{name}.png'\nsplits: {train: t.txt}"
+    )
+    for name in ("x/1", "x/2", "y/2"):
+        put(tmp_path, f"i/{name}.jpg", f"l/{name}.png")
+    put(tmp_path, "t.txt", text="1\ni/y/2.jpg")
+    assert groups(list_all(own, tmp_path)) == {"x_1": "x", "y_2": "y"}
+    put(tmp_path, "t.txt", text="1\n2")
+    refuses(
+        tmp_path, own, "train", "t.txt, line 2:", "i/x/2.jpg and", "have this name; write the path"
+    )
+
+
+def test_tables_of_images_and_labels(tmp_path):
+    own = target("images: {a: 'd/{name}.jpg', b: [n/1.jpg, /p/n/2.jpg]}\n"
+                 "labels: {a: 'dl/{name}.png', b: [m/1.png, m/2.png]}")  # fmt: skip
+    put(tmp_path, "d/x.jpg", "dl/x.png", "n/1.jpg", "n/2.jpg", "m/1.png", "m/2.png")
+    assert names(list_all(own, tmp_path)) == {"a": ["x"], "b": ["1", "2"]}
+    (tmp_path / "m/2.png").unlink()
+    refuses(tmp_path, own, "b", "n/2.jpg: image without label", "m/2.png")
+    (tmp_path / "n/1.jpg").unlink()
+    refuses(tmp_path, own, "b", "t.yaml, images.b[0]: no image", "n/1.jpg")
+    refuses(tmp_path, own, "c", "no split 'c'; in t.yaml. Splits there: a, b")
+
+
+def test_names_with_signs_of_patterns_are_names(tmp_path):
+    own = target("images: 'a[1]/{name}.v2.jpg'\nlabels: 'l*/{name}.png'")
+    put(tmp_path, "a[1]/x.v2.jpg", "a[1]/y.jpg", "a1/z.v2.jpg", "l*/x.png")
+    assert names(list_all(own, tmp_path)) == {"train": ["x"]}
+
+
+@pytest.mark.parametrize(("expression", "expected"), [
+    ("^(.*)__", {"a__1": "a", "a__2": "a", "b": "b"}),
+    ("^[^_]+", {"a__1": "a", "a__2": "a", "b": "b"}),
+    ("x*", {"a__1": "a__1", "a__2": "a__2", "b": "b"}),
+    (r"\d", {"a__1": "1", "a__2": "2", "b": "b"}),
+])  # fmt: skip
+def test_groups_by_an_expression(tmp_path, expression, expected):
+    own = target(f"images: 'i/{{name}}'\nlabels: 'l/{{name}}'\ngroup: '{expression}'")
+    for name in expected:
+        put(tmp_path, f"i/{name}.jpeg", f"l/{name}.png")
+    assert groups(list_all(own, tmp_path)) == expected
+
+
+def test_splits_by_group_leave_the_rest_for_training(tmp_path):
+    text = "images: 'i/{name}.png'\nlabels: 'l/{name}.png'\ngroup: '^.'\n"
+    for name in ("a1", "a2", "b1", "c1", "c2"):
+        put(tmp_path, f"i/{name}.png", f"l/{name}.png")
+    own = target(text + "splits: {test: [c], val: [b]}")
+    found = list_all(own, tmp_path)
+    assert names(found) == {"train": ["a1", "a2"], "test": ["c1", "c2"], "val": ["b1"]}
+    assert not shared_groups(found)
+    refuses(tmp_path, target(text + "splits: {test: [d]}"), "test", "no group 'd'", "has a, b, c")
+    own = target(text + "splits: {test: [a], val: [b, c]}")
+    refuses(tmp_path, own, "val", "splits: nothing is left for train; there are 3 groups")
+    own = target(text + "splits: {train: [a], test: [c]}")
+    assert names(list_all(own, tmp_path)) == {"train": ["a1", "a2"], "test": ["c1", "c2"]}
+    refuses(tmp_path, own, "val", "no split 'val'", "Splits there: train, test")
+
+
+@given(st.lists(st.integers(1, 9), min_size=3, max_size=12), st.sampled_from([0.1, 0.25, 0.5]))
+def test_shares_never_split_a_group(tmp_path_factory, sizes, share):
+    root = tmp_path_factory.mktemp("data")
+    for k, size in enumerate(sizes):
+        put(root, *(f"{f}/g{k}_{n}.png" for n in range(size) for f in "il"))
+    text = "images: 'i/{name}.png'\nlabels: 'l/{name}.png'\ngroup: '^[^_]+'\n"
+    found = list_all(target(f"{text}splits: {{test: {share}}}"), root)
+    sides = [{entry.sequence for entry in own} for own in found.values()]
+    assert len(sides) == 2 and all(sides) and not sides[0] & sides[1]
+    assert sum(map(len, found.values())) == sum(sizes)
+    # With one more group or one less in it, the split would not be nearer to its share.
+    wanted, count = share * sum(sizes), len(found["test"])
+    of = Counter(entry.sequence for entry in found["test"])
+    assert len(of) == 1 or abs(count - wanted) <= max(sizes)
+    assert found == list_all(target(f"{text}splits: {{test: {share}}}"), root)
+
+
+def test_a_share_of_one_group_leaves_nothing(tmp_path):
+    put(tmp_path, "i/g_1.png", "l/g_1.png", "i/g_2.png", "l/g_2.png")
+    own = target("images: 'i/{name}'\nlabels: 'l/{name}'\ngroup: '^.'\nsplits: {test: 0.5}")
+    refuses(tmp_path, own, "train", "nothing is left for train; there are 1 groups")
+
+
+def test_published_lists_that_share_groups_are_told_once(tmp_path):
+    own = msgspec.structs.replace(shipped("camvid"), group="^.")
+    for split, stems in {"train": "a1 a2 b1", "test": "a3 c1"}.items():
+        for stem in stems.split():
+            put(tmp_path, f"{split}/{stem}.png", f"{split}annot/{stem}.png")
+    said = shared_groups(list_all(own, tmp_path))
+    assert "share 1 of 3 groups (a) between train and test" in said
+
+
+def test_what_is_missing_or_not_as_it_should_be(tmp_path):
+    own = target(
+        "images: '{split}/{name}.png'\nlabels: '{split}_l/{name}.png'\nsplits: '{split}.txt'"
+    )
+    refuses(tmp_path / "gone", own, "train", "gone: no such folder", "{split}/{name}.png and")
+    refuses(tmp_path, own, "train", "no split 'train'", "Splits there: none")
+    put(
+        tmp_path,
+        "train/a.png",
+        "train_l/a.png",
+        "train/b.png",
+        "test/c.png",
+        "none/.keep",
+        "none_l/.keep",
+    )
+    refuses(
+        tmp_path,
+        own,
+        "val",
+        "no split 'val'; expected val.txt or val/{name}.png",
+        "Splits there: train, none",
+    )
+    refuses(
+        tmp_path, own, "none", "zero images in split 'none'; expected none.txt or none/{name}.png"
+    )
+    refuses(tmp_path, own, "train", "train/b.png: image without label; expected", "train_l/b.png")
+    for text, words in {
+        "\n": ("zero images in split 'train'",), "a\na": ("line 2: a is listed twice",),
+        "c": ("line 1: no image", "train/c.png; expected a name, a path"),
+        "b": ("b.png: image without label",),
+        "../../a": ("line 1: ../../a leads out of",), "../a ../b": ("line 1: ../a leads out of",),
+        "/x/../../a.png /y/b.png": ("line 1:", "leads out of"),
+        "x/d.png y/d.png": ("line 1: no image", "d.png"),
+        "train/a.png y/a.png": ("a.png: image without label; expected", "y/a.png"),
+    }.items():  # fmt: skip
+        put(tmp_path, "train.txt", text=text)
+        refuses(tmp_path, own, "train", *words)
+    (tmp_path / "train.txt").write_bytes(b"\xff\xfe\x00")
+    refuses(tmp_path, own, "train", "train.txt: not a readable text file")
+    own = target("images: '{name}'\nlabels: '{name}'\nsplits: {train: t.txt}")
+    refuses(tmp_path, own, "train", "t.txt: not a readable text file (")
+    own = target("images: 'train/{name}.png'\nlabels: 'train/{name}.png'")
+    assert names(list_all(own, tmp_path)) == {"train": ["a", "b"]}
+    refuses(tmp_path, own, "test", "no split 'test'; t.yaml names none. Splits there: train")

@@ -1,0 +1,192 @@
+"""Files that describe targets: what they say, those of the package, and everything that can be wrong."""
+
+import gc
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from shell import classes as engine
+from shell.errors import UserError
+from shell.target_file import SHIPPED, TargetFile, find_target, parse_target, shipped
+from tests.conftest import refuses as refuses_call
+
+TEXT = """\
+images: images/{name}.jpg
+labels: labels/{name}.png
+splits: {train: train.txt, test: test.txt}
+group: "^(.*)__"
+void: [255]
+classes:
+  road: {ids: [0], renders: [road]}
+  building:
+    ids: [1, 7]
+    renders: [building, wall, fence]
+  lane mark: {ids: [3]}
+"""
+
+
+def refuses(text: str, *words: str) -> None:
+    """One line that begins with the file and its line, and has all words."""
+    with pytest.raises(UserError) as caught:
+        parse_target(text, "x/target.yaml")
+    said = str(caught.value)
+    assert said.startswith("x/target.yaml") and "\n" not in said
+    assert all(word in said for word in words), said
+
+
+def test_what_a_file_says():
+    target = parse_target(TEXT, "mine/target.yaml")
+    assert (target.name, target.format, target.kind, target.fit) == ("mine", "ids", "ids", "pad")
+    assert target.class_names == ("road", "building", "lane mark")
+    assert target.rendered == (True, True, False)
+    by_name = dict(zip(engine.NAMES, target.of_engine, strict=True))
+    rendered = {name: k for name, k in by_name.items() if k != 255}
+    assert rendered == {"road": 0, "building": 1, "wall": 1, "fence": 1}
+    assert target.palette[:2] == ((128, 64, 128), (70, 70, 70))  # the engine's
+    assert len(set(target.palette)) == 3
+    assert target.splits == {"train": "train.txt", "test": "test.txt"} and target.void == (255,)
+
+
+def test_the_format_follows_from_the_classes():
+    for field, value, kind, own in (
+        ("ids", "[4]", "ids", "ids"), ("colours", "[[1, 2, 3]]", "colours", "colours"),
+        ("names", "[Road]", "names", "labelme-json"),
+    ):  # fmt: skip
+        text = (
+            f"images: i/{{name}}.png\nlabels: l/{{name}}\nclasses: {{road: {{{field}: {value}}}}}"
+        )
+        found = parse_target(text, "t.yaml")
+        assert (found.format, found.kind, found.name) == (own, kind, "t")
+    both = text.replace("{names", "{ids: [1], names").replace(
+        "[Road]", "[Road], colours: [[1, 2, 3]]"
+    )
+    assert parse_target(both, "t.yaml").format == "ids"
+    assert parse_target(f"format: colours\n{both}", "t.yaml").kind == "colours"
+
+
+@pytest.mark.parametrize(("old", "new", "words"), [
+    (TEXT, "", ("line 1:", "lacks the field images")),
+    (TEXT, "- images", ("line 1:", "expected fields such as")),
+    (TEXT, "a: [", ("line ", "is no YAML")),
+    (TEXT, "a: \x00", ("is no YAML",)),
+    ("void: [255]", "voids: [255]", ("line 5: voids:", "is no field; there are images, labels, classes")),
+    ("void: [255]", "source: a", ("line 5: source:", "no field")),
+    ("void: [255]", "void: 255", ("line 5: void:", "expected list, not whole number")),
+    ("void: [255]", "void: [65536]", ("line 5: void[0]:", "whole number from 0 to 65535")),
+    ("void: [255]", "void: [[0, 0, 0]]", ("line 5: void[0]:", "expected a whole number from 0", "ids")),
+    ("void: [255]", "void: [1]", ("line 9: classes.building.ids[0]:", "1 is in void, too")),
+    ("void: [255]", "void: [9, 255, 255]", ("line 5: void[2]:", "255 stands there twice; once is right")),
+    ("[1, 7]", "[1, -7]", ("line 9: classes.building.ids[1]:", "expected whole number >= 0")),
+    ("[1, 7]", "[1, two]", ("line 9: classes.building.ids[1]:", "expected whole number, not text")),
+    ("[1, 7]", "[1, 0]", ("line 9: classes.building.ids[1]:", "0 is in road, too; one is right")),
+    ("    ids: [1, 7]\n", "", ("line 8: classes.building:", "lacks ids")),
+    ("wall", "walls", ("line 10: classes.building.renders[1]:", "no class 'walls'", "it has road, side")),
+    ("wall", "road", ("line 10: classes.building.renders[1]:", "'road' is rendered for road, too")),
+    ("    ids: [1, 7]", "    id: [1, 7]", ("line 9: classes.building.id:", "is no field", "ids, colours")),
+    ("lane mark", "road", ("line 11: classes.road:", "stands there twice; once is right")),
+    ("lane mark", "[a, b]", ("line 11:", "a name must be a word")),
+    ("{ids: [3]}", "[3]", ("line 11: classes.lane mark:", "expected table, not list")),
+    ("road: {ids: [0], renders: [road]}", "road: &a {ids: [0]}\n  other: *a",
+     ("line 7: classes.other:", "write it out")),
+    ("images/{name}", "images/{nam}", ("line 1: images:", "{nam} stands for nothing; there are {split}")),
+    ("images/{name}", "images/all", ("line 1: images:", "expected {name} in it")),
+    ("labels/{name}", "../labels/{name}", ("line 2: labels:", "without '..'")),
+    ("labels/{name}", "/labels/{name}", ("line 2: labels:", "below the data's folder")),
+    ("labels/{name}.png", "{train: a/{name}.png}", ("line 2:", "is no YAML")),
+    ("labels/{name}.png", "{train: 'a/{name}.png'}", ("line 2: labels:", "the same of images and labels")),
+    ("^(.*)__", "^(.*__", ("line 4: group:", "no regular expression: missing )")),
+    ("{train: train.txt, test: test.txt}", "train.txt", ("line 3: splits:", "expected {split} in it")),
+    ("{train: train.txt, test: test.txt}", "{train: train.txt, test: 0.2}", ("line 3: splits:", "one kind")),
+    ("{train: train.txt, test: test.txt}", "{train: 0.5}", ("line 3: splits.train:", "give none")),
+    ("{train: train.txt, test: test.txt}", "{val: 0.5, test: 0.5}", ("line 3: splits:", "leave nothing")),
+    ("{train: train.txt, test: test.txt}", "{test: 1.5}", ("line 3: splits.test:", "number < 1")),
+    ("{train: train.txt, test: test.txt}", "{test: []}", ("line 3: splits.test:", "length >= 1")),
+    ("{train: train.txt, test: test.txt}", "{a: [x], b: [y, x]}", ("splits.b[1]:", "'x' is in a, too")),
+    ("void: [255]", "fit: squash", ("line 5: fit:", "there is no 'squash'")),
+    ("void: [255]", "name: 7", ("line 5: name:", "expected text, not whole number")),
+    ("void: [255]", "name: 2024-13-45", ("line 5: name:", "cannot be read")),
+    ("void: [255]", "format: colours\nvoid: [255]", ("void[0]: expected a colour [red, green, blue]",)),
+    ("void: [255]", "format: colours", ("line 7: classes.road:", "lacks colours")),
+])  # fmt: skip
+def test_what_is_wrong_is_said_with_its_line_and_field(old, new, words):
+    assert old in TEXT
+    refuses(TEXT.replace(old, new), *words)
+
+
+def test_tables_of_splits():
+    text = "images: {train: 'a/{name}.png', test: [b/x.png, b/y.png]}\n"
+    labels = (
+        "labels: {train: 'c/{name}.png', test: [d/x.png, d/y.png]}\nclasses: {road: {ids: [0]}}"
+    )
+    found = parse_target(text + labels, "t.yaml")
+    assert isinstance(found.images, dict) and found.images["test"] == ("b/x.png", "b/y.png")
+    refuses(
+        text + labels.replace("test", "val"), "line 2: labels:", "test, val stands in one of both"
+    )
+    refuses(text + labels.replace(", d/y.png", ""), "line 2: labels.test:", "as long a list")
+    refuses(
+        text + labels.replace("[d/x.png, d/y.png]", "'d/{name}.png'"),
+        "labels.test:",
+        "as long a list",
+    )
+    refuses(f"{text}{labels}\nsplits: {{test: 0.5}}", "line 4: splits:", "leave one of both out")
+    refuses(text.replace("y.png", "y.png, 7") + labels, "line 1: images.test[2]:", "expected text")
+
+
+def test_too_many_classes_and_none():
+    refuses(
+        "images: '{name}'\nlabels: '{name}'\nclasses: {}",
+        "line 3: classes:",
+        "1 to 254 classes, not 0",
+    )
+    many = "".join(f"\n  c{k}: {{ids: [{k}]}}" for k in range(255))
+    refuses(f"images: '{{name}}'\nlabels: '{{name}}'\nclasses:{many}", "classes:", "not 255")
+
+
+def test_the_files_that_come_with_the_package():
+    wanted = {"camvid", "camvid-32", "cityscapes", "labelmefacade", "idd-lite", "kitti"}
+    assert wanted <= set(SHIPPED)
+    for name in SHIPPED:
+        target = shipped(name)
+        assert target.name == target.source == name
+        assert len(set(target.palette)) == len(target.classes)
+        assert find_target(name) is target
+    assert len(shipped("camvid-32").classes) == 31 and not shipped("camvid-32").rendered[0]
+    assert shipped("cityscapes").class_names == engine.NAMES
+    assert shipped("cityscapes").of_engine == tuple(range(19))
+    assert all(shipped("idd-lite").rendered) and 255 not in shipped("idd-lite").of_engine
+    for name in ("cityscapes", "kitti", "gta5"):
+        ids = [own.ids for own in shipped(name).classes.values()]
+        assert ids == [(own.file_id,) for own in engine.CLASSES]
+        assert shipped(name).palette == tuple(own.colour for own in engine.CLASSES)
+
+
+def test_a_file_beside_the_images_or_anywhere(tmp_path):
+    data = tmp_path / "streets"
+    refuses_call("no such folder", find_target, None, data, error=UserError)
+    data.mkdir()
+    said = r"no target\.yaml in it; sdr-jax doctor .*streets --write .*names another file, or one of camvid"
+    refuses_call(said, find_target, None, data, error=UserError)
+    refuses_call(
+        r"--target .*a\.yaml: no such file", find_target, tmp_path / "a.yaml", error=UserError
+    )
+    refuses_call("neither a target nor a folder", find_target, None, error=UserError)
+    (data / "target.yaml").write_text(TEXT)
+    (tmp_path / "other.yaml").write_text(f"name: theirs\n{TEXT}")
+    assert find_target(None, data).name == "streets"
+    assert find_target(tmp_path / "other.yaml", data).name == "theirs"
+    (data / "target.yaml").write_text("#" * 1_000_001)
+    refuses_call("more than 1,000,000 bytes", find_target, None, data, error=UserError)
+
+
+@given(st.text(st.characters(codec="utf-8"), max_size=80), st.integers(0, len(TEXT)))
+def test_no_text_ends_in_anything_but_a_target_or_one_error(text, place):
+    for whole in (text, TEXT[:place] + text + TEXT[place:], TEXT[:place]):
+        try:
+            found = parse_target(whole, "x.yaml")
+        except UserError as error:
+            assert str(error).startswith("x.yaml")
+        else:
+            assert isinstance(found, TargetFile)
+    gc.collect()  # a value that the library built wrongly ends the process here
