@@ -1,4 +1,4 @@
-"""Long-lived worker processes whose death is survived once, behind ``concurrent.futures.Executor``.
+"""Long-lived worker processes, started again once if they die, behind ``concurrent.futures.Executor``.
 
 Used for rendering, and by the experiments for whole rewards. Results come back as they are ready, with
 the index of their task, so that progress can be shown and answers do not depend on the order. `WorkerPool`

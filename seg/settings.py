@@ -58,7 +58,7 @@ class TrainSettings:
             Features cost 10 to 15 ms of a core and 150 kB each at 240x176. Other nets augment in every step.
         head_statistics: what lite0's head normalises features by: mean and deviation over its training
             images, or over the target's real ones, which need no labels and are given to `train`.
-        loss_stride: of lite0: its loss looks at every so manyth row and column of pixels only.
+        loss_stride: of lite0: the distance in pixels between the rows, and columns, that its loss looks at.
         head_width: channels of lite0's head.
         head_dropout: share of its features that lite0's head leaves out in training.
         average: share of the steps, the last ones, over which parameters are averaged: the trained net is

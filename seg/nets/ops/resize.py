@@ -107,7 +107,7 @@ bilinear.defvjp(_forward, _backward)
 
 
 def strided(x: Shaped[Array, "b h w *c"], stride: int) -> Shaped[Array, "b rows cols *c"]:
-    """Every so manyth row and column, from the middle of the first cell of stride x stride pixels on."""
+    """Rows and columns `stride` apart, from the middle of the first cell of stride x stride pixels on."""
     return x[:, stride // 2 :: stride, stride // 2 :: stride]
 
 
