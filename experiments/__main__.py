@@ -16,6 +16,7 @@ DISTRIBUTION = "sdr-jax"
 PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "shell")
 """The names that we install beside each other, short enough for others to have had the same idea."""
 COMMANDS = {
+    "doctor": "experiments.doctor",
     "cityscapes": "experiments.cityscapes",
     "camvid": "experiments.camvid",
     "labelmefacade": "experiments.labelmefacade",

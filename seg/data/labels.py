@@ -40,7 +40,7 @@ class LabelReader:
 
     def __init__(self, target: TargetFile) -> None:
         self._target = target
-        self._read = _FORMATS[target.format or "ids"]
+        self._read = FORMATS[target.format or "ids"]
         self._class_of: dict[Any, int] = dict.fromkeys(target.void, IGNORE_LABEL)
         for k, own in enumerate(target.classes.values()):
             self._class_of |= dict.fromkeys(getattr(own, target.kind), k)
@@ -183,13 +183,14 @@ def read_cityscapes_polygons(path: Path) -> Values:
     return _drawn(_size(path, found, "imgHeight", "imgWidth"), polygons)
 
 
-_FORMATS: dict[Format, Callable[[Path], Values]] = {
+FORMATS: dict[Format, Callable[[Path], Values]] = {
     "ids": read_ids,
     "ids-first-channel": read_first_channel,
     "colours": read_colours,
     "labelme-json": read_labelme,
     "cityscapes-json": read_cityscapes_polygons,
 }
+"""Of label files, each with what reads one."""
 
 
 def _json(path: Path) -> Any:

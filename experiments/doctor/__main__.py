@@ -1,0 +1,212 @@
+"""Says what this machine has, and what a folder of labelled images holds.
+
+    python -m experiments.doctor                              # versions, GPU, renderers, extras
+    python -m experiments.doctor DATA                         # the folder, too: a page in runs/doctor
+    python -m experiments.doctor DATA --write target.yaml     # writes the file that it proposes
+    python -m experiments.doctor DATA --target camvid         # looks at the folder with a file that exists
+
+A folder is described by its own target.yaml, by that of a known data set with its layout and values, or by
+one that is proposed. What the proposal cannot know, such as names of classes, it says.
+"""
+
+from __future__ import annotations
+
+import base64
+import io
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from shell.command import Parser, exit_code
+from shell.errors import UserError
+from shell.files import write
+
+if TYPE_CHECKING:
+    from experiments.config import TargetName
+
+OUT = Path("runs/doctor")
+PAGE, SHEET = "doctor.html", "doctor.png"
+OF_COMMANDS: dict[str, TargetName] = {
+    "camvid": "camvid",
+    "cityscapes": "cityscapes",
+    "labelmefacade": "labelmefacade",
+}
+"""Targets that have a command of their own."""
+WIDE = 640
+"""Width of a picture on the page, at most."""
+
+
+def parser() -> Parser:
+    """The command line."""
+    options = Parser("experiments.doctor", __doc__)
+    add = options.add_argument
+    add("data", type=Path, nargs="?", metavar="DATA", help="folder of labelled images")
+    add(
+        "--target",
+        metavar="NAME|FILE",
+        help="the file that describes them; by default one is proposed",
+    )
+    add("--write", type=Path, metavar="FILE", help="where to write the file that is proposed")
+    add(
+        "--out",
+        type=Path,
+        default=OUT,
+        help=f"folder of the page and the picture; by default {OUT}",
+    )
+    return options
+
+
+def diagnose(
+    data: Path | None, target: str | None = None, write_to: Path | None = None, out: Path = OUT
+) -> int:
+    """Look at the machine and a folder, and print what is found.
+
+    Args:
+        data: folder of labelled images; None looks at the machine alone.
+        target: name or path of a target's file; by default the folder's own, or a proposal.
+        write_to: where to write the proposal.
+        out: folder of the page and the picture.
+
+    Returns:
+        0, or 2 where the folder cannot be used as it is.
+
+    Raises:
+        UserError: there are no labelled images, a file is not as it must be, or ``write_to`` exists.
+    """
+    from experiments.doctor import machine
+
+    if data is None and (target is not None or write_to is not None):
+        raise UserError("--target and --write need DATA, the folder that the file describes")
+    if write_to is not None and write_to.exists():
+        raise UserError(f"--write {write_to} exists; name another file, or remove it")
+    found = machine.look()
+    width = max(len(name) for name, _ in found.facts)
+    for name, value in found.facts:
+        print(f"{name:{width}s}  {value}")
+    for line in found.amiss:
+        print(f"! {line}")
+    return 0 if data is None else _folder(data, target, write_to, out)
+
+
+def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) -> int:
+    from experiments.doctor.propose import Proposal, propose
+    from experiments.doctor.survey import survey
+    from shell.target_file import find_target, parse_target
+
+    if target is not None:
+        own = find_target(target, data)
+        if not data.is_dir():
+            raise UserError(f"{data}: no such folder; expected one with images and labels")
+        proposal = Proposal("", [])
+    else:
+        proposal = propose(data)
+        own = parse_target(proposal.text, str(data / "target.yaml"))
+    if write_to is not None and target is None:
+        write(write_to, proposal.text)
+    seen = survey(own, data)
+    print(f"\n{data} as {own.name}: {_counted(seen)}")
+    for note in proposal.notes:
+        print(f"  {note}")
+    sizes = ", ".join(f"{count} of {w}x{h}" for (w, h), count in seen.sizes[:4])
+    more = " and others" if len(seen.sizes) > 4 else ""
+    print(f"  sizes: {sizes}{more}; suitable for nets: {seen.size[0]}x{seen.size[1]}")
+    wide = max(map(len, own.classes))
+    print(f"  {'class':{wide}s}  pixels %  images %  mean row  rendered as")
+    for one in seen.classes:
+        row = f"{one.row:8.2f}" if one.share else f"{'-':>8s}"
+        renders = ", ".join(one.renders) or "labels alone"
+        print(
+            f"  {one.name:{wide}s}  {100 * one.share:8.2f}  {100 * one.images:8.0f}  {row}  {renders}"
+        )
+    print(f"  {'void':{wide}s}  {100 * seen.void:8.2f}  (of all pixels; {seen.read} label files)")
+    for fault in seen.faults:
+        print(f"! {fault.what}\n    {fault.mend}")
+    costs, cores, measured = _costs(own.name, data, seen.size)
+    print(f"Minutes on {cores} cores, about, without compiling and testing:")
+    for command, minutes in costs:
+        print(f"  {minutes:>6s}  {command}")
+    _pictures(own, seen, out, data, proposal.text or "", costs, cores, measured)
+    written = f"; {write_to} has the file" if write_to is not None and target is None else ""
+    print(f"{out / PAGE} and {out / SHEET} show images with their labels{written}")
+    if write_to is None and target is None and not (data / "target.yaml").exists():
+        print(f"\nThe file that is proposed; --write FILE writes it:\n\n{proposal.text}")
+    return 0 if seen.usable else 2
+
+
+def _counted(seen: Any) -> str:
+    return ", ".join(
+        f"{count} images of {seen.groups[split]} groups in {split}"
+        for split, count in seen.counts.items()
+    ) or "no images"  # fmt: skip
+
+
+def _costs(
+    target: str, data: Path, size: tuple[int, int]
+) -> tuple[list[tuple[str, str]], int, int]:
+    """Commands with their minutes, the cores, and the seconds that were measured."""
+    from experiments.doctor import costs, machine
+
+    pace, cores = costs.measure(), machine.cores()
+    rows = []
+    for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
+        minutes = pace.seconds(cost) / cores / 60
+        rows.append((command, f"{minutes:.1f}" if minutes < 10 else f"{minutes:.0f}"))
+    return rows, cores, round(2 * costs.SECONDS)
+
+
+def _pictures(
+    target: Any, seen: Any, out: Path, root: Path, text: str, costs: Any, cores: int, measured: int
+) -> None:
+    """Write the page and the picture."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    from experiments.doctor.survey import overlays, sheet
+
+    width, height = seen.size
+    shown = overlays(target, seen.shown, (min(width, WIDE), round(height * min(1, WIDE / width))))
+    out.mkdir(parents=True, exist_ok=True)
+    write(out / SHEET, _png(sheet(shown, target)))
+    environment = Environment(
+        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined
+    )
+    page = environment.get_template("page.html").render(
+        target=target,
+        survey=seen,
+        root=root,
+        counted=_counted(seen),
+        costs=costs,
+        cores=cores,
+        measured=measured,
+        text=text,
+        pictures=[
+            {
+                "name": entry.name,
+                "data": "data:image/png;base64," + base64.b64encode(_png(own)).decode(),
+            }
+            for entry, own in zip(seen.shown, shown, strict=False)
+        ],
+    )
+    write(out / PAGE, page)
+
+
+def _png(picture: Any) -> bytes:
+    data = io.BytesIO()
+    picture.save(data, "PNG")
+    return data.getvalue()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """The command line; returns the exit code."""
+    options = parser().parse_args(arguments)
+    os.environ["NPROC"] = "1"  # XLA's threads, as for nets of all commands
+    return exit_code(
+        lambda: diagnose(options.data, options.target, options.write, options.out),
+        debug=options.debug,
+        goes_on=False,
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(main())

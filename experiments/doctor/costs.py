@@ -1,0 +1,103 @@
+"""What commands will cost on this machine, from a measurement of a few seconds."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from experiments.config import Fidelity, MainConfig, Preset, TargetName
+from experiments.main.job import plan
+from experiments.presets import defaults
+from experiments.run.context import Work
+from experiments.run.ladder import cost_of, training_cost
+from scene.attributes import default_unit
+from scene.dataset.render import render_dataset
+from scene.render import RenderSettings
+from seg.recipes import RECIPES
+from seg.train import train
+
+SIZE = (240, 176)
+"""Width and height of what is measured: that of the rewards of most targets."""
+SECONDS = 2.5
+"""Of rendering, and of training, that are measured."""
+
+
+class Cost(NamedTuple):
+    """Seconds of a core that a command takes where the plans' figures are right."""
+
+    render: float
+    train: float
+
+
+class Pace(NamedTuple):
+    """Seconds that this machine needs for one of those that the plans reckon with."""
+
+    render: float
+    train: float
+
+    def seconds(self, cost: Cost) -> float:
+        """What a command takes here, on one core."""
+        return cost.render * self.render + cost.train * self.train
+
+
+def cost(plan: Sequence[Work]) -> Cost:
+    """What the nets of a plan take, apart for rendering and training."""
+    training = [own.nets * min(own.seconds, training_cost(own.fidelity)) for own in plan]
+    return Cost(sum(own.cost for own in plan) - sum(training), sum(training))
+
+
+def measure(seconds: float = SECONDS) -> Pace:
+    """Render streets and train nets for some seconds each; what is compiled first does not count."""
+    streets = Fidelity(*SIZE, streets=2, shots=1, samples=1, train=RECIPES["lite0-frozen"])
+    settings = RenderSettings(*SIZE, 1)
+    units = np.tile(default_unit(), (streets.streets, 1))
+    rendered = render_dataset(units, 0, shots=1, settings=settings)  # compiles
+    # The same streets each time: their assets are there then, as in a long job.
+    render = _ratio(
+        partial(render_dataset, units, 0, shots=1, settings=settings),
+        cost_of(streets) - training_cost(streets),
+        seconds,
+    )
+    brief = replace(streets, train=replace(streets.train, steps=20))
+    learn = partial(train, 0, rendered.images, rendered.labels, brief.train, 19)
+    learn()
+    return Pace(render, _ratio(learn, training_cost(brief), seconds))
+
+
+def _ratio(work: Callable[[], object], expected: float, seconds: float) -> float:
+    """How many times as much of a processor work takes as expected; others that use it do not count."""
+    ends = time.perf_counter() + seconds
+    started, done = time.process_time(), 0
+    while not done or time.perf_counter() < ends:
+        work()
+        done += 1
+    return (time.process_time() - started) / done / expected
+
+
+def commands(
+    target: str, data: Path, size: tuple[int, int], known: Mapping[str, TargetName]
+) -> dict[str, Cost]:
+    """Commands that can be given for a folder, with what each takes; a new command is one line here.
+
+    Args:
+        target: name of the target.
+        data: the folder.
+        size: width and height that suit the images.
+        known: targets that have a command of their own.
+    """
+    streets = Fidelity(*size, streets=400, shots=1, samples=1, train=RECIPES["lite0-frozen"])
+    training = training_cost(streets)
+    words = f"--images 400 --shots 1 --size {size[0]}x{size[1]}"
+    found = {f"sdr-jax render {words} --out DIR": Cost(cost_of(streets) - training, 0.0)}
+    if target in known:
+        presets: tuple[Preset, ...] = ("smoke", "quick")
+        for preset in presets:
+            config = defaults(MainConfig, known[target], preset)
+            found[f"sdr-jax {target} --data {data} --preset {preset}"] = cost(plan(config))
+    return found

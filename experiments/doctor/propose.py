@@ -1,0 +1,399 @@
+"""Proposes a target's file for a folder: where images and labels are, what their classes may be."""
+
+from __future__ import annotations
+
+import glob
+import re
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from pathlib import Path, PurePosixPath
+from typing import NamedTuple
+
+import numpy as np
+import yaml
+
+from seg.data.labels import FORMATS, LabelReader
+from shell import classes as engine
+from shell.errors import UserError
+from shell.files import files_below
+from shell.listing import list_split, split_names
+from shell.target_file import FILE, SHIPPED, SUFFIXES, Format, find_target, shipped
+
+TRAINING_SETS = ("gta5", "synthia")
+"""Targets that come with the package for others' renders; their layouts are those of many folders."""
+LOOKED_AT = 60
+"""Label files whose values are read for a proposal."""
+MOST_ENDINGS = 4
+"""Kinds of names in one folder, such as a_image.png and a_label.png."""
+FEW = 64
+"""Labels have so many different values at most, photographs have more."""
+SPLITS = ("train", "training", "val", "valid", "validation", "test", "testing")
+GROUPS = (r"^(.*)__", r"^(.*?)[_-]*\d+\D*$", r"^[^_-]+")
+"""Expressions for groups of names, in the order in which they are tried."""
+VOID_NAMES = {
+    "void",
+    "unlabeled",
+    "unlabelled",
+    "ignore",
+    "other",
+    "unknown",
+    "various",
+    "background",
+}
+SYNONYMS = {
+    "road": "street drivable lane roadway asphalt", "sidewalk": "pavement footpath walkway",
+    "building": "house facade", "wall": "", "fence": "", "pole": "column lamppost",
+    "vegetation": "tree bush plant",
+    "traffic light": "trafficlight", "traffic sign": "sign trafficsign signsymbol", "terrain": "grass soil",
+    "sky": "", "person": "pedestrian people human", "rider": "bicyclist cyclist motorcyclist",
+    "car": "vehicle", "truck": "lorry", "bus": "coach", "train": "tram", "motorcycle": "motorbike",
+    "bicycle": "bike cycle",
+}  # fmt: skip
+"""Class of the engine -> other words for it."""
+
+
+class Proposal(NamedTuple):
+    """A file, and what was guessed in it."""
+
+    text: str
+    notes: list[str]
+
+
+class _Pair(NamedTuple):
+    """A folder of images and the one that has their labels, as patterns."""
+
+    images: str
+    labels: str
+    number: int  # of images
+
+
+def propose(root: Path) -> Proposal:
+    """A target's file for a folder: its own, that of a known data set, or one that is guessed.
+
+    Raises:
+        UserError: no images with labels are found, or the folder's own file is not as it must be.
+    """
+    if not root.is_dir():
+        raise UserError(f"{root}: no such folder; expected one with images and labels")
+    if (root / FILE).is_file():
+        find_target(None, root)  # refuses what is wrong
+        return Proposal((root / FILE).read_text(encoding="utf-8"), [])
+    for name in SHIPPED:
+        if name not in TRAINING_SETS and _fits(name, root):
+            path = Path(engine.__file__).parent / "targets" / f"{name}.yaml"
+            text = f"name: {name}\n{path.read_text(encoding='utf-8')}"
+            return Proposal(text, [f"the folder has the layout and the values of {name}"])
+    return _guess(root)
+
+
+def _fits(name: str, root: Path) -> bool:
+    """Whether a folder is one of a known data set, by its layout and some of its labels."""
+    target = shipped(name)
+    try:
+        reader = LabelReader(target)
+        for split in split_names(target, root):
+            entries = list_split(target, root, split)
+            for entry in entries[:: max(len(entries) // 8, 1)]:
+                if reader.known(entry.label_path)[1]:
+                    return False
+    except UserError:
+        return False
+    return bool(split_names(target, root))
+
+
+# ---- where images and labels are
+
+
+def _guess(root: Path) -> Proposal:
+    files = [path.relative_to(root) for path in files_below(root)]
+    pairs = _pairs(root, files)
+    if not pairs:
+        kinds = Counter(path.suffix.lower() for path in files).most_common(4)
+        there = ", ".join(f"{count} of {kind or 'no ending'}" for kind, count in kinds) or "nothing"
+        raise UserError(
+            f"{root}: no images with labels of the same names are found, but {there}; expected such as "
+            "images/a.jpg and labels/a.png"
+        )
+    best = max(pairs, key=lambda pair: pair.number)
+    notes = [
+        f"{pair.number} images at {pair.images} are left out; a second file can take them"
+        for pair in pairs
+        if pair != best
+    ]
+    images, labels = best.images, best.labels
+    form, values, names = _values(sorted(_at(root, labels)))
+    lines = [f"images: {_quoted(images)}", f"labels: {_quoted(labels)}"]
+    if form in ("labelme-json", "cityscapes-json"):
+        lines.append(f"format: {form}")
+    stems = [path.stem for path in _at(root, images)]
+    if "{split}" not in images:
+        lists = _lists(root, stems)
+        if lists:
+            lines.append(f"splits: {yaml.safe_dump(lists, default_flow_style=True).strip()}")
+        else:
+            notes.append("no list of a test split is found: all images are for training")
+    if "{group}" not in images:
+        group = _group(stems)
+        if group:
+            lines.append(f"group: {_quoted(group)}")
+        else:
+            notes.append(
+                "names do not show which images are of one drive: each is a group of its own"
+            )
+    return Proposal("\n".join([*lines, *_classes(root, form, values, names, notes)]) + "\n", notes)
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"
+
+
+def _at(root: Path, pattern: str) -> list[Path]:
+    """The files at a pattern."""
+    parts = re.split(r"\{\w+\}", pattern)
+    return [*root.glob("*".join(glob.escape(part) for part in parts))]
+
+
+def _pairs(root: Path, files: Sequence[Path]) -> list[_Pair]:
+    """Patterns of images and labels of the same names."""
+    buckets: dict[tuple[str, str], list[str]] = {}
+    for path in files:
+        if path.suffix.lower() in (*SUFFIXES, ".json"):
+            buckets.setdefault((path.parent.as_posix(), path.suffix), []).append(path.stem)
+    images: list[_Part] = []
+    labels: list[_Part] = []
+    for key, stems in buckets.items():
+        for part in _parts(*key, stems):
+            kind = _kind([part.path(root, core) for core in sorted(part.cores)[:3]])
+            if kind:
+                (labels if kind == "labels" else images).append(part)
+    found: Counter[tuple[str, str]] = Counter()
+    for own in images:
+        common, _, label = max(
+            (
+                (len(own.cores & other.cores), -_distance(own.folder, other.folder), other)
+                for other in labels
+            ),
+            key=lambda match: match[:2],
+            default=(0, 0, own),
+        )
+        if common and 2 * common >= len(own.cores):
+            found[_template(own, label)] += common
+    return _grouped(found)
+
+
+class _Part(NamedTuple):
+    """Files of one folder whose names end alike."""
+
+    folder: str
+    suffix: str
+    ending: str  # before the suffix
+    cores: set[str]  # what is before the ending
+
+    def path(self, root: Path, core: str) -> Path:
+        """One of the files."""
+        return root / self.folder / f"{core}{self.ending}{self.suffix}"
+
+    @property
+    def pattern(self) -> str:
+        """Of their names."""
+        return f"{{name}}{self.ending}{self.suffix}"
+
+
+def _parts(folder: str, suffix: str, stems: Sequence[str]) -> list[_Part]:
+    """The files of a folder by what follows the last digit, such as _label, where that is one of a few."""
+    cores: dict[str, set[str]] = {}
+    for stem in stems:
+        ending = re.search(r"\D*$", stem)
+        assert ending is not None
+        cores.setdefault(ending[0], set()).add(stem[: ending.start()])
+    if len(cores) > MOST_ENDINGS or "" in [core for own in cores.values() for core in own]:
+        cores = {"": {*stems}}
+    return [_Part(folder, suffix, ending, own) for ending, own in cores.items()]
+
+
+def _kind(sample: Sequence[Path]) -> str:
+    """Whether files look like labels or like images; empty for neither."""
+    kinds = set()
+    for path in sample:
+        if path.suffix.lower() in (".jpg", ".jpeg"):
+            kinds.add("images")
+            continue
+        try:
+            _, codes, _ = _looked_at(path)
+        except UserError:
+            continue
+        few = path.suffix == ".json" or len(np.unique(codes[::2, ::2])) <= FEW
+        kinds.add("labels" if few else "images")
+    return kinds.pop() if len(kinds) == 1 else ""
+
+
+def _looked_at(path: Path) -> tuple[Format, np.ndarray, tuple[str, ...]]:
+    """The format of a label file, as its content shows, with what stands in it; names in polygons only."""
+    polygons: tuple[Format, ...] = ("labelme-json", "cityscapes-json")
+    first, second = polygons if path.suffix == ".json" else ("ids", "colours")
+    try:
+        return first, *FORMATS[first](path)
+    except UserError:
+        return second, *FORMATS[second](path)
+
+
+def _distance(one: str, other: str) -> int:
+    """How many folders two paths do not share."""
+    return len(set(PurePosixPath(one).parts) ^ set(PurePosixPath(other).parts))
+
+
+def _template(image: _Part, label: _Part) -> tuple[str, str]:
+    """Patterns, with {split} where both paths name one."""
+    parts, folder = PurePosixPath(image.folder).parts, label.folder
+    for word in parts:
+        if word.lower() in SPLITS and word in folder:
+            parts = tuple("{split}" if part == word else part for part in parts)
+            folder = folder.replace(word, "{split}")
+            break
+    return _joined("/".join(parts) or ".", image.pattern), _joined(folder, label.pattern)
+
+
+def _joined(folder: str, name: str) -> str:
+    return name if folder == "." else f"{folder}/{name}"
+
+
+def _grouped(found: Counter[tuple[str, str]]) -> list[_Pair]:
+    """Patterns that differ in one folder, of the same name for images and labels, are one with {group}."""
+    merged: Counter[tuple[str, str]] = Counter()
+    for (images, labels), count in found.items():
+        merged[_with_group(images, labels, found)] += count
+    return [_Pair(images, labels, count) for (images, labels), count in merged.items()]
+
+
+def _with_group(images: str, labels: str, found: Iterable[tuple[str, str]]) -> tuple[str, str]:
+    own, others = images.split("/"), {pair[0] for pair in found}
+    for k, part in enumerate(own[:-1]):
+        if part == "{split}" or part not in labels.split("/"):
+            continue
+        open_ = [*own[:k], "{group}", *own[k + 1 :]]
+        alike = [
+            other for other in others
+            if (words := other.split("/")) and len(words) == len(own)
+            and [*words[:k], "{group}", *words[k + 1 :]] == open_
+        ]  # fmt: skip
+        if len(alike) > 1:
+            own_labels = ["{group}" if p == part else p for p in labels.split("/")]
+            return "/".join(open_), "/".join(own_labels)
+    return images, labels
+
+
+def _lists(root: Path, names: Sequence[str]) -> dict[str, str]:
+    """Text files beside the folders whose lines are names of images."""
+    known = set(names)
+    found = {}
+    for path in sorted(root.glob("*.txt")):
+        try:
+            lines = path.read_text(encoding="utf-8").split("\n")
+        except (OSError, UnicodeDecodeError):
+            continue
+        stems = [PurePosixPath(line.split()[0]) for line in lines if line.strip()]
+        hits = sum(stem.name in known or stem.stem in known for stem in stems)
+        if stems and 2 * hits > len(stems):
+            found[path.stem] = path.name
+    return found
+
+
+def _group(names: Sequence[str]) -> str:
+    """The first expression that finds groups of two images and more; empty where none does."""
+    for expression in GROUPS:
+        groups = Counter(m[m.re.groups] for n in names if (m := re.search(expression, n)))
+        if groups and sum(groups.values()) == len(names) and len(groups) * 2 <= len(names):
+            if "" not in groups:
+                return expression
+    return ""
+
+
+# ---- classes
+
+
+def _values(labels: Sequence[Path]) -> tuple[Format, Counter[int], Counter[str]]:
+    """Format, and how many pixels have each id, colour or name, in some of the label files."""
+    form: Format = "ids"
+    values: Counter[int] = Counter()
+    names: Counter[str] = Counter()
+    for path in labels[:: max(len(labels) // LOOKED_AT, 1)]:
+        try:
+            form, codes, found = _looked_at(path)
+        except UserError:
+            continue  # the survey says so
+        # Every other pixel: what is rarer is found by the survey, which reads whole files.
+        own, counts = np.unique(codes[::2, ::2], return_counts=True)
+        for value, count in zip(own.tolist(), counts.tolist(), strict=True):
+            if path.suffix != ".json":
+                values[value] += count
+            elif value:
+                names[found[value - 1]] += count
+    return form, values, names
+
+
+def _classes(
+    root: Path, form: Format, values: Counter[int], names: Counter[str], notes: list[str]
+) -> list[str]:
+    """Lines of void and classes."""
+    lines, void = [], []
+    taken: set[str] = set()
+    known = _named(root)
+    shown = {name: name for name in sorted(names)} or {
+        _key(value, form): known.get(_key(value, form), "") for value in sorted(values)
+    }
+    for key, name in shown.items():
+        raw = _quoted(key) if names else key
+        if _is_void(key, name):
+            void.append(raw)
+            continue
+        own = name or f"class {key.strip('[]').replace(', ', ' ')}"
+        field = "names" if names else "ids" if form == "ids" else "colours"
+        renders = [one for one in _rendered(own) if one not in taken]
+        taken |= {*renders}
+        told = f", renders: [{', '.join(renders)}]" if renders else ""
+        lines.append(f"  {_quoted(own)}: {{{field}: [{raw}]{told}}}")
+    if not taken:
+        notes.append(
+            "the classes' names are not known: name them after the pictures, and give each that the engine "
+            f"has 'renders', of {', '.join(engine.NAMES)}"
+        )
+    return [f"void: [{', '.join(void)}]", "classes:", *lines]
+
+
+def _key(value: int, form: Format) -> str:
+    return str([value >> 16, value >> 8 & 255, value & 255] if form == "colours" else value)
+
+
+def _is_void(key: str, name: str) -> bool:
+    plain = (name or key).lower()
+    return plain in VOID_NAMES or (not name and key in ("255", "[0, 0, 0]"))
+
+
+def _named(root: Path) -> dict[str, str]:
+    """Names of ids or colours in a file beside the images, or those of a known data set."""
+    found: dict[str, str] = {}
+    number = r"\D{1,3}?(\d+)"
+    for path in sorted([*root.glob("*.txt"), *root.glob("*.csv")]):
+        try:
+            lines = path.read_text(encoding="utf-8").splitlines()[:300]
+        except (OSError, UnicodeDecodeError):
+            continue
+        for line in lines:
+            if m := re.fullmatch(rf"\s*([A-Za-z][\w /-]*?){number}{number}{number}\s*", line):
+                found[str([int(v) for v in m.groups()[1:]])] = m[1].strip(" ,;:\t")
+            elif m := re.fullmatch(
+                r"\s*(\d+)\D{1,3}?(\d+)\D{1,3}?(\d+)\W+([A-Za-z][\w /-]*)\s*", line
+            ):
+                found[str([int(v) for v in m.groups()[:3]])] = m[4].strip()
+            elif m := re.fullmatch(r"\s*(\d+)\W+([A-Za-z][\w /-]*)\s*", line):
+                found[m[1]] = m[2].strip()
+            elif m := re.fullmatch(r"\s*([A-Za-z][\w /-]*?)[\s,;:]+(\d+)\s*", line):
+                found[m[2]] = m[1].strip()
+    return found
+
+
+def _rendered(name: str) -> list[str]:
+    """Classes of the engine that a name may mean."""
+    plain = re.sub(r"[_-]+", " ", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)).lower().strip()
+    forms = {plain, plain.removesuffix("s"), plain.replace(" ", "")}
+    return [one for one, others in SYNONYMS.items() if forms & {one, *others.split()}]

@@ -1,0 +1,297 @@
+"""What a folder holds, as a target's file says: counts, sizes, classes, groups, and what does not fit."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from seg.classes import IGNORE_LABEL
+from seg.data import LabelReader, load
+from shell import classes as engine
+from shell.errors import UserError
+from shell.listing import Entry, list_split, shared_groups, split_names
+from shell.target_file import TRAIN, TargetFile
+
+READ = 100
+"""Label files that are read whole, at most."""
+AREA = 480 * 360
+"""Pixels of a suitable size, at most: what nets learn more from takes longer than it is worth."""
+STEP = 8
+"""Sides of a suitable size are multiples of the stride of a net's features."""
+HEAD = 65536
+"""Bytes at the start of a file by which copies are found, beside its size."""
+SHOWN = 4
+"""Images that are shown with their labels."""
+ALIKE = 0.03
+"""Images whose widths over heights differ by this share have one shape."""
+
+
+class Fault(NamedTuple):
+    """What does not fit, and how to mend it."""
+
+    what: str
+    mend: str
+
+
+class ClassShare(NamedTuple):
+    """A class in the labels that were read."""
+
+    name: str
+    share: float  # of the pixels that have a label
+    images: float  # share of the images that it is in
+    row: float  # its mean row, 0 at the top and 1 at the bottom; NaN where it is nowhere
+    renders: tuple[str, ...]
+    colour: tuple[int, int, int]
+
+
+class Survey(NamedTuple):
+    """All that is told of a folder."""
+
+    counts: dict[str, int]  # images of each split
+    groups: dict[str, int]  # of each split
+    sizes: list[
+        tuple[tuple[int, int], int]
+    ]  # (width, height) and how many, the most frequent first
+    classes: list[ClassShare]
+    void: float  # share of the pixels
+    read: int  # labels that were read
+    size: tuple[int, int]  # a suitable (width, height)
+    shown: list[Entry]
+    faults: list[Fault]
+    usable: bool
+
+
+def survey(target: TargetFile, root: Path) -> Survey:
+    """Look at a folder as a target's file describes it; what is wrong becomes a fault."""
+    faults: list[Fault] = []
+    splits: dict[str, tuple[Entry, ...]] = {}
+    usable = True
+    for split in split_names(target, root) or (TRAIN,):
+        try:
+            splits[split] = list_split(target, root, split)
+        except UserError as error:
+            usable = False
+            faults.append(Fault(str(error), "put the file there, or change the patterns and lists"))
+    entries = [entry for own in splits.values() for entry in own]
+    sizes = _sizes(entries, faults)
+    classes, void, read, right = _classes(target, entries, faults)
+    usable = usable and right and bool(entries)
+    _splits(splits, faults)
+    _copies(splits, faults)
+    _engine(target, faults)
+    shapes = {round(np.log(w / h) / ALIKE) for (w, h), _ in sizes}
+    if len(shapes) > 1:
+        other = "cut" if target.fit == "pad" else "pad"
+        done = {"pad": "get void beside them", "cut": "are cut around their centre"}
+        faults.append(
+            Fault(
+                f"images have {len(shapes)} shapes; those of another than the net's {done[target.fit]}",
+                f"'fit: {other}' in the file if they rather should {done[other].replace('are', 'be')}",
+            )
+        )
+    return Survey(
+        {split: len(own) for split, own in splits.items()},
+        {split: len({e.sequence for e in own}) for split, own in splits.items()},
+        sizes,
+        classes,
+        void,
+        read,
+        suitable(sizes),
+        _spread(entries, SHOWN),
+        faults,
+        usable,
+    )
+
+
+def _spread(entries: Sequence[Entry], count: int) -> list[Entry]:
+    """So many, spread over all."""
+    places = np.linspace(0, len(entries) - 1, min(count, len(entries))).round().astype(int)
+    return [entries[k] for k in places]
+
+
+def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[int, int], int]]:
+    found: Counter[tuple[int, int]] = Counter()
+    for entry in entries:
+        try:
+            with Image.open(entry.image_path) as picture:
+                found[picture.size] += 1
+        except Exception as error:  # Pillow has many
+            faults.append(
+                Fault(f"{entry.image_path}: not a readable image ({error})", "put it anew")
+            )
+    return found.most_common()
+
+
+def _classes(
+    target: TargetFile, entries: Sequence[Entry], faults: list[Fault]
+) -> tuple[list[ClassShare], float, int, bool]:
+    """Shares of the classes in some labels, the share of void, how many were read, and if all were right."""
+    reader, number = LabelReader(target), len(target.classes)
+    pixels, containing = np.zeros(256, np.int64), np.zeros(number)
+    rows = np.zeros(number)
+    unknown: dict[Path, Counter[str]] = {}
+    sample, read, right = _spread(entries, READ), 0, True
+    for entry in sample:
+        try:
+            label, wrong = reader.known(entry.label_path)
+            with Image.open(entry.image_path) as picture:
+                size = picture.size
+        except (UserError, OSError) as error:
+            faults.append(Fault(str(error), "put an intact file there"))
+            right = False
+            continue
+        if size != label.shape[::-1]:
+            faults.append(
+                Fault(
+                    f"{entry.label_path}: {label.shape[1]}x{label.shape[0]} pixels, but its image has "
+                    f"{size[0]}x{size[1]}",
+                    "labels must have their image's size; resize them by nearest pixel",
+                )
+            )
+            right = False
+        if wrong:
+            unknown[entry.label_path] = wrong
+        height = len(label)
+        places = np.arange(height)[:, None] * 256 + label
+        by_row = np.bincount(places.ravel(), minlength=256 * height).reshape(height, 256)
+        counts = by_row.sum(axis=0)
+        rows += ((np.arange(height) + 0.5) / height) @ by_row[:, :number]
+        pixels += counts
+        containing += counts[:number] > 0
+        read += 1
+    if unknown:
+        mend = f"name it in classes or void of {target.source}"
+        faults.append(Fault(str(reader.error(unknown)), mend))
+        right = False
+    labelled = max(int(pixels[:number].sum()), 1)
+    palette = target.palette
+    found = [
+        ClassShare(
+            name, pixels[k] / labelled, containing[k] / max(read, 1),
+            rows[k] / pixels[k] if pixels[k] else np.nan, own.renders, palette[k],
+        )
+        for k, (name, own) in enumerate(target.classes.items())
+    ]  # fmt: skip
+    absent = [own.name for own in found if read and not own.share]
+    if absent:
+        faults.append(
+            Fault(
+                f"{', '.join(absent)}: in none of {read} label files",
+                "right if it is rare; else look at its ids",
+            )
+        )
+    return found, pixels[IGNORE_LABEL] / max(int(pixels.sum()), 1), read, right
+
+
+def _splits(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
+    note = shared_groups(splits)
+    if note:
+        faults.append(Fault(note, "splits by group, such as 'splits: {test: [GROUP]}', share none"))
+    groups = Counter(entry.sequence for own in splits.values() for entry in own)
+    if len(groups) == 1:
+        faults.append(
+            Fault(
+                "all images are of one group, so no figure can tell of a new place",
+                "'group' in the file tells drives apart by their names; label a few images of another drive",
+            )
+        )
+    if len(groups) > 1 and len(groups) == sum(groups.values()):
+        faults.append(
+            Fault(
+                "each image is a group of its own: frames of one drive may be on both sides of a split",
+                "'group' in the file, or {group} in its patterns, says which belong together",
+            )
+        )
+
+
+def _copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
+    """Files that are in two splits, or twice in one, by size and first bytes."""
+    seen: dict[tuple[int, bytes], tuple[str, Path]] = {}
+    copies: list[str] = []
+    for split, own in splits.items():
+        for entry in own:
+            with entry.image_path.open("rb") as file:
+                key = entry.image_path.stat().st_size, hashlib.sha256(file.read(HEAD)).digest()
+            first, path = seen.setdefault(key, (split, entry.image_path))
+            if path != entry.image_path:
+                copies.append(f"{entry.image_path} ({split}) is {path} ({first})")
+    if copies:
+        faults.append(
+            Fault(
+                f"{len(copies)} images are copies, such as {copies[0]}",
+                "leave each once, in one split",
+            )
+        )
+
+
+def _engine(target: TargetFile, faults: list[Fault]) -> None:
+    alone = [name for name, own in target.classes.items() if not own.renders]
+    if alone:
+        faults.append(
+            Fault(
+                f"{', '.join(alone)}: without 'renders', so learnt from labels alone",
+                f"'renders' names what the engine has: {', '.join(engine.NAMES)}",
+            )
+        )
+    lost = [
+        name for name, own in zip(engine.NAMES, target.of_engine, strict=True) if own == engine.VOID
+    ]
+    if lost and len(lost) < len(engine.NAMES):
+        faults.append(
+            Fault(
+                f"{', '.join(lost)}: rendered, and void in your classes",
+                "right where you have no such class; else name it in a class's 'renders'",
+            )
+        )
+
+
+def suitable(sizes: Sequence[tuple[tuple[int, int], int]]) -> tuple[int, int]:
+    """A width and height for nets: the shape of most images, `AREA` at most, never larger than they are."""
+    if not sizes:
+        return 480, 360
+    (width, height), _ = sizes[0]
+    scale = min(1.0, (AREA / (width * height)) ** 0.5)
+    return (
+        max(STEP * round(width * scale / STEP), 4 * STEP),
+        max(STEP * round(height * scale / STEP), 4 * STEP),
+    )
+
+
+def overlays(
+    target: TargetFile, entries: Sequence[Entry], size: tuple[int, int]
+) -> list[Image.Image]:
+    """Images at a size (width, height) with their labels over them, void grey; of those that can be read."""
+    colours = np.full((256, 3), 96, np.uint8)
+    colours[: len(target.classes)] = target.palette
+    found = []
+    for entry in entries:
+        try:
+            own = load([entry], target, (size[1], size[0]), "pad")
+        except UserError:
+            continue  # a fault says so
+        mixed = own.images[0].astype(np.uint16) + colours[own.labels[0]]
+        found.append(Image.fromarray((mixed // 2).astype(np.uint8)))
+    return found
+
+
+def sheet(pictures: Sequence[Image.Image], target: TargetFile) -> Image.Image:
+    """Pictures in two columns, with the classes' colours below."""
+    width, height = pictures[0].size if pictures else (480, 360)
+    rows = (len(pictures) + 1) // 2
+    line, columns = 18, max(2 * width // 160, 1)
+    key = -(-len(target.classes) // columns) * line + 8
+    canvas = Image.new("RGB", (2 * width, rows * height + key), "white")
+    for k, picture in enumerate(pictures):
+        canvas.paste(picture, (k % 2 * width, k // 2 * height))
+    pen = ImageDraw.Draw(canvas)
+    for k, (name, colour) in enumerate(zip(target.classes, target.palette, strict=True)):
+        x, y = k % columns * 160 + 6, rows * height + 4 + k // columns * line
+        pen.rectangle((x, y, x + 12, y + 12), fill=colour)
+        pen.text((x + 18, y), name, fill="black")
+    return canvas

@@ -1,0 +1,230 @@
+"""What doctor finds: the machine, a file for a folder, what does not fit, what commands cost."""
+
+import re
+from itertools import product
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from experiments.config import MainConfig
+from experiments.doctor import costs, machine
+from experiments.doctor.__main__ import PAGE, SHEET, main
+from experiments.doctor.propose import propose
+from experiments.doctor.survey import suitable, survey
+from experiments.main.job import plan
+from experiments.presets import defaults
+from seg.data import read_target
+from shell.errors import UserError
+from shell.listing import list_all
+from shell.target_file import find_target, parse_target
+from tests.conftest import refuses
+from tests.layouts import LAYOUTS, save, write
+
+PALETTE = [90, 90, 90, 200, 0, 0, 0, 0, 200, 0, 200, 0, 9, 9, 9, *[0] * 753]  # of all bytes
+SHAPES = ((48, 64), (64, 48), (40, 80))
+
+
+def photograph(seed, shape):
+    return np.random.default_rng(seed).integers(0, 256, (*shape, 3))
+
+
+def blocks(seed, shape, below):
+    rng = np.random.default_rng([1, seed])
+    small = rng.integers(0, below, (shape[0] // 8, shape[1] // 8))
+    small[0, :below] = np.arange(below)[: small.shape[1]]
+    return np.kron(small, np.ones((8, 8), int))
+
+
+@pytest.fixture
+def streets(tmp_path):
+    """Palette PNGs of five classes and void beside JPEGs of three shapes, a folder for each drive."""
+    root = tmp_path / "mine"
+    for k, (drive, n) in enumerate(product(("monday", "friday"), range(3))):
+        save(root / "photos" / drive / f"f{n}.jpg", photograph(k, SHAPES[n]))
+        path = root / "masks" / drive / f"f{n}_mask.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        ids = blocks(k, SHAPES[n], 5).astype(np.uint8)
+        ids[-8:, -8:] = 255
+        picture = Image.fromarray(ids)
+        picture.putpalette(PALETTE)
+        picture.save(path)
+    (root / "classes.txt").write_text("0 road\n1: house\n2, Traffic signs\n3 trees\n4 manhole\n")
+    return root
+
+
+@pytest.fixture
+def doctor(tmp_path, monkeypatch, capsys):
+    """The command without its measurement and its look at the machine; returns code, output and error."""
+    monkeypatch.setattr(costs, "measure", lambda: costs.Pace(1.0, 2.0))
+    monkeypatch.setattr(machine, "look", lambda: machine.Machine([("GPU", "none")], ["a warning"]))
+
+    def run(*words):
+        code = main([*map(str, words), *(["--out", str(tmp_path / "out")] if words else [])])
+        return code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.mark.parametrize("layout", [name for name in LAYOUTS if name not in ("gta5", "synthia")])
+def test_known_data_sets_are_known_by_their_layout_and_values(layout, tmp_path):
+    found = propose(write(layout, tmp_path))
+    assert parse_target(found.text, "x").name == layout
+    assert found.notes == [f"the folder has the layout and the values of {layout}"]
+
+
+def test_a_folder_of_your_own_becomes_a_target(streets, doctor, tmp_path):
+    file = tmp_path / "target.yaml"
+    code, out, err = doctor(streets, "--write", file)
+    assert (code, err) == (0, "")
+    target = find_target(file, streets)
+    assert target.images == "photos/{group}/{name}.jpg"
+    assert target.labels == "masks/{group}/{name}_mask.png" and target.void == (255,)
+    renders = {name: own.renders for name, own in target.classes.items()}
+    assert renders == {
+        "road": ("road",), "house": ("building",), "Traffic signs": ("traffic sign",),
+        "trees": ("vegetation",), "manhole": (),
+    }  # fmt: skip
+    assert [own.ids for own in target.classes.values()] == [(0,), (1,), (2,), (3,), (4,)]
+    data = read_target(target, streets, (48, 64))
+    assert data.splits["train"].images.shape == (6, 48, 64, 3)
+    assert set(data.splits["train"].sequences) == {"monday", "friday"}
+    for words in (
+        "GPU  none", "! a warning", "6 images of 2 groups in train", "2 of 64x48", "nets: 64x48",
+        "images have 3 shapes", "manhole: without 'renders'", "sdr-jax render", "has the file",
+    ):  # fmt: skip
+        assert words in out, words
+    page = (tmp_path / "out" / PAGE).read_text()
+    assert all(f"</i>{name}</th>" in page for name in target.classes)
+    assert page.count("data:image/png") == 4 and "without &#39;renders&#39;" in page
+    assert not re.findall(r"(?:src|href)=\"(?!data:)", page)
+    with Image.open(tmp_path / "out" / SHEET) as picture:
+        assert picture.width == 2 * 64 and picture.height > 2 * 48
+        # Half the image, half its label's colour: far from both alone.
+        first = np.asarray(picture)[:48, :64].astype(int)
+    image = np.asarray(Image.open(streets / "photos" / "friday" / "f0.jpg")).astype(int)
+    colours = np.array([*target.palette, (96, 96, 96)])
+    ids = np.asarray(Image.open(streets / "masks" / "friday" / "f0_mask.png"))
+    assert np.abs(first - (image + colours[np.where(ids == 255, 5, ids)]) // 2).max() <= 1
+    # The folder's own file is taken from now on.
+    file.rename(streets / "target.yaml")
+    code, out, _ = doctor(streets)
+    assert code == 0 and "as mine:" in out and "is proposed" not in out
+
+
+def test_folders_of_splits_with_colours_that_a_file_names(tmp_path):
+    colours = np.array([(128, 64, 128), (0, 0, 192), (0, 0, 0)])
+    for k, split in enumerate(("train", "train", "val")):
+        save(tmp_path / split / "images" / f"a_{k}.png", photograph(k, (48, 64)))
+        save(tmp_path / split / "labels" / f"a_{k}.png", colours[blocks(k, (48, 64), 3)])
+    (tmp_path / "label_colors.txt").write_text("128 64 128\tRoad\n0 0 192\tSidewalk\n0 0 0 Void\n")
+    target = parse_target(propose(tmp_path).text, "x/target.yaml")
+    assert (target.images, target.labels) == (
+        "{split}/images/{name}.png",
+        "{split}/labels/{name}.png",
+    )
+    assert {name: own.renders for name, own in target.classes.items()} == {
+        "Sidewalk": ("sidewalk",), "Road": ("road",),
+    }  # fmt: skip
+    assert target.void == ((0, 0, 0),) and target.format == "colours"
+    found = survey(target, tmp_path)
+    assert found.counts == {"train": 2, "val": 1} and found.usable
+    (sidewalk, road), labelled = found.classes, sum(own.share for own in found.classes)
+    assert labelled == pytest.approx(1) and road.images == sidewalk.images == 1
+    assert any("share 1 of 1 groups (a)" in fault.what for fault in found.faults)
+
+
+def test_lists_and_polygons(tmp_path):
+    shape = '{"label": "%s", "points": [[0, 0], [40, 0], [40, 30]]}'
+    for k in range(4):
+        save(tmp_path / "img" / f"s_{k}.png", photograph(k, (48, 64)))
+        path = tmp_path / "ann" / f"s_{k}.json"
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(
+            '{"imageHeight": 48, "imageWidth": 64, "shapes": [%s]}' % (shape % "street")
+        )
+    (tmp_path / "train.txt").write_text("s_0\ns_1")
+    (tmp_path / "test.txt").write_text("s_2\ns_3")
+    target = parse_target(propose(tmp_path).text, "x.yaml")
+    assert target.format == "labelme-json" and target.classes["street"].renders == ("road",)
+    assert {split: len(own) for split, own in list_all(target, tmp_path).items()} == {
+        "train": 2,
+        "test": 2,
+    }
+
+
+def test_what_does_not_fit_is_told_with_how_to_mend_it(streets, doctor, tmp_path):
+    file = tmp_path / "t.yaml"
+    assert doctor(streets, "--write", file)[0] == 0
+    file.write_text(file.read_text().replace("[255]", "[9]"))
+    code, out, _ = doctor(streets, "--target", file)
+    said = r"! .*_mask\.png: label id 255 \(384 pixels in 6 files\) stands in no"
+    assert code == 2 and re.search(said, out)
+    assert f"name it in classes or void of {tmp_path / 't.yaml'}" in out
+    save(streets / "masks" / "friday" / "f0_mask.png", np.zeros((8, 8)))
+    code, out, _ = doctor(streets)
+    assert code == 2 and "f0_mask.png: 8x8 pixels, but its image has 64x48" in out
+    assert "resize them by nearest pixel" in out
+    data = (streets / "photos" / "monday" / "f2.jpg").read_bytes()
+    (streets / "photos" / "friday" / "f2.jpg").write_bytes(data)
+    assert "1 images are copies, such as" in doctor(streets)[1]
+    (streets / "masks" / "monday" / "f1_mask.png").unlink()
+    code, out, _ = doctor(streets)
+    assert code == 2 and "f1.jpg: image without label; expected" in out
+
+
+def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, streets):
+    empty, taken = tmp_path / "empty", tmp_path / "taken.yaml"
+    empty.mkdir()
+    taken.write_text("")
+    save(tmp_path / "alone" / "a.png", photograph(0, (16, 16)))
+    (streets / "target.yaml").write_text("images: 7\n")
+    for words, message in (
+        (("--write", "x.yaml"), "--target and --write need DATA"),
+        ((tmp_path / "gone",), "gone: no such folder"),
+        ((empty,), "no images with labels of the same names are found, but nothing"),
+        ((tmp_path / "alone",), "are found, but 1 of .png"),
+        ((streets, "--write", taken), "taken.yaml exists; name another file"),
+        ((streets, "--target", "kity"), "--target kity: no such file"),
+        ((streets,), "target.yaml, line 1: images: expected"),
+    ):
+        code, _, err = doctor(*words)
+        assert code == 2 and message in err and err.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+    refuses("no such folder", propose, tmp_path / "gone", error=UserError)
+
+
+@pytest.mark.parametrize(("size", "expected"), [
+    ((960, 720), (480, 360)), ((683, 512), (480, 360)), ((2048, 1024), (584, 296)), ((320, 227), (320, 224)),
+    ((10, 10), (32, 32)),
+])  # fmt: skip
+def test_a_suitable_size_has_the_shape_and_no_more_pixels(size, expected):
+    assert suitable([(size, 3), ((1, 1), 1)]) == expected
+    assert suitable([]) == (480, 360)
+
+
+def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
+    found = costs.commands("camvid", tmp_path, (480, 360), {"camvid": "camvid"})
+    assert [name.split()[1] for name in found] == ["render", "camvid", "camvid"]
+    renders, smoke, quick = found.values()
+    assert renders.train == 0 and renders.render == pytest.approx(47.35, abs=0.01)
+    for preset, own in (("smoke", smoke), ("quick", quick)):
+        expected = sum(work.cost for work in plan(defaults(MainConfig, "camvid", preset)))
+        assert costs.Pace(1.0, 1.0).seconds(own) == pytest.approx(expected)
+        assert own.render > 0 < own.train
+        assert costs.Pace(3.0, 2.0).seconds(own) == pytest.approx(2 * expected + own.render)
+    assert list(costs.commands("mine", tmp_path, (64, 48), {"camvid": "camvid"})) == [
+        "sdr-jax render --images 400 --shots 1 --size 64x48 --out DIR"
+    ]
+
+
+@pytest.mark.slow
+def test_the_machine_and_its_pace():
+    found = machine.look()
+    facts = dict(found.facts)
+    assert facts["renderer embree"] == "works" and "jax " in facts["versions"]
+    assert facts["extra dask"].startswith(
+        ("installed", "not installed: pip install 'sdr-jax[dask]'")
+    )
+    pace = costs.measure(0.5)
+    assert 0.05 < pace.render < 50 and 0.05 < pace.train < 50
