@@ -244,7 +244,7 @@ NETS: dict[str, Any] = {"compact": Compact, "deeplabv2": DeepLabV2, "fcn8s": FCN
 
 
 def copy(params: Mapping[str, Any], module: nn.Module) -> None:
-    """Put Flax parameters into a net of this file.
+    """Put Flax parameters, or statistics, into a net of this file.
 
     A transposed convolution of PyTorch's is the gradient of a convolution, so its kernel is flipped.
     """

@@ -98,10 +98,10 @@ def jax_runs(job: Job) -> Runs:
     state = compiled.init(seed, data.images)
 
     @jax.jit
-    def forward(params: Any, images: jax.Array) -> jax.Array:
-        return module.apply({"params": params}, normalise(images.astype(jnp.float32) / 255))
+    def forward(variables: Any, images: jax.Array) -> jax.Array:
+        return module.apply(variables, normalise(images.astype(jnp.float32) / 255))
 
-    yield "forward", lambda: forward(state.params, data.images).block_until_ready()
+    yield "forward", lambda: forward(state.trained, data.images).block_until_ready()
     row = plan(0, job.batch, settings).rows(0)
 
     def stepping(compiled: Functions, state: TrainState, data: Data) -> Callable[[], None]:

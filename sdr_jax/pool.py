@@ -40,10 +40,10 @@ TILT = 4.0
 """The standard deviation of the random values that choose a subset's streets, beside Gumbel noise."""
 
 STRONG = 3.0
-"""Nats of evidence from which on a step is as long as its bound; odds of 20 are commonly called strong."""
+"""From this evidence on, in nats, a step is as long as its bound. Odds of 20 are commonly called strong."""
 
 TINY = 1e-30
-"""Less than any square of an effect; takes divisions by 0 out."""
+"""A number smaller than any squared effect, which keeps denominators above 0."""
 
 WEYL = np.uint32(2654435769)
 """2^32 times the golden ratio less one: its multiples, modulo 2^32, are spread evenly."""
@@ -125,7 +125,7 @@ def pool(
         return Policy(shares, floor + (1 - FLOOR) * own)
 
     def turns(state: PoolState, n: int) -> Int[Array, "n"]:
-        """The component of each of the next n streets, in turn, so that all beginnings have the shares."""
+        """The component of each of the next n streets; they take turns in proportion to their shares."""
         place = (state.drawn.astype(jnp.uint32) + jnp.arange(1, n + 1, dtype=jnp.uint32)) * WEYL
         ends = jnp.cumsum(policy_of(state).shares)[:-1]
         return jnp.searchsorted(ends, place.astype(jnp.float32) / 2.0**32, side="right")
@@ -244,7 +244,7 @@ def expected(
 
 
 def counted(data: Centred, x: Float[Array, "n features"], rewards: Rewards) -> Centred:
-    """Sums with one more pool, around its own means; failed rewards are left out."""
+    """The sums with the rewards of one more round, around its own means; failed rewards are left out."""
     known = jnp.isfinite(rewards)[:, None]
     both = jnp.where(known, jnp.concatenate([x, rewards[:, None]], axis=1), 0.0)
     seen = known.sum()

@@ -73,8 +73,8 @@ def learn(
         rewards: f32[n]; failed ones are left out.
 
     Returns:
-        The learner, as it was if fewer rewards are known than the baseline needs: a step of the
-        optimiser's momentum alone would be none of the rewards'. And what the update did.
+        The learner and what the update did. If fewer rewards are known than the baseline needs, the learner
+        stays as it was: the optimiser would make a step of its momentum alone.
     """
     finite = only_finite(rule.transform(rewards))
     differences, baseline_state = rule.baseline.advantage(learner.baseline, finite)

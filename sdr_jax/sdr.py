@@ -32,7 +32,7 @@ PAPER_BASELINE = ema(decay=0.9)
 
 
 class SdrState(NamedTuple):
-    """All that SDR knows."""
+    """The state of SDR: what its groups have learnt, and how far the descent is."""
 
     learners: Learner  # of all groups, stacked on a leading groups axis
     inputs: Float[Array, "groups size"]  # the policies' random inputs, drawn once
@@ -68,8 +68,8 @@ def sdr(
 
     Beside what options change, it deviates from the paper, or decides what the paper leaves open, in:
 
-    - the policies' inputs: random attributes as in the paper, but drawn once; there they are fed anew, to
-      which the policy must learn to pay no heed;
+    - the policies' inputs: random attributes as in the paper, but drawn once; the paper feeds new ones each
+      time, and the policy must learn to ignore them;
     - the first logits: Flax's own (Lecun normal weights), with which the likeliest of ten bins has a
       probability of about 0.18 at first, not 0.10;
     - the order of the groups: the space's; the paper gives none, nor one within groups.

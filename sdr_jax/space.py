@@ -82,7 +82,7 @@ def space(
         names: one unique name per attribute.
         bins: the number of bins of all attributes, or one number for each.
         groups: the partition into groups, by name, in the order in which they will be optimised.
-            By default all attributes are one group: nothing but their joint optimum will do.
+            By default all attributes are one group and are optimised jointly.
         unordered: names of attributes whose bins have no order.
 
     Returns:

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Float32, UInt8
 
 from seg.batches import in_batches
-from seg.nets import Compact, normalise
+from seg.nets import Compact, normalise, variables_of
 from seg.nets.compact import PENULTIMATE
 
 GRID = 2
@@ -24,7 +24,7 @@ def penultimate(
     params: Any, images: Float[Array, "b h w 3"], classes: int
 ) -> Float[Array, "b rows cols features"]:
     """Features, none below 0, that the last layer of the compact net makes its logits from."""
-    _, state = Compact(classes).apply({"params": params}, images, mutable=["intermediates"])
+    _, state = Compact(classes).apply(params, images, mutable=["intermediates"])
     return state["intermediates"][PENULTIMATE][0]
 
 
@@ -56,12 +56,12 @@ def features(
     """Describe images.
 
     Args:
-        params: of a compact net.
+        params: a trained compact net, from `seg.train.train`; or from a file of its, of any version.
         images: RGB, at least 16x16.
         classes: how many classes the net tells apart.
 
     Returns:
         One vector per image.
     """
-    extract = _extractor(classes)
-    return in_batches(lambda batch: extract(params, batch), images, BATCH)
+    extract, variables = _extractor(classes), variables_of(params)
+    return in_batches(lambda batch: extract(variables, batch), images, BATCH)

@@ -401,9 +401,9 @@ def _variables(path: Path, expected: str, settings: TrainSettings, classes: int)
 
 
 def _named(tree: Params) -> Iterator[tuple[str, Any]]:
-    """Leaves by their place in the net, such as `head/score/kernel`."""
+    """Leaves by their place in the net, such as `head/score/kernel`; names leave collections out."""
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
-        yield "/".join(str(key.key) for key in path), leaf
+        yield "/".join(str(key.key) for key in path[1:]), leaf
 
 
 def _trunk() -> dict[str, str]:

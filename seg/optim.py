@@ -50,9 +50,7 @@ def deeplab_multiplier(path: Path) -> float:
 
 
 def trunk_multiplier(path: Path) -> float:
-    """0.1 for what starts from ImageNet, 0 for the statistics that features are normalised by."""
-    if path[-1] in ("mean", "deviation"):
-        return 0.0
+    """0.1 for what starts from ImageNet."""
     return 0.1 if "trunk" in path else 1.0
 
 

@@ -24,6 +24,7 @@ from seg.optim import Multipliers, descend, optimizer, poly_schedule
 from seg.settings import TrainSettings
 
 Params = Any  # the pytree of a net's parameters
+Variables = Any  # of a net: its parameters and other collections, by name
 
 
 class TrainState(NamedTuple):
@@ -35,11 +36,12 @@ class TrainState(NamedTuple):
     mean: Params = (
         None  # of the parameters that are averaged; none are where the settings average nothing
     )
+    fixed: Variables = {}  # collections that no update changes; most nets have none
 
     @property
-    def trained(self) -> Params:
-        """The parameters of the trained net."""
-        return self.params if self.mean is None else self.mean
+    def trained(self) -> Variables:
+        """The variables of the trained net."""
+        return {"params": self.params if self.mean is None else self.mean, **self.fixed}
 
 
 class Data(NamedTuple):
@@ -97,7 +99,7 @@ class Functions(NamedTuple):
     """The compiled parts; jit adds one version for each shape of the data."""
 
     init: Callable[..., TrainState]  # seed, images -> fresh state
-    resume: Callable[..., TrainState]  # params -> state with these parameters
+    resume: Callable[..., TrainState]  # variables -> state with these
     step: Callable[..., tuple[TrainState, Array]]  # state, data, one row of the plan -> loss
     steps: Callable[..., tuple[TrainState, Array]]  # the same over many rows, scanned
 
@@ -120,9 +122,11 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
     multipliers: Multipliers = "trunk" if settings.net == "lite0" else settings.lr_multipliers
     transform = optimizer(settings.optimizer, settings.momentum, settings.weight_decay, multipliers)
 
-    def resume(params: Params) -> TrainState:
+    def resume(variables: Variables) -> TrainState:
+        fixed = dict(variables)
+        params = fixed.pop("params")
         mean = jax.tree.map(jnp.zeros_like, params) if settings.average else None
-        return TrainState(params, transform.init(params), jnp.int32(0), mean)
+        return TrainState(params, transform.init(params), jnp.int32(0), mean, fixed)
 
     method = Lite0.from_pyramid if settings.frozen else None
 
@@ -131,14 +135,16 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
         given = (blank, (8, 8)) if settings.frozen else (blank,)
         # The default generator compiles four times longer here (unrolled, once per kernel).
         key = jax.random.key(seed, impl="rbg")
-        return resume(module.init(key, *given, method=method)["params"])
+        return resume(module.init(key, *given, method=method))
 
-    def logits_of(params: Params, x: Any, size: tuple[int, int], dropout: PRNGKeyArray) -> Array:
+    def logits_of(
+        variables: Variables, x: Any, size: tuple[int, int], dropout: PRNGKeyArray
+    ) -> Array:
         given = (x, size) if settings.frozen else (normalise(x),)
         options = {"train": True, "rngs": {"dropout": dropout}, "method": method}
         if settings.net == "lite0":
             options["stride"] = settings.loss_stride
-        return module.apply({"params": params}, *given, **options)
+        return module.apply(variables, *given, **options)
 
     def batch_of(data: Data, row: Plan, key: PRNGKeyArray) -> tuple[Any, Array]:
         x, y = jax.tree.map(lambda all_: all_[row.picks], (data.images, data.labels))
@@ -152,11 +158,13 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
         y = strided(y, settings.loss_stride)
 
         def loss_of(params: Params) -> Float[Array, ""]:
-            return cross_entropy(logits_of(params, x, size, dropout), y, data.class_weights)
+            variables = {"params": params, **state.fixed}
+            return cross_entropy(logits_of(variables, x, size, dropout), y, data.class_weights)
 
         def sums_of(params: Params, x: Any, y: Array, part: Array) -> tuple[Array, Array]:
             key = jax.random.fold_in(dropout, part)
-            return cross_entropy_sums(logits_of(params, x, size, key), y, data.class_weights)
+            variables = {"params": params, **state.fixed}
+            return cross_entropy_sums(logits_of(variables, x, size, key), y, data.class_weights)
 
         if settings.accumulate == 1:
             loss, gradients = jax.value_and_grad(loss_of)(state.params)
@@ -166,9 +174,9 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
         params = descend(state.params, directions, row.lr)
         mean = state.mean
         if mean is not None:
-            # Parameters that do not train stay as they are to the last bit, unlike in a weighted sum.
+            # A parameter that does not change stays as it is to the last bit, unlike in a weighted sum.
             mean = jax.tree.map(lambda m, p: m + row.weight * (p - m), mean, params)
-        return TrainState(params, opt_state, state.step + 1, mean), loss
+        return TrainState(params, opt_state, state.step + 1, mean, state.fixed), loss
 
     def steps(
         state: TrainState, data: Data, rows: Plan

@@ -20,11 +20,11 @@ from seg.batches import in_batches
 from seg.beside import Beside, Part, joined, mixed, parts_of
 from seg.classes import IGNORE_LABEL
 from seg.metrics import confusion_matrix
-from seg.nets import net_of, normalise
-from seg.nets.lite0 import Lite0, Pyramid
+from seg.nets import net_of, normalise, variables_of
+from seg.nets.lite0 import STATISTICS, Lite0, Pyramid
 from seg.pyramid import Statistics
 from seg.settings import TrainSettings, check_settings
-from seg.step import Data, Functions, Params, TrainState, functions, plan
+from seg.step import Data, Functions, Params, TrainState, Variables, functions, plan
 from seg.views import view_labels, views
 from seg.weights import lite0, load
 
@@ -36,26 +36,24 @@ class TrainingError(Exception):
 
 
 def apply(
-    params: Params, images: UInt8[Array, "b h w 3"], settings: TrainSettings, classes: int
+    variables: Variables, images: UInt8[Array, "b h w 3"], settings: TrainSettings, classes: int
 ) -> Float32[Array, "b h w classes"]:
     """What `logits` returns, as one function that JAX can trace, a frozen trunk included."""
     module = net_of(settings, classes)
     if settings.frozen:
         maps = pyramid.maps_of(lite0.load().trunk, images, settings.dtype)
         size = (images.shape[1], images.shape[2])
-        return module.apply({"params": params}, maps, size, method=Lite0.from_pyramid)
-    return module.apply(
-        {"params": params}, normalise(images.astype(jnp.float32) / 255), train=False
-    )
+        return module.apply(variables, maps, size, method=Lite0.from_pyramid)
+    return module.apply(variables, normalise(images.astype(jnp.float32) / 255), train=False)
 
 
 @lru_cache(maxsize=32)
 def _predictor(
     net_settings: TrainSettings, classes: int, scores: bool
-) -> Callable[[Params, ArrayLike], Array]:
+) -> Callable[[Variables, ArrayLike], Array]:
     @jax.jit
-    def predict_batch(params: Params, images: UInt8[Array, "b h w 3"]) -> Array:
-        logits = apply(params, images, net_settings, classes)
+    def predict_batch(variables: Variables, images: UInt8[Array, "b h w 3"]) -> Array:
+        logits = apply(variables, images, net_settings, classes)
         return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
@@ -68,8 +66,8 @@ def _head_predictor(
     module = net_of(net_settings, classes)
 
     @partial(jax.jit, static_argnums=2)
-    def predict_batch(params: Params, maps: Pyramid, size: tuple[int, int]) -> Array:
-        logits = module.apply({"params": params}, maps, size, method=Lite0.from_pyramid)
+    def predict_batch(variables: Variables, maps: Pyramid, size: tuple[int, int]) -> Array:
+        logits = module.apply(variables, maps, size, method=Lite0.from_pyramid)
         return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
@@ -88,17 +86,18 @@ def _started(
     statistics: Statistics | None,
 ) -> TrainState:
     """A fresh state with what does not start at random: weights, statistics of features."""
-    params = state.params
+    params: Params = state.params
+    fixed = state.fixed
     if settings.net == "lite0":
         assert statistics is not None
         mean, deviation = (jnp.array(s) for s in statistics)
-        params = {**params, "head": {**params["head"], "mean": mean, "deviation": deviation}}
+        fixed = {STATISTICS: {"head": {"mean": mean, "deviation": deviation}}}
         if not settings.frozen:
             # A copy, since the step donates its state.
-            params["trunk"] = jax.tree.map(jnp.array, pyramid.trunk_params())
+            params = {**params, "trunk": jax.tree.map(jnp.array, pyramid.trunk_params())}
     if settings.weights is not None:
         params = load(settings.weights, settings.net, params)
-    return compiled.resume(params)
+    return compiled.resume({"params": params, **fixed})
 
 
 def _check_part(part: Part, settings: TrainSettings, classes: int) -> None:
@@ -159,14 +158,14 @@ def train(
     settings: TrainSettings,
     classes: int,
     progress: Callable[[int, float], None] | None = None,
-    params: Params | None = None,
+    params: Variables | None = None,
     stepwise: bool | None = None,
     *,
     features: Pyramid | None = None,
     statistics: Statistics | None = None,
     beside: Beside | None = None,
-) -> Params:
-    """Train a net; the same arguments give the same parameters.
+) -> Variables:
+    """Train a net; the same arguments give the same variables.
 
     Args:
         rng_seed: 32 bits; decides initial parameters, order of the images, augmentation.
@@ -175,7 +174,7 @@ def train(
         settings: everything else.
         classes: how many the net tells apart.
         progress: called every 50 steps with the steps done and the loss of the last one.
-        params: start from these (they are not changed); None starts afresh: from the settings'
+        params: start from this trained net (it is not changed); None starts afresh: from the settings'
             `weights` as far as those go, and at random: `seg.weights.described` says which.
         stepwise: call the step from the host (True) or scan it in chunks (False); by default as
             suits the backend. The steps are the same.
@@ -187,9 +186,9 @@ def train(
             statistics of a training set, are those of what the batches hold.
 
     Returns:
-        The parameters after the last step, or their mean over the steps that the settings average. With a
-        frozen trunk those of the head alone: the trunk's are always ImageNet's, and `predict` takes them
-        where training did.
+        The net's variables, by collection: `params` after the last step, or their mean over the steps that
+        the settings average, and lite0's `statistics`. With a frozen trunk those of the head alone: the
+        trunk's are always ImageNet's, and `predict` takes them where training did.
 
     Raises:
         ValueError: no images, shapes that do not match, labels outside the classes, settings or a seed
@@ -224,7 +223,7 @@ def train(
     del parts, inputs  # features are large, and joined ones a copy
     if params is not None:
         # The step donates its state, so work on a copy.
-        state = compiled.resume(jax.tree.map(jnp.array, params))
+        state = compiled.resume(jax.tree.map(jnp.array, variables_of(params)))
     else:
         state = compiled.init(seed, data.images)
         if settings.weights is not None or settings.net == "lite0":
@@ -251,7 +250,7 @@ def train(
 
 
 def predict(
-    params: Params,
+    params: Variables,
     images: UInt8[np.ndarray, "n h w 3"],
     settings: TrainSettings,
     classes: int,
@@ -261,7 +260,7 @@ def predict(
     """Segment images.
 
     Args:
-        params: from `train`.
+        params: a trained net, from `train`; or from a file of its, of any version.
         images: RGB, of any size; for lite0 at least 32x32.
         settings: those the parameters were trained with.
         classes: how many the net tells apart.
@@ -279,7 +278,7 @@ def predict(
 
 
 def logits(
-    params: Params,
+    params: Variables,
     images: UInt8[np.ndarray, "n h w 3"],
     settings: TrainSettings,
     classes: int,
@@ -291,7 +290,7 @@ def logits(
 
 
 def _of_batches(
-    params: Params,
+    params: Variables,
     images: np.ndarray,
     settings: TrainSettings,
     classes: int,
@@ -301,20 +300,21 @@ def _of_batches(
     """Labels, or the scores of all classes."""
     _check(images)
     _check_net(images, settings, features)
+    variables = variables_of(params)
     if settings.frozen:
         size = (images.shape[1], images.shape[2])
         maps = features or pyramid.features(images, settings.dtype)
         predict_head = _head_predictor(_of_net(settings), classes, scores)
 
         def run(picks: np.ndarray) -> Array:
-            return predict_head(params, Pyramid(*(m[picks] for m in maps)), size)
+            return predict_head(variables, Pyramid(*(m[picks] for m in maps)), size)
 
         return in_batches(run, np.arange(len(images)), settings.predict_batch)
     predict_batch = _predictor(_of_net(settings), classes, scores)
-    return in_batches(lambda batch: predict_batch(params, batch), images, settings.predict_batch)
+    return in_batches(lambda batch: predict_batch(variables, batch), images, settings.predict_batch)
 
 
-def outline(settings: TrainSettings, classes: int) -> Params:
+def outline(settings: TrainSettings, classes: int) -> Variables:
     """Shapes and types of what `train` returns, as a tree of `jax.ShapeDtypeStruct`."""
     compiled = functions(settings, classes)
     images: Any = jax.ShapeDtypeStruct((1, 64, 64, 3), np.uint8)
@@ -326,7 +326,7 @@ def outline(settings: TrainSettings, classes: int) -> Params:
 
 
 def score(
-    params: Params,
+    params: Variables,
     images: UInt8[np.ndarray, "n h w 3"],
     labels: UInt8[np.ndarray, "n h w"],
     settings: TrainSettings,

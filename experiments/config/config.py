@@ -42,9 +42,9 @@ Unused = (tyro.conf.Fixed, tyro.conf.Suppress)
 """Marks of a field that is no flag of a command, though others have it."""
 
 SEED_END = 2**31
-"""Seeds lie below: what is derived from them must fit into 32 bits."""
+"""All seeds are smaller, since numbers derived from them must fit into 32 bits."""
 RECORD = 1000
-"""Bytes of what is kept of a net."""
+"""Bytes of the record of a net."""
 NETS = Bound(lambda flag, nets: refuse_larger(flag, nets, lambda n: RECORD * n, "records of nets"))
 """Counts of nets whose records fit into memory."""
 _FEW = must(
@@ -65,17 +65,17 @@ class Config:
     preset: Preset = "quick"
     """Where the defaults of all other flags come from."""
     space: SpaceName = "scenex"
-    """The attributes of streets: the paper's 23, or those with the added of camera and road. By default
-    extended with --twin far, else scenex."""
+    """The attributes of streets: the paper's 23 (scenex), or these and ours of camera and road (extended). By
+    default extended with --twin far, else scenex."""
     data: Path | None = None
     """Folder of real images. By default the variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
     labelmefacade."""
     out: Path = Path("runs/run")
     """The run folder. The same command continues a run that was stopped."""
     seed: Annotated[int, at_least(0), at_most(SEED_END - 1)] = 0
-    """Decides everything left to chance, but for the twin and for the choice of real images."""
+    """Seed of all random choices except the twin and the choice of real images."""
     renderer: Literal["embree", "opengl"] = "embree"
-    """What renders."""
+    """The renderer."""
     workers: Annotated[int, at_least(0), Bound(refuse_many_workers)] = _CORES
     """Processes, one core each; 0 works in the main process."""
     executor: ExecutorName = "processes"
@@ -83,24 +83,24 @@ class Config:
     scheduler: str | None = None
     """Address of the cluster's scheduler, such as tcp://10.0.0.1:8786; its workers stand in for --workers."""
     reward_images: Annotated[int | None, at_least(1)] = None
-    """At most so many real images for the reward, a random choice that is the same for every --seed; by
+    """The most real images that give the reward: a random choice that is the same for every --seed. By
     default all."""
     test_images: Annotated[int | None, at_least(1)] = None
-    """At most so many real images for the reported figures, chosen alike; by default all."""
+    """The most real images that the reported figures are of, chosen in the same way. By default all."""
     test_split: str | None = None
     """The split that is reported on; by default the data's own."""
     holdout: str | None = None
-    """Report on this sequence (CamVid), city (Cityscapes) or album (LabelMeFacade), taken out of the training
-    images."""
+    """Report on this sequence (CamVid), city (Cityscapes) or album (LabelMeFacade) and take it out of the
+    training images."""
     twin_seed: Annotated[int, at_least(0)] = 0
-    """Decides the hidden attributes of the twin, when there is no data."""
+    """Seed of the twin's hidden attributes."""
     twin: TwinName = "near"
     """Where the twin's hidden attributes lie: around the hand-set street (near), or anywhere in the extended
     space (far)."""
     store: Path | None = None
-    """File of evaluations that runs share: none is made twice. See ``experiments.store``."""
+    """File of evaluations that runs share, so that none is made twice. See ``experiments.store``."""
     assets: Path | None = None
-    """Folder of own assets, by class (see ``scene.library``)."""
+    """Folder of your own assets, by class (see ``scene.library``)."""
     asset_use: Literal["both", "own", "built-in"] = "both"
     """Which assets streets draw from. With ``own``, classes without own assets are left out."""
     asset_fraction: float = 1.0
@@ -133,7 +133,7 @@ class NetsConfig(FinalConfig):
     """What a job that reports final nets can be told, too."""
 
     seeds: Annotated[int, at_least(1), NETS] = 5
-    """Nets per row of the result; paired: the k-th of every row shares its seed."""
+    """Nets per row of the result. They are paired: the k-th nets of all rows have the same seed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,7 +149,7 @@ class GroupsConfig(NetsConfig, BinsConfig):
 
     search: SearchOptions
     groups: tuple[Group, ...]
-    """Attributes optimised together, one word per group, in this order; each of the space in one group."""
+    """Attributes optimised together, one word per group, in this order. Each attribute is in one group."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -187,7 +187,7 @@ class ShareConfig(SearchConfig):
     """How a few labelled images join rendered ones."""
 
     few_share: Annotated[float, within(0, 1, "()")] = 0.5
-    """What part of all batches the few labelled images are, however few they are."""
+    """The share of the few labelled images in all batches, whatever their number."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -195,8 +195,9 @@ class FewConfig(ShareConfig):
     """A few labelled images beside every training set."""
 
     few: Annotated[int | float | None, _FEW] = None
-    """So many labelled images (or, below 1, this share of them) join every training set; then only the others
-    give the reward. A random choice, spread over sequences and time, that is the same for every --seed."""
+    """The number of labelled images (or, below 1, their share) that join every training set; only the others
+    then give the reward. The choice is random, spread over sequences and time, and the same for every
+    --seed."""
 
 
 @dataclass(frozen=True, kw_only=True)

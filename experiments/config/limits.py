@@ -1,4 +1,4 @@
-"""What a job's sizes need in memory, at least; more than there is is refused by flag, before it is taken."""
+"""The least memory that a job's sizes need. A job that needs more than there is is refused, by flag."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def refuse_too_large(config: Config) -> None:
 
 
 def _times(each: float) -> Callable[[int], int]:
-    """Bytes of so many; whole numbers, since a flag may have any number of digits."""
+    """The bytes of a count of things; whole numbers, since a flag may have any number of digits."""
     return lambda count: count * math.ceil(each)
 
 

@@ -13,7 +13,7 @@ from seg.settings import TrainSettings
 from shell.bounds import POSITIVE, at_least, at_most, within
 
 MOST_BINS = 1000
-"""More would only take time: a bin is a thousandth of an attribute's range."""
+"""More bins would only take time: one is a thousandth of an attribute's range by then."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Bins:
 
 @dataclass(frozen=True)
 class PoolOptions:
-    """How the method ``pool`` searches: what a reward is one of, how many there are, how far a step goes."""
+    """How the method ``pool`` searches: the streets of a round, its rewards, and the length of a step."""
 
     streets: Annotated[int, at_least(1)] = 1200
     """Streets of one shot that each round draws and renders."""
@@ -71,7 +71,7 @@ class PoolOptions:
     rounds: Annotated[int, at_least(1)] = 4
     """Rounds; each ends with a step of the policy."""
     bound: Annotated[float, POSITIVE] = 0.04
-    """Nats that a step may take at most, for each attribute."""
+    """The most nats that a step takes, for each attribute."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +81,7 @@ class SearchOptions(Bins):
     datasets_per_update: Annotated[int, at_least(1)] = 4
     """Datasets that each update renders, trains on and scores."""
     learning_rate: Annotated[float, POSITIVE] = 1e-2
-    """Of Adam (sdr)."""
+    """Learning rate of Adam (sdr)."""
     baseline: Literal["ema", "ema_current", "leave_one_out"] = "ema"
     """What a reward is compared with (sdr): earlier rewards (paper), those and itself (the authors' code),
     or the update's other rewards."""
@@ -95,9 +95,9 @@ class SearchOptions(Bins):
     """Where the search begins (intervals, pool): default (the hand-set street), random, or an
     attributes.json. Half of a pool's first streets are random in any case."""
     pool: PoolOptions = field(default_factory=PoolOptions)
-    """Of the method pool."""
+    """Options of the method pool."""
     unoptimised: Literal["random", "half"] = "random"
-    """What groups not optimised yet are (sdr): random (paper), or 0.5 (the authors' code)."""
+    """The value of groups that are not optimised yet (sdr): random (paper), or 0.5 (the authors' code)."""
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from seg.recipes import RECIPES
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 TARGETS: tuple[TargetName, ...] = get_args(TargetName)
 VARIABLES: dict[TargetName, str] = {"camvid": "CAMVID_DIR", "labelmefacade": "LABELMEFACADE_DIR"}
-"""Of the environment: the folder of a target's data, where no flag says it."""
+"""Variables of the environment that name the folder of a target's data, where no flag does."""
 FOUR_BY_THREE: tuple[TargetName, ...] = ("camvid", "labelmefacade")
 """Targets whose images are four wide to three high."""
 TWO_BY_ONE: tuple[TargetName, ...] = ("twin", "cityscapes")
@@ -48,7 +48,7 @@ ADDED_GROUPS: tuple[tuple[str, ...], ...] = (
     ("road_width", "sidewalk_width", "bend", "gradient", "junction_share"),
     ("parked_share", "queue_share", "open_share", "bare_tree_share", "overcast_share"),
 )
-"""Ours, of what the extended space adds: the camera, the road, what stands beside it."""
+"""Our groups of the attributes that the extended space adds: camera, road, and what stands beside it."""
 
 Table = dict[str, Any]
 """Values by the name of their field; those of a group of fields are a table, too. In the table of a net's

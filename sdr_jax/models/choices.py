@@ -1,4 +1,4 @@
-"""Intervals of several widths as what may be chosen for an attribute, and how a model sees an interval."""
+"""The intervals, of several widths, that may be chosen for an attribute, and their features for a model."""
 
 from typing import NamedTuple
 
@@ -49,8 +49,8 @@ def choices(space: Space, start: Start, width: Width = None) -> Choices:
     Args:
         space: the attributes, their bins and groups.
         start: where the search begins.
-        width: where 0, an attribute has no intervals: its choices, the start's too, are single values, but
-            without an order single bins. Else it plays no part.
+        width: an attribute whose width is 0 has no intervals. Its choices, and its start, are single values,
+            or single bins if these have no order. Any other width changes nothing.
     """
     rows, began = [], []
     single = np.asarray(bin_widths(space, 0.0))

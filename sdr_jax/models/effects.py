@@ -127,10 +127,10 @@ def observe(
     actions: Int[Array, "n attributes"],
     rewards: Float[Array, "n"],
 ) -> EffectsState:
-    """Counts evaluations in, and takes one step towards the scales of most evidence.
+    """Adds evaluations, and takes one step towards the scales with the most evidence.
 
     The step is one of expectation maximisation, from where the last update left them. An effect's
-    scale is pulled towards the mean of its kind, so that none dies by chance. Rewards far below the
+    scale is pulled towards the mean of its kind, so that none becomes 0 by chance. Rewards far below the
     others are clipped (`history.py`).
     """
     seen, statistics, ratio = history.learn(

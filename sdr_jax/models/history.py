@@ -76,9 +76,9 @@ def learn(
     actions: Int[Array, "n attributes"],
     rewards: Float[Array, "n"],
 ) -> tuple[History, Statistics, Float[Array, ""]]:
-    """Counts evaluations in, failed ones left out, and rewards far below the others as the lowest of these.
+    """Adds evaluations, except failed ones; a reward far below the others counts as the lowest of these.
 
-    Where that changes what earlier rewards count as, all are added up anew.
+    If that changes what earlier rewards count as, the statistics are computed anew.
 
     Args:
         history: before them.

@@ -65,7 +65,7 @@ def linear(
     `solution` is the best of the posterior's mean model; while all rewards are the same, there is none.
     `spread` asks for each attribute, the others at the solution, which bin is best in models drawn from
     the posterior, at twice its standard deviation, and takes the moments of that distribution: an
-    attribute whose effect drowns in the noise stays wide.
+    attribute whose effect is small beside the noise stays wide.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.

@@ -24,7 +24,7 @@ class Statistics(NamedTuple):
 
 
 class Centred(NamedTuple):
-    """The same around their means, and how many numbers they stand for."""
+    """The statistics around their means, and their degrees of freedom."""
 
     gram: Float[Array, "features features"]
     moment: Float[Array, "features"]
@@ -51,7 +51,7 @@ def empty(features: int) -> Statistics:
 def add(
     statistics: Statistics, x: Float[Array, "n features"], rewards: Float[Array, "n"]
 ) -> Statistics:
-    """Counts evaluations in, failed ones left out."""
+    """Adds evaluations to the statistics, except failed ones."""
     known = jnp.isfinite(rewards)
     count = jnp.sum(known).astype(jnp.float32)
     mean = jnp.sum(jnp.where(known, rewards, 0.0)) / jnp.maximum(count, 1)
@@ -85,7 +85,7 @@ def with_rewards(
 
 
 def flat(statistics: Statistics) -> Statistics:
-    """The statistics of the same evaluations, had all rewards been the same."""
+    """The statistics of the same evaluations, as if all rewards were the same."""
     zero = jnp.zeros((), jnp.float32)
     return statistics._replace(moment=jnp.zeros_like(statistics.moment), total=zero, square=zero)
 

@@ -60,7 +60,8 @@ def surrogate(
     crash, are clipped (`history.py`).
 
     The answer holds the bins of the model's highest mean, not of the luckiest draw; while all rewards are the
-    same it holds none. `spread` has the moments of the policy: what drowns in the noise stays wide.
+    same it holds none. `spread` has the moments of the policy: an attribute without a clear effect stays
+    wide.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.

@@ -191,10 +191,10 @@ def gaussian_process(
 
 
 def _unit(rewards: np.ndarray) -> float:
-    """Their standard deviation, 1 where all are the same."""
+    """The standard deviation of values; 1 if all of them are the same."""
     return float(rewards.std()) or 1.0
 
 
 def _standard(rewards: np.ndarray) -> np.ndarray:
-    """Without mean, in standard deviations."""
+    """Values less their mean, in standard deviations."""
     return (rewards - rewards.mean()) / _unit(rewards)

@@ -1,4 +1,4 @@
-"""Random attributes: learns nothing; what every search is measured from."""
+"""Random attributes: the method that learns nothing, with which every search is compared."""
 
 from typing import NamedTuple
 

@@ -13,7 +13,7 @@ from sdr_jax.space import Proposal, Space, Width
 
 
 class _Latest(NamedTuple):
-    """The study of the latest state: telling another one all anew takes longer than the rest."""
+    """The study of the latest state, kept because telling a new study all evaluations takes long."""
 
     state: host.Seen
     study: Any  # knows the evaluations of the state
@@ -92,7 +92,7 @@ def tpe(
         )
 
     def forget(study: Any, trials: list[Any]) -> None:
-        """Nobody told their rewards; failed ones are not looked at."""
+        """Marks trials without a reward as failed, since the library ignores failed ones."""
         for trial in trials:
             study.tell(trial, state=optuna.trial.TrialState.FAIL)
 

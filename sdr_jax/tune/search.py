@@ -38,7 +38,7 @@ ANSWER, RETRIED = "answer.json", "retried.jsonl"
 
 
 class _NeverWorked(UserError):
-    """A first update without any score has a broken simulator as its cause, not chance."""
+    """The first update has no score at all: the simulator is broken."""
 
 
 def tune(
@@ -50,7 +50,7 @@ def tune(
         settings: what to optimise and how.
         command: the simulator; `{attributes.json}` in it stands for the path of its input.
         out: the run folder, made if need be.
-        retry_failed: first take back the evaluations since the last failures in a row began.
+        retry_failed: first take back all evaluations since the last series of failures began.
 
     Returns:
         The answer, as written to `answer.json`.

@@ -30,7 +30,7 @@ WANTED = 'a number or a JSON object with "score"'
 TAIL = 65536
 """Bytes at the end of an output in which its last line is looked for."""
 SILENCE = 60.0
-"""Seconds; a simulator that prints nothing for so long is mentioned."""
+"""Seconds. A message names a simulator that has printed nothing for so long."""
 SUPERVISOR = """
 import os, signal, sys
 for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
@@ -44,8 +44,8 @@ for group in running:
 """
 """What outlives this process, to end simulators that a kill would leave running.
 
-It is told the number of a process group as one starts, and again as it has ended. However this process
-ends, the pipe closes then, and the groups that are left are killed.
+It reads the number of each process group when the group starts, and again when it has ended. When this
+process ends, for any reason, the pipe closes, and the supervisor kills the groups that are left.
 """
 
 

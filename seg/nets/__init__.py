@@ -9,7 +9,7 @@ from flax import linen as nn
 from seg.nets.compact import Compact
 from seg.nets.deeplabv2 import DeepLabV2
 from seg.nets.fcn8s import FCN8s
-from seg.nets.lite0 import Lite0
+from seg.nets.lite0 import STATISTICS, Lite0
 from seg.nets.ops.normalise import normalise
 from seg.nets.vgg16 import VGG16
 from seg.settings import VGG_NETS, Dtype, TrainSettings
@@ -40,7 +40,8 @@ def net(
         options: other attributes of the net, such as the `width` and `dropout` of lite0's head.
 
     Returns:
-        A Linen module, called as `apply({"params": ...}, images, train=False)`.
+        A Linen module, called as `apply(variables, images, train=False)`. Its variables are
+        `{"params": ...}`; lite0 has the collection `statistics`, too.
 
     Raises:
         ValueError: no net has that name (the message lists those that exist), or classes < 1.
@@ -61,4 +62,32 @@ def net_of(settings: TrainSettings, classes: int) -> nn.Module:
     return net(settings.net, classes, settings.dtype, settings.norm, **options)
 
 
-__all__ = ["VGG16", "Compact", "DeepLabV2", "FCN8s", "Lite0", "net", "net_of", "normalise"]
+def variables_of(trained: Any) -> Any:
+    """The variables of a trained net, by collection.
+
+    Args:
+        trained: these, or the tree of a version that had no collections: parameters alone, and among those
+            of lite0's head its statistics.
+    """
+    if "params" in trained:
+        return trained
+    head = trained.get("head", {})
+    names = ("mean", "deviation")
+    if not set(names) <= set(head):
+        return {"params": trained}
+    own = {name: leaf for name, leaf in head.items() if name not in names}
+    statistics = {"head": {name: head[name] for name in names}}
+    return {"params": {**trained, "head": own}, STATISTICS: statistics}
+
+
+__all__ = [
+    "VGG16",
+    "Compact",
+    "DeepLabV2",
+    "FCN8s",
+    "Lite0",
+    "net",
+    "net_of",
+    "normalise",
+    "variables_of",
+]

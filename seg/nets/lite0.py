@@ -49,6 +49,8 @@ BLOCKS = tuple(
 TAPS = (2, 4, 10, 15)
 """The last blocks at strides 4, 8, 16 and 32."""
 CHANNELS = tuple(BLOCKS[i].features for i in TAPS)
+STATISTICS = "statistics"
+"""The collection of variables that the head normalises features by."""
 
 
 class Pyramid(NamedTuple):
@@ -216,8 +218,8 @@ class Head(nn.Module):
     The 3x3 convolution is separable, a depthwise one and a 1x1 one: an update takes half the time of one with
     a whole 3x3 kernel, and nets trained on renders are no worse.
 
-    Its parameters `mean` and `deviation`, by which features are normalised channel by channel, are
-    statistics that no training step changes.
+    It normalises features channel by channel, by `mean` and `deviation` in the collection `statistics`: no
+    training step changes these.
 
     Attributes:
         classes: how many classes.
@@ -237,9 +239,8 @@ class Head(nn.Module):
     ) -> Float[Array, "b rows cols classes"]:
         """Logits of images of a size in pixels (rows, columns); of the pixels that `strided` takes."""
         channels = [m.shape[-1] for m in maps]
-        mean = self.param("mean", nn.initializers.zeros, (sum(channels),))
-        deviation = self.param("deviation", nn.initializers.ones, (sum(channels),))
-        mean, deviation = jax.lax.stop_gradient((mean, deviation))
+        mean = self.variable(STATISTICS, "mean", jnp.zeros, (sum(channels),)).value
+        deviation = self.variable(STATISTICS, "deviation", jnp.ones, (sum(channels),)).value
         cuts = (channels[0], channels[0] + channels[1])
         normal = Pyramid(
             *(

@@ -72,8 +72,9 @@ def test_features_beside_are_those_computed_and_set_the_head_s_statistics():
     views = [features(view_images(part, FROZEN)) for part in (IMAGES[:4], IMAGES[4:])]
     assert_same(computed, fit(features=views[0], beside=few._replace(features=views[1])))
     mean, _ = mixed([0.5, 0.5], [channel_statistics(view) for view in views])
-    np.testing.assert_array_equal(computed["head"]["mean"], mean)
-    assert not np.array_equal(alone["head"]["mix"]["kernel"], computed["head"]["mix"]["kernel"])
+    np.testing.assert_array_equal(computed["statistics"]["head"]["mean"], mean)
+    one, other = (net["params"]["head"]["mix"]["kernel"] for net in (alone, computed))
+    assert not np.array_equal(one, other)
 
 
 @pytest.mark.parametrize(("change", "message"), [

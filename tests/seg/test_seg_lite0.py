@@ -8,11 +8,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from flax.traverse_util import flatten_dict, unflatten_dict
 from PIL import Image
 
 import seg.views
 from seg import RECIPES, TrainSettings, WeightsError, check_settings, mean_iou, predict, score
-from seg.nets import Lite0, net
+from seg.nets import Lite0, net, variables_of
 from seg.nets.lite0 import (
     BLOCKS,
     CHANNELS,
@@ -30,6 +31,7 @@ from seg.nets.ops.normalise import denormalise, normalise
 from seg.nets.ops.resize import strided
 from seg.optim import trunk_multiplier
 from seg.pyramid import channel_statistics, features, trunk_params
+from seg.step import Data, functions, plan
 from seg.train import train
 from seg.views import view_images
 from seg.weights import check, lite0
@@ -84,6 +86,9 @@ def test_shapes_of_trunk_and_head():
     assert {str(leaf.dtype) for leaf in jax.tree.leaves(lite0.load().trunk)} == {"float32"}
     logits, variables = jax.eval_shape(net("lite0", 5).init_with_output, jax.random.key(0), x)
     assert logits.shape == (1, 45, 61, 5) and set(variables["params"]) == {"trunk", "head"}
+    assert jax.tree.map(np.shape, variables["statistics"]) == {
+        "head": {"mean": (496,), "deviation": (496,)}
+    }
     assert net("lite0", 5, width=16) == Lite0(5, width=16)
     x = jnp.asarray(pixels(1, 4, 4, 3) / np.float32(255))
     np.testing.assert_allclose(denormalise(normalise(x)), x, atol=1e-6)
@@ -94,16 +99,17 @@ def test_the_head_is_its_formula_and_its_statistics_by_hand():
     rng = np.random.default_rng(0)
     maps = Pyramid(*(rng.normal(size=(1, 1, 1, c)).astype(np.float16) for c in (64, 112, 320)))
     head = Head(3, width=8)
-    shapes = jax.eval_shape(lambda: head.init(jax.random.key(0), maps, (8, 8)))["params"]
-    params = jax.tree.map(lambda s: rng.normal(size=s.shape).astype(np.float32), shapes)
-    params["deviation"] = np.abs(params["deviation"]) + 1
+    shapes = jax.eval_shape(lambda: head.init(jax.random.key(0), maps, (8, 8)))
+    drawn = jax.tree.map(lambda s: rng.normal(size=s.shape).astype(np.float32), shapes)
+    params, own = drawn["params"], drawn["statistics"]
+    own["deviation"] = np.abs(own["deviation"]) + 1
     x = np.concatenate([m[0, 0, 0] for m in maps]).astype(np.float32)
-    x = (x - params["mean"]) / params["deviation"]
+    x = (x - own["mean"]) / own["deviation"]
     x = np.maximum(x @ params["project"]["kernel"][0, 0] + params["project"]["bias"], 0)
     x = x * params["depthwise"]["kernel"][1, 1, 0] + params["depthwise"]["bias"]
     x = np.maximum(x @ params["mix"]["kernel"][0, 0] + params["mix"]["bias"], 0)
     expected = x @ params["score"]["kernel"][0, 0] + params["score"]["bias"]
-    logits = head.apply({"params": params}, maps, (5, 7))
+    logits = head.apply(drawn, maps, (5, 7))
     assert logits.shape == (1, 5, 7, 3)
     np.testing.assert_allclose(logits[0, 4, 6], expected, rtol=1e-4, atol=1e-4)
     np.testing.assert_allclose(logits, np.broadcast_to(logits[:, :1, :1], logits.shape), rtol=1e-5)
@@ -231,16 +237,17 @@ def fitted():
 
 def test_two_classes_are_learnt_and_the_trunk_stays(fitted):
     before = jax.tree.map(np.array, trunk_params())
-    assert set(fitted) == {"head"}
+    assert set(fitted["params"]) == set(fitted["statistics"]) == {"head"}
     assert mean_iou(score(fitted, *TOY, SETTINGS, 2)) > 0.9
     one, again, other = (train(k, *TOY, BRIEF, 2) for k in (0, 0, 1))
     assert_same(one, again)
-    assert not np.array_equal(one["head"]["mix"]["kernel"], other["head"]["mix"]["kernel"])
+    kernels = (net["params"]["head"]["mix"]["kernel"] for net in (one, other))
+    assert not np.array_equal(*kernels)
     assert_same(before, trunk_params())
 
 
-def assert_statistics(params, expected):
-    assert_same(tuple(params["head"][name] for name in ("mean", "deviation")), expected)
+def assert_statistics(net, expected):
+    assert_same(tuple(net["statistics"]["head"][name] for name in ("mean", "deviation")), expected)
 
 
 def test_features_and_statistics_given_are_those_computed(fitted):
@@ -253,6 +260,73 @@ def test_features_and_statistics_given_are_those_computed(fitted):
     settings = replace(BRIEF, weight_decay=0.1, head_statistics="target", average=0.9)
     other = channel_statistics(features(pixels(2, 48, 64, 3)))
     assert_statistics(train(0, images, labels, settings, 2, statistics=other), other)
+
+
+def as_files_had_it(variables):
+    """Variables in the layout of earlier versions: statistics among the parameters."""
+    params = variables["params"]
+    return {**params, "head": {**params["head"], **variables["statistics"]["head"]}}
+
+
+def test_a_net_of_an_earlier_version_is_read_from_its_file(fitted, tmp_path):
+    old = tmp_path / "net.npz"
+    np.savez(old, **flatten_dict(as_files_had_it(fitted), sep="/"))
+    with np.load(old) as file:
+        assert {"head/mean", "head/deviation", "head/mix/kernel"} < set(file)
+        old_net = unflatten_dict(dict(file), sep="/")
+    assert_same(variables_of(old_net), jax.tree.map(np.asarray, fitted))
+    assert variables_of(fitted) is fitted
+    images, labels = TOY
+    given = {"settings": SETTINGS, "classes": 2, "features": MAPS()}
+    assert_same(*(predict(each, images, **given) for each in (old_net, fitted)))
+    assert_same(*(train(0, images, labels, BRIEF, 2, params=p) for p in (old_net, fitted)))
+
+
+def test_no_update_touches_the_statistics_nor_has_the_optimiser_any_state_of_them():
+    settings = replace(BRIEF, weight_decay=0.5, average=0.5)
+    compiled = functions(settings, 2)
+    images, labels = TOY
+    data = Data(MAPS(), labels, np.ones(2, np.float32), np.uint32(0))
+    variables = compiled.init(np.uint32(0), data.images).trained
+    own = {"mean": np.full(496, 0.5, np.float32), "deviation": np.full(496, 2.0, np.float32)}
+    state = compiled.resume({**variables, "statistics": {"head": own}})
+    before = jax.tree.map(np.array, state)
+    assert jax.tree.structure(state.mean) == jax.tree.structure(state.params)
+    for tree in (state.params, state.opt_state, state.mean):
+        assert not any(leaf.shape == (496,) for leaf in jax.tree.leaves(tree))
+    for i in range(2):
+        state, _ = compiled.step(state, data, plan(0, len(images), settings).rows(i))
+    assert_same(state.trained["statistics"], {"head": own})
+    assert not np.array_equal(
+        state.params["head"]["score"]["bias"], before.params["head"]["score"]["bias"]
+    )
+
+
+FIRST = {
+    "project": [-0.08743167, -0.028945757, -0.052036017, 0.026214773],
+    "depthwise": [0.015204258, 0.63665295, 0.30279875, 0.4454717],
+    "mix": [0.21453877, 0.21645026, 0.09066063, 0.07101473],
+    "score": [0.0075188135, 0.0096967295, -0.13579908, -0.17532277],
+}
+FIRST_OF_TRUNK = [0.06233222, 0.028330797, 0.041362572, 0.02582815]
+"""The first values of kernels in the head and in block 15, recorded when statistics were parameters.
+
+A digest of all values would hold on one machine only: the last bits of normal numbers depend on how XLA
+compiles.
+"""
+
+
+@pytest.mark.parametrize("trunk", ["frozen", "tuned"])
+def test_parameters_start_as_they_did_when_statistics_were_among_them(trunk):
+    settings = RECIPES[f"lite0-{trunk}"]
+    maps = Pyramid(*(np.zeros((1, n, n, c), np.float16) for n, c in ((8, 64), (4, 112), (2, 320))))
+    images = maps if settings.frozen else np.zeros((1, 64, 64, 3), np.uint8)
+    params = functions(settings, 11).init(np.uint32(7), images).params
+    for name, values in FIRST.items():
+        np.testing.assert_allclose(params["head"][name]["kernel"].ravel()[:4], values, rtol=1e-5)
+    if trunk == "tuned":
+        kernel = params["trunk"]["block15"]["project"]["kernel"]
+        np.testing.assert_allclose(kernel.ravel()[:4], FIRST_OF_TRUNK, rtol=1e-5)
 
 
 def test_training_augments_each_view_once(monkeypatch):
@@ -292,7 +366,8 @@ def test_prediction_is_that_of_the_whole_net(fitted):
     predicted = predict(fitted, images, SETTINGS, 2)
     assert predicted.shape == (3, 45, 61)
     x = normalise(jnp.asarray(images / np.float32(255)))
-    logits = jax.jit(net("lite0", 2).apply)({"params": {**fitted, "trunk": trunk_params()}}, x)
+    whole = {**fitted, "params": {**fitted["params"], "trunk": trunk_params()}}
+    logits = jax.jit(net("lite0", 2).apply)(whole, x)
     assert (predicted == np.argmax(logits, -1)).mean() > 0.99
 
 
@@ -302,7 +377,8 @@ def test_a_tuned_trunk_trains_at_a_tenth_of_the_rate():
     settings = replace(SETTINGS, trunk="tuned", steps=2, warmup=0, lr=1e-3, power=0.0)
     params, again = (train(0, images, labels, settings, 2) for _ in range(2))
     assert_same(params, again)
-    before, after = (p["block0"]["project"]["kernel"] for p in (trunk_params(), params["trunk"]))
+    trunks = (trunk_params(), params["params"]["trunk"])
+    before, after = (trunk["block0"]["project"]["kernel"] for trunk in trunks)
     # Adam moves what has a gradient by about its rate in each of the two steps.
     assert 0.5e-4 < jnp.abs(after - before).max() < 2.1e-4
     assert_statistics(params, channel_statistics(features(images)))
@@ -312,7 +388,6 @@ def test_a_tuned_trunk_trains_at_a_tenth_of_the_rate():
 def test_rates_by_path_and_recipes():
     assert trunk_multiplier(("trunk", "block3", "expand", "kernel")) == 0.1
     assert trunk_multiplier(("head", "mix", "bias")) == 1.0
-    assert trunk_multiplier(("head", "mean")) == trunk_multiplier(("head", "deviation")) == 0.0
     for trunk in ("frozen", "tuned"):
         recipe = RECIPES[f"lite0-{trunk}"]
         check_settings(recipe)

@@ -56,24 +56,27 @@ PENULTIMATE = jax.jit(penultimate, static_argnums=2)
 
 
 @pytest.fixture(scope="module")
-def params():
+def variables():
     key = jax.random.key(0, impl="rbg")  # compiles faster than the default
-    return jax.jit(Compact(11).init)(key, jnp.zeros((1, 16, 24, 3)))["params"]
+    return jax.jit(Compact(11).init)(key, jnp.zeros((1, 16, 24, 3)))
 
 
-def test_logits_are_made_from_the_penultimate_features(params):
+def test_logits_are_made_from_the_penultimate_features(variables):
     images = normal(2, 16, 24, 3)
-    maps = PENULTIMATE(params, images, 11)
+    maps = PENULTIMATE(variables, images, 11)
     assert maps.shape == (2, 4, 6, 24) and float(maps.min()) >= 0
-    logits = bilinear(nn.Conv(11, (1, 1)).apply({"params": params["Conv_1"]}, maps), 4)
-    whole = jax.jit(Compact(11).apply)({"params": params}, images)
+    last = {"params": variables["params"]["Conv_1"]}
+    logits = bilinear(nn.Conv(11, (1, 1)).apply(last, maps), 4)
+    whole = jax.jit(Compact(11).apply)(variables, images)
     np.testing.assert_allclose(logits, whole, atol=1e-5)
 
 
-def test_an_image_has_the_same_features_in_any_company(params):
+def test_an_image_has_the_same_features_in_any_company(variables):
     images = pixels(19, 16, 24, 3)
-    every = features(params, images, 11)
+    every = features(variables, images, 11)
     assert every.shape == (19, 120) and every.dtype == np.float32
-    np.testing.assert_allclose(features(params, images[17:18], 11), every[17:18], atol=1e-5)
-    one = pool(PENULTIMATE(params, normalise(jnp.asarray(images[3:4] / 255, jnp.float32)), 11))
+    np.testing.assert_allclose(features(variables, images[17:18], 11), every[17:18], atol=1e-5)
+    one = pool(PENULTIMATE(variables, normalise(jnp.asarray(images[3:4] / 255, jnp.float32)), 11))
     np.testing.assert_allclose(one, every[3:4], atol=1e-5)
+    # Files of earlier versions hold the parameters alone.
+    np.testing.assert_array_equal(features(variables["params"], images, 11), every)

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from safetensors.numpy import load_file
 
 import seg
 from seg import ModelError, TrainSettings
@@ -56,6 +57,8 @@ def test_what_is_loaded_is_what_was_saved(kind, tmp_path):
     found = again.predict(images)
     np.testing.assert_array_equal(found, predict(model.variables, images, model.settings, 3))
     assert found.dtype == np.uint8 and len(np.unique(found)) > 1
+    names = load_file(tmp_path / "model" / WEIGHTS).keys()
+    assert ("head/mean" in names) == (kind != "compact") and not any("params/" in n for n in names)
     size = (tmp_path / "model" / WEIGHTS).stat().st_size
     assert size < 30_000 if kind == "frozen" else size > 11_000_000 or kind == "compact"
     before = (tmp_path / "model" / WEIGHTS).read_bytes()

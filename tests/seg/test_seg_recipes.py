@@ -101,13 +101,13 @@ def test_bfloat16_computes_about_the_same(name):
 def test_images_of_any_size_are_segmented_whole(name):
     """As inside a frame of the mean colour whose sides are multiples of 8 or 32, then cropped."""
     settings, images = TrainSettings(net=name, predict_batch=2), pixels(3, 45, 61, 3)
-    params = functions(settings, 11).init(np.uint32(0), images).params
-    predicted = predict(params, images, settings, 11)
+    variables = functions(settings, 11).init(np.uint32(0), images).trained
+    predicted = predict(variables, images, settings, 11)
     assert predicted.shape == (3, 45, 61) and predicted.dtype == np.uint8
     rows, cols = (64, 64) if name == "fcn8s" else (48, 64)
     x = seg.nets.normalise(jnp.asarray(images / np.float32(255)))
     padded = jnp.pad(x, [(0, 0), (0, rows - 45), (0, cols - 61), (0, 0)])
-    logits = jax.jit(net(name, 11).apply)({"params": params}, padded)[:, :45, :61]
+    logits = jax.jit(net(name, 11).apply)(variables, padded)[:, :45, :61]
     assert (predicted == np.argmax(logits, -1)).mean() > 0.999
 
 

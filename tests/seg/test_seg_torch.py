@@ -31,12 +31,14 @@ def test_logits_and_features_are_those_of_pytorch(ours, theirs, size):
     assert_as_in_pytorch(ours, theirs, images, filled(ours, images))
 
 
-def assert_as_in_pytorch(ours, theirs, images, params, rtol=1e-7):
-    torch_nets.copy(params, theirs)
+def assert_as_in_pytorch(ours, theirs, images, params, rtol=1e-7, **others):
+    variables = {"params": params, **others}
+    for collection in variables.values():
+        torch_nets.copy(collection, theirs)
     with torch.no_grad():
         expected = jax.tree.leaves(theirs.eval()(torch_nets.images_of(np.asarray(images))))
     assert all(other.std() > 0.05 for other in expected)
-    found = jax.tree.leaves(jax.jit(ours.apply)({"params": params}, images))
+    found = jax.tree.leaves(jax.jit(ours.apply)(variables, images))
     assert_close(found, [o.numpy().transpose(0, 2, 3, 1) for o in expected], rtol, atol=1e-4)
 
 
@@ -48,8 +50,9 @@ def test_logits_of_lite0_are_those_of_pytorch(size):
     images, ours = normalise(pictures), Lite0(CLASSES, width=16)
     params = filled(ours, images) | {"trunk": trunk_params()}
     maps = jax.jit(Trunk().apply)({"params": params["trunk"]}, pictures)
-    params["head"]["mean"], params["head"]["deviation"] = statistics(pyramid(maps))
-    assert_as_in_pytorch(ours, torch_nets.Lite0(CLASSES, width=16), images, params, rtol=1e-4)
+    own = dict(zip(("mean", "deviation"), statistics(pyramid(maps)), strict=True))
+    theirs = torch_nets.Lite0(CLASSES, width=16)
+    assert_as_in_pytorch(ours, theirs, images, params, rtol=1e-4, statistics={"head": own})
 
 
 @pytest.mark.parametrize("zipped", [True, False], ids=["zip", "legacy"])

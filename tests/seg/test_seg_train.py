@@ -67,7 +67,7 @@ def test_the_trained_net_is_the_mean_over_the_last_steps(average, averaged):
     state, nets = compiled.init(data.seed, images), []
     for i in range(settings.steps):
         state, _ = compiled.step(state, data, rows.rows(i))
-        nets.append(jax.tree.map(np.array, state.params))
+        nets.append({"params": jax.tree.map(np.array, state.params)})
     last = nets[-averaged:]
     expected = jax.tree.map(lambda *leaves: np.mean(leaves, axis=0, dtype=np.float64), *last)
     assert_close(train(0, images, labels, settings, 11), expected, atol=1e-6)
