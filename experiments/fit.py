@@ -64,8 +64,8 @@ MODEL, STRIP = "model", "predictions.png"
 """Of the run folder: the net; images with their labels and predictions."""
 SHOWN = 4
 """Images of the strip."""
-AREAS: dict[Preset, int] = {"smoke": 64 * 48, "quick": 240 * 176}
-"""Pixels of the images that nets see, about: what two cores train on within a minute, or ten."""
+STREETS = "streets"
+"""What plans call what is only rendered."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -130,10 +130,8 @@ def config_of(
     parts = parts_of(found, data, holdout, few)
     if size is None:
         height, width = read_image(parts.entries[0].image_path).shape[:2]
-        size = suitable_size(width, height, AREAS[preset])
-    base = in_space(defaults(FitConfig, "camvid", preset), "extended")
-    wide, high = size
-    reward, final = (_frozen(own, wide, high) for own in (base.reward, base.final))
+        size = suitable_size(width, height, preset)
+    base = configured(size, preset)
     return replace(
         base,
         data=data,
@@ -146,12 +144,18 @@ def config_of(
         seeds=seeds,
         init=init,
         store=store,
-        reward=reward,
-        final=replace(final, shots=1),
-        search=replace(base.search, method="pool"),
-        reward_images=None,
-        test_images=None,
         workers=base.workers if workers is None else workers,
+    )
+
+
+def configured(size: tuple[int, int], preset: Preset = "quick") -> FitConfig:
+    """What a preset says at a size (width, height) of images."""
+    base = in_space(defaults(FitConfig, "camvid", preset), "extended")
+    reward, final = (_frozen(own, *size) for own in (base.reward, base.final))
+    search = replace(base.search, method="pool")
+    final = replace(final, shots=1)
+    return replace(
+        base, reward=reward, final=final, search=search, reward_images=None, test_images=None
     )
 
 
@@ -203,12 +207,17 @@ def first_fold(config: FitConfig, _: Workers) -> Target:
 
 def plan(config: FitConfig, prepared: Prepared) -> list[Work]:
     """Streets, searches, and the nets of every row and fold."""
-    final, folds = config.final, len(prepared.folds)
+    return planned(config, len(prepared.folds))
+
+
+def planned(config: FitConfig, folds: int) -> list[Work]:
+    """The same for so many folds."""
+    final = config.final
     kinds = 1 + config.learnt * folds
     searches = [work._replace(nets=work.nets * folds) for work in work_of(config)]
     count = len(_rows(config)) * folds * config.seeds
     return [
-        Work("streets", kinds * config.seeds * final.streets, final, street_cost(final)),
+        Work(STREETS, kinds * config.seeds * final.streets, final, street_cost(final)),
         *(searches if config.learnt else []),
         Work("nets, each of which is tested", count, final, head_cost(final)),
         Work("the net that is left", 1, final, head_cost(final)),

@@ -123,7 +123,7 @@ def _folder(data: Path, target: str | None, write_to: Path | None, out: Path) ->
     print(f"  {'void':{wide}s}  {100 * seen.void:8.2f}  (of all pixels; {seen.read} label files)")
     for fault in seen.faults:
         print(f"! {fault.what}\n    {fault.mend}")
-    costs, cores, measured = _costs(own.name, data, seen.size)
+    costs, cores, measured = _costs(own, data, seen.size)
     print(f"Minutes on {cores} cores, about, without compiling and testing:")
     for command, minutes in costs:
         print(f"  {minutes:>6s}  {command}")
@@ -143,7 +143,7 @@ def _counted(seen: Any) -> str:
 
 
 def _costs(
-    target: str, data: Path, size: tuple[int, int]
+    target: Any, data: Path, size: tuple[int, int]
 ) -> tuple[list[tuple[str, str]], int, int]:
     """Commands with their minutes, the cores, and the seconds that were measured."""
     from experiments.doctor import costs, machine

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -12,15 +13,19 @@ from typing import NamedTuple
 import numpy as np
 
 from experiments.config import Fidelity, MainConfig, Preset, TargetName
+from experiments.config.presets import defaults
+from experiments.evaluation.cost import cost_of, training_cost
+from experiments.fit import STREETS, configured, planned
 from experiments.main.job import plan
-from experiments.presets import defaults
 from experiments.run.context import Work
-from experiments.run.ladder import cost_of, training_cost
+from experiments.target.folder import parts_of
 from scene.attributes import default_unit
 from scene.dataset.render import render_dataset
 from scene.render import RenderSettings
 from seg.recipes import RECIPES
 from seg.train import train
+from shell.errors import UserError
+from shell.target_file import TargetFile
 
 SIZE = (240, 176)
 """Width and height of what is measured: that of the rewards of most targets."""
@@ -48,7 +53,8 @@ class Pace(NamedTuple):
 
 def cost(plan: Sequence[Work]) -> Cost:
     """What the nets of a plan take, apart for rendering and training."""
-    training = [own.nets * min(own.seconds, training_cost(own.fidelity)) for own in plan]
+    nets = [own for own in plan if own.what != STREETS]
+    training = [own.nets * min(own.seconds, training_cost(own.fidelity)) for own in nets]
     return Cost(sum(own.cost for own in plan) - sum(training), sum(training))
 
 
@@ -81,12 +87,12 @@ def _ratio(work: Callable[[], object], expected: float, seconds: float) -> float
 
 
 def commands(
-    target: str, data: Path, size: tuple[int, int], known: Mapping[str, TargetName]
+    target: TargetFile, data: Path, size: tuple[int, int], known: Mapping[str, TargetName]
 ) -> dict[str, Cost]:
     """Commands that can be given for a folder, with what each takes; a new command is one line here.
 
     Args:
-        target: name of the target.
+        target: what its files are.
         data: the folder.
         size: width and height that suit the images.
         known: targets that have a command of their own.
@@ -95,9 +101,12 @@ def commands(
     training = training_cost(streets)
     words = f"--images 400 --shots 1 --size {size[0]}x{size[1]}"
     found = {f"sdr-jax render {words} --out DIR": Cost(cost_of(streets) - training, 0.0)}
-    if target in known:
+    with suppress(UserError):  # what is wrong with the images is told elsewhere
+        folds = len(parts_of(target, data).folds)
+        found[f"sdr-jax fit {data} --out DIR"] = cost(planned(configured(size), folds))
+    if target.name in known:
         presets: tuple[Preset, ...] = ("smoke", "quick")
         for preset in presets:
-            config = defaults(MainConfig, known[target], preset)
-            found[f"sdr-jax {target} --data {data} --preset {preset}"] = cost(plan(config))
+            config = defaults(MainConfig, known[target.name], preset)
+            found[f"sdr-jax {target.name} --data {data} --preset {preset}"] = cost(plan(config))
     return found

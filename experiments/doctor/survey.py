@@ -11,6 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from PIL import Image, ImageDraw
 
+from experiments.target.folder import suitable_size
 from seg.classes import IGNORE_LABEL
 from seg.data import LabelReader, load
 from shell import classes as engine
@@ -20,10 +21,6 @@ from shell.target_file import TRAIN, TargetFile
 
 READ = 100
 """Label files that are read whole, at most."""
-AREA = 480 * 360
-"""Pixels of a suitable size, at most: what nets learn more from takes longer than it is worth."""
-STEP = 8
-"""Sides of a suitable size are multiples of the stride of a net's features."""
 HEAD = 65536
 """Bytes at the start of a file by which copies are found, beside its size."""
 SHOWN = 4
@@ -252,15 +249,8 @@ def _engine(target: TargetFile, faults: list[Fault]) -> None:
 
 
 def suitable(sizes: Sequence[tuple[tuple[int, int], int]]) -> tuple[int, int]:
-    """A width and height for nets: the shape of most images, `AREA` at most, never larger than they are."""
-    if not sizes:
-        return 480, 360
-    (width, height), _ = sizes[0]
-    scale = min(1.0, (AREA / (width * height)) ** 0.5)
-    return (
-        max(STEP * round(width * scale / STEP), 4 * STEP),
-        max(STEP * round(height * scale / STEP), 4 * STEP),
-    )
+    """A width and height for nets, by the size of most images."""
+    return suitable_size(*(sizes[0][0] if sizes else (480, 360)))
 
 
 def overlays(

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from experiments.config import Preset
 from experiments.target.base import SIZES, Sides, Target, two_sides
 from experiments.target.few import CHOICE, spread
 from experiments.target.real import REPORTED
@@ -26,6 +27,8 @@ from shell.target_file import Fit, TargetFile
 
 FOLDS = 5
 """Parts into which images without a split are cut, if there are so many groups."""
+AREAS: dict[Preset, int] = {"smoke": 64 * 48, "quick": 240 * 176}
+"""Pixels of the images that nets see, about: what two cores train on within a minute, or ten."""
 UNIT = 8
 """Width and height are multiples of it."""
 
@@ -134,9 +137,9 @@ def cut(groups: Sequence[str], data: Path) -> tuple[list[tuple[int, ...]], str]:
     return [tuple(sorted(fold)) for fold in folds], ""
 
 
-def suitable_size(width: int, height: int, area: int) -> tuple[int, int]:
-    """Width and height for nets: an image's aspect, about so many pixels, and no more than the image has."""
-    scale = min(math.sqrt(area / (width * height)), 1.0)
+def suitable_size(width: int, height: int, preset: Preset = "quick") -> tuple[int, int]:
+    """Width and height for nets: an image's aspect, and no more pixels than it has or the preset affords."""
+    scale = min(math.sqrt(AREAS[preset] / (width * height)), 1.0)
     wide, high = (max(round(scale * side / UNIT) * UNIT, SMALLEST) for side in (width, height))
     return wide, high
 

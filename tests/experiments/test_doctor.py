@@ -8,12 +8,13 @@ import pytest
 from PIL import Image
 
 from experiments.config import MainConfig
+from experiments.config.presets import defaults
 from experiments.doctor import costs, machine
 from experiments.doctor.__main__ import PAGE, SHEET, main
 from experiments.doctor.propose import propose
 from experiments.doctor.survey import suitable, survey
+from experiments.fit import configured, planned
 from experiments.main.job import plan
-from experiments.presets import defaults
 from seg.data import read_target
 from shell.errors import UserError
 from shell.listing import list_all
@@ -195,27 +196,31 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
 
 
 @pytest.mark.parametrize(("size", "expected"), [
-    ((960, 720), (480, 360)), ((683, 512), (480, 360)), ((2048, 1024), (584, 296)), ((320, 227), (320, 224)),
+    ((960, 720), (240, 176)), ((683, 512), (240, 176)), ((2048, 1024), (288, 144)), ((32, 40), (32, 40)),
     ((10, 10), (32, 32)),
 ])  # fmt: skip
 def test_a_suitable_size_has_the_shape_and_no_more_pixels(size, expected):
     assert suitable([(size, 3), ((1, 1), 1)]) == expected
-    assert suitable([]) == (480, 360)
+    assert suitable([]) == (240, 176)
 
 
 def test_costs_scale_with_the_pace_of_both_parts(tmp_path):
-    found = costs.commands("camvid", tmp_path, (480, 360), {"camvid": "camvid"})
-    assert [name.split()[1] for name in found] == ["render", "camvid", "camvid"]
-    renders, smoke, quick = found.values()
+    data = write("camvid", tmp_path)
+    found = costs.commands(find_target("camvid"), data, (480, 360), {"camvid": "camvid"})
+    assert [name.split()[1] for name in found] == ["render", "fit", "camvid", "camvid"]
+    renders, fit, smoke, quick = found.values()
     assert renders.train == 0 and renders.render == pytest.approx(47.35, abs=0.01)
+    expected = sum(work.cost for work in planned(configured((480, 360)), 1))
+    assert costs.Pace(1.0, 1.0).seconds(fit) == pytest.approx(expected)
+    assert fit.render > 3 * renders.render and fit.train > 0
     for preset, own in (("smoke", smoke), ("quick", quick)):
         expected = sum(work.cost for work in plan(defaults(MainConfig, "camvid", preset)))
         assert costs.Pace(1.0, 1.0).seconds(own) == pytest.approx(expected)
         assert own.render > 0 < own.train
         assert costs.Pace(3.0, 2.0).seconds(own) == pytest.approx(2 * expected + own.render)
-    assert list(costs.commands("mine", tmp_path, (64, 48), {"camvid": "camvid"})) == [
-        "sdr-jax render --images 400 --shots 1 --size 64x48 --out DIR"
-    ]
+    (tmp_path / "none").mkdir()  # nothing to fit
+    mine = costs.commands(find_target("kitti"), tmp_path / "none", (64, 48), {"camvid": "camvid"})
+    assert list(mine) == ["sdr-jax render --images 400 --shots 1 --size 64x48 --out DIR"]
 
 
 @pytest.mark.slow
