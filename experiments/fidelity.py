@@ -271,7 +271,7 @@ def _sentences(rung: Report) -> list[str]:
         )
     pairs = rung["common_seeds"]
     if pairs is not None and pairs["ratio"] is not None and pairs["p_value"] is not None:
-        verdict = "pay" if pairs["p_value"] < 0.05 else "do not surely pay"
+        verdict = "pay" if pairs["p_value"] < 0.05 else "do not pay for certain"
         said.append(
             f"{rung['rung']}: common random numbers {verdict}: differences vary {pairs['ratio']:.2f} "
             f"times as much with independent seeds (F test, p = {pairs['p_value']:.2g})."

@@ -126,10 +126,10 @@ def _worst(
 ) -> dict[str, Any] | None:
     """The test images that the first net on learnt streets is worst at, and every row's predictions there."""
     first = {row: own[0] for row, own in kept.items() if own[0].predictions is not None}
-    judge = next((row for row in ("few+learnt", "learnt", *first) if row in first), None)
-    if judge is None:
+    best = next((row for row in ("few+learnt", "learnt", *first) if row in first), None)
+    if best is None:
         return None
-    chosen, miou = first[judge].picked, first[judge].miou
+    chosen, miou = first[best].picked, first[best].miou
     assert chosen is not None and miou is not None
     order = [k for k in np.argsort(miou, kind="stable")[:SHOWN] if np.isfinite(miou[k])]
     images = [
@@ -148,7 +148,7 @@ def _worst(
         }
         for n, k in enumerate(order)
     ]
-    return {"by": judge, "of": len(chosen), "images": images}
+    return {"by": best, "of": len(chosen), "images": images}
 
 
 def _jpeg(folder: Path, name: str, image: np.ndarray) -> str:

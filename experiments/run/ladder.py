@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from experiments.config import Fidelity
-from experiments.run.judge import Scores, Selection, means_of, select
+from experiments.run.selection import Scores, Selection, means_of, select
 
 Score = Callable[[int, Sequence[str]], Scores]
 """(rung, candidates) -> scores of every candidate, by seed."""
@@ -62,7 +62,7 @@ def compared(challengers: int, rungs: int, reference: bool) -> list[int]:
 def climb(
     candidates: Sequence[str], rungs: int, score: Score, reference: str | None = None
 ) -> Selection:
-    """Send candidates up the ladder, and choose among those on its last rung (`judge.select`).
+    """Send candidates up the ladder, and choose among those on its last rung (`selection.select`).
 
     Args:
         candidates: their names.

@@ -1,8 +1,8 @@
 """Learnt attributes: a search, and the candidate for its answer that model selection chooses.
 
 The cheap reward favours what is easy to learn, and the dataset with the highest reward was also lucky. So
-candidates are compared with nets of the final size and fresh seeds (`judge`); only the chosen one ever meets
-the test images.
+candidates are compared by nets of the final size with fresh seeds (`selection`); only the chosen one ever
+meets the test images.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from experiments.evaluation.job import Parts, Result, Source
 from experiments.run import pooled
 from experiments.run.context import Run, Work
 from experiments.run.few import beside
-from experiments.run.judge import Scores, Selection, parts_of
 from experiments.run.ladder import climb, compared, fidelities
 from experiments.run.nets import by_row, jobs_of
 from experiments.run.rewards import SearchPlan
 from experiments.run.search import Found, search
+from experiments.run.selection import Scores, Selection, parts_of
 from experiments.target.base import Target
 from scene.attributes import names
 from scene.proposal import Streets, describe, named, slide
@@ -107,7 +107,7 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
         UserError: more than a tenth of the evaluations failed.
     """
     config = config or run.config
-    parts, words = judged_on(run.target, config)
+    parts, words = tested_on(run.target, config)
     found = search(run, plan_of(config, name or "search"), config.reward_kind)
     candidates = {each: candidate(each, found, config) for each in offered(config)}
     selection, by_part = _selected(run, config, candidates, parts, f"{name}, " if name else "")
@@ -118,7 +118,7 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
     return Learnt(streets, found, selection, words, by_part)
 
 
-def judged_on(target: Target, config: SearchConfig) -> tuple[Parts, tuple[str, ...]]:
+def tested_on(target: Target, config: SearchConfig) -> tuple[Parts, tuple[str, ...]]:
     """The parts of the reward images that candidates are tested on separately, and what they are in words.
 
     Raises:

@@ -166,10 +166,10 @@ def worth(
     half = stats.t.ppf(0.975, seeds - 1) * differences.std(axis=0, ddof=1) / math.sqrt(seeds)
     low = reached(
         grid.tolist(), (half - mean).tolist(), 0.0
-    )  # no longer surely better than labels alone
+    )  # no longer significantly better than labels alone
     high = reached(
         grid[::-1].tolist(), (half + mean)[::-1].tolist(), 0.0
-    )  # the last that is not surely worse
+    )  # the last that is not significantly worse
     return value, [None if low <= first else low, None if high >= last else high]
 
 

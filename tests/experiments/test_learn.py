@@ -16,7 +16,7 @@ from experiments.config import SEED_END, MainConfig, check, offered, presets
 from experiments.config.presets import defaults
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Result
-from experiments.run import judge, ladder
+from experiments.run import ladder, selection
 from experiments.run.context import opened
 from experiments.run.learn import (
     BROAD,
@@ -70,9 +70,9 @@ def test_parts_are_cut_between_sequences_where_there_are_enough(lengths, count):
     names = [str(k) for k, length in enumerate(lengths) for _ in range(length)]
     if count is not None and count > len(names):
         with pytest.raises(UserError, match=f"--parts {count} .* {len(names)} give the reward"):
-            judge.parts_of(names, count)
+            selection.parts_of(names, count)
         return
-    parts = judge.parts_of(names, count)
+    parts = selection.parts_of(names, count)
     assert len(parts) == (count or min(max(2, len(lengths)), 4, len(names)))
     assert [k for part in parts for k in range(*part)] == list(range(len(names)))
     starts = {0, *np.cumsum(lengths).tolist()}
@@ -84,15 +84,17 @@ def test_parts_are_cut_between_sequences_where_there_are_enough(lengths, count):
 
 def test_parts_by_hand():
     camvid = ["0001TP"] * 62 + ["0016E5"] * 204
-    assert judge.parts_of(camvid) == ((0, 62), (62, 266))
-    assert judge.parts_of(camvid, 3) == ((0, 62), (62, 164), (164, 266))
-    assert judge.parts_of(["a"] * 5) == ((0, 2), (2, 5)) and judge.parts_of(["a"]) == ((0, 1),)
+    assert selection.parts_of(camvid) == ((0, 62), (62, 266))
+    assert selection.parts_of(camvid, 3) == ((0, 62), (62, 164), (164, 266))
+    assert selection.parts_of(["a"] * 5) == ((0, 2), (2, 5)) and selection.parts_of(["a"]) == (
+        (0, 1),
+    )
 
 
 def test_selection_by_hand():
     # Gains .2, .3, .4; s^2 of the layout is half of their variance .01, so t = .3 / (.1 / sqrt 3).
     safe = [0.1, 0.3, 0.2]
-    found = judge.select({"a": [0.3, 0.6, 0.6], "safe": safe}, "safe")
+    found = selection.select({"a": [0.3, 0.6, 0.6], "safe": safe}, "safe")
     assert found.t["a"] == pytest.approx(3 * math.sqrt(3)) and found.means["a"] == pytest.approx(
         0.5
     )
@@ -102,27 +104,27 @@ def test_selection_by_hand():
         and found.verdict == "replaced: a is significantly better at family-wise 5 %"
     )
     # Twice the noise: t = 2.6 < 2.92.
-    found = judge.select({"a": [0.2, 0.6, 0.7], "safe": safe}, "safe")
+    found = selection.select({"a": [0.2, 0.6, 0.7], "safe": safe}, "safe")
     assert found.t["a"] == pytest.approx(1.5 * math.sqrt(3)) and found.chosen == "safe"
     assert found.verdict == "kept: no challenger is significantly better at family-wise 5 %"
     # A failed net drops its seed for all.
     scores = {"a": [0.3, 0.6, 0.6, np.nan], "safe": [*safe, 9.0]}
-    assert judge.select(scores, "safe").means == pytest.approx({"a": 0.5, "safe": 0.2})
+    assert selection.select(scores, "safe").means == pytest.approx({"a": 0.5, "safe": 0.2})
     # Of those that pass the best mean, though a worse one comes first.
     scores = {"b": [0.2, 0.41, 0.3], "a": [0.3, 0.51, 0.4], "safe": safe}
-    assert judge.select(scores, "safe").chosen == "a"
+    assert selection.select(scores, "safe").chosen == "a"
 
 
 def test_what_cannot_be_tested_is_said():
-    found = judge.select({"default": [0.40], "argmax": [0.48]}, "default")
+    found = selection.select({"default": [0.40], "argmax": [0.48]}, "default")
     assert (found.chosen, found.verdict, found.t) == ("default", "not tested: one seed", {})
-    found = judge.select({"default": [0.4, np.nan], "argmax": [0.5, 0.5]}, "default")
+    found = selection.select({"default": [0.4, np.nan], "argmax": [0.5, 0.5]}, "default")
     assert (found.chosen, found.verdict) == ("default", "not tested: one seed without a failed net")
-    found = judge.select({"default": [np.nan], "argmax": [0.5]}, "default")
+    found = selection.select({"default": [np.nan], "argmax": [0.5]}, "default")
     assert (found.chosen, found.verdict) == ("default", "not tested: no seed without a failed net")
-    found = judge.select({"default": [0.4, 0.5]}, "default")
+    found = selection.select({"default": [0.4, 0.5]}, "default")
     assert found.chosen == "default" and "no challenger differs" in found.verdict
-    found = judge.select({"argmax": [0.4, 0.5], "random": [0.6, 0.5]}, "default")
+    found = selection.select({"argmax": [0.4, 0.5], "random": [0.6, 0.5]}, "default")
     assert found.chosen == "random" and found.critical is None
     assert found.verdict.startswith("not tested: no hand-set street among the candidates")
 
@@ -131,14 +133,14 @@ def test_what_cannot_be_tested_is_said():
     ("k", "n", "value"), [(1, 6, 2.015), (1, 11, 1.812), (2, 6, 2.15), (3, 6, 2.24), (4, 6, 2.30)]
 )
 def test_critical_values_are_those_of_dunnetts_table(k, n, value):
-    assert judge.critical_value(k, n) == pytest.approx(value, abs=0.01)
+    assert selection.critical_value(k, n) == pytest.approx(value, abs=0.01)
 
 
 @given(arrays(float, (3, 4), elements=st.floats(0, 1).map(lambda v: round(v, 3))), st.floats(-1, 1))
 def test_what_all_candidates_of_a_seed_share_decides_nothing(scores, shift):
     shared = np.array([0, shift, -shift, 2 * shift])
     found, moved = (
-        judge.select(dict(zip("abc", y, strict=True)), "c") for y in (scores, scores + shared)
+        selection.select(dict(zip("abc", y, strict=True)), "c") for y in (scores, scores + shared)
     )
     for name in found.t:
         known = np.isfinite(found.t[name]) and abs(found.t[name]) < 1e3

@@ -1,4 +1,4 @@
-"""What the report of many searches says of methods, with the judge and without."""
+"""What the report of many searches says of methods, with model selection and without."""
 
 from experiments.searches import derive, text
 

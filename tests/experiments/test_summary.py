@@ -9,8 +9,8 @@ from experiments.config import MainConfig
 from experiments.config.presets import defaults
 from experiments.evaluation.job import Result
 from experiments.main.summary import derive, scores, text
-from experiments.run.judge import select
 from experiments.run.learn import Learnt
+from experiments.run.selection import select
 from experiments.target.base import Target
 from experiments.target.twin import twin_world
 from scene.attributes import names

@@ -394,7 +394,7 @@ def test_an_attribute_stays_where_it_began_unless_moving_it_pays():
     assert centre[0] > 0.8 and width[0] <= 0.25
     for answer in (method.spread(state), method.solution(told(method, lambda c, w: 0 * c[:, 0]))):
         assert [float(part[1]) for part in answer] == pytest.approx([0.3, 0.2])
-    # Noise alone moves nothing surely.
+    # Noise alone moves nothing for certain.
     unsure = method.spread(told(method, lambda c, w: 0 * c[:, 0], noise=1.0))
     np.testing.assert_allclose(np.stack(unsure), BEGAN, atol=1e-6)
     p = np.asarray(method.probabilities(state))
