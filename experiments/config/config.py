@@ -23,7 +23,7 @@ TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
 TwinName = Literal["near", "far"]
 Candidate = Literal["argmax", "seen", "broad", "last", "previous", "mixed", "random", "default"]
 OF_POOL: tuple[Candidate, ...] = ("last", "previous", "mixed")
-OF_OTHERS: tuple[Candidate, ...] = ("argmax", "seen", "broad")
+OF_OTHERS: tuple[Candidate, ...] = ("seen", "broad")
 """Candidates that only the method `pool` has, and those that only the others have."""
 RewardKind = Literal["miou", "mmd"]
 
@@ -169,10 +169,11 @@ class SearchConfig(GroupsConfig, RewardConfig):
 
     search: Search
     candidates: Annotated[tuple[Candidate, ...], DISTINCT] = get_args(Candidate)
-    """What may be the answer: argmax (the best found), seen (the dataset with the best reward), broad (as
-    wide as the search is unsure, at least half of each range), in place of these three with the method pool
-    last (its last policy), previous (the one before) and mixed (half the last, half the first); random (all
-    attributes random) or default (the hand-set street: the others must be significantly better)."""
+    """What may be the answer: argmax (the best found; with the method pool an interval of each attribute with
+    the mean and the spread of its last policy), seen (the dataset with the best reward), broad (as wide as
+    the search is unsure, at least half of each range), in place of these two with the method pool last (its
+    last policy), previous (the one before) and mixed (half the last, half the first); random (all attributes
+    random) or default (the hand-set street: the others must be significantly better)."""
     candidate_seeds: Annotated[int, at_least(1), NETS] = 10
     """Nets of each candidate on each rung, scored on the reward images; with 1 the hand-set street stays."""
     parts: Annotated[int | None, at_least(1)] = None

@@ -208,6 +208,7 @@ def test_one_worker_and_two_give_the_same_rewards(config, tmp_path):
 
 def test_the_whole_choice_is_written_and_read(config, scored_by):
     scored_by(Counted(far))
+    config = replace(config, candidates=("last", "mixed"))
     with opened(config) as job:
         job.begin([])
         learnt = learn(job)
@@ -222,7 +223,7 @@ def test_the_whole_choice_is_written_and_read(config, scored_by):
     ({"pool": {"bound": 0.0}}, "--search.pool.bound must be positive"),
     ({"trunk": "tuned"}, "--method pool keeps the features of a frozen trunk"),
     ({"net": "compact"}, "has the net compact"),
-    ({"candidates": ("argmax", "seen")}, "--candidates argmax seen: --method pool has last"),
+    ({"candidates": ("seen", "broad")}, "--candidates seen broad: --method pool has argmax, last"),
     ({"reward_kind": "mmd"}, "--method pool needs --reward-kind miou"),
 ])  # fmt: skip
 def test_what_it_cannot_do(config, change, says):
