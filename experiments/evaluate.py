@@ -309,11 +309,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
 
     def work() -> None:
+        if options.json.is_dir():
+            raise UserError(f"--json {options.json} is a folder; name a file")
         model = load_model(options.model)
         target = find_target(options.target, options.data)
         data = labelled(target, options.data, options.split, options.group)
-        if options.json.is_dir():
-            raise UserError(f"--json {options.json} is a folder; name a file")
         scores = evaluate(model, data, options.pictures, progress=True)
         about = {"target": target.name, "data": str(options.data), "splits": options.split}
         write_json(options.json, {**about, **scores})

@@ -29,6 +29,6 @@ def read_safetensors(path: Path) -> dict[str, np.ndarray]:
             known = ", ".join(_DTYPES)
             raise WeightsError(f"{path}: {name}: elements of type {own['dtype']}; expected {known}")
     return {
-        name: from_bytes(own["data"], _DTYPES[own["dtype"]]).reshape(own["shape"])
+        name: from_bytes(memoryview(own["data"]), _DTYPES[own["dtype"]]).reshape(own["shape"])
         for name, own in tensors.items()
     }
