@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from itertools import count, islice
+from collections.abc import Generator, Iterator
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -43,7 +43,7 @@ def stream(
     pool: AssetPool | None = None,
     target: TargetFile | str | Path | None = None,
     workers: int | Workers = 0,
-) -> Iterator[Sample]:
+) -> Generator[Sample, None, None]:
     """Render images one by one: the k-th is the k-th of an export with the same settings.
 
     Args:
@@ -79,37 +79,41 @@ def stream(
     check_request(draw(drawn, seed, 1), shots, settings, renderer_name)
     own = engine_labels(True) if target is None else target_labels(target_entry(target))
     pool = check_pool(pool or AssetPool())
-    found = _samples(
-        drawn, seed, start, shots, settings, renderer_name, pool, own.of_engine, workers
+    last = None if images is None else start + images
+    return _samples(
+        drawn, seed, start, last, shots, settings, renderer_name, pool, own.of_engine, workers
     )
-    return islice(found, images)
 
 
 def _samples(
     drawn: Streets,
     seed: int,
     start: int,
+    last: int | None,
     shots: int,
     settings: RenderSettings,
     renderer_name: str,
     pool: AssetPool,
     of_engine: np.ndarray,
     workers: int | Workers,
-) -> Iterator[Sample]:
-    first, skipped = divmod(start, shots)
+) -> Generator[Sample, None, None]:
+    first = start // shots
 
     def units(index: int) -> np.ndarray:
         return draw(drawn, seed, 1, start=index)[0]
 
+    streets = count(first) if last is None else range(first, -(-last // shots))
+    number = first * shots
     with opened(workers) as processes:
         sent = pool._replace(own=processes.share(pool.own))
         tasks: Iterator[tuple[Any, ...]] = (
-            (units(k), seed, k, shots, settings, renderer_name, sent) for k in count(first)
+            (units(k), seed, k, shots, settings, renderer_name, sent) for k in streets
         )
         for index, (images, labels) in enumerate(
             processes.in_order(images_and_labels, tasks), start=first
         ):
             street = units(index)
-            for image, label in zip(images[skipped:], labels[skipped:], strict=True):
-                yield Sample(image, of_engine[label], street)
-            skipped = 0
+            for image, label in zip(images, labels, strict=True):
+                if start <= number and (last is None or number < last):
+                    yield Sample(image, of_engine[label], street)
+                number += 1
