@@ -152,7 +152,7 @@ def _costs(
     rows = []
     for command, cost in costs.commands(target, data, size, OF_COMMANDS).items():
         minutes = pace.seconds(cost) / cores / 60
-        rows.append((command, f"{minutes:.1f}" if minutes < 10 else f"{minutes:.0f}"))
+        rows.append((command, f"{max(minutes, 0.1):.1f}" if minutes < 10 else f"{minutes:.0f}"))
     return rows, cores, round(2 * costs.SECONDS)
 
 
@@ -167,7 +167,7 @@ def _pictures(
     width, height = seen.size
     shown = overlays(target, seen.shown, (min(width, WIDE), round(height * min(1, WIDE / width))))
     out.mkdir(parents=True, exist_ok=True)
-    write(out / SHEET, _png(sheet(shown, target)))
+    write(out / SHEET, _png(sheet([own for _, own in shown], target)))
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent), autoescape=True, undefined=StrictUndefined
     )
@@ -182,10 +182,10 @@ def _pictures(
         text=text,
         pictures=[
             {
-                "name": entry.name,
+                "name": name,
                 "data": "data:image/png;base64," + base64.b64encode(_png(own)).decode(),
             }
-            for entry, own in zip(seen.shown, shown, strict=False)
+            for name, own in shown
         ],
     )
     write(out / PAGE, page)

@@ -255,8 +255,8 @@ def suitable(sizes: Sequence[tuple[tuple[int, int], int]]) -> tuple[int, int]:
 
 def overlays(
     target: TargetFile, entries: Sequence[Entry], size: tuple[int, int]
-) -> list[Image.Image]:
-    """Images at a size (width, height) with their labels over them, void grey; of those that can be read."""
+) -> list[tuple[str, Image.Image]]:
+    """Names, and images at a size (width, height) with their labels over them; of those that can be read."""
     colours = np.full((256, 3), 96, np.uint8)
     colours[: len(target.classes)] = target.palette
     found = []
@@ -266,7 +266,7 @@ def overlays(
         except UserError:
             continue  # a fault says so
         mixed = own.images[0].astype(np.uint16) + colours[own.labels[0]]
-        found.append(Image.fromarray((mixed // 2).astype(np.uint8)))
+        found.append((entry.name, Image.fromarray((mixed // 2).astype(np.uint8))))
     return found
 
 
