@@ -265,9 +265,9 @@ def load_model(path: str | Path) -> Model:
         folder = SHIPPED / str(path)
     file = folder / CONFIG
     if not file.is_file():
+        names = f", or one of the names {', '.join(shipped())}" if shipped() else ""
         raise ModelError(
-            f"{folder}: no model; expected a folder with {CONFIG} and {WEIGHTS}, or one of the names "
-            f"{', '.join(shipped())}"
+            f"{folder}: no model; expected a folder with {CONFIG} and {WEIGHTS}{names}"
         )
     try:
         return _loaded(folder, read_json(file))
