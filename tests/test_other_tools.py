@@ -95,6 +95,7 @@ def test_a_search_for_ones_own_net_learns_from_its_scores_and_goes_on(
     if net == "torch_net":
         pytest.importorskip("torch", reason="needs PyTorch")
     score = runpy.run_path(str(ROOT / f"examples/own_net/{net}.py"))["score"]
+    score.__globals__["STEPS"] = 5  # of the net's training
     real = own_net["read_real"](folder / "streets", (48, 32))
     assert real[0].shape == (3, 32, 48, 3) and real[1].shape == (3, 32, 48)
     told = []
