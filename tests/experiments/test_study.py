@@ -131,9 +131,9 @@ def test_a_recorded_report_is_derived_anew(recorded, out):
 
 @pytest.mark.parametrize(("name", "flags", "complaint"), [
     ("table", ("--nets", "compact", "compact"), "names one of them twice"),
-    ("table", ("--gta5", "/nowhere"), "/nowhere/images: no such folder; expected GTA5"),
-    ("table", ("--synthia", "/nowhere"), "/nowhere/RGB: no such folder"),
-    ("table", ("--kitti", "/nowhere"), "/nowhere/training/image_2: no such folder"),
+    ("table", ("--gta5", "/nowhere"), "/nowhere: no such folder; expected gta5"),
+    ("table", ("--synthia", "/nowhere"), "/nowhere: no such folder; expected synthia"),
+    ("table", ("--kitti", "/nowhere"), "/nowhere: no such folder; expected kitti"),
     ("table", ("--weights", "/nowhere.npz"), "--weights are for VGG nets"),
     ("table", ("--weights", "/no.npz", "--nets", "fcn8s"), "/no.npz: No such file"),
     ("table", ("--learnt", "/nowhere.json"), "--learnt /nowhere.json: No such file"),

@@ -152,7 +152,7 @@ def test_attribute_files(text, counted, tmp_path):
     path = tmp_path / "attributes.json"
     path.write_bytes(text)
     with counted("attributes.json"), patch.object(render, "export_dataset") as made:
-        made.return_value = {"images": 1}
+        made.return_value = {"images": 1, "streets": []}
         ends_well(render.main, ["--attributes", str(path), "--out", str(tmp_path / "o")])
 
 

@@ -57,7 +57,7 @@ def test_recipes_train_both_nets(recipe, name):
     settings = replace(RECIPES[recipe], net=name, steps=2, warmup=0, batch=2)
     check_settings(settings)
     assert (settings.lr_multipliers == "deeplab") == (recipe != "scratch") != settings.norm
-    params = train(0, *data(2), settings, 11)
+    params = train(0, *data(2), settings, 11)["params"]
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(params))
     assert ("norm1_1" in params["vgg16"]) == settings.norm
 
@@ -123,7 +123,7 @@ def test_training_starts_from_weights(name, tmp_path, monkeypatch):
     arrays = write_weights(tmp_path / "vgg16.npz", monkeypatch, only="conv")
     settings = replace(RECIPES["paper"], net=name, steps=1, lr=1e-6, batch=2)
     started = replace(settings, weights=str(tmp_path / "vgg16.npz"))
-    params, other = (train(0, *data(2), own, 11) for own in (started, settings))
+    params, other = (train(0, *data(2), own, 11)["params"] for own in (started, settings))
     for layer in names.CONVS:
         kernel = arrays[f"{layer}/kernel"]
         np.testing.assert_allclose(params["vgg16"][layer]["kernel"], kernel, atol=1e-4)
