@@ -20,6 +20,8 @@ EXTRAS = {
     "search": ("optuna", "rival search methods"),
     "dask": ("distributed", "workers on other machines"),
     "playground": ("nicegui", "the page with sliders"),
+    "onnx": ("onnx", "models as ONNX files"),
+    "parquet": ("pyarrow", "renders as Parquet files"),
     "h5": ("h5py", "Keras's files of VGG16"),
     "torch": ("torch", "the same nets in PyTorch"),
 }
