@@ -289,7 +289,7 @@ def text(scores: dict[str, Any]) -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
     parser = Parser("experiments.evaluate", __doc__)
-    parser.add_argument("model", metavar="MODEL", help="folder of a model")
+    parser.add_argument("model", metavar="MODEL", help="folder of a model, or a name: renders19")
     parser.add_argument("data", type=Path, metavar="DATA", help="folder of labelled images")
     parser.add_argument(
         "--target",

@@ -42,7 +42,7 @@ def export(model: Model | str | Path, path: str | Path) -> int:
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
     parser = Parser("experiments.export", __doc__)
-    parser.add_argument("model", metavar="MODEL", help="folder of a model")
+    parser.add_argument("model", metavar="MODEL", help="folder of a model, or a name: renders19")
     parser.add_argument("--onnx", type=Path, required=True, help="the file to write")
     options = parser.parse_args(arguments)
 

@@ -3,8 +3,8 @@
     python -m experiments.renders19 runs/streets/* --out seg/models/renders19
 
 It tells the engine's 19 classes apart: a head on lite0's frozen trunk, trained on datasets of `scene.render`.
-No photograph is seen, so the net can be scored on any. Of which 4,000 streets renders19 has seen one shot
-each, docs/models.md says.
+No photograph is seen, so the net can be scored on any. Of which streets renders19 has seen one shot each,
+docs/models.md says.
 """
 
 from __future__ import annotations

@@ -11,7 +11,8 @@ from safetensors.numpy import load_file
 import seg
 from seg import ModelError, TrainSettings
 from seg.data.labelled import PADDING, fitted
-from seg.model import CONFIG, WEIGHTS, Model, classes_of, label_classes, load_model
+from seg.model import CONFIG, SHIPPED, WEIGHTS, Model, classes_of, label_classes, load_model
+from seg.model import shipped as shipped_models
 from seg.train import logits, predict, train
 from shell.target_file import shipped
 from tests.conftest import refused
@@ -146,6 +147,17 @@ def test_a_model_that_is_not_right_is_refused_by_name(changes, message, saved):
     config = json.loads((saved / CONFIG).read_text())
     (saved / CONFIG).write_text(json.dumps({**config, **changes}))
     refused(ModelError, message, load_model, saved)
+
+
+def test_the_model_that_comes_with_the_package_is_there_and_small():
+    assert shipped_models() == ("renders19",)
+    model = load_model("renders19")
+    assert model.names == seg.CITYSCAPES_19.classes and model.size == (176, 240)
+    assert sum(path.stat().st_size for path in (SHIPPED / "renders19").iterdir()) < 2_000_000
+    sky_above_ground = np.full((88, 120, 3), (120, 120, 120), np.uint8)
+    sky_above_ground[:44] = (150, 190, 240)
+    (labels,) = model.predict([sky_above_ground])
+    assert labels.shape == (88, 120) and labels.max() < 19
 
 
 def test_a_trunk_of_another_version_is_refused(tmp_path):
