@@ -14,7 +14,6 @@ import jax
 import numpy as np
 from jax.extend.core import Literal
 
-from seg.data.labelled import PADDING
 from seg.errors import ModelError
 from seg.model import Model
 from seg.train import apply
@@ -95,7 +94,7 @@ def onnx_bytes(model: Model) -> bytes:
     )
     about = {
         "classes": json.dumps([own._asdict() for own in model.classes]),
-        "padding": json.dumps(PADDING),
+        "padding": "the last column or row is repeated on the right or below",
         "model": model.digest,
     }
     onnx.helper.set_model_props(made, about)

@@ -25,9 +25,6 @@ from shell.target_file import TRAIN, Fit, TargetFile, find_target
 if TYPE_CHECKING:  # the nets load JAX
     from seg.nets.lite0 import Pyramid
 
-PADDING = (124, 116, 104)
-"""The colour beside an image of another shape: ImageNet's mean, which is 0 to the nets."""
-
 
 class LabelledImages(NamedTuple):
     """Images of one size with their labels."""
@@ -112,7 +109,8 @@ def fitted(
 ) -> tuple[UInt8[np.ndarray, "_height _width 3"], tuple[int, int]]:
     """An image at another size with its aspect kept, and the rows and columns of it that show the image.
 
-    Where its shape is another it touches the top and the left, with `PADDING` beside it or below.
+    Where its shape is another it touches the top and the left, and its last column or row is repeated beside
+    it or below: nets mistake less there than beside a plain colour.
 
     Args:
         image: RGB.
@@ -123,9 +121,11 @@ def fitted(
         min(max(round(own * scale), 1), wanted)
         for own, wanted in zip(image.shape[:2], size, strict=True)
     )
-    canvas = np.empty((*size, 3), np.uint8)
-    canvas[:] = PADDING
-    canvas[:rows, :columns] = resize_image(image, (rows, columns))
+    canvas = cv2.copyMakeBorder(
+        resize_image(image, (rows, columns)),
+        *(0, size[0] - rows, 0, size[1] - columns),
+        cv2.BORDER_REPLICATE,
+    )
     return canvas, (rows, columns)
 
 

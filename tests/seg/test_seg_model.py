@@ -10,7 +10,7 @@ from safetensors.numpy import load_file
 
 import seg
 from seg import ModelError, TrainSettings
-from seg.data.labelled import PADDING, fitted
+from seg.data.labelled import fitted
 from seg.model import CONFIG, SHIPPED, WEIGHTS, Model, classes_of, label_classes, load_model
 from seg.model import shipped as shipped_models
 from seg.train import logits, predict, train
@@ -82,11 +82,12 @@ def test_images_of_any_size_give_labels_of_their_own(compact):
     np.testing.assert_array_equal(found[4], compact.predict(images[4][None])[0])
 
 
-def test_the_aspect_is_kept_and_the_rest_is_the_mean_colour():
-    canvas, shown = fitted(np.full((10, 40, 3), 9, np.uint8), SIZE)
-    assert shown == (10, 40) and (canvas[:10] == 9).all() and (canvas[10:] == PADDING).all()
-    canvas, shown = fitted(np.full((64, 16, 3), 9, np.uint8), SIZE)
-    assert shown == (32, 8) and (canvas[:, :8] == 9).all() and (canvas[:, 8:] == PADDING).all()
+def test_the_aspect_is_kept_and_the_edge_is_repeated():
+    image = np.random.default_rng(0).integers(0, 256, (10, 40, 3), np.uint8)
+    canvas, shown = fitted(image, SIZE)
+    assert shown == (10, 40) and (canvas[:10] == image).all() and (canvas[10:] == image[9]).all()
+    canvas, shown = fitted(image.swapaxes(0, 1), (40, 32))
+    assert shown == (40, 10) and (canvas[:, 10:] == image.swapaxes(0, 1)[:, 9:]).all()
 
 
 def test_probabilities_are_the_softmax_of_the_scores(compact):

@@ -23,7 +23,7 @@ from seg.data import (
     refuse_shared,
     subset,
 )
-from seg.data.labelled import PADDING, cut
+from seg.data.labelled import cut, resize_image
 from shell.errors import UserError
 from shell.target_file import find_target, parse_target, shipped
 from tests.layouts import FACADE, FACADE_IDS, LAYOUTS, SIZE, save, write, write_packed
@@ -197,12 +197,13 @@ def test_a_cut_is_the_largest_of_its_aspect_around_the_centre(height, width, asp
 
 @given(st.integers(1, 60), st.integers(1, 60))
 def test_a_fitted_image_keeps_its_aspect_and_all_of_itself(height, width):
-    canvas, (rows, columns) = fitted(np.full((height, width, 3), 9, np.uint8), (24, 32))
+    image = np.random.default_rng(height).integers(0, 256, (height, width, 3), np.uint8)
+    canvas, (rows, columns) = fitted(image, (24, 32))
     assert rows == 24 or columns == 32
     assert abs(rows * width - columns * height) <= max(height, width)  # to the nearest pixel
-    shown = (canvas == 9).all(axis=-1)
-    assert shown[:rows, :columns].all() and shown.sum() == rows * columns
-    assert (canvas[~shown] == PADDING).all()
+    assert (canvas[:rows, :columns] == resize_image(image, (rows, columns))).all()
+    assert (canvas[rows:] == canvas[rows - 1]).all()
+    assert (canvas[:, columns:] == canvas[:, columns - 1 : columns]).all()
 
 
 @pytest.mark.parametrize(("shape", "fit", "void"), [
