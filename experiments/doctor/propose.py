@@ -369,6 +369,11 @@ def _is_void(key: str, name: str) -> bool:
     return plain in VOID_NAMES or (not name and key in ("255", "[0, 0, 0]"))
 
 
+LISTS = ("classes", "labels", "names")
+"""Files whose lines are names alone: of the ids 0, 1, 2 and so on."""
+NAME = r"\s*[A-Za-z][\w /-]*\s*"
+
+
 def _named(root: Path) -> dict[str, str]:
     """Names of ids or colours in a file beside the images, or those of a known data set."""
     found: dict[str, str] = {}
@@ -389,6 +394,8 @@ def _named(root: Path) -> dict[str, str]:
                 found[m[1]] = m[2].strip()
             elif m := re.fullmatch(r"\s*([A-Za-z][\w /-]*?)[\s,;:]+(\d+)\s*", line):
                 found[m[2]] = m[1].strip()
+        if not found and path.stem in LISTS and all(re.fullmatch(NAME, own) for own in lines):
+            found = {str(number): name.strip() for number, name in enumerate(lines)}
     return found
 
 

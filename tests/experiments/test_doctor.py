@@ -195,6 +195,13 @@ def test_what_cannot_be_looked_at_is_refused_in_one_line(doctor, tmp_path, stree
     refuses("no such folder", propose, tmp_path / "gone", error=UserError)
 
 
+def test_names_may_stand_alone_one_on_each_line(streets):
+    (streets / "classes.txt").write_text("road\nbuilding\nsky\n")
+    proposed = propose(streets).text
+    for line in ("'road': {ids: [0], renders: [road]}", "'sky': {ids: [2], renders: [sky]}"):
+        assert line in proposed
+
+
 @pytest.mark.parametrize(("size", "expected"), [
     ((960, 720), (240, 176)), ((683, 512), (240, 176)), ((2048, 1024), (288, 144)), ((32, 40), (32, 40)),
     ((10, 10), (32, 32)),
