@@ -36,7 +36,7 @@ from experiments.config.cli import main
 from experiments.evaluation.cost import training_cost
 from experiments.evaluation.job import Job, LabelledSubset, Recipe, Result, Start
 from experiments.run.context import Run, Work
-from experiments.run.learn import learn, tested_on
+from experiments.run.learn import learn, reward_parts
 from experiments.run.nets import paired_seeds
 from experiments.study.figure import curves
 from experiments.study.form import (
@@ -127,7 +127,7 @@ def refuse_empty(config: PretrainConfig, target: Target) -> None:
                 f"{1 / images:.2g} or more selects one"
             )
         if config.learn_on == "share" and "learnt" in config.rows:
-            tested_on(_share(config, target, fraction), config)
+            reward_parts(_share(config, target, fraction), config)
 
 
 def plan(config: PretrainConfig, _: None) -> list[Work]:

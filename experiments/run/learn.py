@@ -107,7 +107,7 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
         UserError: more than a tenth of the evaluations failed.
     """
     config = config or run.config
-    parts, words = tested_on(run.target, config)
+    parts, words = reward_parts(run.target, config)
     found = search(run, plan_of(config, name or "search"), config.reward_kind)
     candidates = {each: candidate(each, found, config) for each in offered(config)}
     selection, by_part = _selected(run, config, candidates, parts, f"{name}, " if name else "")
@@ -118,7 +118,7 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
     return Learnt(streets, found, selection, words, by_part)
 
 
-def tested_on(target: Target, config: SearchConfig) -> tuple[Parts, tuple[str, ...]]:
+def reward_parts(target: Target, config: SearchConfig) -> tuple[Parts, tuple[str, ...]]:
     """The parts of the reward images that candidates are tested on separately, and what they are in words.
 
     Raises:

@@ -23,7 +23,7 @@ from experiments.config import check as check_flags
 from experiments.evaluation.cost import cost_of, training_cost
 from experiments.evaluation.job import Job, Result, Source
 from experiments.run.context import AnyConfig, Run, Work, opened
-from experiments.run.learn import learn, tested_on, work_of
+from experiments.run.learn import learn, reward_parts, work_of
 from experiments.run.nets import paired_seeds
 from experiments.study.form import Form, Report, about, nets, rewrite, write_report
 from experiments.target.base import Target
@@ -75,7 +75,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
 
     def prepare(target: Target) -> None:
         if isinstance(config, SearchConfig):
-            tested_on(target, config)
+            reward_parts(target, config)
         made.append(study.prepare(config, target))
 
     with opened(config, prepare, study.target) as run:

@@ -13,7 +13,7 @@ from PIL import Image
 
 from experiments.config import MainConfig
 from experiments.config.presets import defaults
-from experiments.run.learn import tested_on
+from experiments.run.learn import reward_parts
 from experiments.target.base import refuse_overlap
 from experiments.target.named import named_target
 from shell.errors import UserError
@@ -76,7 +76,7 @@ def test_photographs_are_cut_to_four_by_three_and_albums_held_out(labelmefacade)
     # By album, as the parts of the reward images need them.
     assert target.reward_names == ("a_p1", "a_p2", "b__1", "b__2")
     assert target.reward_sequences == ("a_p", "a_p", "b", "b")
-    assert tested_on(target, config)[0] == ((0, 2), (2, 4))
+    assert reward_parts(target, config)[0] == ((0, 2), (2, 4))
     assert "split test, 2 images (sequences b are on both sides)" in target.title
     split = target.at(9, 12)
     for name, label in zip(target.reward_names, split["reward"].labels, strict=True):
@@ -110,7 +110,7 @@ def test_the_real_photographs_have_parts_of_whole_albums(labelmefacade_dir):
     config = replace(defaults(MainConfig, "labelmefacade", "quick"), data=labelmefacade_dir)
     target = named_target(config, POOL)
     assert (len(target.reward_names), len(target.test_names)) == (100, 300)
-    parts, _ = tested_on(target, config)
+    parts, _ = reward_parts(target, config)
     assert [end - first for first, end in parts] == [25, 23, 26, 26]
     albums = [set(target.reward_sequences[first:end]) for first, end in parts]
     assert sum(map(len, albums)) == len(set().union(*albums)) == 43
