@@ -64,6 +64,8 @@ MODEL, STRIP = "model", "predictions.png"
 """Of the run folder: the net; images with their labels and predictions."""
 SHOWN = 4
 """Images of the strip."""
+FEWEST = 3
+"""Folds that an interval can be over."""
 STREETS = "streets"
 """What plans call what is only rendered."""
 
@@ -386,10 +388,17 @@ def _miou(folds: Sequence[Sequence[Report | None]]) -> np.ndarray:
 
 
 def _estimate(values: np.ndarray) -> Report:
-    """Mean and 95 % interval; seeds of which a net failed are left out."""
+    """Mean and 95 % interval, and the mean of each fold; seeds of which a net failed are left out.
+
+    The interval is over folds and nets where there are `FEWEST` folds; of fewer it would say nothing, and is
+    over nets alone.
+    """
     known = values[:, np.isfinite(values).all(axis=0)]
-    mean, ci95 = crossed(known.tolist()) if known.size else (None, None)
-    return {"mean": mean, "ci95": ci95}
+    if not known.size:
+        return {"mean": None, "ci95": None, "folds": []}
+    drawn = known if len(known) >= FEWEST else known.mean(axis=0, keepdims=True)
+    mean, ci95 = crossed(drawn.tolist())
+    return {"mean": mean, "ci95": ci95, "folds": known.mean(axis=1).tolist()}
 
 
 def verdict(gain: Mapping[str, Any], labels: int) -> str:
@@ -411,7 +420,8 @@ def verdict(gain: Mapping[str, Any], labels: int) -> str:
 
 def text(report: Report) -> str:
     """The table and the verdict, in Markdown."""
-    over = "folds and nets" if len(report["nets"]["labels"]) > 1 else "nets"
+    folds = len(report["nets"]["labels"])
+    over = "folds and nets" if folds >= FEWEST else "nets"
     share = 100 * (1 - report["few_share"])
     lines = [
         report["verdict"],
@@ -432,6 +442,9 @@ def text(report: Report) -> str:
             ],
         ),
     ]
+    if folds > 1:
+        each = ", ".join(f"{gain:+.1f}" for gain in report["gains"]["labels+renders"]["folds"])
+        lines += ["", f"By fold, renders add {each}."]
     if report["not_rendered"]:
         lines += ["", f"Learnt from labels alone: {', '.join(report['not_rendered'])}."]
     lines += [f"\nNote: {note}." for note in report["notes"]]

@@ -131,6 +131,10 @@ def test_means_are_over_folds_and_seeds_and_a_net_that_failed_drops_its_seed() -
         "labels": 14,
     }  # fmt: skip
     found = derive(report)
+    assert found["gains"]["labels+renders"]["folds"] == [5.0, 5.0]
+    # Of two folds the interval is over nets alone: 45 and 47 are the means of its seeds.
+    low, high = found["rows"]["labels"]["ci95"]
+    assert high - low == pytest.approx(2 * 12.706, abs=0.01)
     assert found["rows"]["labels"]["mean"] == 46.0 and found["rows"]["renders"]["mean"] == 30.0
     assert found["gains"]["labels+renders"]["mean"] == 5.0 and found["recipe"] == "labels"
     assert found["rows"]["renders"]["per_class"] == {"road": 30.0, "sky": None}
@@ -140,7 +144,11 @@ def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys
     arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
     assert main([*arguments, "--size", "64x48", "--workers", "1"]) == 0
     said = capsys.readouterr().out
-    assert "to your 5 labels" in said and "Learnt from labels alone: bench." in said
+    assert (
+        "By fold, renders add" in said
+        and "by one net each" in said
+        and "Learnt from labels alone: bench." in said
+    )
     summary = json.loads((tmp_path / "run" / "summary.json").read_bytes())
     assert list(summary["rows"]) == ["labels", "labels+renders", "renders"]
     assert [len(fold) for fold in summary["nets"]["labels"]] == [1, 1]
