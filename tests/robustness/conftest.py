@@ -1,12 +1,15 @@
-"""Rough treatment: four programs, what must be equal after it, and one table of what was survived.
+"""Rough treatment: five programs, what must be equal after it, and one table of what was survived.
 
 ``ROBUST_TIMES`` says how often each fault is tried; `make robust` says 20.
 """
 
+import atexit
 import json
 import os
+import shutil
 import signal
 import sys
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -29,10 +32,11 @@ from tests.experiments.conftest import (  # noqa: F401
     within_this_process,
 )
 from tests.experiments.test_main_job import SCORES, files_of
+from tests.layouts import write
 
 TIMES = int(os.environ.get("ROBUST_TIMES", "2"))
 EXAMPLE = ROOT / "examples" / "tune"
-NAMES = ("run", "pool", "export", "tune")
+NAMES = ("run", "pool", "export", "tune", "fit")
 
 
 @dataclass
@@ -85,7 +89,8 @@ class Program(NamedTuple):
 
     def start(self, out: Path, most: int | None = None) -> Popen:
         """In a process group of its own; no file may grow beyond ``most`` bytes."""
-        words = [sys.executable, *(word.replace("OUT", str(out)) for word in self.command)]
+        words = [word.replace("OUT", str(out)).replace("DATA", data()) for word in self.command]
+        words = [sys.executable, *words]
         limit = [] if most is None else ["prlimit", f"--fsize={most}:{most}"]
         # An entry that does not fit is left cut short, and JAX warns of it in every process after.
         absent = {"CAMVID_DIR"} if most is None else {"CAMVID_DIR", "JAX_COMPILATION_CACHE_DIR"}
@@ -115,8 +120,18 @@ class Program(NamedTuple):
         if self.name == "tune":
             return (out / "answer.json").read_bytes()
         summary = json.loads((out / "summary.json").read_text())
+        if self.name == "fit":
+            return summary["nets"], (out / "model" / "weights.safetensors").read_bytes()
         own = [(out / f).read_bytes() for f in ("attributes.json", "pictures/probabilities.npy")]
         return {name: summary[name] for name in SCORES}, own, files_of(out / "dataset")
+
+
+@cache
+def data() -> str:
+    """A folder in CamVid's layout, which is there as long as the tests."""
+    folder = tempfile.mkdtemp()
+    atexit.register(shutil.rmtree, folder)
+    return str(write("camvid", Path(folder)))
 
 
 SIMULATOR = [sys.executable, str(EXAMPLE / "simulator.py"), "{attributes.json}"]
@@ -132,6 +147,12 @@ PROGRAMS = {
         "tune",
         ["-m", "sdr_jax.tune", str(EXAMPLE / "space.toml"), "--out", "OUT", "--method", "pbil",
          "--evaluations", "32", "--workers", "2", "--", *SIMULATOR],
+        "*.jsonl",
+    ),
+    "fit": Program(
+        "fit",
+        "-m experiments.fit DATA --target camvid --preset smoke --seeds 2 --size 64x48 --workers 2 "
+        "--out OUT".split(),
         "*.jsonl",
     ),
 }  # fmt: skip
