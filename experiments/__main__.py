@@ -17,6 +17,10 @@ PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "shell")
 """The names that we install beside each other, short enough for others to have had the same idea."""
 COMMANDS = {
     "doctor": "experiments.doctor",
+    "fit": "experiments.fit",
+    "predict": "experiments.predict",
+    "evaluate": "experiments.evaluate",
+    "export": "experiments.export",
     "cityscapes": "experiments.cityscapes",
     "camvid": "experiments.camvid",
     "labelmefacade": "experiments.labelmefacade",
@@ -29,11 +33,6 @@ COMMANDS = {
     "assets": "experiments.assets",
     "sensitivity": "experiments.sensitivity",
     "fidelity": "experiments.fidelity",
-    "fit": "experiments.fit",
-    "predict": "experiments.predict",
-    "evaluate": "experiments.evaluate",
-    "export": "experiments.export",
-    "renders19": "experiments.renders19",
     "results": "experiments.results",
     "report": "experiments.report",
     "store": "experiments.store",
@@ -44,6 +43,7 @@ COMMANDS = {
     "playground": "experiments.playground",
     "catalogue": "scene.assets",
     "weights": "seg.weights",
+    "renders19": "experiments.renders19",
     "tune": "sdr_jax.tune",
 }
 """Command to module; in the order of the help."""

@@ -1,4 +1,4 @@
-"""Scores a trained net on labelled images: mIoU, every class, every group, outlines, the worst images.
+"""Tests a trained net on labelled images: mIoU, every class, every group, outlines, the worst images.
 
     python -m experiments.evaluate runs/fit/model DIR --json scores.json
     python -m experiments.evaluate runs/fit/model DIR --target camvid --split train val --json scores.json

@@ -37,7 +37,14 @@ from experiments.study.form import Form, Report, about, cells, class_means, esti
 from experiments.study.skeleton import Study, do
 from experiments.study.stats import crossed
 from experiments.target.base import Target
-from experiments.target.folder import Parts, all_labelled, fold_targets, parts_of, suitable_size
+from experiments.target.folder import (
+    UNIT,
+    Parts,
+    all_labelled,
+    fold_targets,
+    parts_of,
+    suitable_size,
+)
 from scene.proposal import Streets, draw, random_proposal
 from scene.workers import Workers
 from seg.beside import TrainingSet
@@ -45,6 +52,7 @@ from seg.classes import class_table
 from seg.data import LabelledImages
 from seg.data.images import read_image
 from seg.model import Model, classes_of, load_model
+from seg.nets.lite0 import SMALLEST
 from seg.recipes import with_net
 from seg.train import Params
 from shell.command import Parser, exit_code
@@ -133,6 +141,10 @@ def config_of(
     if size is None:
         height, width = read_image(parts.entries[0].image_path).shape[:2]
         size = suitable_size(width, height, preset)
+    if min(size) < SMALLEST or any(side % UNIT for side in size):
+        raise UserError(
+            f"--size must be two multiples of {UNIT}, {SMALLEST} or more, not {size[0]}x{size[1]}"
+        )
     base = configured(size, preset)
     return replace(
         base,

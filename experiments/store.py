@@ -1,4 +1,4 @@
-"""Files of evaluations that runs share: what one has scored, no other scores again.
+"""Files of evaluations that runs share: what one has evaluated, no other evaluates again.
 
     python -m experiments.store show FILE
     python -m experiments.store merge A.jsonl B.jsonl runs/c --out C.jsonl

@@ -84,9 +84,9 @@ def parts_of(
                 f"--holdout {holdout} must leave images on both sides; the groups are {shown}"
             )
     if few is not None:
-        if few > len(entries):
+        if not 1 <= few <= len(entries):
             raise UserError(
-                f"--few {few} is more than the {len(entries)} labelled images there are"
+                f"--few must be 1 to {len(entries)}, as many labelled images as there are, not {few}"
             )
         names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)
         entries = tuple(entries[k] for k in spread(names, sequences, few, CHOICE))

@@ -99,7 +99,8 @@ def test_figures_come_from_the_published_split_a_group_or_folds(
             {"holdout": "town"},
             "--holdout town must leave images on both sides; the groups are mall, park",
         ),
-        ({"few": 9}, "--few 9 is more than the 5 labelled images there are"),
+        ({"few": 9}, "--few must be 1 to 5, .*, not 9"),
+        ({"few": 0}, "--few must be 1 to 5, .*, not 0"),
     ):
         with pytest.raises(UserError, match=message):
             parts_of(find_target(None, folder), folder, **more)
@@ -182,7 +183,8 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
     for arguments, message in (
         ([str(tmp_path / "none"), *out], "none: no such folder"),
         ([str(tmp_path / "empty"), *out], "no target.yaml in it"),
-        ([str(folder), *out, "--few", "9"], "--few 9 is more than"),
+        ([str(folder), *out, "--few", "9"], "--few must be 1 to 5"),
+        ([str(folder), *out, "--size", "60x48"], "--size must be two multiples of 8, 32 or more"),
         ([str(folder), *out, "--seeds", "0"], "--seeds must be"),
         ([str(folder), *out, "--init", str(tmp_path)], "no model"),
     ):
