@@ -40,13 +40,14 @@ from experiments.target.base import Target
 from experiments.target.folder import (
     UNIT,
     Parts,
+    Read,
     all_labelled,
     fold_targets,
     parts_of,
+    reader,
     suitable_size,
 )
 from scene.proposal import Streets, draw, random_proposal
-from scene.workers import Workers
 from seg.beside import TrainingSet
 from seg.classes import class_table
 from seg.data import LabelledImages
@@ -96,6 +97,7 @@ class Prepared(NamedTuple):
     """What is known before the folder of the job is made."""
 
     parts: Parts
+    whole: Read  # all images
     folds: list[Target]
     init: Params | None
 
@@ -179,18 +181,19 @@ def _frozen(fidelity: Fidelity, width: int, height: int) -> Fidelity:
     return replace(fidelity, width=width, height=height, train=train)
 
 
-def prepare(config: FitConfig, _: Target) -> Prepared:
-    """Sort the images, and look at the model that is to be started from."""
-    parts, folds = _folds(config)
-    return Prepared(parts, folds, None if config.init is None else _start(config, folds[0]))
+def prepared(config: FitConfig) -> Prepared:
+    """Sort the images, and look at the model that is to be started from.
 
-
-def _folds(config: FitConfig) -> tuple[Parts, list[Target]]:
+    Raises:
+        UserError: what `parts_of` refuses, or a model that no net can start from.
+    """
     assert config.data is not None
     few = None if config.few is None else int(config.few)
-    found = find_target(config.file, config.data)
-    parts = parts_of(found, config.data, config.holdout, few)
-    return parts, fold_targets(parts, config.data, config.shape)
+    parts = parts_of(find_target(config.file, config.data), config.data, config.holdout, few)
+    whole = reader(parts, config.shape)
+    folds = fold_targets(parts, config.data, whole)
+    init = None if config.init is None else _start(config, folds[0])
+    return Prepared(parts, whole, folds, init)
 
 
 def _start(config: FitConfig, target: Target) -> Params:
@@ -214,14 +217,9 @@ def _start(config: FitConfig, target: Target) -> Params:
     return model.variables
 
 
-def first_fold(config: FitConfig, _: Workers) -> Target:
-    """The target that the job is opened with."""
-    return _folds(config)[1][0]
-
-
-def plan(config: FitConfig, prepared: Prepared) -> list[Work]:
+def plan(config: FitConfig, own: Prepared) -> list[Work]:
     """Streets, searches, and the nets of every row and fold."""
-    return planned(config, len(prepared.folds))
+    return planned(config, len(own.folds))
 
 
 def planned(config: FitConfig, folds: int) -> list[Work]:
@@ -243,11 +241,11 @@ def _rows(config: FitConfig) -> tuple[Row, ...]:
     return rows if config.learnt else rows[:-1]
 
 
-def scores(run: Run[FitConfig], prepared: Prepared) -> Report:
+def scores(run: Run[FitConfig], known: Prepared) -> Report:
     """Do the whole job, or what is left of it."""
     config, seeds = run.config, paired_seeds(run)
     recipe = run.recipe(config.final)
-    folds = [replace(run, target=target) for target in prepared.folds]
+    folds = [replace(run, target=target) for target in known.folds]
     random = {seed: rendered(run, random_proposal(config.space), seed) for seed in seeds}
     learnt: list[dict[int, Subset]] = []
     for number, fold in enumerate(folds, 1):
@@ -279,19 +277,19 @@ def scores(run: Run[FitConfig], prepared: Prepared) -> Report:
     _show(run, folds[0], [job for job in jobs if job.keeps])
     report = {
         **about(run, config.final),
-        "labels": len(prepared.parts.entries),
-        "where": prepared.parts.where,
-        "notes": list(prepared.parts.notes),
-        "tested": sum(len(target.test_names) for target in prepared.folds),
+        "labels": len(known.parts.entries),
+        "where": known.parts.where,
+        "notes": list(known.parts.notes),
+        "tested": sum(len(target.test_names) for target in known.folds),
         "not_rendered": [
-            name for name, own in prepared.parts.target.classes.items() if not own.renders
+            name for name, own in known.parts.target.classes.items() if not own.renders
         ],
         "rendered_images": config.final.images,
         "few_share": config.few_share,
         "net": config.final.train.net,
         "nets": found,
     }
-    _leave(run, prepared, random[seeds[0]], derive(report))
+    _leave(run, known, random[seeds[0]], derive(report))
     for made in (random, *learnt):
         for subset in made.values():
             run.runner.cache.forget(subset.pool.name)
@@ -321,16 +319,16 @@ def _beside(
     return TrainingSet((renders, labels), (1 - config.few_share, config.few_share))
 
 
-def _leave(run: Run[FitConfig], prepared: Prepared, renders: Source, report: Report) -> None:
+def _leave(run: Run[FitConfig], known: Prepared, renders: Source, report: Report) -> None:
     """Train the net on all labels, as the better row was trained, and save it."""
-    config, parts = run.config, prepared.parts
+    config, parts = run.config, known.parts
     assert config.data is not None
-    target = all_labelled(parts, prepared.folds[0], config.data, config.shape)
+    target = all_labelled(parts, known.folds[0], config.data, known.whole)
     whole = replace(run, target=target)
     labels = whole.images(config.final, "labelled")
     source = labels if report["recipe"] == "labels" else _beside(config, renders, labels)
     seed, recipe = config.seed, run.recipe(config.final)
-    variables = whole.runner.train(Job(recipe, source, seed, {}), prepared.init)
+    variables = whole.runner.train(Job(recipe, source, seed, {}), known.init)
     Model(
         config.final.train,
         variables,
@@ -497,7 +495,6 @@ def html(report: Report, folder: Path) -> str:
 
 
 FORM = Form("summary", derive, text, {}, {"report.html": html})
-STUDY: Study[FitConfig] = Study(FORM, plan, scores, prepare=prepare, target=first_fold)
 
 
 def fit(config: FitConfig) -> Report:
@@ -507,7 +504,11 @@ def fit(config: FitConfig) -> Report:
         UserError, DataError: what a user can get wrong.
         WorkerError: worker processes keep dying.
     """
-    return do(STUDY, config)
+    own = prepared(config)
+    study: Study[FitConfig] = Study(
+        FORM, plan, scores, prepare=lambda *_: own, target=lambda *_: own.folds[0]
+    )
+    return do(study, config)
 
 
 def _size(text: str) -> tuple[int, int]:

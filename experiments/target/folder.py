@@ -7,7 +7,7 @@ split, or else of each of k folds over groups, in turn.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import NamedTuple
@@ -31,6 +31,10 @@ AREAS: dict[Preset, int] = {"smoke": 64 * 48, "quick": 240 * 176}
 """Pixels of the images that nets see, about: what two cores train on within a minute, or ten."""
 UNIT = 8
 """Width and height are multiples of it."""
+
+
+Read = Callable[[int, int], LabelledImages]
+"""(height, width) -> all images."""
 
 
 class Parts(NamedTuple):
@@ -144,8 +148,8 @@ def suitable_size(width: int, height: int, preset: Preset = "quick") -> tuple[in
     return wide, high
 
 
-def fold_targets(parts: Parts, data: Path, fit: Fit | None = None) -> list[Target]:
-    """A target for each fold; images are read once for all of them."""
+def reader(parts: Parts, fit: Fit | None = None) -> Read:
+    """Reads all images, once for each size."""
 
     @lru_cache(maxsize=SIZES)
     def whole(height: int, width: int) -> LabelledImages:
@@ -155,6 +159,18 @@ def fold_targets(parts: Parts, data: Path, fit: Fit | None = None) -> list[Targe
             ours, theirs = images.between(0, count), images.between(count, len(images.images))
             refuse_shared({"the labelled images": ours, "the held-out images": theirs})
         return images
+
+    return whole
+
+
+def fold_targets(parts: Parts, data: Path, whole: Read) -> list[Target]:
+    """A target for each fold.
+
+    Args:
+        parts: of the images.
+        data: their folder, for errors.
+        whole: reads all of them.
+    """
 
     def target_of(train: tuple[int, ...], test: tuple[int, ...], number: int) -> Target:
         @lru_cache(maxsize=SIZES)
@@ -177,7 +193,7 @@ def fold_targets(parts: Parts, data: Path, fit: Fit | None = None) -> list[Targe
     return [target_of(*fold, number) for number, fold in enumerate(parts.folds, 1)]
 
 
-def all_labelled(parts: Parts, of: Target, data: Path, fit: Fit | None = None) -> Target:
+def all_labelled(parts: Parts, of: Target, data: Path, whole: Read) -> Target:
     """The target whose labelled images are all that the net sees that is left.
 
     A group that was held out is among them, unless only a few labels are to be used; a split is not.
@@ -186,7 +202,7 @@ def all_labelled(parts: Parts, of: Target, data: Path, fit: Fit | None = None) -
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:
-        images = load(own, parts.target, (height, width), fit)
+        images = whole(height, width).between(0, len(own))  # those that were held out are behind
         return two_sides(images, images, str(data), True)
 
     names, sequences = zip(*((e.name, e.sequence) for e in own), strict=True)

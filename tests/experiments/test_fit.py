@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from experiments.fit import config_of, derive, fit, main, text, verdict
-from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, suitable_size
+from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, reader, suitable_size
 from seg.model import load_model
 from shell.errors import UserError
 from shell.target_file import find_target
@@ -90,7 +90,7 @@ def test_figures_come_from_the_published_split_a_group_or_folds(
     for train, test in own.folds:
         groups = [{own.entries[k].sequence for k in side} for side in (train, test)]
         assert not groups[0] & groups[1] and len(train) + len(test) == len(NAMES)
-    first, second = fold_targets(own, folder)
+    first, second = fold_targets(own, folder, reader(own))
     sides = first.at(48, 64)
     assert sides["reward"].images.shape == (len(first.reward_names), 48, 64, 3)
     assert set(first.test_names) == set(second.reward_names)
