@@ -19,10 +19,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.predict import png
 from experiments.target.real import REPORTED
+from scene.dataset.formats.png import encode
 from seg.boundary import SHARE, boundary_counts, boundary_iou
-from seg.classes import CITYSCAPES_19, IGNORE_LABEL, table_of
+from seg.classes import CITYSCAPES_19, IGNORE_LABEL, colorize, table_of
 from seg.data import DataError, Entry, LabelReader, list_split
 from seg.data.images import read_image
 from seg.metrics import absent_classes, confusion_matrix, iou
@@ -262,12 +262,12 @@ def _show(
     pictures.mkdir(parents=True, exist_ok=True)
     for k in range(WORST):  # of an earlier call
         (pictures / _picture(k)).unlink(missing_ok=True)
-    palette = np.zeros((256, 3), np.uint8)
-    palette[: len(data.colors)] = data.colors
     shown = _predicted(model, data._replace(entries=tuple(entries)), among, table)
     for k, (_, image, labels, found) in enumerate(shown):
-        row = np.concatenate([image, palette[labels], palette[found]], axis=1)
-        write(pictures / _picture(k), png(row))
+        row = np.concatenate(
+            [image, *(colorize(own, data.colors) for own in (labels, found))], axis=1
+        )
+        write(pictures / _picture(k), encode(row))
 
 
 def text(scores: dict[str, Any]) -> str:

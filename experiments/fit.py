@@ -21,15 +21,13 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from experiments.config import FewConfig, Fidelity, Preset
 from experiments.config.presets import defaults, in_space
 from experiments.evaluation.cost import head_cost, street_cost
 from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool, Subset
 from experiments.evaluation.predictions import file_of, load
-from experiments.main.pictures import colorize
-from experiments.predict import png
+from experiments.report.templates import templates
 from experiments.run.context import Run, Work
 from experiments.run.learn import learn, work_of
 from experiments.run.nets import paired_seeds
@@ -47,9 +45,10 @@ from experiments.target.folder import (
     reader,
     suitable_size,
 )
+from scene.dataset.formats.png import encode
 from scene.proposal import Streets, draw, random_proposal
 from seg.beside import TrainingSet
-from seg.classes import class_table
+from seg.classes import class_table, colorize
 from seg.data import LabelledImages
 from seg.data.images import read_image
 from seg.model import Model, classes_of, load_model
@@ -349,7 +348,8 @@ def _leave(run: Run[FitConfig], known: Prepared, renders: Source, report: Report
 
 def _show(run: Run[FitConfig], fold: Run[FitConfig], jobs: Sequence[Job]) -> None:
     """Images that nets have not seen, their labels, and what the first net of each row predicts."""
-    table, images = class_table(fold.target.table), fold.images(run.config.final, "test")
+    colors = class_table(fold.target.table).colors
+    images = fold.images(run.config.final, "test")
     kept = [load(file_of(run.config.out, fold.runner.key(job))) for job in jobs]
     found = [own for own in kept if own is not None and own.picked is not None]
     if len(found) < len(jobs):
@@ -358,11 +358,11 @@ def _show(run: Run[FitConfig], fold: Run[FitConfig], jobs: Sequence[Job]) -> Non
     lines = []
     for place in np.unique(np.linspace(0, len(picked) - 1, SHOWN).round().astype(int)):
         index = picked[place]
-        seen = [colorize(cast(np.ndarray, own.predictions)[place], table) for own in found]
+        seen = [colorize(cast(np.ndarray, own.predictions)[place], colors) for own in found]
         lines.append(
-            np.hstack([images.images[index], colorize(images.labels[index], table), *seen])
+            np.hstack([images.images[index], colorize(images.labels[index], colors), *seen])
         )
-    write(run.config.out / STRIP, png(np.vstack(lines)))
+    write(run.config.out / STRIP, encode(np.vstack(lines)))
 
 
 def derive(report: Report) -> Report:
@@ -464,13 +464,6 @@ def text(report: Report) -> str:
 
 def html(report: Report, folder: Path) -> str:
     """The report as a page that needs no network."""
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent / "report"),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
     strip = folder / STRIP
     shown = b64encode(strip.read_bytes()).decode() if strip.exists() else None
     rows = [
@@ -487,7 +480,7 @@ def html(report: Report, folder: Path) -> str:
         ]
         for name in report["classes"]
     ]
-    return environment.get_template("fit.html").render(
+    return templates().get_template("fit.html").render(
         report=report, rows=rows, classes=classes, strip=shown, folder=folder, WORDS=WORDS,
         columns=[WORDS[cast(Row, name)] for name in report["rows"]],
         style=(Path(__file__).parent / "report" / "page.css").read_text(encoding="utf-8"),

@@ -18,9 +18,9 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import get_args
 
-import cv2
 import numpy as np
 
+from scene.dataset.formats.png import encode
 from seg.data.frames import Frame, frames, list_sources
 from seg.model import PACKAGES, As, Model, load_model
 from shell.command import Parser, exit_code
@@ -112,13 +112,7 @@ def _write(model: Model, new: Sequence[Frame], out: Path, how: As, probabilities
             np.save(data, labels.astype(np.float16))
             write(path.with_name(f"{Path(frame.name).name}.npy"), data.getvalue())
             labels = labels.argmax(axis=-1).astype(np.uint8)
-        write(path, png(model.painted(labels, how, frame.image)))
-
-
-def png(pixels: np.ndarray) -> bytes:
-    """A PNG of ids u8 or u16[h, w], or of RGB u8[h, w, 3]."""
-    _, data = cv2.imencode(".png", pixels[..., ::-1] if pixels.ndim == 3 else pixels)
-    return data.tobytes()
+        write(path, encode(model.painted(labels, how, frame.image)))
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

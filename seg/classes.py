@@ -4,6 +4,7 @@ A table's ids are 0 .. len(classes) - 1; `IGNORE_LABEL` marks void. Every array 
 package holds table ids. Renderers write Cityscapes train ids; `from_train_id` maps those.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -65,6 +66,18 @@ def class_table(name: str) -> ClassTable:
     if name not in SHIPPED:
         raise ValueError(f"unknown class table {name!r}; known tables: {', '.join(SHIPPED)}")
     return table_of(shipped(name))
+
+
+def colorize(labels: np.ndarray, colors: Sequence[Sequence[int]] | np.ndarray) -> np.ndarray:
+    """Labels u8[*shape] as RGB u8[*shape, 3]; void is black.
+
+    Args:
+        labels: ids of classes.
+        colors: RGB of each class.
+    """
+    palette = np.zeros((256, 3), np.uint8)
+    palette[: len(colors)] = colors
+    return palette[labels]
 
 
 CITYSCAPES_19, CAMVID_11, LABELMEFACADE_6 = map(

@@ -19,7 +19,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_tensors
 from safetensors.numpy import save as tensor_bytes
 
-from seg.classes import IGNORE_LABEL
+from seg.classes import IGNORE_LABEL, colorize
 from seg.data.labelled import fitted
 from seg.errors import ModelError
 from seg.nets.lite0 import SMALLEST
@@ -205,13 +205,12 @@ class Model:
             table = np.full(256, IGNORE_LABEL, np.uint16 if ids.max() > 255 else np.uint8)
             table[: len(ids)] = ids
             return table[labels]
-        palette = np.zeros((256, 3), np.uint8)
-        palette[: len(self.classes)] = [own.color for own in self.classes]
+        colours = colorize(labels, [own.color for own in self.classes])
         if how == "colours":
-            return palette[labels]
+            return colours
         if image is None:
             raise ValueError("an overlay needs the image")
-        return cv2.addWeighted(image, 0.5, palette[labels], 0.5, 0)
+        return cv2.addWeighted(image, 0.5, colours, 0.5, 0)
 
     def save(self, folder: str | Path) -> None:
         """Write the model into a folder of its own: all of it, or nothing; an older model there goes.

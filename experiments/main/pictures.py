@@ -17,7 +17,7 @@ from PIL import Image
 from experiments.evaluation.predictions import Predictions, file_of, load
 from experiments.run.context import Run
 from experiments.run.search import Found
-from seg.classes import ClassTable, class_table
+from seg.classes import ClassTable, class_table, colorize
 from seg.data import LabelledImages
 from shell.files import naming, write, write_json
 from shell.lines import Record
@@ -57,13 +57,6 @@ def show(run: Run[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]
         "worst": _worst(folder, test, kept, table),
     }
     write_json(folder / INDEX, index)
-
-
-def colorize(labels: np.ndarray, table: ClassTable) -> np.ndarray:
-    """Labels u8[*shape] of a class table as RGB; void is black."""
-    palette = np.zeros((256, 3), np.uint8)
-    palette[: len(table.colors)] = table.colors
-    return palette[labels]
 
 
 def shares(labels: np.ndarray, classes: int) -> dict[str, Any]:
@@ -115,7 +108,7 @@ def _streets(
     return [
         {
             "image": _jpeg(folder, f"{name}-{k}", own.images[i]),
-            "labels": _png(folder, f"{name}-{k}-labels", colorize(own.labels[i], table)),
+            "labels": _png(folder, f"{name}-{k}-labels", colorize(own.labels[i], table.colors)),
         }
         for k, i in enumerate(chosen)
     ]
@@ -136,10 +129,14 @@ def _worst(
         {
             "name": test.names[chosen[k]],
             "image": _jpeg(folder, f"worst-{n}", test.images[chosen[k]]),
-            "labels": _png(folder, f"worst-{n}-labels", colorize(test.labels[chosen[k]], table)),
+            "labels": _png(
+                folder, f"worst-{n}-labels", colorize(test.labels[chosen[k]], table.colors)
+            ),
             "predictions": {
                 row: {
-                    "image": _png(folder, f"worst-{n}-{row}", colorize(own.predictions[k], table)),
+                    "image": _png(
+                        folder, f"worst-{n}-{row}", colorize(own.predictions[k], table.colors)
+                    ),
                     "miou": round(100 * float(own.miou[k]), 2),
                 }
                 for row, own in first.items()

@@ -11,7 +11,6 @@ from base64 import b64encode
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from plotly.offline import get_plotlyjs
 
 from experiments.main.pictures import PICTURES
@@ -20,6 +19,7 @@ from experiments.report import figures
 from experiments.report.figures import NAMES
 from experiments.report.folder import RunFolder, read
 from experiments.report.matters import matters
+from experiments.report.templates import templates
 from experiments.run import few
 from experiments.study.form import Report, cells, number, starts, words
 from scene.proposal import default_proposal, describe
@@ -48,13 +48,7 @@ def html(report: Report, folder: Path) -> str:
             return None
         return f"data:{mimetypes.guess_type(name)[0]};base64,{data}"
 
-    environment = Environment(
-        loader=FileSystemLoader(HERE),
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-        undefined=StrictUndefined,
-    )
+    environment = templates()
     environment.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
     environment.filters |= {"inline": inline, "said": figures.said}
     config = dict(run.config)

@@ -5,14 +5,14 @@ import pytest
 
 from experiments.evaluation.predictions import MOST, compared, file_of, load, picked, save
 from experiments.main import pictures
-from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL
+from seg.classes import CAMVID_11, CITYSCAPES_19, IGNORE_LABEL, colorize
 
 
 def test_colours_are_the_tables():
     labels = np.array([[0, 1], [10, IGNORE_LABEL]], np.uint8)
     wanted = [[(128, 64, 128), (244, 35, 232)], [(70, 130, 180), (0, 0, 0)]]
-    np.testing.assert_array_equal(pictures.colorize(labels, CITYSCAPES_19), wanted)
-    np.testing.assert_array_equal(pictures.colorize(labels, CAMVID_11)[0, 0], (128, 128, 128))
+    np.testing.assert_array_equal(colorize(labels, CITYSCAPES_19.colors), wanted)
+    np.testing.assert_array_equal(colorize(labels, CAMVID_11.colors)[0, 0], (128, 128, 128))
 
 
 def test_shares_and_mean_rows_by_hand():

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from experiments.predict import png
 from experiments.renders19 import main
+from scene.dataset.formats.png import encode
 from scene.render.__main__ import main as render
 from seg.classes import CITYSCAPES_19
 from seg.model import load_model
@@ -26,7 +26,7 @@ def test_a_model_of_two_datasets(tmp_path, capsys):
     assert model.classes[0].id == 7  # road, as label files of Cityscapes have it
     assert model.notes["trained_on"].startswith("4 renders of engine ")
     (labels,) = model.predict([np.zeros((70, 90, 3), np.uint8)])
-    assert labels.shape == (70, 90) and png(model.painted(labels))
+    assert labels.shape == (70, 90) and encode(model.painted(labels))
 
 
 def test_what_cannot_be_trained_on_is_refused(tmp_path, capsys):
