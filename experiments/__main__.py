@@ -1,96 +1,141 @@
-"""All commands under one name: `sdr-jax camvid --data DIR` is `python -m experiments.camvid --data DIR`."""
+"""All commands under one name, and the studies of the paper under `sdr-jax study`."""
 
 from __future__ import annotations
 
-import ast
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from importlib.metadata import packages_distributions, version
-from importlib.util import find_spec
-from pathlib import Path
 from runpy import run_module
+from textwrap import wrap
 
-from shell.command import USAGE, call
+from shell.command import HELP, PROGRAM, USAGE, docstring, meant
 
 DISTRIBUTION = "sdr-jax"
 PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "shell")
 """The names that we install beside each other, short enough for others to have had the same idea."""
-COMMANDS = {
-    "doctor": "experiments.doctor",
-    "fit": "experiments.fit",
-    "predict": "experiments.predict",
-    "evaluate": "experiments.evaluate",
-    "export": "experiments.export",
-    "cityscapes": "experiments.cityscapes",
-    "camvid": "experiments.camvid",
-    "labelmefacade": "experiments.labelmefacade",
-    "labels": "experiments.labels",
-    "table": "experiments.table",
-    "searches": "experiments.searches",
-    "compare": "experiments.compare",
-    "pretrain": "experiments.pretrain",
-    "ablation": "experiments.ablation",
-    "assets": "experiments.assets",
-    "sensitivity": "experiments.sensitivity",
-    "fidelity": "experiments.fidelity",
-    "results": "experiments.results",
-    "report": "experiments.report",
-    "store": "experiments.store",
-    "render": "scene.render",
-    "check": "scene.check",
-    "stats": "scene.stats",
-    "preview": "scene.preview",
-    "playground": "experiments.playground",
-    "catalogue": "scene.assets",
-    "weights": "seg.weights",
-    "renders19": "experiments.renders19",
-    "tune": "sdr_jax.tune",
+GROUPS = {
+    "Your own images": {
+        "doctor": "experiments.doctor",
+        "fit": "experiments.fit",
+        "predict": "experiments.predict",
+        "evaluate": "experiments.evaluate",
+        "export": "experiments.export",
+    },
+    "Rendered streets": {
+        "render": "scene.render",
+        "check": "scene.check",
+        "stats": "scene.stats",
+        "preview": "scene.preview",
+        "playground": "experiments.playground",
+        "catalogue": "scene.assets",
+    },
+    "Learning to simulate": {
+        "cityscapes": "experiments.cityscapes",
+        "camvid": "experiments.camvid",
+        "labelmefacade": "experiments.labelmefacade",
+        "tune": "sdr_jax.tune",
+        "report": "experiments.report",
+        "store": "experiments.store",
+    },
+    "How our nets and results were made": {
+        "results": "experiments.results",
+        "weights": "seg.weights",
+        "renders19": "experiments.renders19",
+    },
 }
-"""Command to module; in the order of the help."""
+"""Command to module, by task; in the order of the help."""
+STUDIES = {
+    name: f"experiments.{name}"
+    for name in (
+        "table", "labels", "pretrain", "ablation", "assets", "searches", "compare", "sensitivity",
+        "fidelity",
+    )
+}  # fmt: skip
+"""Studies of the paper, `sdr-jax study NAME`, to their modules."""
+COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()} | STUDIES
+"""All commands and studies, to their modules; a study is a command, too."""
+STUDY = "study"
+WIDE = 80
+"""Characters of a line of the help, at most."""
+PARSERS = {"experiments": "experiments.config.parsers", "scene": "scene.parsers"}
+"""Where the command lines of a package's commands are, apart from what they start."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command in this process, as `python -m` would; returns the exit code."""
     name, *rest = [*(sys.argv[1:] if arguments is None else arguments), "--help"]
-    if name in ("-h", "--help"):
-        print(text())
+    called, kind, known, shown = PROGRAM, "command", (*COMMANDS, STUDY), text
+    if name == STUDY:
+        name, *rest = rest
+        called, kind, known, shown = f"{PROGRAM} {STUDY}", "study", (*STUDIES,), studies
+    if name in HELP:
+        print(shown())
         return 0
     if name == "--version":
         print(DISTRIBUTION, version(DISTRIBUTION))
         return 0
-    if name not in COMMANDS:
-        known = ", ".join(COMMANDS)
-        print(f"sdr-jax: error: no command {name!r}; there are {known}", file=sys.stderr)
+    if name not in known:
+        cure = meant(name, known) or f"; {called} --help lists all"
+        print(f"{called}: error: no {kind} {name!r}{cure}", file=sys.stderr)
         return USAGE
-    for line in clashes(packages_distributions()):
-        print(f"sdr-jax: warning: {line}", file=sys.stderr, flush=True)
-    call(COMMANDS[name], f"{DISTRIBUTION} {name}")
-    sys.argv[1:] = rest[:-1]
-    run_module(COMMANDS[name], run_name="__main__", alter_sys=True)  # leaves by SystemExit
+    return run(name, rest[:-1])
+
+
+def run(name: str, words: Sequence[str]) -> int:
+    """Run a command; wrong flags and help end it before what it works with is loaded."""
+    if not {*words} & {*HELP}:
+        for line in clashes(packages_distributions()):
+            print(f"{PROGRAM}: warning: {line}", file=sys.stderr, flush=True)
+    module = COMMANDS[name]
+    parsers = PARSERS.get(module.partition(".")[0])
+    if parsers and (parser := getattr(import_module(parsers), name, None)):
+        parser().parse_args(words)
+    elif module.startswith("experiments."):
+        from experiments.config.cli import JOBS, command
+
+        if name in JOBS:
+            return command(name, words)
+    sys.argv[1:] = words
+    run_module(module, run_name="__main__", alter_sys=True)  # leaves by SystemExit
     return 0
 
 
 def text() -> str:
     """The help: every command with the first line of its docstring, and no command loaded."""
     width = max(map(len, COMMANDS))
-    lines = [f"  {name:{width}s}  {summary(module)}" for name, module in COMMANDS.items()]
-    head = "usage: sdr-jax COMMAND ...\n\nLearning to simulate complex scenes. COMMAND --help says more."
-    return "\n".join([head, "", *lines, "", "sdr-jax --version prints the version."])
+    lines = []
+    for title, group in GROUPS.items():
+        lines += ["", f"{title}:", *_rows(group, width)]
+    first, *more = wrap(f"NAME is one of {', '.join(STUDIES)}", WIDE - width - 4)
+    lines += ["", "The studies of the paper:", f"  {STUDY:{width}s}  {first}"]
+    lines += [f"  {'':{width}s}  {line}" for line in more]
+    return "\n".join(
+        [
+            f"usage: {PROGRAM} COMMAND ...",
+            "",
+            f"Learning to simulate complex scenes. {PROGRAM} COMMAND --help says more.",
+            *lines,
+            "",
+            f"{PROGRAM} --version prints the version.",
+        ]
+    )
 
 
-def summary(module: str) -> str:
-    """The first line of a command's docstring, read from its file."""
-    source = path_of(module).read_text(encoding="utf-8")
-    return (ast.get_docstring(ast.parse(source)) or "").partition("\n")[0].rstrip(".")
+def studies() -> str:
+    """The help of `sdr-jax study`."""
+    head = f"The studies of the paper. {PROGRAM} {STUDY} NAME --help says more."
+    rows = _rows(STUDIES, max(map(len, STUDIES)))
+    return "\n".join([f"usage: {PROGRAM} {STUDY} NAME ...", "", head, "", *rows])
 
 
-def path_of(module: str) -> Path:
-    """The file that `python -m module` runs; of its packages only the first is loaded."""
-    package, *names = module.split(".")
-    spec = find_spec(package)
-    assert spec is not None and spec.origin is not None
-    place = Path(spec.origin).parent.joinpath(*names)
-    return place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
+def _rows(group: Mapping[str, str], width: int) -> Iterator[str]:
+    """A line or more for each command, none longer than `WIDE`."""
+    for name, module in group.items():
+        said = docstring(module).partition("\n")[0].rstrip(".")
+        first, *more = wrap(said, WIDE - width - 4)
+        yield f"  {name:{width}s}  {first}"
+        yield from (f"  {'':{width}s}  {line}" for line in more)
 
 
 def clashes(installed: Mapping[str, list[str]]) -> Iterator[str]:

@@ -1,9 +1,9 @@
 """The paper's ablation: what the search loses without one of its parts.
 
-    python -m experiments.ablation --target camvid --data DIR --holdout 0006R0
-    python -m experiments.ablation --target camvid --data DIR --method sdr       # the paper's search
-    python -m experiments.ablation --target twin --preset smoke                  # under a minute
-    python -m experiments.ablation --rederive runs/a/ablation.json --out runs/b  # no net at all
+    sdr-jax study ablation --target camvid --data DIR --holdout 0006R0
+    sdr-jax study ablation --target camvid --data DIR --method sdr       # the paper's search
+    sdr-jax study ablation --target twin --preset smoke                  # under a minute
+    sdr-jax study ablation --rederive runs/a/ablation.json --out runs/b  # no net at all
 
 Every variant is a search of its own with as many evaluations: without relaxation, with all attributes in
 one group, with groups that pay no regard to correlation, and with environment, positions or densities
@@ -15,15 +15,14 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, Literal, get_args
 
 import numpy as np
 
-from experiments.config import NETS, MethodOptions, Preset, SearchesConfig, TargetName, presets
-from experiments.config.cli import main
+from experiments.config.cli import command
 from experiments.config.presets import DENSITIES, ENVIRONMENT, POSITIONS
+from experiments.config.studies import AblationConfig, Variant
 from experiments.run import plans
 from experiments.run.context import Run, Work
 from experiments.run.pooled import work_of
@@ -50,20 +49,8 @@ from experiments.study.stats import statistics
 from experiments.target.base import Target
 from scene.attributes import SpaceName, names
 from scene.proposal import random_proposal
-from shell.bounds import DISTINCT, at_least
 from shell.errors import UserError
 
-Variant = Literal[
-    "full",
-    "no_relaxation",
-    "no_groups",
-    "shuffled_groups",
-    "no_environment",
-    "no_positions",
-    "no_densities",
-    "random",
-]
-VARIANTS: tuple[Variant, ...] = get_args(Variant)
 FULL: Variant = "full"
 """The whole method, from which losses are measured."""
 RANDOM: Variant = "random"
@@ -95,32 +82,6 @@ PAPER: dict[Variant, float] = {
 """MIoU points against the full method (19.0). Source: the paper's ablation study."""
 SHUFFLE = 2020
 """Goes into the seed of the shuffled groups."""
-OWN: dict[Preset, dict[str, Any]] = {
-    # One of each kind: most of the time goes into compiling the search of each variant.
-    "smoke": {
-        "evaluations": 4,
-        "variants": (FULL, "no_relaxation", "shuffled_groups", "no_positions"),
-    },
-    # With eight, no method that goes group by group has rewards left over.
-    "quick": {"search": {"datasets_per_update": 8}, "seeds": 3},
-    "paper": {"evaluations": 300},  # the budget of its six groups, 50 updates each
-}
-"""What differs from the main job, by preset."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class AblationConfig(SearchesConfig):
-    """One ablation. Every field is a flag."""
-
-    search: MethodOptions
-    evaluations: Annotated[int, at_least(1), NETS] = 96
-    variants: Annotated[tuple[Variant, ...], DISTINCT] = VARIANTS
-    """What is compared; full must be among them."""
-
-
-def defaults(target: TargetName, preset: Preset) -> AblationConfig:
-    """The defaults of ``python -m experiments.ablation``."""
-    return presets.defaults(AblationConfig, target, preset, **OWN[preset])
 
 
 def check(config: AblationConfig) -> None:
@@ -313,6 +274,7 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("ablation", derive, text, {"ablation.png": picture})
 STUDY = of_rows(FORM, rows, report, check, searches, work)
+RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
-    sys.exit(main("ablation", defaults, partial(do, STUDY), __doc__))
+    sys.exit(command("ablation"))

@@ -1,9 +1,9 @@
 """The paper's study of assets and images: what half the assets, or fewer images, cost.
 
-    python -m experiments.assets --target camvid --data DIR --holdout 0006R0
-    python -m experiments.assets --target camvid --data DIR --attributes learnt --learnt a.json
-    python -m experiments.assets --target twin --preset smoke                  # under a minute
-    python -m experiments.assets --rederive runs/a/assets.json --out runs/b    # no net at all
+    sdr-jax study assets --target camvid --data DIR --holdout 0006R0
+    sdr-jax study assets --target camvid --data DIR --attributes learnt --learnt a.json
+    sdr-jax study assets --target twin --preset smoke                  # under a minute
+    sdr-jax study assets --rederive runs/a/assets.json --out runs/b    # no net at all
 
 Nets are trained on 90 to 1350 images that draw from all assets or from the first half of each class, and
 tested on the test images, paired. Kill it at any moment; the same command goes on where it was.
@@ -12,13 +12,12 @@ tested on the test images, paired. Kill it at any moment; the same command goes 
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Annotated, Any, Literal
 
-from experiments.config import LearntConfig, Preset, TargetName, Unused, presets
-from experiments.config.cli import main
+from experiments.config.cli import command
+from experiments.config.studies import AssetsConfig
 from experiments.run.context import Run
 from experiments.study.figure import curves
 from experiments.study.form import (
@@ -43,7 +42,6 @@ from experiments.study.skeleton import (
 )
 from experiments.study.stats import estimated, gain
 from experiments.target.base import Target
-from shell.bounds import DISTINCT, at_least, within
 from shell.errors import UserError
 
 ATTRIBUTES = {
@@ -51,33 +49,6 @@ ATTRIBUTES = {
     "default": "hand-set attributes",
     "learnt": "learnt attributes",
 }
-
-
-@dataclass(frozen=True, kw_only=True)
-class AssetsConfig(LearntConfig):
-    """One study. Every field is a flag.
-
-    --fractions stand in the place of --asset-fraction, and --images of --final.streets.
-    """
-
-    asset_fraction: Annotated[float, *Unused] = 1.0
-    images: Annotated[tuple[int, ...], at_least(1), DISTINCT] = (90, 180, 450, 900, 1350)
-    """Images of a training set; multiples of --final.shots, images of a street."""
-    fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (1.0, 0.5)
-    """Shares of the assets."""
-    attributes: Literal["random", "default", "learnt"] = "default"
-    """From which streets are drawn: random, hand-set, or learnt (by --learnt, else searched for)."""
-
-
-def defaults(target: TargetName, preset: Preset) -> AssetsConfig:
-    """The defaults of ``python -m experiments.assets``."""
-    own: dict[str, Any] = {"images": (2, 4)}
-    if preset != "smoke":
-        # Ten images of each street, as the paper's presets have it, divide all numbers of images.
-        own = {"final": {"streets": 45, "shots": 10}}
-    if preset == "quick":
-        own["seeds"] = 3
-    return presets.defaults(AssetsConfig, target, preset, **own)
 
 
 def check(config: AssetsConfig) -> None:
@@ -174,6 +145,7 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("assets", derive, text, {"assets.png": picture})
 STUDY = of_rows(FORM, rows, report, check)
+RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
-    sys.exit(main("assets", defaults, partial(do, STUDY), __doc__))
+    sys.exit(command("assets"))

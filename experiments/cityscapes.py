@@ -1,8 +1,8 @@
 """Learn to simulate for Cityscapes, or for the embedded twin where there is no data.
 
-    python -m experiments.cityscapes                       # the twin: a stand-in, not real data
-    python -m experiments.cityscapes --data DIR            # real Cityscapes
-    python -m experiments.cityscapes --preset smoke        # under a minute
+    sdr-jax cityscapes                       # the twin: a stand-in, not real data
+    sdr-jax cityscapes --data DIR            # real Cityscapes
+    sdr-jax cityscapes --preset smoke        # under a minute
 
 Kill it at any moment; the same command goes on where it was.
 """
@@ -10,15 +10,9 @@ Kill it at any moment; the same command goes on where it was.
 from __future__ import annotations
 
 import sys
-from functools import partial
 
 if __name__ == "__main__":
     # Not at the top: worker processes load this file, too, and need nothing of the command line.
-    from experiments.config import MainConfig
-    from experiments.config.cli import main
-    from experiments.config.presets import defaults
-    from experiments.main.job import MAIN
-    from experiments.study.skeleton import do
+    from experiments.config.cli import command
 
-    own, work = partial(defaults, MainConfig), partial(do, MAIN)
-    sys.exit(main("cityscapes", own, work, __doc__, target="twin", with_data="cityscapes"))
+    sys.exit(command("cityscapes"))

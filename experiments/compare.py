@@ -1,9 +1,9 @@
 """Compare search methods on real rewards, at equal numbers of evaluations.
 
-    python -m experiments.compare --target camvid --data DIR --holdout 0006R0     # the paper's figure
-    python -m experiments.compare --target twin --preset smoke                    # seconds
-    python -m experiments.compare --methods sdr cma_es --subsets all --no-finals  # only record rewards
-    python -m experiments.compare --rederive runs/a/compare.json --out runs/b     # no net at all
+    sdr-jax study compare --target camvid --data DIR --holdout 0006R0     # the paper's figure
+    sdr-jax study compare --target twin --preset smoke                    # seconds
+    sdr-jax study compare --methods sdr cma_es --subsets all --no-finals  # only record rewards
+    sdr-jax study compare --rederive runs/a/compare.json --out runs/b     # no net at all
 
 With 3, 5 and 7 positions optimised and all else random, every method finds attributes; nets trained on
 them are tested on the test images. Kill it at any moment; the same command goes on where it was.
@@ -13,16 +13,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 
-from experiments.config import NETS, Fidelity, Group, Preset, SearchesConfig, TargetName, presets
-from experiments.config.cli import main
-from experiments.config.presets import POSITIONS
+from experiments.config import Fidelity
+from experiments.config.cli import command
+from experiments.config.studies import CompareConfig
 from experiments.evaluation.job import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
@@ -53,39 +53,13 @@ from experiments.study.stats import statistics
 from experiments.target.base import Target
 from scene.attributes import names
 from scene.proposal import random_proposal
-from sdr_jax.registry import MethodName
-from shell.bounds import DISTINCT, POSITIVE, at_least
+from sdr_jax.names import MethodName
 from shell.errors import UserError, refuse_repeats
 
 RANDOM: MethodName = "random_attributes"
 """The row that gains are measured from; it asks for no evaluation."""
 ALL = "all"
 """In place of a subset: all 23 attributes."""
-OWN: dict[Preset, dict[str, Any]] = {
-    "smoke": {"evaluations": 4, "subsets": (POSITIONS[:2], POSITIONS[:3])},
-    "quick": {"search": {"datasets_per_update": 8}, "seeds": 3},
-    "paper": {"evaluations": 300},  # the budget of its six groups, 50 updates each
-}
-"""What differs from the main job, by preset."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class CompareConfig(SearchesConfig):
-    """One comparison. Every field is a flag."""
-
-    evaluations: Annotated[int, at_least(1), NETS] = 48
-    core_minutes: Annotated[float | None, POSITIVE] = None
-    """In place of --evaluations: as many rewards for each search as cost so many minutes of a core, about."""
-    methods: Annotated[tuple[MethodName, ...], DISTINCT] = (
-        RANDOM, "random_search", "attribute_descent", "sdr", "surrogate",
-    )  # fmt: skip
-    """The search methods."""
-    subsets: tuple[Group, ...] = tuple(POSITIONS[:count] for count in (3, 5, 7))
-    """Attributes that are optimised, one word a subset, or the word all; the others stay random."""
-    finals: bool = True
-    """Train the final nets; without them only the rewards are recorded."""
-    cheap_finals: bool = True
-    """Also train nets at the reward's size and at one between: does the gain outlive the cheap budget?"""
 
 
 class Compared(NamedTuple):
@@ -95,11 +69,6 @@ class Compared(NamedTuple):
     subset: tuple[str, ...]
     title: str  # the subset in one word
     name: str  # such as "sdr, 3 attributes"; no two rows share one
-
-
-def defaults(target: TargetName, preset: Preset) -> CompareConfig:
-    """The defaults of ``python -m experiments.compare``."""
-    return presets.defaults(CompareConfig, target, preset, **OWN[preset])
 
 
 def check(config: CompareConfig) -> None:
@@ -453,6 +422,7 @@ def _rewards(axis: Axes, row: Report, color: str) -> None:
 
 FORM = Form("compare", derive, text, {"compare.png": picture})
 STUDY = of_rows(FORM, rows, report, check, searches, work)
+RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
-    sys.exit(main("compare", defaults, partial(do, STUDY), __doc__))
+    sys.exit(command("compare"))

@@ -1,7 +1,7 @@
 """Tests a trained net on labelled images: mIoU, every class, every group, outlines, the worst images.
 
-    python -m experiments.evaluate runs/fit/model DIR --json scores.json
-    python -m experiments.evaluate runs/fit/model DIR --target camvid --split train val --json scores.json
+    sdr-jax evaluate runs/fit/model DIR --json scores.json
+    sdr-jax evaluate runs/fit/model DIR --target camvid --split train val --json scores.json
 
 DATA is a folder with a `target.yaml`, or --target says what its files are.
 The model may have the classes of the data, in any order, or the engine's: these are then brought to those of
@@ -19,6 +19,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from experiments.config import parsers
+from experiments.config.parsers import WORST
 from experiments.target.real import REPORTED
 from scene.dataset.formats.png import encode
 from seg.boundary import SHARE, boundary_counts, boundary_iou
@@ -27,15 +29,13 @@ from seg.data import DataError, Entry, LabelReader, list_split
 from seg.data.images import read_image
 from seg.metrics import absent_classes, confusion_matrix, iou
 from seg.model import Model, load_model
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import write, write_json
 from shell.listing import split_names
 from shell.progress import Progress
-from shell.target_file import SHIPPED, TargetFile, find_target
+from shell.target_file import TargetFile, find_target
 
-WORST = 6
-"""Images that are shown."""
 Read = Callable[[Entry], tuple[np.ndarray, np.ndarray]]
 
 
@@ -288,25 +288,7 @@ def text(scores: dict[str, Any]) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = Parser("experiments.evaluate", __doc__)
-    parser.add_argument("model", metavar="MODEL", help="folder of a model, or a name: renders19")
-    parser.add_argument("data", type=Path, metavar="DATA", help="folder of labelled images")
-    parser.add_argument(
-        "--target",
-        metavar="NAME|FILE",
-        help=f"what the files are: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml",
-    )
-    parser.add_argument(
-        "--split", nargs="+", default=[], help="splits; by default the one that is reported on"
-    )
-    parser.add_argument(
-        "--group", nargs="+", default=[], help="drives, cities or albums; by default all"
-    )
-    parser.add_argument("--json", type=Path, required=True, help="the file to write")
-    parser.add_argument(
-        "--pictures", type=Path, help=f"folder for the {WORST} worst images, labels and predictions"
-    )
-    options = parser.parse_args(arguments)
+    options = parsers.evaluate().parse_args(arguments)
 
     def work() -> None:
         if options.json.is_dir():

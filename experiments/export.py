@@ -1,6 +1,6 @@
 """Writes a trained net as an ONNX file, for onnxruntime and other programs.
 
-    python -m experiments.export runs/fit/model --onnx net.onnx
+    sdr-jax export runs/fit/model --onnx net.onnx
 
 The file's input is `image`, u8[1, height, width, 3], RGB of the model's size; its outputs are `labels`, u8[1,
 height, width], places of the classes, and `logits`. The classes stand in its metadata. It needs the extra
@@ -13,9 +13,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from experiments.config import parsers
 from seg.model import Model, load_model
 from seg.onnx_graph import onnx_bytes
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import write
 
@@ -41,10 +42,7 @@ def export(model: Model | str | Path, path: str | Path) -> int:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = Parser("experiments.export", __doc__)
-    parser.add_argument("model", metavar="MODEL", help="folder of a model, or a name: renders19")
-    parser.add_argument("--onnx", type=Path, required=True, help="the file to write")
-    options = parser.parse_args(arguments)
+    options = parsers.export().parse_args(arguments)
 
     def work() -> None:
         size = export(options.model, options.onnx)

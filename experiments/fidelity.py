@@ -1,9 +1,9 @@
 """How much a cheap reward is worth: does it rank attributes as the full size does, and for what price?
 
-    python -m experiments.fidelity --target camvid --data DIR --holdout 0006R0
-    python -m experiments.fidelity --target twin --preset smoke                  # about a minute
-    python -m experiments.fidelity --target twin --reward-kind mmd               # without labels
-    python -m experiments.fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
+    sdr-jax study fidelity --target camvid --data DIR --holdout 0006R0
+    sdr-jax study fidelity --target twin --preset smoke                  # about a minute
+    sdr-jax study fidelity --target twin --reward-kind mmd               # without labels
+    sdr-jax study fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
 
 Proposals with random bins, the hand-set street and random attributes are evaluated on every rung of the
 ladder from the reward's size to the final one, some of them with several seeds. Kill it at any moment;
@@ -13,24 +13,17 @@ the same command goes on where it was.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from experiments.config import (
-    NETS,
-    BinsConfig,
     Fidelity,
-    Preset,
-    Rederived,
-    RewardConfig,
     RewardKind,
-    TargetName,
-    presets,
 )
-from experiments.config.cli import Unmet, main
+from experiments.config.cli import Unmet, command
+from experiments.config.studies import MOST_REPEATS, FidelityConfig
 from experiments.evaluation.job import REWARD_NAMES
 from experiments.run.context import Run, Work
 from experiments.run.ladder import fidelities
@@ -41,43 +34,14 @@ from experiments.study.form import Column, Form, Report, about, interval, number
 from experiments.study.skeleton import Study, do
 from experiments.study.stats import bootstrap, pairing, signal_to_noise, spearman
 from scene.proposal import Proposal, default_proposal, random_proposal
-from shell.bounds import POSITIVE, at_least, within
 from shell.errors import UserError
 
 FIDELITY_SEED = 10_000_000
 """Seeds begin here, above those of a run's rows."""
-MOST_REPEATS = 1_000_000
-"""Seeds of one rung end where those of the next begin."""
 ADDED = ("default", "random")
 """Proposals beside those with random bins; they come first."""
 BOOTSTRAP_SEED = 0
 """Of the intervals."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class FidelityConfig(RewardConfig, BinsConfig, Rederived):
-    """One measurement. Every field is a flag."""
-
-    reward_kind: RewardKind = "miou"
-    """miou of a net trained on the dataset; or mmd, a distance of images that needs no labels: it is
-    compared with mIoU at the final size, too."""
-    proposals: Annotated[int, at_least(2), NETS] = 24
-    """Proposals with random bins for all attributes; the hand-set street and random ones are added."""
-    repeated: Annotated[int, at_least(2), NETS] = 6
-    """Proposals that are evaluated with several seeds, the two that are added among them."""
-    repeats: Annotated[int, within(2, MOST_REPEATS), NETS] = 4
-    """Seeds of those."""
-    rungs: Annotated[int | None, at_least(1)] = None
-    """Only the cheapest rungs, so many; by default all of them, up to the final size."""
-    require_signal: Annotated[float | None, POSITIVE] = None
-    """End with exit code 1 where the signal of the cheapest reward, what a search would see, is less than so
-    many times its noise. 2 is a good demand to make before a search with a net that may learn nothing."""
-
-
-def defaults(target: TargetName, preset: Preset) -> FidelityConfig:
-    """The defaults of ``python -m experiments.fidelity``."""
-    few = {"proposals": 3, "repeated": 2, "repeats": 2} if preset == "smoke" else {}
-    return presets.defaults(FidelityConfig, target, preset, **few)
 
 
 def check(config: FidelityConfig) -> None:
@@ -341,5 +305,7 @@ def measure(config: FidelityConfig) -> Report:
     return report
 
 
+RUN = measure
+
 if __name__ == "__main__":
-    sys.exit(main("fidelity", defaults, measure, __doc__))
+    sys.exit(command("fidelity"))

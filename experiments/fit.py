@@ -12,7 +12,6 @@ stopped.
 
 from __future__ import annotations
 
-import re
 import sys
 from base64 import b64encode
 from collections.abc import Mapping, Sequence
@@ -22,7 +21,7 @@ from typing import Any, Literal, NamedTuple, cast, get_args
 
 import numpy as np
 
-from experiments.config import FewConfig, Fidelity, Preset
+from experiments.config import FewConfig, Fidelity, Preset, parsers
 from experiments.config.presets import defaults, in_space
 from experiments.evaluation.cost import head_cost, street_cost
 from experiments.evaluation.job import Job, Keeps, LabelledSubset, Source, StreetPool, Subset
@@ -55,7 +54,7 @@ from seg.model import Model, classes_of, load_model
 from seg.nets.lite0 import SMALLEST
 from seg.recipes import with_net
 from seg.train import Params
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import digest, write
 from shell.target_file import Fit, find_target
@@ -504,58 +503,9 @@ def fit(config: FitConfig) -> Report:
     return do(study, config)
 
 
-def _size(text: str) -> tuple[int, int]:
-    found = re.fullmatch(r"(\d+)x(\d+)", text)
-    if found is None:
-        raise ValueError(text)
-    return int(found[1]), int(found[2])
-
-
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = Parser("experiments.fit", __doc__)
-    add = parser.add_argument
-    add("data", type=Path, metavar="DATA", help="folder of images and labels")
-    add("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
-    add("--target", metavar="NAME|FILE", help="what the data are, where DATA has no target.yaml")
-    add(
-        "--few",
-        type=int,
-        metavar="N",
-        help="use the labels of N images only, spread over groups and time",
-    )
-    add(
-        "--holdout",
-        metavar="GROUP",
-        help="report on this group; no figure comes from nets that have seen it",
-    )
-    add(
-        "--search",
-        action="store_true",
-        help="learn streets, too, for each fold; its cost is printed first",
-    )
-    add("--preset", choices=("smoke", "quick"), default="quick", help="how much is spent (quick)")
-    add(
-        "--size",
-        type=_size,
-        metavar="WxH",
-        help="of the images that nets see; by default a suitable one",
-    )
-    add(
-        "--shape",
-        choices=get_args(Fit),
-        help="pad or cut images of another shape; by default as the target's file says",
-    )
-    add("--seeds", type=int, default=3, metavar="N", help="nets of each row and fold (3)")
-    add("--workers", type=int, metavar="N", help="processes; by default one for each core")
-    add(
-        "--init",
-        type=Path,
-        metavar="MODEL",
-        help="the net that is left starts from this one; figures never do",
-    )
-    add("--store", type=Path, metavar="FILE", help="evaluations that runs share")
-    options = parser.parse_args(arguments)
+    options = parsers.fit().parse_args(arguments)
 
     def work() -> None:
         given = {name: value for name, value in vars(options).items() if name != "debug"}

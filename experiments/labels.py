@@ -1,9 +1,9 @@
 """What a few labelled images are worth, alone and beside renders: how many labels do renders replace?
 
-    python -m experiments.labels --target camvid --data DIR --holdout 0006R0
-    python -m experiments.labels --target camvid --data DIR --learnt a.json --counts 0 14 266
-    python -m experiments.labels --target twin --preset smoke                  # under a minute
-    python -m experiments.labels --rederive runs/a/labels.json --out runs/b    # no net at all
+    sdr-jax study labels --target camvid --data DIR --holdout 0006R0
+    sdr-jax study labels --target camvid --data DIR --learnt a.json --counts 0 14 266
+    sdr-jax study labels --target twin --preset smoke                  # under a minute
+    sdr-jax study labels --rederive runs/a/labels.json --out runs/b    # no net at all
 
 Nets are trained on 0, 7, 14, ... labelled images (a seeded choice, spread over sequences and time), on these
 beside renders, and tested on the test images. Kill it at any moment; the same command goes on where it was.
@@ -13,14 +13,13 @@ from __future__ import annotations
 
 import math
 import sys
-from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 
-from experiments.config import LearntConfig, Preset, ShareConfig, TargetName, presets
-from experiments.config.cli import main
+from experiments.config.cli import command
+from experiments.config.studies import LabelsConfig
 from experiments.evaluation.job import LabelledSubset, Source
 from experiments.run.context import Run
 from experiments.study.figure import curves
@@ -49,10 +48,8 @@ from experiments.study.stats import estimated, gain, mean, worth
 from experiments.target.base import Target
 from experiments.target.few import spread
 from seg.beside import TrainingSet
-from shell.bounds import DISTINCT, at_least
 from shell.errors import UserError
 
-Renders = Literal["random", "default", "mixed", "learnt"]
 ALONE = "none"
 """In place of the name of a set of renders: labelled images alone."""
 RENDERS = {
@@ -66,30 +63,6 @@ FIRST, SHARES = (0, 7, 14), (0.1, 0.25, 0.5, 1.0)
 """How many labelled images by default: these, and then shares of all there are."""
 BESIDE = (0, 14)
 """Numbers of labelled images beside which the report says how many more the renders are worth."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class LabelsConfig(LearntConfig, ShareConfig):
-    """One study. Every field is a flag."""
-
-    counts: Annotated[tuple[int, ...] | None, at_least(0), DISTINCT] = None
-    """Labelled images that nets are trained on; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
-    renders: Annotated[tuple[Renders, ...] | None, DISTINCT] = None
-    """What stands beside them: streets with random attributes, hand-set ones (default), half of either
-    (mixed) or learnt; by default learnt with --learnt, else default."""
-
-    @property
-    def rendered(self) -> tuple[Renders, ...]:
-        """The sets of renders."""
-        if self.renders is not None:
-            return self.renders
-        return ("default",) if self.learnt is None else ("learnt",)
-
-
-def defaults(target: TargetName, preset: Preset) -> LabelsConfig:
-    """The defaults of ``python -m experiments.labels``."""
-    own: dict[str, Any] = {"counts": (0, 2, 4)} if preset == "smoke" else {}
-    return presets.defaults(LabelsConfig, target, preset, **own)
 
 
 def check(config: LabelsConfig) -> None:
@@ -269,6 +242,7 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("labels", derive, text, {"labels.png": picture})
 STUDY = of_rows(FORM, rows, report, check)
+RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
-    sys.exit(main("labels", defaults, partial(do, STUDY), __doc__))
+    sys.exit(command("labels"))

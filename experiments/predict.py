@@ -1,7 +1,7 @@
 """Segments images and videos with a trained net: label pictures of any size.
 
-    python -m experiments.predict runs/fit/model photographs --out labels
-    python -m experiments.predict renders19 drive.mp4 --out frames --as overlay
+    sdr-jax predict runs/fit/model photographs --out labels
+    sdr-jax predict renders19 drive.mp4 --out frames --as overlay
 
 MODEL is a folder that `fit` or `Model.save` has left, or the name of a net that comes with the package:
 `renders19` tells the 19 classes of Cityscapes apart, and has seen renders alone. IMAGES is an image, a video,
@@ -16,14 +16,14 @@ import sys
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 from pathlib import Path
-from typing import get_args
 
 import numpy as np
 
+from experiments.config import parsers
 from scene.dataset.formats.png import encode
 from seg.data.frames import Frame, frames, list_sources
 from seg.model import PACKAGES, As, Model, load_model
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import write
 from shell.folder import opened
@@ -117,23 +117,7 @@ def _write(model: Model, new: Sequence[Frame], out: Path, how: As, probabilities
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = Parser("experiments.predict", __doc__)
-    parser.add_argument("model", metavar="MODEL", help="folder of a model, or a name: renders19")
-    parser.add_argument("images", type=Path, metavar="IMAGES", help="image, video or folder")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the results")
-    parser.add_argument(
-        "--as",
-        dest="how",
-        choices=get_args(As),
-        help="what the PNGs hold: the ids of the model's own label files, their colours, or the image with "
-        "colours over it; by default ids, or colours where the model's label files have these",
-    )
-    parser.add_argument(
-        "--probabilities",
-        action="store_true",
-        help="beside each PNG NAME.npy, float16 of height, width and classes: how likely each class is",
-    )
-    options = parser.parse_args(arguments)
+    options = parsers.predict().parse_args(arguments)
 
     def work() -> None:
         model = load_model(options.model)

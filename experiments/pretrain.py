@@ -1,9 +1,9 @@
 """What pre-training on SceneX saves: nets fine-tuned on ever more of the real reward images.
 
-    python -m experiments.pretrain --target camvid --data DIR --holdout 0006R0
-    python -m experiments.pretrain --target camvid --data DIR --fractions 0.05 1.0 --seeds 8
-    python -m experiments.pretrain --target twin --preset smoke                  # under a minute
-    python -m experiments.pretrain --rederive runs/a/pretrain.json --out runs/b  # no net at all
+    sdr-jax study pretrain --target camvid --data DIR --holdout 0006R0
+    sdr-jax study pretrain --target camvid --data DIR --fractions 0.05 1.0 --seeds 8
+    sdr-jax study pretrain --target twin --preset smoke                  # under a minute
+    sdr-jax study pretrain --rederive runs/a/pretrain.json --out runs/b  # no net at all
 
 Nets from scratch (or from ImageNet weights, with --final.train.weights), pre-trained on random and on
 learnt attributes are fine-tuned alike on 5, 10, 25 and 100 % of the reward images and tested on the test
@@ -17,22 +17,18 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import product
-from typing import Annotated, Any, Literal
+from typing import Any
 
 import numpy as np
 
 from experiments.config import (
     Fidelity,
-    LearntConfig,
-    Preset,
-    TargetName,
-    Unused,
-    presets,
 )
-from experiments.config.cli import main
+from experiments.config.cli import command
+from experiments.config.studies import PretrainConfig
 from experiments.evaluation.cost import training_cost
 from experiments.evaluation.job import Job, LabelledSubset, Recipe, Result, Start
 from experiments.run.context import Run, Work
@@ -58,10 +54,8 @@ from experiments.study.skeleton import Study, do, learnt_attributes, learnt_from
 from experiments.study.stats import holm, stars, statistics, welch
 from experiments.target.base import Target, with_reward
 from scene.proposal import Streets, random_proposal
-from shell.bounds import DISTINCT, POSITIVE, at_least, within
 from shell.errors import UserError
 
-Row = Literal["scratch", "random", "learnt", "longer"]
 SUBSET_STREAM = 3
 """Second word of the seed that chooses images, apart from the streams of the nets."""
 RENDERED = ("random", "learnt")
@@ -74,32 +68,6 @@ COMPARED = (
     ("random", "longer"),
 )
 """Which rows are tested against which."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class PretrainConfig(LearntConfig):
-    """One measurement of pre-training. Every field is a flag."""
-
-    default_width: Annotated[float, *Unused] = 0.0
-    rows: Annotated[tuple[Row, ...], DISTINCT] = ("scratch", "random", "learnt")
-    """What nets begin with: scratch (nothing, or ImageNet weights), random, learnt (pre-trained on SceneX
-    with these attributes), longer (from scratch, too, but with as many steps on the real subset first; as
-    dear as pre-training for every fraction anew)."""
-    fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (0.05, 0.1, 0.25, 1.0)
-    """Shares of the reward images that nets are fine-tuned on, nested, the same for all rows of a seed."""
-    learn_on: Literal["all", "share"] = "all"
-    """Which labels the learnt attributes know: of all reward images, or of the share that nets are then
-    fine-tuned on: a search for every fraction, and the same images of it for all seeds."""
-    finetune_steps: Annotated[int | None, at_least(1)] = None
-    """Updates of the fine-tuning; by default a third of --final.train.steps."""
-    finetune_lr: Annotated[float | None, POSITIVE] = None
-    """Highest learning rate of the fine-tuning; by default a third of --final.train.lr."""
-
-
-def defaults(target: TargetName, preset: Preset) -> PretrainConfig:
-    """The defaults of ``python -m experiments.pretrain``."""
-    own = {"fractions": (0.25, 1.0)} if preset == "smoke" else {}
-    return presets.defaults(PretrainConfig, target, preset, **own)
 
 
 def fine_fidelity(config: PretrainConfig) -> Fidelity:
@@ -351,6 +319,7 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("pretrain", derive, text, {"pretrain.png": picture})
 STUDY = Study(FORM, plan, scores, check, refuse_empty)
+RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
-    sys.exit(main("pretrain", defaults, partial(do, STUDY), __doc__))
+    sys.exit(command("pretrain"))

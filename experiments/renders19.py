@@ -1,10 +1,10 @@
 """Trains a net on rendered streets alone, such as `renders19`, which comes with the package.
 
-    python -m experiments.renders19 runs/streets/* --out seg/models/renders19
+    sdr-jax renders19 runs/streets/* --out seg/models/renders19
 
-It tells the engine's 19 classes apart: a head on lite0's frozen trunk, trained on datasets of `scene.render`.
-No photograph is seen, so the net can be scored on any. Of which streets renders19 has seen one shot each,
-docs/models.md says.
+It tells the engine's 19 classes apart: a head on lite0's frozen trunk, trained on datasets of
+`sdr-jax render`. No photograph is seen, so the net can be scored on any. Of which streets renders19 has
+seen one shot each, docs/models.md says.
 """
 
 from __future__ import annotations
@@ -17,18 +17,20 @@ from pathlib import Path
 
 import numpy as np
 
+from experiments.config import parsers
+from experiments.config.parsers import STEPS
 from scene.dataset.export import read_dataset
 from scene.dataset.read import DESCRIPTION
 from seg.model import Model, classes_of
 from seg.recipes import RECIPES
 from seg.train import CHUNK, TrainingError, train
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import file_digest, read_json
 from shell.progress import Progress
 from shell.target_file import shipped
 
-RECIPE = replace(RECIPES["lite0-frozen"], steps=3000, batch=8, head_width=128)
+RECIPE = replace(RECIPES["lite0-frozen"], steps=STEPS, batch=8, head_width=128)
 """Ten times as many images as the nets of a run train on: ten times the steps, and a head twice as wide."""
 
 
@@ -76,12 +78,7 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = Parser("experiments.renders19", __doc__)
-    parser.add_argument("datasets", type=Path, nargs="+", metavar="DATASET", help="of scene.render")
-    parser.add_argument("--out", type=Path, required=True, help="folder of the model")
-    parser.add_argument("--steps", type=int, default=RECIPE.steps, help=f"{RECIPE.steps}")
-    parser.add_argument("--seed", type=int, default=0, help="of the net, 0")
-    options = parser.parse_args(arguments)
+    options = parsers.renders19().parse_args(arguments)
     os.environ["NPROC"] = "1"  # of XLA's threads: sums are the same on machines with more cores
 
     def work() -> None:

@@ -1,9 +1,9 @@
 """Several searches of several methods with equal rewards, each as the main job's, in one table.
 
-    python -m experiments.searches --target camvid --data DIR --holdout 0006R0 --space extended
-    python -m experiments.searches --target camvid --data DIR --methods intervals --searches 3
-    python -m experiments.searches --target twin --preset smoke                   # about a minute
-    python -m experiments.searches --rederive runs/a/searches.json --out runs/b   # no net at all
+    sdr-jax study searches --target camvid --data DIR --holdout 0006R0 --space extended
+    sdr-jax study searches --target camvid --data DIR --methods intervals --searches 3
+    sdr-jax study searches --target twin --preset smoke                   # about a minute
+    sdr-jax study searches --rederive runs/a/searches.json --out runs/b   # no net at all
 
 The k-th search of every method has the seed --seed + k and is what the main job with that seed and method
 does: with its --store, nothing is evaluated twice. Final nets of all answers, of random attributes, of the
@@ -14,12 +14,12 @@ Kill it at any moment; the same command goes on where it was.
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Any
 
-from experiments.config import FewConfig, Preset, Rederived, TargetName, presets
-from experiments.config.cli import main
+from experiments.config.cli import command
+from experiments.config.studies import ManyConfig
 from experiments.evaluation.job import Source
 from experiments.run import few
 from experiments.run.context import Run, Work
@@ -44,8 +44,6 @@ from experiments.study.skeleton import Made, Row, Search, do, of_rows
 from experiments.study.stats import Table, gain, less, mean, over_both
 from experiments.target.base import Target
 from scene.proposal import describe, named
-from sdr_jax.registry import MethodName
-from shell.bounds import DISTINCT, at_least
 from shell.errors import UserError
 
 BASELINES = {
@@ -61,27 +59,6 @@ OVER = ("random", "default")
 """Rendered rows that need no search: what gains are measured over."""
 OWN_ANSWER = "own "
 """Before the name of a search: what its method itself would answer, without model selection."""
-OWN: dict[Preset, dict[str, Any]] = {
-    "smoke": {"searches": 2, "methods": ("intervals", "random_search")},
-    "quick": {"seeds": 3},
-    "paper": {"searches": 1, "methods": ("sdr",)},
-}
-"""What differs from the main job, by preset."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class ManyConfig(FewConfig, Rederived):
-    """One study. Every field is a flag."""
-
-    searches: Annotated[int, at_least(1)] = 5
-    """Searches of each method, of seeds --seed, --seed + 1, ..."""
-    methods: Annotated[tuple[MethodName, ...], DISTINCT] = ("intervals", "sdr", "random_search")
-    """The search methods; all have the same rewards and model selection."""
-
-
-def defaults(target: TargetName, preset: Preset) -> ManyConfig:
-    """The defaults of ``python -m experiments.searches``."""
-    return presets.defaults(ManyConfig, target, preset, **OWN[preset])
 
 
 def check(config: ManyConfig) -> None:
@@ -298,6 +275,7 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("searches", derive, text, {"searches.png": picture})
 STUDY = of_rows(FORM, rows, report, check, searches, work)
+RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
-    sys.exit(main("searches", defaults, partial(do, STUDY), __doc__))
+    sys.exit(command("searches"))

@@ -1,8 +1,8 @@
 """Which of the 23 attributes matter, and which of them together, from recorded rewards.
 
-    python -m experiments.sensitivity --target camvid --records benchmarks/data/camvid.jsonl
-    python -m experiments.sensitivity --target camvid --data DIR --holdout 0006R0 --store FILE
-    python -m experiments.sensitivity --target twin --preset smoke                # under a minute
+    sdr-jax study sensitivity --target camvid --records benchmarks/data/camvid.jsonl
+    sdr-jax study sensitivity --target camvid --data DIR --holdout 0006R0 --store FILE
+    sdr-jax study sensitivity --target twin --preset smoke                # under a minute
 
 With --records nothing is rendered and no data are needed. Without, rewards come from the store and
 the run folder, and those that they lack are made first. Kill it at any moment; the same command goes on
@@ -12,22 +12,14 @@ where it was.
 from __future__ import annotations
 
 import sys
-from dataclasses import asdict, dataclass
-from pathlib import Path
-from typing import Annotated, Any
+from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure, SubFigure
 
-from experiments.config import (
-    NETS,
-    BinsConfig,
-    Preset,
-    Rederived,
-    TargetName,
-    presets,
-)
-from experiments.config.cli import main
+from experiments.config.cli import command
+from experiments.config.studies import LEAST, SensitivityConfig
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Job, Result
 from experiments.evaluation.job import verdict as told
@@ -53,13 +45,10 @@ from experiments.study.stats import bootstrap
 from scene.attributes import SPACES, Attribute, space_of
 from scene.version import ENGINE
 from shell import folder
-from shell.bounds import at_least
 from shell.errors import UserError
 
 SENSITIVITY_SEED = 20_000_000
 """Seeds begin here, above those of a run's rows and of the measurement of fidelity."""
-LEAST = 8
-"""Rewards that a model is fitted to."""
 FOLDS = 5
 DRAWS = 2000
 """Models drawn from the posterior."""
@@ -72,26 +61,6 @@ NOTHING = 0.05
 TOP_PAIRS = 10
 ACROSS = 6
 """Panels beside each other."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class SensitivityConfig(BinsConfig, Rederived):
-    """One analysis. Every field is a flag."""
-
-    records: tuple[Path, ...] = ()
-    """Stores of evaluations, run folders, or lines of bins and rewards; nothing is rendered."""
-    records_config: str | None = None
-    """Which configuration in them, by the name that experiments.store show prints; by default the one
-    with the most rewards."""
-    evaluations: Annotated[int, at_least(LEAST), NETS] = 128
-    """Without --records: rewards that there must be, those in --store included; the missing ones are of
-    random attributes."""
-
-
-def defaults(target: TargetName, preset: Preset) -> SensitivityConfig:
-    """The defaults of ``python -m experiments.sensitivity``."""
-    evaluations = {"smoke": 12, "quick": 128, "paper": 300}[preset]
-    return presets.defaults(SensitivityConfig, target, preset, evaluations=evaluations)
 
 
 def check(config: SensitivityConfig) -> None:
@@ -455,6 +424,7 @@ def _curves(figure: Figure | SubFigure, report: Report, down: int) -> None:
 FORM = Form("sensitivity", lambda report: report, text, {"sensitivity.png": picture})
 """All that is told is in the JSON; the records themselves are not."""
 STUDY = Study(FORM, plan, scores, check)
+RUN = analyse
 
 if __name__ == "__main__":
-    sys.exit(main("sensitivity", defaults, analyse, __doc__))
+    sys.exit(command("sensitivity"))

@@ -1,7 +1,7 @@
 """Files of evaluations that runs share: what one has evaluated, no other evaluates again.
 
-    python -m experiments.store show FILE
-    python -m experiments.store merge A.jsonl B.jsonl runs/c --out C.jsonl
+    sdr-jax store show FILE
+    sdr-jax store merge A.jsonl B.jsonl runs/c --out C.jsonl
 
 Two evaluations are the same if all that decides them is: sizes, net and training, class table, renderer,
 assets, real images, version of the engine, JAX's backend, versions of libraries, proposal and seed. The file
@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.config import RewardKind
+from experiments.config import RewardKind, parsers
 from experiments.evaluation.job import REWARD_NAMES, in_words
 from experiments.evaluation.made_with import told_apart
 from experiments.evaluation.store import kinds_of, merged, read, write_store
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 from shell.errors import UserError
 
 
@@ -66,11 +66,7 @@ def table(path: Path) -> str:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = Parser("experiments.store", __doc__)
-    parser.add_argument("command", choices=("show", "merge"))
-    parser.add_argument("files", type=Path, nargs="+", help="stores, or run folders")
-    parser.add_argument("--out", type=Path, help="the new store that merge writes")
-    options = parser.parse_args(arguments)
+    options = parsers.store().parse_args(arguments)
 
     def work() -> None:
         if (options.out is not None) != (options.command == "merge"):

@@ -1,9 +1,9 @@
 """The paper's table 2: what nets trained on one set after another are worth on the target's test images.
 
-    python -m experiments.table --target camvid --data DIR --holdout 0006R0
-    python -m experiments.table --target camvid --data DIR --gta5 DIR --synthia DIR --nets compact fcn8s
-    python -m experiments.table --target twin --preset smoke                     # under a minute
-    python -m experiments.table --rederive runs/a/table.json --out runs/b        # no net at all
+    sdr-jax study table --target camvid --data DIR --holdout 0006R0
+    sdr-jax study table --target camvid --data DIR --gta5 DIR --synthia DIR --nets compact fcn8s
+    sdr-jax study table --target twin --preset smoke                     # under a minute
+    sdr-jax study table --rederive runs/a/table.json --out runs/b        # no net at all
 
 Training sets are SceneX with random attributes, with the hand-set street and with learnt attributes,
 data sets of others, and the reward images themselves. Attributes are learnt first, unless
@@ -15,23 +15,16 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 
 from experiments.config import (
-    FewConfig,
     Fidelity,
-    LearntConfig,
-    Preset,
-    TargetName,
     check_net,
-    presets,
 )
-from experiments.config.cli import main
+from experiments.config.cli import command
+from experiments.config.studies import TableConfig
 from experiments.evaluation.job import Source
 from experiments.run import few
 from experiments.run.context import Run
@@ -67,7 +60,6 @@ from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, cla
 from seg.data import LabelledImages, load, subset
 from seg.settings import VGG_NETS, NetName
 from seg.weights import described
-from shell.bounds import DISTINCT
 from shell.errors import UserError
 from shell.listing import list_all
 from shell.target_file import shipped
@@ -111,34 +103,6 @@ PAPER: dict[str, dict[str, tuple[int, float, float]]] = {
     },
 }
 """Training set -> images, mIoU of FCN8s, of DeepLabv2. Source: table 2."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class TableConfig(LearntConfig, FewConfig):
-    """One table. Every field is a flag."""
-
-    nets: Annotated[tuple[NetName, ...], DISTINCT] = ("compact",)
-    """The nets that are trained."""
-    compact: Fidelity
-    """The fidelity of the compact net, where that is not the final one's."""
-    vgg: Fidelity
-    """The fidelity of FCN8s and DeepLabv2, where the final one's net is neither."""
-    weights: Path | None = None
-    """ImageNet weights that the VGG nets start from (see ``seg.weights``); by default from scratch."""
-    gta5: Path | None = None
-    """Folder of GTA5, to train on."""
-    synthia: Path | None = None
-    """Folder of SYNTHIA RAND-CITYSCAPES."""
-    kitti: Path | None = None
-    """Folder of KITTI semantics."""
-    all_images: bool = False
-    """Train on all images of these; by default on as many as a rendered dataset has, a seeded choice."""
-
-
-def defaults(target: TargetName, preset: Preset) -> TableConfig:
-    """The defaults of ``python -m experiments.table``."""
-    own = {"nets": ("fcn8s", "deeplabv2")} if preset == "paper" else {}
-    return presets.defaults(TableConfig, target, preset, **own)
 
 
 def check(config: TableConfig) -> None:
@@ -379,6 +343,7 @@ def picture(report: Report) -> bytes:
 
 FORM = Form("table", derive, text, {"table.png": picture})
 STUDY = of_rows(FORM, rows, report, check)
+RUN = partial(do, STUDY)
 
 if __name__ == "__main__":
-    sys.exit(main("table", defaults, partial(do, STUDY), __doc__))
+    sys.exit(command("table"))

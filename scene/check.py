@@ -1,6 +1,6 @@
 """Checks an exported dataset: whether its files are whole, and all its labels say the same.
 
-python -m scene.check streets
+    sdr-jax check streets
 
 One line for each finding. Exit code 0: no fault found; 1: findings; 2: not a dataset.
 """
@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from scene import parsers
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.edges import Overlap, overlap
 from scene.dataset.formats.about import About
@@ -22,7 +23,7 @@ from scene.dataset.formats.planes import ids_of
 from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
 from scene.dataset.read import Described, describe
 from scene.dataset.verify import load, verify
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 from shell.files import read_bytes, read_json
 
 LEAST_LIFT = 2.2
@@ -177,9 +178,7 @@ def _statistics(
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    command = Parser("scene.check", __doc__)
-    command.add_argument("dataset", type=Path, help="folder that scene.render wrote")
-    options = command.parse_args(arguments)
+    options = parsers.check().parse_args(arguments)
 
     def work() -> int:
         found = 0

@@ -1,7 +1,7 @@
 """Statistics of a dataset, beside those of the images it is meant to be like.
 
-python -m scene.stats streets
-python -m scene.stats streets --against CamVid --only 0016E5 --only 0001TP --json stats.json
+    sdr-jax stats streets
+    sdr-jax stats streets --against CamVid --only 0016E5 --only 0001TP --json stats.json
 
 For each class its share of the labelled pixels, its mean row (0 at the top, 1 at the bottom) and the share
 of images it is in. CamVid's 11 classes are those of the table where it is the target.
@@ -16,9 +16,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from scene import parsers
 from scene.classes import CLASS_NAMES
 from scene.dataset.real import CAMVID, CAMVID_OF_TRAIN, open_pictures
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 from shell.files import write_json
 
 
@@ -134,17 +135,7 @@ def table(classes: tuple[str, ...], found: dict[str, Statistics]) -> str:
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    command = Parser("scene.stats", __doc__)
-    command.add_argument("dataset", type=Path, help="folder that scene.render wrote")
-    command.add_argument(
-        "--against", type=Path, help="folder of CamVid, of Cityscapes or of another dataset"
-    )
-    command.add_argument(
-        "--only", action="append", default=[], metavar="PREFIX",
-        help="of real images, only those called PREFIX...; may be given again",
-    )  # fmt: skip
-    command.add_argument("--json", type=Path, help="file for the same figures")
-    options = command.parse_args(arguments)
+    options = parsers.stats().parse_args(arguments)
 
     def work() -> None:
         classes, found = compare(options.dataset, options.against, tuple(options.only))

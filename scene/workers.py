@@ -20,8 +20,6 @@ from itertools import islice
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-import cv2
-
 from shell.cores import Cores
 from shell.memory import refuse_larger
 
@@ -296,6 +294,8 @@ def _start(counter: Any, nice: int) -> None:
     with counter.get_lock():
         number = counter.value
         counter.value += 1
+    import cv2  # the main process may have no use for it
+
     cv2.setNumThreads(1)
     if nice and hasattr(os, "nice"):
         os.nice(nice)

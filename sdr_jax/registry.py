@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple
+from typing import Any, NamedTuple
 
 import optax
 
@@ -23,23 +23,6 @@ from sdr_jax.rivals.random_search import random_search
 from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import sdr
 from sdr_jax.space import Space, Width
-
-MethodName = Literal[
-    "surrogate",
-    "sdr",
-    "pool",
-    "random_attributes",
-    "random_search",
-    "attribute_descent",
-    "gaussian",
-    "pbil",
-    "linear",
-    "intervals",
-    "cma_es",
-    "tpe",
-    "gaussian_process",
-]
-"""Every search method, by the name of its function."""
 
 BASELINES = {
     "ema": ema(),

@@ -22,6 +22,7 @@ from safetensors.numpy import save as tensor_bytes
 from seg.classes import IGNORE_LABEL, colorize
 from seg.data.labelled import fitted
 from seg.errors import ModelError
+from seg.names import As
 from seg.nets.lite0 import SMALLEST
 from seg.settings import TrainSettings, check_settings
 from seg.train import Params, logits, outline
@@ -41,8 +42,6 @@ _LARGEST = 2**31  # bytes of weights: VGG16 has 553 MB
 
 Written = Literal["ids", "colours"]
 """How label files name classes."""
-As = Literal["ids", "colours", "overlay"]
-"""What is written of a prediction; an overlay is half image, half colours."""
 
 
 class LabelClass(NamedTuple):

@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import argparse
+import ast
 import os
+import re
 import shlex
 import sys
+import textwrap
 import traceback
-from collections.abc import Callable
-from typing import NoReturn
+from collections.abc import Callable, Iterable
+from difflib import get_close_matches
+from importlib.util import find_spec
+from itertools import takewhile
+from pathlib import Path
+from typing import Any, NoReturn
 
 from shell.errors import UserError
 from shell.interrupt import INTERRUPTED, while_working
@@ -17,41 +24,171 @@ USAGE, MISTAKE, UNREAD = 2, 70, 141
 """Exit codes: something the user can put right; a mistake of ours; nobody reads the output (``| head``)."""
 DEBUG = "--debug"
 """Flag of every command: show where an error comes from."""
+HELP = ("-h", "--help", "--help-all")
+PROGRAM = "sdr-jax"
+"""All commands begin with it."""
 
 
-_SHORT: dict[str, str] = {}  # modules, to the names that they were called by
+class _Layout(argparse.HelpFormatter):
+    """Fills paragraphs to the width of the terminal, keeps examples, and shows defaults."""
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        parts = re.split(r"\n\s*\n", text.strip("\n"))
+        return "\n\n".join(_laid_out(part, width) for part in parts) + "\n"
+
+    def _format_action_invocation(self, action: argparse.Action) -> str:
+        if not action.option_strings or action.nargs == 0:
+            return super()._format_action_invocation(action)
+        own = self._format_args(action, self._get_default_metavar_for_optional(action))
+        return f"{', '.join(action.option_strings)} {own}"
+
+    def _get_help_string(self, action: argparse.Action) -> str:
+        said, default = action.help or "", action.default
+        plain = default in (None, "", argparse.SUPPRESS) or isinstance(default, bool | list)
+        if plain or not action.option_strings:
+            return said
+        return f"{said} (default: %(default)s)".strip()
 
 
-def call(module: str, name: str) -> None:
-    """Let help and errors of a module's command name it as it was called."""
-    _SHORT[module] = name
+def _laid_out(paragraph: str, width: int) -> str:
+    """A paragraph filled; of examples, comments go on lines of their own where they do not fit."""
+    if not paragraph.startswith((" ", f"{PROGRAM} ")):
+        return textwrap.fill(paragraph, width)
+    lines = textwrap.indent(textwrap.dedent(paragraph), "    ").splitlines()
+    if max(map(len, lines)) > width:
+        apart = [re.split(r" +(?=# )", line.rstrip(), maxsplit=1) for line in lines]
+        lines = [
+            own
+            for command, *comment in apart
+            for own in (*(f"    {said}" for said in comment), *_broken(command, width))
+        ]
+    return "\n".join(lines)
 
 
-def called(module: str) -> str:
-    """A module's command as one would type it: ``sdr-jax camvid`` if so called, else ``python -m ...``."""
-    return _SHORT.get(module, f"python -m {module}")
+def _broken(command: str, width: int) -> list[str]:
+    """A command over lines that end with a backslash."""
+    parts = textwrap.wrap(
+        command.strip(), width - 2, initial_indent="    ", subsequent_indent="        ",
+        break_long_words=False, break_on_hyphens=False,
+    )  # fmt: skip
+    return [*(f"{part} \\" for part in parts[:-1]), parts[-1]]
 
 
 class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line, with exit code 2; ``--help`` says the rest.
 
+    The help has the options of the parser itself; those of its groups are told by ``--help-all``.
+
     Args:
-        module: the command is ``python -m module``, see ``called``.
-        description: the help's first part, kept as it is laid out.
+        name: the command as one types it after `PROGRAM`, such as "render".
+        description: the help's first part; indented paragraphs are kept as they are laid out.
     """
 
-    def __init__(self, module: str, description: str | None) -> None:
+    def __init__(self, name: str, description: str | None) -> None:
         super().__init__(
-            prog=called(module),
+            prog=f"{PROGRAM} {name}",
             description=description,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=_Layout,
             allow_abbrev=False,
+            add_help=False,
         )
-        self.add_argument(DEBUG, action="store_true", help="show where an error comes from")
+        self._positionals.title = "arguments"
+        self._rare: list[argparse._ArgumentGroup] = []
+        self._common = self.add_argument_group("about this command")
+        add = self._common.add_argument
+        add("-h", "--help", action=_Help, everything=False, help="show this help")
+        add(DEBUG, action="store_true", help="show where an error comes from")
+
+    def group(self, title: str) -> Callable[..., argparse.Action]:
+        """Begin a group of options that only ``--help-all`` tells; returns its ``add_argument``."""
+        if not self._rare:
+            self._common.add_argument("--help-all", action=_Help, everything=True)
+        self._rare.append(self.add_argument_group(title))
+        return self._rare[-1].add_argument
+
+    def format_help(self, everything: bool = False) -> str:
+        """The help in short, or all of it."""
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage or self._usage(), [], [])
+        formatter.add_text(self.description)
+        others = [action for group in self._rare for action in group._group_actions]
+        for action in self._common._group_actions:
+            if "--help-all" in action.option_strings:
+                titles = ", ".join(str(group.title) for group in self._rare)
+                count = sum(action.help != argparse.SUPPRESS for action in others)
+                action.help = f"show {count} more options: {titles}"
+        groups = [g for g in self._action_groups if g is not self._common]
+        for group in (*groups, self._common):
+            if everything or group not in self._rare:
+                formatter.start_section(group.title)
+                formatter.add_text(group.description)
+                formatter.add_arguments(group._group_actions)
+                formatter.end_section()
+        return formatter.format_help()
+
+    def _usage(self) -> str:
+        """What must be given, in the order of the help."""
+        words = []
+        for action in self._actions:
+            own = action.metavar or "|".join(action.choices or ()) or action.dest.upper()
+            more = " ..." if action.nargs in ("+", "*") else ""
+            if not action.option_strings:
+                words.append(f"[{own}]" if action.nargs in ("?", "*") else f"{own}{more}")
+            elif action.required:
+                words.append(f"{action.option_strings[-1]} {own}{more}")
+        return " ".join(["%(prog)s", *words, "[options]"])
+
+    def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Parse; options that are not there are refused before those that are missing."""
+        words = sys.argv[1:] if args is None else list(args)
+        known = self._option_string_actions
+        for k, word in enumerate(takewhile("--".__ne__, words)):
+            flag, equals, value = word.partition("=")
+            if not flag.startswith("--") or flag in known:
+                continue
+            if (flag := flag.replace("_", "-")) not in known:
+                shown = [own for own, a in known.items() if a.help != argparse.SUPPRESS]
+                self.error(f"no option {word.partition('=')[0]}{meant(flag, shown)}")
+            words[k] = flag + equals + value
+        return super().parse_args(words, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Print one line and end with exit code 2."""
         self.exit(USAGE, f"{self.prog}: error: {' '.join(message.split())}\n")
+
+
+class _Help(argparse.Action):
+    """Shows the help, and ends the program."""
+
+    def __init__(self, option_strings: Any, dest: str, everything: bool, help: str = "") -> None:
+        super().__init__(option_strings, argparse.SUPPRESS, nargs=0, help=help)
+        self.default, self.everything = argparse.SUPPRESS, everything
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: Any = None) -> None:
+        parser.exit(exit_code(lambda: print(parser.format_help(self.everything), end="")))
+
+
+def meant(word: str, known: Iterable[str]) -> str:
+    """``; did you mean --seeds?`` after a word that is not among the known ones, or nothing."""
+    known = list(known)
+    leaf = word.lstrip("-")
+    found = [own for own in known if own.rpartition(".")[2] == leaf][:2]
+    found = found or get_close_matches(word, known, 1)
+    return f"; did you mean {' or '.join(found)}?" if found else ""
+
+
+def docstring(module: str) -> str:
+    """What a module says of itself, read from its file; nothing but its package is loaded."""
+    return ast.get_docstring(ast.parse(path_of(module).read_text(encoding="utf-8"))) or ""
+
+
+def path_of(module: str) -> Path:
+    """The file that `python -m module` runs; of its packages only the first is loaded."""
+    package, *names = module.split(".")
+    spec = find_spec(package)
+    assert spec is not None and spec.origin is not None
+    place = Path(spec.origin).parent.joinpath(*names)
+    return place / "__main__.py" if place.is_dir() else place.with_suffix(".py")
 
 
 def given() -> str:

@@ -1,66 +1,9 @@
-"""What a job can be told, its defaults by target and preset, what is refused, and its command line."""
+"""What a job can be told, its defaults by target and preset, what is refused, and its command line.
 
-from experiments.config.check import check, check_net, offered
-from experiments.config.config import (
-    NETS,
-    SEED_END,
-    BinsConfig,
-    Candidate,
-    Config,
-    FewConfig,
-    Group,
-    GroupsConfig,
-    LearntConfig,
-    MainConfig,
-    NetsConfig,
-    Preset,
-    Rederived,
-    RewardConfig,
-    RewardKind,
-    SearchConfig,
-    SearchesConfig,
-    ShareConfig,
-    TargetName,
-    TwinName,
-    Unused,
-    fidelities,
-)
-from experiments.config.method import make_method, make_space, read_attributes, start_of
-from experiments.config.options import Bins, Fidelity, MethodOptions, Search, SearchOptions
+Names are imported on first use, so that help texts load no net and no search;
+``__init__.pyi`` lists them.
+"""
 
-__all__ = [
-    "NETS",
-    "SEED_END",
-    "Bins",
-    "BinsConfig",
-    "Candidate",
-    "Config",
-    "FewConfig",
-    "Fidelity",
-    "Group",
-    "GroupsConfig",
-    "LearntConfig",
-    "MainConfig",
-    "MethodOptions",
-    "NetsConfig",
-    "Preset",
-    "Rederived",
-    "RewardConfig",
-    "RewardKind",
-    "Search",
-    "SearchConfig",
-    "SearchOptions",
-    "SearchesConfig",
-    "ShareConfig",
-    "TargetName",
-    "TwinName",
-    "Unused",
-    "check",
-    "check_net",
-    "fidelities",
-    "make_method",
-    "make_space",
-    "offered",
-    "read_attributes",
-    "start_of",
-]
+from shell.lazy import import_on_use
+
+__all__ = import_on_use(__name__)

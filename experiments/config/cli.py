@@ -1,73 +1,79 @@
-"""What the command lines of the experiments share: defaults by target and preset, then all flags."""
+"""What the command lines of jobs share: defaults by target and preset, then all flags.
+
+A command is a row of `experiments.config.studies`; what it does is loaded when its flags are right.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from importlib import import_module
+from inspect import get_annotations
 from pathlib import Path
 from typing import Any
 
-import tyro
-
-from experiments.config.config import AnyConfig, Preset, TargetName, TwinName, fidelities
+from experiments.config.config import AnyConfig, Config, Preset, TargetName, fidelities
 from experiments.config.presets import in_space
+from experiments.config.studies import JOBS, defaults_of
 from scene.attributes import SpaceName
-from scene.render import RendererError
 from scene.workers import WorkerError
 from seg.recipes import with_net
-from seg.settings import NetName, Trunk
-from shell.command import DEBUG, called, exit_code
+from shell.command import HELP, Parser, docstring, exit_code
 from shell.errors import UserError
+from shell.flags import Field, add_flag, filled, flags_of
 
-
-@dataclass(frozen=True)
-class _Train:
-    net: NetName | None = None
-    trunk: Trunk | None = None
-    weights: str | None = None
-
-
-@dataclass(frozen=True)
-class _Fidelity:
-    train: _Train = _Train()
-
-
-@dataclass(frozen=True)
-class _Choice:
-    """What decides the defaults of all other flags."""
-
-    preset: Preset = "quick"
-    target: TargetName = "twin"
-    data: Path | None = None
-    twin: TwinName = "near"
-    space: SpaceName | None = None
-    reward: _Fidelity = _Fidelity()
-    final: _Fidelity = _Fidelity()
-
-
-def _with_nets(default: AnyConfig, choice: _Choice) -> AnyConfig:
-    """Defaults with the recipes of the nets that are chosen."""
-    chosen = {"reward": choice.reward, "final": choice.final}
-    for name, fidelity in fidelities(default).items():
-        named = vars(chosen[name].train) if name in chosen else {}
-        changes = {key: value for key, value in named.items() if value is not None}
-        if changes:
-            train = with_net(fidelity.train, **changes)
-            own: dict[str, Any] = {name: replace(fidelity, train=train)}
-            default = replace(default, **own)
-    return default
+COMMON = (
+    "target", "data", "out", "preset", "holdout", "few", "learnt", "search.method", "space", "seed",
+    "seeds", "workers", "store", "rederive",
+)  # fmt: skip
+"""Fields that the short help tells, beside those of a study's own."""
+TOPICS = {
+    "real images": (
+        "target",
+        "reward_images",
+        "test_images",
+        "test_split",
+        "unlabelled",
+        "few_share",
+    ),
+    "the twin": ("twin", "twin_seed"),
+    "assets": ("assets", "asset_use", "asset_fraction", "asset_count"),
+    "where it runs": ("renderer", "executor", "scheduler"),
+    "the search": ("groups", "default_width", "reward_kind", "search"),
+    "model selection": ("candidates", "candidate_seeds", "parts", "ladder"),
+    "size of rewards": ("reward",),
+    "size of final nets": ("final",),
+    "size of other nets": ("compact", "vgg"),
+}
+"""Groups of all other fields, by title; one of nested fields has their outermost name."""
+OTHERS = "other options"
 
 
 class Unmet(Exception):
     """The work is done, but its result is not what a flag demands."""
 
 
+def command(name: str, arguments: Sequence[str] | None = None) -> int:
+    """The command line of a job; returns the exit code.
+
+    Args:
+        name: among `JOBS`.
+        arguments: of the command; by default the program's.
+    """
+    job = JOBS[name]
+    return main(
+        name, partial(defaults_of, name), job.work, docstring(job.module), arguments,
+        target=job.target, with_data=job.with_data,
+    )  # fmt: skip
+
+
 def main(
     name: str,
     defaults: Callable[[TargetName, Preset], AnyConfig],
-    work: Callable[[AnyConfig], object],
+    work: Callable[[AnyConfig], object] | str,
     description: str | None,
     arguments: Sequence[str] | None = None,
     *,
@@ -77,9 +83,9 @@ def main(
     """Parse, work, and turn what went wrong into one line.
 
     Args:
-        name: the command is ``python -m experiments.NAME``.
+        name: of the command.
         defaults: of all flags, for a target and a preset.
-        work: the job.
+        work: the job, or the ``module:name`` that it is loaded from once the flags are right.
         description: the help's first part.
         arguments: of the command; by default the program's.
         target: of a command that has no ``--target``.
@@ -89,36 +95,78 @@ def main(
         The exit code: 2 for what the user can put right, 1 for workers that died or `Unmet`, 130 after
         Ctrl-C.
     """
-    given = sys.argv[1:] if arguments is None else list(arguments)
-    arguments = [word for word in given if word != DEBUG]  # of the command, not of the job
+    words = sys.argv[1:] if arguments is None else list(arguments)
     # On a GPU the policy must leave the memory to the workers' nets.
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
     # XLA's threads: with --workers 0 nets are the same as those of workers.
     os.environ["NPROC"] = "1"
+    others = ("--preset", *(["--data DIR"] if with_data else [] if target else ["--target"]))
 
-    def run() -> None:
-        choice, _ = tyro.cli(_Choice, args=arguments, return_unknown_args=True, add_help=False)
-        chosen = target or choice.target
-        if with_data is not None and choice.data is not None:
+    def configured(given: Mapping[str, Any]) -> tuple[AnyConfig, str]:
+        """The defaults for what is given, and what they are of."""
+        preset, chosen = given.get("preset", "quick"), target or given.get("target", "twin")
+        if with_data is not None and given.get("data") is not None:
             chosen = with_data
         # What is hidden must be within reach of the search.
-        space = choice.space or ("extended" if choice.twin == "far" else "scenex")
-        default = in_space(defaults(chosen, choice.preset), space)
-        others = ("--preset", *(["--data DIR"] if with_data else [] if target else ["--target"]))
-        words = (name, choice.preset) if target else (name, chosen, choice.preset)
-        default = _with_nets(replace(default, out=Path("runs") / "-".join(words)), choice)
-        config = tyro.cli(
-            type(default),
-            prog=called(f"experiments.{name}"),
-            description=f"{description or ''}\nThe defaults below are those of --preset {choice.preset} for "
-            f"{chosen}; {' and '.join(others)} beside --help show others.\n"
-            f"{DEBUG} shows where an error comes from.",
-            default=default,
-            args=arguments,
-        )
+        usual: SpaceName = "extended" if given.get("twin") == "far" else "scenex"
+        space: SpaceName = given.get("space", usual)
+        default = in_space(defaults(chosen, preset), space)
+        out = Path("runs") / "-".join((name, preset) if target else (name, chosen, preset))
+        return _with_nets(replace(default, out=out), given), f"--preset {preset} for {chosen}"
+
+    asked = [word for word in words if word in HELP]
+    parser = _parser(name, configured({})[0], description)
+    given = vars(parser.parse_args([word for word in words if word not in asked]))
+    if asked:  # with the defaults that hold beside the other flags
+        default, of = configured(given)
+        note = f"The defaults below are those of {of}; {' and '.join(others)} beside --help show others."
+        _parser(name, default, f"{description or ''}\n\n{note}").parse_args(asked)
+    debug = given.pop("debug")
+    do = _loaded(work) if isinstance(work, str) else work
+
+    def run() -> None:
+        from scene.render import RendererError  # the help needs no engine
+
+        config = filled(configured(given)[0], given)
         try:
-            work(config)
+            do(config)
         except RendererError as error:  # of a worker, too
             raise UserError(str(error)) from None
 
-    return exit_code(run, also=(WorkerError, Unmet), debug=DEBUG in given)
+    return exit_code(run, also=(WorkerError, Unmet), debug=debug)
+
+
+def _loaded(place: str) -> Callable[[Any], object]:
+    """What ``module:name`` names."""
+    module, _, name = place.partition(":")
+    found: Callable[[Any], object] = getattr(import_module(module), name)
+    return found
+
+
+def _parser(name: str, default: Config, description: str | None) -> Parser:
+    """The command line of a configuration, with the defaults that its help shows."""
+    parser = Parser(JOBS[name].called if name in JOBS else name, description)
+    common, own = parser.add_argument_group("options").add_argument, get_annotations(type(default))
+    titles = {name: title for title, names in TOPICS.items() for name in names}
+    adders = {title: parser.group(title) for title in (*TOPICS, OTHERS)}
+
+    def rank(field: Field) -> int:
+        word = ".".join(field.path)
+        return COMMON.index(word) if word in COMMON else -1 if word in own else len(COMMON)
+
+    for field in sorted(flags_of(default), key=rank):
+        rare = rank(field) == len(COMMON)
+        add_flag(adders[titles.get(field.path[0], OTHERS)] if rare else common, field)
+    return parser
+
+
+def _with_nets(default: AnyConfig, given: Mapping[str, Any]) -> AnyConfig:
+    """Defaults with the recipes of the nets that are chosen."""
+    for name, fidelity in fidelities(default).items():
+        flags = {key: given.get(f"{name}.train.{key}") for key in ("net", "trunk", "weights")}
+        changes = {key: value for key, value in flags.items() if value is not None}
+        if changes and name in ("reward", "final"):
+            train = with_net(fidelity.train, **changes)
+            own: dict[str, Any] = {name: replace(fidelity, train=train)}
+            default = replace(default, **own)
+    return default

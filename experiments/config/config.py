@@ -5,18 +5,18 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal, TypeVar, get_args
-
-import tyro
-from tyro.constructors import PrimitiveConstructorSpec
+from typing import TYPE_CHECKING, Annotated, Literal, TypeVar, get_args
 
 from experiments.config.options import Bins, Fidelity, Search, SearchOptions
-from scene.assets.catalogue import AssetPool
 from scene.attributes import SpaceName
 from scene.proposal import RELAXATION
 from scene.workers import ExecutorName, refuse_many_workers
 from shell.bounds import DISTINCT, Bound, at_least, at_most, must, within
+from shell.flags import UNUSED, Word
 from shell.memory import refuse_larger
+
+if TYPE_CHECKING:
+    from scene.assets.catalogue import AssetPool
 
 Preset = Literal["smoke", "quick", "paper"]
 TargetName = Literal["twin", "camvid", "cityscapes", "labelmefacade"]
@@ -28,18 +28,9 @@ OF_OTHERS: tuple[Candidate, ...] = ("seen", "broad")
 RewardKind = Literal["miou", "mmd"]
 
 Group = Annotated[
-    tuple[str, ...],
-    PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="NAME,NAME,...",
-        instance_from_str=lambda words: tuple(words[0].split(",")),
-        is_instance=lambda value: isinstance(value, tuple),
-        str_from_instance=lambda group: [",".join(group)],
-    ),
+    tuple[str, ...], Word("NAME,NAME,...", lambda word: tuple(word.split(",")), ",".join)
 ]
 """Names of attributes; on the command line one word, with commas."""
-Unused = (tyro.conf.Fixed, tyro.conf.Suppress)
-"""Marks of a field that is no flag of a command, though others have it."""
 
 SEED_END = 2**31
 """All seeds are smaller, since numbers derived from them must fit into 32 bits."""
@@ -98,7 +89,7 @@ class Config:
     """Where the twin's hidden attributes lie: around the hand-set street (near), or anywhere in the extended
     space (far)."""
     store: Path | None = None
-    """File of evaluations that runs share, so that none is made twice. See ``experiments.store``."""
+    """File of evaluations that runs share, so that none is made twice. See `sdr-jax store`."""
     assets: Path | None = None
     """Folder of your own assets, by class (see ``scene.library``)."""
     asset_use: Literal["both", "own", "built-in"] = "both"
@@ -116,6 +107,8 @@ class Config:
     @property
     def pool(self) -> AssetPool:
         """The assets that the search may use; the twin's begin elsewhere."""
+        from scene.assets.catalogue import AssetPool  # the help needs no assets
+
         own = "" if self.assets is None else str(self.assets)
         return AssetPool(0, self.asset_count, self.asset_fraction, own, self.asset_use)
 
@@ -205,7 +198,7 @@ class FewConfig(ShareConfig):
 class MainConfig(FewConfig):
     """One run of the main job. Every field is a flag."""
 
-    target: Annotated[TargetName, *Unused] = "twin"
+    target: Annotated[TargetName, UNUSED] = "twin"
     unlabelled: Path | None = None
     """Folder of images that give the reward in place of the labelled training images; only with
     --reward-kind mmd. The reported figures still come from --data."""

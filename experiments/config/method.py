@@ -19,7 +19,7 @@ from scene.proposal import (
     space_in,
     streets_in,
 )
-from sdr_jax.registry import MethodName
+from sdr_jax.names import MethodName
 from shell.errors import UserError, flagged
 
 WIDE = 0.5

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
-import tyro
-
-from scene.render import RenderSettings
-from sdr_jax.registry import MethodName
+from sdr_jax.names import MethodName
 from seg.settings import TrainSettings
 from shell.bounds import POSITIVE, at_least, at_most, within
+from shell.flags import Alias
+
+if TYPE_CHECKING:
+    from scene.render import RenderSettings
 
 MOST_BINS = 1000
 """More bins would only take time: one is a thousandth of an attribute's range by then."""
@@ -45,6 +46,8 @@ class Fidelity:
 
     def render_settings(self) -> RenderSettings:
         """The engine's settings at this size."""
+        from scene.render import RenderSettings  # the help needs no engine
+
         return RenderSettings(self.width, self.height, self.samples)
 
 
@@ -91,7 +94,7 @@ class SearchOptions(Bins):
     """(100 mIoU)^2, as in the authors' code, instead of mIoU (sdr)."""
     common_random_numbers: bool = False
     """Datasets of one update share their seed, and their streets' places within the intervals."""
-    start: Annotated[str, tyro.conf.arg(aliases=["--start"])] = "default"
+    start: Annotated[str, Alias("--start")] = "default"
     """Where the search begins (intervals, pool): default (the hand-set street), random, or an
     attributes.json. Half of a pool's first streets are random in any case."""
     pool: PoolOptions = field(default_factory=PoolOptions)
@@ -104,7 +107,7 @@ class SearchOptions(Bins):
 class MethodOptions(SearchOptions):
     """Which method searches, and how."""
 
-    method: Annotated[MethodName, tyro.conf.arg(aliases=["--method"])] = "surrogate"
+    method: Annotated[MethodName, Alias("--method")] = "surrogate"
     """The search method; ``sdr`` is the paper's."""
 
 

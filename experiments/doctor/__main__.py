@@ -1,9 +1,9 @@
 """Says what this machine has, and what a folder of labelled images holds.
 
-    python -m experiments.doctor                              # versions, GPU, renderers, extras
-    python -m experiments.doctor DATA                         # the folder, too: a page in runs/doctor
-    python -m experiments.doctor DATA --write target.yaml     # writes the file that it proposes
-    python -m experiments.doctor DATA --target camvid         # looks at the folder with a file that exists
+    sdr-jax doctor                              # versions, GPU, renderers, extras
+    sdr-jax doctor DATA                         # the folder, too: a page in runs/doctor
+    sdr-jax doctor DATA --write target.yaml     # writes the file that it proposes
+    sdr-jax doctor DATA --target camvid         # looks at the folder with a file that exists
 
 A folder is described by its own target.yaml, by that of a known data set with its layout and values, or by
 one that is proposed. What the proposal cannot know, such as names of classes, it says.
@@ -19,7 +19,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from shell.command import Parser, exit_code
+from experiments.config import parsers
+from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import write
 
@@ -36,26 +37,6 @@ OF_COMMANDS: dict[str, TargetName] = {
 """Targets that have a command of their own."""
 WIDE = 640
 """Width of a picture on the page, at most."""
-
-
-def parser() -> Parser:
-    """The command line."""
-    options = Parser("experiments.doctor", __doc__)
-    add = options.add_argument
-    add("data", type=Path, nargs="?", metavar="DATA", help="folder of labelled images")
-    add(
-        "--target",
-        metavar="NAME|FILE",
-        help="the file that describes them; by default one is proposed",
-    )
-    add("--write", type=Path, metavar="FILE", help="where to write the file that is proposed")
-    add(
-        "--out",
-        type=Path,
-        default=OUT,
-        help=f"folder of the page and the picture; by default {OUT}",
-    )
-    return options
 
 
 def diagnose(
@@ -199,7 +180,7 @@ def _png(picture: Any) -> bytes:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    options = parser().parse_args(arguments)
+    options = parsers.doctor().parse_args(arguments)
     os.environ["NPROC"] = "1"  # XLA's threads, as for nets of all commands
     return exit_code(
         lambda: diagnose(options.data, options.target, options.write, options.out),

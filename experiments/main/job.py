@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from experiments.config import MainConfig
@@ -16,7 +17,7 @@ from experiments.run.context import Run, Work
 from experiments.run.learn import learn, work_of
 from experiments.run.nets import by_row, jobs_of, paired_seeds, training_sets
 from experiments.study.form import Form, Report
-from experiments.study.skeleton import Study
+from experiments.study.skeleton import Study, do
 from scene.dataset.export import export_dataset, read_dataset
 from scene.proposal import Streets, draw, named
 from seg.data import LabelledImages
@@ -80,7 +81,7 @@ def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
     """The learnt dataset, with every label the engine knows, in ``dataset/``.
 
     With ``--few`` a note beside it says how to train on it and on them.
-    ``scene.render`` makes the same from the run's ``attributes.json`` and seed.
+    `sdr-jax render` makes the same from the run's ``attributes.json`` and seed.
     """
     config, fidelity = run.config, recipe.fidelity
     export_dataset(
@@ -100,4 +101,5 @@ def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
 
 FORM = Form("summary", summary.derive, summary.text, {}, {"report.html": page.html})
 MAIN = Study(FORM, plan, scores)
-"""What ``experiments.cityscapes``, ``experiments.camvid`` and ``experiments.labelmefacade`` do."""
+RUN = partial(do, MAIN)
+"""What `sdr-jax cityscapes`, `sdr-jax camvid` and `sdr-jax labelmefacade` do."""

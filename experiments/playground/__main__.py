@@ -1,8 +1,8 @@
 """Serves a local page with a slider for each attribute and the street that they give.
 
-python -m experiments.playground
-python -m experiments.playground --space extended --size 640x360 --no-browser
-python -m experiments.playground --attributes runs/main/attributes.json --real DIR
+sdr-jax playground
+sdr-jax playground --space extended --size 640x360 --no-browser
+sdr-jax playground --attributes runs/main/attributes.json --real DIR
 """
 
 from __future__ import annotations
@@ -11,39 +11,15 @@ import argparse
 import socket
 import sys
 from importlib.util import find_spec
-from pathlib import Path
 
+from experiments.config.parsers import playground as parser
 from experiments.playground.photographs import listed
 from experiments.playground.state import LOSS, State, View, check_view, has_probabilities, opened
 from scene.assets.catalogue import AssetPool
-from scene.attributes import SPACES
 from scene.proposal import read_streets
 from scene.render import RendererError, renderer
-from shell.command import Parser, exit_code, size
+from shell.command import exit_code
 from shell.errors import UserError
-
-PORT = 8420
-
-
-def parser() -> Parser:
-    """The command line."""
-    options = Parser("experiments.playground", __doc__)
-    add = options.add_argument
-    add("--port", type=int, default=PORT, help=f"of 127.0.0.1; by default {PORT}")
-    add("--no-browser", action="store_true", help="only serve; open no browser")
-    add(
-        "--attributes",
-        default="default",
-        help="default, random, mixed, or a JSON file to begin with",
-    )
-    add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
-    add("--real", type=Path, metavar="DIR", help="real images to look at beside the street")
-    add("--size", type=size, default=(480, 270), help="WIDTHxHEIGHT in pixels")
-    add("--samples", type=int, default=2, help="rays per pixel along each axis")
-    add("--seed", type=int, default=0)
-    add("--shots", type=int, default=6, help="images per street")
-    add("--assets", default="", metavar="DIR", help="folder of your own assets")
-    return options
 
 
 def check_port(port: int) -> None:

@@ -1,22 +1,22 @@
 """Reports of runs: one page of each that needs no network.
 
-    python -m experiments.report runs/a             # writes runs/a/report.html anew
+    sdr-jax report runs/a             # writes runs/a/report.html anew
 
-A run is the folder (--out) of experiments.camvid, experiments.cityscapes or experiments.labelmefacade at its
-end. Studies have reports in a form of their own, which --rederive writes anew.
+A run is the folder (--out) of `sdr-jax camvid`, `cityscapes` or `labelmefacade` at its end. Studies have
+reports in a form of their own, which --rederive writes anew.
 """
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from experiments.config import parsers
 from experiments.evaluation.store import LOGS
 from experiments.report import page
 from experiments.report.folder import read
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 from shell.errors import UserError
 from shell.files import write
 
@@ -43,11 +43,7 @@ def make(path: Path, out: Path | None) -> Path:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = Parser("experiments.report", __doc__)
-    parser.add_argument("run", type=Path, nargs="+", metavar="RUN", help="run folder")
-    parser.add_argument("--out", type=Path, help="the page; by default RUN/report.html")
-    parser.add_argument("--tensorboard", help=argparse.SUPPRESS)
-    options = parser.parse_args(arguments)
+    options = parsers.report().parse_args(arguments)
 
     def work() -> None:
         if options.tensorboard is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sdr_jax
 from experiments.config import SearchesConfig, make_method, make_space
 from experiments.run.rewards import SearchPlan
-from sdr_jax.registry import MethodName
+from sdr_jax.names import MethodName
 from shell.errors import UserError
 
 

@@ -25,8 +25,8 @@ from scene.proposal import (
     mixture,
     random_proposal,
 )
+from sdr_jax.names import MethodName
 from sdr_jax.pool import Policy
-from sdr_jax.registry import MethodName
 from shell.files import digest
 
 

@@ -16,7 +16,7 @@ from experiments.run.context import Run
 from experiments.run.few import beside
 from scene.attributes import SpaceName, names
 from scene.proposal import Proposal, random_proposal
-from sdr_jax.registry import MethodName
+from sdr_jax.names import MethodName
 from shell.errors import UserError
 
 PLACE = ("search", "update", "dataset")

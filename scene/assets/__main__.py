@@ -1,8 +1,8 @@
 """The catalogue: how many assets there are, and which of them look most alike.
 
-python -m scene.assets                     # class, family, count, kinds
-python -m scene.assets --json              # {class: count} of all 19 classes
-python -m scene.assets --closest car       # the pairs of cars that look most alike
+sdr-jax catalogue                    # class, family, count, kinds
+sdr-jax catalogue --json             # {class: count} of all 19 classes
+sdr-jax catalogue --closest car      # the pairs of cars that look most alike
 """
 
 from __future__ import annotations
@@ -11,11 +11,12 @@ import json
 import sys
 from collections.abc import Iterator
 
+from scene import parsers
 from scene.assets.catalogue import asset, families_of, kind, surfaces
 from scene.assets.families import FAMILIES
 from scene.assets.likeness import closest, looks
 from scene.classes import CLASS_NAMES, TrainId
-from shell.command import Parser, exit_code
+from shell.command import exit_code
 
 
 def counts() -> dict[str, int]:
@@ -52,12 +53,7 @@ def nearest(name: str, pairs: int) -> Iterator[str]:
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    command = Parser("scene.assets", __doc__)
-    what = command.add_mutually_exclusive_group()
-    what.add_argument("--json", action="store_true", help="print {class: count}")
-    what.add_argument("--closest", metavar="CLASS", help="class or family; 'all' for every one")
-    command.add_argument("--pairs", type=int, default=10, help="pairs to print with --closest")
-    options = command.parse_args(arguments)
+    options = parsers.catalogue().parse_args(arguments)
     chosen = FAMILIES if options.closest == "all" else (options.closest,)
 
     def work() -> None:

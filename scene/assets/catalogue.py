@@ -20,10 +20,8 @@ from scene.cache import Arrays, kept
 from scene.classes import CLASS_NAMES
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 from scene.mesh.asset import Asset
+from scene.names import USES
 from scene.sky.weather import SKIES
-
-USES = ("both", "own", "built-in")
-"""Values of ``AssetPool.use``."""
 
 
 class AssetPool(NamedTuple):

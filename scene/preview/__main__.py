@@ -1,13 +1,13 @@
 """Pictures to look at.
 
-python -m scene.preview --out sheet.png                          # hand-set streets, labels, depth
-python -m scene.preview --attributes random --renderer opengl --out sheet.png
-python -m scene.preview --sweep car_interval --out sweep.png     # one attribute from 0 to 1
-python -m scene.preview --sweep all --out sweeps.jpg             # all attributes
-python -m scene.preview --theme all --out themes.jpg             # junctions, bends, parked rows, ...
-python -m scene.preview --asset car --count 24 --out cars.png    # assets of one class
-python -m scene.preview --asset all --out assets.jpg             # some of every class
-python -m scene.preview --asset car --assets DIR --asset-use own --out mine.png
+    sdr-jax preview --out sheet.png                         # hand-set streets, labels, depth
+    sdr-jax preview --attributes random --renderer opengl --out sheet.png
+    sdr-jax preview --sweep car_interval --out sweep.png    # one attribute from 0 to 1
+    sdr-jax preview --sweep all --out sweeps.jpg            # all attributes
+    sdr-jax preview --theme all --out themes.jpg            # junctions, bends, parked rows
+    sdr-jax preview --asset car --count 24 --out cars.png   # assets of one class
+    sdr-jax preview --asset all --out assets.jpg            # some of every class
+    sdr-jax preview --asset car --assets DIR --asset-use own --out mine.png
 
 What is written is PNG, or JPEG where the file's name ends in .jpg.
 """
@@ -21,15 +21,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scene.assets.catalogue import USES, AssetPool, absent, check_pool
-from scene.attributes import SPACES
+from scene.assets.catalogue import AssetPool, absent, check_pool
+from scene.parsers import preview as parser
 from scene.preview.closeup import all_classes, class_page
 from scene.preview.layout import Studio
 from scene.preview.streets import all_sweeps, contact_sheet, sweep
-from scene.preview.themes import THEMES, all_themes, theme_page
-from scene.proposal import NAMES, draw, streets_named
+from scene.preview.themes import all_themes, theme_page
+from scene.proposal import draw, streets_named
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
-from shell.command import Parser, exit_code, size
+from shell.command import exit_code
 
 FORMATS = (".png", ".jpg", ".jpeg")
 QUALITY = 88
@@ -41,30 +41,6 @@ SIZES = {"streets": (320, 240), "sweep": (320, 160), "sweep all": (224, 112), "t
 """Pixels of each picture where --size does not say; themes are shown at two thirds of it."""
 BOTH = "both"
 """In place of a renderer: all of them, one below the other."""
-
-
-def parser() -> Parser:
-    """The command line."""
-    line = Parser("scene.preview", __doc__)
-    line.add_argument("--out", type=Path, required=True, help="PNG or JPEG file to write")
-    what = line.add_mutually_exclusive_group()
-    what.add_argument("--sweep", metavar="ATTRIBUTE", help="an attribute from 0 to 1; or 'all'")
-    what.add_argument("--theme", metavar="THEME", help=f"{', '.join(THEMES)}; or 'all'")
-    what.add_argument("--asset", metavar="CLASS", help="assets of a class or family; or 'all'")
-    line.add_argument("--attributes", choices=NAMES, default="default")
-    line.add_argument("--space", choices=SPACES, default="scenex", help="attributes of the streets")
-    line.add_argument("--renderer", choices=(*RENDERERS, BOTH), default="embree")
-    line.add_argument("--streets", type=int, default=3)
-    line.add_argument("--shots", type=int, default=4, help="images per street")
-    line.add_argument("--steps", type=int, default=7, help="values of a sweep")
-    line.add_argument("--count", type=int, default=12, help="assets of a class")
-    line.add_argument("--columns", type=int, default=None, help="assets in a row")
-    line.add_argument("--size", type=size, default=None, help="WIDTHxHEIGHT of each image")
-    line.add_argument("--seed", type=int, default=0)
-    line.add_argument("--assets", metavar="DIR", default="", help="folder of own assets")
-    line.add_argument("--asset-use", choices=USES, default="both")
-    line.add_argument("--asset-fraction", type=float, default=1.0, help="share that is used")
-    return line
 
 
 def page(options: argparse.Namespace) -> np.ndarray:

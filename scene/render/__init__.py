@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
+from scene.names import RENDERERS
 from scene.render.memory import keep_freed_memory
 from scene.render.protocol import Frame, Renderer, RendererError, RenderSettings, check_settings
-
-RENDERERS: tuple[str, ...] = ("embree", "opengl")
 
 __all__ = [
     "RENDERERS",

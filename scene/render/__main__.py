@@ -1,8 +1,8 @@
 """Renders a labelled dataset into a folder; the same command continues one that was cut short.
 
-python -m scene.render --attributes default --images 180 --size 640x320 --out streets
-python -m scene.render --attributes runs/main/attributes.json --images 450 --format coco --out streets
-python -m scene.render --attributes random --images 600 --format folders --target camvid --out streets
+sdr-jax render --images 8 --out streets           # eight streets, one image of each
+sdr-jax render --attributes runs/main/attributes.json --format coco --out streets
+sdr-jax render --attributes random --format folders --target camvid --out streets
 """
 
 from __future__ import annotations
@@ -10,69 +10,25 @@ from __future__ import annotations
 import argparse
 import sys
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any
 
-from scene.assets.catalogue import USES, AssetPool
-from scene.attributes import SPACES
+from scene.assets.catalogue import AssetPool
 from scene.dataset.export import export_dataset
-from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.dataset.read import DESCRIPTION, MOST_IMAGES
 from scene.executors import workers_of
+from scene.parsers import render as parser
 from scene.proposal import draw, read_streets
-from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
+from scene.render import RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
-from scene.workers import ExecutorName, WorkerError, refuse_many_workers
-from shell.command import Parser, exit_code, size
+from scene.workers import WorkerError, refuse_many_workers
+from shell.command import exit_code
 from shell.memory import refuse_larger
-from shell.target_file import SHIPPED
 
 if TYPE_CHECKING:
     from shell.progress import Progress
 
 STREET = 2000
 """Bytes that are kept of a street until all are rendered, at least: its attributes."""
-
-
-def parser() -> Parser:
-    """The command line."""
-    options = Parser("scene.render", __doc__)
-    add = options.add_argument
-    add("--out", type=Path, required=True, help="folder of the dataset, made if need be")
-    add(
-        "--attributes",
-        default="default",
-        help="default (around a hand-set street), random, mixed (half of either), or a JSON file: a "
-        "run's attributes.json, or every attribute's name with a value in [0, 1]",
-    )
-    add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
-    add("--images", type=int, default=180, help="of as many streets, unless --shots says otherwise")
-    add("--size", type=size, default=(640, 320), help="WIDTHxHEIGHT in pixels")
-    add("--format", choices=FORMATS, default="cityscapes", help="layout, see docs/datasets.md")
-    add(
-        "--target",
-        metavar="NAME_OR_FILE",
-        help="write labels of these classes, in the ids or colours of its label files: "
-        f"{', '.join(SHIPPED)}, or a target's file",
-    )
-    add("--split", choices=SPLITS, default="train", help="what the dataset calls its images")
-    add("--seed", type=int, default=0)
-    add("--workers", type=int, default=2, help="processes; the files do not depend on it")
-    add(
-        "--executor",
-        choices=get_args(ExecutorName),
-        default="processes",
-        help="who renders: processes of this machine, or a Dask cluster, see docs/cluster.md",
-    )
-    add("--scheduler", metavar="ADDRESS", help="of the cluster, such as tcp://10.0.0.1:8786")
-    add("--shots", type=int, default=1, help="images along each street")
-    add("--samples", type=int, default=2, help="rays per pixel along each axis")
-    add("--renderer", choices=RENDERERS, default="embree")
-    add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
-    add("--asset-use", choices=USES, default="both", help="which assets may appear")
-    add("--asset-fraction", type=float, default=1.0, help="share of the assets that is used")
-    add("--asset-count", type=int, help="built-in assets of each family; by default all")
-    return options
 
 
 def reporter(progress: Progress) -> Callable[[int, int, int], None]:
@@ -144,7 +100,8 @@ def main(arguments: list[str] | None = None) -> int:
         finally:
             progress.close()
         seconds = duration(progress.elapsed)
-        of = f"{found['images']} images of {len(found['streets'])} streets"
+        each = "one image" if options.shots == 1 else f"up to {options.shots} images"
+        of = f"{found['images']} images of {len(found['streets'])} streets, {each} of each,"
         print(f"{of} in {seconds}: {options.out / DESCRIPTION}", flush=True)
 
     users = (ValueError, RendererError)

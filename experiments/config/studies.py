@@ -1,0 +1,276 @@
+"""Every job's own flags, and what presets change for it; nothing here loads a net, a search or a renderer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple, get_args
+
+from experiments.config import presets
+from experiments.config.config import (
+    NETS,
+    BinsConfig,
+    Config,
+    FewConfig,
+    Group,
+    LearntConfig,
+    MainConfig,
+    Preset,
+    Rederived,
+    RewardConfig,
+    RewardKind,
+    SearchesConfig,
+    ShareConfig,
+    TargetName,
+)
+from experiments.config.options import Fidelity, MethodOptions
+from experiments.config.presets import POSITIONS, Table
+from sdr_jax.names import MethodName
+from seg.settings import NetName
+from shell.bounds import DISTINCT, POSITIVE, at_least, within
+from shell.flags import UNUSED
+
+Renders = Literal["random", "default", "mixed", "learnt"]
+PretrainRow = Literal["scratch", "random", "learnt", "longer"]
+Variant = Literal[
+    "full",
+    "no_relaxation",
+    "no_groups",
+    "shuffled_groups",
+    "no_environment",
+    "no_positions",
+    "no_densities",
+    "random",
+]
+VARIANTS: tuple[Variant, ...] = get_args(Variant)
+LEAST = 8
+"""Rewards that a model of sensitivities is fitted to."""
+MOST_REPEATS = 1_000_000
+"""Seeds of one rung of the measurement of fidelity end where those of the next begin."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TableConfig(LearntConfig, FewConfig):
+    """One table. Every field is a flag."""
+
+    nets: Annotated[tuple[NetName, ...], DISTINCT] = ("compact",)
+    """The nets that are trained."""
+    compact: Fidelity
+    """The fidelity of the compact net, where that is not the final one's."""
+    vgg: Fidelity
+    """The fidelity of FCN8s and DeepLabv2, where the final one's net is neither."""
+    weights: Path | None = None
+    """ImageNet weights that the VGG nets start from (see `sdr-jax weights`); by default from scratch."""
+    gta5: Path | None = None
+    """Folder of GTA5, to train on."""
+    synthia: Path | None = None
+    """Folder of SYNTHIA RAND-CITYSCAPES."""
+    kitti: Path | None = None
+    """Folder of KITTI semantics."""
+    all_images: bool = False
+    """Train on all images of these; by default on as many as a rendered dataset has, a seeded choice."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelsConfig(LearntConfig, ShareConfig):
+    """One study. Every field is a flag."""
+
+    counts: Annotated[tuple[int, ...] | None, at_least(0), DISTINCT] = None
+    """Labelled images that nets are trained on; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
+    renders: Annotated[tuple[Renders, ...] | None, DISTINCT] = None
+    """What stands beside them: streets with random attributes, hand-set ones (default), half of either
+    (mixed) or learnt; by default learnt with --learnt, else default."""
+
+    @property
+    def rendered(self) -> tuple[Renders, ...]:
+        """The sets of renders."""
+        if self.renders is not None:
+            return self.renders
+        return ("default",) if self.learnt is None else ("learnt",)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PretrainConfig(LearntConfig):
+    """One measurement of pre-training. Every field is a flag."""
+
+    default_width: Annotated[float, UNUSED] = 0.0
+    rows: Annotated[tuple[PretrainRow, ...], DISTINCT] = ("scratch", "random", "learnt")
+    """What nets begin with: scratch (nothing, or ImageNet weights), random, learnt (pre-trained on SceneX
+    with these attributes), longer (from scratch, too, but with as many steps on the real subset first; as
+    dear as pre-training for every fraction anew)."""
+    fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (0.05, 0.1, 0.25, 1.0)
+    """Shares of the reward images that nets are fine-tuned on, nested, the same for all rows of a seed."""
+    learn_on: Literal["all", "share"] = "all"
+    """Which labels the learnt attributes know: of all reward images, or of the share that nets are then
+    fine-tuned on: a search for every fraction, and the same images of it for all seeds."""
+    finetune_steps: Annotated[int | None, at_least(1)] = None
+    """Updates of the fine-tuning; by default a third of --final.train.steps."""
+    finetune_lr: Annotated[float | None, POSITIVE] = None
+    """Highest learning rate of the fine-tuning; by default a third of --final.train.lr."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AblationConfig(SearchesConfig):
+    """One ablation. Every field is a flag."""
+
+    search: MethodOptions
+    evaluations: Annotated[int, at_least(1), NETS] = 96
+    variants: Annotated[tuple[Variant, ...], DISTINCT] = VARIANTS
+    """What is compared; full must be among them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AssetsConfig(LearntConfig):
+    """One study. Every field is a flag.
+
+    --fractions stand in the place of --asset-fraction, and --images of --final.streets.
+    """
+
+    asset_fraction: Annotated[float, UNUSED] = 1.0
+    images: Annotated[tuple[int, ...], at_least(1), DISTINCT] = (90, 180, 450, 900, 1350)
+    """Images of a training set; multiples of --final.shots, images of a street."""
+    fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (1.0, 0.5)
+    """Shares of the assets."""
+    attributes: Literal["random", "default", "learnt"] = "default"
+    """From which streets are drawn: random, hand-set, or learnt (by --learnt, else searched for)."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class ManyConfig(FewConfig, Rederived):
+    """One study. Every field is a flag."""
+
+    searches: Annotated[int, at_least(1)] = 5
+    """Searches of each method, of seeds --seed, --seed + 1, ..."""
+    methods: Annotated[tuple[MethodName, ...], DISTINCT] = ("intervals", "sdr", "random_search")
+    """The search methods; all have the same rewards and model selection."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class CompareConfig(SearchesConfig):
+    """One comparison. Every field is a flag."""
+
+    evaluations: Annotated[int, at_least(1), NETS] = 48
+    core_minutes: Annotated[float | None, POSITIVE] = None
+    """In place of --evaluations: as many rewards for each search as cost so many minutes of a core, about."""
+    methods: Annotated[tuple[MethodName, ...], DISTINCT] = (
+        "random_attributes", "random_search", "attribute_descent", "sdr", "surrogate",
+    )  # fmt: skip
+    """The search methods."""
+    subsets: tuple[Group, ...] = tuple(POSITIONS[:count] for count in (3, 5, 7))
+    """Attributes that are optimised, one word a subset, or the word all; the others stay random."""
+    finals: bool = True
+    """Train the final nets; without them only the rewards are recorded."""
+    cheap_finals: bool = True
+    """Also train nets at the reward's size and at one between: does the gain outlive the cheap budget?"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensitivityConfig(BinsConfig, Rederived):
+    """One analysis. Every field is a flag."""
+
+    records: tuple[Path, ...] = ()
+    """Stores of evaluations, run folders, or lines of bins and rewards; nothing is rendered."""
+    records_config: str | None = None
+    """Which configuration in them, by the name that sdr-jax store show prints; by default the one
+    with the most rewards."""
+    evaluations: Annotated[int, at_least(LEAST), NETS] = 128
+    """Without --records: rewards that there must be, those in --store included; the missing ones are of
+    random attributes."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FidelityConfig(RewardConfig, BinsConfig, Rederived):
+    """One measurement. Every field is a flag."""
+
+    reward_kind: RewardKind = "miou"
+    """miou of a net trained on the dataset; or mmd, a distance of images that needs no labels: it is
+    compared with mIoU at the final size, too."""
+    proposals: Annotated[int, at_least(2), NETS] = 24
+    """Proposals with random bins for all attributes; the hand-set street and random ones are added."""
+    repeated: Annotated[int, at_least(2), NETS] = 6
+    """Proposals that are evaluated with several seeds, the two that are added among them."""
+    repeats: Annotated[int, within(2, MOST_REPEATS), NETS] = 4
+    """Seeds of those."""
+    rungs: Annotated[int | None, at_least(1)] = None
+    """Only the cheapest rungs, so many; by default all of them, up to the final size."""
+    require_signal: Annotated[float | None, POSITIVE] = None
+    """End with exit code 1 where the signal of the cheapest reward, what a search would see, is less than so
+    many times its noise. 2 is a good demand to make before a search with a net that may learn nothing."""
+
+
+class Job(NamedTuple):
+    """A command whose flags are the fields of a configuration."""
+
+    kind: type[Config]
+    module: str  # whose docstring is the help's first part
+    work: str  # what takes the configuration, ``module:name``
+    called: str  # behind ``sdr-jax``
+    own: Mapping[Preset, Table] = {}  # what differs from the main job, by preset
+    target: TargetName | None = None  # of a command that has no --target
+    with_data: TargetName | None = None  # its target where --data is given, if that is another one
+
+
+def _main(name: str, target: TargetName, with_data: TargetName | None = None) -> Job:
+    module, work = f"experiments.{name}", "experiments.main.job:RUN"
+    return Job(MainConfig, module, work, name, {}, target, with_data)
+
+
+def _study(name: str, kind: type[Config], own: Mapping[Preset, Table]) -> Job:
+    return Job(kind, f"experiments.{name}", f"experiments.{name}:RUN", f"study {name}", own)
+
+
+# With eight, no method that goes group by group has rewards left over.
+_EIGHT: Table = {"search": {"datasets_per_update": 8}, "seeds": 3}
+_PAPERS: Table = {"evaluations": 300}  # the budget of its six groups, 50 updates each
+# Ten images of each street, as the paper's presets have it, divide all numbers of images.
+_TEN: Table = {"final": {"streets": 45, "shots": 10}}
+
+STUDIES: dict[str, Job] = {
+    "table": _study("table", TableConfig, {"paper": {"nets": ("fcn8s", "deeplabv2")}}),
+    "labels": _study("labels", LabelsConfig, {"smoke": {"counts": (0, 2, 4)}}),
+    "pretrain": _study("pretrain", PretrainConfig, {"smoke": {"fractions": (0.25, 1.0)}}),
+    "ablation": _study("ablation", AblationConfig, {
+        # One of each kind: most of the time goes into compiling the search of each variant.
+        "smoke": {
+            "evaluations": 4,
+            "variants": ("full", "no_relaxation", "shuffled_groups", "no_positions"),
+        },
+        "quick": _EIGHT,
+        "paper": _PAPERS,
+    }),
+    "assets": _study("assets", AssetsConfig, {
+        "smoke": {"images": (2, 4)}, "quick": {**_TEN, "seeds": 3}, "paper": _TEN,
+    }),
+    "searches": _study("searches", ManyConfig, {
+        "smoke": {"searches": 2, "methods": ("intervals", "random_search")},
+        "quick": {"seeds": 3},
+        "paper": {"searches": 1, "methods": ("sdr",)},
+    }),
+    "compare": _study("compare", CompareConfig, {
+        "smoke": {"evaluations": 4, "subsets": (POSITIONS[:2], POSITIONS[:3])},
+        "quick": _EIGHT,
+        "paper": _PAPERS,
+    }),
+    "sensitivity": _study("sensitivity", SensitivityConfig, {
+        "smoke": {"evaluations": 12}, "quick": {"evaluations": 128}, "paper": {"evaluations": 300},
+    }),
+    "fidelity": _study("fidelity", FidelityConfig, {
+        "smoke": {"proposals": 3, "repeated": 2, "repeats": 2},
+    }),
+}  # fmt: skip
+"""The studies of the paper, `sdr-jax study NAME`, in the order of the help."""
+
+JOBS: dict[str, Job] = {
+    "cityscapes": _main("cityscapes", "twin", "cityscapes"),
+    "camvid": _main("camvid", "camvid"),
+    "labelmefacade": _main("labelmefacade", "labelmefacade"),
+    **STUDIES,
+}
+"""All commands with such flags."""
+
+
+def defaults_of(name: str, target: TargetName, preset: Preset) -> Any:
+    """The defaults of a job for a target and a preset."""
+    job = JOBS[name]
+    return presets.defaults(job.kind, target, preset, **job.own.get(preset, {}))

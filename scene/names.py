@@ -1,0 +1,6 @@
+"""Names that command lines offer, apart from what bears them: neither renderers nor assets are loaded."""
+
+RENDERERS: tuple[str, ...] = ("embree", "opengl")
+"""Of `scene.renderer`."""
+USES = ("both", "own", "built-in")
+"""Values of ``AssetPool.use``: which assets a street may draw from."""

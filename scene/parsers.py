@@ -1,0 +1,137 @@
+"""The command lines of `scene`, apart from what they start: a help text loads no renderer."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import get_args
+
+from scene.attributes import SPACES
+from scene.dataset.formats.layout import FORMATS, SPLITS
+from scene.names import RENDERERS, USES
+from scene.proposal import NAMES
+from scene.workers import ExecutorName
+from shell.command import Parser, docstring, size
+from shell.target_file import SHIPPED
+
+
+def render() -> Parser:
+    """The command line of `sdr-jax render`."""
+    options = Parser("render", docstring("scene.render"))
+    add = options.add_argument
+    add("--out", type=Path, required=True, metavar="DIR", help="folder of the dataset")
+    add(
+        "--attributes",
+        default="default",
+        metavar="NAME|FILE",
+        help="default (around a hand-set street), random, mixed (half of either), or a JSON file: a "
+        "run's attributes.json, or every attribute's name with a value in [0, 1]",
+    )
+    add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
+    add(
+        "--images",
+        type=int,
+        default=180,
+        metavar="N",
+        help="images in all; each is of a street of its own, unless --shots says otherwise",
+    )
+    add("--shots", type=int, default=1, metavar="N", help="images along each street")
+    add("--size", type=size, default="640x320", metavar="WxH", help="in pixels")
+    add("--format", choices=FORMATS, default="cityscapes", help="layout, see docs/datasets.md")
+    add(
+        "--target",
+        metavar="NAME|FILE",
+        help="write labels of these classes, in the ids or colours of its label files: "
+        f"{', '.join(SHIPPED)}, or a target's file",
+    )
+    add("--split", choices=SPLITS, default="train", help="what the dataset calls its images")
+    add("--seed", type=int, default=0, metavar="N", help="of all random choices")
+    add("--workers", type=int, default=2, metavar="N", help="processes; no file depends on it")
+    add = options.group("where and how it renders")
+    add("--renderer", choices=RENDERERS, default="embree", help="who traces the rays")
+    add("--samples", type=int, default=2, metavar="N", help="rays per pixel along each axis")
+    add(
+        "--executor",
+        choices=get_args(ExecutorName),
+        default="processes",
+        help="who works: processes of this machine, or a Dask cluster, see docs/cluster.md",
+    )
+    add("--scheduler", metavar="ADDRESS", help="of the cluster, such as tcp://10.0.0.1:8786")
+    add = options.group("assets")
+    add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
+    add("--asset-use", choices=USES, default="both", help="which assets may appear")
+    add("--asset-fraction", type=float, default=1.0, metavar="SHARE", help="of the assets, used")
+    add(
+        "--asset-count",
+        type=int,
+        metavar="N",
+        help="built-in assets of each family; by default all",
+    )
+    return options
+
+
+def check() -> Parser:
+    """The command line of `sdr-jax check`."""
+    options = Parser("check", docstring("scene.check"))
+    options.add_argument("dataset", type=Path, metavar="DIR", help="folder of the dataset")
+    return options
+
+
+def stats() -> Parser:
+    """The command line of `sdr-jax stats`."""
+    options = Parser("stats", docstring("scene.stats"))
+    add = options.add_argument
+    add("dataset", type=Path, metavar="DIR", help="folder that `sdr-jax render` wrote")
+    add(
+        "--against",
+        type=Path,
+        metavar="DIR",
+        help="folder of CamVid, of Cityscapes or of another dataset",
+    )
+    add(
+        "--only",
+        action="append",
+        default=[],
+        metavar="PREFIX",
+        help="of real images, only those called PREFIX...; may be given again",
+    )
+    add("--json", type=Path, metavar="FILE", help="file for the same figures")
+    return options
+
+
+def preview() -> Parser:
+    """The command line of `sdr-jax preview`."""
+    options = Parser("preview", docstring("scene.preview"))
+    add = options.add_argument
+    add("--out", type=Path, required=True, metavar="FILE", help="PNG or JPEG file to write")
+    what = options.add_mutually_exclusive_group()
+    what.add_argument("--sweep", metavar="ATTRIBUTE", help="an attribute from 0 to 1; or 'all'")
+    what.add_argument("--theme", metavar="THEME", help="more of one thing, such as bends; or 'all'")
+    what.add_argument("--asset", metavar="CLASS", help="assets of a class or family; or 'all'")
+    add("--attributes", choices=NAMES, default="default", help="of the streets")
+    add("--streets", type=int, default=3, metavar="N", help="streets of the page")
+    add("--shots", type=int, default=4, metavar="N", help="images per street")
+    add("--size", type=size, metavar="WxH", help="of each image; by default what suits the page")
+    add("--seed", type=int, default=0, metavar="N", help="of all random choices")
+    add = options.group("what is on the page")
+    add("--space", choices=SPACES, default="scenex", help="attributes of the streets")
+    add("--renderer", choices=(*RENDERERS, "both"), default="embree", help="who traces the rays")
+    add("--steps", type=int, default=7, metavar="N", help="values of a sweep")
+    add("--count", type=int, default=12, metavar="N", help="assets of a class")
+    add("--columns", type=int, metavar="N", help="assets in a row")
+    add = options.group("assets")
+    add("--assets", metavar="DIR", default="", help="folder of own assets")
+    add("--asset-use", choices=USES, default="both", help="which assets may appear")
+    add("--asset-fraction", type=float, default=1.0, metavar="SHARE", help="of the assets, used")
+    return options
+
+
+def catalogue() -> Parser:
+    """The command line of `sdr-jax catalogue`."""
+    options = Parser("catalogue", docstring("scene.assets"))
+    what = options.add_mutually_exclusive_group()
+    what.add_argument("--json", action="store_true", help="print {class: count}")
+    what.add_argument("--closest", metavar="CLASS", help="class or family; 'all' for every one")
+    options.add_argument(
+        "--pairs", type=int, default=10, metavar="N", help="pairs to print with --closest"
+    )
+    return options

@@ -1,0 +1,261 @@
+"""Flags from dataclasses: every field is one, told by its docstring, and nested fields have dots.
+
+@dataclass(frozen=True)
+class Settings:
+    steps: Annotated[int, Alias("-n")] = 200
+    "Updates."
+
+for field in flags_of(Settings()):
+    add_flag(parser.add_argument, field)
+settings = filled(Settings(), vars(parser.parse_args(["--steps", "3"])))
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import re
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import fields, is_dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from types import NoneType, UnionType
+from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
+from typing import get_type_hints as hints_of
+
+Value = TypeVar("Value")
+KINDS: dict[type, str] = {int: "a whole number", float: "a number", Path: "a path", str: "a word"}
+"""What a word of the command line can be."""
+SHORT = 24
+"""Characters up to which choices stand beside their flag; others are told in its help."""
+
+
+class Alias(NamedTuple):
+    """Marks a field whose flag has a second name."""
+
+    flag: str
+
+
+class Word(NamedTuple):
+    """Marks a type whose values are one word of the command line."""
+
+    metavar: str
+    read: Callable[[str], Any]
+    show: Callable[[Any], str]
+
+
+UNUSED = "no flag"
+"""Marks a field that is no flag of a command, though others have it."""
+
+
+class Field(NamedTuple):
+    """A field that is a flag."""
+
+    path: tuple[str, ...]  # names of fields, from the outermost dataclass inwards
+    owner: type  # the dataclass that declares it
+    kind: Any
+    marks: tuple[Any, ...]
+    default: Any
+
+    @property
+    def flag(self) -> str:
+        """The flag, such as ``--reward.train.head-width``."""
+        return "--" + ".".join(self.path).replace("_", "-")
+
+
+def flags_of(value: Any, path: tuple[str, ...] = ()) -> Iterator[Field]:
+    """The fields of a dataclass that are flags, those of nested dataclasses among them."""
+    kind: Any = type(value)  # mypy takes no type for hashable
+    hints = _hints(kind)
+    for own in fields(value):
+        default, where = vars(value)[own.name], (*path, own.name)
+        bare, marks = _bare(hints[own.name])
+        if UNUSED in marks:
+            continue
+        if is_dataclass(default):
+            yield from flags_of(default, where)
+        else:
+            yield Field(where, type(value), bare, marks, default)
+
+
+def filled(value: Value, given: Mapping[str, Any], path: tuple[str, ...] = ()) -> Value:
+    """A dataclass with the values of the flags that are given.
+
+    Args:
+        value: the defaults.
+        given: values by the path of their field, joined by dots.
+        path: of the dataclass itself.
+    """
+    changes: dict[str, Any] = {}
+    for own in fields(value):  # type: ignore[arg-type]
+        default, where = vars(value)[own.name], (*path, own.name)
+        if is_dataclass(default):
+            changes[own.name] = filled(default, given, where)
+        elif ".".join(where) in given:
+            changes[own.name] = given[".".join(where)]
+    return replace(value, **changes)  # type: ignore[type-var]
+
+
+def add_flag(add: Callable[..., Any], field: Field) -> None:
+    """Add a field to a parser or a group of one; it is in the result only where its flag is given.
+
+    Args:
+        add: the ``add_argument`` of the parser or group.
+        field: with the default that the help shows.
+    """
+    flags = [field.flag, *(mark.flag for mark in field.marks if isinstance(mark, Alias))]
+    options: dict[str, Any] = {"dest": ".".join(field.path), "default": argparse.SUPPRESS}
+    said = documented(field.owner).get(field.path[-1], "")
+    if field.kind is bool:
+        head, dot, leaf = field.flag[2:].rpartition(".")
+        said += f" (default: {'on' if field.default else 'off'})"
+        flags.append(f"--{head}{dot}no-{leaf}")
+        add(*flags, action=_Switch, help=_escaped(said), **options)
+        return
+    kind = field.kind
+    if inner := _inner(kind):
+        options["nargs"], options["action"] = "*", _Tuple
+        kind = inner | None if NoneType in _parts(kind) else inner
+    choices = [word for part in _parts(kind) for word in _choices(part)]
+    metavar = _metavar(kind)
+    if choices and len("|".join(choices)) > SHORT:
+        metavar, said = "NAME", f"{said} One of {', '.join(choices)}."
+    shown = "" if field.default is None else f" (default: {_shown(field.kind, field.default)})"
+    add(*flags, type=_reader(kind), metavar=metavar, help=_escaped(said + shown), **options)
+
+
+class _Switch(argparse.Action):
+    """``--blur`` and ``--no-blur``; in a nested dataclass ``--train.blur`` and ``--train.no-blur``."""
+
+    def __init__(self, option_strings: Any, dest: str, **rest: Any) -> None:
+        super().__init__(option_strings, dest, nargs=0, **rest)
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
+        setattr(namespace, self.dest, option != self.option_strings[-1])
+
+
+class _Tuple(argparse.Action):
+    """The words of a flag as a tuple; the one word None is no tuple."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
+        setattr(namespace, self.dest, None if values == [None] else tuple(values))
+
+
+def _bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
+    """A type without its annotations, and these."""
+    if get_origin(hint) is Annotated:
+        return get_args(hint)[0], hint.__metadata__
+    return hint, ()
+
+
+def _word(kind: Any) -> Word | None:
+    return next((mark for mark in _bare(kind)[1] if isinstance(mark, Word)), None)
+
+
+def _parts(kind: Any) -> tuple[Any, ...]:
+    return get_args(kind) if get_origin(kind) in (Union, UnionType) else (kind,)
+
+
+def _inner(kind: Any) -> Any:
+    """The type of the members of a tuple; None where the type is none."""
+    return next((get_args(p)[0] for p in _parts(kind) if get_origin(p) is tuple), None)
+
+
+def _choices(kind: Any) -> tuple[str, ...]:
+    return get_args(kind) if get_origin(kind) is Literal else ()
+
+
+def _metavar(kind: Any) -> str:
+    if word := _word(kind):
+        return word.metavar
+    parts = [part for part in _parts(kind) if part is not NoneType]
+    return "|".join("|".join(_choices(p)) or _name(p) for p in parts)
+
+
+def _name(kind: Any) -> str:
+    return {int: "INT", float: "FLOAT", Path: "PATH", str: "TEXT"}[kind]
+
+
+def _reader(kind: Any) -> Callable[[str], Any]:
+    """Reads one word of a type; says what would be right."""
+    if word := _word(kind):
+        return word.read
+
+    def read(text: str) -> Any:
+        for part in _parts(kind):
+            if part is NoneType:
+                if text == "None":
+                    return None
+            elif choices := _choices(part):
+                if text in choices:
+                    return text
+            else:
+                try:
+                    return part(text)
+                except ValueError:
+                    continue
+        wanted = " or ".join(
+            "None"
+            if p is NoneType
+            else f"one of {', '.join(c)}"
+            if (c := _choices(p))
+            else KINDS[p]
+            for p in _parts(kind)
+        )
+        raise argparse.ArgumentTypeError(f"must be {wanted}, not {text!r}")
+
+    return read
+
+
+def _shown(kind: Any, value: Any) -> str:
+    """A default as one would type it."""
+    if word := _word(kind):
+        return word.show(value)
+    if isinstance(value, tuple):
+        return " ".join(_shown(_inner(kind), one) for one in value)
+    return str(value)
+
+
+def _escaped(text: str) -> str:
+    return text.strip().replace("%", "%%")
+
+
+@lru_cache
+def _hints(kind: type) -> dict[str, Any]:
+    return hints_of(kind, include_extras=True)
+
+
+@lru_cache
+def documented(kind: type) -> dict[str, str]:
+    """What the docstrings of a dataclass and its bases say of each field, in one line.
+
+    A docstring stands behind the field, or among the ``Attributes`` of the class.
+    """
+    found: dict[str, str] = {}
+    for base in reversed(kind.__mro__):
+        node = _classes(base.__module__).get(base.__name__)
+        if node is None:
+            continue
+        section = (ast.get_docstring(node) or "").partition("\nAttributes:\n")[2]
+        entries = re.findall(r"^    (\w+): (.*(?:\n {8}.*)*)", section, re.MULTILINE)
+        for field, after in zip(node.body, node.body[1:], strict=False):
+            said = after.value if isinstance(after, ast.Expr) else None
+            if (
+                isinstance(field, ast.AnnAssign)
+                and isinstance(field.target, ast.Name)
+                and isinstance(said, ast.Constant)
+            ):
+                entries.append((field.target.id, said.value))
+        found |= {name: " ".join(text.replace("`", "").split()) for name, text in entries}
+    return found
+
+
+@lru_cache
+def _classes(module: str) -> dict[str, ast.ClassDef]:
+    """The classes of a module, by name."""
+    path = getattr(sys.modules.get(module), "__file__", None)
+    if path is None or not path.endswith(".py"):
+        return {}
+    tree = ast.parse(Path(path).read_text(encoding="utf-8"))
+    return {node.name: node for node in ast.walk(tree) if isinstance(node, ast.ClassDef)}
