@@ -183,18 +183,18 @@ def _reader(kind: Any) -> Callable[[str], Any]:
         return word.read
 
     def read(text: str) -> Any:
-        for part in _parts(kind):
-            if part is NoneType:
-                if text == "None":
-                    return None
-            elif choices := _choices(part):
+        parts = [part for part in _parts(kind) if part is not NoneType]
+        if text == "None" and len(parts) < len(_parts(kind)):
+            return None
+        for part in parts:
+            if choices := _choices(part):
                 if text in choices:
                     return text
-            else:
-                try:
-                    return part(text)
-                except ValueError:
-                    continue
+                continue
+            try:
+                return part(text)
+            except ValueError:
+                continue
         wanted = " or ".join(
             "None"
             if p is NoneType

@@ -13,9 +13,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import tyro
 
-from experiments.__main__ import COMMANDS
+from experiments.__main__ import main as sdr_jax
 from shell.target_file import parse_target
 from tests.conftest import ROOT
 
@@ -71,18 +70,14 @@ def test_the_examples_of_a_simulator_learn_and_go_on(tmp_path, monkeypatch):
 @pytest.fixture
 def only_parsed(monkeypatch):
     """Commands end, with code 0, when their arguments are parsed."""
-    parse, cli = argparse.ArgumentParser.parse_args, tyro.cli
+    parse = argparse.ArgumentParser.parse_args
 
     def parse_only(self, *arguments, **options):
         parse(self, *arguments, **options)
         sys.exit(0)
 
-    def cli_only(*arguments, **options):
-        found = cli(*arguments, **options)
-        return found if options.get("return_unknown_args") else sys.exit(0)
-
     monkeypatch.setattr(argparse.ArgumentParser, "parse_args", parse_only)
-    monkeypatch.setattr(tyro, "cli", cli_only)
+    monkeypatch.setattr("experiments.__main__.packages_distributions", dict)  # it takes a while
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES if commands(page)])
@@ -93,10 +88,11 @@ def test_commands_are_real(page, only_parsed, monkeypatch, capsys):
             assert f"\n{name}:" in (ROOT / "Makefile").read_text(), words
         if program == "make" or name.startswith("--"):
             continue
-        module = COMMANDS[name] if program == "sdr-jax" else name
-        monkeypatch.setattr(sys, "argv", [module, *rest])
         with pytest.raises(SystemExit) as ended:
-            runpy.run_module(module, run_name="__main__", alter_sys=True)
+            if program == "sdr-jax":
+                sdr_jax([name, *rest])
+            monkeypatch.setattr(sys, "argv", [name, *rest])
+            runpy.run_module(name, run_name="__main__", alter_sys=True)
         assert ended.value.code == 0, f"{' '.join(words)}\n{capsys.readouterr().err}"
 
 

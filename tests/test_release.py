@@ -9,7 +9,9 @@ from subprocess import run
 
 import pytest
 
-from experiments.__main__ import COMMANDS, PACKAGES, clashes, path_of, text
+from experiments.__main__ import COMMANDS, GROUPS, PACKAGES, STUDIES, clashes, main, studies, text
+from experiments.config import studies as configured
+from shell.command import path_of
 from tests.conftest import ROOT
 
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
@@ -19,18 +21,36 @@ def test_the_command_has_all_commands():
     own = {path_of(module) for module in COMMANDS.values()} | {path_of("experiments")}
     files = {path for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
     assert own == {path for path in files if '\nif __name__ == "__main__":' in path.read_text()}
-    assert all(re.search(rf"^  {name} +\w.*\w{{3}}", text(), re.MULTILINE) for name in COMMANDS)
+    for names, said in ((COMMANDS.keys() - STUDIES, text()), (STUDIES, studies())):
+        assert all(re.search(rf"^  {name} +\w.*\w{{3}}", said, re.MULTILINE) for name in names)
+        assert max(map(len, said.splitlines())) <= 80
+    assert all(name in text() for name in STUDIES) and [*configured.STUDIES] == [*STUDIES]
+    places = [text().index(f"\n{title}:") for title in GROUPS]
+    assert places == sorted(places) and text().index("  fit ") < text().index("  camvid ")
 
 
 @pytest.mark.parametrize(("words", "said"), [
-    ("experiments render", "sdr-jax render: error"),
-    ("scene.render", "python -m scene.render: error"),
-    ("experiments camvid --nonsense", "sdr-jax camvid --help"),
+    ("experiments render", "sdr-jax render: error: the following"),
+    ("scene.render", "sdr-jax render: error: the following"),
+    ("experiments camvid --nonsense", "sdr-jax camvid: error: no option --nonsense"),
+    ("experiments study table --sede 3", "sdr-jax study table: error: no option --sede; did you mean --seed"),
+    ("experiments table --sede 3", "sdr-jax study table: error: no option --sede"),
+    ("experiments.ablation --sede 3", "sdr-jax study ablation: error: no option --sede"),
 ])  # fmt: skip
-def test_a_command_is_named_as_it_was_called(words, said):
+def test_a_command_has_one_name_however_it_is_called(words, said):
     command = [sys.executable, "-m", *words.split()]
     ran = run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    assert ran.returncode == 2 and said in ran.stderr
+    assert ran.returncode == 2 and said in ran.stderr and ran.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(("words", "said"), [
+    (["rendr"], "sdr-jax: error: no command 'rendr'; did you mean render?"),
+    (["xyz"], "sdr-jax: error: no command 'xyz'; sdr-jax --help lists all"),
+    (["study", "ablatoin"], "sdr-jax study: error: no study 'ablatoin'; did you mean ablation?"),
+    (["study", "fit"], "sdr-jax study: error: no study 'fit'; sdr-jax study --help lists all"),
+])  # fmt: skip
+def test_a_misspelt_command_is_one_line_and_exit_code_2(words, said, capsys):
+    assert main(words) == 2 and capsys.readouterr().err == f"{said}\n"
 
 
 def test_a_package_of_another_distribution_is_named():
@@ -70,5 +90,7 @@ def test_the_wheel_works_outside_the_checkout(tmp_path):
     assert done(sys.executable, "-c", where).startswith(str(site))
     assert "  camvid " in done(site / "bin" / "sdr-jax", "--help")
     flags = "--images 2 --size 64x48 --shots 1 --workers 1 --out streets".split()
-    assert "2 images in" in done(site / "bin" / "sdr-jax", "render", *flags)
+    assert "2 images of 2 streets, one image of each, in " in done(
+        site / "bin" / "sdr-jax", "render", *flags
+    )
     assert (tmp_path / "streets" / "dataset.json").is_file()

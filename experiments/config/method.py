@@ -20,6 +20,7 @@ from scene.proposal import (
     streets_in,
 )
 from sdr_jax.names import MethodName
+from sdr_jax.registry import make
 from shell.errors import UserError, flagged
 
 WIDE = 0.5
@@ -101,4 +102,4 @@ def make_method(
         where = [names(config.space).index(attribute) for attribute in space.names]
         own["start"] = tuple(tuple(part[where].tolist()) for part in start)
     with flagged("--search"):
-        return sdr_jax.registry.make(name, space, options.relaxation, **own)
+        return make(name, space, options.relaxation, **own)

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from seg.weights.normalisation import NORMALISATIONS
+from seg.names import NORMALISATIONS
 from shell.command import Parser, docstring, exit_code
 
 

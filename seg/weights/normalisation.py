@@ -16,15 +16,11 @@ Nothing in the numbers tells the kinds apart (kernels have similar sizes), so th
 user: Caffe's weights are also handed round under torchvision's names.
 """
 
-from typing import Literal, get_args
-
 import numpy as np
 from jaxtyping import Float, Float32
 
+from seg.names import Normalisation
 from seg.nets.ops.normalise import MEAN, STD
-
-Normalisation = Literal["torchvision", "caffe", "hed"]
-NORMALISATIONS = get_args(Normalisation)
 
 BGR_MEANS = {"caffe": (103.939, 116.779, 123.68), "hed": (104.00699, 116.66877, 122.67892)}
 """The mean colours, of ImageNet's images; blue, green, red in 0..255."""

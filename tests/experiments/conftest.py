@@ -5,7 +5,7 @@ import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -19,6 +19,7 @@ import pytest
 from PIL import Image
 
 from experiments.config import MainConfig
+from experiments.config.cli import command as command_line
 from experiments.config.cli import main
 from experiments.config.presets import PRESETS, TARGETS, defaults
 from experiments.evaluation.job import Recipe, Result, Source, rendered_of
@@ -36,7 +37,9 @@ from scene.workers import WorkerPool
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
 from seg.train import TrainingError
+from shell.command import Parser
 from shell.files import read_json
+from shell.flags import add_flag, filled, flags_of
 from shell.progress import Progress
 from tests.layouts import FACADE
 
@@ -265,6 +268,14 @@ def reported(command: Any, out: Path) -> Callable[..., tuple[dict[str, Any], str
     return run
 
 
+def parsed(default: Any, flags: Sequence[str]) -> Any:
+    """A configuration with flags, on top of these defaults."""
+    parser = Parser("study", None)
+    for field in flags_of(default):
+        add_flag(parser.add_argument, field)
+    return filled(default, vars(parser.parse_args(flags)))
+
+
 def job_of(name: str) -> Any:
     """The module of a study."""
     return import_module(f"experiments.{name}")
@@ -272,10 +283,7 @@ def job_of(name: str) -> Any:
 
 def study(name: str, *flags: str) -> int:
     """A study's command; returns the exit code."""
-    job = job_of(name)
-    work = {"fidelity": "measure", "sensitivity": "analyse"}.get(name)
-    done = getattr(job, work) if work else partial(do, job.STUDY)
-    return main(name, job.defaults, done, "", flags)
+    return command_line(name, flags)
 
 
 def main_job(target: str, *flags: str) -> int:

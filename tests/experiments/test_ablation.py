@@ -1,6 +1,7 @@
 """The ablation: what each variant leaves out, equal evaluations, what failed."""
 
 from dataclasses import replace
+from functools import partial
 
 import pytest
 from hypothesis import given
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 from experiments import ablation as job
 from experiments.config import presets
 from experiments.config.presets import CAMVID_GROUPS
+from experiments.config.studies import defaults_of
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from shell.files import read_json
@@ -19,7 +21,7 @@ from .conftest import ROOT, by_preset, lines, searching
 @by_preset
 @pytest.mark.parametrize("method", ["sdr", "surrogate"])
 def test_every_variant_has_the_whole_budget(target, preset, method):
-    config = searching(job.defaults(target, preset), method=method)
+    config = searching(defaults_of("ablation", target, preset), method=method)
     if preset == "smoke":  # two for each of the six groups
         config = replace(config, evaluations=12, variants=job.VARIANTS)
     job.check(config)
@@ -36,7 +38,7 @@ def test_shuffled_groups_are_a_partition_of_the_same_sizes(seed):
 
 
 def test_variants_leave_out_what_they_say():
-    config = job.defaults("camvid", "quick")
+    config = defaults_of("ablation", "camvid", "quick")
     assert config.groups == CAMVID_GROUPS and config.search.relaxation == 0.3
     changed = {
         "no_relaxation": searching(config, relaxation=0.0),
@@ -54,7 +56,9 @@ def test_variants_leave_out_what_they_say():
 
 
 def test_an_ablation_leaves_its_figures(tiny, counted, capsys):
-    config = searching(tiny(job.defaults, variants=job.VARIANTS), method="random_search")
+    config = searching(
+        tiny(partial(defaults_of, "ablation"), variants=job.VARIANTS), method="random_search"
+    )
     rows = {row["variant"]: row for row in do(job.STUDY, config)["rows"]}
     assert "no_relaxation: update 2/2 | mIoU" in capsys.readouterr().out
     assert tuple(rows) == job.VARIANTS and rows["random"]["search"] is None

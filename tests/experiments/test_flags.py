@@ -9,7 +9,6 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
-import tyro
 
 from experiments import table
 from experiments.config import Fidelity, MainConfig, check, fidelities, make_space, start_of
@@ -23,6 +22,7 @@ from experiments.config.presets import (
     defaults,
     in_space,
 )
+from experiments.config.studies import TableConfig, defaults_of
 from experiments.main.job import MAIN
 from experiments.run.learn import plan_of
 from experiments.study.skeleton import check as refuse_wrong
@@ -37,11 +37,11 @@ from shell.errors import UserError
 from shell.files import write_json
 from shell.folder import plain
 
-from .conftest import by_preset, main_job, never, study
+from .conftest import by_preset, main_job, never, parsed, study
 
 
 def parse(*arguments: str) -> MainConfig:
-    return tyro.cli(MainConfig, default=defaults(MainConfig, "twin", "smoke"), args=arguments)
+    return parsed(defaults(MainConfig, "twin", "smoke"), arguments)
 
 
 def test_groups_are_the_papers_and_a_partition_of_the_23():
@@ -98,12 +98,12 @@ def unknown(kind: type, values: dict) -> list[str]:
 
 
 def test_the_tables_of_presets_name_fields_that_there_are():
-    assert unknown(table.TableConfig, {"final": {"train": {"step": 3}}, "sets": 1}) == [
+    assert unknown(TableConfig, {"final": {"train": {"step": 3}}, "sets": 1}) == [
         "sets",
         "step",
     ]
     for _, _, values in TABLES:
-        assert unknown(table.TableConfig, values) == []
+        assert unknown(TableConfig, values) == []
 
 
 @by_preset
@@ -154,9 +154,9 @@ def test_any_partition_can_be_given_as_groups():
     assert parse("--groups", *NAMES).groups == tuple((name,) for name in NAMES)
 
 
-def test_help_names_every_flag_and_what_it_means(capsys):
+def test_all_help_names_every_flag_and_what_it_means(capsys):
     with pytest.raises(SystemExit, match=r"^0$"):
-        main_job("cityscapes", "--help")
+        main_job("cityscapes", "--help-all")
     text = capsys.readouterr().out
     flags = {f"--{field.name.replace('_', '-')}" for field in fields(MainConfig)}
     assert all(flag in text for flag in flags - {"--target"})  # the command's name says it
@@ -216,12 +216,12 @@ def test_a_wrong_option_is_one_line_and_exit_code_2(arguments, words, error_line
     assert not out.parent.exists()
 
 
-FIDELITIES = [*fidelities(table.defaults("camvid", "smoke"))]
+FIDELITIES = [*fidelities(defaults_of("table", "camvid", "smoke"))]
 
 
 @pytest.mark.parametrize("name", FIDELITIES)
 def test_every_number_of_every_fidelity_is_checked(name):
-    config = table.defaults("camvid", "smoke")
+    config = defaults_of("table", "camvid", "smoke")
     own = getattr(config, name)
     wrong, tried = {int: (-1,), float: (-1.0, math.nan)}, 0
     for kind, old in ((Fidelity, own), (TrainSettings, own.train)):
@@ -256,7 +256,7 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
 @pytest.mark.parametrize(("arguments", "words"), [
     (["--preset", "huge"], ["--preset", "smoke", "quick", "paper"]),
     (["--preset=huge"], ["--preset", "smoke", "quick", "paper"]),
-    (["--seeds", "two"], ["--seeds", "INT"]),
+    (["--seeds", "two"], ["--seeds", "a whole number, not 'two'"]),
     (["--search.method", "magic"], ["--search.method", "surrogate", "tpe"]),
     (["--renderer", "vulkan"], ["--renderer", "embree", "opengl"]),
     (["--final.train.net", "resnet"], ["--final.train.net", "compact", "deeplabv2"]),
@@ -264,14 +264,15 @@ def test_a_net_of_the_table_needs_images_that_are_large_enough(error_line, out):
     (["--candidates", "best"], ["--candidates", "argmax", "broad"]),
     (["--twin", "other"], ["--twin", "near", "far"]),
     (["--candidates", "camera"], ["--candidates", "argmax", "seen"]),
-    (["--colour", "red"], ["--colour"]),
+    (["--colour", "red"], ["--colour; did you mean --reward.train.colour"]),
+    (["--sede", "1"], ["--sede; did you mean --seed?"]),
     (["--target", "camvid"], ["--target"]),
 ])  # fmt: skip
 def test_what_the_parser_refuses_has_exit_code_2(arguments, words, capsys):
     with pytest.raises(SystemExit, match=r"^2$"):
         main_job("twin", *arguments)
     said = capsys.readouterr().err
-    assert all(word in said for word in words)
+    assert all(word in said for word in words) and said.count("\n") == 1
 
 
 @pytest.mark.parametrize("target", ["camvid", "labelmefacade"])
@@ -307,9 +308,7 @@ def called(monkeypatch):
         seen = []
         with monkeypatch.context() as patch:
             patch.setattr(sys, "argv", ["cityscapes", *arguments])
-            patch.setattr(
-                "experiments.study.skeleton.do", lambda study, config: seen.append(config)
-            )
+            patch.setattr("experiments.main.job.RUN", seen.append)
             with pytest.raises(SystemExit, match=r"^0$"):
                 runpy.run_module("experiments.cityscapes", run_name="__main__")
         return seen[0]
@@ -346,10 +345,10 @@ def test_a_far_twin_is_searched_in_the_extended_space_unless_told_otherwise(call
 
 def test_the_help_shows_the_defaults_that_hold(capsys, called, monkeypatch):
     for given, target, width in ((), "twin", 128), (("--data", "DIR"), "cityscapes", 256):
-        monkeypatch.setattr(sys, "argv", ["cityscapes", *given, "--help"])
+        monkeypatch.setattr(sys, "argv", ["cityscapes", *given, "--help-all"])
         with pytest.raises(SystemExit, match=r"^0$"):
             runpy.run_module("experiments.cityscapes", run_name="__main__")
-        text = capsys.readouterr().out
+        text = " ".join(capsys.readouterr().out.split())
         assert f"those of --preset quick for {target}; --preset and --data DIR beside" in text
         assert f"(default: {width})" in text.partition("--reward.width")[2][:300]
 

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 import pytest
-import tyro
 
 from experiments.config import presets
+from experiments.config.studies import defaults_of
 from experiments.evaluation.store import write_store
 from experiments.results import __main__ as command
 from experiments.results import making
@@ -14,7 +14,7 @@ from experiments.study.skeleton import check
 from shell.errors import UserError
 from shell.files import read_json, write, write_json
 
-from .conftest import job_of
+from .conftest import job_of, parsed
 
 SOME = [
     results.Part(
@@ -35,8 +35,8 @@ def test_every_part_is_a_sound_command(preset, weights, learnt_file, tmp_path):
         flags = [str(learnt_file) if flag.endswith("-0.json") else flag for flag in part.flags]
         target = flags[flags.index("--target") + 1]
         space = "extended" if "extended" in flags else "scenex"
-        default = presets.in_space(job.defaults(target, preset), space)
-        config = tyro.cli(type(default), default=default, args=flags)
+        default = presets.in_space(defaults_of(part.study, target, preset), space)
+        config = parsed(default, flags)
         assert config.target == target and config.preset == preset and config.space == space
         if not hasattr(config, "learnt"):
             check(job.STUDY, config)

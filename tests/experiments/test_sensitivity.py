@@ -2,6 +2,7 @@
 
 import json
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments import sensitivity as job
+from experiments.config.studies import defaults_of
 from experiments.evaluation.store import HEADER, Store
 from experiments.sensitivity import summarize, text
 from experiments.study import sobol as model
@@ -136,7 +138,7 @@ def write_lines(path, records):
 
 
 def test_one_configuration_is_taken_and_the_others_told(tmp_path):
-    config = job.defaults("camvid", "quick")
+    config = defaults_of("sensitivity", "camvid", "quick")
     a = [evaluation(k) for k in range(9)]
     a[0] |= {"reward": None, "failed": "the loss is nan"}
     real = [evaluation(k, centre=None, width=None) for k in range(20, 30)]
@@ -166,7 +168,7 @@ def recorded(tmp_path):
 
 
 def test_lines_of_bins_mean_relaxed_bins_in_any_order(recorded, tmp_path):
-    config = job.defaults("camvid", "quick")
+    config = defaults_of("sensitivity", "camvid", "quick")
     path = write_lines(tmp_path / "one.jsonl", [line_of_bins([0] * 22 + [5], 21.5)])
     found = read([path], config, "camvid")
     assert found.config == BINS and found.rewards == pytest.approx([21.5])
@@ -194,7 +196,7 @@ def test_records_need_no_data_and_give_the_same_again(recorded, out, monkeypatch
 def config(tiny, monkeypatch):
     """An analysis of tiny CamVid, without its figure."""
     monkeypatch.setattr(job, "STUDY", replace(job.STUDY, form=job.STUDY.form._replace(figures={})))
-    return tiny(job.defaults)
+    return tiny(partial(defaults_of, "sensitivity"))
 
 
 def test_what_is_missing_is_recorded_once(config, counted, tmp_path, scored_by):

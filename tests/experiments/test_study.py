@@ -10,6 +10,7 @@ from PIL import Image
 
 from experiments.config import LearntConfig, read_attributes
 from experiments.config.presets import defaults
+from experiments.config.studies import defaults_of
 from experiments.evaluation.job import Result
 from experiments.evaluation.store import LOGS, Store
 from experiments.run.context import Work, opened, plan_text
@@ -61,7 +62,7 @@ def config(tiny) -> LearntConfig:
 @pytest.mark.parametrize("name", (*TRAINED, "searches", "fidelity", "sensitivity"))
 def test_presets_are_sound(name, target, preset):
     job = job_of(name)
-    check(job.STUDY, job.defaults(target, preset))
+    check(job.STUDY, defaults_of(name, target, preset))
 
 
 @pytest.mark.parametrize(("name", "counts", "flags"), [

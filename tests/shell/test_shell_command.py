@@ -10,7 +10,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from shell.command import MISTAKE, UNREAD, Parser, exit_code, size
+from shell.command import MISTAKE, UNREAD, Parser, exit_code, meant, size
 from shell.errors import UserError, refuse_repeats
 from shell.interrupt import INTERRUPTED
 from tests.conftest import ROOT, refused
@@ -56,6 +56,7 @@ def test_ctrl_c_while_libraries_are_loaded_is_one_line(module):
         "        if name == 'numpy': os.kill(os.getpid(), signal.SIGINT)\n"
         "sys.meta_path.insert(0, Sends())\n"
         f"sys.orig_argv = ['python', '-m', '{module}']\n"
+        "sys.argv[1:] = ['space.toml'] * sys.orig_argv[2].endswith('tune')\n"
         f"runpy.run_module('{module}', run_name='__main__')"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
@@ -77,13 +78,41 @@ def test_output_that_nobody_reads_is_no_error(command):
 
 
 def test_a_parser_says_what_is_wrong_in_one_line(capsys):
-    parser = Parser("scene.x", "One.\n\n    two  three\n")
-    parser.add_argument("--count", type=int)
-    for flags, words in ((["--co", "3"], "--co 3"), (["--count", "x"], "invalid int value: 'x'")):
+    parser = Parser("x", "One.\n\n    two  three\n")
+    parser.add_argument("--count", type=int, required=True)
+    for flags, words in (
+        (["--coutn", "3"], "no option --coutn; did you mean --count?"),
+        (["--colour", "--other"], "no option --colour"),
+        (["--count", "x"], "invalid int value: 'x'"),
+    ):
         refused(SystemExit, "^2$", parser.parse_args, flags)
         said = capsys.readouterr().err
-        assert words in said and said.count("\n") == 1
+        assert said.startswith("sdr-jax x: error: ") and words in said and said.count("\n") == 1
     assert "    two  three\n" in parser.format_help()
+
+
+def test_a_help_keeps_to_the_width_and_leaves_rare_options_to_all_of_it(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    examples = (
+        "    sdr-jax x DIR --often 7 --count 8 --rarely 9 --and-more 1  # a comment\n    sdr-jax x"
+    )
+    parser = Parser("x", f"One {'word ' * 30}.\n\n{examples}\n")
+    parser.add_argument("--often", default=7, metavar="N", help="said")
+    parser.group("the rest")("--rarely", default=0.5, metavar="N", help="too")
+    short, whole = parser.format_help(), parser.format_help(True)
+    assert "--often N   said (default: 7)" in short and "--rarely" not in short.split("\n\n", 3)[3]
+    assert "show 1 more options: the rest" in short and "--rarely N  too (default: 0.5)" in whole
+    assert max(map(len, whole.splitlines())) <= 60 and "    # a comment\n    sdr-jax x DIR" in whole
+    for flag, text in (("--help", short), ("-h", short), ("--help-all", whole)):
+        refused(SystemExit, "^0$", parser.parse_args, [flag])
+        assert capsys.readouterr().out == text
+
+
+@pytest.mark.parametrize(("word", "said"), [
+    ("rendr", "; did you mean render?"), ("xyz", ""), ("--lr", "; did you mean --a.lr or --b.c.lr?"),
+])  # fmt: skip
+def test_what_was_meant(word, said):
+    assert meant(word, ["render", "fit", "--a.lr", "--b.c.lr", "--b.d.lr"]) == said
 
 
 def test_sizes_and_repeats():

@@ -1,0 +1,91 @@
+"""Help texts and wrong flags of all commands: short, readable at 80 columns, and without JAX."""
+
+import json
+import re
+
+import pytest
+
+from experiments.__main__ import COMMANDS, STUDIES
+from shell.command import Parser
+from tests.conftest import printed
+
+CODE = """
+import contextlib, io, json, sys
+from experiments.__main__ import COMMANDS, STUDIES, main
+import experiments.__main__ as front
+front.packages_distributions = dict  # of other people's packages, which take a while
+found = {}
+for name in ["", "study", *COMMANDS]:
+    words = ["study", name] if name in STUDIES else [name] if name else []
+    for flag in ("--help", "--help-all", "--no-such-flag"):
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+            try:
+                code = main([*words, flag])
+            except SystemExit as end:
+                code = end.code
+        loaded = sorted({module.split(".")[0] for module in sys.modules})
+        found[f"{name} {flag}"] = code, said.getvalue(), loaded
+print(json.dumps(found))
+"""
+HEAVY = {"jax", "jaxlib", "flax", "optax", "matplotlib", "trimesh", "embreex"}
+MOST = 20
+"""Options that a short help has, but for what all commands have."""
+
+
+@pytest.fixture(scope="module")
+def said() -> dict[str, tuple[int, str, list[str]]]:
+    """Exit code, words and loaded modules, by command and flag; all of one process, one after the other."""
+    return json.loads(printed(CODE, COLUMNS="80")[-1])
+
+
+def options(text: str) -> set[str]:
+    return set(re.findall(r"^  (--[\w.-]+)", text, re.MULTILINE)) - {"--debug", "--help-all"}
+
+
+@pytest.mark.parametrize("name", ["", "study", *COMMANDS])
+def test_neither_help_nor_a_wrong_flag_needs_jax(name, said):
+    for flag, code in (("--help", 0), ("--help-all", 0), ("--no-such-flag", 2)):
+        own = said[f"{name} {flag}"]
+        assert not set(own[2]) & HEAVY, flag
+        if (
+            flag == "--help-all"
+            and name in COMMANDS
+            and "--help-all" not in said[f"{name} --help"][1]
+        ):
+            code = 2  # there is no more to tell
+        assert own[0] == code and own[1].endswith("\n")
+        if code:
+            assert own[1].count("\n") == 1 and own[1].startswith("sdr-jax")
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_help_is_short_and_fits_into_80_columns(name, said):
+    short, whole = (said[f"{name} {flag}"][1] for flag in ("--help", "--help-all"))
+    assert short.startswith(f"usage: sdr-jax {'study ' * (name in STUDIES)}{name}")
+    assert max(map(len, (short + whole).splitlines())) <= 80
+    assert len(options(short)) <= MOST
+    if "--help-all" in short:
+        assert options(short) < options(whole)
+        told = int(re.search(r"show (\d+) more options", short)[1])
+        assert told == len(options(whole) - options(short)) >= 1
+
+
+def test_defaults_are_shown(said):
+    for name, part in (
+        ("camvid", "(default: runs/camvid-quick)"), ("table", "(default: compact)"),
+        ("render", "(default: 640x320)"), ("playground", "(default: 8420)"), ("fit", "(default: 3)"),
+    ):  # fmt: skip
+        assert part in said[f"{name} --help"][1], name
+
+
+def test_parsers_of_commands_are_called_as_the_commands_are():
+    from experiments.config import parsers as ours
+    from scene import parsers as of_scene
+
+    for module in (ours, of_scene):
+        for name, make in vars(module).items():
+            if getattr(make, "__module__", "") == module.__name__:
+                parser = make()
+                assert isinstance(parser, Parser) and parser.prog == f"sdr-jax {name}"
+                assert name in COMMANDS and len(parser.description) > 20
