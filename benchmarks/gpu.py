@@ -155,7 +155,7 @@ def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
     command.add_argument("--data", type=Path, help="CamVid; else nets are tested on noise")
-    command.add_argument("--weights", help="VGG16's, from seg.weights convert; else from scratch")
+    command.add_argument("--weights", help="VGG16's, from `sdr-jax weights`; else from scratch")
     command.add_argument("--nets", nargs="+", choices=NETS, help="whose updates are timed")
     command.add_argument("--renderers", nargs="+", default=["opengl", "embree"])
     command.add_argument("--tests", action="store_true", help="run the tests, too, the slow ones")

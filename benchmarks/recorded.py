@@ -1,7 +1,7 @@
 """Real rewards on CamVid, recorded, and a surrogate fitted to them that answers for any bins.
 
-    python -m experiments.camvid --data DIR --preset quick --holdout 0006R0 --store rewards.jsonl --out RUN
-    python -m experiments.compare --target camvid --data DIR --preset quick --holdout 0006R0 \\
+    sdr-jax camvid --data DIR --preset quick --holdout 0006R0 --store rewards.jsonl --out RUN
+    sdr-jax study compare --target camvid --data DIR --preset quick --holdout 0006R0 \\
         --subsets all --methods random_search --evaluations 128 --no-finals --store rewards.jsonl --out OTHER
     python -m benchmarks.recorded rewards.jsonl    # writes benchmarks/data/camvid.jsonl
 

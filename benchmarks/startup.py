@@ -4,13 +4,14 @@
     python -m benchmarks.startup --only seg table --repeats 9
 
 Each row is a program in a process of its own: the import of a library, the import of a command's module, or
-the help of a command. ``seconds`` is the median over several processes after one that does not count,
-and ``ratio`` compares it with ``python -c pass``. The programs take turns, so that other work on the machine
-meets all of them.
+the help of a command. ``cpu`` and ``seconds`` are medians over several processes after one that does not
+count: seconds of a core, which other work on the machine hardly changes, and seconds that pass. ``ratio``
+compares the first with ``python -c pass``. The programs take turns.
 """
 
 from __future__ import annotations
 
+import resource
 import statistics
 import subprocess
 import sys
@@ -19,13 +20,14 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.report import Row, count, parser, report, timed
-from experiments.__main__ import COMMANDS
+from experiments.__main__ import COMMANDS, STUDIES, STUDY
+from shell.command import path_of
 
 ROOT = Path(__file__).resolve().parents[1]
 LIBRARIES = ("seg", "scene", "sdr_jax")
 NOTHING = "python -c pass"
-IMPORT = "import runpy; runpy.run_module('{}', run_name='imported')"
-"""This imports the module that ``python -m`` would run, be it a file or a folder."""
+ALL = "sdr-jax"
+"""The help that lists all commands."""
 
 
 def programs(names: Sequence[str]) -> dict[str, list[str]]:
@@ -34,10 +36,14 @@ def programs(names: Sequence[str]) -> dict[str, list[str]]:
     for name in names:
         if name in LIBRARIES:
             found[f"import {name}"] = ["-c", f"import {name}"]
+        elif name == ALL:
+            found[f"{ALL} --help"] = ["-m", "experiments", "--help"]
         else:
-            module = COMMANDS[name]
-            found[f"import {module}"] = ["-c", IMPORT.format(module)]
-            found[f"sdr-jax {name} --help"] = ["-m", "experiments", name, "--help"]
+            module, words = COMMANDS[name], [*([STUDY] if name in STUDIES else []), name, "--help"]
+            # What `python -m` would run, be it a file or a folder.
+            own = f"{module}.__main__" if path_of(module).stem == "__main__" else module
+            found[f"import {module}"] = ["-c", f"import {own}"]
+            found[" ".join((ALL, *words))] = ["-m", "experiments", *words]
     return found
 
 
@@ -48,25 +54,39 @@ def measured(wanted: Mapping[str, Sequence[str]], repeats: int) -> list[Row]:
         CalledProcessError: a program ended with an error.
     """
     rounds = [
-        {name: timed(partial(_run, given))[0] for name, given in wanted.items()}
+        {name: timed(partial(_run, given)) for name, given in wanted.items()}
         for _ in range(repeats + 1)
     ]
-    medians = {name: statistics.median(one[name] for one in rounds[1:]) for name in wanted}
+    passed = {name: statistics.median(one[name][0] for one in rounds[1:]) for name in wanted}
+    worked = {name: statistics.median(one[name][1] for one in rounds[1:]) for name in wanted}
     return [
-        {"program": name, "seconds": seconds, "ratio": seconds / medians[NOTHING]}
-        for name, seconds in medians.items()
+        {
+            "program": name,
+            "cpu": worked[name],
+            "seconds": passed[name],
+            "ratio": worked[name] / worked[NOTHING],
+        }
+        for name in wanted
     ]
 
 
-def _run(arguments: Sequence[str]) -> None:
-    command = [sys.executable, *arguments]
+def _run(arguments: Sequence[str]) -> float:
+    """Run Python; returns the seconds of a core that it took."""
+    before, command = _worked(), [sys.executable, *arguments]
     subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    return _worked() - before
+
+
+def _worked() -> float:
+    """Seconds of a core that all programs so far took."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
     command = parser(__doc__)
-    known = (*LIBRARIES, *COMMANDS)
+    known = (*LIBRARIES, ALL, *COMMANDS)
     command.add_argument(
         "--only", choices=known, nargs="+", default=known, metavar="NAME",
         help="these libraries and commands; by default all of them",

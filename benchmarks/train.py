@@ -236,7 +236,7 @@ def random_truth(fidelity: Fidelity, number: int, classes: int = CLASSES) -> Lab
 
 
 def reward_row(number: int = REAL, steps: int | None = None, images: int | None = None) -> Row:
-    """Seconds of each part of one quick reward of ``experiments.camvid``, in this process.
+    """Seconds of each part of one quick reward of `sdr-jax camvid`, in this process.
 
     A frozen trunk's features of the real images are computed once per run, so they are there already.
     ``compile_s`` is what the first training and prediction of a process take longer than the second: a

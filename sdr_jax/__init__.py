@@ -8,7 +8,7 @@
 
 A reward that must leave JAX, such as rendering images and training on them: `host_reward`.
 Attributes whose values have no order: `space(["car", "weather"], bins=[10, 3], unordered=["weather"])`.
-One that comes from elsewhere, at its own time: `AskTell`; from a program: `python -m sdr_jax.tune`.
+One that comes from elsewhere, at its own time: `AskTell`; from a program: `sdr-jax tune`.
 """
 
 from shell.interrupt import while_loading

@@ -42,7 +42,7 @@ class TrainSettings:
         scale: enlarge or shrink picture and labels, by 0.5 to 2, and cut to the image's size.
         weighted: balance rare classes in the loss by `class_weights`.
         predict_batch: images per call of the net in `predict`.
-        weights: file of ImageNet weights from `python -m seg.weights convert`, which the VGG nets start
+        weights: file of ImageNet weights from `sdr-jax weights convert`, which the VGG nets start
             from (paper). Where it holds the 13 convolutions alone, fc6 and fc7 start at random, as
             DeepLabv2's always do. None: every layer does, He's way, and a VGG net then learns little
             in a thousand steps.

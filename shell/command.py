@@ -193,7 +193,10 @@ def path_of(module: str) -> Path:
 
 def given() -> str:
     """The command that this process was started with, as one would type it."""
-    return shlex.join(["python", *sys.orig_argv[1:]])
+    words = sys.orig_argv[1:]
+    if words and Path(words[0]).name == PROGRAM:
+        return shlex.join([PROGRAM, *words[1:]])
+    return shlex.join(["python", *words])
 
 
 def size(text: str) -> tuple[int, int]:

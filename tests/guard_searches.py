@@ -23,7 +23,7 @@ FLAGS = (
     "--search.updates-per-group", "4", "--search.datasets-per-update", "2", "--search.relaxation", "0.3",
     "--candidates", "argmax", "broad", "default", "--candidate-seeds", "3",
 )  # fmt: skip
-"""Of ``python -m experiments.searches``: 48 rewards each."""
+"""Of `sdr-jax study searches`: 48 rewards each."""
 
 
 def mark(centre: Any, width: Any) -> float | None:

@@ -94,7 +94,7 @@ _QUICK_TWIN: Table = {
 }
 _QUICK_REAL: Table = {
     "search": {"updates_per_group": 4, "datasets_per_update": 8},
-    # Of methods without a pool; 12 streets with 8 images have more noise (`experiments.fidelity`).
+    # Of methods without a pool; 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
     "reward": {"streets": 24, "shots": 4},
     "final": {"streets": 400},
     "ladder": True,

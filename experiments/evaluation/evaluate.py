@@ -71,7 +71,7 @@ def attempt(evaluate: Callable[..., Any], *arguments: Any, ready: Rendered | Non
 def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Dataset:
     """The dataset of streets and a seed; by default in this process.
 
-    ``python -m scene.render --attributes FILE --seed SEED`` with the same sizes renders the same.
+    ``sdr-jax render --attributes FILE --seed SEED`` with the same sizes renders the same.
     """
     fidelity = recipe.fidelity
     return render_dataset(

@@ -97,8 +97,8 @@ def _summary(path: Path, config: dict[str, Any]) -> Report:
             study = _object(other).get("study")
             if study:
                 raise UserError(
-                    f"{path} is a run of experiments.{study}, whose report is {study}.md; name one of "
-                    "experiments.camvid, experiments.cityscapes or experiments.labelmefacade"
+                    f"{path} is a run of the study {study}, whose report is {study}.md; name one of "
+                    "sdr-jax camvid, cityscapes or labelmefacade"
                 )
         raise UserError(
             f"{path} holds no {SUMMARY}: that run is not at its end; its command goes on with it"

@@ -1,4 +1,4 @@
-"""Which attributes matter for a run's rewards, by the model of ``experiments.sensitivity``."""
+"""Which attributes matter for a run's rewards, by the model of `sdr-jax study sensitivity`."""
 
 from __future__ import annotations
 

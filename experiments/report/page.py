@@ -292,7 +292,7 @@ def class_table(report: Report, order: list[str]) -> dict[str, Any]:
 
 
 def importance(run: RunFolder) -> dict[str, Any]:
-    """Which attributes matter, by the model of ``experiments.sensitivity`` on the run's own rewards."""
+    """Which attributes matter, by the model of `sdr-jax study sensitivity` on the run's own rewards."""
     found = run.matters
     if found is None:
         found = matters(run.evaluations, run.summary["target"], run.config.get("space", "scenex"))

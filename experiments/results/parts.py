@@ -32,7 +32,7 @@ class Part(NamedTuple):
     @property
     def shown(self) -> str:
         """The command for people; where the data and the weights lie is theirs to know."""
-        words = list(self.command)
+        words = ["sdr-jax", "study", self.study, *self.flags]
         for flag, word in (("--data", "DIR"), ("--weights", "FILE")):
             if flag in words:
                 words[words.index(flag) + 1] = word

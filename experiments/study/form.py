@@ -1,7 +1,7 @@
 """What a job leaves: ``NAME.json``, ``NAME.md`` and its figure, all from the scores of single nets.
 
 The JSON holds every net's mIoU and class IoU, so table and figure can be worked out again from it, without
-rendering: ``python -m experiments.NAME --rederive FILE.json --out DIR``.
+rendering: `sdr-jax study NAME --rederive FILE.json --out DIR`.
 """
 
 from __future__ import annotations
@@ -57,12 +57,12 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
     except UserError as error:
         raise UserError(f"--rederive: {error}") from None
     if not isinstance(scores, dict) or scores.get("study", form.name) != form.name:
-        raise UserError(f"--rederive {file} is no report of experiments.{form.name}")
+        raise UserError(f"--rederive {file} is no report of the study {form.name}")
     try:
         form.text(form.derive(scores))
     except (KeyError, TypeError, ValueError, IndexError) as error:
         raise UserError(
-            f"--rederive {file} does not hold what experiments.{form.name} writes ({error!r})"
+            f"--rederive {file} does not hold what the study {form.name} writes ({error!r})"
         ) from None
     with naming(folder):
         folder.mkdir(parents=True, exist_ok=True)

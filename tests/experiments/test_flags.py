@@ -302,7 +302,7 @@ def test_the_preset_decides_the_defaults(arguments, default):
 
 @pytest.fixture
 def called(monkeypatch):
-    """Calls ``python -m experiments.cityscapes``; returns the configuration that it would work with."""
+    """Calls `sdr-jax cityscapes`; returns the configuration that it would work with."""
 
     def call(*arguments: str) -> MainConfig:
         seen = []

@@ -201,7 +201,7 @@ def test_the_rewards_of_a_search_by_pools_are_of_subsets_of_streets(run):
     (None, "no such folder; name the --out of a run"),
     ({}, "it holds no config.json"),
     ({"config.json": {}}, "that run is not at its end"),
-    ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of experiments.labels, whose report"),
+    ({"config.json": {}, "labels.json": {"study": "labels"}}, "a run of the study labels, whose report"),
     ({"config.json": [], "summary.json": {}}, "config.json is no JSON object"),
     ({"config.json": {"version": 2}, "summary.json": {}}, "config.json has version 2, and this program"),
     ({"config.json": {}, "summary.json": {"nets": 3}}, "does not hold what a run writes"),
