@@ -68,6 +68,24 @@ def test_replaced_words_do_not_come_back() -> None:
     assert [line for path in looked_at for line in found(path)] == []
 
 
+def called(path: Path) -> list[str]:
+    """Commands that a text calls by their module, with their lines; one page names the way of a program."""
+    modules = "experiments|scene.(?:render|check|stats|preview|assets)|seg.weights|sdr_jax.tune"
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return [
+        f"{path.relative_to(ROOT)}:{number}: {hit[0]} is `sdr-jax COMMAND`"
+        for number, line in enumerate(lines, 1)
+        for hit in re.finditer(rf"python -m (?:{modules})\b\S*", line)
+    ]
+
+
+def test_commands_have_one_spelling() -> None:
+    texts = [path for path in SOURCES if path.relative_to(ROOT).parts[0] != "tests"]
+    texts += [*PAGES, *(ROOT / "docs").glob("results*.md")]
+    (once,) = [line for path in texts for line in called(path)]
+    assert once.startswith("docs/tutorial.md") and "python -m experiments.cityscapes" in once
+
+
 def test_replaced_names_do_not_come_back() -> None:
     own = [path for path in SOURCES if path.relative_to(ROOT).parts[0] in ("experiments", "seg")]
     assert [line for path in own for line in defined(path)] == []
