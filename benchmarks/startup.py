@@ -2,6 +2,7 @@
 
     python -m benchmarks.startup --json startup.json
     python -m benchmarks.startup --only seg table --repeats 9
+    python -m benchmarks.startup --texts                        # help texts alone
 
 Each row is a program in a process of its own: the import of a library, the import of a command's module, or
 the help of a command. ``cpu`` and ``seconds`` are medians over several processes after one that does not
@@ -91,10 +92,14 @@ def main(arguments: list[str] | None = None) -> int:
         "--only", choices=known, nargs="+", default=known, metavar="NAME",
         help="these libraries and commands; by default all of them",
     )  # fmt: skip
+    command.add_argument("--texts", action="store_true", help="only help texts, no imports")
     command.add_argument("--repeats", type=partial(count, 1), default=5, help="processes of each")
     options = command.parse_args(arguments)
+    wanted = programs(options.only)
+    if options.texts:
+        wanted = {k: own for k, own in wanted.items() if k == NOTHING or k.endswith("--help")}
     try:
-        rows = measured(programs(options.only), options.repeats)
+        rows = measured(wanted, options.repeats)
     except subprocess.CalledProcessError as error:
         last = (error.stderr.strip().splitlines() or ["no message"])[-1]
         command.error(f"{' '.join(error.cmd)} ended with code {error.returncode}: {last}")

@@ -132,10 +132,14 @@ def studies() -> str:
 def _rows(group: Mapping[str, str], width: int) -> Iterator[str]:
     """A line or more for each command, none longer than `WIDE`."""
     for name, module in group.items():
-        said = docstring(module).partition("\n")[0].rstrip(".")
-        first, *more = wrap(said, WIDE - width - 4)
+        first, *more = wrap(summary(module), WIDE - width - 4)
         yield f"  {name:{width}s}  {first}"
         yield from (f"  {'':{width}s}  {line}" for line in more)
+
+
+def summary(module: str) -> str:
+    """The first line of a command's docstring."""
+    return docstring(module).partition("\n")[0].rstrip(".")
 
 
 def clashes(installed: Mapping[str, list[str]]) -> Iterator[str]:

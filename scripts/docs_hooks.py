@@ -11,7 +11,7 @@ from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
 
-from experiments.__main__ import COMMANDS, summary
+from experiments.__main__ import COMMANDS, STUDIES, summary
 
 ROOT = Path(__file__).resolve().parents[1]
 ELSEWHERE = {
@@ -80,7 +80,10 @@ def _link(found: re.Match[str], source: str, here: str) -> str:
 
 def _commands() -> str:
     """The table of all commands, with the first line of each one's docstring."""
-    rows = [f"| `{name}` | `{module}` | {summary(module)} |" for name, module in COMMANDS.items()]
+    rows = [
+        f"| `{'study ' * (name in STUDIES)}{name}` | `{module}` | {summary(module)} |"
+        for name, module in COMMANDS.items()
+    ]
     return "\n".join(
         ["| `sdr-jax ...` | `python -m ...` | what it does |", "| --- | --- | --- |", *rows]
     )

@@ -25,6 +25,9 @@ def test_each_program_is_compared_with_a_python_that_does_nothing(tmp_path, monk
     assert [row["cpu"] for row in rows] == [7.0, 8.0, 9.0, 10.0]
     assert [row["ratio"] for row in rows] == pytest.approx([1, 8 / 7, 9 / 7, 10 / 7])
     assert "| sdr-jax check --help" in capsys.readouterr().out
+    assert startup.main(["--only", "seg", "check", "--repeats", "1", "--texts"]) == 0
+    told = capsys.readouterr().out
+    assert "| sdr-jax check --help" in told and "import" not in told
 
 
 def test_every_command_and_library_is_there():

@@ -1,15 +1,20 @@
 """Assets and images: which pools and streets each net sees, pairs, and what is refused."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
-from experiments.assets import FORM, defaults
+from experiments.assets import FORM
 from experiments.config import read_attributes
+from experiments.config.studies import defaults_of
 from experiments.study.stats import paired_gain
 from scene.proposal import default_proposal, random_proposal
 from shell.errors import UserError
 
 from .conftest import Counted, formula
+
+defaults = partial(defaults_of, "assets")
 
 
 @pytest.fixture

@@ -1,18 +1,22 @@
 """The comparison: equal budgets, subsets in the whole space, kills, what failed."""
 
 from dataclasses import replace
+from functools import partial
 from itertools import product
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.compare import FORM, RANDOM, check, compared, defaults, planned
+from experiments.compare import FORM, RANDOM, check, compared, planned
+from experiments.config.studies import defaults_of
 from experiments.run.plans import schedule
 from scene.attributes import NAMES
 from shell.files import read_json
 
 from .conftest import ROOT, Counted, Killed, by_preset, lines, never
+
+defaults = partial(defaults_of, "compare")
 
 METHODS = ("--methods", RANDOM, "random_search")
 

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 from io import BytesIO
 
 import numpy as np
@@ -11,14 +12,17 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from experiments import fidelity as module
+from experiments.config.studies import defaults_of
 from experiments.evaluation.job import Result
-from experiments.fidelity import STUDY, defaults, proposals, rungs
+from experiments.fidelity import STUDY, proposals, rungs
 from experiments.study import stats
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from shell.files import read_json
 
 from .conftest import Counted, by_preset
+
+defaults = partial(defaults_of, "fidelity")
 
 
 def table_of(worth, seeds, left):

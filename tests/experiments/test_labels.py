@@ -1,12 +1,14 @@
 """The curve over labelled images: what each net sees, and how many labels renders are worth, by hand."""
 
 import math
+from functools import partial
 
 import numpy as np
 import pytest
 
+from experiments.config.studies import defaults_of
 from experiments.evaluation.job import rendered_of
-from experiments.labels import FORM, counts_of, defaults
+from experiments.labels import FORM, counts_of
 from experiments.study.stats import reached, worth
 from experiments.target.base import Target
 from scene.proposal import Mixture, describe, streets_named
@@ -14,6 +16,8 @@ from seg.beside import TrainingSet
 from seg.data import LabelledImages
 
 from .conftest import Counted, never
+
+defaults = partial(defaults_of, "labels")
 
 
 @pytest.mark.parametrize(("value", "labels"), [

@@ -11,14 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments import pretrain
+from experiments.config.studies import defaults_of
 from experiments.evaluation import evaluate, transfer
 from experiments.evaluation.job import Recipe, Result, Start
-from experiments.pretrain import FORM, defaults, fine_fidelity
+from experiments.pretrain import FORM, fine_fidelity
 from scene.assets.catalogue import AssetPool
 from scene.proposal import random_proposal
 from seg.data import LabelledImages
 
 from .conftest import Counted, diverge, formula, lines, never, transferred
+
+defaults = partial(defaults_of, "pretrain")
 
 
 @pytest.fixture

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
+from experiments.config.studies import defaults_of
 from experiments.run.nets import with_net
 from experiments.study.stats import mean_ci95, paired_gain
-from experiments.table import FORM, PAPER, defaults, fidelity_of, subset_miou
+from experiments.table import FORM, PAPER, fidelity_of, subset_miou
 from seg.beside import TrainingSet
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16
 from seg.data import LabelledImages
@@ -21,6 +22,8 @@ from seg.metrics import iou, mean_iou
 from seg.recipes import RECIPES
 
 from .conftest import Counted, lines, never, write_pair
+
+defaults = partial(defaults_of, "table")
 
 
 @pytest.fixture
