@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from experiments import ablation as job
 from experiments.config import presets
 from experiments.config.presets import CAMVID_GROUPS
-from experiments.config.studies import defaults_of
+from experiments.config.studies import VARIANTS, defaults_of
 from experiments.study.skeleton import do
 from scene.attributes import NAMES
 from shell.files import read_json
@@ -23,7 +23,7 @@ from .conftest import ROOT, by_preset, lines, searching
 def test_every_variant_has_the_whole_budget(target, preset, method):
     config = searching(defaults_of("ablation", target, preset), method=method)
     if preset == "smoke":  # two for each of the six groups
-        config = replace(config, evaluations=12, variants=job.VARIANTS)
+        config = replace(config, evaluations=12, variants=VARIANTS)
     job.check(config)
     for made in job.planned(config).values():
         assert made.evaluations == config.evaluations and made.method == method
@@ -47,7 +47,7 @@ def test_variants_leave_out_what_they_say():
     }
     words = ("environment", "positions", "densities")
     left_out = {f"no_{word}": getattr(presets, word.upper()) for word in words}
-    for variant in job.VARIANTS:
+    for variant in VARIANTS:
         assert job.without(config, variant) == changed.get(variant, config)
         assert set(job.subset_of(variant, "scenex")) == set(NAMES) - set(left_out.get(variant, ()))
     made = job.planned(config)
@@ -57,11 +57,11 @@ def test_variants_leave_out_what_they_say():
 
 def test_an_ablation_leaves_its_figures(tiny, counted, capsys):
     config = searching(
-        tiny(partial(defaults_of, "ablation"), variants=job.VARIANTS), method="random_search"
+        tiny(partial(defaults_of, "ablation"), variants=VARIANTS), method="random_search"
     )
     rows = {row["variant"]: row for row in do(job.STUDY, config)["rows"]}
     assert "no_relaxation: update 2/2 | mIoU" in capsys.readouterr().out
-    assert tuple(rows) == job.VARIANTS and rows["random"]["search"] is None
+    assert tuple(rows) == VARIANTS and rows["random"]["search"] is None
     for name in job.planned(config):
         found = rows[name]["search"]
         assert len(found["rewards"]) == 4 and found["core_seconds"] == 8
