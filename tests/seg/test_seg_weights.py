@@ -251,7 +251,7 @@ def test_nets_that_do_not_fit(converted, tmp_path):
     refuses_weights("the net compact has no VGG16 in it", load, converted, "compact", {})
     for name, message in (
         ("vgg16.npz", r"vgg16\.npz: conv1_1/kernel: float32\[3, 3, 3, 2\]; the net has"),
-        ("w.pth", r"w\.pth: not converted yet: python -m seg\.weights"),
+        ("w.pth", r"w\.pth: not converted yet: sdr-jax weights convert"),
         ("none.npz", r"none\.npz: No such file"),
     ):
         refuses_weights(message, load, tmp_path / name, "deeplabv2", wide)
