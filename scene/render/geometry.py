@@ -21,7 +21,7 @@ from scene.ground.build import GROUND_INSTANCES, ground_surfaces
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import Asset
 from scene.mesh.mesh import cross
-from scene.street.placing import FIRST_INSTANCE
+from scene.street.instances import FIRST_INSTANCE
 from scene.street.street import Street
 
 SKY_INSTANCE = 0

@@ -12,7 +12,7 @@ from scene.assets.person import STANDING, WALKING
 from scene.assets.rider import MOUNT
 from scene.streams import child
 from scene.street.parked import kept_free
-from scene.street.plot import Plot, draw_kind
+from scene.street.plot import TOUCHING, Plot, draw_kind
 
 START, END = -6.0, 110.0
 """Where people are, metres along the road."""
@@ -94,7 +94,7 @@ def benches(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
         y = side * (ground.outer + float(bench_rng.uniform(-0.5, 1.5)))
         for _ in range(int(bench_rng.integers(1, 4))):
             ref = draw_kind(plot.street.pool, "company", company.SITTING, bench_rng)
-            plot.put("company", ref, x, y, -side * math.pi / 2, spare=-0.1)
+            plot.put("company", ref, x, y, -side * math.pi / 2, spare=TOUCHING)
             x += company.BENCH
 
 
@@ -147,7 +147,7 @@ def riders(plot: Plot, side: float, share: float, rng: np.random.Generator) -> N
 
 def _rider(plot: Plot, x: float, y: float, yaw: float, rng: np.random.Generator) -> bool:
     ref = draw_kind(plot.street.pool, "rider", ON_BICYCLES, rng)
-    return plot.put("rider", ref, x, y, yaw, seed=int(rng.integers(2**31)))
+    return plot.put("rider", ref, x, y, yaw, chance=rng.random())
 
 
 def cycle_stands(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
@@ -161,7 +161,7 @@ def cycle_stands(plot: Plot, side: float, share: float, rng: np.random.Generator
         angle = float(row_rng.choice([math.pi / 2, math.pi / 2, 1.0]))
         inside = ground.footway > 2.2 and row_rng.random() < 0.7
         y = side * (ground.outer - 0.95 if inside else ground.half_width - 1.1)
-        pitch = float(row_rng.uniform(0.55, 0.8)) * (1.0 if family == "bicycle" else 1.5)
+        pitch = float(row_rng.uniform(0.62, 0.85)) * (1.0 if family == "bicycle" else 1.5)
         x = stretch + float(row_rng.uniform(0, 20))
         closed = kept_free(ground, side)
         for _ in range(int(row_rng.integers(4, 16))):
@@ -169,5 +169,5 @@ def cycle_stands(plot: Plot, side: float, share: float, rng: np.random.Generator
             yaw = side * (angle + math.pi * (row_rng.random() < 0.25)) + 0.06 * row_rng.normal()
             free = row_rng.random() < 0.15
             if not free and all(x < a or x > b for a, b in closed):
-                plot.put(family, ref, x, y, float(yaw), spare=-0.2)
+                plot.put(family, ref, x, y, float(yaw), spare=TOUCHING)
             x += pitch

@@ -17,7 +17,7 @@ from scene.render.geometry import SKY_INSTANCE, build
 from scene.render.protocol import pixel_rays, through_middles
 from scene.sky.sky import sample_sky
 from scene.street.camera import Camera, camera_axes
-from scene.street.placing import Placement
+from scene.street.instances import Placement
 from tests.scene.conftest import DEFAULT, chosen, refused, street
 
 SMALL = RenderSettings(width=96, height=64)
