@@ -28,17 +28,17 @@ class Rectangles:
         self._count = 0
         self._rows = np.zeros((128, 6))
 
-    @property
-    def rows(self) -> np.ndarray:
-        """All of them, f64[n, 6]."""
-        return self._rows[: self._count]
+    def add(self, box: Rectangle) -> None:
+        """Add one."""
+        self._room(1)
+        self._rows[self._count] = box
+        self._count += 1
 
-    def add(self, rows: np.ndarray | Rectangle) -> None:
-        """Add one, or f64[n, 6]."""
-        more = np.atleast_2d(rows)
-        self._room(len(more))
-        self._rows[self._count : self._count + len(more)] = more
-        self._count += len(more)
+    def extend(self, rows: np.ndarray) -> None:
+        """Add f64[n, 6]."""
+        self._room(len(rows))
+        self._rows[self._count : self._count + len(rows)] = rows
+        self._count += len(rows)
 
     def meet(self, box: Rectangle, spare: float) -> bool:
         """Whether one of them comes nearer than ``spare`` metres to ``box``."""

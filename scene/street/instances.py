@@ -37,6 +37,9 @@ FLAT = frozenset({"slab", "land", "paving"})
 """Families that others stand on."""
 
 
+TRAIN_IDS = {name: int(family.train_id) for name, family in FAMILIES.items()}
+
+
 class Stand(NamedTuple):
     """One asset and its place on the road."""
 
@@ -80,10 +83,10 @@ def placed(ground: Ground, stands: Sequence[Stand], first: int = FIRST_INSTANCE)
     drive = to_world(path, np.arange(0.0, DRIVE + SEARCH, 5.0), 0.0)
     away = ((world[:, None, :2, 3] - drive) ** 2).sum(axis=2).min(axis=1) > FAR**2
     found: list[Placement] = []
-    for k, stand in enumerate(stands):
-        train_id = int(FAMILIES[stand.family].train_id)
+    for k, (stand, distant) in enumerate(zip(stands, away.tolist(), strict=True)):
+        train_id = TRAIN_IDS[stand.family]
         pose = found[-1].pose if stand.part else world[k]
-        far = train_id == TrainId.VEGETATION and bool(away[k])
+        far = distant and train_id == TrainId.VEGETATION
         found.append(Placement(stand.family, stand.ref, train_id, first + k, pose, far))
     return found
 

@@ -66,7 +66,7 @@ class Plot:
         whole = list(objects(stands))
         if whole:
             rows = rectangles(self.ground.path, stands)
-            self._taken.add(rows)
+            self._taken.extend(rows)
             self._occupy(whole, rows)
 
     def admit(
@@ -210,14 +210,14 @@ class Plot:
         met = touched(self._path, rows[high], BESIDE)
         along = self._along[met[met[:, 1] >= 0]]
         self._blocks += [(low, end) for low, end in along.tolist()]
-        self._houses.add(rows[[FAMILIES[parts[0].family].train_id in HOUSES for parts in whole]])
+        self._houses.extend(rows[[FAMILIES[parts[0].family].train_id in HOUSES for parts in whole]])
 
     def _block(
         self, parts: Sequence[tuple[str, int | str]], box: Rectangle
     ) -> tuple[float, float] | None:
         """From where to where an object is in the way of the camera, metres along the road."""
         lens = self.street.params.camera_position_y
-        if all(top(*part) < lens - BELOW for part in parts):
+        if max(top(*part) for part in parts) < lens - BELOW:
             return None
         first, last = touched(self._path, np.array([box]), BESIDE)[0].tolist()
         return (float(self._along[first]), float(self._along[last])) if last >= 0 else None

@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from scene.assets.catalogue import pick
-from scene.streams import child
 from scene.street.instances import length
 from scene.street.plot import Plot, draw_family
 
@@ -25,17 +24,16 @@ def turning(plot: Plot, share: float, rng: np.random.Generator) -> None:
     """
     ground = plot.ground
     for x, side in ground.side_streets:
-        _side_street(plot, x, side, share, child(rng))
+        _side_street(plot, x, side, share, rng)
     for x, side in ground.driveways:
-        drive_rng = child(rng)
-        wanted, tail_in = drive_rng.random() < share, drive_rng.random() < 0.5
-        family, ref, long = _vehicle(plot, drive_rng, 6.0)
-        y = ground.outer + 0.3 + long / 2 + float(drive_rng.uniform(0, 1))
+        wanted, tail_in = rng.random() < share, rng.random() < 0.5
+        family, ref, long = _vehicle(plot, rng, 6.0)
+        y = ground.outer + 0.3 + long / 2 + float(rng.uniform(0, 1))
         if wanted:
-            yaw = side * math.pi / 2 + math.pi * tail_in + 0.03 * float(drive_rng.normal())
+            yaw = side * math.pi / 2 + math.pi * tail_in + 0.03 * float(rng.normal())
             plot.put(family, ref, x, side * y, yaw)
     for _ in range(2):
-        _pulling_out(plot, share, child(rng))
+        _pulling_out(plot, share, rng)
 
 
 def _vehicle(
