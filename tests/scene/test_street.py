@@ -15,7 +15,7 @@ from scene.ground.ground import ground_height
 from scene.look.materials import material_id
 from scene.street.background import BEHIND, LINES_END, VISTA_END, background
 from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
-from scene.street.instances import FIRST_INSTANCE, Placement, bounds, doors_at_the_kerb
+from scene.street.instances import FIRST_INSTANCE, Placement, Stand, bounds, poses
 from tests.scene.conftest import DEFAULT, POOL, SEEDS, UNITS, lines_alone, street
 
 LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
@@ -198,9 +198,9 @@ def test_doors_of_buses_are_on_the_side_of_the_kerb(drive):
             y = corners[doors][..., 1].mean()
             sides.append(abs(p.pose[1, 3] + p.pose[1, 1] * y) - abs(p.pose[1, 3]))
     assert len(sides) > 20 and min(sides) > 1
-    row = [("bus", ref, np.eye(4)) for ref in (0, "their/own.glb")] + [("car", 0, np.eye(4))]
-    turned = [(pose != np.eye(4)).any() for _, _, pose in doors_at_the_kerb(row, drive)]
-    assert turned == [drive > 0, False, False]
+    row = [Stand(*what, 0, 0, 0) for what in (("bus", 0), ("bus", "their/own.glb"), ("car", 0))]
+    ground = street().ground._replace(drive=drive)
+    assert (np.linalg.det(poses(ground, row)) < 0).tolist() == [drive > 0, False, False]
 
 
 def test_the_camera_moves_on_out_of_a_bus_in_its_way():
