@@ -30,7 +30,10 @@ OVERLAPS = ("allow", "avoid")
 
 
 class AssetPool(NamedTuple):
-    """The assets a street may draw from: consecutive indices of every family, and a user's own."""
+    """The assets a street may draw from, and whether they may stand in each other.
+
+    Consecutive indices of every family, and a user's own.
+    """
 
     first: int = 0
     size: int | None = None  # built-in ones of every family; None: ``Family.count``

@@ -21,7 +21,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from scene.assets.catalogue import USES, AssetPool, absent, check_pool
+from scene.assets.catalogue import OVERLAPS, USES, AssetPool, absent, check_pool
 from scene.attributes import SPACES
 from scene.preview.closeup import all_classes, class_page
 from scene.preview.layout import Studio
@@ -63,6 +63,7 @@ def parser() -> Parser:
     line.add_argument("--seed", type=int, default=0)
     line.add_argument("--assets", metavar="DIR", default="", help="folder of own assets")
     line.add_argument("--asset-use", choices=USES, default="both")
+    line.add_argument("--overlap", choices=OVERLAPS, default="")
     line.add_argument("--asset-fraction", type=float, default=1.0, help="share that is used")
     return line
 
@@ -82,7 +83,14 @@ def page(options: argparse.Namespace) -> np.ndarray:
         raise ValueError(f"--steps must lie in 2..{MOST}, not {options.steps}")
     if options.seed < 0:
         raise ValueError(f"--seed must be 0 or more, not {options.seed}")
-    pool = check_pool(AssetPool(0, None, options.asset_fraction, options.assets, options.asset_use))
+    pool = check_pool(
+        AssetPool(
+            fraction=options.asset_fraction,
+            own=options.assets,
+            use=options.asset_use,
+            overlap=options.overlap,
+        )
+    )
     modes = {name: getattr(options, name) for name in ("sweep", "theme", "asset")}
     mode = next((name for name, wanted in modes.items() if wanted), "streets")
     everything = "all" in modes.values()

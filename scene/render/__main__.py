@@ -13,7 +13,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, get_args
 
-from scene.assets.catalogue import USES, AssetPool
+from scene.assets.catalogue import OVERLAPS, USES, AssetPool
 from scene.attributes import SPACES
 from scene.dataset.export import export_dataset
 from scene.dataset.formats.layout import FORMATS, SPLITS
@@ -70,6 +70,7 @@ def parser() -> Parser:
     add("--renderer", choices=RENDERERS, default="embree")
     add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
     add("--asset-use", choices=USES, default="both", help="which assets may appear")
+    add("--overlap", choices=OVERLAPS, help="may objects stand in each other? (allow in scenex, else avoid)")
     add("--asset-fraction", type=float, default=1.0, help="share of the assets that is used")
     add("--asset-count", type=int, help="built-in assets of each family; by default all")
     return options
@@ -123,6 +124,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
                 fraction=options.asset_fraction,
                 own=options.assets,
                 use=options.asset_use,
+                overlap=options.overlap or "",
             ),
             target=options.target,
             streets=chosen,
