@@ -217,10 +217,17 @@ def main(arguments: list[str] | None = None) -> int:
     command = Parser("scene.check", __doc__)
     command.add_argument("dataset", type=Path, nargs="?", help="folder that scene.render wrote")
     command.add_argument(
-        "--overlaps", type=int, metavar="N", help="count what meets in N hand-set and N random streets"
+        "--overlaps",
+        type=int,
+        metavar="N",
+        help="count what meets in N hand-set and N random streets",
     )
-    command.add_argument("--overlap", choices=OVERLAPS, default="", help="may objects of these meet?")
-    command.add_argument("--space", choices=tuple(SPACES), default="extended", help="of the streets")
+    command.add_argument(
+        "--overlap", choices=OVERLAPS, default="", help="may objects of these meet?"
+    )
+    command.add_argument(
+        "--space", choices=tuple(SPACES), default="extended", help="of the streets"
+    )
     options = command.parse_args(arguments)
     if (options.dataset is None) == (options.overlaps is None):
         command.error("name either a dataset or --overlaps N")
@@ -229,7 +236,9 @@ def main(arguments: list[str] | None = None) -> int:
 
     def work() -> int:
         if options.overlaps is not None:
-            return _report_overlaps(options.overlaps, options.space, AssetPool(overlap=options.overlap))
+            return _report_overlaps(
+                options.overlaps, options.space, AssetPool(overlap=options.overlap)
+            )
         found = 0
         for line in findings(options.dataset):
             print(line, flush=True)

@@ -41,7 +41,9 @@ class AssetPool(NamedTuple):
     own: str = ""  # folder of own assets, see ``library``
     use: str = "both"  # which ones: "both", "own" or "built-in"
     without: tuple[str, ...] = ()  # families that stay away
-    overlap: str = ""  # whether they may stand in each other: "allow", "avoid", "" as the space has it
+    overlap: str = (
+        ""  # whether they may stand in each other: "allow", "avoid", "" as the space has it
+    )
 
     @property
     def decides(self) -> dict[str, Any]:

@@ -70,7 +70,11 @@ def parser() -> Parser:
     add("--renderer", choices=RENDERERS, default="embree")
     add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
     add("--asset-use", choices=USES, default="both", help="which assets may appear")
-    add("--overlap", choices=OVERLAPS, help="may objects stand in each other? (allow in scenex, else avoid)")
+    add(
+        "--overlap",
+        choices=OVERLAPS,
+        help="may objects stand in each other? (allow in scenex, else avoid)",
+    )
     add("--asset-fraction", type=float, default=1.0, help="share of the assets that is used")
     add("--asset-count", type=int, help="built-in assets of each family; by default all")
     return options

@@ -46,7 +46,9 @@ def background(params: StreetParams, rng: np.random.Generator) -> list[Backdrop]
     ]
 
 
-def _vista(params: StreetParams, town: float, end: float, rng: np.random.Generator) -> list[Backdrop]:
+def _vista(
+    params: StreetParams, town: float, end: float, rng: np.random.Generator
+) -> list[Backdrop]:
     """The street goes on beyond its lines: houses on both sides as far from the road as before."""
     things = []
     for side in (1.0, -1.0):

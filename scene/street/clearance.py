@@ -106,9 +106,7 @@ def _meet(
 
 
 @njit(cache=True)
-def _admit(
-    rows: np.ndarray, count: int, tries: np.ndarray, spare: float
-) -> tuple[np.ndarray, int]:
+def _admit(rows: np.ndarray, count: int, tries: np.ndarray, spare: float) -> tuple[np.ndarray, int]:
     chosen = np.full(len(tries), -1)
     for k in range(len(tries)):
         for t in range(tries.shape[1]):

@@ -13,7 +13,7 @@ from scene.assets import catalogue
 from scene.assets.families import FAMILIES
 from scene.classes import TrainId
 from scene.ground.ground import Ground, ground_heights
-from scene.ground.path import STRAIGHT, Path, heading_at, height_at, slope_at, to_world
+from scene.ground.path import Path, heading_at, height_at, slope_at, to_world
 from scene.street.camera import DRIVE, SEARCH
 
 FAR = 35.0
@@ -117,8 +117,8 @@ def poses(ground: Ground, stands: Sequence[Stand]) -> np.ndarray:
         families = [stand.family for stand in stands]
         tilted = np.array([family in TILTED for family in families], bool)
         found[tilted] = _leaning(path, found[tilted], x[tilted])
-        houses = np.flatnonzero([family == "building" for family in families])
-        if len(houses):
+        houses = [k for k, family in enumerate(families) if family == "building"]
+        if houses:
             reach = _corners([stands[k] for k in houses])[:, :, 0]
             low = height_at(path, reach).min(axis=1) - height_at(path, x[houses])
             found[houses, 2, 3] += np.minimum(low, 0.0)
@@ -198,7 +198,6 @@ def world_corners(path: Path, stands: Sequence[Stand]) -> np.ndarray:
     u, v = corners[:, :, 0] - x[:, None], corners[:, :, 1] - y[:, None]
     turned = np.stack([c * u - s * v, s * u + c * v], axis=2)
     return turned + to_world(path, x, y)[:, None]
-
 
 
 @lru_cache(maxsize=4096)

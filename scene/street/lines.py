@@ -120,7 +120,13 @@ def moves(street: Setting, stands: Sequence[Stand]) -> np.ndarray:
     house = np.array([line == "building" for line in lines], bool)
     inwards[house] = along[house] = 0.0
     still = np.zeros_like(along)
-    tries = [(still, still), (still, inwards), (along, still), (-along, still), (still, 2 * inwards)]
+    tries = [
+        (still, still),
+        (still, inwards),
+        (along, still),
+        (-along, still),
+        (still, 2 * inwards),
+    ]
     return np.array(tries).transpose(0, 2, 1)
 
 

@@ -1,4 +1,4 @@
-"""A street's ground and what stands on it so far: whoever comes later keeps clear of it, and of the camera."""
+"""A street's ground and what stands on it so far: what comes later keeps clear of it, and of the camera."""
 
 from __future__ import annotations
 
@@ -76,8 +76,8 @@ class Plot:
 
         Args:
             stands: the objects, in the order in which they come.
-            tries: f64[tries, objects, 2] metres by which each is moved along the road and left of it, with the
-                parts; None: as it is.
+            tries: f64[tries, objects, 2] metres by which each is moved along the road and left of it; None:
+                as it is.
             spare: metres to the next object.
         """
         whole = list(objects(stands))

@@ -24,7 +24,7 @@ from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
 from scene.street.clearing import cleared, off_the_road
 from scene.street.extras import Mix, extras, open_sides
-from scene.street.instances import FIRST_INSTANCE, Placement, Stand, obstacles, placed
+from scene.street.instances import Placement, Stand, obstacles, placed
 from scene.street.junction import junction_objects
 from scene.street.lines import lines_of, moves
 from scene.street.plot import SPARE, Plot, Setting
@@ -72,26 +72,20 @@ def sample_street(
     ground = sample_ground(rng, pool.fraction, drive, widths)
     ground = _shaped(ground, params, seed)
     plot = Plot(Setting(params, ground, pool, drive))
-    apart = pool.overlap_of(params) == "avoid"
-    houses = _stand(plot, seed, mix, apart)
-    near = placed(ground, plot.stands)
+    _fill(plot, seed, mix, apart=pool.overlap_of(params) == "avoid")
+    placements = placed(ground, plot.stands)
     y = drive * params.camera_position_x
     place = (0.0, y, ground_height(ground, y) + params.camera_position_y)
     first = Camera(
         place, params.camera_rotation_y, params.camera_rotation_x, params.camera_roll,
         params.field_of_view, params.exposure, params.white_balance,
     )  # fmt: skip
-    # The background is too far away to be in the way.
-    cameras = camera_path(first, shots, obstacles(near), rng, ground.path)
-    count = len(plot.stands)
-    far = cleared(ground, off_the_road(ground, _far(plot.street, seed), params.building_position), houses)
-    plot.admit(far) if apart else plot.add(far)
-    far = placed(ground, plot.stands[count:], FIRST_INSTANCE + count)
-    return Street((*near, *far), cameras, sky, ground, seed)
+    cameras = camera_path(first, shots, obstacles(placements), rng, ground.path)
+    return Street(tuple(placements), cameras, sky, ground, seed)
 
 
-def _stand(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> list[Stand]:
-    """Stand all but the background; gives the houses of the junction."""
+def _fill(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> None:
+    """Stand all that stands in a street; ``apart`` says whether its lines keep clear of each other."""
     setting, ground = plot.street, plot.ground
     front = setting.params.building_position
     is_open = open_sides(setting, seed)
@@ -104,13 +98,19 @@ def _stand(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> list[Stand]:
     plot.admit([s for s in corners if s.family != "building"], spare=SPARE)
     count = len(plot.stands)
     extras(plot, seed, mix)
-    plot.stands[count:] = cleared(ground, plot.stands[count:], corners)
-    return houses
+    plot.stands[count:] = cleared(ground, plot.stands[count:], houses)
+    far = cleared(ground, off_the_road(ground, _background(setting, seed), front), houses)
+    plot.admit(far) if apart else plot.add(far)
 
 
-def _far(setting: Setting, seed: int) -> list[Stand]:
-    """The background."""
-    params, path, pool, rng = setting.params, setting.ground.path, setting.pool, stream(seed, "background")
+def _background(setting: Setting, seed: int) -> list[Stand]:
+    """What closes the horizon, with assets."""
+    params, path, pool, rng = (
+        setting.params,
+        setting.ground.path,
+        setting.pool,
+        stream(seed, "background"),
+    )
     things = background(params, rng)
     if not path.straight:
         places = np.array([(thing.x, thing.y) for thing in things])

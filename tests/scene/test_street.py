@@ -14,8 +14,8 @@ from scene.assets import catalogue
 from scene.ground.ground import ground_height
 from scene.look.materials import material_id
 from scene.street.background import BEHIND, LINES_END, VISTA_END, background
-from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
 from scene.street.instances import FIRST_INSTANCE, Placement, Stand, bounds, poses
+from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
 from tests.scene.conftest import DEFAULT, POOL, SEEDS, UNITS, lines_alone, street
 
 LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
