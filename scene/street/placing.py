@@ -23,13 +23,14 @@ from scene.ground.path import (
     to_world,
 )
 from scene.street.camera import DRIVE, SEARCH
+from scene.street.room import own_rectangle
 
 FAR = 35.0
 """Metres from every camera beyond which trees have fewer, larger leaves and twigs."""
 FIRST_INSTANCE = 4
 """Instances 1-3 are road, sidewalk and terrain (see ``ground/build.py``); 0 is the sky."""
-CROWN = 0.4
-"""Share of a crown, from its middle, that is in the way of a lens: the rest is mostly air."""
+LAID = frozenset({"slab", "land", "paving"})
+"""Families that lie on the ground: one may drive over them."""
 
 TILTED = frozenset(
     {
@@ -190,10 +191,13 @@ def bounds(placements: list[Placement]) -> np.ndarray:
     return np.stack([middle - reach, middle + reach], axis=1)
 
 
-def obstacles(placements: list[Placement]) -> np.ndarray:
-    """Boxes f64[placements, 2, 3] that a lens should keep out of."""
-    boxes = bounds(placements)
-    trees = np.array([p.train_id == TrainId.VEGETATION for p in placements], bool)
-    centre = boxes.mean(axis=1, keepdims=True)
-    boxes[trees] = centre[trees] + CROWN * (boxes[trees] - centre[trees])
-    return boxes
+def taken(placements: list[Placement]) -> np.ndarray:
+    """What placements take of the ground, f64[n, 6] rows as ``Rectangle``; what is driven over is left out."""
+    solid = [p for p in placements if p.family not in LAID]
+    if not solid:
+        return np.zeros((0, 6))
+    own = np.array([own_rectangle(p.family, p.asset) for p in solid])
+    poses = np.array([p.pose[:2] for p in solid])
+    middle = np.einsum("nij,nj->ni", poses[:, :, :2], own[:, :2]) + poses[:, :, 3]
+    ahead = poses[:, :, 0] / np.hypot(*poses[:, :, 0].T)[:, None]
+    return np.concatenate([middle, ahead, own[:, 2:]], axis=1)

@@ -33,7 +33,7 @@ class Rectangle(NamedTuple):
 
 def footprint(parts: Sequence[tuple[str, int | str]], pose: np.ndarray) -> Rectangle:
     """The rectangle below assets, families and references, that share a pose f64[4, 4]."""
-    own = [_own(family, ref) for family, ref in parts]
+    own = [own_rectangle(family, ref) for family, ref in parts]
     left, right = min(x - long for x, _, long, _ in own), max(x + long for x, _, long, _ in own)
     back, front = min(y - wide for _, y, _, wide in own), max(y + wide for _, y, _, wide in own)
     x, y, long, wide = (
@@ -48,7 +48,7 @@ def footprint(parts: Sequence[tuple[str, int | str]], pose: np.ndarray) -> Recta
 
 
 @lru_cache(maxsize=4096)
-def _own(family: str, ref: int | str) -> tuple[float, float, float, float]:
+def own_rectangle(family: str, ref: int | str) -> tuple[float, float, float, float]:
     """Middle x, y and half length and width of an asset in its own frame, metres."""
     low, high = (corner[:2] for corner in catalogue.bounds(family, ref))
     if FAMILIES[family].train_id in HELD and family != "bush":

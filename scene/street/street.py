@@ -15,7 +15,7 @@ from scene.assets.catalogue import AssetPool, in_season, pick
 from scene.assets.library import snapshot
 from scene.attributes import StreetParams
 from scene.ground.arms import with_junction
-from scene.ground.ground import Ground, ground_height, sample_ground
+from scene.ground.ground import Ground, sample_ground
 from scene.ground.junction import sample_junction
 from scene.ground.path import folded, sample_path
 from scene.sky.sky import Sky, sample_sky
@@ -31,10 +31,10 @@ from scene.street.placing import (
     Placement,
     Standing,
     doors_at_the_kerb,
-    obstacles,
     placed,
     pose_at,
     settled,
+    taken,
 )
 
 
@@ -42,7 +42,7 @@ class Street(NamedTuple):
     """Everything a renderer needs, and nothing about how it renders."""
 
     placements: tuple[Placement, ...]
-    cameras: tuple[Camera, ...]
+    cameras: tuple[Camera, ...]  # one a shot, see ``Camera.further``
     sky: Sky
     ground: Ground
     seed: int
@@ -95,14 +95,13 @@ def sample_street(
     objects += cleared(ground, extras(setting, seed, objects, mix), corners)
     objects = settled(ground, objects, params.building_position)
     near = placed(doors_at_the_kerb(objects, drive), path=ground.path)
-    y = drive * params.camera_position_x
-    place = (0.0, y, ground_height(ground, y) + params.camera_position_y)
+    place = (0.0, drive * params.camera_position_x, params.camera_position_y)
     first = Camera(
         place, params.camera_rotation_y, params.camera_rotation_x, params.camera_roll,
         params.field_of_view, params.exposure, params.white_balance,
     )  # fmt: skip
     # The background is too far away to be in the way.
-    cameras = camera_path(first, shots, obstacles(near), rng, ground.path)
+    cameras = camera_path(first, shots, taken(near), rng, ground)
     far_rng, season_rng = stream(seed, "background"), stream(seed, "season")
     objects = []
     stands = background(params, far_rng)
