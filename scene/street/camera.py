@@ -22,8 +22,8 @@ SPARE = 1.0
 """Metres that the camera stands away from all that stands in the street."""
 ASIDE = 8.0
 """Metres from the centre line within which it looks for such a place."""
-LEVEL = 1e-9
-"""Keeps a rectangle along the road from dividing by zero; and metres that rounding may move an end."""
+LEAST = 1e-9
+"""Slope to a rectangle's side that is not divided by; metres that rounding may move an end."""
 
 
 class Camera(NamedTuple):
@@ -62,11 +62,11 @@ def camera_path(
     rng: np.random.Generator,
     ground: Ground,
 ) -> tuple[Camera, ...]:
-    """Poses spread over ``DRIVE`` metres, each with those ``further`` on that may replace it.
+    """Poses spread over ``DRIVE`` metres, each with those ``further`` along the road that may replace it.
 
-    All stand at the distance of ``first`` from the centre line, or as near to it as ``SPARE`` metres beside all
-    that stands there allow. Where that is nowhere within ``ASIDE`` metres, a place is left out; or none is, if
-    it is so at all places of a shot.
+    All stand as far from the centre line as ``first``, or as near to that as ``SPARE`` metres beside all that
+    stands there allow. A place with nothing free within ``ASIDE`` metres is left out, unless a shot has no
+    other.
 
     Args:
         first: the camera at the start of the road, its height above the ground.
@@ -80,8 +80,9 @@ def camera_path(
     y = nearest_free(ground.path, x.ravel(), first.position[1], taken).reshape(x.shape)
     y[np.isnan(y).all(axis=1)] = first.position[1]
     cameras = []
-    for places in np.stack([x, y], axis=-1).tolist():
-        here, *further = (_driven(first, *place, ground) for place in places if place[1] == place[1])
+    for places in np.stack([x, y], axis=-1):
+        free = places[~np.isnan(places[:, 1])].tolist()
+        here, *further = [_driven(first, along, beside, ground) for along, beside in free]
         cameras.append(here._replace(further=tuple(further)))
     return tuple(cameras)
 
@@ -96,21 +97,23 @@ def nearest_free(path: Path, x: np.ndarray, y: float, taken: np.ndarray) -> np.n
         taken: f64[m, 6], see ``camera_path``.
     """
     heading = heading_at(path, x)[:, None]
-    away = to_world(path, x, 0.0)[:, None] - taken[:, :2]
-    low, high = np.full((2, len(x), len(taken)), [[[-np.inf]], [[np.inf]]])
-    cos, sin, *half = taken[:, 2:].T
-    for (east, north), reach in zip(((cos, sin), (-sin, cos)), half, strict=True):
-        begin = away[..., 0] * east + away[..., 1] * north
-        across = np.cos(heading) * north - np.sin(heading) * east
-        across = np.where(np.abs(across) < LEVEL, LEVEL, across)
-        ends = (np.stack([-reach, reach])[:, None] + [[[-SPARE]], [[SPARE]]] - begin) / across
-        low, high = np.maximum(low, ends.min(axis=0)), np.minimum(high, ends.max(axis=0))
+    left = -np.sin(heading), np.cos(heading)
+    away = np.moveaxis(to_world(path, x, 0.0)[:, None] - taken[:, :2], -1, 0)
+    cos, sin, long, wide = taken[:, 2:].T
+    spans = []  # along the line across the road, between a rectangle's sides
+    for (east, north), reach in (((cos, sin), long), ((-sin, cos), wide)):
+        begin, turn = (line[0] * east + line[1] * north for line in (away, left))
+        turn = np.where(np.abs(turn) < LEAST, LEAST, turn)
+        sides = np.stack([-SPARE - reach, SPARE + reach])[:, None]
+        spans.append(np.sort((sides - begin) / turn, axis=0))
+    (low, high), other = spans
+    low, high = np.maximum(low, other[0]), np.minimum(high, other[1])
     found = np.full(len(x), np.nan)
     for k in range(len(x)):
         some = (low[k] < high[k]) & (high[k] > -ASIDE) & (low[k] < ASIDE)
         first, last = low[k, some], high[k, some]
         places = np.concatenate([[y], first, last])
-        inside = (places[:, None] > first + LEVEL) & (places[:, None] < last - LEVEL)
+        inside = (places[:, None] > first + LEAST) & (places[:, None] < last - LEAST)
         places = places[~inside.any(axis=1) & (np.abs(places) <= ASIDE)]
         if len(places):
             found[k] = places[np.abs(places - y).argmin()]

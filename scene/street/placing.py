@@ -192,7 +192,7 @@ def bounds(placements: list[Placement]) -> np.ndarray:
 
 
 def taken(placements: list[Placement]) -> np.ndarray:
-    """What placements take of the ground, f64[n, 6] rows as ``Rectangle``; what is driven over is left out."""
+    """What placements take of the ground, f64[n, 6] rows as ``Rectangle``, but for what is driven over."""
     solid = [p for p in placements if p.family not in LAID]
     if not solid:
         return np.zeros((0, 6))
