@@ -20,8 +20,6 @@ FAR = 35.0
 """Metres from every camera beyond which trees have fewer, larger leaves and twigs."""
 FIRST_INSTANCE = 4
 """Instances 1-3 are road, sidewalk and terrain (see ``ground/build.py``); 0 is the sky."""
-CROWN = 0.4
-"""Share of a crown, from its middle, that is in the way of a lens: the rest is mostly air."""
 STEM = 0.3
 """Half the width, metres, that crowns, lamps and signs take on the ground: one stands below the rest."""
 HELD = frozenset({TrainId.VEGETATION, TrainId.POLE, TrainId.TRAFFIC_SIGN, TrainId.TRAFFIC_LIGHT})
@@ -34,7 +32,7 @@ TILTED = frozenset(
 )
 """Families that lean with the slope of the road; all else stands upright."""
 FLAT = frozenset({"slab", "land", "paving"})
-"""Families that others stand on."""
+"""Families that others stand on, and that one may drive over."""
 
 
 TRAIN_IDS = {name: int(family.train_id) for name, family in FAMILIES.items()}
@@ -271,12 +269,3 @@ def bounds(placements: Sequence[Placement]) -> np.ndarray:
     middle = np.einsum("nij,nj->ni", rotation, centre) + world[:, :3, 3]
     reach = np.einsum("nij,nj->ni", np.abs(rotation), half)
     return np.stack([middle - reach, middle + reach], axis=1)
-
-
-def obstacles(placements: Sequence[Placement]) -> np.ndarray:
-    """Boxes f64[placements, 2, 3] that a lens should keep out of."""
-    boxes = bounds(placements)
-    trees = np.array([p.train_id == TrainId.VEGETATION for p in placements], bool)
-    centre = boxes.mean(axis=1, keepdims=True)
-    boxes[trees] = centre[trees] + CROWN * (boxes[trees] - centre[trees])
-    return boxes

@@ -32,8 +32,8 @@ STEP = 0.5
 STEEP_LIFT, BENT_LIFT, MOST_LIFT = 0.006, 0.001, 0.05
 """Metres by which tiles are lifted for each per cent of slope and 1/km of bend, and at most."""
 BLOCK, GAP = 12.0, 14.0
-"""In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart: within
-its ``SEARCH`` a shot finds a place between them."""
+"""In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart: most
+shots are taken between them, where the camera need not move aside."""
 
 
 class Setting(NamedTuple):

@@ -15,7 +15,7 @@ from scene.assets.catalogue import AssetPool, chosen, in_season
 from scene.assets.library import snapshot
 from scene.attributes import StreetParams
 from scene.ground.arms import with_junction
-from scene.ground.ground import Ground, ground_height, sample_ground
+from scene.ground.ground import Ground, sample_ground
 from scene.ground.junction import sample_junction
 from scene.ground.path import folded, sample_path
 from scene.sky.sky import Sky, sample_sky
@@ -24,7 +24,7 @@ from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
 from scene.street.clearing import cleared, off_the_road
 from scene.street.extras import Mix, extras, open_sides
-from scene.street.instances import Placement, Stand, obstacles, placed
+from scene.street.instances import Placement, Stand, placed, standing
 from scene.street.junction import junction_objects
 from scene.street.lines import lines_of, moves
 from scene.street.plot import SPARE, Plot, Setting
@@ -34,7 +34,7 @@ class Street(NamedTuple):
     """Everything a renderer needs, and nothing about how it renders."""
 
     placements: tuple[Placement, ...]
-    cameras: tuple[Camera, ...]
+    cameras: tuple[Camera, ...]  # one a shot, see ``Camera.further``
     sky: Sky
     ground: Ground
     seed: int
@@ -74,13 +74,12 @@ def sample_street(
     plot = Plot(Setting(params, ground, pool, drive))
     _fill(plot, seed, mix, apart=pool.overlap_of(params) == "avoid")
     placements = placed(ground, plot.stands)
-    y = drive * params.camera_position_x
-    place = (0.0, y, ground_height(ground, y) + params.camera_position_y)
+    place = (0.0, drive * params.camera_position_x, params.camera_position_y)
     first = Camera(
         place, params.camera_rotation_y, params.camera_rotation_x, params.camera_roll,
         params.field_of_view, params.exposure, params.white_balance,
     )  # fmt: skip
-    cameras = camera_path(first, shots, obstacles(placements), rng, ground.path)
+    cameras = camera_path(first, shots, standing(placements)[1], rng, ground)
     return Street(tuple(placements), cameras, sky, ground, seed)
 
 
