@@ -20,10 +20,10 @@ from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES, ground_surfaces
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import Asset
-from scene.mesh.mesh import cross
 from scene.street.placing import FIRST_INSTANCE
 from scene.street.street import Street
 
+f32 = np.float32
 SKY_INSTANCE = 0
 CREASE = 40.0
 """Degrees between faces below which the surface is shaded as a curved one."""
@@ -54,12 +54,9 @@ class Shape(NamedTuple):
     @classmethod
     def of(cls, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray) -> Shape:
         """The shape of these arrays, which must be contiguous."""
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        middle = (low + high) / 2
-        radius = math.sqrt(((vertices - middle) ** 2).sum(axis=1).max())
+        ends, most = _bounds(vertices)
+        ball = np.append((ends[0] + ends[1]) / 2, 1.0001 * math.sqrt(most)).astype(np.float32)
         addresses = (int(a.ctypes.data) for a in (surface, vertices, faces))
-        ball = np.append(middle, 1.0001 * radius).astype(np.float32)
-        ends = np.stack([low, high]).astype(np.float32)
         box = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
         table = (*addresses, len(vertices), len(faces))
         return cls(vertices, faces, surface, ball, table, box)
@@ -121,51 +118,79 @@ def shape_of(asset: Asset, tone: float = 1.0) -> Shape:
     """The arrays of an asset, its albedo times ``tone``."""
     vertices = np.ascontiguousarray(asset.mesh.vertices, np.float32)
     faces = np.ascontiguousarray(asset.mesh.faces, np.int32)
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    area = cross(b - a, c - a)
-    length = np.sqrt((area * area).sum(axis=1, keepdims=True))
     surface = np.empty((len(faces), ROW), np.float32)
-    normal = np.divide(area, length, out=np.zeros_like(area), where=length > 0)
-    # Solids are merged part by part: corners that touch are found by their place.
-    places = np.round(vertices * 1e4).astype(np.int64) @ (1, 2**21, 2**42)
-    corner = places[faces.ravel()]
-    order = np.argsort(corner, kind="stable")
-    surface[:, 0:3] = normal
-    _smooth(corner, order, area, normal, math.cos(math.radians(CREASE)), surface)
+    _normals(vertices, faces, _meeting(vertices, faces), math.cos(math.radians(CREASE)), surface)
     surface[:, 12:15] = np.minimum(tone * np.asarray(asset.color), 1.0)
     surface[:, 15] = asset.material
     return Shape.of(vertices, faces, surface)
 
 
 @njit(cache=True)
-def _smooth(
-    place: np.ndarray,
-    order: np.ndarray,
-    area: np.ndarray,
-    normal: np.ndarray,
-    least: float,
-    surface: np.ndarray,
-) -> None:
-    """Mean over the faces around each corner that bend less than the crease, by their area.
+def _meeting(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners i64[3 f] of faces, place after place, and where i64[places + 1] each place's begin.
 
-    Faces may be wound either way: a normal counts in the direction that agrees.
+    Solids are merged part by part: corners that touch are found by their place, in tenths of millimetres.
     """
-    begin = 0
-    while begin < len(order):
-        end = begin
-        while end < len(order) and place[order[end]] == place[order[begin]]:
-            end += 1
-        for i in range(begin, end):
+    n = len(vertices)
+    slots = 1 << int(math.ceil(math.log2(2 * n + 1)))
+    table, keys = np.full(slots, -1, np.int64), np.empty(n, np.int64)
+    place_of, places = np.empty(n, np.int64), 0
+    for i in range(n):
+        key = 0
+        for k in range(3):
+            key += np.int64(np.rint(vertices[i, k] * f32(1e4))) << (21 * k)
+        at = (key * -7046029254386353131 >> 20) & (slots - 1)
+        while table[at] >= 0 and keys[table[at]] != key:
+            at = (at + 1) & (slots - 1)
+        if table[at] < 0:
+            table[at], keys[places] = places, key
+            places += 1
+        place_of[i] = table[at]
+    begin = np.zeros(places + 1, np.int64)
+    for corner in faces.flat:
+        begin[place_of[corner] + 1] += 1
+    for place in range(places):
+        begin[place + 1] += begin[place]
+    free, order = begin.copy(), np.empty(3 * len(faces), np.int64)
+    for f in range(len(faces)):
+        for k in range(3):
+            place = place_of[faces[f, k]]
+            order[free[place]] = 3 * f + k
+            free[place] += 1
+    return order, begin
+
+
+@njit(cache=True)
+def _normals(
+    vertices: np.ndarray, faces: np.ndarray, meeting: tuple[np.ndarray, np.ndarray], least: float,
+    surface: np.ndarray,
+) -> None:  # fmt: skip
+    """Each face's normal, and at its corners the mean over the faces there that bend less than the crease.
+
+    By their area. Faces may be wound either way: a normal counts in the direction that agrees.
+    """
+    area = np.empty((len(faces), 3), np.float32)
+    for f in range(len(faces)):
+        p, q, r = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+        u, v, w = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+        area[f, 0], area[f, 1], area[f, 2] = y * w - z * v, z * u - x * w, x * v - y * u
+        length = f32(math.sqrt(area[f, 0] ** 2 + area[f, 1] ** 2 + area[f, 2] ** 2))
+        for k in range(3):
+            surface[f, k] = area[f, k] / length if length > 0 else f32(0)
+    order, begin = meeting
+    for place in range(len(begin) - 1):
+        for i in range(begin[place], begin[place + 1]):
             face, corner = order[i] // 3, order[i] % 3
-            x, y, z = area[face, 0], area[face, 1], area[face, 2]
-            for j in range(begin, end):
+            x, y, z = float(area[face, 0]), float(area[face, 1]), float(area[face, 2])
+            for j in range(begin[place], begin[place + 1]):
                 other = order[j] // 3
                 if other == face:
                     continue
                 dot = (
-                    normal[face, 0] * normal[other, 0]
-                    + normal[face, 1] * normal[other, 1]
-                    + normal[face, 2] * normal[other, 2]
+                    surface[face, 0] * surface[other, 0]
+                    + surface[face, 1] * surface[other, 1]
+                    + surface[face, 2] * surface[other, 2]
                 )
                 if abs(dot) > least:
                     sign = 1.0 if dot > 0 else -1.0
@@ -176,7 +201,24 @@ def _smooth(
             surface[face, 3 + 3 * corner] = x / length
             surface[face, 4 + 3 * corner] = y / length
             surface[face, 5 + 3 * corner] = z / length
-        begin = end
+
+
+@njit(cache=True)
+def _bounds(vertices: np.ndarray) -> tuple[np.ndarray, np.float32]:
+    """Low and high corner f32[2, 3] of points f32[v, 3], and the radius of the ball around their middle."""
+    ends = np.empty((2, 3), np.float32)
+    for k in range(3):
+        ends[0, k] = ends[1, k] = vertices[0, k]
+    for i in range(len(vertices)):
+        for k in range(3):
+            ends[0, k] = min(ends[0, k], vertices[i, k])
+            ends[1, k] = max(ends[1, k], vertices[i, k])
+    most = f32(0)
+    x, y, z = (ends[0, 0] + ends[1, 0]) / f32(2), (ends[0, 1] + ends[1, 1]) / f32(2), (ends[0, 2] + ends[1, 2]) / f32(2)
+    for i in range(len(vertices)):
+        away = (vertices[i, 0] - x) ** 2 + (vertices[i, 1] - y) ** 2 + (vertices[i, 2] - z) ** 2
+        most = max(most, away)
+    return ends, most
 
 
 def thinned(shape: Shape, share: float) -> Shape:
