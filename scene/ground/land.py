@@ -16,8 +16,8 @@ import numpy as np
 from scene.compiled import njit
 from scene.ground.extent import GROUND_START, KERB_HEIGHT, STRIP, STRIP_END
 from scene.ground.junction import Junction
-from scene.ground.path import FROM, STEP, Array, Course, Path, course, height_at, nearest, to_world
-from scene.mesh.quads import Quads
+from scene.ground.path import Array, Course, Path, course, height_at, nearest, on_line, to_world
+from scene.mesh.quads import Quads, joined
 
 CHORD = 2.0
 """Longest face along a bent road, metres."""
@@ -43,15 +43,9 @@ def _bent(points: Array, line: Course) -> Array:
     """Points f64[n, 3] in road coordinates, in the world."""
     out = np.empty_like(points)
     for n in range(len(points)):
-        x, y = points[n, 0], points[n, 1]
-        on = min(max((x - FROM) / STEP, 0.0), len(line.x) - 1.0)
-        k = min(int(on), len(line.x) - 2)
-        on -= k
-        heading = line.heading[k] + on * (line.heading[k + 1] - line.heading[k])
-        east = line.east[k] + on * (line.east[k + 1] - line.east[k])
-        north = line.north[k] + on * (line.north[k + 1] - line.north[k])
-        out[n, 0], out[n, 1] = east - y * math.sin(heading), north + y * math.cos(heading)
-        out[n, 2] = points[n, 2] + line.height[k] + on * (line.height[k + 1] - line.height[k])
+        at, y = on_line(line, points[n, 0]), points[n, 1]
+        out[n, 0], out[n, 1] = at.east - y * math.sin(at.heading), at.north + y * math.cos(at.heading)
+        out[n, 2] = points[n, 2] + at.height
     return out
 
 
@@ -66,7 +60,7 @@ def above_road(part: Quads, path: Path) -> Quads:
 
 def pieces(parts: list[Quads]) -> Quads:
     """Faces cut so that no edge runs more than ``CHORD`` along the road, which then can bend."""
-    part = Quads(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+    part = joined(parts)
     corners, of = _cut(part.corners)
     return Quads(corners, part.color[of], part.material[of])
 
@@ -153,7 +147,7 @@ def rise(path: Path, points: Array, junction: Junction | None = None) -> Array:
     _, away = nearest(path, points, GROUND_START, STRIP_END)
     if junction:
         arms = to_world(path, *junction.line.T)
-        apart = np.linalg.norm(points[:, None] - arms, axis=2).min(axis=1)
+        apart = np.sqrt(((points[:, None] - arms) ** 2).sum(axis=2).min(axis=1))
         away = np.minimum(away, apart + HILLS_FROM / 2)
     share = np.clip((away - HILLS_FROM) / (HILLS_TO - HILLS_FROM), 0, 1)
     return share**1.3

@@ -20,7 +20,7 @@ from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES, ground_surfaces
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import Asset
-from scene.street.placing import FIRST_INSTANCE
+from scene.render.instances import AssetKey, instances
 from scene.street.street import Street
 
 f32 = np.float32
@@ -89,19 +89,22 @@ class Shape(NamedTuple):
 class Geometry(NamedTuple):
     """Which shape stands where; nothing is copied, since streets share their shapes."""
 
-    shapes: tuple[Shape, ...]  # of every instance from 1 on
+    shapes: tuple[Shape, ...]  # each once
+    shape: np.ndarray  # i64[instances] index into them; of the sky: -1
     tables: np.ndarray  # u64[instances, 5] each instance's ``Shape.table``; of the sky: 0
     balls: np.ndarray  # f32[instances, 4] middle and radius of a ball around it, in its own frame
     pose: np.ndarray  # f32[instances, 3, 4] shape -> world
     train_id: np.ndarray  # u8[instances]; instance 0 is the sky
     boxes: np.ndarray  # f32[instances, 8, 3] corners of a box around each, in its own frame
+    assets: tuple[AssetKey, ...] = ()  # what the shapes are of, but for the first ones, the ground
     laid: tuple[np.ndarray, ...] = ()
-    """f32[f, 2, 3, 3] of instances 1, 2, 3, the ground, where it bends or slopes: the corners of its faces in
-    the world, and in road coordinates."""
+    """f32[v, 3] of instances 1, 2, 3, the ground, where it bends or slopes: its vertices in road coordinates."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Addresses are those of one process: a copy has its own."""
-        return stand, (self.shapes, self.pose, self.train_id)
+        return stand, (
+            self.shapes, self.shape, self.pose, self.train_id, self.assets, self.laid,
+        )  # fmt: skip
 
     @property
     def surfaces(self) -> np.ndarray:
@@ -111,7 +114,7 @@ class Geometry(NamedTuple):
     @property
     def triangles(self) -> int:
         """Triangles that stand in the street, every instance counted."""
-        return sum(len(shape.faces) for shape in self.shapes)
+        return int(self.tables[:, 4].sum())
 
 
 def shape_of(asset: Asset, tone: float = 1.0) -> Shape:
@@ -282,32 +285,42 @@ def _sound(found: Arrays) -> bool:
 def build(street: Street) -> Geometry:
     """Collect a street's shapes and poses."""
     ground = ground_surfaces(street.ground)
-    shapes = [shape_of(ground[instance].asset) for instance in range(1, FIRST_INSTANCE)]
-    laid = [] if street.ground.path.straight else [
-        np.stack([shape.vertices[shape.faces], road.astype(np.float32)[shape.faces]], axis=1)
-        for shape, (_, road) in zip(shapes, ground.values(), strict=True)
-    ]  # fmt: skip
-    shapes += [asset_shape(p.family, p.asset, p.far) for p in street.placements]
-    pose = np.zeros((1 + len(shapes), 3, 4), np.float32)
-    pose[:FIRST_INSTANCE] = np.eye(3, 4)
-    train_id = np.zeros(1 + len(shapes), np.uint8)
-    train_id[SKY_INSTANCE] = TrainId.SKY
-    for instance, label in GROUND_INSTANCES.items():
-        train_id[instance] = label
-    for placement in street.placements:
-        pose[placement.instance] = placement.pose[:3]
-        train_id[placement.instance] = placement.train_id
-    return stand(shapes, pose, train_id)._replace(laid=tuple(laid))
-
-
-def stand(shapes: Sequence[Shape], pose: np.ndarray, train_id: np.ndarray) -> Geometry:
-    """Shapes as instances 1, 2, ...; row 0 of ``pose`` f32[n, 3, 4] and ``train_id`` u8[n] is the sky's."""
-    tables = np.array([(0,) * 5, *(shape.table for shape in shapes)], np.uint64)
-    balls = np.concatenate([np.zeros(4, np.float32), *(shape.ball for shape in shapes)])
-    boxes = np.concatenate([np.zeros((8, 3), np.float32), *(shape.box for shape in shapes)])
-    return Geometry(
-        tuple(shapes), tables, balls.reshape(-1, 4), pose, train_id, boxes.reshape(-1, 8, 3)
+    shapes = [shape_of(surface.asset) for surface in ground.values()]
+    laid = () if street.ground.path.straight else tuple(
+        surface.road.astype(np.float32) for surface in ground.values()
+    )  # fmt: skip
+    stands, first = instances(street), len(shapes)
+    shapes += [asset_shape(*key) for key in stands.assets]
+    labels = [int(TrainId.SKY), *GROUND_INSTANCES.values()]
+    return stand(
+        shapes,
+        np.concatenate([np.arange(-1, first), first + stands.asset]),
+        np.concatenate([np.eye(3, 4, dtype=np.float32)[None].repeat(1 + first, 0), stands.pose]),
+        np.concatenate([np.array(labels, np.uint8), stands.train_id]),
+        stands.assets,
+        laid,
     )
+
+
+def stand(
+    shapes: Sequence[Shape],
+    shape: np.ndarray,
+    pose: np.ndarray,
+    train_id: np.ndarray,
+    assets: tuple[AssetKey, ...] = (),
+    laid: tuple[np.ndarray, ...] = (),
+) -> Geometry:
+    """Shapes where they stand; row 0 of the arrays, see ``Geometry``, is the sky's."""
+    tables, balls, boxes = (
+        np.array(parts, kind)[shape]
+        for parts, kind in (
+            ([shape.table for shape in shapes], np.uint64),
+            ([shape.ball for shape in shapes], np.float32),
+            ([shape.box for shape in shapes], np.float32),
+        )
+    )
+    tables[SKY_INSTANCE] = 0
+    return Geometry(tuple(shapes), shape, tables, balls, pose, train_id, boxes, assets, laid)
 
 
 class World(NamedTuple):
@@ -320,10 +333,11 @@ class World(NamedTuple):
 
 def world(geometry: Geometry) -> World:
     """Merge every instance's triangles, for renderers without instancing."""
-    counts = [len(shape.faces) for shape in geometry.shapes]
+    shapes = [geometry.shapes[k] for k in geometry.shape[1:]]
+    counts = [len(shape.faces) for shape in shapes]
     parts = [
         (shape.vertices @ pose[:, :3].T + pose[:, 3])[shape.faces].reshape(-1, 3)
-        for shape, pose in zip(geometry.shapes, geometry.pose[1:], strict=True)
+        for shape, pose in zip(shapes, geometry.pose[1:], strict=True)
     ]
     return World(
         np.concatenate(parts),

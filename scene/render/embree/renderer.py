@@ -61,7 +61,7 @@ class EmbreeRenderer:
         geometry = build(street)
         around = surroundings(street, geometry, settings)
         lap("build")
-        bvh = _scene_bvh(street, geometry)
+        bvh = _scene_bvh(geometry)
         lap("bvh")
         frames, middle = [], through_middles(settings)
         for shot, camera in enumerate(street.cameras):
@@ -92,8 +92,8 @@ def _asset_bvh(family: str, asset: int | str, far: bool) -> MeshBVH:
     return MeshBVH(shape.vertices, shape.faces)
 
 
-def _scene_bvh(street: Street, geometry: Geometry) -> SceneBVH:
+def _scene_bvh(geometry: Geometry) -> SceneBVH:
     """What can be in the way of light: all but the ground, of which ``sky_segments`` knows."""
-    meshes = [_asset_bvh(p.family, p.asset, p.far) for p in street.placements]
-    ids = [p.instance for p in street.placements]
-    return SceneBVH(meshes, ids, geometry.pose[ids])
+    meshes = [_asset_bvh(*key) for key in geometry.assets]
+    ground = len(geometry.shapes) - len(meshes)
+    return SceneBVH(meshes, geometry.shape[1 + ground :] - ground, geometry.pose[1 + ground :])
