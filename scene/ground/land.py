@@ -44,7 +44,10 @@ def _bent(points: Array, line: Course) -> Array:
     out = np.empty_like(points)
     for n in range(len(points)):
         at, y = on_line(line, points[n, 0]), points[n, 1]
-        out[n, 0], out[n, 1] = at.east - y * math.sin(at.heading), at.north + y * math.cos(at.heading)
+        out[n, 0], out[n, 1] = (
+            at.east - y * math.sin(at.heading),
+            at.north + y * math.cos(at.heading),
+        )
         out[n, 2] = points[n, 2] + at.height
     return out
 

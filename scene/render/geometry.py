@@ -98,7 +98,7 @@ class Geometry(NamedTuple):
     boxes: np.ndarray  # f32[instances, 8, 3] corners of a box around each, in its own frame
     assets: tuple[AssetKey, ...] = ()  # what the shapes are of, but for the first ones, the ground
     laid: tuple[np.ndarray, ...] = ()
-    """f32[v, 3] of instances 1, 2, 3, the ground, where it bends or slopes: its vertices in road coordinates."""
+    """f32[v, 3] of the ground, instances 1, 2, 3, where it bends or slopes: its vertices on the road."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Addresses are those of one process: a copy has its own."""
@@ -135,7 +135,7 @@ def _meeting(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
     Solids are merged part by part: corners that touch are found by their place, in tenths of millimetres.
     """
     n = len(vertices)
-    slots = 1 << int(math.ceil(math.log2(2 * n + 1)))
+    slots = 1 << math.ceil(math.log2(2 * n + 1))
     table, keys = np.full(slots, -1, np.int64), np.empty(n, np.int64)
     place_of, places = np.empty(n, np.int64), 0
     for i in range(n):
@@ -208,7 +208,7 @@ def _normals(
 
 @njit(cache=True)
 def _bounds(vertices: np.ndarray) -> tuple[np.ndarray, np.float32]:
-    """Low and high corner f32[2, 3] of points f32[v, 3], and the radius of the ball around their middle."""
+    """Low and high corner f32[2, 3] of points f32[v, 3], and how far, squared, any is from their middle."""
     ends = np.empty((2, 3), np.float32)
     for k in range(3):
         ends[0, k] = ends[1, k] = vertices[0, k]
@@ -217,9 +217,10 @@ def _bounds(vertices: np.ndarray) -> tuple[np.ndarray, np.float32]:
             ends[0, k] = min(ends[0, k], vertices[i, k])
             ends[1, k] = max(ends[1, k], vertices[i, k])
     most = f32(0)
-    x, y, z = (ends[0, 0] + ends[1, 0]) / f32(2), (ends[0, 1] + ends[1, 1]) / f32(2), (ends[0, 2] + ends[1, 2]) / f32(2)
     for i in range(len(vertices)):
-        away = (vertices[i, 0] - x) ** 2 + (vertices[i, 1] - y) ** 2 + (vertices[i, 2] - z) ** 2
+        away = f32(0)
+        for k in range(3):
+            away += (vertices[i, k] - (ends[0, k] + ends[1, k]) / f32(2)) ** 2
         most = max(most, away)
     return ends, most
 
