@@ -198,6 +198,7 @@ def _cell(points: Array, n: int, raster: _Raster) -> tuple[float, float]:
 def _unknown(points: Array, raster: _Raster) -> tuple[Array, Array]:
     """Rows and columns i64[k] of corners that points lie between and nobody has asked for."""
     wanted = np.zeros(raster.heights.shape, np.bool_)
+    found = np.empty((2, wanted.size), np.int64)
     count = 0
     for n in range(len(points)):
         u, v = _cell(points, n, raster)
@@ -206,8 +207,9 @@ def _unknown(points: Array, raster: _Raster) -> tuple[Array, Array]:
             for column in range(j, j + 2):
                 if np.isnan(raster.heights[row, column]) and not wanted[row, column]:
                     wanted[row, column] = True
+                    found[0, count], found[1, count] = row, column
                     count += 1
-    return np.nonzero(wanted) if count else (np.empty(0, np.int64), np.empty(0, np.int64))
+    return found[0, :count], found[1, :count]
 
 
 @njit(cache=True)

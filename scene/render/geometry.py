@@ -139,7 +139,7 @@ def _meeting(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.nd
     table, keys = np.full(slots, -1, np.int64), np.empty(n, np.int64)
     place_of, places = np.empty(n, np.int64), 0
     for i in range(n):
-        key = 0
+        key = np.int64(0)
         for k in range(3):
             key += np.int64(np.rint(vertices[i, k] * f32(1e4))) << (21 * k)
         at = (key * -7046029254386353131 >> 20) & (slots - 1)
@@ -200,10 +200,10 @@ def _normals(
                     x += sign * area[other, 0]
                     y += sign * area[other, 1]
                     z += sign * area[other, 2]
-            length = max((x * x + y * y + z * z) ** 0.5, 1e-20)
-            surface[face, 3 + 3 * corner] = x / length
-            surface[face, 4 + 3 * corner] = y / length
-            surface[face, 5 + 3 * corner] = z / length
+            size = max((x * x + y * y + z * z) ** 0.5, 1e-20)
+            surface[face, 3 + 3 * corner] = x / size
+            surface[face, 4 + 3 * corner] = y / size
+            surface[face, 5 + 3 * corner] = z / size
 
 
 @njit(cache=True)
