@@ -43,7 +43,7 @@ def export_street(folder: Path, street: Street, width: int, height: int) -> None
     vertices = world(geometry).vertices
     faces = np.arange(len(vertices)).reshape(-1, 3)
     trimesh.Trimesh(vertices, faces, process=False).export(folder / "street.ply")
-    (camera, *_) = framed(street, geometry, scene_bvh(street, geometry), RenderSettings()).cameras
+    (camera, *_) = framed(street, geometry, scene_bvh(geometry), RenderSettings()).cameras
     view = {
         "position": list(camera.position),
         "axes": camera_axes(camera).tolist(),

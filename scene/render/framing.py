@@ -21,6 +21,7 @@ from scene.render.geometry import Geometry
 from scene.render.protocol import RenderSettings, seen_through
 from scene.render.shot import sample_rays
 from scene.street.camera import Camera
+from scene.street.instances import FIRST_INSTANCE
 from scene.street.street import Street
 
 WIDTH, HEIGHT = 64, 48
@@ -35,8 +36,9 @@ GROUND = list(GROUND_INSTANCES.values())
 
 FIELDS = RAY_FIELDS + 9
 """Words per ray of packets that say what was hit: those of a ray, normal, u, v, and four numbers."""
-GEOMETRY, INSTANCE = RAY_FIELDS + 6, RAY_FIELDS + 7
-"""Where in them the numbers of the mesh and of the instance stand; all bits are set where nothing was hit."""
+GEOMETRY, INSTANCE = RAY_FIELDS + 6, RAY_FIELDS + 8
+"""Where in them the numbers of the mesh and, in the street, of its instance stand; all bits of the first are
+set where nothing was hit."""
 
 intersect8 = types.ExternalFunction("rtcIntersect8", types.void(*[types.uintp] * 4))
 """For compiled code: (valid, scene, packet of rays and hits, arguments), all addresses."""
@@ -136,4 +138,4 @@ def _meet(
         intersect8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
         for k in range(LANES):
             if words[GEOMETRY, k] != EVERYTHING:
-                instance[lanes[k]] = words[INSTANCE, k]
+                instance[lanes[k]] = FIRST_INSTANCE + words[INSTANCE, k]

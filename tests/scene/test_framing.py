@@ -37,7 +37,7 @@ def drawn(seed, shots=1, proposal=EXTENDED, index=0):
 
 def seen(of, settings=SETTINGS):
     geometry = build(of)
-    return framed(of, geometry, scene_bvh(of, geometry), settings)
+    return framed(of, geometry, scene_bvh(geometry), settings)
 
 
 def corners_of(placements):
@@ -133,7 +133,7 @@ def test_the_small_label_image_is_what_the_depth_buffer_sees(seed):
     small = seen_through(camera, RenderSettings(WIDTH, HEIGHT))
     hits = depth_buffer.nearest(geometry, camera, small, sample_rays(camera, small))
     label = geometry.train_id[hits.instance]
-    shares = class_shares(camera, geometry, scene_bvh(of, geometry), RenderSettings(320, 99))
+    shares = class_shares(camera, geometry, scene_bvh(geometry), RenderSettings(320, 99))
     assert shares == pytest.approx(
         np.bincount(label, minlength=19) / label.size, abs=2 / label.size
     )

@@ -62,7 +62,7 @@ class EmbreeRenderer:
         geometry = build(street)
         around = surroundings(street, geometry, settings)
         lap("build")
-        bvh = scene_bvh(street, geometry)
+        bvh = scene_bvh(geometry)
         around = around._replace(street=framed(street, geometry, bvh, settings))
         lap("bvh")
         frames, middle = [], through_middles(settings)
@@ -94,8 +94,8 @@ def _asset_bvh(family: str, asset: int | str, far: bool) -> MeshBVH:
     return MeshBVH(shape.vertices, shape.faces)
 
 
-def scene_bvh(street: Street, geometry: Geometry) -> SceneBVH:
+def scene_bvh(geometry: Geometry) -> SceneBVH:
     """What can be in the way of light: all but the ground, of which ``sky_segments`` knows."""
-    meshes = [_asset_bvh(p.family, p.asset, p.far) for p in street.placements]
-    ids = [p.instance for p in street.placements]
-    return SceneBVH(meshes, ids, geometry.pose[ids])
+    meshes = [_asset_bvh(*key) for key in geometry.assets]
+    ground = len(geometry.shapes) - len(meshes)
+    return SceneBVH(meshes, geometry.shape[1 + ground :] - ground, geometry.pose[1 + ground :])

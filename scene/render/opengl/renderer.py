@@ -117,7 +117,7 @@ def _release() -> None:
 def _render(street: Street, settings: RenderSettings, lap: Lap) -> list[Frame]:
     geometry = build(street)
     merged = world(geometry)
-    street = framed(street, geometry, scene_bvh(street, geometry), settings)
+    street = framed(street, geometry, scene_bvh(geometry), settings)
     around = surroundings(street, geometry, settings)
     lap("build")
     rasterizer = _rasterizer()
