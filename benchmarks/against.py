@@ -15,29 +15,32 @@ import subprocess
 import sys
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from benchmarks.report import Row, timed
 
 HERE = Path(__file__).resolve().parents[1]
 CASES = tuple(
-    (*size, shots)
+    (*size, shots, streets)
     for size in ((640, 320, 1), (240, 176, 2), (480, 360, 2), (240, 176, 1))
-    for shots in (1, 6)
+    for shots in (1, 4)
+    for streets in ("default", "random")
 )
-"""Width, height, rays per pixel along each axis, shots per street."""
+"""Width, height, rays per pixel along each axis, shots per street; hand-set streets or random ones."""
 SERVE = """
 import json, sys, time
 import cv2
 from scene.assets.catalogue import AssetPool
 from scene.dataset.render import render_street
-from scene.proposal import default_proposal, draw
+from scene.proposal import draw, named
 from scene.render import RenderSettings, renderer
 cv2.setNumThreads(1)
 renderer("embree")
 for line in sys.stdin:
-    width, height, samples, shots, streets = json.loads(line)
+    width, height, samples, shots, kind, streets = json.loads(line)
+    drawn = draw(named(kind, "extended"), 0, streets)
     started = time.process_time()
-    for k, unit in enumerate(draw(default_proposal(), 0, streets)):
+    for k, unit in enumerate(drawn):
         render_street(unit, 0, k, shots, RenderSettings(width, height, samples), "embree", AssetPool())
     print((time.process_time() - started) / (streets * shots), flush=True)
 """
@@ -72,7 +75,7 @@ def _environment(checkout: Path) -> dict[str, str]:
 
 
 def speeds(
-    checkout: Path, streets: int, rounds: int, cases: tuple[tuple[int, ...], ...] = CASES
+    checkout: Path, streets: int, rounds: int, cases: tuple[tuple[Any, ...], ...] = CASES
 ) -> list[Row]:
     """One row for each case; the first round, which compiles and builds assets, does not count."""
     servers = [
@@ -92,7 +95,8 @@ def speeds(
             rows.append(
                 {
                     "width": case[0], "height": case[1], "rays_per_pixel": case[2] ** 2,
-                    "shots": case[3], "ms_there": 1000 * min(there), "ms_here": 1000 * min(here),
+                    "shots": case[3], "streets": case[4],
+                    "ms_there": 1000 * min(there), "ms_here": 1000 * min(here),
                     "ratio": min(there) / min(here),
                     "median": statistics.median(t / h for t, h in pairs[1:]),
                 }
@@ -104,7 +108,7 @@ def speeds(
     return rows
 
 
-def _ask(server: subprocess.Popen[str], case: tuple[int, ...]) -> float:
+def _ask(server: subprocess.Popen[str], case: tuple[Any, ...]) -> float:
     assert server.stdin is not None and server.stdout is not None
     server.stdin.write(json.dumps(case) + "\n")
     server.stdin.flush()

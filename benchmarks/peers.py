@@ -34,13 +34,16 @@ def export_street(folder: Path, street: Street, width: int, height: int) -> None
     import trimesh
 
     from scene.render import RenderSettings
+    from scene.render.embree.renderer import scene_bvh
+    from scene.render.framing import framed
     from scene.render.geometry import build, world
     from scene.street.camera import camera_axes
 
-    vertices = world(build(street)).vertices
+    geometry = build(street)
+    vertices = world(geometry).vertices
     faces = np.arange(len(vertices)).reshape(-1, 3)
     trimesh.Trimesh(vertices, faces, process=False).export(folder / "street.ply")
-    camera = street.cameras[0]
+    (camera, *_) = framed(street, geometry, scene_bvh(geometry), RenderSettings()).cameras
     view = {
         "position": list(camera.position),
         "axes": camera_axes(camera).tolist(),

@@ -52,7 +52,7 @@ ATTRIBUTES: tuple[Attribute, ...] = (
     Attribute("building_position", 5, 30, "linear", 9, "m", "centre line to building (or train) facade"),
     Attribute("fence_position", 3.5, 20, "linear", 7.5, "m", "centre line to fence (or wall)"),
     Attribute("tree_position", 3.5, 20, "linear", 9, "m", "centre line to tree (or bush)"),
-    Attribute("bicycle_position", 1, 14, "linear", 3.2, "m", "centre line to bicycle (or motorcycle)"),
+    Attribute("bicycle_position", 1, 14, "linear", 6.3, "m", "centre line to bicycle (or motorcycle)"),
     Attribute("person_position", 1, 14, "linear", 5.5, "m", "centre line to person (or rider)"),
     Attribute("pole_position", 2, 14, "linear", 4.8, "m", "centre line to pole (or traffic sign, light)"),
     Attribute("car_position", 1, 14, "linear", 3.4, "m", "centre line to car (or bus, truck)"),

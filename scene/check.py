@@ -1,6 +1,7 @@
 """Checks an exported dataset: whether its files are whole, and all its labels say the same.
 
     sdr-jax check streets
+    sdr-jax check --overlaps 300   # no dataset: do objects of streets stand in each other?
 
 One line for each finding. Exit code 0: no fault found; 1: findings; 2: not a dataset.
 """
@@ -16,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from scene import parsers
+from scene.assets.catalogue import AssetPool
+from scene.attributes import SPACES, SpaceName, default_unit, street_params
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.edges import Overlap, overlap
 from scene.dataset.formats.about import About
@@ -23,6 +26,9 @@ from scene.dataset.formats.planes import ids_of
 from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
 from scene.dataset.read import Described, describe
 from scene.dataset.verify import load, verify
+from scene.street.clearance import pairs
+from scene.street.instances import standing
+from scene.street.street import sample_street
 from shell.command import exit_code
 from shell.files import read_bytes, read_json
 
@@ -35,6 +41,8 @@ EVERYWHERE = ("road", "sidewalk", "sky")
 ENOUGH_IMAGES = 20
 SLACK = 0.02
 """By so much of its pixels the outline of an object may miss them."""
+DEEP = 0.05
+"""Metres by which footprints of objects that touch may meet."""
 ENOUGH_PLACED = 100
 """Objects of a class placed in the streets of a dataset of which at least one must be seen."""
 
@@ -176,11 +184,49 @@ def _statistics(
             yield f"{name} is in no image"
 
 
+def overlaps(units: np.ndarray, pool: AssetPool) -> Counter[str]:
+    """Which families meet by more than ``DEEP`` in streets, and how often.
+
+    Args:
+        units: f32[streets, attributes] attributes, in [0, 1].
+        pool: what the streets draw from.
+    """
+    found = Counter[str]()
+    for seed, unit in enumerate(units):
+        street = sample_street(street_params(unit), seed, 1, pool)
+        objects, rectangles = standing(street.placements)
+        for pair in pairs(rectangles, DEEP).tolist():
+            found[" and ".join(sorted(objects[k].family for k in pair))] += 1
+    return found
+
+
+def _report_overlaps(count: int, space: SpaceName, pool: AssetPool) -> int:
+    """Print what meets in hand-set and in random streets; 1 if anything does, else 0."""
+    random = np.random.default_rng(0).random((count, len(SPACES[space])), np.float32)
+    total = 0
+    for name, units in (("hand-set", np.tile(default_unit(space), (count, 1))), ("random", random)):
+        found = overlaps(units, pool)
+        total += found.total()
+        print(f"{count} {name} streets ({space}): {found.total()} pairs meet by more than {DEEP} m")
+        for families, number in found.most_common():
+            print(f"  {families}: {number}")
+    return int(total > 0)
+
+
 def main(arguments: list[str] | None = None) -> int:
     """The command line; returns the exit code."""
-    options = parsers.check().parse_args(arguments)
+    command = parsers.check()
+    options = command.parse_args(arguments)
+    if (options.dataset is None) == (options.overlaps is None):
+        command.error("name either a dataset or --overlaps N")
+    if options.overlaps is not None and options.overlaps < 1:
+        command.error(f"--overlaps must be 1 or more, not {options.overlaps}")
 
     def work() -> int:
+        if options.overlaps is not None:
+            return _report_overlaps(
+                options.overlaps, options.space, AssetPool(overlap=options.overlap)
+            )
         found = 0
         for line in findings(options.dataset):
             print(line, flush=True)

@@ -4,3 +4,5 @@ RENDERERS: tuple[str, ...] = ("embree", "opengl")
 """Of `scene.renderer`."""
 USES = ("both", "own", "built-in")
 """Values of ``AssetPool.use``: which assets a street may draw from."""
+OVERLAPS = ("allow", "avoid")
+"""Values of ``AssetPool.overlap``, beside none: whether objects may stand in each other."""

@@ -7,7 +7,7 @@ from typing import get_args
 
 from scene.attributes import SPACES
 from scene.dataset.formats.layout import FORMATS, SPLITS
-from scene.names import RENDERERS, USES
+from scene.names import OVERLAPS, RENDERERS, USES
 from scene.proposal import NAMES
 from scene.workers import ExecutorName
 from shell.command import Parser, docstring, size
@@ -59,6 +59,12 @@ def render() -> Parser:
     add = options.group("assets")
     add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
     add("--asset-use", choices=USES, default="both", help="which assets may appear")
+    add(
+        "--overlap",
+        choices=OVERLAPS,
+        default="",
+        help="whether objects may stand in each other; by default they may in space scenex only",
+    )
     add("--asset-fraction", type=float, default=1.0, metavar="SHARE", help="of the assets, used")
     add(
         "--asset-count",
@@ -72,7 +78,16 @@ def render() -> Parser:
 def check() -> Parser:
     """The command line of `sdr-jax check`."""
     options = Parser("check", docstring("scene.check"))
-    options.add_argument("dataset", type=Path, metavar="DIR", help="folder of the dataset")
+    add = options.add_argument
+    add("dataset", type=Path, nargs="?", metavar="DIR", help="folder of the dataset")
+    add(
+        "--overlaps",
+        type=int,
+        metavar="N",
+        help="in place of a dataset: count what meets in N hand-set and N random streets",
+    )
+    add("--overlap", choices=OVERLAPS, default="", help="whether their objects may; see render")
+    add("--space", choices=SPACES, default="extended", help="attributes of these streets")
     return options
 
 
@@ -121,6 +136,12 @@ def preview() -> Parser:
     add = options.group("assets")
     add("--assets", metavar="DIR", default="", help="folder of own assets")
     add("--asset-use", choices=USES, default="both", help="which assets may appear")
+    add(
+        "--overlap",
+        choices=OVERLAPS,
+        default="",
+        help="whether objects may stand in each other; by default they may in space scenex only",
+    )
     add("--asset-fraction", type=float, default=1.0, metavar="SHARE", help="of the assets, used")
     return options
 

@@ -4,7 +4,8 @@
     sdr-jax stats streets --against CamVid --only 0016E5 --only 0001TP --json stats.json
 
 For each class its share of the labelled pixels, its mean row (0 at the top, 1 at the bottom) and the share
-of images it is in. CamVid's 11 classes are those of the table where it is the target.
+of images it is in; of renders, the shares of shots that were taken again further along the road, and that
+show no street all the same. CamVid's 11 classes are those of the table where it is the target.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ class Statistics(NamedTuple):
     containing: np.ndarray  # i64[classes], images in which a class is
     void: float  # share of pixels without a label
     mean_rgb: np.ndarray  # f64[3] in 0..255
+    framing: tuple[float, float] | None = None  # of renders: see ``Described.framing``
 
 
 def count(pairs: Iterable[tuple[np.ndarray, np.ndarray]], classes: int) -> Statistics:
@@ -76,9 +78,9 @@ def compare(
             raise ValueError(f"{dataset} and {against} have other classes")
         classes = CAMVID
         pairs = ((image, CAMVID_OF_TRAIN[label]) for image, label in ours.pairs)
-    found = {"dataset": count(pairs, len(classes))}
+    found = {"dataset": count(pairs, len(classes))._replace(framing=ours.framing)}
     if theirs is not None:
-        found["target"] = count(theirs.pairs, len(classes))
+        found["target"] = count(theirs.pairs, len(classes))._replace(framing=theirs.framing)
     return classes, found
 
 
@@ -91,8 +93,10 @@ def report(classes: tuple[str, ...], statistics: Statistics) -> dict[str, Any]:
         statistics.containing.tolist(),
         strict=True,
     )
+    framing = dict(zip(("shots_retaken", "shots_refused"), statistics.framing or (), strict=False))
     return {
         "images": statistics.images,
+        **framing,
         "mean_rgb": np.round(statistics.mean_rgb, 2).tolist(),
         "void": round(statistics.void, 6),
         "classes": {
@@ -130,6 +134,12 @@ def table(classes: tuple[str, ...], found: dict[str, Statistics]) -> str:
             f"{name}: {s.images} images, mean RGB {red:.0f}/{green:.0f}/{blue:.0f}, "
             f"{100 * s.void:.1f} % of pixels without a label"
         )
+        if s.framing is not None:
+            again, refused = (100 * share for share in s.framing)
+            lines.append(
+                f"{name}: {again:.1f} % of shots taken again further along the road, "
+                f"{refused:.1f} % without a street all the same"
+            )
     return "\n".join(lines)
 
 

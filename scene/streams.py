@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 
 STREAMS = {
-    "street": 0,  # sky, ground, seeds of the lines, camera path
+    "street": 0,  # sky, ground, camera path
+    "line": 1,  # a line of objects on one side
     "background": 7,
-    "season": 8,  # of the background's trees
     "cloud": 9,  # whether it covers the sky
     "course": 20,  # of the road
     "junction": 21,

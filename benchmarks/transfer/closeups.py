@@ -13,7 +13,7 @@ from scene.attributes import default_unit, street_params
 from scene.render import RenderSettings, renderer
 from scene.street.background import BEHIND
 from scene.street.camera import Camera
-from scene.street.placing import FIRST_INSTANCE, Placement, bounds
+from scene.street.instances import FIRST_INSTANCE, Placement, bounds
 from scene.street.street import Street, sample_street
 
 DISTANCE: dict[str, float] = {

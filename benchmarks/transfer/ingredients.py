@@ -15,7 +15,7 @@ from scene.ground.path import nearest
 from scene.render import RenderSettings, renderer
 from scene.sky.sky import sample_sky
 from scene.street.background import BEHIND, LINES_END
-from scene.street.placing import FIRST_INSTANCE
+from scene.street.instances import FIRST_INSTANCE
 from scene.street.street import Street
 from seg.classes import class_table
 

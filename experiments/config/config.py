@@ -94,6 +94,9 @@ class Config:
     """Folder of your own assets, by class (see ``scene.library``)."""
     asset_use: Literal["both", "own", "built-in"] = "both"
     """Which assets streets draw from. With ``own``, classes without own assets are left out."""
+    overlap: Literal["allow", "avoid"] | None = None
+    """Whether objects may stand in each other. By default they may with --space scenex, as in the paper, and
+    may not with --space extended."""
     asset_fraction: float = 1.0
     """Share of the assets that is used."""
     asset_count: int | None = None
@@ -110,7 +113,13 @@ class Config:
         from scene.assets.catalogue import AssetPool  # the help needs no assets
 
         own = "" if self.assets is None else str(self.assets)
-        return AssetPool(0, self.asset_count, self.asset_fraction, own, self.asset_use)
+        return AssetPool(
+            size=self.asset_count,
+            fraction=self.asset_fraction,
+            own=own,
+            use=self.asset_use,
+            overlap=self.overlap or "",
+        )
 
 
 @dataclass(frozen=True, kw_only=True)

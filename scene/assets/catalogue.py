@@ -16,16 +16,20 @@ import numpy as np
 
 from scene.assets import library
 from scene.assets.families import FAMILIES
+from scene.attributes import StreetParams
 from scene.cache import Arrays, kept
 from scene.classes import CLASS_NAMES
 from scene.look.surfaces import ROADS, SIDEWALKS, TERRAINS
 from scene.mesh.asset import Asset
-from scene.names import USES
+from scene.names import OVERLAPS, USES
 from scene.sky.weather import SKIES
 
 
 class AssetPool(NamedTuple):
-    """The assets a street may draw from: consecutive indices of every family, and a user's own."""
+    """The assets a street may draw from, and whether they may stand in each other.
+
+    Consecutive indices of every family, and a user's own.
+    """
 
     first: int = 0
     size: int | None = None  # built-in ones of every family; None: ``Family.count``
@@ -33,12 +37,19 @@ class AssetPool(NamedTuple):
     own: str = ""  # folder of own assets, see ``library``
     use: str = "both"  # which ones: "both", "own" or "built-in"
     without: tuple[str, ...] = ()  # families that stay away
+    overlap: str = (
+        ""  # whether they may stand in each other: "allow", "avoid", "" as the space has it
+    )
 
     @property
     def decides(self) -> dict[str, Any]:
-        """Its fields as plain values; ``without`` where it names any, so that older records hold."""
+        """Its fields as plain values; the last two where they say anything, so that older records hold."""
         fields = {**self._asdict(), "without": list(self.without)}
-        return fields if self.without else {k: v for k, v in fields.items() if k != "without"}
+        return {k: v for k, v in fields.items() if v or k not in ("without", "overlap")}
+
+    def overlap_of(self, params: StreetParams) -> str:
+        """``overlap`` in a street; the default of ``scenex`` is "allow", as in the paper, else "avoid"."""
+        return self.overlap or ("allow" if params.field_of_view is None else "avoid")
 
 
 MOST = 1_000_000
@@ -58,6 +69,8 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
     """
     if pool.use not in USES:
         raise ValueError(f"{named}use {pool.use!r} is unknown; known: {', '.join(USES)}")
+    if pool.overlap not in ("", *OVERLAPS):
+        raise ValueError(f"overlap {pool.overlap!r} is unknown; known: {', '.join(OVERLAPS)}")
     if not 0 < pool.fraction <= 1:
         raise ValueError(f"{named}fraction must lie in (0, 1], not {pool.fraction}")
     if pool.first < 0:
@@ -77,11 +90,15 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
 
 
 def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | None:
-    """Draw one asset of ``family``: an index, or what an own one is called; None where there is none.
+    """Draw one asset of ``family`` as ``chosen`` does. Always takes one number from ``rng``."""
+    return chosen(pool, family, rng.random())
 
-    With both in use, every asset is as likely as any other. Always takes one number from ``rng``.
+
+def chosen(pool: AssetPool, family: str, share: float) -> int | str | None:
+    """The asset of ``family`` that a number in [0, 1) chooses: an index, or what an own one is called.
+
+    With both in use, every asset is as likely as any other. None where there is none.
     """
-    share = rng.random()
     count = _built_in(pool, family)
     own = own_assets(pool, family)
     if count + len(own) == 0:
@@ -95,7 +112,7 @@ def pick_in_season(
 ) -> int | str | None:
     """Draw one asset of ``family`` as ``pick`` does, trees with or without leaves as ``in_season`` says."""
     ref = pick(pool, family, rng)
-    return None if ref is None else in_season(family, ref, bare, pool, rng)
+    return None if ref is None else in_season(family, ref, bare, pool, rng.random())
 
 
 BARE = "bare"
@@ -107,16 +124,16 @@ def in_season(
     ref: int | str,
     bare: float | None,
     pool: AssetPool,
-    rng: np.random.Generator,
+    share: float,
 ) -> int | str:
     """A tree with or without leaves in the place of one, so that a share ``bare`` of trees has none.
 
     The next built-in tree of the pool that suits; the tree itself if none does, and all that is no
-    built-in tree, and all trees where ``bare`` is None. Takes one number from ``rng`` for each tree.
+    built-in tree, and all trees where ``bare`` is None. ``share`` in [0, 1) decides.
     """
     if family != "tree" or bare is None or not isinstance(ref, int):
         return ref
-    wanted, count = rng.random() < bare, _built_in(pool, family)
+    wanted, count = share < bare, _built_in(pool, family)
     for step in range(min(count, len(FAMILIES[family].kinds))):
         other = pool.first + (ref - pool.first + step) % count
         if (BARE in kind(family, other)) == wanted:
@@ -130,6 +147,40 @@ def _built_in(pool: AssetPool, family: str) -> int:
     size = FAMILIES[family].count if pool.size is None else pool.size
     absent = pool.use == "own" or family in pool.without
     return 0 if absent else max(1, round(size * pool.fraction))
+
+
+OWN_POST = 0.1
+"""A user's own sign that reaches this low, metres, has a post of its own."""
+
+
+def parts_of(
+    family: str, ref: int | str, chance: float, pool: AssetPool
+) -> list[tuple[str, int | str]]:
+    """The assets that make up one object: a rider's machine and a sign's post have their own class.
+
+    Where a pool of own assets has no post for a sign or light, a built-in one stands there; an own rider
+    goes without a machine. What would hang in the air, since a pool is without its family, is left out.
+    ``chance`` in [0, 1) decides on the machine or the post.
+    """
+    row = FAMILIES[family]
+    if not row.on:
+        return [(family, ref)]
+    whole = isinstance(ref, str) and row.front == "back"
+    if whole and bounds(family, ref)[0, 2] < OWN_POST:
+        return [(family, ref)]
+    base = row.on
+    if not isinstance(base, str):
+        if isinstance(ref, int):
+            base = row.base(kind(family, ref))
+        else:  # a user's own rider says not what it rides
+            place = chance * len(row.kinds)
+            base, chance = row.base(row.kinds[int(place)]), place % 1.0
+    below = chosen(pool, base, chance)
+    if below is None and row.front == "back":
+        below = chosen(pool._replace(use="built-in"), base, chance)
+    if below is not None:
+        return [(family, ref), (base, below)]
+    return [(family, ref)] if isinstance(ref, str) and row.front != "back" else []
 
 
 def own_assets(pool: AssetPool, family: str) -> tuple[str, ...]:

@@ -124,7 +124,7 @@ def _own_assets(folder: str) -> list[dict[str, Any]]:
 
 
 def outcome(streets: Iterable[dict[str, Any]], pixels: int, labels: Labels) -> dict[str, Any]:
-    """What came out: shares of classes, in how many images, mean colour, and what was placed.
+    """What came out: shares of classes, in how many images, mean colour, what was placed, shots taken again.
 
     Args:
         streets: the records of all streets.
@@ -134,6 +134,7 @@ def outcome(streets: Iterable[dict[str, Any]], pixels: int, labels: Labels) -> d
     of_engine = labels.of_engine[: len(CLASS_NAMES)].tolist()
     count, images = np.zeros(VOID + 1, np.int64), 0
     containing, rgb = np.zeros(VOID + 1, np.int64), np.zeros(3, np.int64)
+    retaken = refused = 0
     placed: Counter[str] = Counter()
     for street in streets:
         placed.update(street["placed"])
@@ -142,12 +143,16 @@ def outcome(streets: Iterable[dict[str, Any]], pixels: int, labels: Labels) -> d
             count += here
             containing += here > 0
             rgb += record["rgb"]
+            retaken += record["retaken"] > 0
+            refused += record["refused"]
             images += 1
     total = pixels * images
     return {
         "class_frequency": _by_class(labels, np.round(count / total, 9)),
         "images_with_class": _by_class(labels, containing),
         "mean_rgb": np.round(rgb / total, 3).tolist(),
+        "shots_retaken": round(retaken / images, 6),
+        "shots_refused": round(refused / images, 6),
         "placed": {name: placed[name] for name in CLASS_NAMES if name in placed},
     }
 

@@ -196,12 +196,7 @@ def _draw_street(plan: Plan, index: int, unit: np.ndarray) -> tuple[Files, dict[
     for shot in range(plan.shots_of(index)):
         name = stem(index, shot)
         files, known = shot_files(
-            frames[shot],
-            street.cameras[shot],
-            street.ground.path,
-            plan.settings,
-            plan.layout,
-            labels,
+            frames[shot], street.ground.path, plan.settings, plan.layout, labels
         )
         paths = plan.layout.paths(plan.split, name)
         all_files += [(paths[k], f"{name}.{k}", files[k]) for k in files]
@@ -289,9 +284,7 @@ def _check_room(plan: Plan, units: np.ndarray) -> None:
     """Measure one image, and refuse an export that the disk cannot take."""
     street = street_of(units[0], plan.seed, 0, 1, plan.pool)
     frame = renderer(plan.renderer).render(street, plan.settings)[0]
-    files, record = shot_files(
-        frame, street.cameras[0], street.ground.path, plan.settings, plan.layout, plan.labels
-    )
+    files, record = shot_files(frame, street.ground.path, plan.settings, plan.layout, plan.labels)
     sizes = [*(len(content) for content in files.values()), 2 * len(json.dumps(record, indent=2))]
     image = sum(-(-size // BLOCK) * BLOCK for size in sizes)
     finished = sum(1 for _ in (plan.work / "streets").glob("*.json"))

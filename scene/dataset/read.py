@@ -36,6 +36,7 @@ class Described(NamedTuple):
     size: tuple[int, int]  # width, height in pixels
     labels: Labels  # the classes of label pictures
     rows: dict[str, parquet.Place] | None = None  # where pictures are packed, of each stem
+    framing: tuple[float, float] | None = None  # shares of shots taken again, and without a street
 
     def path(self, kind: str, name: str) -> Path:
         """The file of one kind of the image called ``name``."""
@@ -76,12 +77,14 @@ def describe(folder: Path) -> Described:
             raise ValueError("format, split, images, shots or size")
         own = layout(found["format"])
         classes = labels_of(found, own.published)
+        again = [float(found[key]) for key in ("shots_retaken", "shots_refused") if key in found]
     except (LookupError, TypeError, ValueError) as error:
         raise ValueError(f"{path} does not describe a dataset: {error}") from None
     stems = tuple(stem(k // shots, k % shots) for k in range(images))
     own.check()
     rows = parquet.places(folder, found["split"]) if own.pack is not None else None
-    return Described(folder, found, own, found["split"], stems, size, classes, rows)
+    framing = (again[0], again[1]) if len(again) == 2 else None  # older datasets do not say
+    return Described(folder, found, own, found["split"], stems, size, classes, rows, framing)
 
 
 def labels(dataset: Described, name: str) -> np.ndarray:

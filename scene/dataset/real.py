@@ -29,6 +29,7 @@ class Pictures(NamedTuple):
 
     classes: tuple[str, ...]
     pairs: Iterator[tuple[np.ndarray, np.ndarray]]
+    framing: tuple[float, float] | None = None  # of a dataset: see ``Described.framing``
 
 
 def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
@@ -43,7 +44,7 @@ def open_pictures(folder: Path, prefixes: tuple[str, ...] = ()) -> Pictures:
     """
     if (folder / DESCRIPTION).is_file():
         dataset = describe(folder)
-        return Pictures(dataset.labels.names, pictures(dataset))
+        return Pictures(dataset.labels.names, pictures(dataset), dataset.framing)
     if (folder / "train").is_dir() and (folder / "trainannot").is_dir():
         found, tail, labels, ending = "train/*.[jp][pn]g", "", "trainannot", ""
         classes, legal = CAMVID, np.arange(256, dtype=np.uint8)

@@ -42,8 +42,9 @@ def with_junction(ground: Ground, junction: Junction) -> Ground:
 
 def kept(part: Quads, junction: Junction) -> Quads:
     """The faces beside the road that do not lie in the junction."""
-    x, y = part.corners[..., 0].mean(axis=1), part.corners[..., 1].mean(axis=1)
-    free = (np.abs(x - junction.x) > junction.corner) | ~np.isin(np.sign(y), junction.arms)
+    x, y = part.corners[..., :2].mean(axis=1).T
+    armed = [(y > 0 if side > 0 else y < 0) for side in junction.arms]
+    free = (np.abs(x - junction.x) > junction.corner) | ~np.logical_or.reduce(armed)
     return Quads(part.corners[free], part.color[free], part.material[free])
 
 

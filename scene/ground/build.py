@@ -13,7 +13,7 @@ from scene.ground.land import above_road, bent, pieces
 from scene.ground.relief import arm_sides, open_land, sidewalk_quads, terrain_quads
 from scene.ground.roadway import road_quads
 from scene.mesh.asset import Asset
-from scene.mesh.quads import to_asset
+from scene.mesh.quads import joined, to_asset
 from scene.streams import seeded
 
 GROUND_INSTANCES: dict[int, int] = {
@@ -40,7 +40,7 @@ def ground_surfaces(ground: Ground) -> dict[int, Surface]:
     drawn = [draw(ground, rng) for draw in (road_quads, sidewalk_quads, terrain_quads)]
     if ground.junction:
         junction = ground.junction
-        drawn[1:] = [[kept(part, junction) for part in parts] for parts in drawn[1:]]
+        drawn[1:] = [[kept(joined(parts), junction)] for parts in drawn[1:]]
         drawn[0] += arm_road(ground, junction, rng)
         drawn[1] += [*corners(ground, junction), *arm_sides(ground, junction, rng)]
         drawn[2] += arm_land(ground, junction, rng)

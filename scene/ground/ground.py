@@ -22,7 +22,7 @@ from scene.ground.extent import (
 from scene.ground.junction import Junction
 from scene.ground.land import land_height
 from scene.ground.markings import ARROWS, WORDS, Legend
-from scene.ground.path import STRAIGHT, Path, Place, place_at
+from scene.ground.path import STRAIGHT, Path, height_at, to_world
 from scene.look.surfaces import (
     ROAD_TONE,
     ROADS,
@@ -81,22 +81,26 @@ class Ground(NamedTuple):
         return self.half_width + self.footway
 
 
-def ground_height(ground: Ground, y: float, x: float = 0.0, place: Place | None = None) -> float:
-    """Height of the ground ``y`` metres from the centre line, ``x`` metres along it.
+def ground_height(ground: Ground, y: float, x: float = 0.0) -> float:
+    """Height of the ground ``y`` metres from the centre line, ``x`` metres along it."""
+    return float(ground_heights(ground, np.array([x]), np.array([y]))[0])
 
-    ``place`` is that of (x, y) in the world, where it is known already.
-    """
-    above = 0.0 if abs(y) < ground.half_width else KERB_HEIGHT
+
+def ground_heights(ground: Ground, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Heights f64[n] of the ground at places ``x``, ``y`` f64[n] of the road, metres."""
+    above = np.where(np.abs(y) < ground.half_width, 0.0, KERB_HEIGHT)
     if not ground.shaped:
         return above
-    place = place or place_at(ground.path, x, y)
     junction = ground.junction
-    if abs(y) > STRIP and not (junction and junction.beside(x, y)):
-        at = np.array([[place.east, place.north]])
-        return float(land_height(ground.path, at, junction)[0])
-    if junction and junction.paved(x, y):
-        above = 0.0
-    return above + place.height
+    open_land = np.abs(y) > STRIP
+    if junction:
+        above[junction.paved(x, y)] = 0.0
+        open_land &= ~junction.beside(x, y)
+    heights = above + height_at(ground.path, x)
+    if open_land.any():
+        points = to_world(ground.path, x[open_land], y[open_land])
+        heights[open_land] = land_height(ground.path, points, junction)
+    return heights
 
 
 def along(ground: Ground, step: float) -> np.ndarray:

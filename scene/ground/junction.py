@@ -6,7 +6,6 @@ around each corner sidewalk reaches from one street's to the other's.
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -75,20 +74,22 @@ class Junction(NamedTuple):
         """Where traffic of the road waits for a light, from the arms' middle."""
         return self.corner + (0.8 if self.crossings[1] == "none" else CROSSING_DEPTH + 1.6)
 
-    def paved(self, x: float, y: float, spare: float = 0.0) -> bool:
-        """Whether the carriageway of an arm, or of a corner, is within ``spare`` metres of (x, y)."""
-        u, v = abs(x - self.x), abs(y)
-        if math.copysign(1.0, y) not in self.arms or v < self.road_half_width or v > REACH:
-            return False
-        if u < self.half_width + spare:
-            return True
-        u, v = u - self.half_width - self.radius, v - self.road_half_width - self.radius
-        return u < 0 and v < 0 and math.hypot(u, v) > self.radius - spare
+    def paved(self, x: float | np.ndarray, y: float | np.ndarray, spare: float = 0.0) -> np.ndarray:
+        """Whether the carriageway of an arm, or of a corner, is within ``spare`` metres of places (x, y)."""
+        u, v = np.abs(x - self.x), np.abs(y)
+        arm = np.isin(np.sign(y), self.arms) & (v >= self.road_half_width) & (v <= REACH)
+        corner_u, corner_v = (
+            u - self.half_width - self.radius,
+            v - self.road_half_width - self.radius,
+        )
+        around = (corner_u < 0) & (corner_v < 0)
+        around &= np.hypot(corner_u, corner_v) > self.radius - spare
+        return arm & ((u < self.half_width + spare) | around)
 
-    def beside(self, x: float, y: float) -> bool:
-        """Whether the land at (x, y) goes with an arm."""
-        along = abs(y) <= ARM_END and math.copysign(1.0, y) in self.arms
-        return along and abs(x - self.x) <= ARM_STRIP
+    def beside(self, x: float | np.ndarray, y: float | np.ndarray) -> np.ndarray:
+        """Whether the land at places (x, y) goes with an arm."""
+        along = (np.abs(y) <= ARM_END) & np.isin(np.sign(y), self.arms)
+        return along & (np.abs(x - self.x) <= ARM_STRIP)
 
     @property
     def line(self) -> np.ndarray:

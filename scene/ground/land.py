@@ -7,15 +7,17 @@ rises to hills far away.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from scene.compiled import njit
 from scene.ground.extent import GROUND_START, KERB_HEIGHT, STRIP, STRIP_END
 from scene.ground.junction import Junction
-from scene.ground.path import Array, Path, course, height_at, nearest, to_world
-from scene.mesh.quads import Quads
+from scene.ground.path import Array, Course, Path, course, height_at, nearest, on_line, to_world
+from scene.mesh.quads import Quads, joined
 
 CHORD = 2.0
 """Longest face along a bent road, metres."""
@@ -33,11 +35,21 @@ RASTER = 4.0
 
 def bent(part: Quads, path: Path) -> Quads:
     """Faces in road coordinates, in the world."""
-    x, y, z = np.moveaxis(part.corners, -1, 0)
-    corners = np.empty_like(part.corners)
-    corners[..., :2] = to_world(path, x, y)
-    corners[..., 2] = z + height_at(path, x)
-    return part._replace(corners=corners)
+    return part._replace(corners=_bent(part.corners.reshape(-1, 3), course(path)).reshape(-1, 4, 3))
+
+
+@njit(cache=True)
+def _bent(points: Array, line: Course) -> Array:
+    """Points f64[n, 3] in road coordinates, in the world."""
+    out = np.empty_like(points)
+    for n in range(len(points)):
+        at, y = on_line(line, points[n, 0]), points[n, 1]
+        out[n, 0], out[n, 1] = (
+            at.east - y * math.sin(at.heading),
+            at.north + y * math.cos(at.heading),
+        )
+        out[n, 2] = points[n, 2] + at.height
+    return out
 
 
 def above_road(part: Quads, path: Path) -> Quads:
@@ -51,27 +63,39 @@ def above_road(part: Quads, path: Path) -> Quads:
 
 def pieces(parts: list[Quads]) -> Quads:
     """Faces cut so that no edge runs more than ``CHORD`` along the road, which then can bend."""
-    part = Quads(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
-    edge = np.abs(part.corners - np.roll(part.corners, -1, axis=1))[..., 0]
-    counts = np.stack([np.maximum(edge[:, 0], edge[:, 2]), np.maximum(edge[:, 1], edge[:, 3])], 1)
-    counts = np.maximum(np.ceil(counts / CHORD - 1e-6), 1).astype(int)
-    found = []
-    for n, m in np.unique(counts, axis=0):
-        chosen = (counts == (n, m)).all(axis=1)
-        a, b, c, d = np.moveaxis(part.corners[chosen], 1, 0)[:, :, None, None]
-        u, v = np.linspace(0, 1, n + 1)[:, None, None], np.linspace(0, 1, m + 1)[:, None]
-        lattice = (1 - u) * ((1 - v) * a + v * d) + u * ((1 - v) * b + v * c)
-        low, high = lattice[:, :-1], lattice[:, 1:]
-        cells = np.stack([low[:, :, :-1], high[:, :, :-1], high[:, :, 1:], low[:, :, 1:]], axis=3)
-        many = n * m
-        found.append(
-            Quads(
-                cells.reshape(-1, 4, 3),
-                part.color[chosen].repeat(many, axis=0),
-                part.material[chosen].repeat(many),
+    part = joined(parts)
+    corners, of = _cut(part.corners)
+    return Quads(corners, part.color[of], part.material[of])
+
+
+@njit(cache=True)
+def _cut(corners: Array) -> tuple[Array, Array]:
+    """Pieces f64[k, 4, 3] of faces f64[n, 4, 3], and of which face i64[k] each is one."""
+    n = len(corners)
+    counts = np.empty((2, n), np.int64)
+    for i in range(n):
+        for side in range(2):
+            edge = max(
+                abs(corners[i, side, 0] - corners[i, side + 1, 0]),
+                abs(corners[i, side + 2, 0] - corners[i, (side + 3) % 4, 0]),
             )
-        )
-    return Quads(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
+            counts[side, i] = max(math.ceil(edge / CHORD - 1e-6), 1)
+    total = (counts[0] * counts[1]).sum()
+    out, of = np.empty((total, 4, 3)), np.empty(total, np.int64)
+    at = 0
+    for i in np.argsort(counts[0] * 2**20 + counts[1], kind="mergesort"):
+        rows, columns = counts[0, i], counts[1, i]
+        for row in range(rows):
+            for column in range(columns):
+                for k, (r, c) in enumerate(((0, 0), (1, 0), (1, 1), (0, 1))):
+                    u, v = (row + r) / rows, (column + c) / columns
+                    for d in range(3):
+                        near = (1 - v) * corners[i, 0, d] + v * corners[i, 3, d]
+                        far = (1 - v) * corners[i, 1, d] + v * corners[i, 2, d]
+                        out[at, k, d] = (1 - u) * near + u * far
+                of[at] = i
+                at += 1
+    return out, of
 
 
 def open_lines(path: Path) -> tuple[Array, Array]:
@@ -93,10 +117,22 @@ def land_height(path: Path, points: Array, junction: Junction | None = None) -> 
     The heights of the road and its arms, the nearer the more: sum h / d^6 over sum 1 / d^6 for places
     along them.
     """
-    places, heights = _known(path, junction)
-    away = ((points[:, None] - places) ** 2).sum(axis=2)
-    weight = (away + 25.0) ** -3
-    return weight @ heights / weight.sum(axis=1) + KERB_HEIGHT - LOWER
+    return _land_height(np.asarray(points, float), *_known(path, junction))
+
+
+@njit(cache=True, fastmath=True, error_model="numpy")
+def _land_height(points: Array, places: Array, heights: Array) -> Array:
+    out = np.empty(len(points))
+    for n in range(len(points)):
+        total = weights = 0.0
+        for k in range(len(places)):
+            x, y = points[n, 0] - places[k, 0], points[n, 1] - places[k, 1]
+            away = x * x + y * y + 25.0
+            weight = 1 / (away * away * away)
+            total += weight * heights[k]
+            weights += weight
+        out[n] = total / weights + (KERB_HEIGHT - LOWER)
+    return out
 
 
 @lru_cache(maxsize=8)
@@ -114,7 +150,7 @@ def rise(path: Path, points: Array, junction: Junction | None = None) -> Array:
     _, away = nearest(path, points, GROUND_START, STRIP_END)
     if junction:
         arms = to_world(path, *junction.line.T)
-        apart = np.linalg.norm(points[:, None] - arms, axis=2).min(axis=1)
+        apart = np.sqrt(((points[:, None] - arms) ** 2).sum(axis=2).min(axis=1))
         away = np.minimum(away, apart + HILLS_FROM / 2)
     share = np.clip((away - HILLS_FROM) / (HILLS_TO - HILLS_FROM), 0, 1)
     return share**1.3
@@ -139,19 +175,53 @@ def _raster(path: Path) -> _Raster:
 
 def road_height(path: Path, points: Array) -> Array:
     """Height f32[n] of the carriageway nearest to world points f32[n, >= 2], to some centimetres."""
-    east, north, heights = _raster(path)
-    # A number of Python's own keeps f32; one of an array would not.
-    u = np.clip((points[:, 0] - float(east[0])) / RASTER, 0, heights.shape[0] - 1.001)
-    v = np.clip((points[:, 1] - float(north[0])) / RASTER, 0, heights.shape[1] - 1.001)
-    i, j = u.astype(int), v.astype(int)
-    wanted = np.zeros(heights.shape, bool)
-    for below in (i, i + 1):
-        for left in (j, j + 1):
-            wanted[below, left] = True
-    rows, columns = np.nonzero(wanted & np.isnan(heights))
-    x, _ = nearest(path, np.stack([east[rows], north[columns]], axis=1), GROUND_START, STRIP_END)
-    heights[rows, columns] = height_at(path, x)
-    u, v = u - i, v - j
-    low = (1 - v) * heights[i, j] + v * heights[i, j + 1]
-    high = (1 - v) * heights[i + 1, j] + v * heights[i + 1, j + 1]
-    return ((1 - u) * low + u * high).astype(np.float32)
+    raster = _raster(path)
+    rows, columns = _unknown(points, raster)
+    if len(rows):
+        places = np.stack([raster.east[rows], raster.north[columns]], axis=1)
+        x, _ = nearest(path, places, GROUND_START, STRIP_END)
+        raster.heights[rows, columns] = height_at(path, x)
+    return _looked_up(points, raster)
+
+
+@njit(cache=True, inline="always")
+def _cell(points: Array, n: int, raster: _Raster) -> tuple[float, float]:
+    """Row and column of a point in a raster, with their fractions."""
+    single = points.dtype.type  # what is asked in f32 is told in f32
+    u = (points[n, 0] - single(raster.east[0])) / single(RASTER)
+    v = (points[n, 1] - single(raster.north[0])) / single(RASTER)
+    most_u, most_v = single(len(raster.east) - 1.001), single(len(raster.north) - 1.001)
+    return min(max(u, single(0)), most_u), min(max(v, single(0)), most_v)
+
+
+@njit(cache=True)
+def _unknown(points: Array, raster: _Raster) -> tuple[Array, Array]:
+    """Rows and columns i64[k] of corners that points lie between and nobody has asked for."""
+    wanted = np.zeros(raster.heights.shape, np.bool_)
+    found = np.empty((2, wanted.size), np.int64)
+    count = 0
+    for n in range(len(points)):
+        u, v = _cell(points, n, raster)
+        i, j = int(u), int(v)
+        for row in range(i, i + 2):
+            for column in range(j, j + 2):
+                if np.isnan(raster.heights[row, column]) and not wanted[row, column]:
+                    wanted[row, column] = True
+                    found[0, count], found[1, count] = row, column
+                    count += 1
+    return found[0, :count], found[1, :count]
+
+
+@njit(cache=True)
+def _looked_up(points: Array, raster: _Raster) -> Array:
+    """Heights f32[n] of points between the corners of a raster."""
+    heights = raster.heights
+    out = np.empty(len(points), np.float32)
+    for n in range(len(points)):
+        u, v = _cell(points, n, raster)
+        i, j = int(u), int(v)
+        right, down = float(u) - i, float(v) - j
+        low = (1 - down) * heights[i, j] + down * heights[i, j + 1]
+        high = (1 - down) * heights[i + 1, j] + down * heights[i + 1, j + 1]
+        out[n] = (1 - right) * low + right * high
+    return out

@@ -154,6 +154,20 @@ def _table(path: Path) -> list[list[float]]:
     return np.stack(course(path)[1:], axis=1).tolist()
 
 
+@njit(cache=True)
+def on_line(line: Course, x: float) -> Place:
+    """What ``place_at`` says of a place on the centre line, for compiled code."""
+    on = min(max((x - FROM) / STEP, 0.0), len(line.x) - 1.0)
+    k = min(int(on), len(line.x) - 2)
+    on -= k
+    return Place(
+        line.east[k] + on * (line.east[k + 1] - line.east[k]),
+        line.north[k] + on * (line.north[k + 1] - line.north[k]),
+        line.heading[k] + on * (line.heading[k + 1] - line.heading[k]),
+        line.height[k] + on * (line.height[k + 1] - line.height[k]),
+    )
+
+
 def nearest(
     path: Path, points: Array, first: float = FROM, last: float = TO
 ) -> tuple[Array, Array]:
@@ -162,30 +176,33 @@ def nearest(
     Only the road from ``first`` to ``last`` counts.
     """
     line = course(path)
-    part = np.flatnonzero((line.x >= first) & (line.x <= last))[::4]
-    best = part[_nearest_of(np.ascontiguousarray(points), line.east[part], line.north[part])]
-    # From the nearest step along the road to the foot of the perpendicular.
-    away = points - np.stack([line.east[best], line.north[best]], axis=1)
-    c, s = np.cos(line.heading[best]), np.sin(line.heading[best])
-    on, beside = away[:, 0] * c + away[:, 1] * s, away[:, 1] * c - away[:, 0] * s
-    # On the inner side of a bend the same step along the road is shorter.
-    on /= np.maximum(1 - _values(path.bends, line.x[best]) * beside, 0.1)
-    x = line.x[best] + np.clip(on, -2 * STEP, 2 * STEP)
-    return x, np.linalg.norm(points - to_world(path, x, 0.0), axis=1)
+    part = np.flatnonzero((line.x >= first) & (line.x <= last))
+    points = np.ascontiguousarray(points, np.float64)
+    return _nearest(points, line, _values(path.bends, line.x), int(part[0]), int(part[-1]))
 
 
 @njit(cache=True)
-def _nearest_of(points: Array, east: Array, north: Array) -> Array:
-    """Which of the places (east, north) f64[m] is nearest to each of the points f64[n, 2]."""
-    found = np.zeros(len(points), np.int64)
+def _nearest(
+    points: Array, line: Course, bend: Array, first: int, last: int
+) -> tuple[Array, Array]:
+    """See ``nearest``; the road from step ``first`` to ``last`` counts, and ``bend`` is its curvature."""
+    found, far = np.empty(len(points)), np.empty(len(points))
     for n in range(len(points)):
-        least = np.inf
-        for k in range(len(east)):
-            x, y = points[n, 0] - east[k], points[n, 1] - north[k]
+        least, best = np.inf, first
+        for k in range(first, last + 1, 4):
+            x, y = points[n, 0] - line.east[k], points[n, 1] - line.north[k]
             away = x * x + y * y
             if away < least:
-                least, found[n] = away, k
-    return found
+                least, best = away, k
+        # From the nearest step along the road to the foot of the perpendicular.
+        x, y = points[n, 0] - line.east[best], points[n, 1] - line.north[best]
+        c, s = math.cos(line.heading[best]), math.sin(line.heading[best])
+        # On the inner side of a bend the same step along the road is shorter.
+        on = (x * c + y * s) / max(1 - bend[best] * (y * c - x * s), 0.1)
+        found[n] = line.x[best] + min(max(on, -2 * STEP), 2 * STEP)
+        foot = on_line(line, found[n])
+        far[n] = math.sqrt((points[n, 0] - foot.east) ** 2 + (points[n, 1] - foot.north) ** 2)
+    return found, far
 
 
 def folded(path: Path, x: Array, y: Array) -> Array:

@@ -76,14 +76,20 @@ def discs(centre: np.ndarray, radius: float, sides: int = 12) -> np.ndarray:
     return (np.asarray(centre)[:, None, None] + fan).reshape(-1, 4, 2)
 
 
+def joined(parts: list[Quads]) -> Quads:
+    """All faces, in order."""
+    return Quads(*(np.concatenate(arrays) for arrays in zip(*parts, strict=True)))
+
+
 def to_asset(parts: list[Quads]) -> Asset:
     """All faces as one asset, two triangles each."""
-    corners = np.concatenate([p.corners for p in parts])
-    first = 4 * np.arange(len(corners))[:, None]
-    faces = np.concatenate([first + [0, 1, 2], first + [0, 2, 3]], axis=1).reshape(-1, 3)
-    color = np.concatenate([p.color for p in parts]).repeat(2, axis=0)
+    whole = joined(parts) if len(parts) > 1 else parts[0]
+    count = len(whole.corners)
+    faces = np.empty((count, 2, 3), np.int64)
+    faces[:] = [[0, 1, 2], [0, 2, 3]]
+    faces += 4 * np.arange(count)[:, None, None]
     return Asset(
-        Mesh(corners.reshape(-1, 3), faces),
-        np.clip(color, 0, 1).astype(np.float32),
-        np.concatenate([p.material for p in parts]).repeat(2),
+        Mesh(whole.corners.reshape(-1, 3), faces.reshape(-1, 3)),
+        np.clip(whole.color, 0, 1).astype(np.float32).repeat(2, axis=0),
+        whole.material.repeat(2),
     )

@@ -58,7 +58,14 @@ def page(options: argparse.Namespace) -> np.ndarray:
         raise ValueError(f"--steps must lie in 2..{MOST}, not {options.steps}")
     if options.seed < 0:
         raise ValueError(f"--seed must be 0 or more, not {options.seed}")
-    pool = check_pool(AssetPool(0, None, options.asset_fraction, options.assets, options.asset_use))
+    pool = check_pool(
+        AssetPool(
+            fraction=options.asset_fraction,
+            own=options.assets,
+            use=options.asset_use,
+            overlap=options.overlap,
+        )
+    )
     modes = {name: getattr(options, name) for name in ("sweep", "theme", "asset")}
     mode = next((name for name, wanted in modes.items() if wanted), "streets")
     everything = "all" in modes.values()

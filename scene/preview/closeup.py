@@ -19,7 +19,7 @@ from scene.sky.sky import Sky, sample_sky
 from scene.sky.weather import SKIES
 from scene.streams import seeded
 from scene.street.camera import Camera, camera_axes
-from scene.street.placing import FIRST_INSTANCE, Placement
+from scene.street.instances import FIRST_INSTANCE, Placement
 from scene.street.street import Street
 
 SUN_AZIMUTH = math.radians(-110)

@@ -79,6 +79,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
                 fraction=options.asset_fraction,
                 own=options.assets,
                 use=options.asset_use,
+                overlap=options.overlap,
             ),
             target=options.target,
             streets=chosen,

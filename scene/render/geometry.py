@@ -20,10 +20,10 @@ from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES, ground_surfaces
 from scene.look.materials import MATERIALS
 from scene.mesh.asset import Asset
-from scene.mesh.mesh import cross
-from scene.street.placing import FIRST_INSTANCE
+from scene.render.instances import AssetKey, instances
 from scene.street.street import Street
 
+f32 = np.float32
 SKY_INSTANCE = 0
 CREASE = 40.0
 """Degrees between faces below which the surface is shaded as a curved one."""
@@ -54,12 +54,9 @@ class Shape(NamedTuple):
     @classmethod
     def of(cls, vertices: np.ndarray, faces: np.ndarray, surface: np.ndarray) -> Shape:
         """The shape of these arrays, which must be contiguous."""
-        low, high = vertices.min(axis=0), vertices.max(axis=0)
-        middle = (low + high) / 2
-        radius = math.sqrt(((vertices - middle) ** 2).sum(axis=1).max())
+        ends, most = _bounds(vertices)
+        ball = np.append((ends[0] + ends[1]) / 2, 1.0001 * math.sqrt(most)).astype(np.float32)
         addresses = (int(a.ctypes.data) for a in (surface, vertices, faces))
-        ball = np.append(middle, 1.0001 * radius).astype(np.float32)
-        ends = np.stack([low, high]).astype(np.float32)
         box = np.stack(np.meshgrid(*ends.T, indexing="ij"), axis=-1).reshape(8, 3)
         table = (*addresses, len(vertices), len(faces))
         return cls(vertices, faces, surface, ball, table, box)
@@ -92,19 +89,22 @@ class Shape(NamedTuple):
 class Geometry(NamedTuple):
     """Which shape stands where; nothing is copied, since streets share their shapes."""
 
-    shapes: tuple[Shape, ...]  # of every instance from 1 on
+    shapes: tuple[Shape, ...]  # each once
+    shape: np.ndarray  # i64[instances] index into them; of the sky: -1
     tables: np.ndarray  # u64[instances, 5] each instance's ``Shape.table``; of the sky: 0
     balls: np.ndarray  # f32[instances, 4] middle and radius of a ball around it, in its own frame
     pose: np.ndarray  # f32[instances, 3, 4] shape -> world
     train_id: np.ndarray  # u8[instances]; instance 0 is the sky
     boxes: np.ndarray  # f32[instances, 8, 3] corners of a box around each, in its own frame
+    assets: tuple[AssetKey, ...] = ()  # what the shapes are of, but for the first ones, the ground
     laid: tuple[np.ndarray, ...] = ()
-    """f32[f, 2, 3, 3] of instances 1, 2, 3, the ground, where it bends or slopes: the corners of its faces in
-    the world, and in road coordinates."""
+    """f32[v, 3] of the ground, instances 1, 2, 3, where it bends or slopes: its vertices on the road."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Addresses are those of one process: a copy has its own."""
-        return stand, (self.shapes, self.pose, self.train_id)
+        return stand, (
+            self.shapes, self.shape, self.pose, self.train_id, self.assets, self.laid,
+        )  # fmt: skip
 
     @property
     def surfaces(self) -> np.ndarray:
@@ -114,69 +114,115 @@ class Geometry(NamedTuple):
     @property
     def triangles(self) -> int:
         """Triangles that stand in the street, every instance counted."""
-        return sum(len(shape.faces) for shape in self.shapes)
+        return int(self.tables[:, 4].sum())
 
 
 def shape_of(asset: Asset, tone: float = 1.0) -> Shape:
     """The arrays of an asset, its albedo times ``tone``."""
     vertices = np.ascontiguousarray(asset.mesh.vertices, np.float32)
     faces = np.ascontiguousarray(asset.mesh.faces, np.int32)
-    a, b, c = (vertices[faces[:, k]] for k in range(3))
-    area = cross(b - a, c - a)
-    length = np.sqrt((area * area).sum(axis=1, keepdims=True))
     surface = np.empty((len(faces), ROW), np.float32)
-    normal = np.divide(area, length, out=np.zeros_like(area), where=length > 0)
-    # Solids are merged part by part: corners that touch are found by their place.
-    places = np.round(vertices * 1e4).astype(np.int64) @ (1, 2**21, 2**42)
-    corner = places[faces.ravel()]
-    order = np.argsort(corner, kind="stable")
-    surface[:, 0:3] = normal
-    _smooth(corner, order, area, normal, math.cos(math.radians(CREASE)), surface)
+    _normals(vertices, faces, _meeting(vertices, faces), math.cos(math.radians(CREASE)), surface)
     surface[:, 12:15] = np.minimum(tone * np.asarray(asset.color), 1.0)
     surface[:, 15] = asset.material
     return Shape.of(vertices, faces, surface)
 
 
 @njit(cache=True)
-def _smooth(
-    place: np.ndarray,
-    order: np.ndarray,
-    area: np.ndarray,
-    normal: np.ndarray,
-    least: float,
-    surface: np.ndarray,
-) -> None:
-    """Mean over the faces around each corner that bend less than the crease, by their area.
+def _meeting(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners i64[3 f] of faces, place after place, and where i64[places + 1] each place's begin.
 
-    Faces may be wound either way: a normal counts in the direction that agrees.
+    Solids are merged part by part: corners that touch are found by their place, in tenths of millimetres.
     """
-    begin = 0
-    while begin < len(order):
-        end = begin
-        while end < len(order) and place[order[end]] == place[order[begin]]:
-            end += 1
-        for i in range(begin, end):
+    n = len(vertices)
+    slots = 1 << math.ceil(math.log2(2 * n + 1))
+    table, keys = np.full(slots, -1, np.int64), np.empty(n, np.int64)
+    place_of, places = np.empty(n, np.int64), 0
+    for i in range(n):
+        key = np.int64(0)
+        for k in range(3):
+            key += np.int64(np.rint(vertices[i, k] * f32(1e4))) << (21 * k)
+        at = (key * -7046029254386353131 >> 20) & (slots - 1)
+        while table[at] >= 0 and keys[table[at]] != key:
+            at = (at + 1) & (slots - 1)
+        if table[at] < 0:
+            table[at], keys[places] = places, key
+            places += 1
+        place_of[i] = table[at]
+    begin = np.zeros(places + 1, np.int64)
+    for corner in faces.flat:
+        begin[place_of[corner] + 1] += 1
+    for place in range(places):
+        begin[place + 1] += begin[place]
+    free, order = begin.copy(), np.empty(3 * len(faces), np.int64)
+    for f in range(len(faces)):
+        for k in range(3):
+            place = place_of[faces[f, k]]
+            order[free[place]] = 3 * f + k
+            free[place] += 1
+    return order, begin
+
+
+@njit(cache=True)
+def _normals(
+    vertices: np.ndarray, faces: np.ndarray, meeting: tuple[np.ndarray, np.ndarray], least: float,
+    surface: np.ndarray,
+) -> None:  # fmt: skip
+    """Each face's normal, and at its corners the mean over the faces there that bend less than the crease.
+
+    By their area. Faces may be wound either way: a normal counts in the direction that agrees.
+    """
+    area = np.empty((len(faces), 3), np.float32)
+    for f in range(len(faces)):
+        p, q, r = vertices[faces[f, 0]], vertices[faces[f, 1]], vertices[faces[f, 2]]
+        x, y, z = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+        u, v, w = r[0] - p[0], r[1] - p[1], r[2] - p[2]
+        area[f, 0], area[f, 1], area[f, 2] = y * w - z * v, z * u - x * w, x * v - y * u
+        length = f32(math.sqrt(area[f, 0] ** 2 + area[f, 1] ** 2 + area[f, 2] ** 2))
+        for k in range(3):
+            surface[f, k] = area[f, k] / length if length > 0 else f32(0)
+    order, begin = meeting
+    for place in range(len(begin) - 1):
+        for i in range(begin[place], begin[place + 1]):
             face, corner = order[i] // 3, order[i] % 3
-            x, y, z = area[face, 0], area[face, 1], area[face, 2]
-            for j in range(begin, end):
+            x, y, z = float(area[face, 0]), float(area[face, 1]), float(area[face, 2])
+            for j in range(begin[place], begin[place + 1]):
                 other = order[j] // 3
                 if other == face:
                     continue
                 dot = (
-                    normal[face, 0] * normal[other, 0]
-                    + normal[face, 1] * normal[other, 1]
-                    + normal[face, 2] * normal[other, 2]
+                    surface[face, 0] * surface[other, 0]
+                    + surface[face, 1] * surface[other, 1]
+                    + surface[face, 2] * surface[other, 2]
                 )
                 if abs(dot) > least:
                     sign = 1.0 if dot > 0 else -1.0
                     x += sign * area[other, 0]
                     y += sign * area[other, 1]
                     z += sign * area[other, 2]
-            length = max((x * x + y * y + z * z) ** 0.5, 1e-20)
-            surface[face, 3 + 3 * corner] = x / length
-            surface[face, 4 + 3 * corner] = y / length
-            surface[face, 5 + 3 * corner] = z / length
-        begin = end
+            size = max((x * x + y * y + z * z) ** 0.5, 1e-20)
+            surface[face, 3 + 3 * corner] = x / size
+            surface[face, 4 + 3 * corner] = y / size
+            surface[face, 5 + 3 * corner] = z / size
+
+
+@njit(cache=True)
+def _bounds(vertices: np.ndarray) -> tuple[np.ndarray, np.float32]:
+    """Low and high corner f32[2, 3] of points f32[v, 3], and how far, squared, any is from their middle."""
+    ends = np.empty((2, 3), np.float32)
+    for k in range(3):
+        ends[0, k] = ends[1, k] = vertices[0, k]
+    for i in range(len(vertices)):
+        for k in range(3):
+            ends[0, k] = min(ends[0, k], vertices[i, k])
+            ends[1, k] = max(ends[1, k], vertices[i, k])
+    most = f32(0)
+    for i in range(len(vertices)):
+        away = f32(0)
+        for k in range(3):
+            away += (vertices[i, k] - (ends[0, k] + ends[1, k]) / f32(2)) ** 2
+        most = max(most, away)
+    return ends, most
 
 
 def thinned(shape: Shape, share: float) -> Shape:
@@ -240,32 +286,42 @@ def _sound(found: Arrays) -> bool:
 def build(street: Street) -> Geometry:
     """Collect a street's shapes and poses."""
     ground = ground_surfaces(street.ground)
-    shapes = [shape_of(ground[instance].asset) for instance in range(1, FIRST_INSTANCE)]
-    laid = [] if street.ground.path.straight else [
-        np.stack([shape.vertices[shape.faces], road.astype(np.float32)[shape.faces]], axis=1)
-        for shape, (_, road) in zip(shapes, ground.values(), strict=True)
-    ]  # fmt: skip
-    shapes += [asset_shape(p.family, p.asset, p.far) for p in street.placements]
-    pose = np.zeros((1 + len(shapes), 3, 4), np.float32)
-    pose[:FIRST_INSTANCE] = np.eye(3, 4)
-    train_id = np.zeros(1 + len(shapes), np.uint8)
-    train_id[SKY_INSTANCE] = TrainId.SKY
-    for instance, label in GROUND_INSTANCES.items():
-        train_id[instance] = label
-    for placement in street.placements:
-        pose[placement.instance] = placement.pose[:3]
-        train_id[placement.instance] = placement.train_id
-    return stand(shapes, pose, train_id)._replace(laid=tuple(laid))
-
-
-def stand(shapes: Sequence[Shape], pose: np.ndarray, train_id: np.ndarray) -> Geometry:
-    """Shapes as instances 1, 2, ...; row 0 of ``pose`` f32[n, 3, 4] and ``train_id`` u8[n] is the sky's."""
-    tables = np.array([(0,) * 5, *(shape.table for shape in shapes)], np.uint64)
-    balls = np.concatenate([np.zeros(4, np.float32), *(shape.ball for shape in shapes)])
-    boxes = np.concatenate([np.zeros((8, 3), np.float32), *(shape.box for shape in shapes)])
-    return Geometry(
-        tuple(shapes), tables, balls.reshape(-1, 4), pose, train_id, boxes.reshape(-1, 8, 3)
+    shapes = [shape_of(surface.asset) for surface in ground.values()]
+    laid = () if street.ground.path.straight else tuple(
+        surface.road.astype(np.float32) for surface in ground.values()
+    )  # fmt: skip
+    stands, first = instances(street), len(shapes)
+    shapes += [asset_shape(*key) for key in stands.assets]
+    labels = [int(TrainId.SKY), *GROUND_INSTANCES.values()]
+    return stand(
+        shapes,
+        np.concatenate([np.arange(-1, first), first + stands.asset]),
+        np.concatenate([np.eye(3, 4, dtype=np.float32)[None].repeat(1 + first, 0), stands.pose]),
+        np.concatenate([np.array(labels, np.uint8), stands.train_id]),
+        stands.assets,
+        laid,
     )
+
+
+def stand(
+    shapes: Sequence[Shape],
+    shape: np.ndarray,
+    pose: np.ndarray,
+    train_id: np.ndarray,
+    assets: tuple[AssetKey, ...] = (),
+    laid: tuple[np.ndarray, ...] = (),
+) -> Geometry:
+    """Shapes where they stand; row 0 of the arrays, see ``Geometry``, is the sky's."""
+    tables, balls, boxes = (
+        np.array(parts, kind)[shape]
+        for parts, kind in (
+            ([shape.table for shape in shapes], np.uint64),
+            ([shape.ball for shape in shapes], np.float32),
+            ([shape.box for shape in shapes], np.float32),
+        )
+    )
+    tables[SKY_INSTANCE] = 0
+    return Geometry(tuple(shapes), shape, tables, balls, pose, train_id, boxes, assets, laid)
 
 
 class World(NamedTuple):
@@ -278,10 +334,11 @@ class World(NamedTuple):
 
 def world(geometry: Geometry) -> World:
     """Merge every instance's triangles, for renderers without instancing."""
-    counts = [len(shape.faces) for shape in geometry.shapes]
+    shapes = [geometry.shapes[k] for k in geometry.shape[1:]]
+    counts = [len(shape.faces) for shape in shapes]
     parts = [
         (shape.vertices @ pose[:, :3].T + pose[:, 3])[shape.faces].reshape(-1, 3)
-        for shape, pose in zip(geometry.shapes, geometry.pose[1:], strict=True)
+        for shape, pose in zip(shapes, geometry.pose[1:], strict=True)
     ]
     return World(
         np.concatenate(parts),

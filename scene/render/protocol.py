@@ -38,6 +38,7 @@ class Frame(NamedTuple):
     depth: np.ndarray  # f32[h, w] metres along the optical axis, 0 for the sky
     normal: np.ndarray  # f32[h, w, 3] unit, in the camera's frame, 0 for the sky; see below
     # x is to the camera's right, y up, z from the scene towards the camera.
+    camera: Camera  # that took it, of those the street offers
 
 
 Lap = Callable[[str], None]

@@ -43,15 +43,18 @@ def on_road(
     if path.slopes:
         level = np.flatnonzero((flat[:, 2] > LEVEL) & (instance > len(geometry.laid)))
         points[level, 2] -= road_height(path, points[level])
-    for ground, corners in enumerate(geometry.laid, 1):
-        _lay(ground, corners, instance, face, points, flat)
+    for ground, road in enumerate(geometry.laid, 1):
+        shape = geometry.shapes[geometry.shape[ground]]
+        _lay(ground, shape.faces, shape.vertices, road, instance, face, points, flat)
     return points, flat
 
 
 @njit(cache=True, error_model="numpy")
 def _lay(
     ground: int,
-    corners: np.ndarray,
+    faces: np.ndarray,
+    vertices: np.ndarray,
+    road: np.ndarray,
     instance: np.ndarray,
     face: np.ndarray,
     points: np.ndarray,
@@ -61,24 +64,24 @@ def _lay(
     for i in range(len(instance)):
         if instance[i] != ground:
             continue
-        standing, lying = corners[face[i], 0], corners[face[i], 1]
+        p, q, r = faces[face[i]]
         # Barycentric coordinates of the point, from dot products with the two edges.
         bb = bc = cc = pb = pc = 0.0
         for k in range(3):
-            b, c = standing[1, k] - standing[0, k], standing[2, k] - standing[0, k]
-            p = points[i, k] - standing[0, k]
+            b, c = vertices[q, k] - vertices[p, k], vertices[r, k] - vertices[p, k]
+            away = points[i, k] - vertices[p, k]
             bb += b * b
             bc += b * c
             cc += c * c
-            pb += p * b
-            pc += p * c
+            pb += away * b
+            pc += away * c
         area = bb * cc - bc * bc
         u, v = (cc * pb - bc * pc) / area, (bb * pc - bc * pb) / area
-        b0, b1, b2 = lying[1, 0] - lying[0, 0], lying[1, 1] - lying[0, 1], lying[1, 2] - lying[0, 2]
-        c0, c1, c2 = lying[2, 0] - lying[0, 0], lying[2, 1] - lying[0, 1], lying[2, 2] - lying[0, 2]
-        points[i, 0] = lying[0, 0] + u * b0 + v * c0
-        points[i, 1] = lying[0, 1] + u * b1 + v * c1
-        points[i, 2] = lying[0, 2] + u * b2 + v * c2
+        b0, b1, b2 = road[q, 0] - road[p, 0], road[q, 1] - road[p, 1], road[q, 2] - road[p, 2]
+        c0, c1, c2 = road[r, 0] - road[p, 0], road[r, 1] - road[p, 1], road[r, 2] - road[p, 2]
+        points[i, 0] = road[p, 0] + u * b0 + v * c0
+        points[i, 1] = road[p, 1] + u * b1 + v * c1
+        points[i, 2] = road[p, 2] + u * b2 + v * c2
         x, y, z = b1 * c2 - b2 * c1, b2 * c0 - b0 * c2, b0 * c1 - b1 * c0
         shrink = (1.0 if z * flat[i, 2] >= 0 else -1.0) / np.sqrt(x * x + y * y + z * z)
         flat[i, 0], flat[i, 1], flat[i, 2] = shrink * x, shrink * y, shrink * z

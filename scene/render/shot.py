@@ -258,6 +258,7 @@ def expose(
         instance=instance,
         depth=pixels(hits.distance) * pixels(rays.along),  # a miss has distance 0
         normal=normal,
+        camera=camera,
     )
 
 

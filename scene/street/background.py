@@ -26,7 +26,7 @@ WOODS = 0.55
 """Share of places without a house that have a tree; the others are open."""
 
 
-class Stand(NamedTuple):
+class Backdrop(NamedTuple):
     """One object of the background, standing on the ground."""
 
     family: str
@@ -35,20 +35,22 @@ class Stand(NamedTuple):
     yaw: float  # radians left of the driving direction
 
 
-def background(params: StreetParams, rng: np.random.Generator) -> list[Stand]:
+def background(params: StreetParams, rng: np.random.Generator) -> list[Backdrop]:
     """Houses, trees and bushes around the street; consumes ``rng``."""
     town = 0.06 + 0.84 * params.building_probability
     across = float(rng.uniform(LINES_END + 10, VISTA_END + 40))
     return [
         *_vista(params, town, across, rng),
         *_closure(town, across, rng),
-        *(stand for side in (1.0, -1.0) for stand in _back_row(side, town, rng)),
+        *(thing for side in (1.0, -1.0) for thing in _back_row(side, town, rng)),
     ]
 
 
-def _vista(params: StreetParams, town: float, end: float, rng: np.random.Generator) -> list[Stand]:
+def _vista(
+    params: StreetParams, town: float, end: float, rng: np.random.Generator
+) -> list[Backdrop]:
     """The street goes on beyond its lines: houses on both sides as far from the road as before."""
-    stands = []
+    things = []
     for side in (1.0, -1.0):
         for x in np.arange(LINES_END + 6, end - 12, max(params.building_interval, 13.0)):
             place = float(x + rng.uniform(-1, 1))
@@ -56,26 +58,26 @@ def _vista(params: StreetParams, town: float, end: float, rng: np.random.Generat
             set_back = params.building_position + float(rng.uniform(0, 1.5))
             kind = _kind(town, rng)
             if kind:
-                stands.append(Stand(kind, place, side * set_back, yaw))
-    return stands
+                things.append(Backdrop(kind, place, side * set_back, yaw))
+    return things
 
 
-def _closure(town: float, end: float, rng: np.random.Generator) -> list[Stand]:
+def _closure(town: float, end: float, rng: np.random.Generator) -> list[Backdrop]:
     """A row across the end of the road, where it bends or meets another, with trees before it."""
-    stands = []
+    things = []
     for y in np.arange(-84.0, 84.0, 13.0) + rng.uniform(-6, 6):
         kind = _kind(town, rng, woods=0.9)
         at = end + float(rng.uniform(0, 3)) + 0.0015 * float(y) ** 2
         if kind:
-            stands.append(Stand(kind, at, float(y), -math.pi / 2))
+            things.append(Backdrop(kind, at, float(y), -math.pi / 2))
         if rng.random() < 0.5:
-            stands.append(_tree(at - rng.uniform(4, 9), float(y) + rng.uniform(-6, 6), rng))
-    return stands
+            things.append(_tree(at - rng.uniform(4, 9), float(y) + rng.uniform(-6, 6), rng))
+    return things
 
 
-def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Stand]:
+def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Backdrop]:
     """The next street over: seen through gaps, houses turn their backs or fronts, gardens between."""
-    stands = []
+    things = []
     row = float(rng.uniform(BEHIND + 6, BEHIND + 20))
     for x in np.arange(-5.0, 260.0, 15.0):
         kind = _kind(0.8 * town, rng, woods=0.75)
@@ -84,18 +86,18 @@ def _back_row(side: float, town: float, rng: np.random.Generator) -> list[Stand]
         if kind == "building":
             # Turned away, a house reaches towards the road: its wall there is not its origin.
             depth = 14.0 if (yaw == 0.0) != (side > 0) else 0.0
-            stands.append(Stand(kind, place, side * (row + depth), yaw))
+            things.append(Backdrop(kind, place, side * (row + depth), yaw))
         elif kind:
-            stands.append(_tree(place, side * (row + rng.uniform(0, 12)), rng))
+            things.append(_tree(place, side * (row + rng.uniform(0, 12)), rng))
         if rng.random() < 0.45:
-            stands.append(_tree(place + 7, side * rng.uniform(BEHIND, row), rng))
-    return stands
+            things.append(_tree(place + 7, side * rng.uniform(BEHIND, row), rng))
+    return things
 
 
-def belt(path: Path, params: StreetParams, rng: np.random.Generator) -> list[Stand]:
+def belt(path: Path, params: StreetParams, rng: np.random.Generator) -> list[Backdrop]:
     """Houses and trees outside of bends, where rows that follow the road stand wide apart."""
     town = 0.06 + 0.84 * params.building_probability
-    stands = []
+    things = []
     for (start, _), (_, curvature), _, (end, _) in zip(*[iter(path.bends)] * 4, strict=True):
         out = -1.0 if curvature > 0 else 1.0
         for row in (BEHIND - 4, BEHIND + 28):
@@ -104,12 +106,12 @@ def belt(path: Path, params: StreetParams, rng: np.random.Generator) -> list[Sta
                 kind = _kind(0.7 * town, rng, woods=0.9)
                 y = out * (row + float(rng.uniform(0, 6)))
                 if kind == "building":
-                    stands.append(Stand(kind, x, y, 0.0 if out > 0 else math.pi))
+                    things.append(Backdrop(kind, x, y, 0.0 if out > 0 else math.pi))
                 elif kind:
-                    stands.append(_tree(x, y, rng))
+                    things.append(_tree(x, y, rng))
                 # As far apart in the world, whatever the bend.
                 x += BELT / (1 + abs(curvature * y))
-    return stands
+    return things
 
 
 def _kind(town: float, rng: np.random.Generator, woods: float = WOODS) -> str:
@@ -121,6 +123,6 @@ def _kind(town: float, rng: np.random.Generator, woods: float = WOODS) -> str:
     return ""
 
 
-def _tree(x: float, y: float, rng: np.random.Generator) -> Stand:
+def _tree(x: float, y: float, rng: np.random.Generator) -> Backdrop:
     family = "tree" if rng.random() < 0.85 else "bush"
-    return Stand(family, float(x), float(y), float(rng.uniform(-math.pi, math.pi)))
+    return Backdrop(family, float(x), float(y), float(rng.uniform(-math.pi, math.pi)))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Sequence
 
 import numpy as np
 
+from scene.ground.extent import GROUND_START, STRIP_END
 from scene.ground.ground import Ground
-from scene.ground.junction import ARM_END, Junction
-from scene.ground.path import heading_at, to_world
-from scene.street.placing import Standing, footprints
+from scene.ground.junction import ARM_END
+from scene.ground.path import nearest
+from scene.street.instances import Stand, spans, world_corners
 
 VEHICLES = ("car", "truck", "bus")
 """Families of the traffic."""
@@ -17,52 +18,67 @@ WALKING = frozenset({"person"})
 """Families that may stand between the kerbs of a junction."""
 SOLID = frozenset({"building", "train", "fence", "wall"})
 """Families that may not reach over an arm."""
+CLEAR = 1.5
+"""Metres that a house may come nearer to the road than its front, before it is left out."""
 
 
-def cleared(ground: Ground, objects: list[Standing], own: list[Standing]) -> list[Standing]:
+def cleared(ground: Ground, stands: Sequence[Stand], houses: Sequence[Stand]) -> list[Stand]:
     """Objects but for those that would stand in a junction, or where its own houses do.
 
     Args:
         ground: of the street.
-        objects: of the lines and the background.
-        own: of the junction.
+        stands: of the lines and the background.
+        houses: of the junction.
     """
     junction = ground.junction
-    if junction is None:
-        return objects
-    low, high = boxes(ground, objects)
+    if junction is None or not stands:
+        return list(stands)
+    low, high = spans(ground.path, stands, junction.x)
     middle = (low + high) / 2
-    solid = np.array([stand[0] in SOLID for stand in objects], bool)[:, None]
-    first, last = np.where(solid, low, middle), np.where(solid, high, middle)
-    inside = np.zeros(len(objects), bool)  # but a crown may reach over a roof
-    for begin, end in zip(*boxes(ground, [s for s in own if s[0] == "building"]), strict=True):
-        inside |= ((first < end) & (last > begin)).all(axis=1)
-    return [
-        stand
-        for k, stand in enumerate(objects)
-        if not inside[k] and not _in_the_way(junction, stand[0], first[k], last[k])
-    ]
+    families = [stand.family for stand in stands]
+    solid, vehicle, house, walks = (
+        np.array([family in kinds for family in families], bool)
+        for kinds in (SOLID, VEHICLES, ("building",), WALKING)
+    )
+    first, last = (np.where(solid[:, None], end, middle) for end in (low, high))
+    (x, y), away = (first + last).T / 2, np.abs(first + last).T / 2
+    beside = np.isin(np.sign(y), junction.arms) & (away[1] <= ARM_END)
+    reach = np.where(house, junction.outer + 0.3, junction.corner)
+    across = (first[:, 0] < reach) & (last[:, 0] > -reach)
+    inner = (away[0] < junction.corner) & (away[1] < junction.road_half_width + 0.4)
+    paved = junction.paved(x + junction.x, y, 0.5)
+    bad = beside & np.where(solid, across, np.where(inner, ~walks, paved))
+    on_road = vehicle & (away[1] < junction.road_half_width)
+    bad = np.where(on_road, away[0] < junction.half_width + 3.5, bad)
+    # But a crown may reach over a roof.
+    for begin, end in zip(*spans(ground.path, houses, junction.x), strict=True):
+        bad |= ((first < end) & (last > begin)).all(axis=1)
+    return _whole(stands, bad)
 
 
-def boxes(ground: Ground, objects: list[Standing]) -> tuple[np.ndarray, np.ndarray]:
-    """Low and high corners f64[n, 2] of what objects stand on, from the junction's middle along the road."""
-    at = ground.junction.x if ground.junction else 0.0
-    heading = float(heading_at(ground.path, at))
-    c, s = math.cos(heading), math.sin(heading)
-    corners = (footprints(objects) - to_world(ground.path, at, 0.0)) @ np.array([[c, -s], [s, c]])
-    return corners.min(axis=1), corners.max(axis=1)
+def off_the_road(ground: Ground, stands: Sequence[Stand], front: float) -> list[Stand]:
+    """Objects but for houses that in a bend would reach across the road.
+
+    Args:
+        ground: of the street.
+        stands: houses among others.
+        front: metres from the centre line to the facades.
+    """
+    houses = [k for k, stand in enumerate(stands) if stand.family == "building"]
+    bad = np.zeros(len(stands), bool)
+    if ground.path.bends and houses:
+        corners = world_corners(ground.path, [stands[k] for k in houses])
+        _, away = nearest(ground.path, corners.reshape(-1, 2), GROUND_START, STRIP_END)
+        bad[houses] = away.reshape(-1, 4).min(axis=1) < front - CLEAR
+    return _whole(stands, bad)
 
 
-def _in_the_way(junction: Junction, family: str, low: np.ndarray, high: np.ndarray) -> bool:
-    """Whether an object on a rectangle, from the junction's middle, has to go."""
-    x, y = (low + high) / 2
-    if family in VEHICLES and abs(y) < junction.road_half_width:
-        return bool(abs(x) < junction.half_width + 3.5)
-    if math.copysign(1.0, y) not in junction.arms or abs(y) > ARM_END:
-        return False
-    if family in SOLID:
-        reach = junction.outer + 0.3 if family == "building" else junction.corner
-        return bool(low[0] < reach and high[0] > -reach)
-    if abs(x) < junction.corner and abs(y) < junction.road_half_width + 0.4:
-        return family not in WALKING
-    return junction.paved(x + junction.x, y, 0.5)
+def _whole(stands: Sequence[Stand], bad: np.ndarray) -> list[Stand]:
+    """Stands without those that are bad bool[n]; parts go with their object."""
+    found: list[Stand] = []
+    stays = True
+    for stand, leaves in zip(stands, bad.tolist(), strict=True):
+        stays = stays if stand.part else not leaves
+        if stays:
+            found.append(stand)
+    return found

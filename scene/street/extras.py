@@ -11,11 +11,9 @@ from typing import NamedTuple
 
 from scene import streams
 from scene.street import furniture, people
-from scene.street.lines import Setting
 from scene.street.open_side import open_side
 from scene.street.parked import parked_row
-from scene.street.placing import Standing
-from scene.street.plot import Plot
+from scene.street.plot import Plot, Setting
 from scene.street.traffic import lane_rows
 from scene.street.turning import turning
 
@@ -55,20 +53,17 @@ def open_sides(setting: Setting, seed: int) -> tuple[float, ...]:
     return tuple(s for s, u in zip(SIDES, shares, strict=True) if u < setting.params.open_share)
 
 
-def extras(
-    setting: Setting, seed: int, standing: list[Standing], mix: Mix | None = None
-) -> list[Standing]:
-    """What comes to the objects that stand on a street's lines.
+def extras(plot: Plot, seed: int, mix: Mix | None = None) -> None:
+    """Add to what stands on a street's lines.
 
     Args:
-        setting: the street.
+        plot: the street.
         seed: of the street.
-        standing: what is there.
         mix: shares; None: ``MIX``.
     """
     mix = MIX if mix is None else mix
-    plot, params = Plot(setting, standing), setting.params
-    is_open = open_sides(setting, seed)
+    params = plot.street.params
+    is_open = open_sides(plot.street, seed)
 
     stream = partial(streams.stream, seed)
     furniture.islands(plot, mix.islands, stream("furniture", 0))
@@ -97,4 +92,3 @@ def extras(
         people.cycle_stands(plot, side, mix.cycle_stands, stream("people", 3 + k))
         people.benches(plot, side, mix.benches, stream("people", 5 + k))
         people.groups(plot, side, mix.groups, stream("people", 7 + k))
-    return plot.added

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import product
 
 import numpy as np
 
@@ -12,11 +13,9 @@ from scene.assets.bollard import KINDS as BOLLARDS
 from scene.assets.catalogue import pick
 from scene.assets.person import STANDING
 from scene.assets.shelter import SHELTERS, STALLS
-from scene.streams import child
-from scene.street.lines import LINE_END, LINE_START
 from scene.street.open_side import HEDGES, LOW_WALLS
 from scene.street.parked import clear, kept_free
-from scene.street.plot import Plot, draw_kind
+from scene.street.plot import LINE_END, LINE_START, TOUCHING, Plot, draw_kind
 from scene.street.rows import facing_road, run
 
 END = 120.0
@@ -134,10 +133,10 @@ def scaffolds(plot: Plot, side: float, share: float, rng: np.random.Generator) -
         wanted, places = rng.random() < share, stretch + rng.uniform(0, 30, 6)
         if not wanted or ref is None:
             continue
-        deep = float(catalogue.bounds("scaffold", ref)[1, 1])
-        for x in places.tolist():
+        front = distance - float(catalogue.bounds("scaffold", ref)[1, 1])
+        for x, away in product(places.tolist(), (0.1, 0.5, 0.9)):  # steps and sills stand out
             if all(plot.built(x + d, side * (distance + 3.0)) for d in (-3.0, 3.0)) and plot.put(
-                "scaffold", ref, x, side * (distance - deep - 0.3), facing_road(side), spare=-0.3
+                "scaffold", ref, x, side * (front - away), facing_road(side), spare=TOUCHING
             ):
                 break
 
@@ -148,21 +147,20 @@ def gardens(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
     edge, back = ground.outer + 0.25, plot.street.params.building_position - 0.7
     x, closed = LINE_START, kept_free(ground, side)
     while x < LINE_END:
-        plot_rng = child(rng)
-        width, start = float(plot_rng.uniform(7, 16)), x
+        width, start = float(rng.uniform(7, 16)), x
         x += width
-        if plot_rng.random() >= share or back - edge < 0.9:
+        if rng.random() >= share or back - edge < 0.9:
             continue
-        chosen = plot_rng.choice(len(BOUNDARIES), p=[row[2] for row in BOUNDARIES])
+        chosen = rng.choice(len(BOUNDARIES), p=[row[2] for row in BOUNDARIES])
         family, kinds, _ = BOUNDARIES[int(chosen)]
-        ref = draw_kind(pool, family, kinds, plot_rng)
-        gate = start + float(plot_rng.uniform(0, width - 1.5))
+        ref = draw_kind(pool, family, kinds, rng)
+        gate = start + float(rng.uniform(0, width - 1.5))
         run(plot, family, ref, side * (edge + 0.3 * (family == "bush")), (start, x),
             [*closed, (gate, gate + 1.0)])  # fmt: skip
-        for _ in range(int(plot_rng.integers(0, 1 + int(0.8 * width)))):
-            bush = pick(pool, "bush", plot_rng)
-            y = float(plot_rng.uniform(min(edge + 0.8, back), back))
-            turn = float(plot_rng.uniform(-math.pi, math.pi))
+        for _ in range(int(rng.integers(0, 1 + int(0.8 * width)))):
+            bush = pick(pool, "bush", rng)
+            y = float(rng.uniform(min(edge + 0.8, back), back))
+            turn = float(rng.uniform(-math.pi, math.pi))
             plot.put(
-                "bush", bush, start + float(plot_rng.uniform(0, width)), side * y, turn, spare=-0.2
+                "bush", bush, start + float(rng.uniform(0, width)), side * y, turn, spare=TOUCHING
             )

@@ -6,19 +6,17 @@ All of it is placed in a frame of each arm (``Arm``): metres from the road's cen
 from __future__ import annotations
 
 import math
-from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
 
 from scene.assets import catalogue
-from scene.assets.catalogue import pick_in_season
+from scene.assets.catalogue import parts_of, pick_in_season
 from scene.ground.junction import REACH, Junction
 from scene.street.background import WOODS
-from scene.street.clearing import VEHICLES, boxes
-from scene.street.lines import Setting, parts_of
-from scene.street.placing import Standing, pose_at
-from scene.street.plot import Plot
+from scene.street.clearing import VEHICLES
+from scene.street.instances import Stand, length, spans
+from scene.street.plot import Setting
 
 GAP = 0.25
 """Least room between houses of a row, metres."""
@@ -46,7 +44,7 @@ class Arm(NamedTuple):
         """Heading of traffic that comes up, radians left of the road's direction."""
         return -self.side * math.pi / 2
 
-    def stand(self, family: str, along: float, across: float, yaw: float) -> list[Standing]:
+    def stand(self, family: str, along: float, across: float, yaw: float) -> list[Stand]:
         """One object of a family, with its post or machine; nothing where the pool has none."""
         ref = self.pick(family)
         return [] if ref is None else self.put(family, ref, along, across, yaw)
@@ -58,37 +56,19 @@ class Arm(NamedTuple):
 
     def put(
         self, family: str, ref: int | str, along: float, across: float, yaw: float
-    ) -> list[Standing]:
+    ) -> list[Stand]:
         """An asset with its post or machine."""
         x, y = self.junction.x + across, self.side * along
-        pose = pose_at(self.street.ground, x, y, yaw)
-        seed = int(self.rng.integers(2**31))
-        parts = parts_of(family, ref, seed, self.street.pool)
-        return [(part, part_ref, pose) for part, part_ref in parts]
+        parts = parts_of(family, ref, self.rng.random(), self.street.pool)
+        return [Stand(*part, x, y, yaw, part=k > 0) for k, part in enumerate(parts)]
 
 
-def with_room(street: Setting, standing: list[Standing], wanted: list[Standing]) -> list[Standing]:
-    """Of what belongs to a junction its houses, and what else has room beside them.
-
-    Args:
-        street: the street.
-        standing: of its lines, clear of the houses.
-        wanted: of the junction.
-    """
-    plot = Plot(street, [*standing, *(stand for stand in wanted if stand[0] == "building")])
-    others = (stand for stand in wanted if stand[0] != "building")
-    for _, parts in groupby(others, lambda stand: id(stand[2])):  # parts share their pose
-        plot.admit(list(parts))
-    kept = {id(pose) for _, _, pose in plot.added}
-    return [stand for stand in wanted if stand[0] == "building" or id(stand[2]) in kept]
-
-
-def junction_objects(street: Setting, rng: np.random.Generator) -> list[Standing]:
-    """All that belongs to the junction of a street, see ``with_room``; consumes ``rng``."""
+def junction_objects(street: Setting, rng: np.random.Generator) -> list[Stand]:
+    """All that belongs to the junction of a street, room or not; consumes ``rng``."""
     junction = street.ground.junction
     if junction is None:
         return []
-    found: list[Standing] = []
+    found: list[Stand] = []
     for side in junction.arms:
         arm = Arm(street, junction, side, rng)
         for fill in (_houses, _end, _control, _traffic, _parked, _people, _beside):
@@ -107,11 +87,11 @@ def _facing(across: float) -> float:
     return -math.copysign(math.pi / 2, across)
 
 
-def _houses(arm: Arm) -> list[Standing]:
+def _houses(arm: Arm) -> list[Stand]:
     """A row on either hand, from the house at the corner, which looks at the road, to the end."""
     params, front = arm.street.params, _front(arm)
     town = params.building_probability
-    found: list[Standing] = []
+    found: list[Stand] = []
     for hand in (-1.0, 1.0):
         at = max(params.building_position, arm.junction.mouth + 0.5)
         corner = arm.rng.random() < town
@@ -139,9 +119,9 @@ def _houses(arm: Arm) -> list[Standing]:
     return found
 
 
-def _end(arm: Arm) -> list[Standing]:
+def _end(arm: Arm) -> list[Stand]:
     """A row across the end, where the arm meets the next street, with trees before it."""
-    found: list[Standing] = []
+    found: list[Stand] = []
     yaw = 0.0 if arm.side > 0 else math.pi
     for across in np.arange(-42.0, 43.0, 12.0) + arm.rng.uniform(-2, 2):
         town = 0.1 + 0.85 * arm.street.params.building_probability
@@ -152,7 +132,7 @@ def _end(arm: Arm) -> list[Standing]:
     return found
 
 
-def _control(arm: Arm) -> list[Standing]:
+def _control(arm: Arm) -> list[Stand]:
     """Lights on both sides of the arm's stop line, or a sign on the near one."""
     edge = arm.junction.half_width + 0.55
     along = arm.junction.stop - 0.2
@@ -164,10 +144,10 @@ def _control(arm: Arm) -> list[Standing]:
     return found
 
 
-def _road_lights(arm: Arm) -> list[Standing]:
+def _road_lights(arm: Arm) -> list[Stand]:
     """Lights for the traffic of the road, on both of its sides; ``arm`` lends its frame only."""
     junction = arm.junction
-    found: list[Standing] = []
+    found: list[Stand] = []
     if junction.control != "lights":
         return found
     edge = junction.road_half_width + 0.55
@@ -183,15 +163,14 @@ def _vehicle(arm: Arm) -> tuple[str, int | str | None, float]:
     """A vehicle's family, asset and half of its length."""
     family = str(arm.rng.choice(VEHICLES, p=VEHICLE_SHARES))
     ref = arm.pick(family)
-    length = 0.0 if ref is None else float(np.ptp(catalogue.bounds(family, ref)[:, 0]))
-    return family, ref, length / 2
+    return family, ref, 0.0 if ref is None else length(family, ref) / 2
 
 
-def _traffic(arm: Arm) -> list[Standing]:
+def _traffic(arm: Arm) -> list[Stand]:
     """A queue at the stop line, vehicles that drive away, and by chance one that crosses the road."""
     junction, rng = arm.junction, arm.rng
     lane = 0.46 * junction.half_width
-    found: list[Standing] = []
+    found: list[Stand] = []
     at = junction.stop + 0.7 + float(rng.uniform(0, 1.5))
     for _ in range(int(rng.choice([0, 1, 2, 3, 5], p=[0.25, 0.3, 0.2, 0.15, 0.1]))):
         family, ref, half = _vehicle(arm)
@@ -219,10 +198,11 @@ def _traffic(arm: Arm) -> list[Standing]:
     return _on_the_road(arm, found)
 
 
-def _on_the_road(arm: Arm, vehicles: list[Standing]) -> list[Standing]:
+def _on_the_road(arm: Arm, vehicles: list[Stand]) -> list[Stand]:
     """The vehicles of which no corner reaches over a kerb."""
     junction, found = arm.junction, []
-    for vehicle, low, high in zip(vehicles, *boxes(arm.street.ground, vehicles), strict=True):
+    low_high = spans(arm.street.ground.path, vehicles, junction.x)
+    for vehicle, low, high in zip(vehicles, *low_high, strict=True):
         corners = [(x, y) for x in (low[0], high[0]) for y in (low[1], high[1])]
         if all(
             abs(y) < junction.road_half_width or junction.paved(junction.x + x, y)
@@ -232,10 +212,10 @@ def _on_the_road(arm: Arm, vehicles: list[Standing]) -> list[Standing]:
     return found
 
 
-def _parked(arm: Arm) -> list[Standing]:
+def _parked(arm: Arm) -> list[Stand]:
     """Cars along one kerb or both, where the arm is wide enough."""
     junction, rng = arm.junction, arm.rng
-    found: list[Standing] = []
+    found: list[Stand] = []
     for hand in (-1.0, 1.0):
         # Traffic that waits and parked cars have room beside each other in a wide arm only.
         wide = junction.half_width > (4.6 if hand == arm.ours else 3.6)
@@ -250,10 +230,10 @@ def _parked(arm: Arm) -> list[Standing]:
     return _on_the_road(arm, found)
 
 
-def _people(arm: Arm) -> list[Standing]:
+def _people(arm: Arm) -> list[Stand]:
     """At the corners, on the crossing, along the sidewalks, and a rider in the lane."""
     junction, rng = arm.junction, arm.rng
-    found: list[Standing] = []
+    found: list[Stand] = []
     for hand in (-1.0, 1.0):
         for _ in range(int(rng.choice([0, 1, 2, 4], p=[0.3, 0.3, 0.25, 0.15]))):
             across = float(rng.uniform(junction.half_width + 0.6, junction.corner - 0.2))
@@ -282,11 +262,11 @@ def _anyhow(rng: np.random.Generator) -> float:
     return float(rng.uniform(-math.pi, math.pi))
 
 
-def _beside(arm: Arm) -> list[Standing]:
+def _beside(arm: Arm) -> list[Stand]:
     """Lamps on alternate sides, a row of trees, and signs along the sidewalks."""
     junction, rng = arm.junction, arm.rng
     edge = junction.half_width + 0.5
-    found: list[Standing] = []
+    found: list[Stand] = []
     hand = 1.0 if rng.random() < 0.5 else -1.0
     for at in np.arange(junction.stop + float(rng.uniform(3, 10)), REACH, 18.0):
         found += arm.stand("lamp", float(at), hand * edge, _facing(hand))

@@ -1,128 +1,156 @@
 """Lines of objects along both sides of the road, each at a distance and with a spacing of its own.
 
-Lines may interpenetrate and are never moved apart: finding attributes that keep them apart is the search
-problem. Source: section 3 of the paper.
+As in the paper (section 3), lines may interpenetrate: finding attributes that keep them apart is the search
+problem. Where streets keep things apart (``AssetPool.overlap``), a line is a row of objects that do not meet,
+and each object that would stand in another is moved a little or left out.
 """
 
 from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterator
+from collections.abc import Sequence
 from itertools import accumulate
-from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets import catalogue
-from scene.assets.catalogue import AssetPool, in_season, pick
+from scene.assets.catalogue import chosen, in_season, parts_of
 from scene.assets.families import FAMILIES
-from scene.attributes import StreetParams
-from scene.ground.ground import Ground
-from scene.streams import seeded
-from scene.street.placing import Standing, pose_at
+from scene.streams import stream
+from scene.street.instances import Stand, footprint
+from scene.street.plot import LINE_END, LINE_START, Setting
 
-LINE_START, LINE_END = -15.0, 150.0
-"""Where every line of objects begins and ends, metres along the road."""
 JITTER = 0.25
 """Objects leave their slot's middle by up to this share of the interval."""
 STEP = 0.0437
 """Metres that neighbouring facades stand apart in depth, or they would lie in one plane where they
 overlap. It is no round number, since walls have relief in whole centimetres."""
-RUN, OVERLAP = 0.8, 0.98
-"""Share of an interval that a run of panels may fill; shift from panel to panel in lengths of one."""
-OWN_POST = 0.1
-"""A user's own sign that reaches this low, metres, has a post of its own."""
+RUN, LAP = 0.8, 0.04
+"""Share of an interval that a run of panels may fill; metres by which one reaches into the next."""
+KERB = {"pole": 0.45, "bicycle": 0.55}
+"""Metres behind the kerb at which the objects of a line stand at least where things are kept apart."""
+ORDER = ("building", "car", "fence", "tree", "pole", "bicycle", "person")
+"""Which line comes first where things are kept apart."""
+TOWARDS, ASIDE = 0.7, 0.25
+"""What is in the way of something is moved towards the road by so many metres, once and twice, and along it
+by such a share of its interval, either way."""
 
 LINES: dict[str, dict[str, float]] = {}
 """Line -> family -> its share of the line's objects."""
 for _row in FAMILIES.values():
     if _row.line is not None:
         LINES.setdefault(_row.line[0], {})[_row.name] = _row.line[1]
+LINE_OF = {family: line for line, shares in LINES.items() for family in shares}
 
 
-class Setting(NamedTuple):
-    """What all lines of a street have in common."""
+def _line(
+    line: str, side: float, street: Setting, rng: np.random.Generator, apart: bool
+) -> list[Stand]:
+    """One line on one side (1 left, -1 right) of the road, slot by slot; consumes ``rng``.
 
-    params: StreetParams
-    ground: Ground
-    pool: AssetPool
-    drive: float  # the side, 1 left or -1 right, whose traffic goes forward
-
-
-def line_objects(
-    line: str, side: float, street: Setting, rng: np.random.Generator
-) -> Iterator[Standing]:
-    """Fill one line on one side (1 left, -1 right) of the road, slot by slot; consumes ``rng``."""
-    distance = getattr(street.params, f"{line}_position")
-    interval = getattr(street.params, f"{line}_interval")
-    probability = getattr(street.params, f"{line}_probability", 1.0)
+    ``apart`` says whether its objects keep clear of each other.
+    """
+    params, pool = street.params, street.pool
+    distance = getattr(params, f"{line}_position")
+    interval = getattr(params, f"{line}_interval")
+    probability = getattr(params, f"{line}_probability", 1.0)
     families = list(LINES[line])
     shares = list(accumulate(LINES[line].values()))
     start = LINE_START + rng.uniform(0, interval)
-    for slot in range(math.ceil((LINE_END - start) / interval)):
-        x = start + (slot + rng.uniform(-JITTER, JITTER)) * interval
-        family = families[bisect_right(shares, rng.random() * shares[-1])]
-        ref = pick(street.pool, family, rng)
-        seed = int(rng.integers(2**31))
-        yaw = _yaw(FAMILIES[family].facing, side, side == street.drive, rng)
-        filled = rng.random() < probability
-        if not filled or ref is None:
+    count = math.ceil((LINE_END - start) / interval)
+    draws = rng.random((count, 8)).tolist()
+    wobbles = rng.standard_normal(count).tolist()
+    if apart and line in KERB:
+        distance = max(distance, street.ground.half_width + KERB[line])
+    found: list[Stand] = []
+    late = 0.0
+    for slot in range(count):
+        filled, which, share, jitter, season, chance, turned, free = draws[slot]
+        family = families[bisect_right(shares, which * shares[-1])]
+        ref = chosen(pool, family, share)
+        if filled >= probability or ref is None:
             continue
-        if family == "tree":
-            season_rng = seeded(seed)
-            ref = in_season(family, ref, street.params.bare_tree_share, street.pool, season_rng)
-        step = STEP * (slot % 3) if FAMILIES[family].front == "right" else 0.0
-        for shift in _panels(family, ref, interval):
-            pose = pose_at(street.ground, x + shift, side * (distance + step), yaw)
-            for part, part_ref in parts_of(family, ref, seed, street.pool):
-                yield part, part_ref, pose
+        row = FAMILIES[family]
+        ref = in_season(family, ref, params.bare_tree_share, pool, season)
+        forward = side == street.drive
+        yaw = _yaw(row.facing, side, forward, turned, free, wobbles[slot])
+        long = footprint((family, ref))[2] * 2
+        panels = _panels(long, interval) if row.runs else [0.0]
+        shift = (2 * jitter - 1) * JITTER * interval
+        if apart:
+            wide = footprint((family, ref))[3] * 2
+            reach = abs(math.cos(yaw)) * long * len(panels) + abs(math.sin(yaw)) * wide
+            spare = max(interval - reach, 0.0) / 2
+            shift = min(max(shift, -spare), spare)
+            more = max(reach - interval, 0.0)
+            late += more / 2
+        x = start + slot * interval + shift + late
+        if apart:
+            late += more / 2
+            if x > LINE_END:
+                break
+        step = STEP * (slot % 3) if row.front == "right" else 0.0
+        for panel in panels:
+            for k, part in enumerate(parts_of(family, ref, chance, pool)):
+                found.append(Stand(*part, x + panel, side * (distance + step), yaw, part=k > 0))
+    return found
 
 
-def _panels(family: str, ref: int | str, interval: float) -> list[float]:
-    """Where along the road the copies of an object stand, from its place: fences and walls run on."""
-    if not FAMILIES[family].runs:
-        return [0.0]
-    low, high = catalogue.bounds(family, ref)
-    length = OVERLAP * float(high[0] - low[0])
-    count = int(np.clip(RUN * interval / length, 1, 3))
-    return [(k - (count - 1) / 2) * length for k in range(count)]
+def lines_of(street: Setting, seed: int, is_open: Sequence[float], apart: bool) -> list[Stand]:
+    """All lines on both sides but for houses on sides that are open; those first that come first."""
+    names, found = list(LINES), []
+    for line in ORDER if apart else names:
+        for k, side in enumerate((1.0, -1.0)):
+            # A line draws from streams of its own, so moving one line leaves the others as they are.
+            rng = stream(seed, "line", 2 * names.index(line) + k)
+            if line != "building" or side not in is_open:
+                found += _line(line, side, street, rng, apart)
+    return found
 
 
-def parts_of(
-    family: str, ref: int | str, seed: int, pool: AssetPool
-) -> list[tuple[str, int | str]]:
-    """The assets that make up one object: a rider's machine and a sign's post have their own class.
+def moves(street: Setting, stands: Sequence[Stand]) -> np.ndarray:
+    """Where else objects of lines may stand, f64[tries, objects, 2]; see ``Plot.admit``.
 
-    Where a pool of own assets has no post for a sign or light, a built-in one stands there; an own rider
-    goes without a machine. What would hang in the air, since a pool is without its family, is left out.
+    In their places, nearer to the road, or beside; houses stand in their places only.
     """
-    row = FAMILIES[family]
-    whole = isinstance(ref, str) and row.front == "back"
-    if not row.on or (whole and catalogue.bounds(family, ref)[0, 2] < OWN_POST):
-        return [(family, ref)]
-    rng = seeded(seed)
-    base = row.on
-    if not isinstance(base, str):  # a user's own rider says not what it rides
-        kind = ref if isinstance(ref, int) else int(rng.integers(len(row.kinds)))
-        base = row.base(row.kinds[kind % len(row.kinds)])
-    below = pick(pool, base, rng)
-    if below is None and row.front == "back":
-        below = pick(pool._replace(use="built-in"), base, rng)
-    if below is not None:
-        return [(family, ref), (base, below)]
-    return [(family, ref)] if isinstance(ref, str) and row.front != "back" else []
+    first = [stand for stand in stands if not stand.part]
+    lines = [LINE_OF[stand.family] for stand in first]
+    inwards = np.array([-math.copysign(TOWARDS, stand.y) for stand in first])
+    along = np.array([ASIDE * getattr(street.params, f"{line}_interval") for line in lines])
+    house = np.array([line == "building" for line in lines], bool)
+    inwards[house] = along[house] = 0.0
+    still = np.zeros_like(along)
+    tries = [
+        (still, still),
+        (still, inwards),
+        (along, still),
+        (-along, still),
+        (still, 2 * inwards),
+    ]
+    return np.array(tries).transpose(0, 2, 1)
 
 
-def _yaw(facing: str, side: float, forward: bool, rng: np.random.Generator) -> float:
-    """The heading of an object, radians left of the driving direction; see ``Family.facing``."""
-    turned, wobble, free = rng.random(), rng.normal(), rng.uniform(-math.pi, math.pi)
+def _panels(long: float, interval: float) -> list[float]:
+    """Where along the road the copies of a panel stand, from its place: fences and walls run on."""
+    pitch = long - LAP
+    count = int(np.clip(RUN * interval / pitch, 1, 3))
+    return [(k - (count - 1) / 2) * pitch for k in range(count)]
+
+
+def _yaw(
+    facing: str, side: float, forward: bool, turned: float, free: float, wobble: float
+) -> float:
+    """The heading of an object, radians left of the driving direction; see ``Family.facing``.
+
+    ``turned`` and ``free`` are uniform draws from [0, 1), ``wobble`` one from the standard normal.
+    """
+    anyhow = (2 * free - 1) * math.pi
     if facing == "road":
         return 0.0 if side > 0 else math.pi
     if facing == "lane":
         return (0.0 if forward else math.pi) + 0.02 * wobble
     if facing == "either":
-        return free if turned > 0.85 else (math.pi if turned > 0.45 else 0.0) + 0.15 * wobble
+        return anyhow if turned > 0.85 else (math.pi if turned > 0.45 else 0.0) + 0.15 * wobble
     if facing == "camera":
         return 0.1 * wobble
-    return free
+    return anyhow

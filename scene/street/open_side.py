@@ -9,9 +9,8 @@ import numpy as np
 from scene.assets.catalogue import pick_in_season
 from scene.assets.paving import PATH
 from scene.street.background import BEHIND
-from scene.street.lines import LINE_END, LINE_START
 from scene.street.parked import kept_free
-from scene.street.plot import Plot, draw_kind
+from scene.street.plot import LINE_END, LINE_START, Plot, draw_kind
 from scene.street.rows import carpet, run
 
 KINDS = {"park": 0.5, "water": 0.22, "field": 0.28}

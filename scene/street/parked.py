@@ -12,8 +12,8 @@ from scene.assets.slab import BAY
 from scene.ground.extent import KERB_HEIGHT, KERB_WIDTH
 from scene.ground.ground import Ground
 from scene.street.background import BEHIND
-from scene.street.lines import LINE_END, LINE_START
-from scene.street.plot import Plot, draw_family, draw_kind
+from scene.street.instances import footprint, length
+from scene.street.plot import LINE_END, LINE_START, Plot, draw_family, draw_kind
 
 PARKED = {"car": 0.93, "truck": 0.045, "motorcycle": 0.02, "bus": 0.005}
 """What stands along a kerb."""
@@ -90,31 +90,23 @@ def _along(plot: Plot, side: float, half_on: bool, rng: np.random.Generator) -> 
         ref = pick(pool, family, rng)
         gap, wobble, drift = rng.uniform(0.6, 2.0), 0.02 * rng.normal(), 0.07 * rng.normal()
         turned, free = rng.random() < AGAINST, rng.random() < FREE
-        low, high = (0, 0) if ref is None else catalogue.bounds(family, ref)[:, 0]
-        length = float(high - low)
-        if free or ref is None or length > LONGEST:
+        if free or ref is None or (long := length(family, ref)) > LONGEST:
             x += 5.3
             continue
         if family == "motorcycle":
             x = _huddle(plot, side, x, rng)
             continue
-        width = float(np.ptp(catalogue.bounds(family, ref)[:, 1]))
+        width = 2 * footprint((family, ref))[3]
         middle = ground.half_width - (0.15 if half_on else 0.2 + width / 2) + float(drift)
         middle = min(middle, ground.half_width - 0.02)  # it stands on the road, or it would rise
         yaw = forward + math.pi * turned + float(wobble)
-        tilt = _leaning(side * math.cos(yaw)) if half_on and width < 2.0 else None
-        stands = clear(closed, x, x + length) and plot.put(
-            family, ref, x + length / 2, side * middle, yaw, tilt=tilt
+        leans = half_on and width < 2.0
+        roll = math.copysign(KERB_ROLL, side * math.cos(yaw)) if leans else 0.0
+        lift = KERB_HEIGHT / 2 if leans else 0.0
+        stands = clear(closed, x, x + long) and plot.put(
+            family, ref, x + long / 2, side * middle, yaw, lift=lift, roll=roll
         )
-        x += length + float(gap) if stands else 0.7
-
-
-def _leaning(kerb: float) -> np.ndarray:
-    """The turn f64[4, 4] of a car whose wheels left (``kerb`` > 0) or right stand on the sidewalk."""
-    angle = math.copysign(KERB_ROLL, kerb)
-    c, s = math.cos(angle), math.sin(angle)
-    lift = KERB_HEIGHT / 2
-    return np.array([[1.0, 0, 0, 0], [0, c, -s, 0], [0, s, c, lift], [0, 0, 0, 1]])
+        x += long + float(gap) if stands else 0.7
 
 
 def _huddle(plot: Plot, side: float, x: float, rng: np.random.Generator) -> float:

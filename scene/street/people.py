@@ -10,9 +10,8 @@ from scene.assets import company
 from scene.assets.catalogue import pick
 from scene.assets.person import STANDING, WALKING
 from scene.assets.rider import MOUNT
-from scene.streams import child
 from scene.street.parked import kept_free
-from scene.street.plot import Plot, draw_kind
+from scene.street.plot import TOUCHING, Plot, draw_kind
 
 START, END = -6.0, 110.0
 """Where people are, metres along the road."""
@@ -31,17 +30,16 @@ def groups(plot: Plot, side: float, share: float, rng: np.random.Generator) -> N
     """People on one sidewalk; each stretch of it has a group with the probability ``share``."""
     ground = plot.ground
     for stretch in np.arange(START, END, STRETCH).tolist():
-        group_rng = child(rng)
-        if group_rng.random() >= share:
+        if rng.random() >= share:
             continue
-        x = stretch + float(group_rng.uniform(0, STRETCH))
+        x = stretch + float(rng.uniform(0, STRETCH))
         near, far = ground.half_width + 0.55, max(ground.outer - 0.35, ground.half_width + 0.6)
-        y = side * float(group_rng.uniform(near, far))
-        count = _count(group_rng)
-        if group_rng.random() < 0.6:
-            _walk(plot, x, y, math.pi * (group_rng.random() < 0.5), count, group_rng)
+        y = side * float(rng.uniform(near, far))
+        count = _count(rng)
+        if rng.random() < 0.6:
+            _walk(plot, x, y, math.pi * (rng.random() < 0.5), count, rng)
         else:
-            _stand(plot, x, y, max(count, 2), group_rng)
+            _stand(plot, x, y, max(count, 2), rng)
 
 
 def _count(rng: np.random.Generator) -> int:
@@ -87,14 +85,13 @@ def benches(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
     """People on benches at the back of one sidewalk, or in the green behind it, who look at the road."""
     ground = plot.ground
     for stretch in np.arange(START, END, 2 * STRETCH).tolist():
-        bench_rng = child(rng)
-        if bench_rng.random() >= share:
+        if rng.random() >= share:
             continue
-        x = stretch + float(bench_rng.uniform(0, STRETCH))
-        y = side * (ground.outer + float(bench_rng.uniform(-0.5, 1.5)))
-        for _ in range(int(bench_rng.integers(1, 4))):
-            ref = draw_kind(plot.street.pool, "company", company.SITTING, bench_rng)
-            plot.put("company", ref, x, y, -side * math.pi / 2, spare=-0.1)
+        x = stretch + float(rng.uniform(0, STRETCH))
+        y = side * (ground.outer + float(rng.uniform(-0.5, 1.5)))
+        for _ in range(int(rng.integers(1, 4))):
+            ref = draw_kind(plot.street.pool, "company", company.SITTING, rng)
+            plot.put("company", ref, x, y, -side * math.pi / 2, spare=TOUCHING)
             x += company.BENCH
 
 
@@ -103,21 +100,20 @@ def crossing(plot: Plot, share: float, rng: np.random.Generator) -> None:
     ground = plot.ground
     elsewhere = rng.uniform(6, END, 3).tolist()
     for k, place in enumerate([*ground.crosswalks, *elsewhere]):
-        place_rng = child(rng)
         marked = k < len(ground.crosswalks)
-        if place_rng.random() >= share * (1.0 if marked else 0.5):
+        if rng.random() >= share * (1.0 if marked else 0.5):
             continue
-        for _ in range(int(place_rng.integers(2, 8)) if marked else 1):
-            x = place + float(place_rng.uniform(-1.3, 1.3))
-            y = float(place_rng.uniform(-1, 1)) * (ground.half_width - 0.4)
-            over = math.copysign(math.pi / 2, place_rng.random() - 0.5)
-            _walk(plot, x, y, over, 1 + int(place_rng.random() < 0.3), place_rng)
+        for _ in range(int(rng.integers(2, 8)) if marked else 1):
+            x = place + float(rng.uniform(-1.3, 1.3))
+            y = float(rng.uniform(-1, 1)) * (ground.half_width - 0.4)
+            over = math.copysign(math.pi / 2, rng.random() - 0.5)
+            _walk(plot, x, y, over, 1 + int(rng.random() < 0.3), rng)
         for side in (1.0, -1.0):
-            for _ in range(int(place_rng.integers(0, 4)) if marked else 0):
-                x = place + float(place_rng.uniform(-1.8, 1.8))
-                y = side * (ground.half_width + float(place_rng.uniform(0.4, 1.2)))
-                yaw = -side * math.pi / 2 + 0.3 * float(place_rng.normal())
-                _person(plot, x, y, yaw, STANDING, place_rng)
+            for _ in range(int(rng.integers(0, 4)) if marked else 0):
+                x = place + float(rng.uniform(-1.8, 1.8))
+                y = side * (ground.half_width + float(rng.uniform(0.4, 1.2)))
+                yaw = -side * math.pi / 2 + 0.3 * float(rng.normal())
+                _person(plot, x, y, yaw, STANDING, rng)
 
 
 def riders(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
@@ -125,49 +121,47 @@ def riders(plot: Plot, side: float, share: float, rng: np.random.Generator) -> N
     ground = plot.ground
     forward = 0.0 if side == plot.street.drive else math.pi
     for stretch in np.arange(START + 4, END, 2 * STRETCH).tolist():
-        group_rng = child(rng)
-        if group_rng.random() >= share:
+        if rng.random() >= share:
             continue
-        x = stretch + float(group_rng.uniform(0, 2 * STRETCH))
-        if group_rng.random() < 0.2:
-            turned = math.copysign(math.pi / 2, group_rng.random() - 0.5)
-            y = float(group_rng.uniform(-1, 1)) * (ground.half_width - 1)
-            _rider(plot, x, y, turned + 0.3 * float(group_rng.normal()), group_rng)
+        x = stretch + float(rng.uniform(0, 2 * STRETCH))
+        if rng.random() < 0.2:
+            turned = math.copysign(math.pi / 2, rng.random() - 0.5)
+            y = float(rng.uniform(-1, 1)) * (ground.half_width - 1)
+            _rider(plot, x, y, turned + 0.3 * float(rng.normal()), rng)
             continue
-        lane = ground.half_width - float(group_rng.uniform(0.6, 1.3))
-        for _ in range(_count(group_rng)):
-            y = side * (lane - abs(0.25 * float(group_rng.normal())))
+        lane = ground.half_width - float(rng.uniform(0.6, 1.3))
+        for _ in range(_count(rng)):
+            y = side * (lane - abs(0.25 * float(rng.normal())))
             # Where cars are parked, they ride beside them.
             for shift in (0.0, -2.0):
-                yaw = forward + 0.05 * float(group_rng.normal())
-                if _rider(plot, x, y + side * shift, yaw, group_rng):
+                yaw = forward + 0.05 * float(rng.normal())
+                if _rider(plot, x, y + side * shift, yaw, rng):
                     break
-            x += float(group_rng.uniform(2.0, 4.5))
+            x += float(rng.uniform(2.0, 4.5))
 
 
 def _rider(plot: Plot, x: float, y: float, yaw: float, rng: np.random.Generator) -> bool:
     ref = draw_kind(plot.street.pool, "rider", ON_BICYCLES, rng)
-    return plot.put("rider", ref, x, y, yaw, seed=int(rng.integers(2**31)))
+    return plot.put("rider", ref, x, y, yaw, chance=rng.random())
 
 
 def cycle_stands(plot: Plot, side: float, share: float, rng: np.random.Generator) -> None:
     """Rows of bicycles, or motorcycles, side by side on the sidewalk or at the kerb."""
     ground = plot.ground
     for stretch in np.arange(0.0, END, 30.0).tolist():
-        row_rng = child(rng)
-        if row_rng.random() >= share:
+        if rng.random() >= share:
             continue
-        family = "bicycle" if row_rng.random() < 0.8 else "motorcycle"
-        angle = float(row_rng.choice([math.pi / 2, math.pi / 2, 1.0]))
-        inside = ground.footway > 2.2 and row_rng.random() < 0.7
+        family = "bicycle" if rng.random() < 0.8 else "motorcycle"
+        angle = float(rng.choice([math.pi / 2, math.pi / 2, 1.0]))
+        inside = ground.footway > 2.2 and rng.random() < 0.7
         y = side * (ground.outer - 0.95 if inside else ground.half_width - 1.1)
-        pitch = float(row_rng.uniform(0.55, 0.8)) * (1.0 if family == "bicycle" else 1.5)
-        x = stretch + float(row_rng.uniform(0, 20))
+        pitch = float(rng.uniform(0.62, 0.85)) * (1.0 if family == "bicycle" else 1.5)
+        x = stretch + float(rng.uniform(0, 20))
         closed = kept_free(ground, side)
-        for _ in range(int(row_rng.integers(4, 16))):
-            ref = pick(plot.street.pool, family, row_rng)
-            yaw = side * (angle + math.pi * (row_rng.random() < 0.25)) + 0.06 * row_rng.normal()
-            free = row_rng.random() < 0.15
+        for _ in range(int(rng.integers(4, 16))):
+            ref = pick(plot.street.pool, family, rng)
+            yaw = side * (angle + math.pi * (rng.random() < 0.25)) + 0.06 * rng.normal()
+            free = rng.random() < 0.15
             if not free and all(x < a or x > b for a, b in closed):
-                plot.put(family, ref, x, y, float(yaw), spare=-0.2)
+                plot.put(family, ref, x, y, float(yaw), spare=TOUCHING)
             x += pitch

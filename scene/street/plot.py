@@ -1,26 +1,30 @@
-"""Where there is room: objects stand on a street one by one, clear of others and of the camera."""
+"""A street's ground and what stands on it so far: what comes later keeps clear of it, and of the camera."""
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
+from collections.abc import Sequence
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets import catalogue
-from scene.assets.catalogue import AssetPool, kind, pick
+from scene.assets.catalogue import AssetPool, chosen, kind, parts_of
 from scene.assets.families import FAMILIES
+from scene.attributes import StreetParams
 from scene.classes import TrainId
-from scene.compiled import njit
+from scene.ground.ground import Ground
 from scene.ground.path import place_at, to_world
 from scene.street.camera import DRIVE, SEARCH, VIEW
-from scene.street.lines import LINE_END, LINE_START, Setting, parts_of
-from scene.street.placing import Standing, pose_at
-from scene.street.room import Rectangle, Rectangles, footprint
+from scene.street.clearance import Rectangle, Rectangles, touched
+from scene.street.instances import Stand, footprint, objects, rectangles, top, turned_out
 
+LINE_START, LINE_END = -15.0, 150.0
+"""Where every line of objects begins and ends, metres along the road."""
 HOUSES = frozenset({TrainId.BUILDING, TrainId.TRAIN, TrainId.WALL, TrainId.FENCE})
-SPARE = 0.15
-"""Metres that objects are apart at least."""
+SPARE, TOUCHING = 0.15, -0.05
+"""Metres that objects are apart at least, and those that belong together."""
 BESIDE, BELOW = 0.35, 0.8
 """Metres beside and below the lens that are kept free."""
 STEP = 0.5
@@ -28,28 +32,71 @@ STEP = 0.5
 STEEP_LIFT, BENT_LIFT, MOST_LIFT = 0.006, 0.001, 0.05
 """Metres by which tiles are lifted for each per cent of slope and 1/km of bend, and at most."""
 BLOCK, GAP = 12.0, 14.0
-"""In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart: within
-its ``SEARCH`` a shot finds a place between them."""
+"""In the way of the camera, objects stand in blocks of at most ``BLOCK`` metres, ``GAP`` metres apart: most
+shots are taken between them, where the camera need not move aside."""
+
+
+class Setting(NamedTuple):
+    """What all that stands in a street has in common."""
+
+    params: StreetParams
+    ground: Ground
+    pool: AssetPool
+    drive: float  # the side, 1 left or -1 right, whose traffic goes forward
 
 
 class Plot:
     """A street's ground with what stands on it so far, in road coordinates."""
 
-    def __init__(self, street: Setting, standing: list[Standing]) -> None:
-        """A plot on which ``standing`` stand already."""
+    def __init__(self, street: Setting) -> None:
+        """A plot on which nothing stands."""
         self.street = street
         self.ground = street.ground
-        self.added: list[Standing] = []
+        self.stands: list[Stand] = []
         self._taken, self._houses = Rectangles(), Rectangles()
         self._laid: dict[str, Rectangles] = {}
         self._blocks: list[tuple[float, float]] = []
         self._along = np.arange(-1.0, DRIVE + SEARCH + VIEW, STEP)
         lane = street.drive * street.params.camera_position_x
-        self._path = to_world(
-            street.ground.path, self._along, lane
-        )  # where the camera may come along
-        for family, ref, pose in standing:
-            self._stand(family, ref, pose)
+        # Where the camera may come along.
+        self._path = to_world(street.ground.path, self._along, lane)
+
+    def add(self, stands: Sequence[Stand]) -> None:
+        """Stand objects, with their parts, whatever is there."""
+        whole = list(objects(stands))
+        if whole:
+            rows = rectangles(self.ground.path, stands)
+            self._taken.extend(rows)
+            self._occupy(whole, rows)
+
+    def admit(
+        self, stands: Sequence[Stand], tries: np.ndarray | None = None, spare: float = 0.0
+    ) -> None:
+        """Stand each object, with its parts, at its first try where there is room.
+
+        Args:
+            stands: the objects, in the order in which they come.
+            tries: f64[tries, objects, 2] metres by which each is moved along the road and left of it; None:
+                as it is.
+            spare: metres to the next object.
+        """
+        whole = list(objects(stands))
+        if not whole:
+            return
+        moves = np.zeros((1, len(whole), 2)) if tries is None else tries
+        own = np.array([footprint(*(part[:2] for part in parts)) for parts in whole])
+        x, y, yaw = np.array([parts[0][2:5] for parts in whole]).T
+        path = self.ground.path
+        rows = turned_out(path, np.tile(own, (len(moves), 1)), *np.concatenate(
+            [np.array([x + dx, y + dy, yaw]) for dx, dy in moves.transpose(0, 2, 1)], axis=1
+        )).reshape(len(moves), len(whole), 6).transpose(1, 0, 2)  # fmt: skip
+        chosen = self._taken.admit(np.ascontiguousarray(rows), spare)
+        stays = np.flatnonzero(chosen >= 0).tolist()
+        moved = []
+        for k in stays:
+            dx, dy = moves[chosen[k], k].tolist()
+            moved.append([s._replace(x=s.x + dx, y=s.y + dy) for s in whole[k]])
+        self._occupy(moved, rows[stays, chosen[stays]])
 
     def put(
         self,
@@ -59,9 +106,10 @@ class Plot:
         y: float,
         yaw: float,
         *,
-        seed: int = 0,
+        chance: float = 0.0,
         spare: float = SPARE,
-        tilt: np.ndarray | None = None,
+        lift: float = 0.0,
+        roll: float = 0.0,
         bare: bool = False,
     ) -> bool:
         """Stand an object where there is room; says whether there was.
@@ -72,114 +120,107 @@ class Plot:
             x: metres along the road.
             y: metres left of the centre line.
             yaw: radians left of the driving direction.
-            seed: for what comes with it, see ``parts_of``.
+            chance: in [0, 1), for what comes with it, see ``parts_of``.
             spare: metres to the next object.
-            tilt: f64[4, 4] applied in its own frame.
+            lift: metres above the ground.
+            roll: radians about its own x axis.
             bare: whether it needs ground without tiles.
         """
         if ref is None or not LINE_START - 10 < x < LINE_END + 10:
             return False
-        pose = pose_at(self.ground, x, y, yaw)
-        pose = pose if tilt is None else pose @ tilt
-        parts = parts_of(family, ref, seed, self.street.pool)
-        return self.admit([(part, own, pose) for part, own in parts], spare, bare)
-
-    def admit(self, parts: list[Standing], spare: float = SPARE, bare: bool = False) -> bool:
-        """Stand an object of parts that share a pose where there is room; says whether there was.
-
-        Args:
-            parts: the object first, then its post or machine; none never stand.
-            spare: metres to the next object.
-            bare: whether it needs ground without tiles.
-        """
+        parts = parts_of(family, ref, chance, self.street.pool)
         if not parts:
             return False
-        family, _, pose = parts[0]
-        assets = [(part, ref) for part, ref, _ in parts]
-        box = footprint(assets, pose)
+        box = self._rectangle(parts, x, y, yaw)
         if self._taken.meet(box, spare):
             return False
         if bare and any(laid.meet(box, spare) for laid in self._laid.values()):
             return False
-        block = self._block(assets, box)
+        block = self._block(parts, box)
         if block is not None and not _bearable(block, self._blocks):
             return False
-        self._occupy(family, box, block)
-        self.added += parts
+        self._stand(parts, x, y, yaw, lift, roll, box, block)
         return True
 
     def lay(self, family: str, ref: int | str | None, x: float, y: float, yaw: float) -> bool:
         """Lay a flat tile that others may stand on, unless a house, a wall or tiles of others are there."""
         if ref is None:
             return False
-        pose = pose_at(self.ground, x, y, yaw)
         # Tiles are flat: where the land is not, they lie on its highest points.
         params = self.street.params
-        pose[2, 3] += min(STEEP_LIFT * params.gradient + BENT_LIFT * params.bend, MOST_LIFT)
-        box = footprint([(family, ref)], pose)
+        lift = min(STEEP_LIFT * params.gradient + BENT_LIFT * params.bend, MOST_LIFT)
+        box = self._rectangle([(family, ref)], x, y, yaw)
         if self._houses.meet(box, -0.05):
             return False
         if any(laid.meet(box, -0.05) for f, laid in self._laid.items() if f != family):
             return False
         self._laid.setdefault(family, Rectangles()).add(box)
-        self.added.append((family, ref, pose))
+        self.stands.append(Stand(family, ref, x, y, yaw, lift))
         return True
 
     def place(
         self, family: str, ref: int | str, x: float, y: float, yaw: float, lift: float = 0.0
     ) -> None:
         """Stand an object on another that is there already, ``lift`` metres above the ground."""
-        pose = pose_at(self.ground, x, y, yaw)
-        raised = np.eye(4)
-        raised[2, 3] = lift
-        self._stand(family, ref, pose @ raised)
-        self.added.append((family, ref, pose @ raised))
+        parts = [(family, ref)]
+        box = self._rectangle(parts, x, y, yaw)
+        self._stand(parts, x, y, yaw, lift, 0.0, box, self._block(parts, box))
 
     def built(self, x: float, y: float) -> bool:
         """Whether a house, a wall or a fence stands at a place."""
         east, north, _, _ = place_at(self.ground.path, x, y)
         return self._houses.meet(Rectangle(east, north, 1.0, 0.0, 0.0, 0.0), 0.0)
 
-    def _stand(self, family: str, ref: int | str, pose: np.ndarray) -> None:
-        box = footprint([(family, ref)], pose)
-        self._occupy(family, box, self._block([(family, ref)], box))
+    def _rectangle(
+        self, parts: Sequence[tuple[str, int | str]], x: float, y: float, yaw: float
+    ) -> Rectangle:
+        u, v, long, wide = footprint(*parts)
+        path = self.ground.path
+        if path.bends:
+            x, y, heading, _ = place_at(path, x, y)
+            yaw += heading
+        c, s = math.cos(yaw), math.sin(yaw)
+        return Rectangle(c * u - s * v + x, s * u + c * v + y, c, s, long, wide)
 
-    def _occupy(self, family: str, box: Rectangle, block: tuple[float, float] | None) -> None:
+    def _stand(
+        self,
+        parts: Sequence[tuple[str, int | str]],
+        x: float,
+        y: float,
+        yaw: float,
+        lift: float,
+        roll: float,
+        box: Rectangle,
+        block: tuple[float, float] | None,
+    ) -> None:
+        for k, (family, ref) in enumerate(parts):
+            self.stands.append(Stand(family, ref, x, y, yaw, lift, roll, k > 0))
+        self._taken.add(box)
         if block is not None:
             self._blocks.append(block)
-        self._taken.add(box)
-        if FAMILIES[family].train_id in HOUSES:
+        if FAMILIES[parts[0][0]].train_id in HOUSES:
             self._houses.add(box)
 
+    def _occupy(self, whole: list[list[Stand]], rows: np.ndarray) -> None:
+        """Note objects that stand on rectangles f64[objects, 6]."""
+        for parts in whole:
+            self.stands += parts
+        lens = self.street.params.camera_position_y - BELOW
+        high = [any(top(*part[:2]) >= lens for part in parts) for parts in whole]
+        met = touched(self._path, rows[high], BESIDE)
+        along = self._along[met[met[:, 1] >= 0]]
+        self._blocks += [(low, end) for low, end in along.tolist()]
+        self._houses.extend(rows[[FAMILIES[parts[0].family].train_id in HOUSES for parts in whole]])
+
     def _block(
-        self, parts: list[tuple[str, int | str]], box: Rectangle
+        self, parts: Sequence[tuple[str, int | str]], box: Rectangle
     ) -> tuple[float, float] | None:
         """From where to where an object is in the way of the camera, metres along the road."""
         lens = self.street.params.camera_position_y
-        if all(catalogue.bounds(*part)[1, 2] < lens - BELOW for part in parts):
+        if max(top(*part) for part in parts) < lens - BELOW:
             return None
-        first, last = _met(self._path, *box, BESIDE)
+        first, last = touched(self._path, np.array([box]), BESIDE)[0].tolist()
         return (float(self._along[first]), float(self._along[last])) if last >= 0 else None
-
-
-@njit(cache=True)
-def _met(
-    path: np.ndarray,
-    own_x: float,
-    own_y: float,
-    cos: float,
-    sin: float,
-    long: float,
-    wide: float,
-    spare: float,
-) -> tuple[int, int]:
-    """First and last of the places f64[n, 2] that are nearer than ``spare`` to a rectangle; -1 for none."""
-    first, last = -1, -1
-    for k in range(len(path)):
-        x, y = path[k, 0] - own_x, path[k, 1] - own_y
-        if abs(x * cos + y * sin) < long + spare and abs(y * cos - x * sin) < wide + spare:
-            first, last = (k if first < 0 else first), k
-    return first, last
 
 
 def _bearable(block: tuple[float, float], blocks: list[tuple[float, float]]) -> bool:
@@ -195,7 +236,7 @@ def draw_kind(
     pool: AssetPool, family: str, kinds: tuple[str, ...], rng: np.random.Generator
 ) -> int | str | None:
     """One asset of certain kinds, where eight draws find one; otherwise any. Takes eight numbers."""
-    drawn = [pick(pool, family, rng) for _ in range(8)]
+    drawn = [chosen(pool, family, share) for share in rng.random(8).tolist()]
     return next((ref for ref in drawn if ref is not None and kind(family, ref) in kinds), drawn[0])
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 
 from scene.assets import catalogue
-from scene.street.lines import OVERLAP
+from scene.street.instances import length
+from scene.street.lines import LAP
 from scene.street.parked import clear
-from scene.street.plot import Plot
+from scene.street.plot import TOUCHING, Plot
 
 
 def facing_road(side: float) -> float:
@@ -35,13 +36,13 @@ def run(
     """
     if ref is None:
         return 0
-    low, high = catalogue.bounds(family, ref)
-    length = OVERLAP * float(high[0] - low[0])
+    pitch = length(family, ref) - LAP
     count = 0
-    for k in range(int((span[1] - span[0]) / length)):
-        x = span[0] + (k + 0.5) * length
-        if clear(closed, x - length / 2, x + length / 2):
-            count += plot.put(family, ref, x, y, facing_road(math.copysign(1, y)), spare=-0.12)
+    for k in range(int((span[1] - span[0]) / pitch)):
+        x = span[0] + (k + 0.5) * pitch
+        if clear(closed, x - pitch / 2, x + pitch / 2):
+            yaw = facing_road(math.copysign(1, y))
+            count += plot.put(family, ref, x, y, yaw, spare=TOUCHING)
     return count
 
 

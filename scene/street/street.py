@@ -11,38 +11,30 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.assets.catalogue import AssetPool, in_season, pick
+from scene.assets.catalogue import AssetPool, chosen, in_season
 from scene.assets.library import snapshot
 from scene.attributes import StreetParams
 from scene.ground.arms import with_junction
-from scene.ground.ground import Ground, ground_height, sample_ground
+from scene.ground.ground import Ground, sample_ground
 from scene.ground.junction import sample_junction
 from scene.ground.path import folded, sample_path
 from scene.sky.sky import Sky, sample_sky
-from scene.streams import child, stream
+from scene.streams import stream
 from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
-from scene.street.clearing import cleared
+from scene.street.clearing import cleared, off_the_road
 from scene.street.extras import Mix, extras, open_sides
-from scene.street.junction import junction_objects, with_room
-from scene.street.lines import LINES, Setting, line_objects
-from scene.street.placing import (
-    FIRST_INSTANCE,
-    Placement,
-    Standing,
-    doors_at_the_kerb,
-    obstacles,
-    placed,
-    pose_at,
-    settled,
-)
+from scene.street.instances import Placement, Stand, placed, standing
+from scene.street.junction import junction_objects
+from scene.street.lines import lines_of, moves
+from scene.street.plot import SPARE, Plot, Setting
 
 
 class Street(NamedTuple):
     """Everything a renderer needs, and nothing about how it renders."""
 
     placements: tuple[Placement, ...]
-    cameras: tuple[Camera, ...]
+    cameras: tuple[Camera, ...]  # one a shot, see ``Camera.further``
     sky: Sky
     ground: Ground
     seed: int
@@ -79,47 +71,59 @@ def sample_street(
     widths = params.road_width, params.sidewalk_width
     ground = sample_ground(rng, pool.fraction, drive, widths)
     ground = _shaped(ground, params, seed)
-    setting = Setting(params, ground, pool, drive)
-    objects: list[Standing] = []
-    is_open = open_sides(setting, seed)
-    for line in LINES:
-        # A line draws from a generator of its own, so moving one line leaves the others as they are.
-        line_rng = child(rng)
-        for side in (1.0, -1.0):
-            row = line_objects(line, side, setting, line_rng)
-            objects += [o for o in row if line != "building" or side not in is_open]
-    corners = junction_objects(setting, stream(seed, "corners"))
-    objects = cleared(ground, objects, corners)
-    corners = with_room(setting, objects, corners)
-    objects = [*objects, *corners]
-    objects += cleared(ground, extras(setting, seed, objects, mix), corners)
-    objects = settled(ground, objects, params.building_position)
-    near = placed(doors_at_the_kerb(objects, drive), path=ground.path)
-    y = drive * params.camera_position_x
-    place = (0.0, y, ground_height(ground, y) + params.camera_position_y)
+    plot = Plot(Setting(params, ground, pool, drive))
+    _fill(plot, seed, mix, apart=pool.overlap_of(params) == "avoid")
+    placements = placed(ground, plot.stands)
+    place = (0.0, drive * params.camera_position_x, params.camera_position_y)
     first = Camera(
         place, params.camera_rotation_y, params.camera_rotation_x, params.camera_roll,
         params.field_of_view, params.exposure, params.white_balance,
     )  # fmt: skip
-    # The background is too far away to be in the way.
-    cameras = camera_path(first, shots, obstacles(near), rng, ground.path)
-    far_rng, season_rng = stream(seed, "background"), stream(seed, "season")
-    objects = []
-    stands = background(params, far_rng)
-    if not ground.path.straight:
-        places = np.array([(stand.x, stand.y) for stand in stands])
-        lost = folded(ground.path, *places.T)
-        stands = [stand for stand, away in zip(stands, lost, strict=True) if not away]
-        stands += belt(ground.path, params, far_rng)
-    for stand in stands:
-        ref = pick(pool, stand.family, far_rng)
+    cameras = camera_path(first, shots, standing(placements)[1], rng, ground)
+    return Street(tuple(placements), cameras, sky, ground, seed)
+
+
+def _fill(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> None:
+    """Stand all that stands in a street; ``apart`` says whether its lines keep clear of each other."""
+    setting, ground = plot.street, plot.ground
+    front = setting.params.building_position
+    is_open = open_sides(setting, seed)
+    corners = off_the_road(ground, junction_objects(setting, stream(seed, "corners")), front)
+    houses = [stand for stand in corners if stand.family == "building"]
+    plot.admit(houses) if apart else plot.add(houses)
+    lines = off_the_road(ground, lines_of(setting, seed, is_open, apart), front)
+    lines = cleared(ground, lines, houses)
+    plot.admit(lines, moves(setting, lines)) if apart else plot.add(lines)
+    plot.admit([s for s in corners if s.family != "building"], spare=SPARE)
+    count = len(plot.stands)
+    extras(plot, seed, mix)
+    plot.stands[count:] = cleared(ground, plot.stands[count:], houses)
+    far = cleared(ground, off_the_road(ground, _background(setting, seed), front), houses)
+    plot.admit(far) if apart else plot.add(far)
+
+
+def _background(setting: Setting, seed: int) -> list[Stand]:
+    """What closes the horizon, with assets."""
+    params, path, pool, rng = (
+        setting.params,
+        setting.ground.path,
+        setting.pool,
+        stream(seed, "background"),
+    )
+    things = background(params, rng)
+    if not path.straight:
+        places = np.array([(thing.x, thing.y) for thing in things])
+        lost = folded(path, *places.T)
+        things = [thing for thing, away in zip(things, lost, strict=True) if not away]
+        things += belt(path, params, rng)
+    shares = rng.random((len(things), 2)).tolist()
+    found: list[Stand] = []
+    for thing, (share, season) in zip(things, shares, strict=True):
+        ref = chosen(pool, thing.family, share)
         if ref is not None:
-            ref = in_season(stand.family, ref, params.bare_tree_share, pool, season_rng)
-            objects.append((stand.family, ref, pose_at(ground, stand.x, stand.y, stand.yaw)))
-    objects = cleared(ground, objects, corners)
-    objects = settled(ground, objects, params.building_position)
-    far = placed(objects, FIRST_INSTANCE + len(near), ground.path)
-    return Street((*near, *far), cameras, sky, ground, seed)
+            ref = in_season(thing.family, ref, params.bare_tree_share, pool, season)
+            found.append(Stand(thing.family, ref, thing.x, thing.y, thing.yaw))
+    return found
 
 
 def _shaped(ground: Ground, params: StreetParams, seed: int) -> Ground:

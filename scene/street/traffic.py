@@ -6,13 +6,12 @@ import math
 
 import numpy as np
 
-from scene.assets import catalogue
 from scene.assets.catalogue import pick
 from scene.assets.rider import MOUNT
 from scene.streams import child
-from scene.street.lines import LINE_END, LINE_START
+from scene.street.instances import length
 from scene.street.parked import clear
-from scene.street.plot import Plot, draw_family, draw_kind
+from scene.street.plot import LINE_END, LINE_START, Plot, draw_family, draw_kind
 
 VEHICLES = {"car": 0.88, "truck": 0.05, "bus": 0.035, "rider": 0.035}
 """What drives; riders on motorcycles."""
@@ -68,20 +67,19 @@ def _fill(plot: Plot, side: float, centre: float, rng: np.random.Generator) -> N
             else pick(pool, family, rng)
         )
         gap, drift, wobble = rng.uniform(*gaps), 0.12 * rng.normal(), 0.015 * rng.normal()
-        seed, pause = int(rng.integers(2**31)), float(rng.uniform(12, 40))
+        chance, pause = rng.random(), float(rng.uniform(12, 40))
         if ref is None:
             x += 5.0
             continue
-        low, high = catalogue.bounds(family, ref)[:, 0]
-        length = max(float(high - low), 2.2)
+        long = max(length(family, ref), 2.2)
         y = side * (centre + min(max(float(drift), -0.25), 0.25))
-        stands = clear(closed, x, x + length) and plot.put(
-            family, ref, x + length / 2, y, forward + float(wobble), seed=seed, spare=0.3
+        stands = clear(closed, x, x + long) and plot.put(
+            family, ref, x + long / 2, y, forward + float(wobble), chance=chance, spare=0.3
         )
         if not stands:
             x += 0.9
             continue
         left -= 1
-        x += length + float(gap)
+        x += long + float(gap)
         if left == 0:
             x, left = x + pause, int(rng.integers(*PLATOON))

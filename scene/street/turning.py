@@ -6,9 +6,8 @@ import math
 
 import numpy as np
 
-from scene.assets import catalogue
 from scene.assets.catalogue import pick
-from scene.streams import child
+from scene.street.instances import length
 from scene.street.plot import Plot, draw_family
 
 VEHICLES = {"car": 0.94, "truck": 0.06}
@@ -25,17 +24,16 @@ def turning(plot: Plot, share: float, rng: np.random.Generator) -> None:
     """
     ground = plot.ground
     for x, side in ground.side_streets:
-        _side_street(plot, x, side, share, child(rng))
+        _side_street(plot, x, side, share, rng)
     for x, side in ground.driveways:
-        drive_rng = child(rng)
-        wanted, tail_in = drive_rng.random() < share, drive_rng.random() < 0.5
-        family, ref, length = _vehicle(plot, drive_rng, 6.0)
-        y = ground.outer + 0.3 + length / 2 + float(drive_rng.uniform(0, 1))
+        wanted, tail_in = rng.random() < share, rng.random() < 0.5
+        family, ref, long = _vehicle(plot, rng, 6.0)
+        y = ground.outer + 0.3 + long / 2 + float(rng.uniform(0, 1))
         if wanted:
-            yaw = side * math.pi / 2 + math.pi * tail_in + 0.03 * float(drive_rng.normal())
+            yaw = side * math.pi / 2 + math.pi * tail_in + 0.03 * float(rng.normal())
             plot.put(family, ref, x, side * y, yaw)
     for _ in range(2):
-        _pulling_out(plot, share, child(rng))
+        _pulling_out(plot, share, rng)
 
 
 def _vehicle(
@@ -46,8 +44,8 @@ def _vehicle(
     ref = pick(plot.street.pool, family, rng)
     if ref is None:
         return family, None, 0.0
-    length = float(np.ptp(catalogue.bounds(family, ref)[:, 0]))
-    return (family, ref, length) if length < longest else (family, None, length)
+    long = length(family, ref)
+    return (family, ref, long) if long < longest else (family, None, long)
 
 
 def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random.Generator) -> None:
@@ -59,16 +57,16 @@ def _side_street(plot: Plot, x: float, side: float, share: float, rng: np.random
     out = x + BESIDE * side * drive
     y = ground.half_width + 1.2
     for _ in range(int(rng.integers(0, 4))):
-        family, ref, length = _vehicle(plot, rng)
+        family, ref, long = _vehicle(plot, rng)
         wobble = 0.04 * float(rng.normal())
-        plot.put(family, ref, out, side * (y + length / 2), -side * math.pi / 2 + wobble)
-        y += length + float(rng.uniform(1.2, 3))
+        plot.put(family, ref, out, side * (y + long / 2), -side * math.pi / 2 + wobble)
+        y += long + float(rng.uniform(1.2, 3))
     if rng.random() < 0.5:
-        family, ref, length = _vehicle(plot, rng)
-        away = ground.half_width + 1.0 + length / 2 + float(rng.uniform(0, 12))
+        family, ref, long = _vehicle(plot, rng)
+        away = ground.half_width + 1.0 + long / 2 + float(rng.uniform(0, 12))
         plot.put(family, ref, 2 * x - out, side * away, side * math.pi / 2)
     if rng.random() < 0.5:
-        family, ref, length = _vehicle(plot, rng, 5.2)
+        family, ref, long = _vehicle(plot, rng, 5.2)
         angle, near = float(rng.uniform(0.6, 1.3)), rng.random() < 0.5
         # Along an arc into the lane on this side of the centre line, or over it into the other one.
         radius = (0.5 if near else 1.5) * ground.half_width
@@ -85,11 +83,11 @@ def _pulling_out(plot: Plot, share: float, rng: np.random.Generator) -> None:
     forward = 0.0 if side == plot.street.drive else math.pi
     heading = 1.0 if side == plot.street.drive else -1.0
     x, wanted, round_ = float(rng.uniform(START, END)), rng.random() < share, rng.random() < 0.4
-    family, ref, length = _vehicle(plot, rng, 5.5)
+    family, ref, long = _vehicle(plot, rng, 5.5)
     if not wanted:
         return
     # Towards the middle of the road: clockwise on the left side for who goes forward.
     angle = float(rng.uniform(1.1, 1.9) if round_ else rng.uniform(0.25, 0.7))
-    reach = 0.5 * length * math.sin(angle) + 0.9 * abs(math.cos(angle))
+    reach = 0.5 * long * math.sin(angle) + 0.9 * abs(math.cos(angle))
     y = float(rng.uniform(0, 1)) if round_ else half - 0.4 - reach
     plot.put(family, ref, x, side * y, forward - side * heading * angle)

@@ -13,7 +13,7 @@ from benchmarks.transfer import closeups, content, ingredients, nets, tables
 from benchmarks.transfer.__main__ import main
 from benchmarks.transfer.recipe import TABLE, Recipe, units, world
 from scene import AssetPool, RenderSettings
-from scene.street.placing import FIRST_INSTANCE
+from scene.street.instances import FIRST_INSTANCE
 from seg.data import DataError
 from tests.experiments.conftest import write_pair
 

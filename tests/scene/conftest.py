@@ -79,7 +79,7 @@ def free(bvh, starts, directions, wanted, columns, reach=np.inf) -> np.ndarray:
 def hits(mesh: trimesh.Trimesh, starts: np.ndarray, directions: np.ndarray) -> np.ndarray:
     """Which rays meet the mesh: bool[n] of f[n, 3] each, or of one direction for all."""
     mesh_bvh = api.MeshBVH(np.float32(mesh.vertices), np.int32(mesh.faces))
-    bvh = api.SceneBVH([mesh_bvh], [1], np.eye(3, 4, dtype=np.float32)[None])
+    bvh = api.SceneBVH([mesh_bvh], np.zeros(1), np.eye(3, 4, dtype=np.float32)[None])
     return free(bvh, starts, directions, np.ones(len(starts)), len(starts)) == 0
 
 

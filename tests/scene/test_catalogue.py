@@ -39,12 +39,15 @@ def test_trees_have_leaves_by_share_and_other_assets_stay():
     rng = np.random.default_rng(0)
     pool = AssetPool(5, 40)
     for share in (0.0, 0.25, 1.0):
-        found = [in_season("tree", int(ref), share, pool, rng) for ref in rng.integers(5, 45, 400)]
+        found = [
+            in_season("tree", int(ref), share, pool, rng.random())
+            for ref in rng.integers(5, 45, 400)
+        ]
         bare = np.mean(["bare" in catalogue.kind("tree", ref) for ref in found])
         assert abs(bare - share) < 0.07 and {*found} <= {*range(5, 45)}
-    assert in_season("car", 7, 1.0, pool, rng) == 7 and in_season("tree", 7, None, pool, rng) == 7
-    assert in_season("tree", "mine.glb", 0.0, pool, rng) == "mine.glb"
-    assert in_season("tree", 4, 0.0, AssetPool(4, 1), rng) == 4  # "bare broad", the only one
+    assert in_season("car", 7, 1.0, pool, 0.5) == 7 and in_season("tree", 7, None, pool, 0.5) == 7
+    assert in_season("tree", "mine.glb", 0.0, pool, 0.5) == "mine.glb"
+    assert in_season("tree", 4, 0.0, AssetPool(4, 1), 0.5) == 4  # "bare broad", the only one
 
 
 def test_every_class_with_a_shape_has_a_family_and_a_tone_brightens_its_assets():

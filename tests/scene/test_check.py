@@ -177,3 +177,26 @@ def test_a_class_that_should_appear_and_does_not_is_found(dataset):
     edit(dataset / "dataset.json", lambda value: value["placed"].update({unseen: 500}))
     message = f"{unseen}: 500 stand in the streets, and none is in any image"
     assert list(findings(dataset)) == [message]
+
+
+@pytest.mark.parametrize(("overlap", "code"), [("avoid", 0), ("allow", 1)])
+def test_what_meets_in_streets_is_counted(overlap, code, capsys):
+    assert main(["--overlaps", "2", "--overlap", overlap]) == code
+    out = capsys.readouterr().out
+    assert out.startswith("2 hand-set streets (extended): ") and "\n2 random streets" in out
+    assert ("building and building" in out) == (overlap == "allow")
+
+
+@pytest.mark.parametrize(
+    ("line", "message"),
+    [
+        ("", "either a dataset or --overlaps"),
+        ("streets --overlaps 2", "either a dataset or --overlaps"),
+        ("--overlaps 0", "--overlaps must be 1 or more, not 0"),
+        ("--overlaps 2 --overlap maybe", "'maybe'"),
+    ],
+)
+def test_a_wish_that_makes_no_sense_is_refused(line, message, capsys):
+    with pytest.raises(SystemExit) as refusal:
+        main(line.split())
+    assert refusal.value.code == 2 and message in capsys.readouterr().err

@@ -34,7 +34,7 @@ def draw(shapes, poses=None, camera=STILL):
     poses = np.eye(3, 4)[None].repeat(len(shapes), 0) if poses is None else poses
     pose = np.concatenate([np.zeros((1, 3, 4)), poses]).astype(np.float32)
     rays = sample_rays(camera, SIZE)
-    geometry = stand(shapes, pose, np.zeros(len(pose), np.uint8))
+    geometry = stand(shapes, np.arange(-1, len(shapes)), pose, np.zeros(len(pose), np.uint8))
     return depth_buffer.nearest(geometry, camera, SIZE, rays), rays
 
 
@@ -86,7 +86,7 @@ def test_what_is_hidden_is_left_out_and_nothing_else():
 
 
 def wall_ahead():
-    return api.SceneBVH([api.MeshBVH(WALL.copy(), TWO.copy())], [1], PLACE[None])
+    return api.SceneBVH([api.MeshBVH(WALL.copy(), TWO.copy())], np.zeros(1), PLACE[None])
 
 
 @pytest.mark.parametrize(("columns", "rows"), [(1, 1), (4, 2), (5, 3), (7, 1), (3, 8)])
@@ -102,7 +102,7 @@ def test_every_ray_of_every_size_of_image_gets_its_own_answer(columns, rows):
 def test_instances_stand_where_they_are_put_and_outlive_the_names_of_their_meshes():
     mesh_bvh, poses = api.MeshBVH(WALL, TWO), np.stack([PLACE, PLACE])
     poses[0, 0, 3], poses[1, 1, 3] = 10, 7
-    bvh = api.SceneBVH([mesh_bvh, mesh_bvh], [1, 2], poses)
+    bvh = api.SceneBVH([mesh_bvh], np.zeros(2), poses)
     rays = [[0, 0, 1], [0, 7, 1], [0, 3.5, 1]], [[1, 0, 0]]  # one direction for all
     assert free(bvh, *rays, [1, 1, 1], 3).tolist() == [0, 0, 1]
     assert free(bvh, *rays, [1, 1, 1], 3, reach=8.0).tolist() == [1, 0, 1]

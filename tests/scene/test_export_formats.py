@@ -129,11 +129,14 @@ def test_outcome_by_hand_and_lists_written_in_pieces():
         shot.image_record(image, label, panoptic_ids(label, label.astype(np.uint16))),
         shot.image_record(0 * image, np.full_like(label, SKY), np.full((2, 2), 23, np.int32)),
     ]
+    for record, camera in zip(records, ((0, False), (4, True)), strict=True):
+        record["retaken"], record["refused"] = camera
     found = outcome(
         [{"placed": {"car": 2}, "images": records}], pixels=4, labels=engine_labels(True)
     )
     assert found["class_frequency"]["sky"] == 0.75 and found["class_frequency"]["car"] == 0.125
     assert found["images_with_class"]["sky"] == 2 and found["images_with_class"]["bus"] == 0
+    assert (found["shots_retaken"], found["shots_refused"]) == (0.5, 0.5)
     assert found["mean_rgb"] == [50, 0, 0] and found["placed"] == {"car": 2}
     assert [("rle" in s) for s in records[0]["segments"]] == [False, False, True]
     members = {"a": [], "b": [1], "c": [{"x": "é"}, None]}

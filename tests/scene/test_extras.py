@@ -1,7 +1,7 @@
 """What comes to a street's lines: shares govern it, it overlaps nothing, and the camera stays clear."""
 
 import math
-from itertools import combinations, groupby, product
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -12,13 +12,14 @@ from scene.assets.catalogue import bounds, kind
 from scene.ground.arms import with_junction
 from scene.ground.ground import sample_ground
 from scene.ground.junction import sample_junction
+from scene.streams import stream
 from scene.street.background import BEHIND, LINES_END
+from scene.street.clearance import Rectangle, Rectangles
 from scene.street.extras import MIX, Mix, extras
+from scene.street.instances import objects, poses, rectangles
 from scene.street.junction import junction_objects
-from scene.street.lines import Setting
 from scene.street.open_side import KINDS, open_side
-from scene.street.plot import Plot
-from scene.street.room import Rectangles, footprint
+from scene.street.plot import Plot, Setting
 from scene.street.turning import turning
 from tests.scene.conftest import DEFAULT, POOL, SEEDS
 
@@ -30,7 +31,15 @@ FULL = {"parked_share": 1.0, "queue_share": 1.0, "open_share": 1.0}
 def added(seed, mix=NONE, drive=1.0, **shares):
     """What comes to an empty street."""
     ground = sample_ground(np.random.default_rng(seed), drive=drive)
-    return extras(Setting(DEFAULT._replace(**shares), ground, POOL, drive), seed, [], mix)
+    plot = Plot(Setting(DEFAULT._replace(**shares), ground, POOL, drive))
+    extras(plot, seed, mix)
+    return plot.stands
+
+
+def posed(stands, drive=1.0):
+    """Families, references and poses of what stands on a straight road."""
+    ground = sample_ground(np.random.default_rng(0), drive=drive)
+    return [(*s[:2], pose) for s, pose in zip(stands, poses(ground, stands), strict=True)]
 
 
 def inside(points, family, ref, pose):
@@ -42,15 +51,21 @@ def inside(points, family, ref, pose):
 @settings(max_examples=10)
 @given(SEEDS)
 def test_shares_of_zero_bring_nothing_and_the_same_seed_the_same(seed):
-    one, again = ([(f, r, p.tobytes()) for f, r, p in added(seed, ALL, **FULL)] for _ in range(2))
+    one, again = (added(seed, ALL, **FULL) for _ in range(2))
     assert added(seed) == [] and one == again and len(one) > 100
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_vehicles_never_overlap_and_drive_on_their_side_of_the_road(seed):
     drive = 1.0 if seed % 2 else -1.0
-    full, lanes = ([o for o in added(seed, drive=drive, parked_share=share, queue_share=1)
-                    if o[0] in ("car", "bus", "truck")] for share in (1, 0))  # fmt: skip
+    full, lanes = (
+        [
+            o
+            for o in posed(added(seed, drive=drive, parked_share=share, queue_share=1), drive)
+            if o[0] in ("car", "bus", "truck")
+        ]
+        for share in (1, 0)
+    )
     assert len(full) > 30 and all(p[0, 0] * p[1, 3] * drive > 0 for _, _, p in lanes)
     share = np.stack(np.meshgrid(*[np.linspace(0.02, 0.98, 9)] * 2, [0.5]), -1).reshape(-1, 3)
     for (family, ref, pose), other in combinations(full, 2):
@@ -75,9 +90,9 @@ def test_traffic_of_side_streets_keeps_to_the_side_of_the_road_s_own(drive, side
     )
     inside = on_road = 0
     for seed in range(40):
-        plot = Plot(Setting(DEFAULT, ground, AssetPool(), drive), [])
+        plot = Plot(Setting(DEFAULT, ground, AssetPool(), drive))
         turning(plot, 1.0, np.random.default_rng(seed))
-        for _, _, pose in plot.added:
+        for _, _, pose in posed(plot.stands, drive):
             if abs(pose[1, 3]) > ground.half_width:
                 assert keeps(pose, drive, 40.0) > 1
                 inside += 1
@@ -95,9 +110,9 @@ def test_at_junctions_what_drives_and_what_it_heeds_are_on_the_traffic_s_side(dr
         ground = sample_ground(rng, drive=drive)
         junction = sample_junction(rng, 1.0, ground.half_width, ground.footway)
         setting = Setting(DEFAULT, with_junction(ground, junction), AssetPool(), drive)
-        objects = junction_objects(setting, rng)
-        lights = [pose for family, _, pose in objects if family == "traffic light"]
-        for family, _, pose in objects:
+        found_here = posed(junction_objects(setting, rng), drive)
+        lights = [pose for family, _, pose in found_here if family == "traffic light"]
+        for family, _, pose in found_here:
             arm = abs(pose[0, 3] - junction.x) < junction.outer
             if family not in found or abs(pose[1, 3]) < ground.half_width or not arm:
                 continue
@@ -109,57 +124,47 @@ def test_at_junctions_what_drives_and_what_it_heeds_are_on_the_traffic_s_side(dr
     assert min(found.values()) > 5, found
 
 
-def objects_of(standing):
-    """Objects: their parts, which share a pose."""
-    return [list(parts) for _, parts in groupby(standing, lambda stand: id(stand[2]))]
-
-
-def in_something(objects, before, passed_over=()):
-    """Of objects in their order, those of which a part stands in something that stood before it."""
+def in_something(ground, before, stands, passed_over=()):
+    """Of objects in their order, those that stand in something that stood before them."""
     taken, found = Rectangles(), []
-    for family, ref, pose in before:
-        taken.add(footprint([(family, ref)], pose))
-    for parts in objects:
-        boxes = [footprint([(family, ref)], pose) for family, ref, pose in parts]
-        if any(taken.meet(box, 0.0) for box in boxes):
+    taken.extend(rectangles(ground.path, before))
+    for parts in objects(stands):
+        own = rectangles(ground.path, parts)
+        if taken.meet(Rectangle(*own[0]), 0.0):
             found.append(parts)
-        for box in boxes if parts[0][0] not in passed_over else ():
-            taken.add(box)
+        if parts[0].family not in passed_over:
+            taken.extend(own)
     return found
 
 
 def test_neither_riders_nor_what_they_ride_stand_in_something():
-    riders = 0
+    riders, ground = 0, sample_ground(np.random.default_rng(0))
     for seed in range(25):
-        objects = objects_of(added(seed, MIX._replace(riders=1.0), parked_share=1, queue_share=0.5))
-        bad = in_something(objects, [], ("slab", "land", "paving"))
-        assert not [parts for parts in bad if parts[0][0] == "rider"]
-        riders += sum(parts[0][0] == "rider" for parts in objects)
+        stands = added(seed, MIX._replace(riders=1.0), parked_share=1, queue_share=0.5)
+        bad = in_something(ground, [], stands, ("slab", "land", "paving"))
+        assert not [parts for parts in bad if parts[0].family == "rider"]
+        riders += sum(stand.family == "rider" for stand in stands)
     assert riders > 250
 
 
 def test_what_stands_at_a_junction_stands_in_nothing_that_was_there(monkeypatch):
     seen = {}
 
-    def wanted(*arguments):
-        seen["wanted"] = junction_objects(*arguments)
-        return seen["wanted"]
+    def last(plot, seed, mix):
+        seen.update(plot=plot, stands=list(plot.stands))
 
-    def last(setting, seed, standing, mix):
-        seen["standing"] = list(standing)
-        return []
-
-    monkeypatch.setattr("scene.street.street.junction_objects", wanted)
     monkeypatch.setattr("scene.street.street.extras", last)
     counts = dict.fromkeys(("person", "lamp", "tree", "car", "rider"), 0)
     for seed in range(30):
-        sample_street(DEFAULT._replace(junction_share=1.0, person_position=8.0), seed, 1, POOL)
-        own = {id(pose) for family, _, pose in seen["wanted"] if family != "building"}
-        before = [stand for stand in seen["standing"] if id(stand[2]) not in own]
-        objects = objects_of(stand for stand in seen["standing"] if id(stand[2]) in own)
-        assert in_something(objects, before) == []
-        for parts in objects:
-            counts[parts[0][0]] = counts.get(parts[0][0], 0) + 1
+        params = DEFAULT._replace(junction_share=1.0, person_position=8.0)
+        sample_street(params, seed, 1, POOL)
+        plot, stands = seen["plot"], seen["stands"]
+        wanted = set(junction_objects(plot.street, stream(seed, "corners")))
+        lines = [s for s in stands if s not in wanted or s.family == "building"]
+        own = [s for s in stands if s in wanted and s.family != "building"]
+        assert in_something(plot.ground, lines, own) == []
+        for parts in objects(own):
+            counts[parts[0].family] = counts.get(parts[0].family, 0) + 1
     assert min(counts.values()) > 5, counts
 
 
@@ -167,9 +172,9 @@ def share_of_water(params, count):
     """Of so many open sides."""
     ground, found = sample_ground(np.random.default_rng(0)), 0
     for seed in range(count):
-        plot = Plot(Setting(params, ground, AssetPool(), 1.0), [])
+        plot = Plot(Setting(params, ground, AssetPool(), 1.0))
         open_side(plot, 1.0, np.random.default_rng(seed))
-        land = {kind(family, ref) for family, ref, _ in plot.added if family == "land"}
+        land = {kind(s.family, s.ref) for s in plot.stands if s.family == "land"}
         found += bool(land & {"water", "green water"})
     return found / count
 

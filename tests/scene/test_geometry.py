@@ -29,15 +29,20 @@ vector = st.tuples(number, number, number)
 def test_arrays_fit_together_the_same_each_time(seed):
     drawn = street(seed=seed)
     g, again = build(drawn), build(drawn)
-    for a, b in zip((g[3:6], *g.shapes), (again[3:6], *again.shapes), strict=True):
+    for a, b in zip((g[3:7], *g.shapes), (again[3:7], *again.shapes), strict=True):
         assert [x.tobytes() for x in a[:4]] == [x.tobytes() for x in b[:4]]
     n = 4 + len(drawn.placements)
-    assert len(g.shapes) + 1 == len(g.surfaces) == len(g.pose) == len(g.train_id) == n
-    assert g.triangles == sum(len(shape.faces) for shape in g.shapes)
+    assert len(g.shape) == len(g.surfaces) == len(g.pose) == len(g.train_id) == n
+    stands = [g.shapes[k] for k in g.shape[1:]]
+    assert g.triangles == sum(len(shape.faces) for shape in stands)
+    assert len(set(g.assets)) == len(g.assets) == len(g.shapes) - 3
+    for p in drawn.placements:
+        assert g.assets[g.shape[p.instance] - 3] == (p.family, p.asset, p.far)
+        assert (g.pose[p.instance] == p.pose[:3].astype(np.float32)).all()
     assert (SKY_INSTANCE, g.train_id[0]) == (0, TrainId.SKY)
     assert g.train_id[1:4].tolist() == [TrainId.ROAD, TrainId.SIDEWALK, TrainId.TERRAIN]
     assert all(g.train_id[p.instance] == FAMILIES[p.family].train_id for p in drawn.placements)
-    for shape, address in zip(g.shapes, g.surfaces[1:].tolist(), strict=True):
+    for shape, address in zip(stands, g.surfaces[1:].tolist(), strict=True):
         assert shape.surface.ctypes.data == address
         assert shape.surface.shape == (len(shape.faces), 16)
         assert (np.linalg.norm(shape.vertices - shape.ball[:3], axis=1) <= shape.ball[3]).all()
@@ -53,7 +58,8 @@ def test_a_pickled_street_has_addresses_of_its_own():
         assert all(np.array_equal(a, b) for a, b in zip(one[:4], other[:4], strict=True))
     for g in (first, again):
         arrays = ("surface", "vertices", "faces")
-        for shape, row in zip(g.shapes, g.tables[1:], strict=True):
+        for k, row in zip(g.shape[1:], g.tables[1:], strict=True):
+            shape = g.shapes[k]
             addresses = [getattr(shape, name).ctypes.data for name in arrays]
             assert [*addresses, len(shape.vertices), len(shape.faces)] == list(shape.table)
             assert list(shape.table) == row.tolist()
@@ -92,7 +98,7 @@ def test_merging_names_the_face_that_each_triangle_comes_from():
     merged = world(g)
     assert len(merged.face) == g.triangles
     for i in np.random.default_rng(0).integers(0, g.triangles, 50):
-        pose, shape = g.pose[merged.instance[i]], g.shapes[merged.instance[i] - 1]
+        pose, shape = g.pose[merged.instance[i]], g.shapes[g.shape[merged.instance[i]]]
         expected = shape.vertices[shape.faces[merged.face[i]]] @ pose[:, :3].T + pose[:, 3]
         np.testing.assert_allclose(merged.vertices[3 * i : 3 * i + 3], expected, atol=1e-3)
 

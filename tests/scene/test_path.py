@@ -14,7 +14,8 @@ from scene.ground.path import Path, heading_at, height_at, nearest, place_at, sa
 from scene.render.geometry import build
 from scene.render.road import on_road
 from scene.street.camera import Camera
-from scene.street.clearing import VEHICLES, boxes
+from scene.street.clearing import VEHICLES
+from scene.street.instances import bounds
 from tests.scene.conftest import DEFAULT, SEEDS, chosen, street
 
 SHAPED = DEFAULT._replace(bend=25.0, gradient=10.0, junction_share=1.0)
@@ -57,13 +58,19 @@ def test_what_stands_in_a_shaped_street_stands_on_its_ground_and_out_of_the_arms
     drawn = street(SHAPED, seed)
     assert np.array_equal(drawn.placements[-1].pose, street(SHAPED, seed).placements[-1].pose)
     ground, junction = drawn.ground, drawn.ground.junction
-    standing = [(p.family, p.asset, p.pose) for p in drawn.placements]
     places = np.array([p.pose[:2, 3] for p in drawn.placements])
     along, away = nearest(ground.path, places)
     line, beside = (to_world(ground.path, along, y) for y in (0.0, 1.0))
     left = ((places - line) * (beside - line)).sum(axis=1)
     near = (away < STRIP - 1) & (along > -38) & (along < 340)
-    boxed = zip(drawn.placements, *boxes(ground, standing), strict=True)
+    # The road is straight at a junction, but need not run along the world's axes.
+    heading = float(heading_at(ground.path, junction.x))
+    c, s = math.cos(heading), math.sin(heading)
+    turn, origin = np.eye(4), np.eye(4)
+    turn[:2, :2] = [[c, s], [-s, c]]
+    origin[:2, 3] = -to_world(ground.path, junction.x, 0.0)
+    boxed = bounds([p._replace(pose=turn @ origin @ p.pose) for p in drawn.placements])[:, :, :2]
+    boxed = zip(drawn.placements, *np.moveaxis(boxed, 1, 0), strict=True)
     for k, (p, low, high) in enumerate(boxed):
         assert p.pose[:3, :3] @ p.pose[:3, :3].T == pytest.approx(np.eye(3))
         if near[k] and p.family != "building":  # houses go down to the lowest ground below them

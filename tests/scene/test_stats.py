@@ -57,6 +57,7 @@ def test_the_figures_of_a_dataset_are_those_of_its_description(dataset):
     np.testing.assert_allclose(figures.frequency, [*told["class_frequency"].values()], atol=1e-8)
     assert figures.containing.tolist() == [*told["images_with_class"].values()]
     np.testing.assert_allclose(figures.mean_rgb, told["mean_rgb"], atol=1e-3)
+    assert figures.framing == (told["shots_retaken"], told["shots_refused"])
 
 
 def test_camvid_is_the_measure_in_its_own_classes_all_of_it_or_some_sequences(dataset, camvid):

@@ -14,8 +14,8 @@ from scene.assets import catalogue
 from scene.ground.ground import ground_height
 from scene.look.materials import material_id
 from scene.street.background import BEHIND, LINES_END, VISTA_END, background
+from scene.street.instances import FIRST_INSTANCE, Placement, Stand, bounds, poses
 from scene.street.lines import JITTER, LINE_END, LINE_START, LINES
-from scene.street.placing import FIRST_INSTANCE, Placement, bounds, doors_at_the_kerb
 from tests.scene.conftest import DEFAULT, POOL, SEEDS, UNITS, lines_alone, street
 
 LINE_OF = {family: line for line, mix in LINES.items() for family in mix}
@@ -71,12 +71,11 @@ def test_every_object_stands_on_the_ground_and_the_camera_drives_on_at_its_heigh
         assert low > 0.05 if lifted else abs(low) <= 0.02
     for camera in street(params, seed, 5).cameras:
         _, y, z = camera.position
-        assert abs(y) == pytest.approx(params.camera_position_x)
         assert z == pytest.approx(ground_height(drawn.ground, y) + params.camera_position_y)
         assert (camera.yaw, camera.pitch) == (params.camera_rotation_y, params.camera_rotation_x)
-        assert 0 <= camera.position[0] <= 60 + 15
+        assert 0 <= camera.position[0] <= 60 + 24
     x = [c.position[0] for c in street(seed=5, shots=6).cameras]  # spread over the drive
-    assert all(10 * k <= v <= 10 * (k + 1) + 13.5 for k, v in enumerate(x))
+    assert all(10 * k <= v <= 10 * (k + 1) for k, v in enumerate(x))
 
 
 def test_only_greenery_that_no_camera_comes_near_is_far():
@@ -198,19 +197,23 @@ def test_doors_of_buses_are_on_the_side_of_the_kerb(drive):
             y = corners[doors][..., 1].mean()
             sides.append(abs(p.pose[1, 3] + p.pose[1, 1] * y) - abs(p.pose[1, 3]))
     assert len(sides) > 20 and min(sides) > 1
-    row = [("bus", ref, np.eye(4)) for ref in (0, "their/own.glb")] + [("car", 0, np.eye(4))]
-    turned = [(pose != np.eye(4)).any() for _, _, pose in doors_at_the_kerb(row, drive)]
-    assert turned == [drive > 0, False, False]
+    row = [Stand(*what, 0, 0, 0) for what in (("bus", 0), ("bus", "their/own.glb"), ("car", 0))]
+    ground = street().ground._replace(drive=drive)
+    assert (np.linalg.det(poses(ground, row)) < 0).tolist() == [drive > 0, False, False]
 
 
-def test_the_camera_moves_on_out_of_a_bus_in_its_way():
-    # A line of vehicles where the camera drives: blocked nearly everywhere, it takes the gaps.
-    blocked = {"camera_position_x": 3.0, "car_position": 3.0, "car_interval": 22.0}
+def test_the_camera_moves_aside_out_of_a_bus_in_its_way():
+    # A line of vehicles where the camera drives.
+    blocked = {"camera_position_x": 3.0, "car_position": 3.0, "car_interval": 12.0}
     params = DEFAULT._replace(**blocked, camera_position_probability=0.0)
+    moved = 0
     for seed in range(30):
         low, high = np.moveaxis(bounds(by_line(params, seed)["car"]), 1, 0)
         for camera in street(params, seed, 4).cameras:
-            assert not ((low < camera.position) & (camera.position < high)).all(axis=1).any()
+            beside = np.maximum(low - camera.position, camera.position - high)[:, :2]
+            assert beside.max(axis=1).min() > 0.5  # some stand askew in their boxes
+            moved += abs(camera.position[1]) != 3.0
+    assert moved > 30
 
 
 def stands(seed, params=DEFAULT):

@@ -23,7 +23,6 @@ from scene.street.camera import Camera, camera_axes
 
 def shot_files(
     frame: Frame,
-    camera: Camera,
     path: Path,
     settings: RenderSettings,
     layout: Layout,
@@ -33,16 +32,16 @@ def shot_files(
 
     Args:
         frame: what was rendered.
-        camera: where from.
-        path: of the road it drives on.
+        path: of the road.
         settings: size and field of view.
         layout: which files there are.
         labels: the classes of label pictures.
 
     Returns:
         Kind -> content of the file; and what is known of the image, as plain values: pixels of each
-        class, sums of red, green and blue, and the segments.
+        class, sums of red, green and blue, the segments, and what was found of the camera's place.
     """
+    camera = frame.camera
     settings = seen_through(camera, settings)
     ids = panoptic_ids(frame.label, frame.instance)
     of_classes = label_planes(frame.label, labels)
@@ -57,6 +56,7 @@ def shot_files(
         else:
             files[kind] = png.encode(PLANES[kind](frame, ids, settings))
     record = image_record(frame.image, frame.label, ids)
+    record |= {"retaken": camera.retaken, "refused": camera.refused}
     if "semantic" in layout.summaries:
         record["classes"] = class_masks(of_classes["train_ids"], labels)
     return files, record

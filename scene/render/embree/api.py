@@ -25,9 +25,9 @@ PATTERNS = (
     "embreex/.dylibs/libembree4*.dylib",  # macOS
     "embreex/embree4*.dll",
 )
-TRIANGLE, INSTANCE = 0, 121  # RTCGeometryType
-INDEX, VERTEX = 0, 1  # RTCBufferType
-UINT3, FLOAT3, FLOAT3X4_ROW_MAJOR = 0x5003, 0x9003, 0x9134  # RTCFormat
+TRIANGLE, INSTANCES = 0, 122  # RTCGeometryType
+INDEX, VERTEX, TRANSFORM = 0, 1, 23  # RTCBufferType
+UINT, UINT3, FLOAT3, FLOAT3X4_ROW_MAJOR = 0x5001, 0x5003, 0x9003, 0x9134  # RTCFormat
 LANES = 8
 """Rays in a packet."""
 
@@ -42,8 +42,7 @@ _SIGNATURES = {
         None,
         (c_void_p, c_int, c_uint, c_int, c_void_p, c_size_t, c_size_t, c_size_t),
     ),
-    "rtcSetGeometryInstancedScene": (None, (c_void_p, c_void_p)),
-    "rtcSetGeometryTransform": (None, (c_void_p, c_uint, c_int, c_void_p)),
+    "rtcSetGeometryInstancedScenes": (None, (c_void_p, c_void_p, c_size_t)),
     "rtcCommitGeometry": (None, (c_void_p,)),
     "rtcAttachGeometryByID": (None, (c_void_p, c_void_p, c_uint)),
     "rtcReleaseGeometry": (None, (c_void_p,)),
@@ -165,26 +164,33 @@ class MeshBVH:
 
 
 class SceneBVH:
-    """One over instances of meshes; instance ids are those that hits report.
+    """One over instances of meshes.
 
     Args:
-        meshes: one for each instance.
-        ids: the instances' ids, above 0 or equal.
+        meshes: each once.
+        mesh: i[n] which of them each instance is of.
         poses: f32[n, 3, 4] from the meshes' frames to the world.
     """
 
-    def __init__(self, meshes: list[MeshBVH], ids: list[int], poses: np.ndarray) -> None:
+    def __init__(self, meshes: list[MeshBVH], mesh: np.ndarray, poses: np.ndarray) -> None:
         self._embree = embree = library()
-        self._meshes = meshes
+        scenes = np.array([mesh.scene for mesh in meshes], np.uintp)
+        which = np.ascontiguousarray(mesh, np.uint32)
         poses = np.ascontiguousarray(poses, np.float32)
+        self._kept = meshes, which, poses  # Embree reads them
         self.scene = int(embree.rtcNewScene(device()))
-        for mesh, number, pose in zip(meshes, ids, poses, strict=True):
-            instance = embree.rtcNewGeometry(device(), INSTANCE)
-            embree.rtcSetGeometryInstancedScene(instance, mesh.scene)
-            embree.rtcSetGeometryTransform(instance, 0, FLOAT3X4_ROW_MAJOR, pose.ctypes.data)
-            embree.rtcCommitGeometry(instance)
-            embree.rtcAttachGeometryByID(self.scene, instance, number)
-            embree.rtcReleaseGeometry(instance)
+        if len(which):
+            every = embree.rtcNewGeometry(device(), INSTANCES)
+            embree.rtcSetGeometryInstancedScenes(every, scenes.ctypes.data, len(scenes))
+            for kind, layout, array, stride in (
+                (INDEX, UINT, which, 4), (TRANSFORM, FLOAT3X4_ROW_MAJOR, poses, 48),
+            ):  # fmt: skip
+                embree.rtcSetSharedGeometryBuffer(
+                    every, kind, 0, layout, array.ctypes.data, 0, stride, len(array)
+                )
+            embree.rtcCommitGeometry(every)
+            embree.rtcAttachGeometryByID(self.scene, every, 0)
+            embree.rtcReleaseGeometry(every)
         embree.rtcCommitScene(self.scene)
         check("a street")
 

@@ -51,7 +51,7 @@ def by_tiles(wanted: np.ndarray, columns: int, rows: int, wide: int, high: int) 
 
 
 @njit(cache=True)
-def _aligned(words: int) -> np.ndarray:
+def aligned(words: int) -> np.ndarray:
     """f32[words] that begins at a multiple of 32 bytes, as packets must."""
     room = np.zeros(words + 8, np.float32)
     skip = (32 - room.ctypes.data % 32) % 32 // 4
@@ -69,9 +69,9 @@ def _probe(
     found: np.ndarray,
 ) -> None:
     """Set ``found`` to 1 where nothing is in the way of a ray of ``order``, in packets of eight."""
-    packet = _aligned(RAY_FIELDS * LANES)
+    packet = aligned(RAY_FIELDS * LANES)
     ray = packet.reshape(RAY_FIELDS, LANES)
-    valid = _aligned(LANES).view(np.int32)
+    valid = aligned(LANES).view(np.int32)
     alike = directions.shape[0] == 1
     packet.view(np.uint32).reshape(RAY_FIELDS, LANES)[9] = EVERYTHING
     for k in range(LANES):  # the rest of a ray is 0

@@ -15,6 +15,7 @@ from scene.render.embree.api import MeshBVH, SceneBVH, device
 from scene.render.embree.depth_buffer import nearest
 from scene.render.embree.rays import by_tiles, free
 from scene.render.embree.sunlight import sunlight
+from scene.render.framing import framed
 from scene.render.geometry import Geometry, asset_shape, build
 from scene.render.protocol import (
     Frame,
@@ -61,10 +62,11 @@ class EmbreeRenderer:
         geometry = build(street)
         around = surroundings(street, geometry, settings)
         lap("build")
-        bvh = _scene_bvh(street, geometry)
+        bvh = scene_bvh(geometry)
+        around = around._replace(street=framed(street, geometry, bvh, settings))
         lap("bvh")
         frames, middle = [], through_middles(settings)
-        for shot, camera in enumerate(street.cameras):
+        for shot, camera in enumerate(around.street.cameras):
             seen = _look(around, camera, settings)
             middles = seen if middle == settings else _look(around, camera, middle)
             lit, opened = (np.ones(len(seen.points), np.float32) for _ in range(2))
@@ -92,8 +94,8 @@ def _asset_bvh(family: str, asset: int | str, far: bool) -> MeshBVH:
     return MeshBVH(shape.vertices, shape.faces)
 
 
-def _scene_bvh(street: Street, geometry: Geometry) -> SceneBVH:
+def scene_bvh(geometry: Geometry) -> SceneBVH:
     """What can be in the way of light: all but the ground, of which ``sky_segments`` knows."""
-    meshes = [_asset_bvh(p.family, p.asset, p.far) for p in street.placements]
-    ids = [p.instance for p in street.placements]
-    return SceneBVH(meshes, ids, geometry.pose[ids])
+    meshes = [_asset_bvh(*key) for key in geometry.assets]
+    ground = len(geometry.shapes) - len(meshes)
+    return SceneBVH(meshes, geometry.shape[1 + ground :] - ground, geometry.pose[1 + ground :])

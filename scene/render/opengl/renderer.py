@@ -16,6 +16,8 @@ import numpy as np
 
 from scene.compiled import njit
 from scene.render import shade
+from scene.render.embree.renderer import scene_bvh
+from scene.render.framing import framed
 from scene.render.geometry import World, build, world
 from scene.render.opengl.shadow_maps import cast_shadows, pose_of
 from scene.render.protocol import (
@@ -115,6 +117,7 @@ def _release() -> None:
 def _render(street: Street, settings: RenderSettings, lap: Lap) -> list[Frame]:
     geometry = build(street)
     merged = world(geometry)
+    street = framed(street, geometry, scene_bvh(geometry), settings)
     around = surroundings(street, geometry, settings)
     lap("build")
     rasterizer = _rasterizer()

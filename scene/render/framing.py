@@ -1,0 +1,141 @@
+"""Where a shot is taken: of the places that a street offers along its road, one from which a street is seen.
+
+It is decided on a small label image, whatever renderer and size the picture has, so that all show the same
+place. Rays of Embree find what stands in the street, the depth buffer the ground below it.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+from numba import types
+
+from scene.classes import CLASS_NAMES, TrainId
+from scene.compiled import njit
+from scene.ground.build import GROUND_INSTANCES
+from scene.render.embree.api import LANES, SceneBVH, query_arguments
+from scene.render.embree.depth_buffer import nearest
+from scene.render.embree.rays import EVERYTHING, RAY_FIELDS, aligned, by_tiles
+from scene.render.geometry import Geometry
+from scene.render.protocol import RenderSettings, seen_through
+from scene.render.shot import sample_rays
+from scene.street.camera import Camera
+from scene.street.instances import FIRST_INSTANCE
+from scene.street.street import Street
+
+WIDTH, HEIGHT = 64, 48
+"""Of the label image, pixels."""
+LEAST_GROUND = 0.08
+"""Share of the image that road, sidewalk and terrain fill together, at least."""
+MOST_OF_ONE = 0.85
+"""Share of it that one class fills, at most."""
+MAY_FILL = [TrainId.SKY, TrainId.BUILDING, TrainId.ROAD]
+"""Classes that may fill more."""
+GROUND = list(GROUND_INSTANCES.values())
+
+FIELDS = RAY_FIELDS + 9
+"""Words per ray of packets that say what was hit: those of a ray, normal, u, v, and four numbers."""
+GEOMETRY, INSTANCE = RAY_FIELDS + 6, RAY_FIELDS + 8
+"""Where in them the numbers of the mesh and, in the street, of its instance stand; all bits of the first are
+set where nothing was hit."""
+
+intersect8 = types.ExternalFunction("rtcIntersect8", types.void(*[types.uintp] * 4))
+"""For compiled code: (valid, scene, packet of rays and hits, arguments), all addresses."""
+
+
+def framed(street: Street, geometry: Geometry, bvh: SceneBVH, settings: RenderSettings) -> Street:
+    """The street with one camera a shot: the first of its places from which a street is seen.
+
+    A shot with too little ground, or too much of one class, is taken again ``further`` along the road; if no
+    place will do, it is the one with the most ground. A camera without such places stays as it is.
+
+    Args:
+        street: with all its places.
+        geometry: of the street.
+        bvh: of what stands in it.
+        settings: of the pictures, which say what the field of view is where cameras do not.
+    """
+    cameras = (_framed(camera, geometry, bvh, settings) for camera in street.cameras)
+    return street._replace(cameras=tuple(cameras))
+
+
+def _framed(first: Camera, geometry: Geometry, bvh: SceneBVH, settings: RenderSettings) -> Camera:
+    if not first.further:
+        return first
+    best, most = first, -1.0
+    for retaken, place in enumerate((first, *first.further)):
+        camera = place._replace(further=(), retaken=retaken)
+        ground, passes = judged(class_shares(camera, geometry, bvh, settings))
+        if passes:
+            return camera
+        if ground > most:
+            best, most = camera, ground
+    return best._replace(retaken=retaken, refused=True)
+
+
+def judged(shares: np.ndarray) -> tuple[float, bool]:
+    """The ground's share of an image and whether it shows a street, from shares f64[classes]."""
+    ground = float(shares[GROUND].sum())
+    return ground, bool(ground >= LEAST_GROUND and shares[~_may_fill()].max() <= MOST_OF_ONE)
+
+
+def class_shares(
+    camera: Camera, geometry: Geometry, bvh: SceneBVH, settings: RenderSettings
+) -> np.ndarray:
+    """Share f64[classes] of each class in the small label image of a camera."""
+    small = seen_through(camera, settings)._replace(width=WIDTH, height=HEIGHT, samples=1)
+    rays = sample_rays(camera, small)
+    ground = {
+        name: getattr(geometry, name)[: 1 + len(GROUND)]
+        for name in ("tables", "balls", "pose", "boxes")
+    }
+    hits = nearest(geometry._replace(**ground), camera, small, rays)
+    reach = np.where(hits.instance > 0, hits.distance, np.float32(np.inf))
+    _meet(
+        bvh.scene, query_arguments(), rays.origin, rays.directions, _order(), reach, hits.instance
+    )  # fmt: skip
+    label = geometry.train_id[hits.instance]
+    return np.bincount(label, minlength=len(CLASS_NAMES)) / label.size
+
+
+@cache
+def _may_fill() -> np.ndarray:
+    return np.isin(np.arange(len(CLASS_NAMES)), MAY_FILL)
+
+
+@cache
+def _order() -> np.ndarray:
+    return by_tiles(np.ones(WIDTH * HEIGHT, np.uint8), WIDTH, HEIGHT, 4, 2)
+
+
+@njit(cache=True)
+def _meet(
+    scene: int,
+    arguments: int,
+    origin: np.ndarray,
+    directions: np.ndarray,
+    order: np.ndarray,
+    reach: np.ndarray,
+    instance: np.ndarray,
+) -> None:
+    """Set ``instance`` to what each ray meets first within its ``reach``, in packets of eight."""
+    packet = aligned(FIELDS * LANES)
+    ray = packet.reshape(FIELDS, LANES)
+    words = packet.view(np.uint32).reshape(FIELDS, LANES)
+    valid = aligned(LANES).view(np.int32)
+    valid[:] = -1
+    words[9] = EVERYTHING
+    for a in range(3):
+        ray[a] = origin[a]
+    for begin in range(0, len(order), LANES):
+        lanes = order[begin : begin + LANES]
+        for k in range(LANES):
+            for a in range(3):
+                ray[4 + a, k] = directions[lanes[k], a]
+            ray[8, k] = reach[lanes[k]]
+            words[GEOMETRY, k] = words[INSTANCE, k] = EVERYTHING
+        intersect8(valid.ctypes.data, scene, packet.ctypes.data, arguments)
+        for k in range(LANES):
+            if words[GEOMETRY, k] != EVERYTHING:
+                instance[lanes[k]] = FIRST_INSTANCE + words[INSTANCE, k]

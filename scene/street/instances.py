@@ -1,0 +1,271 @@
+"""Assets by their places on the road, and what these places come to in the world: poses and footprints."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from scene.assets import catalogue
+from scene.assets.families import FAMILIES
+from scene.classes import TrainId
+from scene.ground.ground import Ground, ground_heights
+from scene.ground.path import Path, heading_at, height_at, slope_at, to_world
+from scene.street.camera import DRIVE, SEARCH
+
+FAR = 35.0
+"""Metres from every camera beyond which trees have fewer, larger leaves and twigs."""
+FIRST_INSTANCE = 4
+"""Instances 1-3 are road, sidewalk and terrain (see ``ground/build.py``); 0 is the sky."""
+STEM = 0.3
+"""Half the width, metres, that crowns, lamps and signs take on the ground: one stands below the rest."""
+HELD = frozenset({TrainId.VEGETATION, TrainId.POLE, TrainId.TRAFFIC_SIGN, TrainId.TRAFFIC_LIGHT})
+"""Classes of which only a stem is on the ground."""
+TILTED = frozenset(
+    {
+        *("car", "bus", "truck", "train", "bicycle", "motorcycle", "rider"),
+        *("fence", "wall", "slab", "land", "paving"),
+    }
+)
+"""Families that lean with the slope of the road; all else stands upright."""
+FLAT = frozenset({"slab", "land", "paving"})
+"""Families that others stand on, and that one may drive over."""
+
+
+TRAIN_IDS = {name: int(family.train_id) for name, family in FAMILIES.items()}
+
+
+class Stand(NamedTuple):
+    """One asset and its place on the road."""
+
+    family: str
+    ref: int | str  # index in its family, or what ``library.scan`` calls a user's own
+    x: float  # metres along the road
+    y: float  # metres left of its centre line
+    yaw: float  # radians left of the road's direction there
+    lift: float = 0.0  # metres above the ground
+    roll: float = 0.0  # radians about its own x axis, its left side up
+    part: bool = False  # of the object before it, whose place it shares
+
+
+class Placement(NamedTuple):
+    """One asset standing in the street."""
+
+    family: str
+    asset: int | str  # index in its family, or what ``library.scan`` calls a user's own
+    train_id: int
+    instance: int
+    pose: np.ndarray  # f64[4, 4] asset frame -> world; of some buses with a reflection
+    far: bool = False  # no camera comes near: fewer, larger leaves will do
+
+
+def objects(stands: Sequence[Stand]) -> Iterator[list[Stand]]:
+    """Stands in objects: each with its parts behind it."""
+    found: list[Stand] = []
+    for stand in stands:
+        if found and not stand.part:
+            yield found
+            found = []
+        found.append(stand)
+    if found:
+        yield found
+
+
+def placed(ground: Ground, stands: Sequence[Stand], first: int = FIRST_INSTANCE) -> list[Placement]:
+    """Stands in the world, under instance ids from ``first`` on; parts share their object's pose."""
+    path = ground.path
+    world = poses(ground, stands)
+    drive = to_world(path, np.arange(0.0, DRIVE + SEARCH, 5.0), 0.0)
+    away = ((world[:, None, :2, 3] - drive) ** 2).sum(axis=2).min(axis=1) > FAR**2
+    found: list[Placement] = []
+    for k, (stand, distant) in enumerate(zip(stands, away.tolist(), strict=True)):
+        train_id = TRAIN_IDS[stand.family]
+        pose = found[-1].pose if stand.part else world[k]
+        far = distant and train_id == TrainId.VEGETATION
+        found.append(Placement(stand.family, stand.ref, train_id, first + k, pose, far))
+    return found
+
+
+def poses(ground: Ground, stands: Sequence[Stand]) -> np.ndarray:
+    """Poses f64[n, 4, 4], asset frame -> world.
+
+    What drives or lies leans with the slope; houses go down to the lowest ground below them; the doors of
+    built-in buses are at the kerb.
+    """
+    path = ground.path
+    x, y, yaw, lift, roll = _numbers(stands)
+    found = np.zeros((len(stands), 4, 4))
+    found[:, 2, 2] = found[:, 3, 3] = 1.0
+    found[:, :2, 3] = to_world(path, x, y) if path.bends else np.stack([x, y], axis=1)
+    found[:, 2, 3] = ground_heights(ground, x, y) + lift
+    heading = yaw + heading_at(path, x) if path.bends else yaw
+    found[:, 0, 0] = found[:, 1, 1] = np.cos(heading)
+    found[:, 1, 0] = np.sin(heading)
+    found[:, 0, 1] = -found[:, 1, 0]
+    rolled = np.flatnonzero(roll)
+    if len(rolled):
+        c, s = np.cos(roll[rolled]), np.sin(roll[rolled])
+        left = found[rolled, :, 1].copy()
+        found[rolled, :, 1] = c[:, None] * left + s[:, None] * found[rolled, :, 2]
+        found[rolled, :, 2] = c[:, None] * found[rolled, :, 2] - s[:, None] * left
+    if path.slopes:
+        families = [stand.family for stand in stands]
+        tilted = np.array([family in TILTED for family in families], bool)
+        found[tilted] = _leaning(path, found[tilted], x[tilted])
+        houses = [k for k, family in enumerate(families) if family == "building"]
+        if houses:
+            reach = _corners([stands[k] for k in houses])[:, :, 0]
+            low = height_at(path, reach).min(axis=1) - height_at(path, x[houses])
+            found[houses, 2, 3] += np.minimum(low, 0.0)
+    if ground.drive > 0:  # traffic keeps left: what is modelled for the right is turned round
+        buses = [k for k, s in enumerate(stands) if s.family == "bus" and isinstance(s.ref, int)]
+        found[buses, :, 1] *= -1.0
+    return found
+
+
+def _numbers(stands: Sequence[Stand]) -> np.ndarray:
+    """x, y, yaw, lift and roll f64[5, n]."""
+    return np.array([stand[2:7] for stand in stands]).reshape(-1, 5).T
+
+
+def _leaning(path: Path, found: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Poses f64[n, 4, 4] turned by the slope of the road ``x`` f64[n] metres along it."""
+    rise, heading = np.arctan(slope_at(path, x)), heading_at(path, x)
+    cross = np.zeros((len(found), 3, 3))
+    # Rodrigues: by ``rise`` about the axis to the right of the road, so that what lies ahead goes up.
+    cross[:, 0, 2], cross[:, 1, 2] = np.cos(heading), np.sin(heading)
+    cross[:, 2, :2] = -cross[:, :2, 2]
+    s, c = np.sin(rise)[:, None, None], np.cos(rise)[:, None, None]
+    found[:, :3, :3] = (np.eye(3) - s * cross + (1 - c) * cross @ cross) @ found[:, :3, :3]
+    return found
+
+
+def _corners(stands: Sequence[Stand]) -> np.ndarray:
+    """Corners f64[n, 4, 2] of what assets lie above, road coordinates as if the road were straight."""
+    if not stands:
+        return np.zeros((0, 4, 2))
+    x, y, yaw, _, _ = _numbers(stands)
+    own = np.array([_outline(stand.family, stand.ref) for stand in stands])
+    u, v = own[:, (0, 2, 2, 0)], own[:, (1, 1, 3, 3)]
+    c, s = np.cos(yaw)[:, None], np.sin(yaw)[:, None]
+    return np.stack([x[:, None] + c * u - s * v, y[:, None] + s * u + c * v], axis=2)
+
+
+@lru_cache(maxsize=4096)
+def _outline(family: str, ref: int | str) -> tuple[float, float, float, float]:
+    """Low x, y and high x, y of an asset in its own frame, metres."""
+    (left, back, _), (right, front, _) = catalogue.bounds(family, ref).tolist()
+    return left, back, right, front
+
+
+@lru_cache(maxsize=4096)
+def top(family: str, ref: int | str) -> float:
+    """How high an asset reaches, metres."""
+    return float(catalogue.bounds(family, ref)[1, 2])
+
+
+def length(family: str, ref: int | str) -> float:
+    """Metres from end to end of an asset, along its own x axis."""
+    left, _, right, _ = _outline(family, ref)
+    return right - left
+
+
+def spans(path: Path, stands: Sequence[Stand], at: float) -> tuple[np.ndarray, np.ndarray]:
+    """Low and high corners f64[n, 2] of what assets lie above, on axes along and across the road at ``at``.
+
+    They begin where the centre line is there.
+    """
+    corners = world_corners(path, stands)
+    heading = float(heading_at(path, at))
+    c, s = math.cos(heading), math.sin(heading)
+    corners = (corners - to_world(path, at, 0.0)) @ np.array([[c, -s], [s, c]])
+    return corners.min(axis=1), corners.max(axis=1)
+
+
+def world_corners(path: Path, stands: Sequence[Stand]) -> np.ndarray:
+    """Corners f64[n, 4, 2] in the world of what assets lie above."""
+    corners = _corners(stands)
+    if not path.bends or not stands:
+        return corners
+    x, y, _, _, _ = _numbers(stands)
+    turn = heading_at(path, x)
+    c, s = np.cos(turn)[:, None], np.sin(turn)[:, None]
+    u, v = corners[:, :, 0] - x[:, None], corners[:, :, 1] - y[:, None]
+    turned = np.stack([c * u - s * v, s * u + c * v], axis=2)
+    return turned + to_world(path, x, y)[:, None]
+
+
+@lru_cache(maxsize=4096)
+def footprint(*parts: tuple[str, int | str]) -> tuple[float, float, float, float]:
+    """Middle x, y and half length and width, metres, that an object of assets takes of the ground.
+
+    In its own frame. ``parts`` are families and references.
+    """
+    boxes = []
+    for family, ref in parts:
+        left, back, right, front = _outline(family, ref)
+        if FAMILIES[family].train_id in HELD and family != "bush":
+            left, back = max(left, -STEM), max(back, -STEM)
+            right, front = min(right, STEM), min(front, STEM)
+        boxes.append((left, back, right, front))
+    lefts, backs, rights, fronts = zip(*boxes, strict=True)
+    left, back, right, front = min(lefts), min(backs), max(rights), max(fronts)
+    return (left + right) / 2, (back + front) / 2, (right - left) / 2, (front - back) / 2
+
+
+def rectangles(path: Path, stands: Sequence[Stand]) -> np.ndarray:
+    """What objects take of the ground, one row for each: see ``clearance.Rectangle``, f64[objects, 6]."""
+    whole = list(objects(stands))
+    if not whole:
+        return np.zeros((0, 6))
+    own = np.array([footprint(*(part[:2] for part in parts)) for parts in whole])
+    x, y, yaw, _, _ = _numbers([parts[0] for parts in whole])
+    return turned_out(path, own, x, y, yaw)
+
+
+def turned_out(
+    path: Path, own: np.ndarray, x: np.ndarray, y: np.ndarray, yaw: np.ndarray
+) -> np.ndarray:
+    """Rectangles f64[n, 6] of footprints f64[n, 4] at places and headings f64[n] on the road."""
+    heading = yaw + heading_at(path, x) if path.bends else yaw
+    c, s = np.cos(heading), np.sin(heading)
+    place = to_world(path, x, y) if path.bends else np.stack([x, y], axis=1)
+    middle = np.stack([c * own[:, 0] - s * own[:, 1], s * own[:, 0] + c * own[:, 1]], axis=1)
+    return np.column_stack([place + middle, c, s, own[:, 2:]])
+
+
+def standing(placements: Sequence[Placement]) -> tuple[list[Placement], np.ndarray]:
+    """The first part of each object, and what objects take of the ground, f64[objects, 6] as ``rectangles``.
+
+    Not tiles, which others stand on.
+    """
+    whole: list[list[Placement]] = []
+    for p in placements:
+        if whole and whole[-1][0].pose is p.pose:
+            whole[-1].append(p)
+        elif p.family not in FLAT:
+            whole.append([p])
+    first = [parts[0] for parts in whole]
+    if not first:
+        return [], np.zeros((0, 6))
+    own = np.array([footprint(*((p.family, p.asset) for p in parts)) for parts in whole])
+    world = np.stack([p.pose for p in first])
+    ahead = world[:, :2, 0] / np.linalg.norm(world[:, :2, 0], axis=1, keepdims=True)
+    middle = np.einsum("nij,nj->ni", world[:, :2, :2], own[:, :2]) + world[:, :2, 3]
+    return first, np.column_stack([middle, ahead, own[:, 2:]])
+
+
+def bounds(placements: Sequence[Placement]) -> np.ndarray:
+    """World axis-aligned boxes f64[placements, 2, 3] (low, high corner)."""
+    if not placements:
+        return np.zeros((0, 2, 3))
+    own = np.stack([catalogue.bounds(p.family, p.asset) for p in placements])
+    world = np.stack([p.pose for p in placements])
+    centre, half = own.mean(axis=1), (own[:, 1] - own[:, 0]) / 2
+    rotation = world[:, :3, :3]
+    middle = np.einsum("nij,nj->ni", rotation, centre) + world[:, :3, 3]
+    reach = np.einsum("nij,nj->ni", np.abs(rotation), half)
+    return np.stack([middle - reach, middle + reach], axis=1)
