@@ -54,10 +54,11 @@ from seg.data import LabelledImages
 from seg.data.images import read_image
 from seg.model import Model, classes_of, load_model
 from seg.recipes import with_net
-from seg.settings import Trunk, TrunkName
+from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
 from seg.train import Params, outline
+from seg.weights import check as check_weights
 from shell.command import Parser, exit_code
-from shell.errors import UserError
+from shell.errors import UserError, flagged
 from shell.files import digest, write
 from shell.target_file import Fit, find_target
 
@@ -142,7 +143,7 @@ def config_of(
         weights: file of the trunk's weights, for dinov2.
 
     Raises:
-        UserError: no such target or folder, or an image that cannot be read.
+        UserError: no such target or folder, an image that cannot be read, or weights that are not the net's.
     """
     found = find_target(target, data)
     parts = parts_of(found, data, holdout, few)
@@ -153,8 +154,15 @@ def config_of(
         raise UserError(
             f"--size must be two multiples of {UNIT}, {SMALLEST} or more, not {size[0]}x{size[1]}"
         )
+    if weights is not None and net in FILELESS_NETS:
+        raise UserError(
+            f"--weights {weights} is for --net dinov2; those of {net} come with a package"
+        )
     file = None if weights is None else str(weights.absolute())
     base = configured(size, preset, net, trunk, file)
+    with flagged("--net"):
+        check_settings(base.final.train)
+    check_weights(base.final.train, 1)
     return replace(
         base,
         data=data,
