@@ -31,7 +31,7 @@ class TrainSettings:
     Named sets of them are in `seg.recipes`.
 
     Attributes:
-        net: see `seg.net`.
+        net: see `seg.net`; or a trunk of one's own, a row of `seg.nets.trunks.TRUNKS`.
         optimizer: see `seg.optim`.
         lr: highest learning rate. Paper (SGD): 5e-4.
         steps: how many updates. Paper: 1000 per reward, 20 000 at the end.
@@ -73,7 +73,7 @@ class TrainSettings:
             their mean. 0: the net after the last step.
     """
 
-    net: NetName = "compact"
+    net: NetName | str = "compact"
     optimizer: OptimizerName = "adam"
     lr: Annotated[float, POSITIVE] = 1e-2
     steps: Annotated[int, at_least(1)] = 200

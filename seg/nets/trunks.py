@@ -87,7 +87,7 @@ def trunk(net: str, weights: str | None = None) -> Trunk:
         WeightsError: the file cannot be used.
     """
     if net not in TRUNKS:
-        raise ValueError(f"the net {net} has no trunk; those that have are {', '.join(TRUNKS)}")
+        raise ValueError(f"there is no trunk {net}; known trunks: {', '.join(TRUNKS)}")
     found = TRUNKS[net](weights)
     if any(stride % found.strides[0] for stride in found.strides):
         raise ValueError(f"strides of {net} are {found.strides}; the first must divide the others")

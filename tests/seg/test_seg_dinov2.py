@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from safetensors.numpy import save_file
 
+from experiments.export import export
 from seg import RECIPES, mean_iou, predict, score
 from seg.model import Model, label_classes, load_model
 from seg.nets.dinov2 import VARIANTS, DinoV2, Variant, bicubic
@@ -15,7 +16,7 @@ from seg.nets.ops.normalise import normalise
 from seg.nets.trunks import trunk
 from seg.pyramid import features
 from seg.recipes import with_net
-from seg.train import train
+from seg.train import logits, train
 from seg.weights.dinov2 import weights_of
 
 from .conftest import assert_same, pixels, refuses, refuses_weights, toy
@@ -138,6 +139,12 @@ def test_a_head_on_its_tokens_learns_and_its_model_is_loaded_where_the_file_is(f
     model = Model(settings, net, (56, 70), label_classes(["road", "sky"]))
     model.save(tmp_path / "model")
     expected = model.predict(images)
+    runtime = pytest.importorskip("onnxruntime")
+    export(model, tmp_path / "net.onnx")
+    providers = ["CPUExecutionProvider"]
+    session = runtime.InferenceSession(str(tmp_path / "net.onnx"), providers=providers)
+    scores = session.run(["logits"], {"image": images[:1]})[0]
+    np.testing.assert_allclose(scores, logits(net, images[:1], settings, 2), atol=1e-2)
     assert_same(load_model(tmp_path / "model").predict(images), expected)
     # Beside the model, where both have moved.
     moved = tmp_path / "elsewhere"
