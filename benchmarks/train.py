@@ -341,7 +341,8 @@ def learning_row(sides: Sides, settings: TrainSettings, classes: int, seeds: Seq
 
 def learning_rows(options: argparse.Namespace) -> list[Row]:
     """What each net at each size learns from the target of ``--learn``."""
-    base = replace(defaults(MainConfig, options.learn, "quick"), holdout=options.holdout)
+    base = defaults(MainConfig, options.learn, "quick")
+    base = replace(base, holdout=options.holdout, reward_images=None, test_images=None)
     data = options.data or base.data
     if data is None:
         raise UserError(f"--learn {options.learn} needs --data, the folder of its images")

@@ -43,7 +43,9 @@ def apply(
     """What `logits` returns, as one function that JAX can trace, a frozen trunk included."""
     module = net_of(settings, classes)
     if settings.frozen:
-        maps = pyramid.maps_of(trunk_of(settings).load(), images, settings)
+        with jax.ensure_compile_time_eval():  # a trunk may draw its weights
+            params = pyramid.trunk_params(settings)
+        maps = pyramid.maps_of(params, images, settings)
         size = (images.shape[1], images.shape[2])
         return module.apply(variables, maps, size, method=OnTrunk.from_maps)
     return module.apply(variables, normalise(images.astype(jnp.float32) / 255), train=False)

@@ -15,7 +15,7 @@ STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-tuned": 2e-6}
 """Seconds of a CPU that one update takes, for each pixel of its images, by recipe, about."""
 STREET_COST = 0.045
 """Seconds of a CPU that sampling a street and its geometry take."""
-VIEW_COST = {"lite0": 2.5e-7, "lite1": 3.3e-7, "lite2": 4e-7, "dinov2": 4e-6}
+VIEW_COST = {"lite0": 2.5e-7, "lite1": 3.1e-7, "lite2": 3.3e-7, "dinov2": 3e-6}
 """The same for what a frozen trunk sees in one view of an image; any other takes as long as lite0."""
 
 
