@@ -317,9 +317,8 @@ def learning_row(sides: Sides, settings: TrainSettings, classes: int, seeds: Seq
     train(0, *own[:2], replace(settings, steps=1), classes, features=maps)
     mious, times = [], []
     for seed in seeds:
-        seconds, params = core_timed(
-            lambda seed=seed: train(seed, *own[:2], settings, classes, features=maps)
-        )
+        fit = partial(train, seed, *own[:2], settings, classes, features=maps)
+        seconds, params = core_timed(fit)
         times.append(seconds)
         mious.append(100 * mean_iou(score(params, *truth[:2], settings, classes, features=tested)))
     mean, ci95 = mean_ci95(mious)

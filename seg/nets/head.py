@@ -15,7 +15,7 @@ from seg.nets.ops.resize import bilinear
 
 STATISTICS = "statistics"
 """The collection of variables that the head normalises features by."""
-Maps = tuple[Float[Any, "n _rows _cols _c"], ...]
+Maps = tuple[Float[Any, "_n _rows _cols _c"], ...]
 """What the head sees of images: a trunk's feature maps, the finest first; arrays of NumPy or JAX."""
 
 

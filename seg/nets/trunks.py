@@ -17,6 +17,7 @@ from seg.nets.lite import SIZES, STRIDES, Lite, blocks_of, channels_of
 from seg.settings import TrainSettings
 from seg.weights import dinov2, lite
 from seg.weights.read import read
+from shell.errors import UserError
 from shell.files import file_digest
 from shell.sent import here
 
@@ -68,7 +69,7 @@ def trunk_of(settings: TrainSettings) -> Trunk:
     """The trunk of the settings' net.
 
     Raises:
-        ValueError: the net has none.
+        UserError: the net has none.
         WeightsError: a file of weights that it needs cannot be used.
     """
     return trunk(settings.net, settings.weights)
@@ -83,11 +84,11 @@ def trunk(net: str, weights: str | None = None) -> Trunk:
         weights: the file of its weights, where it needs one.
 
     Raises:
-        ValueError: no trunk has that name.
+        UserError: no trunk has that name.
         WeightsError: the file cannot be used.
     """
     if net not in TRUNKS:
-        raise ValueError(f"there is no trunk {net}; known trunks: {', '.join(TRUNKS)}")
+        raise UserError(f"there is no trunk {net}; known trunks: {', '.join(TRUNKS)}")
     found = TRUNKS[net](weights)
     if any(stride % found.strides[0] for stride in found.strides):
         raise ValueError(f"strides of {net} are {found.strides}; the first must divide the others")
