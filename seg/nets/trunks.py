@@ -6,13 +6,12 @@ A head is trained on the maps (`seg.nets.head`). A trunk of one's own is a funct
 
 from collections.abc import Callable, Mapping
 from functools import lru_cache, partial
-from pathlib import Path
 from typing import Any, NamedTuple
 
 from flax import linen as nn
 
 from seg.errors import WeightsError
-from seg.nets.dinov2 import PATCH, DinoV2
+from seg.nets.dinov2 import PATCH, VARIANTS, DinoV2
 from seg.nets.lite import SIZES, STRIDES, Lite, blocks_of, channels_of
 from seg.settings import TrainSettings
 from seg.weights import dinov2, lite
@@ -53,7 +52,8 @@ def _dinov2(weights: str | None) -> Trunk:
         raise WeightsError("the net dinov2 needs a file of its weights: docs/howto/net.md")
     file = here(weights)
     found = dinov2.weights_of(read(file), str(file))
-    source = {"file": Path(weights).name, "sha256": file_digest(file)}
+    name = f"DINOv2 {VARIANTS[found.channels].name}"
+    source = {"name": name, "sha256": file_digest(file)}
     return Trunk(DinoV2(found.channels), (PATCH,), (found.channels,), lambda: found.params, source)
 
 

@@ -114,7 +114,7 @@ def test_bicubic_is_the_identity_at_its_own_size_and_exact_for_lines():
 
 def test_images_are_filled_up_to_whole_patches(file):
     own = trunk("dinov2", str(file))
-    assert (own.strides, own.channels, own.source["file"]) == ((14,), (C,), "model.safetensors")
+    assert (own.strides, own.channels, own.source["name"]) == ((14,), (C,), "DINOv2 ViT-tiny/14")
     images = jnp.asarray(pixels(1, 28, 42, 3) / np.float32(255))
     mean = jnp.broadcast_to(jnp.array([0.485, 0.456, 0.406]), (1, 28, 50, 3))
     wide = mean.at[:, :, :42].set(images)
@@ -153,7 +153,7 @@ def test_a_head_on_its_tokens_learns_and_its_model_is_loaded_where_the_file_is(f
     assert_same(load_model(moved).predict(images), expected)
     save_file(tensors(seed=1), moved / file.name)
     trunk.cache_clear()
-    refuses(r"config\.json: its head is for the trunk of model\.safetensors .*, and here is",
+    refuses(r"config\.json: its head is for the trunk of DINOv2 ViT-tiny/14 .*, and here is",
             load_model, moved, error=Exception)  # fmt: skip
     (moved / file.name).unlink()
     refuses(r"the weights of its trunk are not there; expected .*model", load_model, moved,

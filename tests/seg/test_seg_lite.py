@@ -183,7 +183,7 @@ def test_a_loss_with_a_stride_sees_a_part_of_the_pixels(stride):
 def test_imagenets_classes_are_right_on_photographs(name):
     """Trunk, weights, input scale and classifier are the net's: 5 photographs that scikit-image brings.
 
-    A right class is among the three most likely ones, of 1000; lite2 takes the rocket for a drilling platform.
+    A right class is among the three most likely of 1000; to lite2 the rocket is a drilling platform first.
     """
     data = pytest.importorskip("skimage.data", reason="scikit-image is not installed")
     left_and_right = data.stereo_motorcycle()[:2]
@@ -371,7 +371,7 @@ def test_small_images_are_refused(use, arguments):
 
 def test_features_of_other_images_are_refused():
     fit, compact, maps = partial(train, 0, *TOY, classes=2), TrainSettings(), MAPS()
-    refuses(r"expected float16\[8, 6, 8, 64\].*, 2 views of each", fit, SETTINGS, features=maps)
+    refuses(r"expected float16 \[8, 6, 8, 64\].*, 2 views of each", fit, SETTINGS, features=maps)
     expected = r"features are float16\[4, 6, 8, 64\], .*; expected .*\[3, "
     refuses(expected, predict, {}, TOY[0][:3], SETTINGS, 2, features=maps)
     refuses("features are for a frozen trunk", fit, compact, features=maps)
