@@ -388,7 +388,10 @@ def main(arguments: list[str] | None = None) -> int:
     command.add_argument("--seeds", type=positive, default=3, help="of --learn: how many (3)")
     options = command.parse_args(arguments)
     if options.learn:
-        learnt = learning_rows(options)
+        try:
+            learnt = learning_rows(options)
+        except UserError as error:
+            command.error(str(error))
         print(table(learnt))
         write(options.json, rows=learnt)
         return 0
