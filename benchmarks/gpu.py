@@ -66,7 +66,7 @@ def rendering(fidelity: Fidelity, names: list[str]) -> list[Row]:
 
 
 def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
-    """Seconds of an update and of a predicted image, and of lite0's features of an image."""
+    """Seconds of an update and of a predicted image, and of a trunk's features of an image."""
     classes = len(class_table(TABLE).classes)
     images, labels, *_ = random_truth(fidelity, 16, classes)
     rows = []
@@ -80,7 +80,7 @@ def nets(fidelity: Fidelity, names: Sequence[str], updates: int) -> list[Row]:
                 "prediction": partial(predict, params, images, settings, classes)
             }
             if settings.frozen:
-                passes["features"] = partial(features, images, dtype)
+                passes["features"] = partial(features, images, settings)
             for what, run in passes.items():
                 run()  # compiles
                 rows.append(_row(what, name, dtype, fidelity, timed(run)[0] / len(images)))

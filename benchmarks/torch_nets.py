@@ -6,6 +6,7 @@ Layers carry the names of ours, so that ``copy`` can put the same parameters int
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,7 +14,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from seg.nets.lite0 import BLOCKS, CHANNELS, STEM, TAPS, Block
+from seg.nets.lite import SIZES, STEM, Block, blocks_of, taps_of
 from seg.nets.ops.depthwise import same
 from seg.nets.ops.normalise import MEAN, STD
 
@@ -183,22 +184,23 @@ class _Block(nn.Module):
 
 
 class Trunk(nn.Module):
-    """EfficientNet-Lite0 on RGB in [0, 1], batch normalisation folded in: strides 4, 8, 16, 32."""
+    """An EfficientNet-Lite on RGB in [0, 1], batch normalisation folded in: strides 4, 8, 16, 32."""
 
-    def __init__(self) -> None:
+    def __init__(self, net: str) -> None:
         super().__init__()
+        self.blocks = blocks_of(SIZES[net])
         self.stem = _Same(3, STEM, 3, 2)
         c_in = STEM
-        for number, shape in enumerate(BLOCKS):
+        for number, shape in enumerate(self.blocks):
             self.add_module(f"block{number}", _Block(c_in, shape))
             c_in = shape.features
 
     def forward(self, images: Tensor) -> list[Tensor]:
         x = F.relu6(self.stem(padded((255 * images - 127) / 128, 8)))
         maps = []
-        for number in range(len(BLOCKS)):
+        for number in range(len(self.blocks)):
             x = getattr(self, f"block{number}")(x)
-            if number in TAPS:
+            if number in taps_of(self.blocks):
                 maps.append(x)
         return maps
 
@@ -206,11 +208,11 @@ class Trunk(nn.Module):
 class Head(nn.Module):
     """Features resized to 1/8, concatenated, normalised; 1x1, separable 3x3, 1x1; bilinear logits."""
 
-    def __init__(self, classes: int, width: int = 64) -> None:
+    def __init__(self, classes: int, channels: int, width: int = 64) -> None:
         super().__init__()
-        self.register_buffer("mean", torch.zeros(sum(CHANNELS)))
-        self.register_buffer("deviation", torch.ones(sum(CHANNELS)))
-        self.project = convolution(sum(CHANNELS), width, 1)
+        self.register_buffer("mean", torch.zeros(channels))
+        self.register_buffer("deviation", torch.ones(channels))
+        self.project = convolution(channels, width, 1)
         self.depthwise = _Same(width, width, 3, groups=width)
         self.mix = convolution(width, width, 1)
         self.score = convolution(width, classes, 1)
@@ -225,13 +227,14 @@ class Head(nn.Module):
         return enlarged(self.score(x), 8, size)
 
 
-class Lite0(nn.Module):
+class Lite(nn.Module):
     """Trunk and head, on normalised RGB as the others."""
 
-    def __init__(self, classes: int, width: int = 64) -> None:
+    def __init__(self, classes: int, net: str = "lite0", width: int = 64) -> None:
         super().__init__()
-        self.trunk = Trunk()
-        self.head = Head(classes, width)
+        self.trunk = Trunk(net)
+        taps = taps_of(self.trunk.blocks)
+        self.head = Head(classes, sum(self.trunk.blocks[k].features for k in taps), width)
         self.register_buffer("shift", torch.tensor(MEAN)[None, :, None, None])
         self.register_buffer("scale", torch.tensor(STD)[None, :, None, None])
 
@@ -240,7 +243,8 @@ class Lite0(nn.Module):
         return self.head(maps, (images.shape[2], images.shape[3]))
 
 
-NETS: dict[str, Any] = {"compact": Compact, "deeplabv2": DeepLabV2, "fcn8s": FCN8s, "lite0": Lite0}
+NETS: dict[str, Any] = {"compact": Compact, "deeplabv2": DeepLabV2, "fcn8s": FCN8s}
+NETS |= {net: partial(Lite, net=net) for net in SIZES}
 
 
 def copy(params: Mapping[str, Any], module: nn.Module) -> None:

@@ -35,6 +35,7 @@ from experiments.study.skeleton import Study, do
 from experiments.study.stats import crossed
 from experiments.target.base import Target
 from experiments.target.folder import (
+    SMALLEST,
     UNIT,
     Parts,
     Read,
@@ -51,11 +52,12 @@ from seg.classes import class_table, colorize
 from seg.data import LabelledImages
 from seg.data.images import read_image
 from seg.model import Model, classes_of, load_model
-from seg.nets.lite0 import SMALLEST
 from seg.recipes import with_net
-from seg.train import Params
+from seg.settings import FILELESS_NETS, Trunk, TrunkName, check_settings
+from seg.train import Params, outline
+from seg.weights import check as check_weights
 from shell.command import exit_code
-from shell.errors import UserError
+from shell.errors import UserError, flagged
 from shell.files import digest, write
 from shell.target_file import Fit, find_target
 
@@ -115,6 +117,9 @@ def config_of(
     workers: int | None = None,
     init: Path | None = None,
     store: Path | None = None,
+    net: TrunkName = "lite0",
+    trunk: Trunk = "frozen",
+    weights: Path | None = None,
 ) -> FitConfig:
     """The job that a command line asks for.
 
@@ -132,9 +137,12 @@ def config_of(
         workers: processes.
         init: folder of a model to start from.
         store: file of evaluations that runs share.
+        net: what is trained, a head on this trunk.
+        trunk: whether the trunk stays as it is; a search's rewards are of frozen ones in any case.
+        weights: file of the trunk's weights, for dinov2.
 
     Raises:
-        UserError: no such target or folder, or an image that cannot be read.
+        UserError: no such target or folder, an image that cannot be read, or weights that are not the net's.
     """
     found = find_target(target, data)
     parts = parts_of(found, data, holdout, few)
@@ -145,7 +153,15 @@ def config_of(
         raise UserError(
             f"--size must be two multiples of {UNIT}, {SMALLEST} or more, not {size[0]}x{size[1]}"
         )
-    base = configured(size, preset)
+    if weights is not None and net in FILELESS_NETS:
+        raise UserError(
+            f"--weights {weights} is for --net dinov2; those of {net} come with a package"
+        )
+    file = None if weights is None else str(weights.absolute())
+    base = configured(size, preset, net, trunk, file)
+    with flagged("--net"):
+        check_settings(base.final.train)
+    check_weights(base.final.train, 1)
     return replace(
         base,
         data=data,
@@ -162,21 +178,28 @@ def config_of(
     )
 
 
-def configured(size: tuple[int, int], preset: Preset = "quick") -> FitConfig:
-    """What a preset says at a size (width, height) of images."""
+def configured(
+    size: tuple[int, int],
+    preset: Preset = "quick",
+    net: TrunkName = "lite0",
+    trunk: Trunk = "frozen",
+    weights: str | None = None,
+) -> FitConfig:
+    """What a preset says at a size (width, height) of images, for a net."""
     base = in_space(defaults(FitConfig, "camvid", preset), "extended")
-    reward, final = (_frozen(own, *size) for own in (base.reward, base.final))
-    search = replace(base.search, method="pool")
-    final = replace(final, shots=1)
+
+    def fidelity(own: Fidelity, trunk: Trunk) -> Fidelity:
+        train = with_net(own.train, net=net, trunk=trunk, weights=weights)
+        return replace(own, width=size[0], height=size[1], train=train)
+
     return replace(
-        base, reward=reward, final=final, search=search, reward_images=None, test_images=None
+        base,
+        reward=fidelity(base.reward, "frozen"),
+        final=replace(fidelity(base.final, trunk), shots=1),
+        search=replace(base.search, method="pool"),
+        reward_images=None,
+        test_images=None,
     )
-
-
-def _frozen(fidelity: Fidelity, width: int, height: int) -> Fidelity:
-    """A fidelity of another size, whose nets are heads on a frozen trunk."""
-    train = with_net(fidelity.train, net="lite0", trunk="frozen")
-    return replace(fidelity, width=width, height=height, train=train)
 
 
 def prepared(config: FitConfig) -> Prepared:
@@ -208,9 +231,11 @@ def _start(config: FitConfig, target: Target) -> Params:
             f"--init {config.init}: a model of other classes, {', '.join(model.names)}; the target has "
             f"{', '.join(classes)}"
         )
-    if (model.settings.net, model.settings.frozen) != (train.net, train.frozen):
+    ours, theirs = ((own.net, own.trunk, outline(own, 1)) for own in (train, model.settings))
+    if ours != theirs:
         raise UserError(
-            f"--init {config.init}: a model of the net {model.settings.net}, not {train.net}"
+            f"--init {config.init}: a model of the net {theirs[0]}, {theirs[1]}; --net and --trunk say "
+            f"{ours[0]}, {ours[1]}"
         )
     return model.variables
 

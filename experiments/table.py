@@ -58,7 +58,7 @@ from experiments.study.stats import gain, mean, statistics
 from experiments.target.base import Target
 from seg.classes import CITYSCAPES_19, IGNORE_LABEL, SYNTHIA_13, SYNTHIA_16, class_table
 from seg.data import LabelledImages, load, subset
-from seg.settings import VGG_NETS, NetName
+from seg.settings import FILELESS_NETS, VGG_NETS, NetName
 from seg.weights import described
 from shell.errors import UserError
 from shell.listing import list_all
@@ -107,8 +107,8 @@ PAPER: dict[str, dict[str, tuple[int, float, float]]] = {
 
 def check(config: TableConfig) -> None:
     """Raise UserError for a field out of range, by flag."""
-    if config.weights is not None and not set(config.nets) & set(VGG_NETS):
-        raise UserError("--weights are for VGG nets; --nets names none")
+    if config.weights is not None and set(config.nets) <= set(FILELESS_NETS):
+        raise UserError("--weights are for VGG nets or dinov2; --nets names none")
     for name in config.nets:
         check_net("--nets", "--nets", fidelity_of(config, name))
 
@@ -119,7 +119,7 @@ def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
     own = config.vgg if vgg else config.compact if name == "compact" else config.final
     if name == config.final.train.net or (vgg and config.final.train.net in VGG_NETS):
         own = config.final
-    return with_net(own, name, str(config.weights) if vgg and config.weights else None)
+    return with_net(own, name, str(config.weights) if config.weights else None)
 
 
 def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, LabelledImages]:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float32, Int, UInt8
 
 from seg.data import LabelledImages
-from seg.nets.lite0 import Pyramid
+from seg.nets.head import Maps
 from seg.pyramid import Statistics
 
 
@@ -17,7 +17,7 @@ class Beside(NamedTuple):
     images: UInt8[np.ndarray, "n h w 3"]  # RGB, of the size of the others
     labels: UInt8[np.ndarray, "n h w"]
     share: float  # of the images of all batches, in (0, 1)
-    features: Pyramid | None = None  # of all their views, for a frozen trunk, if they are known
+    features: Maps | None = None  # of all their views, for a frozen trunk, if they are known
 
 
 class TrainingSet(NamedTuple):
@@ -81,11 +81,11 @@ def _epochs(rng: np.random.Generator, count: int, needed: int) -> np.ndarray:
 
 
 def joined(parts: Sequence[Any]) -> Any:
-    """Arrays (or pyramids) of all parts, one behind the other."""
+    """Arrays (or feature maps) of all parts, one behind the other."""
     if len(parts) == 1:
         return parts[0]
-    if isinstance(parts[0], Pyramid):
-        return Pyramid(*(np.concatenate(maps) for maps in zip(*parts, strict=True)))
+    if isinstance(parts[0], tuple):
+        return tuple(np.concatenate(maps) for maps in zip(*parts, strict=True))
     return np.concatenate(parts)
 
 

@@ -1,13 +1,14 @@
 """A trained net that leaves the program: saved as files, loaded again, and used on images of any size.
 
 A model is a folder of two files. `weights.safetensors` holds all variables of the net that training returns:
-with a frozen trunk those of the head alone, since the trunk's weights come with a package, which
-`config.json` names with their digest. `config.json` holds the classes, the size, the recipe and the versions.
+with a frozen trunk those of the head alone, since the trunk's weights come with a package or are a file of
+the user's, which `config.json` names with its digest. It also holds the classes, the size, the recipe and the
+versions.
 """
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, get_args
 
@@ -23,10 +24,9 @@ from seg.classes import IGNORE_LABEL, colorize
 from seg.data.labelled import fitted
 from seg.errors import ModelError
 from seg.names import As
-from seg.nets.lite0 import SMALLEST
+from seg.nets.trunks import trunk_of
 from seg.settings import TrainSettings, check_settings
 from seg.train import Params, logits, outline
-from seg.weights import lite0
 from shell.errors import UserError
 from shell.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
 from shell.target_file import TargetFile
@@ -112,7 +112,7 @@ class Model:
     def __post_init__(self) -> None:
         check_settings(self.settings)
         _check_classes(self.classes, self.written)
-        least = SMALLEST if self.settings.net == "lite0" else 1
+        least = max(trunk_of(self.settings).strides) if self.settings.has_trunk else 1
         if min(self.size) < least:
             raise ValueError(f"size must be (height, width) of {least} or more; got {self.size}")
 
@@ -241,7 +241,7 @@ class Model:
             "size": {"width": width, "height": height},
             "written": self.written,
             "classes": [{**own._asdict(), "color": list(own.color)} for own in self.classes],
-            "trunk": _trunk() if self.settings.frozen else None,
+            "trunk": dict(trunk_of(self.settings).source) if self.settings.frozen else None,
             "weights": {"file": WEIGHTS, "sha256": hashlib.sha256(self._weights()).hexdigest()},
             "recipe": asdict(self.settings),
             "notes": dict(self.notes),
@@ -292,11 +292,14 @@ def _loaded(folder: Path, config: Any) -> Model:
             + ("; upgrade sdr-jax to the version that wrote it" if newer else "; save it again")
         )
     settings = _settings(_field(config, "recipe", dict))
-    if settings.frozen and _field(config, "trunk", dict) != _trunk():
-        raise ValueError(
-            f"its head is for a trunk of {config['trunk'].get('package')} "
-            f"{config['trunk'].get('version')}, and here is {lite0.PACKAGE} {lite0.VERSION}"
-        )
+    if settings.has_trunk and settings.weights is not None:
+        settings = replace(settings, weights=str(_trunk_file(folder, Path(settings.weights))))
+    if settings.frozen:
+        wanted, held = _field(config, "trunk", dict), dict(trunk_of(settings).source)
+        if wanted != held:
+            raise ValueError(
+                f"its head is for the trunk of {_said(wanted)}, and here is {_said(held)}"
+            )
     rows = _field(config, "classes", list)
     classes = tuple(_label_class(f"classes[{k}]", row) for k, row in enumerate(rows))
     written = _field(config, "written", str)
@@ -404,8 +407,24 @@ def _named(tree: Params) -> Iterator[tuple[str, Any]]:
         yield "/".join(str(key.key) for key in path[1:]), leaf
 
 
-def _trunk() -> dict[str, str]:
-    return {"package": lite0.PACKAGE, "version": lite0.VERSION, "sha256": lite0.SHA256}
+def _trunk_file(folder: Path, file: Path) -> Path:
+    """The file of a trunk's weights: where it was, or beside a model that has moved.
+
+    Raises:
+        ModelError: it is at neither place.
+    """
+    places = (file, folder / file.name)
+    for place in places:
+        if place.is_file():
+            return place
+    raise ModelError(
+        f"{folder}: the weights of its trunk are not there; expected {places[0]} or {places[1]}"
+    )
+
+
+def _said(source: Mapping[str, str]) -> str:
+    """What the weights of a trunk are, in words."""
+    return " ".join(f"{v[:8]}..." if k == "sha256" else str(v) for k, v in source.items())
 
 
 def _plane(scores: np.ndarray, place: int, size: tuple[int, int]) -> np.ndarray:

@@ -296,6 +296,9 @@ class Graph:
     def _square(self, x: Value, **_: Any) -> str:
         return self.node("Mul", x, x)
 
+    def _erfc(self, x: Value, **_: Any) -> str:
+        return self.node("Sub", np.float32(1), self.node("Erf", x))
+
     def _rsqrt(self, x: Value, **_: Any) -> str:
         return self.node("Reciprocal", self.node("Sqrt", x))
 

@@ -77,7 +77,7 @@ def optimizer(
 
     SGD: v <- momentum * v + g + weight_decay * p, as in the paper. Adam: decoupled decay (AdamW).
     With "deeplab" the direction is then scaled by `deeplab_multiplier`, and biases do not decay; with
-    "trunk", which is lite0's, it is scaled by `trunk_multiplier`.
+    "trunk", for nets on one, it is scaled by `trunk_multiplier`.
     Caffe keeps the rate inside v; under a falling rate that differs a little.
 
     Args:

@@ -7,7 +7,7 @@ settings = replace(RECIPES["paper"], net="fcn8s", weights="vgg16.npz")
 from dataclasses import replace
 from typing import Any
 
-from seg.settings import VGG_NETS, TrainSettings
+from seg.settings import FILELESS_NETS, TrainSettings
 
 _PAPER = TrainSettings(
     net="deeplabv2",
@@ -73,18 +73,19 @@ more from 150 such steps than from 200 of `paper` (`docs/findings.md`).
 `scratch`: ours, where there are no such weights: Adam, GroupNorm after every convolution, the compact net's
 augmentation and class weights.
 
-`lite0-frozen`: ours. Adam, 300 steps of 4, class weights, on features of EfficientNet-Lite0 with ImageNet's
-weights (Tan and Le, 2019), of each image and of one mirrored, coloured and blurred view of it.
+`lite0-frozen`: ours, for all nets on a frozen trunk. Adam, 300 steps of 4, class weights, on features of
+EfficientNet-Lite0 with ImageNet's weights (Tan and Le, 2019), or of another trunk, of each image and of one
+mirrored, coloured and blurred view of it.
 
-`lite0-tuned`: ours, not measured. 300 steps of 8 with all augmentations; the trunk at a tenth of the head's
-rate, as is common in fine-tuning, batch normalisation fixed."""
+`lite0-tuned`: ours, for all that tune it. 300 steps of 8 with all augmentations; the trunk at a tenth of the
+head's rate, as is common in fine-tuning, batch normalisation fixed."""
 
 
 def recipe_for(settings: TrainSettings) -> str:
     """The name of the recipe that suits the net, trunk and weights of some settings."""
     if settings.net == "compact":
         return "compact"
-    if settings.net == "lite0":
+    if settings.has_trunk:
         return f"lite0-{settings.trunk}"
     if settings.weights is None:
         return "scratch"
@@ -99,13 +100,13 @@ def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
 
     Args:
         settings: of the net so far.
-        changes: of `net`, `trunk` or `weights`. Nets without a trunk lose theirs, nets that are not VGG their
-            weights.
+        changes: of `net`, `trunk` or `weights`. Nets without a trunk lose theirs, nets that
+            start from no file their weights.
     """
     wanted = replace(settings, **changes)
-    if wanted.net != "lite0":
+    if not wanted.has_trunk:
         wanted = replace(wanted, trunk="frozen")
-    if wanted.net not in VGG_NETS:
+    if wanted.net in FILELESS_NETS:
         wanted = replace(wanted, weights=None)
     before, after = recipe_for(settings), recipe_for(wanted)
     if before == after:

@@ -5,9 +5,15 @@ from typing import Annotated, Literal
 
 from shell.bounds import POSITIVE, at_least, at_most, check_bounds, must, within
 
-NetName = Literal["compact", "deeplabv2", "fcn8s", "lite0"]
+TrunkName = Literal["lite0", "lite1", "lite2", "dinov2"]
+"""Nets that are a head on a trunk."""
+NetName = Literal["compact", "deeplabv2", "fcn8s", TrunkName]
 VGG_NETS: tuple[NetName, ...] = ("fcn8s", "deeplabv2")
 """Nets that may start from a file of VGG16's weights."""
+FILELESS_NETS: tuple[NetName, ...] = ("compact", "lite0", "lite1", "lite2")
+"""Nets that start from no file: at random, or from the weights of a package."""
+WHOLE_NETS: tuple[NetName, ...] = ("compact", *VGG_NETS)
+"""Nets without a trunk; any other stands on one, those of users, too (`seg.nets.trunks`)."""
 Trunk = Literal["frozen", "tuned"]
 HeadStatistics = Literal["training", "target"]
 OptimizerName = Literal["adam", "sgd"]
@@ -25,7 +31,7 @@ class TrainSettings:
     Named sets of them are in `seg.recipes`.
 
     Attributes:
-        net: see `seg.net`.
+        net: see `seg.net`; or a trunk of one's own, a row of `seg.nets.trunks.TRUNKS`.
         optimizer: see `seg.optim`.
         lr: highest learning rate. Paper (SGD): 5e-4.
         steps: how many updates. Paper: 1000 per reward, 20 000 at the end.
@@ -45,27 +51,29 @@ class TrainSettings:
         weights: file of ImageNet weights from `sdr-jax weights convert`, which the VGG nets start
             from (paper). Where it holds the 13 convolutions alone, fc6 and fc7 start at random, as
             DeepLabv2's always do. None: every layer does, He's way, and a VGG net then learns little
-            in a thousand steps.
+            in a thousand steps. Of dinov2: the file of its trunk's, which it needs.
         norm: GroupNorm after the VGG nets' convolutions, for training from scratch; not in the paper.
         lr_multipliers: rates and decay that differ by layer, see `seg.optim`.
         accumulate: parts into which the images of an update are cut, to need less memory; the
             gradient is that of the whole.
         dtype: what the nets compute in; parameters and logits stay float32.
-        trunk: of lite0. "frozen": its ImageNet weights stay as they are, the features of an image are
+        trunk: of nets on a trunk. "frozen": its weights stay as they are, the features of an image are
             computed once and only the head trains. "tuned": everything does, the trunk at a tenth of
             the rate. Nets without a trunk take no notice of "frozen".
         views: how often a frozen trunk looks at each training image: as it is, then augmented (`seg.views`).
-            Features cost 10 to 15 ms of a core and 150 kB each at 240x176. Other nets augment in every step.
-        head_statistics: what lite0's head normalises features by: mean and deviation over its training
+            Features of lite0 cost 10 to 15 ms of a core and 150 kB each at 240x176. Nets without a frozen
+            trunk augment in every step.
+        head_statistics: what a trunk's head normalises features by: mean and deviation over its training
             images, or over the target's real ones, which need no labels and are given to `train`.
-        loss_stride: of lite0: the distance in pixels between the rows, and columns, that its loss looks at.
-        head_width: channels of lite0's head.
-        head_dropout: share of its features that lite0's head leaves out in training.
+        loss_stride: of nets on a trunk: the distance in pixels between the rows, and columns, that the loss
+            looks at.
+        head_width: channels of a trunk's head.
+        head_dropout: share of its features that a trunk's head leaves out in training.
         average: share of the steps, the last ones, over which parameters are averaged: the trained net is
             their mean. 0: the net after the last step.
     """
 
-    net: NetName = "compact"
+    net: NetName | str = "compact"
     optimizer: OptimizerName = "adam"
     lr: Annotated[float, POSITIVE] = 1e-2
     steps: Annotated[int, at_least(1)] = 200
@@ -96,9 +104,14 @@ class TrainSettings:
     average: Annotated[float, within(0, 1, "[)")] = 0.0
 
     @property
+    def has_trunk(self) -> bool:
+        """Whether the net is a head on a trunk."""
+        return self.net not in WHOLE_NETS
+
+    @property
     def frozen(self) -> bool:
         """Whether the net has a trunk that does not train."""
-        return self.net == "lite0" and self.trunk == "frozen"
+        return self.has_trunk and self.trunk == "frozen"
 
 
 def check_settings(settings: TrainSettings) -> None:
@@ -114,16 +127,27 @@ def check_settings(settings: TrainSettings) -> None:
         )
     if settings.norm and settings.weights is not None:
         raise ValueError("norm is for training from scratch: the nets of weights have no GroupNorm")
-    if settings.weights is not None and settings.net not in VGG_NETS:
+    if settings.net == "dinov2":
+        if settings.weights is None:
+            raise ValueError("weights must name the file of the trunk of dinov2, a .safetensors")
+        if settings.trunk == "tuned":
+            raise ValueError('trunk is "tuned", but that of dinov2 stays frozen')
+    if settings.weights is not None and settings.net in FILELESS_NETS:
         raise ValueError(
-            f"weights are of VGG16, which the net {settings.net} does not have in it"
-            + ("; its own come with it" if settings.net == "lite0" else "")
+            f"weights are of VGG16 or dinov2, which the net {settings.net} does not have in it"
+            + ("; its own come with it" if settings.has_trunk else "")
         )
-    if settings.trunk == "tuned" and settings.net != "lite0":
-        raise ValueError(f'trunk is "tuned", but the net {settings.net} has no trunk; lite0 has')
-    if settings.net == "lite0" and (settings.norm or settings.lr_multipliers != "none"):
-        raise ValueError("norm and lr_multipliers are for the VGG nets; lite0 has rates of its own")
-    if settings.net != "lite0" and (
+    if settings.trunk == "tuned" and not settings.has_trunk:
+        raise ValueError(
+            f'trunk is "tuned", but the net {settings.net} has no trunk; lite0 to lite2 have'
+        )
+    if settings.has_trunk and (settings.norm or settings.lr_multipliers != "none"):
+        raise ValueError(
+            f"norm and lr_multipliers are for the VGG nets; {settings.net} has rates of its own"
+        )
+    if not settings.has_trunk and (
         settings.loss_stride != 1 or settings.head_statistics != "training"
     ):
-        raise ValueError(f"loss_stride and head_statistics are of lite0; the net is {settings.net}")
+        raise ValueError(
+            f"loss_stride and head_statistics are of nets on a trunk; the net is {settings.net}"
+        )

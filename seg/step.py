@@ -18,7 +18,7 @@ from seg.augment import augment, draw
 from seg.beside import picks
 from seg.losses import cross_entropy, cross_entropy_sums
 from seg.nets import net_of, normalise
-from seg.nets.lite0 import Lite0
+from seg.nets.head import OnTrunk
 from seg.nets.ops.resize import strided
 from seg.optim import Multipliers, descend, optimizer, poly_schedule
 from seg.settings import TrainSettings
@@ -47,7 +47,7 @@ class TrainState(NamedTuple):
 class Data(NamedTuple):
     """What all updates of a training share; NumPy or JAX."""
 
-    images: Any  # u8[n h w 3]; for a frozen trunk the pyramid of all their views
+    images: Any  # u8[n h w 3]; for a frozen trunk the maps of all their views
     labels: UInt8[Any, "n h w"]
     class_weights: Float32[Any, " classes"]  # of the loss
     seed: UInt32[Any, ""]  # of dropout and noise
@@ -108,8 +108,10 @@ def functions(settings: TrainSettings, classes: int) -> Functions:
     """The compiled parts for some settings, shared by all settings that compile to the same."""
     plain = TrainSettings()
     # These are data of the step, or its shapes.
-    free = ["lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch", "weights"]
+    free = ["lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch"]
     free += ["views", "head_statistics"]
+    if not settings.has_trunk:  # else they decide how large it is
+        free.append("weights")
     changes = {name: getattr(plain, name) for name in free}
     # Over how many steps is data, too; whether at all is not.
     changes["average"] = float(settings.average > 0)
@@ -119,7 +121,7 @@ def functions(settings: TrainSettings, classes: int) -> Functions:
 @lru_cache(maxsize=32)
 def _compiled(settings: TrainSettings, classes: int) -> Functions:
     module = net_of(settings, classes)
-    multipliers: Multipliers = "trunk" if settings.net == "lite0" else settings.lr_multipliers
+    multipliers: Multipliers = "trunk" if settings.has_trunk else settings.lr_multipliers
     transform = optimizer(settings.optimizer, settings.momentum, settings.weight_decay, multipliers)
 
     def resume(variables: Variables) -> TrainState:
@@ -128,7 +130,7 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
         mean = jax.tree.map(jnp.zeros_like, params) if settings.average else None
         return TrainState(params, transform.init(params), jnp.int32(0), mean, fixed)
 
-    method = Lite0.from_pyramid if settings.frozen else None
+    method = OnTrunk.from_maps if settings.frozen else None
 
     def init(seed: UInt32[Array, ""], images: Any) -> TrainState:
         blank = jax.tree.map(lambda a: jnp.zeros((1, *a.shape[1:])), images)
@@ -142,7 +144,7 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
     ) -> Array:
         given = (x, size) if settings.frozen else (normalise(x),)
         options = {"train": True, "rngs": {"dropout": dropout}, "method": method}
-        if settings.net == "lite0":
+        if settings.has_trunk:
             options["stride"] = settings.loss_stride
         return module.apply(variables, *given, **options)
 
@@ -206,7 +208,7 @@ def accumulated(
     Args:
         sums_of: (params, images, labels, number of the part) -> (s_k, t_k).
         params: where the gradient is taken.
-        x: images, or their pyramid.
+        x: images, or their feature maps.
         y: their labels.
         parts: how many; divides the batch.
 

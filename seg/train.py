@@ -22,12 +22,13 @@ from seg.classes import IGNORE_LABEL
 from seg.data import LabelledImages
 from seg.metrics import confusion_matrix
 from seg.nets import net_of, normalise, variables_of
-from seg.nets.lite0 import STATISTICS, Lite0, Pyramid
+from seg.nets.head import STATISTICS, Maps, OnTrunk
+from seg.nets.trunks import trunk_of
 from seg.pyramid import Statistics
-from seg.settings import TrainSettings, check_settings
+from seg.settings import VGG_NETS, TrainSettings, check_settings
 from seg.step import Data, Functions, Params, TrainState, Variables, functions, plan
 from seg.views import view_labels, views
-from seg.weights import lite0, load
+from seg.weights import load
 
 CHUNK = 50  # steps between two looks at the loss; also the length of a scan on an accelerator
 
@@ -42,9 +43,11 @@ def apply(
     """What `logits` returns, as one function that JAX can trace, a frozen trunk included."""
     module = net_of(settings, classes)
     if settings.frozen:
-        maps = pyramid.maps_of(lite0.load().trunk, images, settings.dtype)
+        with jax.ensure_compile_time_eval():  # a trunk may draw its weights
+            params = pyramid.trunk_params(settings)
+        maps = pyramid.maps_of(params, images, settings)
         size = (images.shape[1], images.shape[2])
-        return module.apply(variables, maps, size, method=Lite0.from_pyramid)
+        return module.apply(variables, maps, size, method=OnTrunk.from_maps)
     return module.apply(variables, normalise(images.astype(jnp.float32) / 255), train=False)
 
 
@@ -67,8 +70,8 @@ def _head_predictor(
     module = net_of(net_settings, classes)
 
     @partial(jax.jit, static_argnums=2)
-    def predict_batch(variables: Variables, maps: Pyramid, size: tuple[int, int]) -> Array:
-        logits = module.apply(variables, maps, size, method=Lite0.from_pyramid)
+    def predict_batch(variables: Variables, maps: Maps, size: tuple[int, int]) -> Array:
+        logits = module.apply(variables, maps, size, method=OnTrunk.from_maps)
         return logits if scores else jnp.argmax(logits, axis=-1).astype(jnp.uint8)
 
     return predict_batch
@@ -76,7 +79,9 @@ def _head_predictor(
 
 def _of_net(settings: TrainSettings) -> TrainSettings:
     """The settings that a prediction depends on; the others are at their defaults."""
-    names = ("net", "dtype", "norm", "trunk", "head_width", "head_dropout")
+    names = ["net", "dtype", "norm", "trunk", "head_width", "head_dropout"]
+    if settings.has_trunk:
+        names.append("weights")
     return replace(TrainSettings(), **{name: getattr(settings, name) for name in names})
 
 
@@ -89,14 +94,14 @@ def _started(
     """A fresh state with what does not start at random: weights, statistics of features."""
     params: Params = state.params
     fixed = state.fixed
-    if settings.net == "lite0":
+    if settings.has_trunk:
         assert statistics is not None
         mean, deviation = (jnp.array(s) for s in statistics)
         fixed = {STATISTICS: {"head": {"mean": mean, "deviation": deviation}}}
         if not settings.frozen:
             # A copy, since the step donates its state.
-            params = {**params, "trunk": jax.tree.map(jnp.array, pyramid.trunk_params())}
-    if settings.weights is not None:
+            params = {**params, "trunk": jax.tree.map(jnp.array, pyramid.trunk_params(settings))}
+    if settings.net in VGG_NETS and settings.weights is not None:
         params = load(settings.weights, settings.net, params)
     return compiled.resume({"params": params, **fixed})
 
@@ -114,7 +119,7 @@ def _check_part(part: LabelledImages, settings: TrainSettings, classes: int) -> 
 
 def _statistics(own: TrainingSet, settings: TrainSettings) -> Statistics:
     """Mean and deviation of each channel over what the batches hold."""
-    maps = (part.features or pyramid.features(part.images, settings.dtype) for part in own.parts)
+    maps = (part.features or pyramid.features(part.images, settings) for part in own.parts)
     return mixed(own.shares, [pyramid.channel_statistics(m) for m in maps])
 
 
@@ -123,7 +128,7 @@ def _seen(part: LabelledImages, settings: TrainSettings) -> LabelledImages:
     if part.features is not None:
         return part._replace(labels=view_labels(part.images, part.labels, settings))
     images, labels = views(part.images, part.labels, settings)
-    return part._replace(labels=labels, features=pyramid.features(images, settings.dtype))
+    return part._replace(labels=labels, features=pyramid.features(images, settings))
 
 
 def _check(images: np.ndarray, labels: np.ndarray | None = None) -> None:
@@ -141,14 +146,16 @@ def _check(images: np.ndarray, labels: np.ndarray | None = None) -> None:
 
 
 def _check_net(
-    images: np.ndarray, settings: TrainSettings, features: Pyramid | None, views: int = 1
+    images: np.ndarray, settings: TrainSettings, features: Maps | None, views: int = 1
 ) -> None:
-    if settings.net == "lite0":
-        pyramid.check_size(images)
+    if settings.has_trunk:
+        pyramid.check_size(images, settings)
     if features is not None and not settings.frozen:
-        raise ValueError("features are for a frozen trunk: net lite0 with trunk frozen")
+        raise ValueError(
+            f"features are for a frozen trunk, and not for {settings.net}, {settings.trunk}"
+        )
     if features is not None:
-        pyramid.check_features(features, images, views)
+        pyramid.check_features(features, images, settings, views)
 
 
 def train(
@@ -161,7 +168,7 @@ def train(
     params: Variables | None = None,
     stepwise: bool | None = None,
     *,
-    features: Pyramid | None = None,
+    features: Maps | None = None,
     statistics: Statistics | None = None,
     beside: Beside | None = None,
 ) -> Variables:
@@ -180,21 +187,21 @@ def train(
             suits the backend. The steps are the same.
         features: for a frozen trunk, those of all views of the images, `seg.pyramid.features` of
             `seg.views.view_images`; None computes them.
-        statistics: for lite0 with `head_statistics` "target", what its head normalises features by, from
-            `channel_statistics` of real images. They do not train.
+        statistics: for a net on a trunk with `head_statistics` "target", what its head normalises features
+            by, from `channel_statistics` of real images. They do not train.
         beside: more images, a stated share of all batches however few they are. Class weights, and the
             statistics of a training set, are those of what the batches hold.
 
     Returns:
         The net's variables, by collection: `params` after the last step, or their mean over the steps that
-        the settings average, and lite0's `statistics`. With a frozen trunk those of the head alone: the
-        trunk's are always ImageNet's, and `predict` takes them where training did.
+        the settings average, and a head's `statistics`. With a frozen trunk those of the head alone: the
+        trunk's are always its own, and `predict` takes them where training did.
 
     Raises:
         ValueError: no images, shapes that do not match, labels outside the classes, settings or a seed
             out of range, or images too small for the net.
         TrainingError: the loss is not finite.
-        WeightsError: the settings' `weights`, or lite0's, cannot be used.
+        WeightsError: the settings' `weights`, or the trunk's, cannot be used.
     """
     check_settings(settings)
     own = training_set(LabelledImages(images, labels, features=features), beside)
@@ -218,7 +225,7 @@ def train(
     seed = np.uint32(rng_seed)
     if settings.frozen:
         own = own._replace(parts=tuple(_seen(part, settings) for part in own.parts))
-    if settings.net == "lite0" and params is None and statistics is None:
+    if settings.has_trunk and params is None and statistics is None:
         statistics = _statistics(own, settings)
     inputs: Any = joined([p.features if settings.frozen else p.images for p in own.parts])
     rows = plan(rng_seed, [len(part.labels) for part in own.parts], settings, own.shares[-1])
@@ -229,7 +236,7 @@ def train(
         state = compiled.resume(jax.tree.map(jnp.array, variables_of(params)))
     else:
         state = compiled.init(seed, data.images)
-        if settings.weights is not None or settings.net == "lite0":
+        if settings.weights is not None or settings.has_trunk:
             state = _started(state, compiled, settings, statistics)
     if stepwise is None:
         stepwise = jax.default_backend() == "cpu"
@@ -258,13 +265,13 @@ def predict(
     settings: TrainSettings,
     classes: int,
     *,
-    features: Pyramid | None = None,
+    features: Maps | None = None,
 ) -> UInt8[np.ndarray, "n h w"]:
     """Segment images.
 
     Args:
         params: a trained net, from `train`; or from a file of its, of any version.
-        images: RGB, of any size; for lite0 at least 32x32.
+        images: RGB, of any size; on a trunk no side shorter than its largest stride.
         settings: those the parameters were trained with.
         classes: how many the net tells apart.
         features: for a frozen trunk, those of the images from `seg.pyramid.features`; None computes them.
@@ -286,7 +293,7 @@ def logits(
     settings: TrainSettings,
     classes: int,
     *,
-    features: Pyramid | None = None,
+    features: Maps | None = None,
 ) -> Float32[np.ndarray, "n h w classes"]:
     """The scores of all classes whose largest `predict` takes; arguments and errors are the same."""
     return _of_batches(params, images, settings, classes, features, scores=True)
@@ -297,7 +304,7 @@ def _of_batches(
     images: np.ndarray,
     settings: TrainSettings,
     classes: int,
-    features: Pyramid | None,
+    features: Maps | None,
     scores: bool,
 ) -> np.ndarray:
     """Labels, or the scores of all classes."""
@@ -306,11 +313,11 @@ def _of_batches(
     variables = variables_of(params)
     if settings.frozen:
         size = (images.shape[1], images.shape[2])
-        maps = features or pyramid.features(images, settings.dtype)
+        maps = features or pyramid.features(images, settings)
         predict_head = _head_predictor(_of_net(settings), classes, scores)
 
         def run(picks: np.ndarray) -> Array:
-            return predict_head(variables, Pyramid(*(m[picks] for m in maps)), size)
+            return predict_head(variables, tuple(m[picks] for m in maps), size)
 
         return in_batches(run, np.arange(len(images)), settings.predict_batch)
     predict_batch = _predictor(_of_net(settings), classes, scores)
@@ -322,8 +329,8 @@ def outline(settings: TrainSettings, classes: int) -> Variables:
     compiled = functions(settings, classes)
     images: Any = jax.ShapeDtypeStruct((1, 64, 64, 3), np.uint8)
     if settings.frozen:
-        channels = pyramid.CHANNELS
-        images = Pyramid(*(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels))
+        channels = trunk_of(settings).channels
+        images = tuple(jax.ShapeDtypeStruct((1, 1, 1, c), np.float16) for c in channels)
     seed = jax.ShapeDtypeStruct((), np.uint32)
     return jax.eval_shape(lambda *given: compiled.init(*given).trained, seed, images)
 
@@ -335,7 +342,7 @@ def score(
     settings: TrainSettings,
     classes: int,
     *,
-    features: Pyramid | None = None,
+    features: Maps | None = None,
 ) -> Int64[np.ndarray, "classes classes"]:
     """Predict and compare with the truth.
 

@@ -24,7 +24,7 @@ from experiments.config.options import Fidelity
 from scene.assets.catalogue import check_pool
 from scene.render import check_settings
 from seg.beside import drawn
-from seg.nets.lite0 import SMALLEST
+from seg.nets.trunks import trunk_of
 from seg.settings import check_settings as check_train_settings
 from seg.weights import check as check_weights
 from shell.bounds import check_bounds
@@ -67,13 +67,14 @@ def _check_fidelity(flag: str, fidelity: Fidelity) -> None:
 def check_net(flag: str, train_flag: str, fidelity: Fidelity) -> None:
     """Raise UserError for a size, settings or weights that do not fit the net, by flag."""
     train = fidelity.train
-    if train.net == "lite0" and min(fidelity.width, fidelity.height) < SMALLEST:
-        raise UserError(
-            f"{flag}: images of {fidelity.size} are too small for lite0, which needs "
-            f"{SMALLEST} pixels in width and height"
-        )
     with flagged(train_flag):
         check_train_settings(train)
+    coarsest = max(trunk_of(train).strides) if train.has_trunk else 1
+    if min(fidelity.width, fidelity.height) < coarsest:
+        raise UserError(
+            f"{flag}: images of {fidelity.size} are too small for {train.net}, which needs "
+            f"{coarsest} pixels in width and height"
+        )
     check_weights(train, 1)  # of any number of classes: the last layer is not among them
 
 
@@ -122,7 +123,7 @@ def _check_pool(config: SearchConfig) -> None:
         raise UserError("--method pool needs --reward-kind miou")
     if not config.reward.train.frozen:
         train = config.reward.train
-        kind = "a tuned trunk" if train.net == "lite0" else f"the net {train.net}"
+        kind = "a tuned trunk" if train.has_trunk else f"the net {train.net}"
         raise UserError(
             f"--method pool keeps the features of a frozen trunk, and --reward.train has {kind}; use "
             "--reward.train.net lite0 --reward.train.trunk frozen, or another --method"

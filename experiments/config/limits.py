@@ -9,11 +9,12 @@ from experiments.config.config import RECORD, Config, GroupsConfig, fidelities
 from experiments.config.options import Fidelity, Search, SearchOptions
 from scene.render.protocol import MAX_PIXELS, refuse_large_images, refuse_many_shots
 from seg.augment import DRAWS
+from seg.nets.trunks import trunk_of
 from shell.memory import refuse_larger
 
-PIXEL, FEATURES, SCORES = 4, 3.6, 4 * (3 + 11)
-"""Bytes of a pixel: its colour and label; what a frozen trunk sees in it; in training, colour and the scores
-of the fewest classes in single precision."""
+PIXEL, SCORES = 4, 4 * (3 + 11)
+"""Bytes of a pixel: its colour and label; in training, colour and the scores of the fewest classes in single
+precision."""
 
 
 def refuse_too_large(config: Config) -> None:
@@ -45,9 +46,9 @@ def _refuse_fidelity(flag: str, fidelity: Fidelity) -> None:
     step = 4 * (train.batch * (DRAWS + 1) + 1)
     refuse_larger(f"{flag}.train.steps", train.steps, _times(step), "random numbers")
     if train.frozen:
-        views = _times(fidelity.images * pixels * FEATURES)
+        views = _times(fidelity.images * pixels * trunk_of(train).pixel_bytes)
         refuse_larger(f"{flag}.train.views", train.views, views, f"features of {dataset}")
-    if train.net == "lite0":
+    if train.has_trunk:
         head = _times(train.batch * pixels / 64 * 4)
         refuse_larger(f"{flag}.train.head-width", train.head_width, head, "features of a batch")
 

@@ -8,6 +8,7 @@ from typing import get_args
 
 from scene.attributes import SPACES
 from seg.names import As
+from seg.settings import Trunk, TrunkName
 from shell.command import Parser, docstring, size
 from shell.target_file import SHIPPED, Fit
 
@@ -84,6 +85,25 @@ def fit() -> Parser:
         help="the net that is left starts from this one; figures never do",
     )
     add("--store", type=Path, metavar="FILE", help="evaluations that runs share")
+    add = options.group("net")
+    add(
+        "--net",
+        choices=get_args(TrunkName),
+        default="lite0",
+        help="whose features a head is trained on; docs/howto/net.md",
+    )
+    add(
+        "--trunk",
+        choices=get_args(Trunk),
+        default="frozen",
+        help="tuned: train what gives the features, too, which takes hours of a core",
+    )
+    add(
+        "--weights",
+        type=Path,
+        metavar="FILE",
+        help="of dinov2: model.safetensors in Hugging Face's layout",
+    )
     return options
 
 

@@ -61,7 +61,8 @@ class TableConfig(LearntConfig, FewConfig):
     vgg: Fidelity
     """The fidelity of FCN8s and DeepLabv2, where the final one's net is neither."""
     weights: Path | None = None
-    """ImageNet weights that the VGG nets start from (see `sdr-jax weights`); by default from scratch."""
+    """ImageNet weights that the VGG nets start from (see `sdr-jax weights`), by default from scratch; or
+    those of dinov2's trunk."""
     gta5: Path | None = None
     """Folder of GTA5, to train on."""
     synthia: Path | None = None

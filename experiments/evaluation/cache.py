@@ -3,8 +3,8 @@
 A folder of files is named by its content, images and labels, and so are the features of them by the trunk.
 
     RUN/shared/3f2ab07c91d4e655/            images.npy, labels.npy: 4 bytes a pixel
-    RUN/shared/3f2ab07c91d4e655-1c9d02aa/   eighth.npy, sixteenth.npy, thirtysecond.npy: 3.6 bytes a
-                                            pixel of every view
+    RUN/shared/3f2ab07c91d4e655-1c9d02aa/   map0.npy, map1.npy and so on, the trunk's feature maps: of lite0
+                                            3.5 bytes a pixel of every view
     RUN/shared/pool-90b3c5d07e1f2a64/       all of them, of streets of one shot
 
 ``about.json`` beside them says what they are of, with hashes of the files, which are looked at once per
@@ -33,11 +33,11 @@ from scene.dataset.render import render_street
 from scene.workers import Workers
 from seg.beside import TrainingSet
 from seg.data import LabelledImages
-from seg.nets.lite0 import Pyramid
+from seg.nets.head import Maps
+from seg.nets.trunks import trunk_of
 from seg.pyramid import Statistics, channel_statistics, features
 from seg.settings import TrainSettings
 from seg.views import LOOKS, view_images
-from seg.weights import lite0
 from shell.errors import UserError
 from shell.files import digest, file_digest, read_json, whole_folder, write, write_json
 from shell.sent import here
@@ -80,8 +80,19 @@ def _load(cached: Cached) -> LabelledImages:
     images, labels = (_mapped(cached.images, name) for name in ("images", "labels"))
     if cached.features is None:
         return LabelledImages(images, labels)
-    maps = Pyramid(*(_mapped(cached.features, name) for name in Pyramid._fields))
+    count = len(list(here(cached.features).glob("map*.npy")))
+    maps = tuple(_mapped(cached.features, name) for name in _names(count))
     return LabelledImages(images, labels, features=maps)
+
+
+def _names(maps: int) -> list[str]:
+    """Of the files of so many feature maps."""
+    return [f"map{k}" for k in range(max(maps, 1))]
+
+
+def _files(maps: Maps) -> dict[str, np.ndarray]:
+    """Feature maps by the names of their files."""
+    return dict(zip(_names(len(maps)), maps, strict=False))
 
 
 def _mapped(folder: str, name: str) -> np.ndarray:
@@ -140,7 +151,8 @@ class Cache:
             return held
         views = _views(train, training)
         folder = self._root / f"{source[:16]}-{digest(views)[:8]}"
-        told = {"images": source, "trunk": lite0.SHA256, **views}
+        told = {"images": source, **views}
+        train = _sent(train, self._workers)
 
         def fill(part: Path) -> None:
             starts = range(0, max(count - CHUNK // 2, 1), CHUNK)  # no batch of another size
@@ -154,7 +166,7 @@ class Cache:
     def streets(
         self, name: str, recipe: Recipe, units: np.ndarray, seed: int, done: Callable[[int], None]
     ) -> tuple[Cached, float]:
-        """One shot of each street with its features; what an earlier process has made is not made again.
+        """One shot of each street, with its features for a frozen trunk; what is there is not made again.
 
         Args:
             name: hash of all that decides them.
@@ -188,7 +200,8 @@ class Cache:
         self._keep(folder, {"streets": name}, fill)
         shutil.rmtree(pieces, ignore_errors=True)
         held = self._workers.share(str(folder))
-        return Cached(held, held), float(np.load(folder / "seconds.npy"))
+        maps = held if recipe.fidelity.train.frozen else None
+        return Cached(held, maps), float(np.load(folder / "seconds.npy"))
 
     def forget(self, name: str) -> None:
         """Remove the streets of a name: all their nets are trained."""
@@ -218,7 +231,7 @@ class Cache:
         with _Arrays(part, count) as arrays:
             for index, maps in self._workers.map(_features_of, tasks, net=True):
                 _, start, stop, *_ = tasks[index]
-                arrays.write(maps._asdict(), start, stop)
+                arrays.write(_files(maps), start, stop)
                 done += stop - start
                 self._say(f"features of real images, once per run: {done} of {count}")
 
@@ -237,34 +250,37 @@ class Cache:
 def sent(recipe: Recipe, workers: Workers) -> Recipe:
     """A recipe whose files workers find: own assets, weights."""
     fidelity, own = recipe.fidelity, recipe.pool.own
-    if fidelity.train.weights is not None:
-        weights = workers.share(fidelity.train.weights)
-        fidelity = replace(fidelity, train=replace(fidelity.train, weights=weights))
+    fidelity = replace(fidelity, train=_sent(fidelity.train, workers))
     return recipe._replace(fidelity=fidelity, pool=recipe.pool._replace(own=workers.share(own)))
+
+
+def _sent(train: TrainSettings, workers: Workers) -> TrainSettings:
+    """Settings whose file of weights workers find."""
+    if train.weights is None:
+        return train
+    return replace(train, weights=workers.share(train.weights))
 
 
 def by_target(train: TrainSettings) -> bool:
     """Whether a net's head normalises features by statistics of the target's images."""
-    return train.net == "lite0" and train.head_statistics == "target"
+    return train.has_trunk and train.head_statistics == "target"
 
 
 def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
-    """What decides features, beside images and trunk."""
+    """What decides features, beside images."""
     looks = {name: getattr(train, name) for name in LOOKS} if training else {"views": 1}
-    return {"dtype": train.dtype, **looks}
+    return {"trunk": dict(trunk_of(train).source), "dtype": train.dtype, **looks}
 
 
-def _features(images: np.ndarray, train: TrainSettings, training: bool) -> Pyramid:
+def _features(images: np.ndarray, train: TrainSettings, training: bool) -> Maps:
     """Features of images, or of all views that training takes of them: view after view, in their order.
 
     What a view shows depends on its image alone, so that those of a part are part of those of all.
     """
-    return features(view_images(images, train) if training else images, train.dtype)
+    return features(view_images(images, train) if training else images, train)
 
 
-def _features_of(
-    held: Cached, start: int, stop: int, train: TrainSettings, training: bool
-) -> Pyramid:
+def _features_of(held: Cached, start: int, stop: int, train: TrainSettings, training: bool) -> Maps:
     """Features of some of the images; runs in a worker."""
     return _features(held.load().images[start:stop], train, training)
 
@@ -289,9 +305,9 @@ def _made_streets(
     ]
     images = np.stack([frame.image for frame in frames])
     labels = recipe.classes.from_train_id[np.stack([frame.label for frame in frames])]
-    maps = _features(images, fidelity.train, True)
+    maps = _features(images, fidelity.train, True) if fidelity.train.frozen else ()
     seconds = np.float64(time.perf_counter() - began)
-    return {"images": images, "labels": labels, **maps._asdict(), "seconds": seconds}
+    return {"images": images, "labels": labels, **_files(maps), "seconds": seconds}
 
 
 def _piece(path: Path) -> dict[str, np.ndarray] | None:

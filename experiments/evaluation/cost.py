@@ -8,14 +8,15 @@ from __future__ import annotations
 from experiments.config import Fidelity
 from experiments.evaluation.job import Given, Job, Subset, rendered_of
 from seg.recipes import recipe_for
+from seg.settings import TrainSettings
 
 STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "vgg-adam": 5e-5, "scratch": 5e-5}
 STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-tuned": 2e-6}
 """Seconds of a CPU that one update takes, for each pixel of its images, by recipe, about."""
 STREET_COST = 0.045
 """Seconds of a CPU that sampling a street and its geometry take."""
-VIEW_COST = 2.5e-7
-"""The same for what a frozen trunk sees in one view of an image."""
+VIEW_COST = {"lite0": 2.5e-7, "lite1": 3.1e-7, "lite2": 3.3e-7, "dinov2": 3e-6}
+"""The same for what a frozen trunk sees in one view of an image; any other takes as long as lite0."""
 
 
 def cost_of(fidelity: Fidelity) -> float:
@@ -30,23 +31,32 @@ def _image_cost(fidelity: Fidelity) -> float:
 
 def street_cost(fidelity: Fidelity) -> float:
     """About how many CPU seconds one street of one shot and its features take."""
-    views = VIEW_COST * fidelity.width * fidelity.height * fidelity.train.views
-    return STREET_COST + _image_cost(fidelity) + views
+    return STREET_COST + _image_cost(fidelity) + _views_cost(fidelity)
+
+
+def _views_cost(fidelity: Fidelity) -> float:
+    """What a frozen trunk sees in all views of an image."""
+    train, pixels = fidelity.train, fidelity.width * fidelity.height
+    return pixels * train.views * _view_cost(train) if train.frozen else 0.0
+
+
+def _view_cost(train: TrainSettings) -> float:
+    return VIEW_COST.get(train.net, VIEW_COST["lite0"])
 
 
 def head_cost(fidelity: Fidelity) -> float:
     """The part of `training_cost` that is left where the features are there already."""
     train = fidelity.train
     pixels = fidelity.width * fidelity.height
-    return pixels * STEP_COST[recipe_for(train)] * train.steps * train.batch
+    step = STEP_COST[recipe_for(train)]
+    if train.has_trunk and not train.frozen:
+        step *= _view_cost(train) / VIEW_COST["lite0"]
+    return pixels * step * train.steps * train.batch
 
 
 def training_cost(fidelity: Fidelity) -> float:
     """The part of `cost_of` that is training: all of it where the images are there already."""
-    train = fidelity.train
-    pixels = fidelity.width * fidelity.height
-    views = VIEW_COST * fidelity.images * train.views if train.frozen else 0.0
-    return pixels * views + head_cost(fidelity)
+    return fidelity.images * _views_cost(fidelity) + head_cost(fidelity)
 
 
 def job_cost(job: Job) -> float:

@@ -28,7 +28,6 @@ from scene.workers import Workers
 from seg.beside import Beside, TrainingSet
 from seg.data import LabelledImages
 from seg.metrics import iou, mean_iou
-from seg.nets.lite0 import Pyramid
 from seg.pyramid import features
 from seg.train import Params, TrainingError, predict, score, train
 from seg.views import view_images
@@ -110,7 +109,7 @@ def training_set(recipe: Recipe, source: Source, seed: int) -> LabelledImages:
     if isinstance(source, TrainingSet):
         settings = recipe.fidelity.train
         if settings.frozen:
-            maps = features(view_images(found.images, settings), settings.dtype)
+            maps = features(view_images(found.images, settings), settings)
             found = found._replace(features=maps)
         _KEPT[name] = found
     return found
@@ -229,7 +228,7 @@ def _predictions(
     if keeps == "confusion":
         return Predictions(confusion)
     settings, chosen = recipe.fidelity.train, picked(len(real.images))
-    maps = real.features and Pyramid(*(own[chosen] for own in real.features))
+    maps = real.features and tuple(own[chosen] for own in real.features)
     found = predict(params, real.images[chosen], settings, len(confusion), features=maps)
     return compared(confusion, chosen, real.labels[chosen], found)
 

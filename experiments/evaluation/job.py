@@ -33,7 +33,7 @@ class Recipe(NamedTuple):
     table: str  # name of the class table
     renderer: str
     pool: AssetPool  # the assets that may appear
-    statistics: Statistics | None = None  # that lite0's head normalises by; or its training set's
+    statistics: Statistics | None = None  # that a trunk's head normalises by; or its training set's
     made_with: MadeWith = ()  # backend and versions of all workers of the run
 
     @property

@@ -103,7 +103,7 @@ def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> F
     Args:
         fidelity: sizes, and how its own net is trained.
         name: of the net.
-        weights: file of ImageNet weights that VGG nets start from, in place of the fidelity's.
+        weights: file of weights that VGG nets start from, or dinov2's, in place of the fidelity's.
     """
     changes = {"net": name} if weights is None else {"net": name, "weights": weights}
     return replace(fidelity, train=recipes.with_net(fidelity.train, **changes))

@@ -20,7 +20,6 @@ from experiments.target.few import CHOICE, spread
 from experiments.target.real import REPORTED
 from seg.classes import table_text
 from seg.data import Entry, LabelledImages, load, refuse_shared
-from seg.nets.lite0 import SMALLEST
 from shell.errors import UserError
 from shell.listing import list_all, shared_groups
 from shell.target_file import Fit, TargetFile
@@ -29,8 +28,8 @@ FOLDS = 5
 """Parts into which images without a split are cut, if there are so many groups."""
 AREAS: dict[Preset, int] = {"smoke": 64 * 48, "quick": 240 * 176}
 """Pixels of the images that nets see, about: what two cores train on within a minute, or ten."""
-UNIT = 8
-"""Width and height are multiples of it."""
+UNIT, SMALLEST = 8, 32
+"""Width and height are multiples of the one and no less than the other, the coarsest stride of a trunk."""
 
 
 Read = Callable[[int, int], LabelledImages]

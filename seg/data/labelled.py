@@ -23,7 +23,7 @@ from shell.listing import Entry, list_split, shared_groups, split_names
 from shell.target_file import TRAIN, Fit, TargetFile, find_target
 
 if TYPE_CHECKING:  # the nets load JAX
-    from seg.nets.lite0 import Pyramid
+    from seg.nets.head import Maps
 
 
 class LabelledImages(NamedTuple):
@@ -33,13 +33,13 @@ class LabelledImages(NamedTuple):
     labels: UInt8[np.ndarray, "n h w"]  # ids of a class table, 255 void
     names: tuple[str, ...] = ()  # of each image, where they are known
     sequences: tuple[str, ...] = ()  # of each image, where they are known
-    features: Pyramid | None = None
+    features: Maps | None = None
     """Features of a frozen trunk, if they are known: one row per image for testing, those of all views of
     the images for training, view after view."""
 
     def between(self, first: int, end: int) -> LabelledImages:
         """The images from the first up to the end, with one row of features each; nothing is copied."""
-        maps = self.features and type(self.features)(*(own[first:end] for own in self.features))
+        maps = self.features and tuple(own[first:end] for own in self.features)
         names, sequences = self.names[first:end], self.sequences[first:end]
         return LabelledImages(
             self.images[first:end], self.labels[first:end], names, sequences, maps
@@ -54,8 +54,8 @@ class LabelledImages(NamedTuple):
         )
         maps = self.features
         if maps is not None:
-            views = np.arange(0, len(maps.eighth), count)[:, None]  # rows where they begin
-            maps = type(maps)(*(own[(views + picked).ravel()] for own in maps))
+            views = np.arange(0, len(maps[0]), count)[:, None]  # rows where they begin
+            maps = tuple(own[(views + picked).ravel()] for own in maps)
         return LabelledImages(self.images[picked], self.labels[picked], names, sequences, maps)
 
 

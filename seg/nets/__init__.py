@@ -9,8 +9,9 @@ from flax import linen as nn
 from seg.nets.compact import Compact
 from seg.nets.deeplabv2 import DeepLabV2
 from seg.nets.fcn8s import FCN8s
-from seg.nets.lite0 import STATISTICS, Lite0
+from seg.nets.head import STATISTICS, OnTrunk
 from seg.nets.ops.normalise import normalise
+from seg.nets.trunks import TRUNKS, trunk
 from seg.nets.vgg16 import VGG16
 from seg.settings import VGG_NETS, Dtype, TrainSettings
 
@@ -18,7 +19,6 @@ _NETS: dict[str, Callable[..., nn.Module]] = {
     "compact": Compact,
     "deeplabv2": DeepLabV2,
     "fcn8s": FCN8s,
-    "lite0": Lite0,
 }
 _DTYPES = {"float32": None, "bfloat16": jnp.bfloat16}  # Flax's None: that of the parameters
 
@@ -28,37 +28,51 @@ def net(
     classes: int,
     dtype: Dtype = "float32",
     norm: bool = False,
+    weights: str | None = None,
     **options: Any,
 ) -> nn.Module:
     """Make a net by name.
 
     Args:
-        name: one of the known nets.
+        name: one of the known nets: those that are whole, and the trunks of `seg.nets.trunks` with a head.
         classes: how many classes it tells apart.
         dtype: what it computes in; parameters and logits are float32.
         norm: GroupNorm after the convolutions of VGG16; the compact net has it in any case.
-        options: other attributes of the net, such as the `width` and `dropout` of lite0's head.
+        weights: the file of a trunk's weights, where it needs one to know its size.
+        options: other attributes of the net, such as the `width` and `dropout` of a head.
 
     Returns:
         A Linen module, called as `apply(variables, images, train=False)`. Its variables are
-        `{"params": ...}`; lite0 has the collection `statistics`, too.
+        `{"params": ...}`; a net on a trunk has the collection `statistics`, too.
 
     Raises:
         ValueError: no net has that name (the message lists those that exist), or classes < 1.
+        WeightsError: the trunk's file of weights cannot be used.
     """
-    if name not in _NETS:
-        raise ValueError(f"unknown net {name!r}; known nets: {', '.join(sorted(_NETS))}")
+    if name not in _NETS and name not in TRUNKS:
+        known = ", ".join(sorted((*_NETS, *TRUNKS)))
+        raise ValueError(f"unknown net {name!r}; known nets: {known}")
     if classes < 1:
         raise ValueError(f"a net needs at least one class; got {classes}")
+    computed = _DTYPES[dtype]
+    if name in TRUNKS:
+        module, strides, *_ = trunk(name, weights)
+        module = module if computed is None else module.clone(dtype=computed)
+        return OnTrunk(classes, module, strides, dtype=computed, **options)
     if name in VGG_NETS:
         options["norm"] = norm
-    return _NETS[name](classes=classes, dtype=_DTYPES[dtype], **options)
+    return _NETS[name](classes=classes, dtype=computed, **options)
 
 
 def net_of(settings: TrainSettings, classes: int) -> nn.Module:
     """The net that some settings train."""
-    head = {"width": settings.head_width, "dropout": settings.head_dropout}
-    options = head if settings.net == "lite0" else {}
+    options: dict[str, Any] = {}
+    if settings.has_trunk:
+        options = {
+            "weights": settings.weights,
+            "width": settings.head_width,
+            "dropout": settings.head_dropout,
+        }
     return net(settings.net, classes, settings.dtype, settings.norm, **options)
 
 
@@ -67,7 +81,7 @@ def variables_of(trained: Any) -> Any:
 
     Args:
         trained: these, or the tree of a version that had no collections: parameters alone, and among those
-            of lite0's head its statistics.
+            of a head its statistics.
     """
     if "params" in trained:
         return trained
@@ -85,7 +99,7 @@ __all__ = [
     "Compact",
     "DeepLabV2",
     "FCN8s",
-    "Lite0",
+    "OnTrunk",
     "net",
     "net_of",
     "normalise",

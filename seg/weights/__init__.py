@@ -1,4 +1,4 @@
-"""ImageNet weights: VGG16 from the files that people have, Lite0 from the package that brings it."""
+"""ImageNet weights: VGG16 and DINOv2 from files that people have, the Lites from packages that bring them."""
 
 from shell.lazy import import_on_use
 

@@ -14,9 +14,8 @@ import jax
 import numpy as np
 
 from seg.errors import WeightsError
-from seg.nets import net_of
 from seg.settings import TrainSettings
-from seg.weights import hed, lite0
+from seg.weights import hed
 from seg.weights.normalisation import Normalisation, from_bgr
 from seg.weights.read import read, read_npz
 from seg.weights.vgg16 import CONVS, LAYERS, PARTS, layers, scheme_of
@@ -104,6 +103,8 @@ def described(settings: TrainSettings) -> str | None:
     if settings.weights is None:
         return None
     path = Path(settings.weights)
+    if settings.has_trunk:
+        return f"{settings.net} stands on the weights of {path}"
     held = _contents(read_npz(path, (_MARK, _SOURCE, "fc7/bias")), path)
     held = held._replace(whole=held.whole and "fc6" in _OF_NET[settings.net])
     return f"{settings.net} starts from {path}: {held}"
@@ -151,9 +152,12 @@ def check(settings: TrainSettings, classes: int) -> None:
     Raises:
         WeightsError: they do not.
     """
-    if settings.net == "lite0":
-        lite0.load()
-    if settings.weights is not None:
+    from seg.nets import net_of  # nets know of their trunks' weights
+    from seg.nets.trunks import trunk_of
+
+    if settings.has_trunk:
+        trunk_of(settings).load()
+    elif settings.weights is not None:
         module = net_of(settings, classes)
         blank = jax.ShapeDtypeStruct((1, 64, 64, 3), np.float32)
         shapes = jax.eval_shape(module.init, jax.random.key(0), blank)["params"]

@@ -2,9 +2,13 @@
 
 import json
 
+import numpy as np
 import pytest
 
 from benchmarks import train as benchmark
+from seg import TrainSettings, mean_iou, score
+from seg.data import LabelledImages
+from seg.train import train
 
 
 def test_rows_are_those_that_scripts_rely_on(tmp_path, capsys, monkeypatch):
@@ -30,6 +34,38 @@ def test_ratio_is_pytorchs_time_over_ours(monkeypatch):
     rows = benchmark.net_rows(benchmark.Job("compact", 16, 8, 2), 1, 2, True)
     assert [row["ratio_to_torch"] for row in rows] == [2.0, 1.5]
     assert [row["torch_layout"] for row in rows] == ["channels_last", "contiguous"]
+
+
+def test_what_a_net_learns_is_a_row_with_its_cost():
+    rng = np.random.default_rng(0)
+    images = rng.integers(0, 256, (4, 16, 24, 3), np.uint8)
+    labels = rng.integers(0, 2, images.shape[:3], np.uint8)
+    sides = {
+        "labelled": LabelledImages(images, labels),
+        "test": LabelledImages(images[:3], labels[:3]),
+    }
+    settings = TrainSettings(steps=2, batch=2, predict_batch=3)
+    row = benchmark.learning_row(sides, settings, 2, range(2))
+    assert (row["net"], row["steps"], row["images"], row["tested"]) == ("compact", 2, 4, 3)
+    mious = [float(miou) for miou in row["mious"].split()]
+    assert len(mious) == 2 and row["miou"] == pytest.approx(np.mean(mious), abs=0.06)
+    expected = [
+        100
+        * mean_iou(
+            score(train(seed, images, labels, settings, 2), images[:3], labels[:3], settings, 2)
+        )
+        for seed in range(2)
+    ]
+    assert mious == pytest.approx(expected, abs=0.01)
+    assert row["features_s"] == 0 and row["core_s"] == row["train_s"] > 0
+
+
+def test_a_target_to_learn_needs_its_images(monkeypatch, capsys):
+    monkeypatch.delenv("CAMVID_DIR", raising=False)
+    with pytest.raises(SystemExit) as ended:
+        benchmark.main(["--learn", "camvid", "--nets", "compact"])
+    assert ended.value.code == 2
+    assert "--learn camvid needs --data" in capsys.readouterr().err.splitlines()[-1]
 
 
 @pytest.mark.slow

@@ -135,16 +135,16 @@ def test_a_killed_run_leaves_nothing_that_is_trusted(opened, tmp_path, full_disk
     for name in ("images.npy", ABOUT):
         (images / name).unlink()
         assert opened().put(REAL, TRAIN) == first and (images / name).exists()
-    (Path(first.features) / "eighth.npy").unlink()
+    (Path(first.features) / "map0.npy").unlink()
     assert opened().put(REAL, TRAIN) == first and len(list(folder.iterdir())) == 2
-    assert np.array_equal(np.load(Path(first.features) / "eighth.npy"), whole.eighth)
+    assert np.array_equal(np.load(Path(first.features) / "map0.npy"), whole[0])
 
 
 @pytest.mark.parametrize(("part", "name", "change", "complaint"), [
     ("features", ABOUT, {"trunk": "0" * 64}, "is of other trunk, '000"),
     ("features", ABOUT, {"images": "ff"}, "is of other images, 'ff' and not"),
     ("images", ABOUT, {"files": 1}, "is damaged"),
-    ("features", "sixteenth.npy", b"\x01", "is damaged"),
+    ("features", "map1.npy", b"\x01", "is damaged"),
     ("images", "labels.npy", b"", "is damaged"),
 ])  # fmt: skip
 def test_files_of_others_and_damaged_ones_are_refused(part, name, change, complaint, opened):

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
+from safetensors.numpy import save_file
 
 from experiments.fit import config_of, derive, fit, main, text, verdict
 from experiments.target.folder import FOLDS, cut, fold_targets, parts_of, reader, suitable_size
@@ -177,9 +178,26 @@ def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys
     assert other.digest != model.digest
 
 
+@pytest.mark.slow
+def test_a_tuned_net_of_another_name_is_fitted_and_its_model_has_all_of_it(folder, tmp_path):
+    own = ["--preset", "smoke", "--seeds", "1", "--size", "64x48", "--workers", "1"]
+    out = tmp_path / "run"
+    assert main([str(folder), "--out", str(out), *own, "--net", "lite2", "--trunk", "tuned"]) == 0
+    model = load_model(out / "model")
+    assert (model.settings.net, model.settings.trunk) == ("lite2", "tuned")
+    assert "block20" in model.variables["params"]["trunk"]
+    with pytest.raises(
+        UserError, match="a model of the net lite2, tuned; --net and --trunk say lite0"
+    ):
+        fit(config_of(folder, tmp_path / "next", preset="smoke", init=out / "model"))
+
+
 def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys) -> None:
     out = ["--out", str(tmp_path / "run"), "--preset", "smoke"]
     (tmp_path / "empty").mkdir()
+    bad = tmp_path / "model.safetensors"
+    save_file({"embeddings.cls_token": np.zeros((1, 1, 384), np.float32)}, bad)
+    dinov2 = [str(folder), *out, "--net", "dinov2", "--weights", str(bad)]
     for arguments, message in (
         ([str(tmp_path / "none"), *out], "none: no such folder"),
         ([str(tmp_path / "empty"), *out], "no target.yaml in it"),
@@ -187,6 +205,14 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
         ([str(folder), *out, "--size", "60x48"], "--size must be two multiples of 8, 32 or more"),
         ([str(folder), *out, "--seeds", "0"], "--seeds must be"),
         ([str(folder), *out, "--init", str(tmp_path)], "no model"),
+        ([str(folder), *out, "--net", "dinov2"], "--net: weights must name the file of the trunk"),
+        ([str(folder), *out, "--weights", "x"], "--weights x is for --net dinov2; those of lite0"),
+        ([*dinov2, "--trunk", "tuned"], '"tuned", but that of dinov2 stays frozen'),
+        (
+            [*dinov2],
+            f"{bad}: embeddings.position_embeddings is missing; expected all of DINOv2 ViT-S",
+        ),
+        ([*dinov2[:-1], str(folder / "target.yaml")], "target.yaml: no file of weights"),
     ):
         assert main(arguments) == 2
         assert message in capsys.readouterr().err.splitlines()[-1]

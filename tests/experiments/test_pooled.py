@@ -70,7 +70,7 @@ def test_each_street_is_rendered_once_and_its_features_serve_all_rewards(config,
     assert len(scores.calls) == 12 and found.rewards.shape == (2, 6)
     for _, recipe, truth, seed, *_ in (("", *call) for call in scores.calls):
         assert (recipe.fidelity.streets, recipe.fidelity.shots) == (4, 1)
-        assert len(truth.images) == 4 and len(truth.features.eighth) == 4 * 2  # views
+        assert len(truth.images) == 4 and len(truth.features[0]) == 4 * 2  # views
         assert truth.labels.max() < 11 or (truth.labels == 255).any()
         assert 0 <= seed < 2**32
     records = lines(config.out / "evaluations.jsonl")

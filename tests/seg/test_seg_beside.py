@@ -45,7 +45,7 @@ def test_a_set_with_none_beside_it_is_drawn_as_ever():
 
 def test_parts_that_count_by_their_size_are_the_whole():
     maps = features(IMAGES)
-    parts = [type(maps)(*(m[where] for m in maps)) for where in (slice(0, 4), slice(4, 6))]
+    parts = [tuple(m[where] for m in maps) for where in (slice(0, 4), slice(4, 6))]
     found = mixed([4 / 6, 2 / 6], [channel_statistics(part) for part in parts])
     assert_close(found, channel_statistics(maps), rtol=2e-3, atol=2e-5)
     one = channel_statistics(parts[1])

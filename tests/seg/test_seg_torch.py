@@ -7,9 +7,9 @@ import pytest
 torch = pytest.importorskip("torch", reason="PyTorch is not installed: pip install torch")
 
 from benchmarks import torch_nets  # noqa: E402
-from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, Lite0, normalise  # noqa: E402
-from seg.nets.lite0 import Trunk, pyramid, statistics  # noqa: E402
-from seg.pyramid import trunk_params  # noqa: E402
+from seg.nets import VGG16, Compact, DeepLabV2, FCN8s, net, normalise  # noqa: E402
+from seg.nets.head import statistics  # noqa: E402
+from seg.nets.trunks import trunk  # noqa: E402
 from seg.weights.read import read  # noqa: E402
 
 from .conftest import assert_close, filled, normal  # noqa: E402
@@ -42,16 +42,18 @@ def assert_as_in_pytorch(ours, theirs, images, params, rtol=1e-7, **others):
     assert_close(found, [o.numpy().transpose(0, 2, 3, 1) for o in expected], rtol, atol=1e-4)
 
 
-@pytest.mark.parametrize("size", [(64, 96), (45, 61)])
-def test_logits_of_lite0_are_those_of_pytorch(size):
+@pytest.mark.parametrize(("name", "size"), [
+    ("lite0", (64, 96)), ("lite0", (45, 61)), ("lite2", (64, 96)),
+])  # fmt: skip
+def test_logits_of_a_lite_are_those_of_pytorch(name, size):
     rng = np.random.default_rng(0)  # noise has features like no photo's, so it is enlarged
     coarse = rng.random((2, size[0] // 8 + 2, size[1] // 8 + 2, 3)).astype(np.float32)
     pictures = jax.image.resize(coarse, (2, *size, 3), "linear")
-    images, ours = normalise(pictures), Lite0(CLASSES, width=16)
-    params = filled(ours, images) | {"trunk": trunk_params()}
-    maps = jax.jit(Trunk().apply)({"params": params["trunk"]}, pictures)
-    own = dict(zip(("mean", "deviation"), statistics(pyramid(maps)), strict=True))
-    theirs = torch_nets.Lite0(CLASSES, width=16)
+    images, ours = normalise(pictures), net(name, CLASSES, width=16)
+    params = filled(ours, images) | {"trunk": trunk(name).load()}
+    maps = jax.jit(trunk(name).module.apply)({"params": params["trunk"]}, pictures)
+    own = dict(zip(("mean", "deviation"), statistics(maps), strict=True))
+    theirs = torch_nets.Lite(CLASSES, name, width=16)
     assert_as_in_pytorch(ours, theirs, images, params, rtol=1e-4, statistics={"head": own})
 
 

@@ -143,7 +143,7 @@ def test_arrays_that_do_not_fit(images, labels, message):
     (LITE0 | {"lr_multipliers": "deeplab"}, "lite0 has rates of its own"),
     (LITE0 | {"views": 0}, "views must be 1 or more, not 0"),
     (LITE0 | {"loss_stride": 3}, "loss_stride must be one of 1, 2, 4, 8, not 3"),
-    ({"loss_stride": 2}, "are of lite0; the net is compact"),
+    ({"loss_stride": 2}, "are of nets on a trunk; the net is compact"),
     (LITE0 | {"head_width": 0}, "head_width must be 1 or more, not 0"),
     (LITE0 | {"head_dropout": 1.0}, r"head_dropout must lie in \[0, 1\), not 1\.0"),
     ({"average": 1.0}, r"average must lie in \[0, 1\), not 1\.0"),

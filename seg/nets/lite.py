@@ -1,0 +1,182 @@
+"""The EfficientNet-Lites up to their last block: feature maps at 1/8, 1/16 and 1/32.
+
+Source: Tan, Le, "EfficientNet" (2019), in the form "Lite" of its authors: no squeeze and excitation, ReLU6,
+the stem's 32 and the last 1280 channels not scaled, and the first and the last stage never deeper. Batch
+normalisation is folded into kernels and biases (`seg.weights.lite`): with statistics fixed it is no more.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from flax import linen as nn
+from jax.typing import DTypeLike
+from jaxtyping import Array, Float
+
+from seg.nets.ops.depthwise import Pointwise, Spatial
+from seg.nets.ops.resize import pad_to_multiple
+
+STEM = 32
+"""Channels of the first convolution."""
+STRIDES = (8, 16, 32)
+"""Of the maps that a head sees."""
+
+
+class Block(NamedTuple):
+    """An inverted residual: 1x1 to `expand` times the channels, depthwise, 1x1 to `features`."""
+
+    side: int
+    stride: int
+    expand: int
+    features: int
+
+
+_STAGES = (  # blocks, and the first of them; the others have stride 1
+    (1, Block(3, 1, 1, 16)),
+    (2, Block(3, 2, 6, 24)),
+    (2, Block(5, 2, 6, 40)),
+    (3, Block(3, 2, 6, 80)),
+    (3, Block(5, 1, 6, 112)),
+    (4, Block(5, 2, 6, 192)),
+    (1, Block(3, 1, 6, 320)),
+)
+
+
+class Size(NamedTuple):
+    """How a net of the family differs from the smallest."""
+
+    width: float  # times as many channels, in whole eights
+    depth: float  # times as many blocks in a stage, rounded up
+
+
+SIZES = {"lite0": Size(1.0, 1.0), "lite1": Size(1.0, 1.1), "lite2": Size(1.1, 1.2)}
+
+
+def blocks_of(size: Size) -> tuple[Block, ...]:
+    """The blocks of a net, in their order."""
+
+    def scaled(channels: int) -> int:
+        return int(channels * size.width + 4) // 8 * 8
+
+    ends = (0, len(_STAGES) - 1)
+    return tuple(
+        first._replace(stride=first.stride if i == 0 else 1, features=scaled(first.features))
+        for stage, (count, first) in enumerate(_STAGES)
+        for i in range(count if stage in ends else math.ceil(count * size.depth))
+    )
+
+
+def taps_of(blocks: tuple[Block, ...]) -> tuple[int, ...]:
+    """The last blocks at strides 4, 8, 16 and 32: those that the next stride comes after."""
+    falls = [number for number, block in enumerate(blocks) if block.stride == 2]
+    return *(number - 1 for number in falls[1:]), len(blocks) - 1
+
+
+def channels_of(blocks: tuple[Block, ...]) -> tuple[int, ...]:
+    """Of the maps at 1/8, 1/16 and 1/32."""
+    fine, eighth, *coarse = (blocks[i].features for i in taps_of(blocks))
+    return fine + eighth, *coarse
+
+
+class _Block(nn.Module):
+    shape: Block
+    dtype: DTypeLike | None = None
+
+    @nn.compact
+    def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b rows cols features"]:
+        side, stride, expand, features = self.shape
+        y = x
+        if expand > 1:
+            y = relu6(Pointwise(expand * x.shape[-1], dtype=self.dtype, name="expand")(y))
+        y = relu6(Spatial(side, stride, dtype=self.dtype, name="depthwise")(y))
+        y = Pointwise(features, dtype=self.dtype, name="project")(y)
+        return y + x if y.shape == x.shape and stride == 1 else y
+
+
+@jax.custom_vjp
+def relu6(x: Array) -> Array:
+    """The gradient of `jnp.clip` divides it between equal values; here it is 0 at 0 and 6, as in PyTorch."""
+    return jnp.clip(x, 0, 6)
+
+
+def _relu6_forward(x: Array) -> tuple[Array, Array]:
+    y = relu6(x)
+    return y, y
+
+
+def _relu6_backward(y: Array, grad: Array) -> tuple[Array]:
+    return (jnp.where((y > 0) & (y < 6), grad, 0),)
+
+
+relu6.defvjp(_relu6_forward, _relu6_backward)
+
+
+class Lite(nn.Module):
+    """An EfficientNet-Lite without its last layers; Lite0 has 2 939 120 parameters.
+
+    Attributes:
+        blocks: from `blocks_of`.
+        dtype: what it computes in; None for float32.
+    """
+
+    blocks: tuple[Block, ...]
+    dtype: DTypeLike | None = None
+
+    @nn.compact
+    def __call__(self, images: Float[Array, "b h w 3"]) -> tuple[Float[Array, "b _h _w _c"], ...]:
+        """Features at strides 8, 16 and 32, before any ReLU.
+
+        Those of stride 4 are averaged over 2x2 cells and stand before those of stride 8. Images are filled
+        up below and on the right to a multiple of 8 with the grey that is 0 to the net.
+
+        Args:
+            images: RGB in [0, 1].
+        """
+        x = pad_to_multiple((255 * images - 127) / 128, 8)
+        cpu = jax.default_backend() == "cpu"
+        if cpu and len(images) > 1 and not self.is_initializing():
+            maps = _image_by_image(self, x)
+        else:
+            maps = _fine(self, x)
+        coarse = _blocks(self, maps[-1], range(_fine_blocks(self), len(self.blocks)))
+        fine, *others = (m.astype(jnp.float32) for m in (*maps, *coarse))
+        b, h, w, c = fine.shape
+        # Bilinear interpolation at half the resolution is this average.
+        halved = fine.reshape(b, h // 2, 2, w // 2, 2, c).mean(axis=(2, 4))
+        return jnp.concatenate([halved, others[0]], axis=-1), *others[1:]
+
+
+def _fine_blocks(trunk: Lite) -> int:
+    """How many blocks there are up to stride 8."""
+    return taps_of(trunk.blocks)[1] + 1
+
+
+def _blocks(trunk: Lite, x: Array, numbers: range) -> tuple[Array, ...]:
+    maps = []
+    for number in numbers:
+        x = _Block(trunk.blocks[number], trunk.dtype, name=f"block{number}")(x)
+        if number in taps_of(trunk.blocks):
+            maps.append(x)
+    return tuple(maps)
+
+
+def _fine(trunk: Lite, x: Array) -> tuple[Array, ...]:
+    """The features at strides 4 and 8."""
+    x = relu6(Spatial(3, 2, STEM, trunk.dtype, name="stem")(x))
+    return _blocks(trunk, x, range(_fine_blocks(trunk)))
+
+
+def _image_by_image(trunk: Lite, x: Array) -> tuple[Array, ...]:
+    """The same, computed again for the gradient: at these resolutions one image fits a CPU's cache.
+
+    An update at 240x176, batch 8, takes a sixth less time so.
+    """
+
+    def one(trunk: Lite, _: None, image: Array) -> tuple[None, tuple[Array, ...]]:
+        maps = nn.remat(_fine, prevent_cse=False)(trunk, image[None])
+        return None, tuple(m[0] for m in maps)
+
+    scan = nn.scan(one, variable_broadcast="params", split_rngs={"params": False})
+    _, maps = scan(trunk, None, x)
+    return maps

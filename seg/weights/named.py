@@ -1,0 +1,59 @@
+"""Tensors of a file, taken by name and looked at before they are believed."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from seg.errors import WeightsError
+
+
+class Named:
+    """The tensors of a file that are not taken yet.
+
+    Args:
+        arrays: what the file holds.
+        where: the file, as messages call it.
+        net: what it should hold, in words.
+        cure: what a message ends with.
+        unused: names that may be there.
+    """
+
+    def __init__(
+        self,
+        arrays: Mapping[str, np.ndarray],
+        where: str,
+        net: str,
+        cure: str = "",
+        unused: Iterable[str] = (),
+    ) -> None:
+        self._left = {name: array for name, array in arrays.items() if name not in set(unused)}
+        self._where, self._net, self._cure = where, net, cure
+
+    def take(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
+        """A tensor f32 of this shape.
+
+        Raises:
+            WeightsError: it is missing, of another shape or type, or not finite.
+        """
+        if name not in self._left:
+            raise self.error(f"{name} is missing; expected all of {self._net}{self._cure}")
+        array = self._left.pop(name)
+        if array.shape != shape or array.dtype != np.float32:
+            raise self.error(
+                f"{name}: {array.dtype}{list(array.shape)}; {self._net} has float32{list(shape)}"
+            )
+        if not np.isfinite(array).all():
+            raise self.error(f"{name}: holds values that are not finite")
+        return array
+
+    def refuse_others(self) -> None:
+        """Raise WeightsError if a tensor was not taken."""
+        if self._left:
+            raise self.error(
+                f"{min(self._left)}: {self._net} has no such tensor; these weights are of another "
+                f"net{self._cure}"
+            )
+
+    def error(self, text: str) -> WeightsError:
+        """What is wrong with the file."""
+        return WeightsError(f"{self._where}: {text}")
