@@ -18,7 +18,7 @@ from experiments.run.nets import by_row, jobs_of, paired_seeds, training_sets
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study
 from scene.dataset.export import export_dataset, read_dataset
-from scene.proposal import Streets, draw, named
+from scene.proposal import Streets, draw
 from seg.data import LabelledImages
 from shell.files import write, write_json
 
@@ -66,7 +66,7 @@ def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
     some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
     sets = {}
     for name in ("random", "default"):
-        streets = named(name, config.space, config.default_width)
+        streets = config.streets(name)
         sets[name] = render(recipe._replace(fidelity=some), streets, config.seed, run.workers)
     sets["learnt"] = read_dataset(config.out / "dataset")
     found = {

@@ -3,6 +3,7 @@
 python -m scene.render --attributes default --images 180 --size 640x320 --out streets
 python -m scene.render --attributes runs/main/attributes.json --images 450 --format coco --out streets
 python -m scene.render --attributes random --images 600 --format folders --target camvid --out streets
+python -m scene.render --attributes random --space extended --fix field_of_view=90 --out streets
 """
 
 from __future__ import annotations
@@ -19,7 +20,8 @@ from scene.dataset.export import export_dataset
 from scene.dataset.formats.layout import FORMATS, SPLITS
 from scene.dataset.read import DESCRIPTION, MOST_IMAGES
 from scene.executors import workers_of
-from scene.proposal import draw, read_streets
+from scene.held import HELP, hold, in_words, read_fixed
+from scene.proposal import draw, read_streets, space_in
 from scene.render import RENDERERS, RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
 from scene.workers import ExecutorName, WorkerError, refuse_many_workers
@@ -46,6 +48,7 @@ def parser() -> Parser:
         "run's attributes.json, or every attribute's name with a value in [0, 1]",
     )
     add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
+    add("--fix", action="append", default=[], metavar="NAME=VALUE", help=HELP)
     add("--images", type=int, default=180, help="of as many streets, unless --shots says otherwise")
     add("--size", type=size, default=(640, 320), help="WIDTHxHEIGHT in pixels")
     add("--format", choices=FORMATS, default="cityscapes", help="layout, see docs/datasets.md")
@@ -105,6 +108,10 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     refuse_many_shots("--shots", options.shots, settings)
     refuse_larger("--images", options.images, lambda n: n * STREET // options.shots, "streets")
     chosen = read_streets(options.attributes, options.space)
+    held = read_fixed(options.fix, space_in(chosen))
+    if held:
+        progress.say(f"Held: {in_words(held)}")
+    chosen = hold(chosen, held)
     with workers_of(options.executor, options.workers, options.scheduler) as workers:
         if workers.dashboard is not None:
             progress.say(f"Dashboard: {workers.dashboard}")

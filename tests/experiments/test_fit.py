@@ -141,10 +141,15 @@ def test_means_are_over_folds_and_seeds_and_a_net_that_failed_drops_its_seed() -
     assert found["rows"]["renders"]["per_class"] == {"road": 30.0, "sky": None}
 
 
+FIX = ["field_of_view=90"]
+
+
 def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys) -> None:
     arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
-    assert main([*arguments, "--size", "64x48", "--workers", "1"]) == 0
+    arguments += ["--size", "64x48", "--workers", "1", "--fix", "field_of_view=90"]
+    assert main(arguments) == 0
     said = capsys.readouterr().out
+    held = "Held in all streets: field_of_view 90 deg."
     assert (
         "By fold, renders add" in said
         and "by one net each" in said
@@ -154,7 +159,7 @@ def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys
     assert list(summary["rows"]) == ["labels", "labels+renders", "renders"]
     assert [len(fold) for fold in summary["nets"]["labels"]] == [1, 1]
     page = (tmp_path / "run" / "report.html").read_text()
-    assert summary["verdict"] in page and "data:image/png" in page
+    assert summary["verdict"] in page and "data:image/png" in page and held in page and held in said
     assert (tmp_path / "run" / "predictions.png").exists()
     model = load_model(tmp_path / "run" / "model")
     assert model.names == ("street", "house", "sky", "plant", "bench")
@@ -164,13 +169,15 @@ def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys
     assert labels.shape == (30, 70)
     # Again: everything is known, and the answer is the same.
     again = fit(
-        config_of(folder, tmp_path / "run", preset="smoke", seeds=1, size=(64, 48), workers=1)
+        config_of(
+            folder, tmp_path / "run", preset="smoke", seeds=1, size=(64, 48), workers=1, fix=FIX
+        )
     )
     assert again["nets"] == summary["nets"] and text(again) in said
     # Labels were added: the net that is left starts from the model before.
     config = config_of(
         folder, tmp_path / "next", preset="smoke", seeds=1, size=(64, 48), workers=1,
-        init=tmp_path / "run" / "model",
+        init=tmp_path / "run" / "model", fix=FIX,
     )  # fmt: skip
     assert fit(config)["nets"] == summary["nets"]
     other = load_model(tmp_path / "next" / "model")
@@ -187,6 +194,7 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
         ([str(folder), *out, "--size", "60x48"], "--size must be two multiples of 8, 32 or more"),
         ([str(folder), *out, "--seeds", "0"], "--seeds must be"),
         ([str(folder), *out, "--init", str(tmp_path)], "no model"),
+        ([str(folder), *out, "--fix", "field_of_view=9"], "from 30 to 110 (deg)"),
     ):
         assert main(arguments) == 2
         assert message in capsys.readouterr().err.splitlines()[-1]
