@@ -16,6 +16,7 @@ from .conftest import POOLED, Counted, lines, main_job, never, transferred
 FIX = ("--space", "extended", "--fix", "field_of_view=90", "--fix", "camera_position_y=1.4")
 HELD = read_fixed(FIX[3::2], "extended")
 WORDS = f"Held in all streets: {in_words(HELD)}"
+LEARNT = {"centre": 0.4, "width": 0.3}
 WHERE = [names("extended").index(name) for name in HELD]
 
 
@@ -37,15 +38,15 @@ def checked(scores: Counted) -> int:
     ("table", 6, "--learnt FILE"), ("pretrain", 2, "--learnt FILE"), ("assets", 4, ""),
     ("labels", 2, "--learnt FILE --renders default learnt"),
     ("ablation", 8, "--variants full random no_positions --search.method random_search"),
-    ("compare", 8, "--methods random_attributes surrogate --subsets all"),
+    ("compare", 8, "--methods random_attributes random_search --subsets all"),
     ("searches", 20, "--methods random_search --few 2"),
-    ("fidelity", 6, ""), ("sensitivity", 12, ""),
+    ("fidelity", 6, ""), pytest.param("sensitivity", 12, "", marks=pytest.mark.slow),
 ])  # fmt: skip
 def test_every_row_of_a_study_holds_it_and_its_report_says_so(
     name, rendered, flags, command, tmp_path
 ):
     file = tmp_path / "learnt.json"
-    file.write_text(json.dumps(dict.fromkeys(names("extended"), {"centre": 0.4, "width": 0.3})))
+    file.write_text(json.dumps({name: LEARNT for name in names("extended")}))
     scored = Counted()
     tuned = Counted(transferred)
     tuned.calls = scored.calls
@@ -56,14 +57,16 @@ def test_every_row_of_a_study_holds_it_and_its_report_says_so(
     assert WORDS in (tmp_path / "run" / f"{name}.md").read_text()
 
 
-@pytest.mark.parametrize("method", ["surrogate", "pool"])
+@pytest.mark.parametrize("method", [
+    "random_search", pytest.param("pool", marks=pytest.mark.slow),
+])  # fmt: skip
 def test_a_run_keeps_what_is_held_and_is_not_continued_with_another_value(
     method, camvid, scored_by, tmp_path, error_line, capsys
 ):
     scores = Counted()
     scored_by(scores)
     flags = ["--data", str(camvid), "--out", str(tmp_path / "run")]
-    flags += POOLED[4:] if method == "pool" else ["--candidates", "argmax", "broad", "default"]
+    flags += POOLED[4:] if method == "pool" else ["--method", method, "--candidates", "argmax", "broad"]
     assert main_job("camvid", *flags, *FIX) == 0
     assert WORDS in capsys.readouterr().out
     if method != "pool":

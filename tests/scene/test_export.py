@@ -279,7 +279,7 @@ def test_the_command_line_holds_what_is_known(tmp_path, printed):
     found = described(tmp_path / "a")
     for name, value in (("field_of_view", 90), ("camera_position_y", 1.4)):
         units = [street[names("extended").index(name)] for street in found["streets"]]
-        assert {BY_NAME[name].physical(unit) for unit in units} == {pytest.approx(value)}
+        assert [BY_NAME[name].physical(unit) for unit in units] == pytest.approx([value] * 2)
         assert [c["attributes"][name]["width"] for c in found["attributes"]["components"]] == [0, 0]
 
 
