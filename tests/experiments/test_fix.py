@@ -66,7 +66,9 @@ def test_a_run_keeps_what_is_held_and_is_not_continued_with_another_value(
     scores = Counted()
     scored_by(scores)
     flags = ["--data", str(camvid), "--out", str(tmp_path / "run")]
-    flags += POOLED[4:] if method == "pool" else ["--method", method, "--candidates", "argmax", "broad"]
+    flags += (
+        POOLED[4:] if method == "pool" else ["--method", method, "--candidates", "argmax", "broad"]
+    )
     assert main_job("camvid", *flags, *FIX) == 0
     assert WORDS in capsys.readouterr().out
     if method != "pool":
