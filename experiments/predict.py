@@ -85,7 +85,7 @@ def predict(
     told = Progress(total) if progress else None
     done = 0
     with opened(out, job, packages=PACKAGES):
-        scores = None if rank is None else Scores(out / SCORES)
+        scores = None if rank is None else Scores(out / SCORES, len(model.classes))
 
         def there(name: str) -> bool:
             return _label(out, name).exists() and (scores is None or name in scores.known)

@@ -38,18 +38,28 @@ def refuse_unranked(
 class Scores:
     """What the net said of each image, in a file that outlives a kill.
 
+    Args:
+        path: the file.
+        classes: that the net tells apart.
+
     Attributes:
         known: by name of the image.
+
+    Raises:
+        UserError: a line that is no score.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._lines = JsonLines(path)
-        self.known = {line["name"]: self._parsed(k) for k, line in enumerate(self._lines.lines)}
+    def __init__(self, path: Path, classes: int) -> None:
+        self._lines, self._shape = JsonLines(path), (classes,)
+        self.known = dict(map(self._parsed, range(len(self._lines.lines))))
 
-    def _parsed(self, number: int) -> ClassEntropy:
+    def _parsed(self, number: int) -> tuple[str, ClassEntropy]:
         line = self._lines.lines[number]
         try:
-            return ClassEntropy(*(np.array(line[name], float) for name in ClassEntropy._fields))
+            own = ClassEntropy(*(np.array(line[field], float) for field in ClassEntropy._fields))
+            if any(part.shape != self._shape or not np.isfinite(part).all() for part in own):
+                raise ValueError
+            return line["name"], own
         except (KeyError, TypeError, ValueError):
             raise UserError(f"{self._lines.where(number)} is no score; {CURE}") from None
 
