@@ -1,8 +1,9 @@
 """A trained net that leaves the program: saved as files, loaded again, and used on images of any size.
 
-A model is a folder of two files. `weights.safetensors` holds all variables of the net that training returns:
-with a frozen trunk those of the head alone, since the trunk's weights come with a package, which
-`config.json` names with their digest. `config.json` holds the classes, the size, the recipe and the versions.
+A model is a folder of three files. `weights.safetensors` holds all variables of the net that training
+returns: with a frozen trunk those of the head alone, since the trunk's weights come with a package, which
+`config.json` names with their digest. `config.json` holds the classes, the size, the recipe and the versions;
+`README.md` is the card, for people and Hugging Face, and is not read.
 """
 
 import hashlib
@@ -19,6 +20,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_tensors
 from safetensors.numpy import save as tensor_bytes
 
+from seg.card import README, card
 from seg.classes import IGNORE_LABEL, colorize
 from seg.data.labelled import fitted
 from seg.errors import ModelError
@@ -232,13 +234,14 @@ class Model:
         folder = Path(folder)
         if folder.exists():
             held = {path.name for path in folder.iterdir()} if folder.is_dir() else {folder.name}
-            if held - {CONFIG, WEIGHTS}:
+            if stray := held - {CONFIG, WEIGHTS, README}:
                 raise ModelError(
-                    f"{folder} holds other files, such as {min(held - {CONFIG, WEIGHTS})}; "
+                    f"{folder} holds other files, such as {min(stray)}; "
                     "a model is saved into a new folder, or over an older model"
                 )
         with whole_folder(folder) as part:
             write(part / WEIGHTS, self._weights())
+            write(part / README, card(self))
             write_json(part / CONFIG, self._described())
 
     def _weights(self) -> bytes:

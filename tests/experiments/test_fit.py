@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -165,6 +166,9 @@ def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys
     assert model.names == ("street", "house", "sky", "plant", "bench")
     assert [own.id for own in model.classes] == [7, 11, 23, 21, 40] and model.size == (48, 64)
     assert model.notes["labelled_images"] == 5 and model.notes["verdict"] == summary["verdict"]
+    front = (tmp_path / "run" / "model" / "README.md").read_text().split("---\n")[1]
+    [told] = yaml.safe_load(front)["model-index"][0]["results"]
+    assert told["metrics"][0]["value"] == round(summary["rows"][summary["recipe"]]["mean"], 2)
     (labels,) = model.predict([np.zeros((30, 70, 3), np.uint8)])
     assert labels.shape == (30, 70)
     # Again: everything is known, and the answer is the same.
