@@ -85,7 +85,7 @@ def predict(
     told = Progress(total) if progress else None
     done = 0
     with opened(out, job, packages=PACKAGES):
-        scores = None if rank is None else Scores(out / SCORES, len(model.classes))
+        scores = None if rank is None else Scores(out / SCORES)
 
         def there(name: str) -> bool:
             return _label(out, name).exists() and (scores is None or name in scores.known)
@@ -132,8 +132,8 @@ def _write(
         return
     images = [frame.image for frame in new]
     if scores is not None:
-        found, entropies = zip(*model.predict_with_entropy(images), strict=True)
-        scores.add({frame.name: own for frame, own in zip(new, entropies, strict=True)})
+        found, margins = zip(*model.predict_with_margin(images), strict=True)
+        scores.add({frame.name: own for frame, own in zip(new, margins, strict=True)})
     else:
         found = model.probabilities(images) if probabilities else model.predict(images)
     for frame, labels in zip(new, found, strict=True):

@@ -95,7 +95,7 @@ def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
         workers=run.workers,
     )
     if run.target.few_names:
-        write(config.out / "dataset" / note.README, note.text(run))
+        write(config.out / "dataset" / note.NOTE, note.text(run))
 
 
 FORM = Form("summary", summary.derive, summary.text, {}, {"report.html": page.html})

@@ -26,7 +26,7 @@ class Ranked(NamedTuple):
 
     name: str  # of its results, without an ending
     file: str  # below the folder above the images
-    uncertainty: float  # 0 for a net that is sure of all pixels
+    uncertainty: float  # in [0, 1], 0 for a net that is sure of all pixels
     labels: Path  # its PNG of ids
 
 
@@ -44,14 +44,13 @@ def write_files(out: Path, ranked: Sequence[Ranked], first: int, model: Model) -
         OSError: a file cannot be written, with its name.
     """
     classes, some = model.classes, ranked[:first]
-    most = max((own.uncertainty for own in ranked), default=0.0) or 1.0
     rows = ((k, own.file, f"{own.uncertainty:.6f}") for k, own in enumerate(ranked, 1))
     table = io.StringIO()
     csv.writer(table, lineterminator="\n").writerows([("rank", "image", "uncertainty"), *rows])
     write(out / CVAT, cvat.archive(_labelled(some, classes), classes))
     write(out / CVAT_LABELS, cvat.constructor(classes))
     tasks = (
-        label_studio.Task(own.file, labels, 1 - own.uncertainty / most)
+        label_studio.Task(own.file, labels, 1 - own.uncertainty)
         for own, (_, labels) in zip(some, _labelled(some, classes), strict=True)
     )
     write(out / STUDIO, label_studio.tasks(tasks, classes, f"sdr-jax {model.digest[:8]}"))

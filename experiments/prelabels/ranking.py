@@ -5,17 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
-
 from experiments.prelabels.files import Ranked
 from seg.data.frames import Source
 from seg.model import As
-from seg.uncertainty import ClassEntropy, uncertainties
 from shell.errors import UserError
 from shell.lines import CURE, JsonLines
 
 SCORES = "scores.jsonl"
-"""What a net says of each image."""
+"""How unsure a net is of each image."""
 
 
 def refuse_unranked(
@@ -36,41 +33,31 @@ def refuse_unranked(
 
 
 class Scores:
-    """What the net said of each image, in a file that outlives a kill.
-
-    Args:
-        path: the file.
-        classes: that the net tells apart.
+    """How unsure the net is of each image, in a file that outlives a kill.
 
     Attributes:
-        known: by name of the image.
+        known: `seg.uncertainty.mean_margin` by name of the image.
 
     Raises:
         UserError: a line that is no score.
     """
 
-    def __init__(self, path: Path, classes: int) -> None:
-        self._lines, self._shape = JsonLines(path), (classes,)
+    def __init__(self, path: Path) -> None:
+        self._lines = JsonLines(path)
         self.known = dict(map(self._parsed, range(len(self._lines.lines))))
 
-    def _parsed(self, number: int) -> tuple[str, ClassEntropy]:
+    def _parsed(self, number: int) -> tuple[str, float]:
         line = self._lines.lines[number]
-        try:
-            own = ClassEntropy(*(np.array(line[field], float) for field in ClassEntropy._fields))
-            if any(part.shape != self._shape or not np.isfinite(part).all() for part in own):
-                raise ValueError
-            return line["name"], own
-        except (KeyError, TypeError, ValueError):
-            raise UserError(f"{self._lines.where(number)} is no score; {CURE}") from None
+        name, value = line.get("name"), line.get("uncertainty")
+        if isinstance(name, str) and isinstance(value, float) and 0 <= value <= 1:
+            return name, value
+        raise UserError(f"{self._lines.where(number)} is no score; {CURE}")
 
-    def add(self, found: Mapping[str, ClassEntropy]) -> None:
+    def add(self, found: Mapping[str, float]) -> None:
         """Keep the scores of some images."""
-        rows = [
-            {"name": name, **{field: part.tolist() for field, part in own._asdict().items()}}
-            for name, own in found.items()
-        ]
-        self._lines.append(*rows)
-        self.known |= found
+        rounded = {name: round(value, 6) for name, value in found.items()}
+        self._lines.append(*({"name": n, "uncertainty": u} for n, u in rounded.items()))
+        self.known |= rounded
 
 
 def ranked(
@@ -85,14 +72,13 @@ def ranked(
         labels: the label picture of a name.
     """
     base = Path(images.resolve().name)
-    values = uncertainties([scores.known[source.name] for source in sources])
     rows = [
         Ranked(
             source.name,
             (base / source.path.relative_to(images)).as_posix(),
-            float(value),
+            scores.known[source.name],
             labels(source.name),
         )
-        for source, value in zip(sources, values, strict=True)
+        for source in sources
     ]
     return sorted(rows, key=lambda own: -own.uncertainty)

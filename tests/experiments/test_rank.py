@@ -17,7 +17,7 @@ from experiments.predict import main, predict
 from experiments.prelabels import cvat, label_studio
 from seg.data.images import read_image
 from seg.model import label_classes
-from seg.uncertainty import class_entropy
+from seg.uncertainty import mean_margin
 
 from .test_predict import SHAPES, folder, images, model, one_line, video
 
@@ -75,14 +75,11 @@ def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(
     assert "label from the top; pre-labels of the first 3 in cvat.zip" in capsys.readouterr().out
     head, *rows = csv.reader(io.StringIO((out / "ranking.csv").read_text()))
     assert head == ["rank", "image", "uncertainty"] and len(rows) == len(SHAPES)
-    # By hand: the mean over classes of each one's entropy, over its share of all images.
-    own = {
-        name: class_entropy(scores)
+    values = {
+        name: mean_margin(scores)
         for name in SHAPES
         for scores, _ in model._scores([read_image(images / f"{name}.png")])
     }
-    shares = np.mean([each.shares for each in own.values()], axis=0)
-    values = {name: float((each.entropy / shares).mean()) for name, each in own.items()}
     order = sorted(values, key=lambda name: -values[name])
     assert [row[1] for row in rows] == [f"images/{name}.png" for name in order]
     assert [float(row[2]) for row in rows] == pytest.approx([values[n] for n in order], abs=1e-6)
@@ -109,7 +106,7 @@ def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(
     brush, image = view.find("BrushLabels"), view.find("Image")
     assert [label.get("value") for label in brush] == NAMES
     scores = [task["predictions"][0]["score"] for task in tasks]
-    assert scores == sorted(scores) and scores[0] == 0
+    assert scores == sorted(scores) and scores[0] == pytest.approx(1 - values[order[0]], abs=1e-5)
     for name, task in zip(order, tasks, strict=False):
         where = parse_qs(urlsplit(task["data"][image.get("value")[1:]]).query)["d"]
         assert where == [f"images/{name}.png"]
