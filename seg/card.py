@@ -25,7 +25,7 @@ sdr-jax predict FOLDER photographs --out labels
 ```python
 from seg import load_model
 
-labels = load_model("FOLDER").predict([image])  # RGB u8[h, w, 3] of any size -> places in the table below
+labels = load_model("FOLDER").predict([image])  # RGB u8[h, w, 3] to places in the table
 ```
 FOLDER is the one of this file, with `config.json` and `weights.safetensors`.
 """
