@@ -5,8 +5,9 @@
 A net as `sdr-jax fit` trains it on labels alone (240x176) learns from 14 random images of the drives 0016E5
 and 0001TP and ranks the others; a fresh net then learns from these and the first 14 of each ranking. All
 are tested on the drives 0006R0 and Seq05VD. Rankings of a seed begin with the same net, so they are compared
-in pairs. ``margin`` is what `sdr-jax predict --rank` orders by; ``entropy`` is the mean entropy of pixels;
-``balanced`` weights each pixel's entropy by its classes' rarity in what the net predicts, as mIoU does.
+in pairs. ``spread`` is the order of `sdr-jax predict --rank`; ``margin`` and ``entropy`` are means over
+pixels alone; ``balanced`` weights each pixel's entropy by its classes' rarity in what the net predicts, as
+mIoU does.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from seg import pyramid
 from seg.data import LabelledImages, list_split, load
 from seg.metrics import mean_iou
 from seg.train import Params, logits, score, train
-from seg.uncertainty import mean_margin
+from seg.uncertainty import order, uncertainty
 from seg.views import view_images
 from shell.target_file import find_target
 
@@ -39,7 +40,7 @@ HELD_OUT, OTHER = "0006R0", "Seq05VD"
 BATCH = 32
 AFRESH = 1000
 """Added to the seed of nets that learn from the images chosen."""
-RANKINGS = ("random", "entropy", "margin", "balanced")
+RANKINGS = ("random", "entropy", "margin", "balanced", "spread")
 
 
 class Drives(NamedTuple):
@@ -97,21 +98,25 @@ def ranked(
     own: Drives, net: Params, rng: np.random.Generator, rest: list[int]
 ) -> dict[str, list[int]]:
     """Images that are not labelled yet, the most wanted first, by each ranking."""
-    entropy, margin, by_class, shares = [], [], [], []
+    entropy, unsure, by_class, shares = [], [], [], []
     for scores in _scores(own, net):
         p = np.exp(scores - scores.max(axis=-1, keepdims=True))
         p /= p.sum(axis=-1, keepdims=True)
         h = -(p * np.log(np.maximum(p, 1e-12))).sum(axis=-1)
         entropy.append(h.mean())
-        margin.append(mean_margin(scores))
+        unsure.append(uncertainty(scores))
         by_class.append((p * h[..., None]).mean(axis=(0, 1)))
         shares.append(p.mean(axis=(0, 1)))
     rarity = 1 / np.maximum(np.mean(shares, axis=0), 1e-4)
-    values = {"entropy": entropy, "margin": margin, "balanced": (by_class * rarity).mean(axis=1)}
+    values = {
+        "entropy": entropy,
+        "margin": [each.margin for each in unsure],
+        "balanced": (by_class * rarity).mean(axis=1),
+    }
     found = {"random": rng.permutation(rest).tolist()}
     for name, of in values.items():
         found[name] = [rest[k] for k in np.argsort(-np.array(of)[rest], kind="stable")]
-    return found
+    return found | {"spread": [rest[k] for k in order([unsure[k] for k in rest], FIRST)]}
 
 
 def measured(own: Drives, seed: int) -> list[Row]:
@@ -121,8 +126,8 @@ def measured(own: Drives, seed: int) -> list[Row]:
     net = fitted(own, first, seed)
     rest = [k for k in range(len(own.pool.images)) if k not in first]
     rows = [{"seed": seed, "ranking": "none", **tested(own, net)}]
-    for name, order in ranked(own, net, rng, rest).items():
-        grown = fitted(own, [*first, *order[:FIRST]], AFRESH + seed)
+    for name, chosen in ranked(own, net, rng, rest).items():
+        grown = fitted(own, [*first, *chosen[:FIRST]], AFRESH + seed)
         rows.append({"seed": seed, "ranking": name, **tested(own, grown)})
     return rows
 

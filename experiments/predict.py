@@ -85,7 +85,7 @@ def predict(
     told = Progress(total) if progress else None
     done = 0
     with opened(out, job, packages=PACKAGES):
-        scores = None if rank is None else Scores(out / SCORES)
+        scores = None if rank is None else Scores(out / SCORES, len(model.classes))
 
         def there(name: str) -> bool:
             return _label(out, name).exists() and (scores is None or name in scores.known)
@@ -102,9 +102,8 @@ def predict(
                     told.update(f"{done} of {total} images")
         if scores is not None:
             assert rank is not None
-            write_files(
-                out, ranked(sources, scores, images, lambda name: _label(out, name)), rank, model
-            )
+            rows = ranked(sources, scores, images, lambda name: _label(out, name), rank)
+            write_files(out, rows, rank, model)
     if told is not None:
         told.close()
     return done
@@ -132,8 +131,8 @@ def _write(
         return
     images = [frame.image for frame in new]
     if scores is not None:
-        found, margins = zip(*model.predict_with_margin(images), strict=True)
-        scores.add({frame.name: own for frame, own in zip(new, margins, strict=True)})
+        found, unsure = zip(*model.predict_with_uncertainty(images), strict=True)
+        scores.add({frame.name: own for frame, own in zip(new, unsure, strict=True)})
     else:
         found = model.probabilities(images) if probabilities else model.predict(images)
     for frame, labels in zip(new, found, strict=True):

@@ -27,7 +27,7 @@ from seg.errors import ModelError
 from seg.nets.lite0 import SMALLEST
 from seg.settings import TrainSettings, check_settings
 from seg.train import Params, logits, outline
-from seg.uncertainty import mean_margin
+from seg.uncertainty import Uncertainty, uncertainty
 from seg.weights import lite0
 from shell.errors import UserError
 from shell.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
@@ -169,13 +169,13 @@ class Model:
         found = [_softmax(own, size) for own, size in self._scores(images)]
         return np.stack(found) if isinstance(images, np.ndarray) else found
 
-    def predict_with_margin(
+    def predict_with_uncertainty(
         self, images: Sequence[np.ndarray]
-    ) -> list[tuple[UInt8[np.ndarray, "h w"], float]]:
-        """What `predict` returns for a list, each with its `mean_margin` at the model's size."""
+    ) -> list[tuple[UInt8[np.ndarray, "h w"], Uncertainty]]:
+        """What `predict` returns for a list, each with how unsure the net is, at the model's size."""
         places = range(len(self.classes))
         return [
-            (_highest(own, size, places), mean_margin(own)) for own, size in self._scores(images)
+            (_highest(own, size, places), uncertainty(own)) for own, size in self._scores(images)
         ]
 
     def _scores(

@@ -35,7 +35,7 @@ def write_files(out: Path, ranked: Sequence[Ranked], first: int, model: Model) -
 
     Args:
         out: the folder.
-        ranked: the least sure first.
+        ranked: in the order in which they are to be labelled.
         first: images that get pre-labels in the tools' files.
         model: that made the labels.
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from experiments.prelabels.files import Ranked
 from seg.data.frames import Source
 from seg.model import As
+from seg.uncertainty import PARTS, Uncertainty, order
 from shell.errors import UserError
 from shell.lines import CURE, JsonLines
 
@@ -35,50 +36,63 @@ def refuse_unranked(
 class Scores:
     """How unsure the net is of each image, in a file that outlives a kill.
 
+    Args:
+        path: the file.
+        classes: that the net tells apart.
+
     Attributes:
-        known: `seg.uncertainty.mean_margin` by name of the image.
+        known: by name of the image.
 
     Raises:
         UserError: a line that is no score.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._lines = JsonLines(path)
+    def __init__(self, path: Path, classes: int) -> None:
+        self._lines, self._length = JsonLines(path), PARTS**2 * classes
         self.known = dict(map(self._parsed, range(len(self._lines.lines))))
 
-    def _parsed(self, number: int) -> tuple[str, float]:
+    def _parsed(self, number: int) -> tuple[str, Uncertainty]:
         line = self._lines.lines[number]
-        name, value = line.get("name"), line.get("uncertainty")
-        if isinstance(name, str) and isinstance(value, float) and 0 <= value <= 1:
-            return name, value
+        name, margin, layout = (line.get(field) for field in ("name", *Uncertainty._fields))
+        if isinstance(name, str) and isinstance(layout, list) and len(layout) == self._length:
+            numbers = [v for v in (margin, *layout) if isinstance(v, int | float) and 0 <= v <= 1]
+            if len(numbers) == 1 + self._length:
+                return name, Uncertainty(numbers[0], tuple(numbers[1:]))
         raise UserError(f"{self._lines.where(number)} is no score; {CURE}")
 
-    def add(self, found: Mapping[str, float]) -> None:
-        """Keep the scores of some images."""
-        rounded = {name: round(value, 6) for name, value in found.items()}
-        self._lines.append(*({"name": n, "uncertainty": u} for n, u in rounded.items()))
+    def add(self, found: Mapping[str, Uncertainty]) -> None:
+        """Keep the scores of some images; rounded, so that a stop changes no order."""
+        rounded = {
+            name: Uncertainty(round(own.margin, 6), tuple(round(v, 6) for v in own.layout))
+            for name, own in found.items()
+        }
+        self._lines.append(*({"name": name, **own._asdict()} for name, own in rounded.items()))
         self.known |= rounded
 
 
 def ranked(
-    sources: Sequence[Source], scores: Scores, images: Path, labels: Callable[[str], Path]
+    sources: Sequence[Source],
+    scores: Scores,
+    images: Path,
+    labels: Callable[[str], Path],
+    first: int,
 ) -> list[Ranked]:
-    """All images, the least sure first.
+    """All images in the order in which they are to be labelled.
 
     Args:
         sources: of the images.
         scores: of each.
         images: their folder, or the one file.
         labels: the label picture of a name.
+        first: that are labelled together.
     """
     base = Path(images.resolve().name)
-    rows = [
+    return [
         Ranked(
-            source.name,
-            (base / source.path.relative_to(images)).as_posix(),
-            scores.known[source.name],
-            labels(source.name),
+            sources[k].name,
+            (base / sources[k].path.relative_to(images)).as_posix(),
+            scores.known[sources[k].name].margin,
+            labels(sources[k].name),
         )
-        for source in sources
+        for k in order([scores.known[source.name] for source in sources], first)
     ]
-    return sorted(rows, key=lambda own: -own.uncertainty)

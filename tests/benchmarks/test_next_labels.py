@@ -19,7 +19,7 @@ def test_doubt_comes_first_and_where_classes_are_balanced_that_about_rare_ones(m
     found = ranked(None, None, rng, [CERTAIN, LARGE, SMALL])
     assert tuple(found) == RANKINGS and sorted(found["random"]) == [0, 1, 2]
     assert found["margin"] == [LARGE, SMALL, CERTAIN] and found["entropy"][-1] == CERTAIN
-    assert found["balanced"] == [SMALL, LARGE, CERTAIN]
+    assert found["balanced"] == [SMALL, LARGE, CERTAIN] and found["spread"][0] == LARGE
     assert SMALL not in ranked(None, None, rng, [CERTAIN, LARGE])["margin"]
 
 
@@ -27,9 +27,9 @@ def test_gains_are_in_pairs():
     rows = [
         {"seed": seed, "ranking": name, HELD_OUT: 30.0 + seed + gain, OTHER: 40.0 - gain}
         for seed in (0, 4)
-        for name, gain in zip(("none", *RANKINGS), (-1, 0, 1, 2, 3), strict=True)
+        for name, gain in zip(("none", *RANKINGS), (-1, 0, 1, 2, 3, 4), strict=True)
     ]
-    none, random, _, margin, _ = summary(rows)
+    none, random, _, margin, *_ = summary(rows)
     assert (none["14 more by"], random[HELD_OUT], random[f"{HELD_OUT}, over random"]) == (
         "none",
         "32.0",

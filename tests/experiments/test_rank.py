@@ -17,7 +17,8 @@ from experiments.predict import main, predict
 from experiments.prelabels import cvat, label_studio
 from seg.data.images import read_image
 from seg.model import label_classes
-from seg.uncertainty import mean_margin
+from seg.uncertainty import order as in_order
+from seg.uncertainty import uncertainty
 
 from .test_predict import SHAPES, folder, images, model, one_line, video
 
@@ -75,12 +76,15 @@ def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(
     assert "label from the top; pre-labels of the first 3 in cvat.zip" in capsys.readouterr().out
     head, *rows = csv.reader(io.StringIO((out / "ranking.csv").read_text()))
     assert head == ["rank", "image", "uncertainty"] and len(rows) == len(SHAPES)
-    values = {
-        name: mean_margin(scores)
-        for name in SHAPES
+    files = sorted(SHAPES)
+    own = [
+        uncertainty(scores)
+        for name in files
         for scores, _ in model._scores([read_image(images / f"{name}.png")])
-    }
-    order = sorted(values, key=lambda name: -values[name])
+    ]
+    values = dict(zip(files, (each.margin for each in own), strict=True))
+    order = [files[k] for k in in_order(own, 3)]
+    assert values[order[0]] == max(values.values())
     assert [row[1] for row in rows] == [f"images/{name}.png" for name in order]
     assert [float(row[2]) for row in rows] == pytest.approx([values[n] for n in order], abs=1e-6)
     expected = {n: model.predict([read_image(images / f"{n}.png")])[0] for n in order[:3]}
@@ -106,7 +110,7 @@ def test_images_are_in_order_and_their_labels_in_the_files_of_both_tools(
     brush, image = view.find("BrushLabels"), view.find("Image")
     assert [label.get("value") for label in brush] == NAMES
     scores = [task["predictions"][0]["score"] for task in tasks]
-    assert scores == sorted(scores) and scores[0] == pytest.approx(1 - values[order[0]], abs=1e-5)
+    assert scores == pytest.approx([1 - values[name] for name in order[:3]], abs=1e-5)
     for name, task in zip(order, tasks, strict=False):
         where = parse_qs(urlsplit(task["data"][image.get("value")[1:]]).query)["d"]
         assert where == [f"images/{name}.png"]

@@ -262,7 +262,7 @@ def test_a_card_begins_with_yaml_as_hugging_face_reads_it(format, exported):
         "# Rendered streets\n4 images of"
     )
     assert "| 10 | bicyclist |" in text and "the target camvid" in text
-    folders = {line for line in re.findall(r"`(\w+)/", text)}
+    folders = {line for line in re.findall(r'[`"](\w+)/', text)}
     assert folders and all((exported(format, "camvid") / name).is_dir() for name in folders)
     if format == "parquet":
         [config] = found["configs"]
