@@ -47,8 +47,7 @@ from experiments.study.searches import REWARDS, core_seconds, failed_evaluations
 from experiments.study.skeleton import Made, Row, Search, do, of_rows
 from experiments.study.stats import statistics
 from experiments.target.base import Target
-from scene.attributes import SpaceName, names
-from scene.proposal import random_proposal
+from scene.attributes import names
 from shell.errors import UserError
 
 FULL: Variant = "full"
@@ -104,9 +103,9 @@ def without(config: AblationConfig, variant: Variant) -> AblationConfig:
     return config
 
 
-def subset_of(variant: Variant, space: SpaceName) -> tuple[str, ...]:
-    """The attributes of a space that a variant optimises."""
-    return tuple(name for name in names(space) if name not in FIXED.get(variant, ()))
+def subset_of(variant: Variant, config: AblationConfig) -> tuple[str, ...]:
+    """The attributes that a variant optimises."""
+    return tuple(name for name in config.varied if name not in FIXED.get(variant, ()))
 
 
 def shuffled(
@@ -132,9 +131,7 @@ def planned(config: AblationConfig) -> dict[Variant, SearchPlan]:
     """
     method = config.search.method
     return {
-        variant: plans.plan(
-            without(config, variant), variant, method, subset_of(variant, config.space)
-        )
+        variant: plans.plan(without(config, variant), variant, method, subset_of(variant, config))
         for variant in config.variants
         if variant != RANDOM
     }
@@ -157,7 +154,7 @@ def rows(config: AblationConfig, _: Target) -> list[Row]:
         return Row(
             {"variant": variant},
             lambda run, made, seed: (
-                random_proposal(config.space) if variant == RANDOM else made[variant].solution
+                config.streets(RANDOM) if variant == RANDOM else made[variant].solution
             ),
             config.final,
             what="ablation",
@@ -183,7 +180,7 @@ def report(run: Run[AblationConfig], made: Made, rows: list[Report]) -> Report:
 
 
 def _search(config: AblationConfig, variant: Variant, found: Found) -> Report:
-    own, subset = without(config, variant), subset_of(variant, config.space)
+    own, subset = without(config, variant), subset_of(variant, config)
     intervals = np.round(np.stack(found.solution, axis=-1).astype(float), 6).tolist()
     return {
         "attributes": len(subset),

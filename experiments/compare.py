@@ -52,14 +52,13 @@ from experiments.study.skeleton import Made, Row, Search, do, of_rows
 from experiments.study.stats import statistics
 from experiments.target.base import Target
 from scene.attributes import names
-from scene.proposal import random_proposal
 from sdr_jax.names import MethodName
 from shell.errors import UserError, refuse_repeats
 
 RANDOM: MethodName = "random_attributes"
 """The row that gains are measured from; it asks for no evaluation."""
 ALL = "all"
-"""In place of a subset: all 23 attributes."""
+"""In place of a subset: all attributes that are not held."""
 
 
 class Compared(NamedTuple):
@@ -82,6 +81,8 @@ def check(config: CompareConfig) -> None:
                 raise UserError(
                     f"--subsets: attribute {name!r} is unknown; known: {ALL}, {', '.join(known)}"
                 )
+            if name in config.held:
+                raise UserError(f"--subsets: attribute {name} is held by --fix")
         refuse_repeats("--subsets", subset)
     refuse_repeats("--subsets", [",".join(sorted(subset)) for subset in subsets_of(config)])
     planned(config)
@@ -89,7 +90,7 @@ def check(config: CompareConfig) -> None:
 
 def subsets_of(config: CompareConfig) -> list[tuple[str, ...]]:
     """The subsets, with the word ``all`` spelt out."""
-    return [names(config.space) if subset == (ALL,) else subset for subset in config.subsets]
+    return [config.varied if subset == (ALL,) else subset for subset in config.subsets]
 
 
 def compared(config: CompareConfig) -> list[Compared]:
@@ -100,7 +101,7 @@ def compared(config: CompareConfig) -> list[Compared]:
     for subset in subsets:
         alone = sizes.count(len(subset)) == 1
         told = f"{len(subset)} attributes" if alone else ",".join(subset)
-        title = ALL if set(subset) == set(names(config.space)) else ",".join(subset)
+        title = ALL if set(subset) == set(config.varied) else ",".join(subset)
         found += [Compared(method, subset, title, f"{method}, {told}") for method in config.methods]
     return found
 
@@ -154,7 +155,7 @@ def rows(config: CompareConfig, _: Target) -> list[Row]:
 
     def source(own: Compared, run: Run[CompareConfig], made: Made, seed: int) -> Source:
         if own.method == RANDOM:
-            return random_proposal(config.space)
+            return config.streets("random")
         found: Found = made[own.name]
         return found.answers.get("last", found.solution)
 

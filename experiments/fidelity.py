@@ -33,7 +33,7 @@ from experiments.study.figure import plt, png
 from experiments.study.form import Column, Form, Report, about, interval, number, starts, table
 from experiments.study.skeleton import Study, do
 from experiments.study.stats import bootstrap, pairing, signal_to_noise, spearman
-from scene.proposal import Proposal, default_proposal, random_proposal
+from scene.proposal import Proposal
 from shell.errors import UserError
 
 FIDELITY_SEED = 10_000_000
@@ -73,7 +73,7 @@ def rungs(config: FidelityConfig) -> list[Rung]:
 
 def proposals(config: FidelityConfig) -> dict[str, Proposal]:
     """The hand-set street, random attributes, and draws with random bins, by name."""
-    added = default_proposal(config.default_width, config.space), random_proposal(config.space)
+    added = (config.streets(name) for name in ADDED)
     drawn = enumerate(random_bins(config, config.proposals), 1)
     return {**dict(zip(ADDED, added, strict=True)), **{f"draw-{k}": own for k, own in drawn}}
 

@@ -30,7 +30,17 @@ from experiments.report.templates import templates
 from experiments.run.context import Run, Work
 from experiments.run.learn import learn, work_of
 from experiments.run.nets import paired_seeds
-from experiments.study.form import Form, Report, about, cells, class_means, estimate, nets, table
+from experiments.study.form import (
+    Form,
+    Report,
+    about,
+    cells,
+    class_means,
+    estimate,
+    nets,
+    starts,
+    table,
+)
 from experiments.study.skeleton import Study, do
 from experiments.study.stats import crossed
 from experiments.target.base import Target
@@ -45,8 +55,10 @@ from experiments.target.folder import (
     reader,
     suitable_size,
 )
+from scene.attributes import SpaceName
 from scene.dataset.formats.png import encode
-from scene.proposal import Streets, draw, random_proposal
+from scene.held import read_fixed
+from scene.proposal import Streets, draw
 from seg.beside import TrainingSet
 from seg.classes import class_table, colorize
 from seg.data import LabelledImages
@@ -75,6 +87,8 @@ SHOWN = 4
 """Images of the strip."""
 FEWEST = 3
 """Folds that an interval can be over."""
+SPACE: SpaceName = "extended"
+"""Of the streets."""
 STREETS = "streets"
 """What plans call what is only rendered."""
 
@@ -120,6 +134,7 @@ def config_of(
     net: TrunkName = "lite0",
     trunk: Trunk = "frozen",
     weights: Path | None = None,
+    fix: Sequence[str] = (),
 ) -> FitConfig:
     """The job that a command line asks for.
 
@@ -140,10 +155,13 @@ def config_of(
         net: what is trained, a head on this trunk.
         trunk: whether the trunk stays as it is; a search's rewards are of frozen ones in any case.
         weights: file of the trunk's weights, for dinov2.
+        fix: attributes that all streets have at one value, such as field_of_view=90.
 
     Raises:
-        UserError: no such target or folder, an image that cannot be read, or weights that are not the net's.
+        UserError: no such target or folder, an image that cannot be read, weights that are not the net's,
+            or what cannot be held.
     """
+    read_fixed(fix, SPACE)
     found = find_target(target, data)
     parts = parts_of(found, data, holdout, few)
     if size is None:
@@ -174,6 +192,7 @@ def config_of(
         seeds=seeds,
         init=init,
         store=store,
+        fix=tuple(fix),
         workers=base.workers if workers is None else workers,
     )
 
@@ -186,7 +205,7 @@ def configured(
     weights: str | None = None,
 ) -> FitConfig:
     """What a preset says at a size (width, height) of images, for a net."""
-    base = in_space(defaults(FitConfig, "camvid", preset), "extended")
+    base = in_space(defaults(FitConfig, "camvid", preset), SPACE)
 
     def fidelity(own: Fidelity, trunk: Trunk) -> Fidelity:
         train = with_net(own.train, net=net, trunk=trunk, weights=weights)
@@ -269,7 +288,7 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
     config, seeds = run.config, paired_seeds(run)
     recipe = run.recipe(config.final)
     folds = [replace(run, target=target) for target in known.folds]
-    random = {seed: rendered(run, random_proposal(config.space), seed) for seed in seeds}
+    random = {seed: rendered(run, config.streets("random"), seed) for seed in seeds}
     learnt: list[dict[int, Subset]] = []
     for number, fold in enumerate(folds, 1):
         if config.learnt:
@@ -462,7 +481,7 @@ def text(report: Report) -> str:
         "",
         f"mIoU in percent at {report['scored_at']} on {report['tested']} images that a net has not seen "
         f"({report['where']}), {report['seeds']} nets each; 95 % intervals over {over}. Beside labels "
-        f"{report['rendered_images']} renders are {share:g} % of all batches.",
+        f"{report['rendered_images']} renders are {share:g} % of all batches.{starts(report)}",
         "",
         *table(
             [
@@ -506,6 +525,7 @@ def html(report: Report, folder: Path) -> str:
     ]
     return templates().get_template("fit.html").render(
         report=report, rows=rows, classes=classes, strip=shown, folder=folder, WORDS=WORDS,
+        starts=starts(report),
         columns=[WORDS[cast(Row, name)] for name in report["rows"]],
         style=(Path(__file__).parent / "report" / "page.css").read_text(encoding="utf-8"),
     )  # fmt: skip

@@ -2,11 +2,14 @@
 
     sdr-jax predict runs/fit/model photographs --out labels
     sdr-jax predict renders19 drive.mp4 --out frames --as overlay
+    sdr-jax predict runs/fit/model unlabelled --rank --out next
 
 MODEL is a folder that `fit` or `Model.save` has left, or the name of a net that comes with the package:
 `renders19` tells the 19 classes of Cityscapes apart, and has seen renders alone. IMAGES is an image, a video,
 or a folder of both. Each image gives a PNG of its own size and name in the folder of --out, each frame of a
 video NAME/000000.png and so on. The same command continues what was stopped: results that are there are kept.
+With --rank, ranking.csv begins with the images of which the net is least sure: label these next. Their labels
+are in cvat.zip and label_studio.json, too, to be corrected there.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ from pathlib import Path
 import numpy as np
 
 from experiments.config import parsers
+from experiments.prelabels.files import CVAT, RANKING, STUDIO, write_files
+from experiments.prelabels.ranking import SCORES, Scores, ranked, refuse_unranked
 from scene.dataset.formats.png import encode
 from seg.data.frames import Frame, frames, list_sources
 from seg.model import PACKAGES, As, Model, load_model
@@ -37,6 +42,7 @@ def predict(
     how: As | None = None,
     *,
     probabilities: bool = False,
+    rank: int | None = None,
     progress: bool = False,
 ) -> int:
     """Write a label picture of each image, and go on where an earlier call was stopped.
@@ -47,6 +53,7 @@ def predict(
         out: the folder of the results, new or of the same call.
         how: ids, colours or overlays; by default what label files of the model's data hold.
         probabilities: write `NAME.npy`, f16[h, w, classes], too.
+        rank: order the images, the least sure first, and write pre-labels of so many for annotation tools.
         progress: print how far the work is, and how long it will take.
 
     Returns:
@@ -59,6 +66,8 @@ def predict(
     model = model if isinstance(model, Model) else load_model(model)
     images, out = Path(images), Path(out)
     sources = list_sources(images)
+    if rank is not None:
+        how = refuse_unranked(sources, how, probabilities, rank)
     how = how or model.written
     if images.is_dir() and out.resolve().is_relative_to(images.resolve()):
         raise UserError(f"--out {out} lies within {images}, whose images are read; choose another")
@@ -70,20 +79,31 @@ def predict(
         "probabilities": probabilities,
         "classes": [own._asdict() for own in model.classes],
     }
+    if rank is not None:
+        job["rank"] = True
     total = sum(source.frames for source in sources)
     told = Progress(total) if progress else None
     done = 0
     with opened(out, job, packages=PACKAGES):
-        found = chain.from_iterable(frames(s, lambda n: _label(out, n).exists()) for s in sources)
+        scores = None if rank is None else Scores(out / SCORES, len(model.classes))
+
+        def there(name: str) -> bool:
+            return _label(out, name).exists() and (scores is None or name in scores.known)
+
+        found = chain.from_iterable(frames(source, there) for source in sources)
         for some in _batches(found, model.settings.predict_batch):
             new = [frame for frame in some if frame is not None]
-            _write(model, new, out, how, probabilities)
+            _write(model, new, out, how, probabilities, scores)
             before, done = done, done + len(some)
             if told is not None:
                 told.advance(len(some) - len(new), replayed=True)
                 told.advance(len(new))
                 if 100 * before // total < 100 * done // total:
                     told.update(f"{done} of {total} images")
+        if scores is not None:
+            assert rank is not None
+            rows = ranked(sources, scores, images, lambda name: _label(out, name), rank)
+            write_files(out, rows, rank, model)
     if told is not None:
         told.close()
     return done
@@ -98,12 +118,23 @@ def _label(out: Path, name: str) -> Path:
     return out / f"{name}.png"
 
 
-def _write(model: Model, new: Sequence[Frame], out: Path, how: As, probabilities: bool) -> None:
+def _write(
+    model: Model,
+    new: Sequence[Frame],
+    out: Path,
+    how: As,
+    probabilities: bool,
+    scores: Scores | None,
+) -> None:
     """Write what the model makes of some images; labels come last, since they say that all is there."""
     if not new:
         return
     images = [frame.image for frame in new]
-    found = model.probabilities(images) if probabilities else model.predict(images)
+    if scores is not None:
+        found, unsure = zip(*model.predict_with_uncertainty(images), strict=True)
+        scores.add({frame.name: own for frame, own in zip(new, unsure, strict=True)})
+    else:
+        found = model.probabilities(images) if probabilities else model.predict(images)
     for frame, labels in zip(new, found, strict=True):
         path = _label(out, frame.name)
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -127,10 +158,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.out,
             options.how,
             probabilities=options.probabilities,
+            rank=options.first if options.rank else None,
             progress=True,
         )
-        how = options.how or model.written
+        how = "ids" if options.rank else options.how or model.written
         print(f"{options.out}: {done} images, {how} of {', '.join(model.names)}")
+
+        if options.rank:
+            some = f"{min(options.first, done)} in {CVAT} and {STUDIO}"
+            print(f"{options.out / RANKING}: label from the top; pre-labels of the first {some}")
 
     return exit_code(work, debug=options.debug)
 

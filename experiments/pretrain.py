@@ -53,7 +53,7 @@ from experiments.study.form import (
 from experiments.study.skeleton import Study, do, learnt_attributes, learnt_from, learnt_work
 from experiments.study.stats import holm, stars, statistics, welch
 from experiments.target.base import Target, with_reward
-from scene.proposal import Streets, random_proposal
+from scene.proposal import Streets
 from shell.errors import UserError
 
 SUBSET_STREAM = 3
@@ -123,7 +123,7 @@ def plan(config: PretrainConfig, _: None) -> list[Work]:
 def scores(run: Run[PretrainConfig], _: None) -> Report:
     """Train every net, or what is left of them."""
     config, images = run.config, len(run.target.reward_names)
-    proposals: dict[str, Streets] = {"random": random_proposal(config.space)}
+    proposals: dict[str, Streets] = {"random": config.streets("random")}
     learnt, own = "learnt" in config.rows, config.learn_on == "share"
     before, fine = run.recipe(config.final), run.recipe(fine_fidelity(config))
     alike = config.seed if own else None

@@ -43,7 +43,7 @@ from experiments.study.searches import core_seconds, failed_evaluations, rewards
 from experiments.study.skeleton import Made, Row, Search, do, of_rows
 from experiments.study.stats import Table, gain, less, mean, over_both
 from experiments.target.base import Target
-from scene.proposal import describe, named
+from scene.proposal import describe
 from shell.errors import UserError
 
 BASELINES = {
@@ -101,7 +101,7 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
         return run.images(config.final, side)
 
     def streets(name: str, run: Run[ManyConfig], made: Made, seed: int) -> Source:
-        return few.beside(run, config.final, named(name, config.space, config.default_width))
+        return few.beside(run, config.final, config.streets(name))
 
     def answer(name: str, own: bool, run: Run[ManyConfig], made: Made, seed: int) -> Source:
         found: Learnt = made[name]

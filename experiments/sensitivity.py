@@ -34,15 +34,17 @@ from experiments.study.form import (
     Report,
     interval,
     number,
+    starts,
     table,
     words,
     write_report,
 )
-from experiments.study.records import Records, choose, read
+from experiments.study.records import Records, choose, holds, read
 from experiments.study.skeleton import Study, do
 from experiments.study.skeleton import check as check_all
 from experiments.study.stats import bootstrap
 from scene.attributes import SPACES, Attribute, space_of
+from scene.held import in_words
 from scene.version import ENGINE
 from shell import folder
 from shell.errors import UserError
@@ -93,7 +95,7 @@ def analyse(config: SensitivityConfig) -> Report:
 
 def _report(config: SensitivityConfig, real: bool, note: str, records: Records) -> Report:
     said = {"target": config.target_name, "real": real, "note": note, "preset": config.preset}
-    return {**said, **summarize(records)}
+    return {**said, "held": in_words(config.held), **summarize(records)}
 
 
 def enough(records: Records, where: str) -> Records:
@@ -153,19 +155,23 @@ def record(run: Run[SensitivityConfig]) -> Records:
 def _known(run: Run[SensitivityConfig]) -> dict[str, dict[str, Any]]:
     """Evaluations by key: the store's and the run's own."""
     stored = [] if run.store is None else run.store.records
-    return {line["key"]: line for line in (*stored, *run.finals.records)}
+    lines = (*stored, *run.finals.records)
+    return {line["key"]: line for line in lines if holds(line, run.config)}
 
 
 def summarize(records: Records) -> Report:
     """What ``sensitivity.json`` says of the records; shares of variance in percent.
 
+    Attributes that have the same value in all of them are left out.
+
     Args:
         records: of one configuration; their rewards differ.
     """
-    rows = SPACES[space_of(records.centre.shape[1])]
+    held = ~records.width.any(axis=0) & (np.ptp(records.centre, axis=0) == 0)
+    rows = [a for a, k in zip(SPACES[space_of(len(held))], held, strict=True) if not k]
     count = len(rows)
     layout = sobol.lay_out(count)
-    x = sobol.features(layout, records.centre, records.width)
+    x = sobol.features(layout, records.centre[:, ~held], records.width[:, ~held])
     proposals = _proposals(records)
     fitted = sobol.fit(layout, x, records.rewards)
     weights = sobol.draw_weights(fitted, DRAWS, DRAW_SEED)
@@ -345,6 +351,7 @@ def text(report: Report) -> str:
         f"{failed}, mean {records['mean']:.1f}, standard deviation {records['sd']:.2f} mIoU points: "
         f"{records['words']}.",
         *(f"Left aside: {aside}." for aside in records["left_aside"]),
+        *([starts(report).strip()] if starts(report) else []),
         "",
         f"Cross-validated R²: {value}{between}, over {r2['folds']} folds. {verdict(r2)}",
         f"Noise of one reward (standard deviation, mIoU points): {noise['model']:.2f} by the model, which "

@@ -6,3 +6,5 @@ USES = ("both", "own", "built-in")
 """Values of ``AssetPool.use``: which assets a street may draw from."""
 OVERLAPS = ("allow", "avoid")
 """Values of ``AssetPool.overlap``, beside none: whether objects may stand in each other."""
+HELD = "hold an attribute at a value, in its unit, such as field_of_view=90; once for each"
+"""What ``--fix`` does."""

@@ -7,7 +7,7 @@ from typing import get_args
 
 from scene.attributes import SPACES
 from scene.dataset.formats.layout import FORMATS, SPLITS
-from scene.names import OVERLAPS, RENDERERS, USES
+from scene.names import HELD, OVERLAPS, RENDERERS, USES
 from scene.proposal import NAMES
 from scene.workers import ExecutorName
 from shell.command import Parser, docstring, size
@@ -27,6 +27,7 @@ def render() -> Parser:
         "run's attributes.json, or every attribute's name with a value in [0, 1]",
     )
     add("--space", choices=SPACES, default="scenex", help="attributes of streets given by name")
+    add("--fix", action="append", default=[], metavar="NAME=VALUE", help=HELD)
     add(
         "--images",
         type=int,

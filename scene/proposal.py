@@ -46,6 +46,8 @@ class Histogram(NamedTuple):
     """
 
     probabilities: np.ndarray  # f32[attributes bins], 2 bins or more; rows add up to 1
+    held: tuple[tuple[int, float], ...] = ()
+    """Attributes, by index, that have one unit value in all streets, whatever their bins are."""
 
 
 Component = Proposal | Histogram
@@ -81,9 +83,9 @@ def mixture(shares: Sequence[float], proposals: Sequence[Component]) -> Streets:
         )
     if len({len(proposal[0]) for proposal in proposals}) > 1:
         raise ValueError("components are of different spaces")
-    known: dict[tuple[type, bytes], tuple[float, Component]] = {}
+    known: dict[tuple[Any, ...], tuple[float, Component]] = {}
     for share, proposal in zip(shares, proposals, strict=True):
-        key = type(proposal), np.asarray(proposal, np.float32).tobytes()
+        key = type(proposal), *(np.asarray(part, np.float32).tobytes() for part in proposal)
         known[key] = known.get(key, (0.0, proposal))[0] + share, proposal
     own, kinds = zip(*known.values(), strict=True)
     return kinds[0] if len(kinds) == 1 else Mixture(own, kinds)
@@ -117,7 +119,7 @@ def moments(component: Component) -> Proposal:
         centre = sum_k p_k c_k,   width = sqrt(12 sum_k p_k (c_k - centre)^2 + 1 / K^2)
 
     with c_k the bins' centres, slid into [0, 1]: uniform attributes give all of [0, 1], certain ones their
-    bin.
+    bin, held ones their value.
     """
     if isinstance(component, Proposal):
         return slide(*component)
@@ -126,7 +128,10 @@ def moments(component: Component) -> Proposal:
     middle = (np.arange(bins) + 0.5) / bins
     mean = shares @ middle
     variance = (shares * (middle - mean[:, None]) ** 2).sum(axis=1)
-    return slide(mean, np.sqrt(12 * variance + bins**-2.0).astype(np.float32))
+    width = np.sqrt(12 * variance + bins**-2.0).astype(np.float32)
+    for where, value in component.held:
+        mean[where], width[where] = value, 0.0
+    return slide(mean, width)
 
 
 def _ends(histogram: Histogram) -> np.ndarray:
@@ -196,8 +201,10 @@ def _rows(component: Component) -> dict[str, dict[str, Any]]:
             "meaning": attribute.meaning,
         }
     if isinstance(component, Histogram):
-        for row, shares in zip(rows.values(), component.probabilities, strict=True):
-            row["unit"]["probabilities"] = [shortest(share) for share in shares]
+        held = dict(component.held)
+        for k, (row, shares) in enumerate(zip(rows.values(), component.probabilities, strict=True)):
+            if k not in held:
+                row["unit"]["probabilities"] = [shortest(share) for share in shares]
     return rows
 
 
@@ -213,8 +220,8 @@ def parse_streets(value: Any) -> Streets:
 
     Attributes are those of a space by name, with a unit value or an interval. A number is the value of all
     streets. An interval is ``{"centre": c, "width": w}``, or that below ``"unit"``, as in the
-    ``attributes.json`` of a run. Where ``probabilities`` of equal bins of [0, 1] stand there, for all
-    attributes or none, they decide, and centre and width are not read.
+    ``attributes.json`` of a run. Where ``probabilities`` of equal bins of [0, 1] stand there, they decide,
+    and centre and width are not read; beside attributes that have them, others must have one value.
 
     Raises:
         ValueError: not an object, shares or probabilities that do not add up, an unknown or missing
@@ -278,7 +285,7 @@ def _parsed(value: Any) -> Component:
     units = {name: _unit(value[name]) for name in wanted}
     binned = [name for name, unit in units.items() if "probabilities" in unit]
     if binned:
-        return _histogram(binned[0], units)
+        return _histogram(binned[0], units, value)
     rows = [_interval(name, value[name]) for name in wanted]
     centre, width = np.array(rows, np.float32).T
     return slide(check_unit(centre), width)  # by a rounding at most
@@ -290,26 +297,32 @@ def _unit(entry: Any) -> dict[str, Any]:
     return unit if isinstance(unit, dict) else {}
 
 
-def _histogram(first: str, units: dict[str, dict[str, Any]]) -> Histogram:
-    """The histogram of attributes of which ``first`` has probabilities.
+def _histogram(first: str, units: dict[str, dict[str, Any]], value: dict[str, Any]) -> Histogram:
+    """The histogram of attributes of which ``first`` has probabilities; those without have one value.
 
     They stay as they are written, even if they miss 1 by `NORMED`, so that a file is read back exactly;
     `draw` divides by their sum.
     """
-    rows = []
-    for name, unit in units.items():
-        if "probabilities" not in unit:
-            raise ValueError(
-                f"attribute {name} has no probabilities, but {first} has; all attributes of a component "
-                "have them, or none"
-            )
-        rows.append(_probabilities(name, unit["probabilities"]))
-        if len(rows[-1]) != len(rows[0]):
+    bins = len(_probabilities(first, units[first]["probabilities"]))
+    rows, held = [], []
+    for k, (name, unit) in enumerate(units.items()):
+        if "probabilities" in unit:
+            rows.append(_probabilities(name, unit["probabilities"]))
+        else:
+            centre, width = _interval(name, value[name])
+            if width:
+                raise ValueError(
+                    f"attribute {name} has no probabilities, but {first} has; beside attributes that have "
+                    "them, others must have one value (width 0)"
+                )
+            held.append((k, float(np.float32(centre))))
+            rows.append([1 / bins] * bins)
+        if len(rows[-1]) != bins:
             raise ValueError(
                 f"attribute {name} has {len(rows[-1])} probabilities, but must have as many as the first "
-                f"attribute, {len(rows[0])}"
+                f"attribute, {bins}"
             )
-    return Histogram(np.array(rows, np.float32))
+    return Histogram(np.array(rows, np.float32), tuple(held))
 
 
 def _probabilities(name: str, found: Any) -> list[float]:
@@ -381,7 +394,10 @@ def _drawn_from(component: Component) -> Callable[[np.ndarray], np.ndarray]:
         chosen = (ends[:, 1:] <= uniform[:, None]).sum(axis=1)  # never a bin of no probability
         begin, end = ends[rows, chosen], ends[rows, chosen + 1]
         inside = (uniform - begin) / (end - begin)
-        return np.minimum(((chosen + inside) / bins).astype(np.float32), last[chosen])
+        drawn = np.minimum(((chosen + inside) / bins).astype(np.float32), last[chosen])
+        for where, value in component.held:
+            drawn[where] = value
+        return drawn
 
     return inverse
 

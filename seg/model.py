@@ -1,9 +1,9 @@
 """A trained net that leaves the program: saved as files, loaded again, and used on images of any size.
 
-A model is a folder of two files. `weights.safetensors` holds all variables of the net that training returns:
-with a frozen trunk those of the head alone, since the trunk's weights come with a package or are a file of
-the user's, which `config.json` names with its digest. It also holds the classes, the size, the recipe and the
-versions.
+A model is a folder of three files. `weights.safetensors` holds all variables of the net that training
+returns: with a frozen trunk those of the head alone, since the trunk's weights come with a package or are a
+file of the user's, which `config.json` names with its digest. `config.json` holds the classes, the size, the
+recipe and the versions, too; `README.md` is the card, for people and Hugging Face, and is not read.
 """
 
 import hashlib
@@ -20,6 +20,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as parse_tensors
 from safetensors.numpy import save as tensor_bytes
 
+from seg.card import README, card
 from seg.classes import IGNORE_LABEL, colorize
 from seg.data.labelled import fitted
 from seg.errors import ModelError
@@ -27,6 +28,7 @@ from seg.names import As
 from seg.nets.trunks import trunk_of
 from seg.settings import TrainSettings, check_settings
 from seg.train import Params, logits, outline
+from seg.uncertainty import Uncertainty, uncertainty
 from shell.errors import UserError
 from shell.files import digest, read_bytes, read_json, versions, whole_folder, write, write_json
 from shell.target_file import TargetFile
@@ -165,6 +167,15 @@ class Model:
         found = [_softmax(own, size) for own, size in self._scores(images)]
         return np.stack(found) if isinstance(images, np.ndarray) else found
 
+    def predict_with_uncertainty(
+        self, images: Sequence[np.ndarray]
+    ) -> list[tuple[UInt8[np.ndarray, "h w"], Uncertainty]]:
+        """What `predict` returns for a list, each with how unsure the net is, at the model's size."""
+        places = range(len(self.classes))
+        return [
+            (_highest(own, size, places), uncertainty(own)) for own, size in self._scores(images)
+        ]
+
     def _scores(
         self, images: Any
     ) -> Iterator[tuple[Float32[np.ndarray, "rows cols classes"], tuple[int, int]]]:
@@ -221,13 +232,14 @@ class Model:
         folder = Path(folder)
         if folder.exists():
             held = {path.name for path in folder.iterdir()} if folder.is_dir() else {folder.name}
-            if held - {CONFIG, WEIGHTS}:
+            if stray := held - {CONFIG, WEIGHTS, README}:
                 raise ModelError(
-                    f"{folder} holds other files, such as {min(held - {CONFIG, WEIGHTS})}; "
+                    f"{folder} holds other files, such as {min(stray)}; "
                     "a model is saved into a new folder, or over an older model"
                 )
         with whole_folder(folder) as part:
             write(part / WEIGHTS, self._weights())
+            write(part / README, card(self))
             write_json(part / CONFIG, self._described())
 
     def _weights(self) -> bytes:

@@ -47,6 +47,8 @@ class Word(NamedTuple):
 
 UNUSED = "no flag"
 """Marks a field that is no flag of a command, though others have it."""
+REPEATED = "once for each"
+"""Marks a tuple whose flag has one word and is given once for each member."""
 
 
 class Field(NamedTuple):
@@ -115,13 +117,16 @@ def add_flag(add: Callable[..., Any], field: Field) -> None:
         return
     kind = field.kind
     if inner := _inner(kind):
-        options["nargs"], options["action"] = "*", _Tuple
+        again = REPEATED in field.marks
+        options |= {"action": _Repeated} if again else {"nargs": "*", "action": _Tuple}
         kind = inner | None if NoneType in _parts(kind) else inner
     choices = [word for part in _parts(kind) for word in _choices(part)]
     metavar = _metavar(kind)
     if choices and len("|".join(choices)) > SHORT:
         metavar, said = "NAME", f"{said} One of {', '.join(choices)}."
-    shown = "" if field.default is None else f" (default: {_shown(field.kind, field.default)})"
+    shown = (
+        "" if field.default in (None, ()) else f" (default: {_shown(field.kind, field.default)})"
+    )
     add(*flags, type=_reader(kind), metavar=metavar, help=_escaped(said + shown), **options)
 
 
@@ -140,6 +145,13 @@ class _Tuple(argparse.Action):
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
         setattr(namespace, self.dest, None if values == [None] else tuple(values))
+
+
+class _Repeated(argparse.Action):
+    """The words of a flag that is given again and again as a tuple."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
+        setattr(namespace, self.dest, (*getattr(namespace, self.dest, ()), values))
 
 
 def _bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:

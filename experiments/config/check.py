@@ -48,6 +48,7 @@ def check(config: Config) -> None:
 def _check_target(config: Config) -> None:
     if config.twin == "far" and config.target != "twin":
         raise UserError(f"--twin far needs --target twin, not {config.target}")
+    _ = config.held  # which refuses what cannot be held
     with flagged("--assets", "--asset"):
         check_pool(config.pool, "--asset-")
     for name, fidelity in fidelities(config).items():

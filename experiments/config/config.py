@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, TypeVar, get_args
 
 from experiments.config.options import Bins, Fidelity, Search, SearchOptions
-from scene.attributes import SpaceName
-from scene.proposal import RELAXATION
+from scene.attributes import SpaceName, names
+from scene.held import hold, read_fixed
+from scene.proposal import RELAXATION, Proposal, named
 from scene.workers import ExecutorName, refuse_many_workers
 from shell.bounds import DISTINCT, Bound, at_least, at_most, must, within
-from shell.flags import UNUSED, Word
+from shell.flags import REPEATED, UNUSED, Word
 from shell.memory import refuse_larger
 
 if TYPE_CHECKING:
@@ -58,6 +59,8 @@ class Config:
     space: SpaceName = "scenex"
     """The attributes of streets: the paper's 23 (scenex), or these and ours of camera and road (extended). By
     default extended with --twin far, else scenex."""
+    fix: Annotated[tuple[str, ...], REPEATED] = ()
+    """Hold an attribute at a value in all streets, in its unit, such as field_of_view=90; once for each."""
     data: Path | None = None
     """Folder of real images. By default the variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
     labelmefacade."""
@@ -106,6 +109,21 @@ class Config:
     def target_name(self) -> str:
         """What results and records call the target."""
         return "far twin" if self.twin == "far" else self.target
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Unit values of the attributes that are held. Raises UserError as `read_fixed`."""
+        return read_fixed(self.fix, self.space)
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """Names of those that are not held, in the order of the space."""
+        held = self.held
+        return tuple(name for name in names(self.space) if name not in held)
+
+    def streets(self, name: str) -> Proposal:
+        """The proposal ``random`` or ``default``, with what is held."""
+        return hold(named(name, self.space), self.held)
 
     @property
     def pool(self) -> AssetPool:
@@ -163,6 +181,10 @@ class RewardConfig(FinalConfig):
     reward_kind: RewardKind = "miou"
     """miou of a net trained on the dataset; or mmd, for reward images without labels: minus the distance
     of rendered and real images in the features of one net, in units of its own."""
+
+    def streets(self, name: str) -> Proposal:
+        """The proposal ``random`` or ``default``, with what is held."""
+        return hold(named(name, self.space, self.default_width), self.held)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -6,19 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import sdr_jax
-from experiments.config.config import BinsConfig, GroupsConfig, RewardConfig
+from experiments.config.config import BinsConfig, GroupsConfig
 from scene.attributes import SpaceName, default_unit, names
-from scene.proposal import (
-    RELAXATION,
-    Mixture,
-    Proposal,
-    Streets,
-    moments,
-    named,
-    slide,
-    space_in,
-    streets_in,
-)
+from scene.held import hold
+from scene.proposal import Mixture, Proposal, Streets, moments, slide, space_in, streets_in
 from sdr_jax.names import MethodName
 from sdr_jax.registry import make
 from shell.errors import UserError, flagged
@@ -28,14 +19,20 @@ WIDE = 0.5
 
 
 def make_space(config: BinsConfig) -> sdr_jax.Space:
-    """The space's attributes in the configuration's bins and groups; without groups, all in one.
+    """The attributes that are not held, in the configuration's bins and groups; without groups, all in one.
 
     Raises:
-        UserError: groups that are no partition of the attributes.
+        UserError: groups that are no partition of the space's attributes, or all attributes are held.
     """
-    groups = config.groups if isinstance(config, GroupsConfig) else None
+    groups, free = None, config.varied
+    if not free:
+        raise UserError("--fix holds every attribute, and leaves none to search")
     with flagged("--groups"):
-        return sdr_jax.space(names(config.space), config.search.bins, groups)
+        if isinstance(config, GroupsConfig):
+            sdr_jax.space(names(config.space), config.search.bins, config.groups)
+            left = [tuple(name for name in group if name in free) for group in config.groups]
+            groups = [group for group in left if group]
+        return sdr_jax.space(free, config.search.bins, groups)
 
 
 def start_of(config: GroupsConfig) -> Proposal:
@@ -46,14 +43,13 @@ def start_of(config: GroupsConfig) -> Proposal:
     """
     start = config.search.start
     if start in ("random", "default"):
-        width = config.default_width if isinstance(config, RewardConfig) else RELAXATION
-        return named(start, config.space, width)
+        return config.streets(start)
     found = read_attributes("--search.start", Path(start), config.space)
     if isinstance(found, Mixture):
         raise UserError(
             f"--search.start {start} holds {len(found.shares)} components; a search starts from one"
         )
-    return moments(found)
+    return hold(moments(found), config.held)
 
 
 def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:

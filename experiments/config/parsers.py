@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import get_args
 
 from scene.attributes import SPACES
+from scene.names import HELD
 from seg.names import As
 from seg.settings import Trunk, TrunkName
 from shell.command import Parser, docstring, size
@@ -76,6 +77,7 @@ def fit() -> Parser:
         choices=get_args(Fit),
         help="pad or cut images of another shape; by default as the target's file says",
     )
+    add("--fix", action="append", default=[], metavar="NAME=VALUE", help=HELD)
     add("--seeds", type=int, default=3, metavar="N", help="nets of each row and fold")
     add("--workers", type=int, metavar="N", help="processes; by default one for each core")
     add(
@@ -125,6 +127,18 @@ def predict() -> Parser:
         "--probabilities",
         action="store_true",
         help="beside each PNG NAME.npy, float16 of height, width and classes: how likely each class is",
+    )
+    add(
+        "--rank",
+        action="store_true",
+        help="order images, the least sure first, and write pre-labels for CVAT and Label Studio",
+    )
+    add(
+        "--first",
+        type=int,
+        default=100,
+        metavar="N",
+        help="with --rank: images with pre-labels",
     )
     return options
 

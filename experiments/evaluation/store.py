@@ -65,9 +65,9 @@ def identity(config: str, source: Source, seed: int) -> str:
     elif isinstance(source, Subset):
         named = [source.pool.name, list(source.picked)]
     elif isinstance(source, Mixture):
-        named = [[share, *map(_floats, own)] for share, own in components(source)]
+        named = [[share, *_parts(own).values()] for share, own in components(source)]
     else:
-        named = [_floats(part) for part in source]
+        named = [*_parts(source).values()]
     return digest({"config": config, "source": named, "seed": int(seed)})
 
 
@@ -127,11 +127,10 @@ def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
     if result.parts:
         record["parts"] = [float(reward) for reward in result.parts]
     if isinstance(source, Histogram):
-        record["probabilities"] = _floats(source.probabilities)
+        record |= _parts(source)
     if isinstance(source, Mixture):
         record["components"] = [
-            {"share": share, **{name: _floats(part) for name, part in own._asdict().items()}}
-            for share, own in components(source)
+            {"share": share, **_parts(own)} for share, own in components(source)
         ]
     return record
 
@@ -147,6 +146,11 @@ def result_of(record: Record) -> Result:
         stored=True,
         parts=tuple(record.get("parts", ())),
     )
+
+
+def _parts(own: Any) -> dict[str, list[Any]]:
+    """The parts of a component in plain numbers; what is held only where there is some."""
+    return {name: _floats(part) for name, part in own._asdict().items() if len(part)}
 
 
 def _floats(values: Any) -> list[Any]:

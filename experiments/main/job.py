@@ -19,7 +19,7 @@ from experiments.run.nets import by_row, jobs_of, paired_seeds, training_sets
 from experiments.study.form import Form, Report
 from experiments.study.skeleton import Study, do
 from scene.dataset.export import export_dataset, read_dataset
-from scene.proposal import Streets, draw, named
+from scene.proposal import Streets, draw
 from seg.data import LabelledImages
 from shell.files import write, write_json
 
@@ -67,7 +67,7 @@ def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
     some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
     sets = {}
     for name in ("random", "default"):
-        streets = named(name, config.space, config.default_width)
+        streets = config.streets(name)
         sets[name] = render(recipe._replace(fidelity=some), streets, config.seed, run.workers)
     sets["learnt"] = read_dataset(config.out / "dataset")
     found = {
@@ -96,7 +96,7 @@ def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
         workers=run.workers,
     )
     if run.target.few_names:
-        write(config.out / "dataset" / note.README, note.text(run))
+        write(config.out / "dataset" / note.NOTE, note.text(run))
 
 
 FORM = Form("summary", summary.derive, summary.text, {}, {"report.html": page.html})

@@ -1,4 +1,4 @@
-"""``dataset/README.md`` of a run with ``--few``: how to train on renders and labelled images."""
+"""``dataset/few.md`` of a run with ``--few``: how to train on renders and labelled images."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Any
 
 from experiments.run.context import Run
 
-README = "README.md"
+NOTE = "few.md"
 CODE = """
 In Python, in the run's folder:
 ```python

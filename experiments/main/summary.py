@@ -136,8 +136,8 @@ def text(report: Report) -> str:
     if report["classes_absent_from_truth"]:
         absent = ", ".join(report["classes_absent_from_truth"])
         lines.append(f"  left out of the mean, for they never occur in the truth: {absent}")
-    if report.get("starts"):
-        lines.append(f" {starts(report)}")
+    if said := starts(report):
+        lines.append(f" {said}")
     if report["failed"]:
         lines.append(f"  {report['failed']} evaluations failed in training and are left out")
     return "\n".join(lines)

@@ -12,7 +12,7 @@ from experiments.evaluation.store import each
 from experiments.report.folder import RunFolder
 from experiments.study.form import Report, interval, number, words
 from experiments.study.stats import statistics
-from scene.attributes import Attribute
+from scene.attributes import BY_NAME, Attribute
 
 Figure = dict[str, Any]
 """A plot: ``data`` and ``layout`` as plotly has them, or ``views``, each such with a ``label``, of which one
@@ -275,8 +275,10 @@ def _bins(attribute: Attribute, probabilities: np.ndarray) -> Figure:
 def _proposed(run: RunFolder, index: int) -> Figure:
     """Centres of what was proposed, one after the other; wide intervals are pale."""
     lines = [(n, r) for n, r in enumerate(run.evaluations, 1) if r["centre"] is not None]
-    attribute, centres = run.attributes[index], [r["centre"][index] for _, r in lines]
-    opacity = [min(1.0, NARROW / max(r["width"][index], NARROW)) for _, r in lines]
+    attribute = run.attributes[index]
+    where = list(BY_NAME).index(attribute.name)
+    centres = [r["centre"][where] for _, r in lines]
+    opacity = [min(1.0, NARROW / max(r["width"][where], NARROW)) for _, r in lines]
     return _points(
         [n for n, _ in lines],
         centres,

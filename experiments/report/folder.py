@@ -12,7 +12,8 @@ from experiments.main import summary
 from experiments.main.pictures import INDEX, PICTURES
 from experiments.report.matters import FILE
 from experiments.study.form import Report
-from scene.attributes import SPACES, Attribute, space_of
+from scene.attributes import BY_NAME, Attribute
+from scene.held import read_fixed
 from shell.errors import UserError
 from shell.files import read_json
 from shell.folder import CONFIG, read_config
@@ -38,8 +39,14 @@ class RunFolder(NamedTuple):
 
     @property
     def attributes(self) -> tuple[Attribute, ...]:
-        """Those that were searched."""
-        return SPACES[space_of(len(self.summary["components"][0]["attributes"]))]
+        """Those that were searched, that is, were not held."""
+        names = self.summary["components"][0]["attributes"]
+        return tuple(BY_NAME[name] for name in names if name not in self.held)
+
+    @property
+    def held(self) -> dict[str, float]:
+        """Unit values of the others."""
+        return read_fixed(self.config.get("fix", ()), self.config.get("space", "scenex"))
 
     @property
     def percent(self) -> bool:

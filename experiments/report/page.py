@@ -22,6 +22,7 @@ from experiments.report.matters import matters
 from experiments.report.templates import templates
 from experiments.run import few
 from experiments.study.form import Report, cells, number, starts, words
+from scene.held import hold
 from scene.proposal import default_proposal, describe
 from shell.progress import duration
 
@@ -197,9 +198,8 @@ def attributes(run: RunFolder) -> Report:
     components, hidden = report["components"], report["hidden_centres"]
     names = list(components[0]["attributes"])
     found = {name: [c["attributes"][name] for c in components] for name in names}
-    hand_set = describe(
-        default_proposal(config.get("default_width", 0.15), config.get("space", "scenex"))
-    )["components"][0]["attributes"]
+    by_hand = default_proposal(config.get("default_width", 0.15), config.get("space", "scenex"))
+    hand_set = describe(hold(by_hand, run.held))["components"][0]["attributes"]
     binned = any("probabilities" in entry["unit"] for own in found.values() for entry in own)
     rows = []
     for k, (name, own) in enumerate(found.items()):
@@ -210,7 +210,7 @@ def attributes(run: RunFolder) -> Report:
         most = max(density for bars in densities for *_, density in bars)
         rows.append(
             {
-                "name": words(name),
+                "name": words(name) + (", held" if name in run.held else ""),
                 "learnt": [
                     [_bar(a, b, d / most if binned else None) for a, b, d in bars if d]
                     for bars in densities

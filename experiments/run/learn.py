@@ -33,8 +33,8 @@ from experiments.run.rewards import SearchPlan
 from experiments.run.search import Found, search
 from experiments.run.selection import Scores, Selection, parts_of
 from experiments.target.base import Target
-from scene.attributes import names
-from scene.proposal import Streets, describe, named, slide
+from scene.held import hold
+from scene.proposal import Streets, describe, slide
 from shell.files import digest, write_json
 
 BROAD = 0.5
@@ -61,8 +61,9 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
         UserError: an option out of range.
     """
     options = config.search
-    method = make_method(config, options.method, make_space(config), options.updates_per_group)
-    datasets, updates = options.datasets_per_update, options.updates_per_group * len(config.groups)
+    space = make_space(config)
+    method = make_method(config, options.method, space, options.updates_per_group)
+    datasets, updates = options.datasets_per_update, options.updates_per_group * len(space.groups)
     if options.method == "pool":
         datasets, updates = options.pool.rewards, options.pool.rounds
     return SearchPlan(
@@ -70,11 +71,12 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
         config.space,
         options.method,
         method,
-        names(config.space),
+        space.names,
         datasets,
         updates,
         options,
         config.seed,
+        config.held,
     )
 
 
@@ -147,8 +149,9 @@ def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
     if name == "seen":
         return found.best
     if name == "broad":
-        return slide(found.spread.centre, np.maximum(found.spread.width, BROAD))
-    return named(name, config.space, config.default_width)
+        broad = slide(found.spread.centre, np.maximum(found.spread.width, BROAD))
+        return hold(broad, config.held)
+    return config.streets(name)
 
 
 def selection_seeds(config: SearchConfig, rung: int) -> list[int]:

@@ -11,7 +11,7 @@ from experiments.evaluation.job import Job, Parts, Recipe, Result, Source
 from experiments.run import few
 from experiments.run.context import Run
 from experiments.target.base import Side
-from scene.proposal import Streets, default_proposal, random_proposal
+from scene.proposal import Streets
 from seg import recipes
 from seg.settings import NetName
 
@@ -88,8 +88,8 @@ def training_sets(
     config: SearchConfig = run.config
     fidelity = fidelity or config.final
     sets: dict[str, Source] = {
-        "random": random_proposal(config.space),
-        "default": default_proposal(config.default_width, config.space),
+        "random": config.streets("random"),
+        "default": config.streets("default"),
     }
     if learnt is not None:
         sets["learnt"] = learnt

@@ -53,6 +53,7 @@ def plan(
         evaluations // datasets,
         options,
         config.seed,
+        config.held,
     )
 
 

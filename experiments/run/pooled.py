@@ -16,6 +16,7 @@ from experiments.run.context import Run, Work
 from experiments.run.few import beside
 from experiments.run.rewards import Rewards, SearchPlan, embed
 from scene.attributes import names
+from scene.held import hold
 from scene.proposal import (
     BELOW_ONE,
     Histogram,
@@ -93,7 +94,7 @@ class PoolRewards(Rewards):
     def _evaluated(self, asked: sdr_jax.DataSets) -> list[Result]:
         run, seeds = self._run, asked.seeds.tolist()
         rng = np.random.default_rng(seeds)
-        units = drawn(rng, embed(self._plan.space, self._plan.subset, asked.proposals))
+        units = drawn(rng, embed(self._plan, asked.proposals))
         seed = int(rng.integers(2**32))  # of the streets
         pool = StreetPool(digest([digest(units.tolist()), seed]))
         jobs = self._jobs(pool, asked.subsets, seeds, 0.0)
@@ -138,7 +139,7 @@ def answers(policies: Sequence[Policy], plan: SearchPlan) -> dict[Candidate, Str
 
 
 def streets_of(policy: Policy, plan: SearchPlan) -> Streets:
-    """The streets of a policy; attributes that the search does not decide are random."""
+    """The streets of a policy; attributes that the search does not decide are random, or held."""
     shares, probabilities = (np.asarray(part, np.float64) for part in policy)
     whole = len(random_proposal(plan.space).centre)
     count = probabilities.shape[2]
@@ -147,7 +148,7 @@ def streets_of(policy: Policy, plan: SearchPlan) -> Streets:
         rows = np.full((whole, count), 1 / count)
         rows[[names(plan.space).index(name) for name in plan.subset]] = own
         found.append(Histogram(rows.astype(np.float32)))
-    return mixture((shares / shares.sum()).tolist(), found)
+    return hold(mixture((shares / shares.sum()).tolist(), found), plan.held)
 
 
 def _half(one: Streets, other: Streets) -> Streets:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from experiments.evaluation.runner import refuse_failed
 from experiments.run.context import Run
 from experiments.run.few import beside
 from scene.attributes import SpaceName, names
+from scene.held import hold
 from scene.proposal import Proposal, random_proposal
 from sdr_jax.names import MethodName
 from shell.errors import UserError
@@ -30,11 +32,12 @@ class SearchPlan(NamedTuple):
     space: SpaceName
     method: MethodName
     search: sdr_jax.Method
-    subset: tuple[str, ...]  # the attributes that it decides; all others stay random
+    subset: tuple[str, ...]  # the attributes that it decides; all others stay random or are held
     datasets: int  # per update
     updates: int
     options: SearchOptions
     seed: int  # of the search, and of the datasets that it asks for
+    held: Mapping[str, float] = MappingProxyType({})  # unit values of attributes, by name
 
     @property
     def evaluations(self) -> int:
@@ -42,11 +45,15 @@ class SearchPlan(NamedTuple):
         return self.datasets * self.updates
 
 
-def embed(space: SpaceName, subset: Sequence[str], proposals: Any) -> Proposal:
-    """Proposals f32[*batch, attributes of the subset] as those of the whole space, the others random."""
-    where = [names(space).index(name) for name in subset]
+def embed(plan: SearchPlan, proposals: Any) -> Proposal:
+    """Proposals f32[*batch, attributes of the subset] as those of the whole space.
+
+    The others are random, or held.
+    """
+    where = [names(plan.space).index(name) for name in plan.subset]
+    others = hold(random_proposal(plan.space), plan.held)
     whole = []
-    for values, random in zip(proposals, random_proposal(space), strict=True):
+    for values, random in zip(proposals, others, strict=True):
         array = np.broadcast_to(random, (*values.shape[:-1], len(random))).copy()
         array[..., where] = np.asarray(values)
         whole.append(array)
@@ -132,7 +139,7 @@ class DatasetRewards(Rewards):
         self.asked: list[Proposal] = []
 
     def _evaluated(self, asked: sdr_jax.DataSets) -> list[Result]:
-        centres, widths = embed(self._plan.space, self._plan.subset, asked.proposals)
+        centres, widths = embed(self._plan, asked.proposals)
         actions, run = asked.actions.tolist(), self._run
         proposals = [Proposal(*each) for each in zip(centres, widths, strict=True)]
         jobs = [

@@ -86,8 +86,8 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
         run.progress.standing = standing(kind, [rewards for rewards, *_ in history])
         run.progress.update(_said(plan, kind, update, history, policies))
     with watch:
-        solution = embed(plan.space, plan.subset, jax.device_get(method.solution(state)))
-        spread = embed(plan.space, plan.subset, jax.device_get(method.spread(state)))
+        solution = embed(plan, jax.device_get(method.solution(state)))
+        spread = embed(plan, jax.device_get(method.spread(state)))
     by_update, baselines, groups, distributions = zip(*history, strict=True)
     best = solution
     if isinstance(rewards, DatasetRewards):

@@ -8,19 +8,24 @@ import jax
 import numpy as np
 
 import sdr_jax
-from experiments.config import make_space
-from scene.attributes import SPACES
+from scene.attributes import SPACES, names
+from scene.held import hold
 from scene.proposal import Proposal
 
 
 def relaxed(config: Any, bins: np.ndarray) -> list[Proposal]:
     """Proposals f32[attributes] of bins i[n, attributes]."""
-    found = jax.device_get(sdr_jax.relax(make_space(config), bins, config.search.relaxation))
+    space = sdr_jax.space(names(config.space), config.search.bins)
+    found = jax.device_get(sdr_jax.relax(space, bins, config.search.relaxation))
     return [Proposal(*pair) for pair in zip(*found, strict=True)]
 
 
 def random_bins(config: Any, count: int) -> list[Proposal]:
-    """Proposals f32[attributes] with random bins for all attributes; more of them begin with the same."""
+    """Proposals f32[attributes] with random bins for all attributes that are not held.
+
+    More of them begin with the same.
+    """
     rng = np.random.default_rng(config.seed)
     size = (count, len(SPACES[config.space]))
-    return relaxed(config, rng.integers(0, config.search.bins, size))
+    found = relaxed(config, rng.integers(0, config.search.bins, size))
+    return [hold(own, config.held) for own in found]

@@ -14,6 +14,7 @@ from experiments.config import Fidelity, NetsConfig
 from experiments.evaluation.job import Result
 from experiments.run.context import Run
 from experiments.study.stats import mean
+from scene.held import in_words
 from seg.classes import class_table
 from seg.weights import described
 from shell.errors import UserError
@@ -87,6 +88,7 @@ def about(run: Run[Any], fidelity: Fidelity) -> Report:
         "seeds": config.seeds if isinstance(config, NetsConfig) else None,
         "scored_at": fidelity.size,
         "starts": [start] if (start := described(fidelity.train)) else [],
+        "held": in_words(config.held),
         "classes": list(class_table(target.table).classes),
     }
 
@@ -187,8 +189,10 @@ def introduction(report: Report) -> str:
 
 
 def starts(report: Report) -> str:
-    """A sentence for each kind of net about the weights that it starts from, if it does."""
-    return "".join(f" {start}." for start in report.get("starts", ()))
+    """Sentences about the weights that each kind of net starts from, if any, and attributes that are held."""
+    held = report.get("held")
+    said = [*report.get("starts", ()), *([f"Held in all streets: {held}"] if held else [])]
+    return "".join(f" {sentence}." for sentence in said)
 
 
 def target_of(report: Report) -> str:

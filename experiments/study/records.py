@@ -14,9 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from experiments.config import Config
 from experiments.evaluation import store
 from experiments.study.bins import relaxed
-from scene.attributes import SPACES, SpaceName
+from scene.attributes import SPACES, SpaceName, names
+from scene.proposal import shortest
 from shell.errors import UserError
 from shell.files import naming
 from shell.lines import Record
@@ -54,7 +56,18 @@ def read(paths: Sequence[Path], config: Any, target: str, wanted: str | None = N
     known = store.merged(entry for found in stored for entry in found.values())
     records = [record for record, _ in known.values()]
     records += [record for path in bins for record in _read_bins(path, config)]
-    return choose(records, target, config.space, wanted, ", ".join(map(str, paths)))
+    held = [record for record in records if holds(record, config)]
+    return choose(held, target, config.space, wanted, ", ".join(map(str, paths)))
+
+
+def holds(record: Record, config: Config) -> bool:
+    """Whether attributes that a configuration holds stood at its values; of real images they did not."""
+    held = config.held
+    if not held or record["centre"] is None:
+        return not held
+    rows = zip(names("extended"), record["centre"], record["width"], strict=False)
+    own = {name: (centre, width) for name, centre, width in rows}
+    return all(own.get(name) == (shortest(value), 0.0) for name, value in held.items())
 
 
 def choose(

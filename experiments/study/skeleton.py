@@ -28,6 +28,7 @@ from experiments.run.nets import paired_seeds
 from experiments.study.form import Form, Report, about, nets, rewrite, write_report
 from experiments.target.base import Target
 from experiments.target.named import named_target
+from scene.held import hold
 from scene.proposal import Streets, streets_named
 from scene.workers import Workers
 from shell.progress import duration
@@ -220,12 +221,15 @@ def learnt_attributes(run: Run[Any]) -> Streets:
     config: LearntConfig = run.config
     if config.learnt is None:
         return learn(run).streets
-    return read_attributes("--learnt", config.learnt, config.space)
+    return hold(read_attributes("--learnt", config.learnt, config.space), config.held)
 
 
 def attributes(run: Run[Any], made: Made, name: str) -> Streets:
     """From which streets are drawn: by a name that `streets_named` knows, or what ``learnt`` has come to."""
-    return made.get(name) or streets_named(name, run.config.space, run.config.default_width)
+    config = run.config
+    return made.get(name) or hold(
+        streets_named(name, config.space, config.default_width), config.held
+    )
 
 
 def learnt_from(config: LearntConfig) -> str:

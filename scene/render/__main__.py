@@ -3,6 +3,7 @@
 sdr-jax render --images 8 --out streets           # eight streets, one image of each
 sdr-jax render --attributes runs/main/attributes.json --format coco --out streets
 sdr-jax render --attributes random --format folders --target camvid --out streets
+sdr-jax render --attributes random --space extended --fix field_of_view=90 --out streets
 """
 
 from __future__ import annotations
@@ -16,8 +17,9 @@ from scene.assets.catalogue import AssetPool
 from scene.dataset.export import export_dataset
 from scene.dataset.read import DESCRIPTION, MOST_IMAGES
 from scene.executors import workers_of
+from scene.held import hold, in_words, read_fixed
 from scene.parsers import render as parser
-from scene.proposal import draw, read_streets
+from scene.proposal import draw, read_streets, space_in
 from scene.render import RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
 from scene.workers import WorkerError, refuse_many_workers
@@ -61,6 +63,10 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     refuse_many_shots("--shots", options.shots, settings)
     refuse_larger("--images", options.images, lambda n: n * STREET // options.shots, "streets")
     chosen = read_streets(options.attributes, options.space)
+    held = read_fixed(options.fix, space_in(chosen))
+    if held:
+        progress.say(f"Held: {in_words(held)}")
+    chosen = hold(chosen, held)
     with workers_of(options.executor, options.workers, options.scheduler) as workers:
         if workers.dashboard is not None:
             progress.say(f"Dashboard: {workers.dashboard}")

@@ -49,9 +49,9 @@ def test_variants_leave_out_what_they_say():
     left_out = {f"no_{word}": getattr(presets, word.upper()) for word in words}
     for variant in VARIANTS:
         assert job.without(config, variant) == changed.get(variant, config)
-        assert set(job.subset_of(variant, "scenex")) == set(NAMES) - set(left_out.get(variant, ()))
+        assert set(job.subset_of(variant, config)) == set(NAMES) - set(left_out.get(variant, ()))
     made = job.planned(config)
-    assert made["no_positions"].subset == job.subset_of("no_positions", "scenex")
+    assert made["no_positions"].subset == job.subset_of("no_positions", config)
     assert made["no_relaxation"].options.relaxation == 0
 
 

@@ -158,11 +158,11 @@ def test_a_job_searches_beside_the_few_and_tells_their_worth(camvid, out, counte
     configs = {line["config"] for line in lines(out / "evaluations.jsonl")}
     assert len(configs) == 1 and lines(out / "evaluations.jsonl")[0]["few"] == 2
     # The dataset's note says how to train on both, and what it says runs.
-    note = (out / "dataset" / "README.md").read_text()
+    note = (out / "dataset" / "few.md").read_text()
     assert "beside 2 labelled images" in note and "40 % of every batch" in note
     (code,) = re.findall(r"```python\n(.*?)```", note, flags=re.DOTALL)
     monkeypatch.chdir(out)
     scope: dict = {}
-    exec(compile(code, "README.md", "exec"), scope)
+    exec(compile(code, "few.md", "exec"), scope)
     assert list(scope["real"].names) == report["few_images"]
     assert len(scope["renders"].images) == 6 and "params" in scope

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
@@ -142,10 +143,15 @@ def test_means_are_over_folds_and_seeds_and_a_net_that_failed_drops_its_seed() -
     assert found["rows"]["renders"]["per_class"] == {"road": 30.0, "sky": None}
 
 
+FIX = ["field_of_view=90"]
+
+
 def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys) -> None:
     arguments = [str(folder), "--out", str(tmp_path / "run"), "--preset", "smoke", "--seeds", "1"]
-    assert main([*arguments, "--size", "64x48", "--workers", "1"]) == 0
+    arguments += ["--size", "64x48", "--workers", "1", "--fix", "field_of_view=90"]
+    assert main(arguments) == 0
     said = capsys.readouterr().out
+    held = "Held in all streets: field_of_view 90 deg."
     assert (
         "By fold, renders add" in said
         and "by one net each" in said
@@ -155,23 +161,28 @@ def test_from_a_folder_of_ones_own_to_a_net(folder: Path, tmp_path: Path, capsys
     assert list(summary["rows"]) == ["labels", "labels+renders", "renders"]
     assert [len(fold) for fold in summary["nets"]["labels"]] == [1, 1]
     page = (tmp_path / "run" / "report.html").read_text()
-    assert summary["verdict"] in page and "data:image/png" in page
+    assert summary["verdict"] in page and "data:image/png" in page and held in page and held in said
     assert (tmp_path / "run" / "predictions.png").exists()
     model = load_model(tmp_path / "run" / "model")
     assert model.names == ("street", "house", "sky", "plant", "bench")
     assert [own.id for own in model.classes] == [7, 11, 23, 21, 40] and model.size == (48, 64)
     assert model.notes["labelled_images"] == 5 and model.notes["verdict"] == summary["verdict"]
+    front = (tmp_path / "run" / "model" / "README.md").read_text().split("---\n")[1]
+    [told] = yaml.safe_load(front)["model-index"][0]["results"]
+    assert told["metrics"][0]["value"] == round(summary["rows"][summary["recipe"]]["mean"], 2)
     (labels,) = model.predict([np.zeros((30, 70, 3), np.uint8)])
     assert labels.shape == (30, 70)
     # Again: everything is known, and the answer is the same.
     again = fit(
-        config_of(folder, tmp_path / "run", preset="smoke", seeds=1, size=(64, 48), workers=1)
+        config_of(
+            folder, tmp_path / "run", preset="smoke", seeds=1, size=(64, 48), workers=1, fix=FIX
+        )
     )
     assert again["nets"] == summary["nets"] and text(again) in said
     # Labels were added: the net that is left starts from the model before.
     config = config_of(
         folder, tmp_path / "next", preset="smoke", seeds=1, size=(64, 48), workers=1,
-        init=tmp_path / "run" / "model",
+        init=tmp_path / "run" / "model", fix=FIX,
     )  # fmt: skip
     assert fit(config)["nets"] == summary["nets"]
     other = load_model(tmp_path / "next" / "model")
@@ -213,6 +224,7 @@ def test_what_cannot_be_fitted_is_one_line(folder: Path, tmp_path: Path, capsys)
             f"{bad}: embeddings.position_embeddings is missing; expected all of DINOv2 ViT-S",
         ),
         ([*dinov2[:-1], str(folder / "target.yaml")], "target.yaml: no file of weights"),
+        ([str(folder), *out, "--fix", "field_of_view=9"], "from 30 to 110 (deg)"),
     ):
         assert main(arguments) == 2
         assert message in capsys.readouterr().err.splitlines()[-1]

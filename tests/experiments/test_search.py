@@ -96,7 +96,7 @@ def test_attributes_outside_the_subset_stay_random(tiny_camvid, run):
         assert record["search"] == "two" and len(record["actions"]) == 2
         assert set(np.delete(record["width"], [3, 4])) == {1.0}
     assert found.solution.width[3:5].tolist() == pytest.approx([0.2, 0.2])
-    whole = embed("scenex", subset, sdr_jax.Proposal(np.zeros((7, 2)), np.zeros((7, 2))))
+    whole = embed(plan, sdr_jax.Proposal(np.zeros((7, 2)), np.zeros((7, 2))))
     assert whole.centre.shape == (7, 23) and (whole.centre[:, 5:] == 0.5).all()
 
 

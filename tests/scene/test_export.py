@@ -13,7 +13,7 @@ import pytest
 import trimesh
 
 from scene import AssetPool, RenderSettings
-from scene.attributes import NAMES
+from scene.attributes import BY_NAME, NAMES, names
 from scene.dataset import description, export
 from scene.dataset.description import versions
 from scene.dataset.export import ExportError, export_dataset, read_dataset
@@ -274,7 +274,19 @@ def test_the_command_line_draws_from_probabilities(tmp_path, printed):
     assert tree(folders[0]) == tree(folders[1])
 
 
+def test_the_command_line_holds_what_is_known(tmp_path, printed):
+    fix = ["--space", "extended", "--fix", "field_of_view=90", "--fix", "camera_position_y=1.4"]
+    said = printed(main, *FLAGS, tmp_path / "a", "--attributes", "mixed", "--shots", 1, *fix)
+    assert "Held: camera_position_y 1.4 m, field_of_view 90 deg" in said
+    found = described(tmp_path / "a")
+    for name, value in (("field_of_view", 90), ("camera_position_y", 1.4)):
+        units = [street[names("extended").index(name)] for street in found["streets"]]
+        assert [BY_NAME[name].physical(unit) for unit in units] == pytest.approx([value] * 2)
+        assert [c["attributes"][name]["width"] for c in found["attributes"]["components"]] == [0, 0]
+
+
 @pytest.mark.parametrize(("flags", "message"), [
+    ("--fix field_of_view=90", "--space scenex do not have field_of_view; --space extended does"),
     ("--images 0", "--images must lie in 1..10,000,000, not 0"),
     ("--size 0x48", "image size 0x48 is too small"),
     ("--size 64", "argument --size: must look like 640x320, not '64'"),

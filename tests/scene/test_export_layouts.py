@@ -2,6 +2,7 @@
 
 import importlib.util
 import json
+import re
 import shutil
 
 import numpy as np
@@ -132,7 +133,9 @@ def test_cityscapes_labels_are_the_targets_and_its_panoptic_files_stay(exported,
     plain, camvid = exported("cityscapes"), exported("cityscapes", "camvid")
     for path in sorted(plain.rglob("*.*")):
         other = camvid / path.relative_to(plain)
-        same = not path.name.endswith(("labelIds.png", "TrainIds.png", "color.png", "dataset.json"))
+        same = not path.name.endswith(
+            ("labelIds.png", "TrainIds.png", "color.png", "dataset.json", "README.md")
+        )
         assert (path.read_bytes() == other.read_bytes()) == same, path
     ids = sorted(camvid.rglob("*_labelIds.png"))
     for path, frame in zip(ids, frames, strict=True):
@@ -248,7 +251,9 @@ def test_parquet_has_as_many_shards_as_it_takes_and_no_other_files(exported, tmp
     np.testing.assert_array_equal(read_dataset(tmp_path / "a").images, read_dataset(one).images)
 
 
-@pytest.mark.parametrize("format", ["folders", pytest.param("parquet", marks=PARQUET)])
+@pytest.mark.parametrize("format", [
+    "cityscapes", "coco", "yolo-seg", "folders", pytest.param("parquet", marks=PARQUET),
+])  # fmt: skip
 def test_a_card_begins_with_yaml_as_hugging_face_reads_it(format, exported):
     begin, front, text = (exported(format, "camvid") / "README.md").read_text().split("---\n", 2)
     found = yaml.safe_load(front)
@@ -257,6 +262,8 @@ def test_a_card_begins_with_yaml_as_hugging_face_reads_it(format, exported):
         "# Rendered streets\n4 images of"
     )
     assert "| 10 | bicyclist |" in text and "the target camvid" in text
+    folders = {line for line in re.findall(r'[`"](\w+)/', text)}
+    assert folders and all((exported(format, "camvid") / name).is_dir() for name in folders)
     if format == "parquet":
         [config] = found["configs"]
         assert config["data_files"] == [{"split": "train", "path": "data/train-*"}]

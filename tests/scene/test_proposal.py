@@ -254,8 +254,7 @@ BINNED = dict.fromkeys(NAMES, EVEN)
 
 
 @pytest.mark.parametrize(("entry", "message"), [
-    (0.5, "car_position has no probabilities, but illumination_intensity has; all"),
-    ({"unit": {"centre": 0.5}}, "car_position has no probabilities, but"),
+    ({"unit": {"centre": 0.5, "width": 0.1}}, "car_position has no probabilities, but illumination_inten"),
     ({"probabilities": [0.5, 0.5]}, "car_position has 2 probabilities, but .* first attribute, 3"),
     *(({"probabilities": value}, f"car_position{message}") for value, message in (
         (0.5, ": probabilities must be a list of 2"), ([1.0], ": probabilities must be a list of 2"),
@@ -275,7 +274,17 @@ def test_what_is_wrong_in_probabilities_is_named(entry, message):
         module.parse_streets,
         {"components": rows},
     )
-    refused(ValueError, "no probabilities", module.parse_streets, {**VALUES, "car_position": EVEN})
+    wide = {"centre": 0.5, "width": 0.1}
+    refused(ValueError, "no probab", module.parse_streets, {**BINNED, NAMES[0]: wide})
+
+
+def test_beside_probabilities_an_attribute_with_one_value_is_held():
+    own = module.parse_streets({**VALUES, "car_position": EVEN})
+    assert [NAMES[where] for where, _ in own.held] == [n for n in NAMES if n != "car_position"]
+    units = draw(own, 0, 400)
+    car = NAMES.index("car_position")
+    assert (np.delete(units, car, axis=1) == np.float32(0.25)).all()
+    assert 0.4 < (units[:, car] >= 2 / 3).mean() < 0.6
 
 
 def test_probabilities_alone_are_enough_and_decide():

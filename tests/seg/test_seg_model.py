@@ -10,6 +10,7 @@ from safetensors.numpy import load_file
 
 import seg
 from seg import ModelError, TrainSettings
+from seg.card import card as card_of
 from seg.data.labelled import fitted
 from seg.model import CONFIG, SHIPPED, WEIGHTS, Model, classes_of, label_classes, load_model
 from seg.model import shipped as shipped_models
@@ -148,6 +149,28 @@ def test_a_model_that_is_not_right_is_refused_by_name(changes, message, saved):
     config = json.loads((saved / CONFIG).read_text())
     (saved / CONFIG).write_text(json.dumps({**config, **changes}))
     refused(ModelError, message, load_model, saved)
+
+
+def test_its_card_is_read_by_hugging_face(tmp_path, compact):
+    hub = pytest.importorskip("huggingface_hub")
+    notes = {"target": "my: streets", "miou": 37.512, "reported_on": "group a", "labelled_images": 14,
+             "trained_on": "labels+renders", "verdict": "Renders add 2.4 points."}  # fmt: skip
+    model = replace(compact, notes=notes)
+    model.save(tmp_path / "model")
+    card = hub.ModelCard.load(tmp_path / "model" / "README.md")
+    assert card.data.pipeline_tag == "image-segmentation" and card.data.library_name == "sdr-jax"
+    [result] = card.data.eval_results
+    assert (result.dataset_name, result.metric_type, result.metric_value) == (
+        "my: streets", "mean_iou", 37.51,
+    )  # fmt: skip
+    assert "on 14 labelled images and renders beside them, by sdr-jax" in card.text
+    assert "37.5 % mIoU on images that they have not seen (group a). Renders add" in card.text
+    assert all(f"| {own.id} | {own.name} |" in card.text for own in model.classes)
+    compact.save(tmp_path / "model")  # of one that tells nothing of itself
+    plain = hub.ModelCard.load(tmp_path / "model" / "README.md")
+    assert plain.data.eval_results is None and "mIoU" not in plain.text
+    ours = load_model("renders19")
+    assert (SHIPPED / "renders19" / "README.md").read_text() == card_of(ours)
 
 
 def test_the_model_that_comes_with_the_package_is_there_and_small():

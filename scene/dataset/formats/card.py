@@ -10,19 +10,35 @@ SIZES = ((1_000, "n<1K"), (10_000, "1K<n<10K"), (100_000, "10K<n<100K"), (1_000_
 """Images below which a dataset is of a size, and what the size is called."""
 SPLIT = {"train": "train", "val": "validation"}
 """What Hugging Face calls a split."""
-FOLDERS = """\
+USES = {
+    "cityscapes": """\
+The layout of Cityscapes: images in `leftImg8bit/`, labels in `gtFine/` as ids, train ids, instances and
+colours; beside them `depth/`, `disparity/`, `normals/`, `camera/` and outlines in `annotations/`.
+""",
+    "coco": """\
+The layout of COCO: `images/`, objects in `annotations/instances.json`, masks of classes in
+`annotations/semantic.json`, and `panoptic/` with `annotations/panoptic.json`; beside them `depth/`,
+`normals/` and `camera/`.
+""",
+    "yolo-seg": """\
+Ultralytics' layout: `images/`, and in `labels/` an outline of each thing on a line; `data.yaml` names the
+classes.
+""",
+    "folders": """\
 `images/` and `masks/` hold one PNG of the same name for each image, `classes.txt` on each line a value of the
 masks, a space, and the name of its class.
-"""
-PARQUET = """\
+""",
+    "parquet": """\
 ```
 from datasets import load_dataset
 
-dataset = load_dataset("parquet", data_files={{"{split}": "data/*.parquet"}})
+dataset = load_dataset("parquet", data_files={"{split}": "data/*.parquet"})
 ```
 `image` and `label` are pictures of the same size; `classes` lists the classes that are in the image by their
 places in the table below.
-"""
+""",
+}
+"""What is where, by layout."""
 
 
 def card(about: About, features: str = "") -> Iterator[str]:
@@ -45,7 +61,7 @@ def card(about: About, features: str = "") -> Iterator[str]:
         f"{told['versions']['sdr-jax']} (engine {told['engine']}, renderer {told['renderer']}, seed "
         f"{told['seed']}). `dataset.json` holds all settings and the attributes of every street.\n\n"
     )
-    yield PARQUET.format(split=SPLIT[about.split]) if features else FOLDERS
+    yield USES[told["format"]].replace("{split}", SPLIT[about.split])
     yield "\n## Classes\n| value | class | share of pixels | images |\n| --- | --- | --- | --- |\n"
     for value, name in about.labels.all_values:
         if name in told["class_frequency"]:

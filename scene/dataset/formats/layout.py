@@ -50,6 +50,7 @@ class Layout(NamedTuple):
         return {name: own.path.format(split=split) for name, own in self.summaries.items()}
 
 
+CARD = Summary("README.md", card.card)
 _GT_FINE = f"gtFine/{{split}}/{CITY}/{{stem}}_gtFine"
 _IMAGE = f"leftImg8bit/{{split}}/{CITY}/{{stem}}_leftImg8bit.png"
 LAYOUTS: dict[str, Layout] = {
@@ -72,6 +73,7 @@ LAYOUTS: dict[str, Layout] = {
                 "annotations/instances_{split}.json", partial(coco.instances, file_name=_IMAGE)
             ),
             "panoptic": Summary("gtFine/cityscapes_panoptic_{split}.json", cityscapes.panoptic),
+            "card": CARD,
         },
     ),
     "coco": Layout(
@@ -90,19 +92,20 @@ LAYOUTS: dict[str, Layout] = {
             "semantic": Summary(
                 "annotations/semantic.json", partial(coco.semantic, file_name="{stem}.png")
             ),
+            "card": CARD,
         },
     ),
     "folders": Layout(
         {"image": "images/{stem}.png", "label_ids": "masks/{stem}.png"},
         {
             "classes": Summary("classes.txt", card.class_list),
-            "card": Summary("README.md", card.card),
+            "card": CARD,
         },
         published=False,
     ),
     "yolo-seg": Layout(
         {"image": "images/{split}/{stem}.png", "objects": "labels/{split}/{stem}.txt"},
-        {"names": Summary("data.yaml", yolo.names)},
+        {"names": Summary("data.yaml", yolo.names), "card": CARD},
     ),
     # Its pictures are packed in the end.
     "parquet": Layout(

@@ -1,0 +1,1 @@
+"""Pre-labels for annotation tools: what a net sees in images, for people to correct."""
