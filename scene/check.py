@@ -18,7 +18,7 @@ import numpy as np
 
 from scene import parsers
 from scene.assets.catalogue import AssetPool
-from scene.attributes import SPACES, SpaceName, default_unit, street_params
+from scene.attributes import SpaceName, default_unit, street_params
 from scene.classes import CLASS_NAMES, VOID
 from scene.dataset.edges import Overlap, overlap
 from scene.dataset.formats.about import About
@@ -26,6 +26,7 @@ from scene.dataset.formats.planes import ids_of
 from scene.dataset.formats.segments import TRAIN_OF_LABEL, label_ids
 from scene.dataset.read import Described, describe
 from scene.dataset.verify import load, verify
+from scene.proposal import draw, random_proposal
 from scene.street.clearance import pairs
 from scene.street.instances import standing
 from scene.street.street import sample_street
@@ -203,9 +204,9 @@ def overlaps(units: np.ndarray, pool: AssetPool) -> Counter[str]:
 
 def _report_overlaps(count: int, space: SpaceName, pool: AssetPool) -> int:
     """Print what meets in hand-set and in random streets; 1 if anything does, else 0."""
-    random = np.random.default_rng(0).random((count, len(SPACES[space])), np.float32)
     total = 0
-    for name, units in (("hand-set", np.tile(default_unit(space), (count, 1))), ("random", random)):
+    hand_set = np.tile(default_unit(space), (count, 1))
+    for name, units in (("hand-set", hand_set), ("random", draw(random_proposal(space), 0, count))):
         found = overlaps(units, pool)
         total += found.total()
         print(f"{count} {name} streets ({space}): {found.total()} pairs meet by more than {DEEP} m")

@@ -10,6 +10,7 @@ from experiments.config.options import Fidelity, Search, SearchOptions
 from scene.render.protocol import MAX_PIXELS, refuse_large_images, refuse_many_shots
 from seg.augment import DRAWS
 from seg.nets.trunks import trunk_of
+from shell.errors import flagged
 from shell.memory import refuse_larger
 
 PIXEL, SCORES = 4, 4 * (3 + 11)
@@ -46,7 +47,9 @@ def _refuse_fidelity(flag: str, fidelity: Fidelity) -> None:
     step = 4 * (train.batch * (DRAWS + 1) + 1)
     refuse_larger(f"{flag}.train.steps", train.steps, _times(step), "random numbers")
     if train.frozen:
-        views = _times(fidelity.images * pixels * trunk_of(train).pixel_bytes)
+        with flagged(f"{flag}.train.net"):
+            trunk = trunk_of(train)
+        views = _times(fidelity.images * pixels * trunk.pixel_bytes)
         refuse_larger(f"{flag}.train.views", train.views, views, f"features of {dataset}")
     if train.has_trunk:
         head = _times(train.batch * pixels / 64 * 4)

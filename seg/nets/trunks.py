@@ -13,7 +13,7 @@ from flax import linen as nn
 from seg.errors import WeightsError
 from seg.nets.dinov2 import PATCH, VARIANTS, DinoV2
 from seg.nets.lite import SIZES, STRIDES, Lite, blocks_of, channels_of
-from seg.settings import TrainSettings
+from seg.settings import WHOLE_NETS, TrainSettings
 from seg.weights import dinov2, lite
 from seg.weights.read import read
 from shell.errors import UserError
@@ -88,7 +88,8 @@ def trunk(net: str, weights: str | None = None) -> Trunk:
         WeightsError: the file cannot be used.
     """
     if net not in TRUNKS:
-        raise UserError(f"there is no trunk {net}; known trunks: {', '.join(TRUNKS)}")
+        known = ", ".join(sorted((*WHOLE_NETS, *TRUNKS)))
+        raise UserError(f"unknown net {net!r}; known nets: {known}")
     found = TRUNKS[net](weights)
     if any(stride % found.strides[0] for stride in found.strides):
         raise ValueError(f"strides of {net} are {found.strides}; the first must divide the others")

@@ -59,7 +59,7 @@ def test_every_image_is_held_out_once_and_in_one_piece(lengths):
 
 
 def test_every_ingredient_shows_in_the_picture_and_most_leave_the_street_standing():
-    recipe = TINY._replace(streets=3, shots=1)
+    recipe = TINY._replace(streets=5, shots=1)
     drawn = units(recipe, "default", 0)
     whole = world(recipe)._replace(pool=AssetPool(size=10))
     complete, labels = ingredients.render_world(whole, drawn, 0, recipe.shots, TABLE)

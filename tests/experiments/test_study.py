@@ -302,9 +302,9 @@ def test_a_report_is_derived_anew_from_its_scores(config, tmp_path, capsys):
 
 @pytest.mark.parametrize(("content", "attributes", "report"), [
     (None, "No such file", "No such file"), ("{", "is no JSON file", "is no JSON file"),
-    ('{"fog": 0.5}', "unknown attribute 'fog'", "experiments.some"),
-    ('{"study": "other"}', "unknown attribute 'study'", "is no report of experiments.some"),
-    ('{"study": "some"}', "unknown", "does not hold what experiments.some writes"),
+    ('{"fog": 0.5}', "unknown attribute 'fog'", "the study some"),
+    ('{"study": "other"}', "unknown attribute 'study'", "is no report of the study some"),
+    ('{"study": "some"}', "unknown", "does not hold what the study some writes"),
 ])  # fmt: skip
 def test_other_files_are_neither_attributes_nor_reports(config, out, content, attributes, report):
     file = out.with_name("some.json")

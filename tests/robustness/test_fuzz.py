@@ -32,6 +32,7 @@ from scene.mesh.file import SUFFIXES, read_mesh
 from scene.proposal import Histogram, default_proposal, describe
 from scene.render import __main__ as render
 from sdr_jax.tune import __main__ as tune
+from sdr_jax.tune import search
 from seg.data import LabelReader
 from seg.data.images import read_image
 from seg.weights import convert
@@ -117,7 +118,7 @@ ANSWER = {"solution": {}, "spread": {}, "evaluations": 1, "method": "", "failed"
 def test_spaces(text, counted, tmp_path):
     path = tmp_path / "space.toml"
     path.write_bytes(text)
-    only_read = patch.object(tune, "tune", lambda read, *_, **__: read.space() and ANSWER)
+    only_read = patch.object(search, "tune", lambda read, *_, **__: read.space() and ANSWER)
     with counted("spaces"), only_read:
         words = [str(path), "--out", str(tmp_path / "o"), "--", "true", "{attributes.json}"]
         ends_well(tune.main, words)

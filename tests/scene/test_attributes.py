@@ -19,7 +19,7 @@ FROZEN = {
     "camera_position_x": (0, 8, "linear", 1.8),         "camera_position_y": (0.8, 4.0, "linear", 1.5),
     "camera_rotation_x": (-12, 20, "linear", 2),        "camera_rotation_y": (-40, 40, "linear", 0),
     "building_position": (5, 30, "linear", 9),          "fence_position": (3.5, 20, "linear", 7.5),
-    "tree_position": (3.5, 20, "linear", 9),            "bicycle_position": (1, 14, "linear", 3.2),
+    "tree_position": (3.5, 20, "linear", 9),            "bicycle_position": (1, 14, "linear", 6.3),
     "person_position": (1, 14, "linear", 5.5),          "pole_position": (2, 14, "linear", 4.8),
     "car_position": (1, 14, "linear", 3.4),             "building_probability": (0, 1, "linear", 0.8),
     "building_interval": (8, 40, "log", 10),            "fence_interval": (3, 40, "log", 12),

@@ -194,7 +194,7 @@ def test_the_camera_is_where_it_is_on_its_car_whichever_way_the_road_goes(course
             ahead = (after - before) / np.linalg.norm(after - before)
             left = np.cross([0, 0, 1], ahead) / np.hypot(*ahead[:2])
             car = np.stack([ahead, left, np.cross(ahead, left)], axis=1)
-            assert found["z"] == pytest.approx(height * car[2, 2], abs=1e-5)
+            assert found["z"] == pytest.approx(height * car[2, 2], abs=1e-4)
             right, up, forward = camera_axes(camera)
             turn = car @ Rotation.from_euler("ZYX", angles).as_matrix()
             np.testing.assert_allclose(turn.T, [forward, -right, up], atol=1e-3)

@@ -7,9 +7,9 @@ from pathlib import Path
 import scene
 
 ROOMS = (
-    "classes", "attributes", "version", "cache", "compiled", "streams", "workers", "cluster", "executors",
-    "proposal", "look", "mesh", "sky", "ground", "assets", "street", "render", "dataset", "preview", "check",
-    "stats", "callback",
+    "names", "classes", "attributes", "version", "cache", "compiled", "streams", "workers", "cluster",
+    "executors", "proposal", "held", "look", "mesh", "sky", "ground", "assets", "street", "render",
+    "dataset", "preview", "check", "stats", "callback", "parsers",
 )  # fmt: skip
 """Each imports from those before it only."""
 
