@@ -1,4 +1,5 @@
 from scene.assets.catalogue import AssetPool as AssetPool
+from scene.assets.own_class import OwnClass as OwnClass
 from scene.attributes import ATTRIBUTES as ATTRIBUTES
 from scene.attributes import StreetParams as StreetParams
 from scene.attributes import default_unit as default_unit

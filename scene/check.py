@@ -19,7 +19,7 @@ import numpy as np
 from scene import parsers
 from scene.assets.catalogue import AssetPool
 from scene.attributes import SpaceName, default_unit, street_params
-from scene.classes import CLASS_NAMES, VOID
+from scene.classes import VOID
 from scene.dataset.edges import Overlap, overlap
 from scene.dataset.formats.about import About
 from scene.dataset.formats.planes import ids_of
@@ -168,10 +168,10 @@ def _statistics(
         key: value if isinstance(value := dataset.description.get(key), dict) else {}
         for key in ("class_frequency", "images_with_class", "placed")
     }
-    placed = Counter[str]()
+    placed, rendered = Counter[str](), dataset.labels.rendered
     for name, number in told["placed"].items():
-        if name in CLASS_NAMES and isinstance(number, int):
-            own = int(dataset.labels.of_engine[CLASS_NAMES.index(name)])
+        if name in rendered and isinstance(number, int):
+            own = int(dataset.labels.of_engine[rendered.index(name)])
             placed.update({dataset.labels.names[own]: number} if own != VOID else {})
     for k, name in enumerate(dataset.labels.names):
         share = round(pixels[k] / total, 9)

@@ -7,7 +7,9 @@ from enum import IntEnum
 import numpy as np
 
 from shell.classes import CLASSES, NAMES
+from shell.classes import OWN as OWN_ROW
 from shell.classes import VOID as VOID
+from shell.errors import UserError
 
 
 class TrainId(IntEnum):
@@ -36,6 +38,11 @@ class TrainId(IntEnum):
 
 CLASS_NAMES: tuple[str, ...] = NAMES
 
+OWN = len(CLASS_NAMES)
+"""Train id of a user's own class, where there is one."""
+LONGEST = 40
+"""Characters of its name."""
+
 LABEL_IDS = np.array([own.file_id for own in CLASSES], np.uint8)
 """u8[19]: the value of each train id in ``*_gtFine_labelIds.png``."""
 
@@ -47,4 +54,27 @@ def colorize(label: np.ndarray) -> np.ndarray:
     """Label image u8[..., h, w] of train ids as u8[..., h, w, 3] colours; void is black."""
     table = np.zeros((256, 3), np.uint8)
     table[: len(COLORS)] = COLORS
+    table[OWN] = OWN_ROW.colour
     return table[label]
+
+
+def check_class_name(name: str) -> str:
+    """The name itself of a user's own class.
+
+    Raises:
+        UserError: it is empty, too long or of more than a line, or that of a class that there is.
+    """
+    if not name.strip() or name != " ".join(name.split()) or not name.isprintable():
+        raise UserError(
+            f"own class {name!r} has no name that can be read: use words, a space between them"
+        )
+    if len(name) > LONGEST:
+        raise UserError(
+            f"own class {name!r}: a name has at most {LONGEST} characters, not {len(name)}"
+        )
+    known = (*CLASS_NAMES, "void")
+    if name.replace("_", " ").lower() in known:
+        raise UserError(
+            f"own class {name!r}: there is such a class already; taken: {', '.join(known)}"
+        )
+    return name

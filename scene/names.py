@@ -6,5 +6,9 @@ USES = ("both", "own", "built-in")
 """Values of ``AssetPool.use``: which assets a street may draw from."""
 OVERLAPS = ("allow", "avoid")
 """Values of ``AssetPool.overlap``, beside none: whether objects may stand in each other."""
+PLACES = ("sidewalk", "carriageway")
+"""Values of ``OwnClass.place``: where the objects of a user's own class stand."""
+OWN_EVERY = 15
+"""Metres of a street on which one of them stands, if there is room."""
 HELD = "hold an attribute at a value, in its unit, such as field_of_view=90; once for each"
 """What ``--fix`` does."""

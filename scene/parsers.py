@@ -7,7 +7,7 @@ from typing import get_args
 
 from scene.attributes import SPACES
 from scene.dataset.formats.layout import FORMATS, SPLITS
-from scene.names import HELD, OVERLAPS, RENDERERS, USES
+from scene.names import HELD, OVERLAPS, OWN_EVERY, PLACES, RENDERERS, USES
 from scene.proposal import NAMES
 from scene.workers import ExecutorName
 from shell.command import Parser, docstring, size
@@ -73,6 +73,14 @@ def render() -> Parser:
         metavar="N",
         help="built-in assets of each family; by default all",
     )
+    add(
+        "--own-asset",
+        metavar="FILE",
+        help=f"GLB of a class of your own; one stands on every {OWN_EVERY} m of a street, where there is "
+        "room",
+    )
+    add("--own-class", metavar="NAME", help="what labels call it, beside the 19 classes")
+    add("--own-place", choices=PLACES, help="where it stands; by default the sidewalk")
     return options
 
 

@@ -22,6 +22,7 @@ STREAMS = {
     "people": 33,
     "land": 34,  # beside the road
     "furniture": 35,
+    "own class": 36,
     "noise": 40,  # of one shot's image
     "camera": 2**16,  # how it responds
 }

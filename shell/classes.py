@@ -40,4 +40,6 @@ CLASSES = (
     EngineClass("motorcycle", 32, (0, 0, 230)),
     EngineClass("bicycle", 33, (119, 11, 32)),
 )
+OWN = EngineClass("", 34, (0, 255, 255))
+"""A user's own class, which comes after these: its name is the user's, its id beyond the published ones."""
 NAMES: tuple[str, ...] = tuple(own.name for own in CLASSES)

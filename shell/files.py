@@ -190,11 +190,11 @@ def files_below(root: Path) -> list[Path]:
 
 
 def folder_digest(root: Path) -> str:
-    """Sha256 of the names and bytes of ``files_below`` a folder.
+    """Sha256 of the names and bytes of ``files_below`` a folder, or of the bytes of a file.
 
     They are read again only where a name, size or time has changed. Raises OSError.
     """
-    files = [(path, path.stat()) for path in files_below(root)]
+    files = [(path, path.stat()) for path in ([root] if root.is_file() else files_below(root))]
     state = tuple((path, s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino) for path, s in files)
     # What has just been written may change again within one tick of its clock.
     if max((s.st_ctime for _, s in files), default=0.0) > time.time() - FRESH:
@@ -204,6 +204,8 @@ def folder_digest(root: Path) -> str:
 
 @lru_cache(maxsize=16)
 def _digest_of(root: Path, state: tuple[tuple[Any, ...], ...]) -> str:
+    if root.is_file():
+        return file_digest(root)
     found = hashlib.sha256()
     for path, *_ in state:
         found.update(f"{path.relative_to(root).as_posix()} {file_digest(path)}\n".encode())

@@ -249,9 +249,8 @@ class Cache:
 
 def sent(recipe: Recipe, workers: Workers) -> Recipe:
     """A recipe whose files workers find: own assets, weights."""
-    fidelity, own = recipe.fidelity, recipe.pool.own
-    fidelity = replace(fidelity, train=_sent(fidelity.train, workers))
-    return recipe._replace(fidelity=fidelity, pool=recipe.pool._replace(own=workers.share(own)))
+    fidelity = replace(recipe.fidelity, train=_sent(recipe.fidelity.train, workers))
+    return recipe._replace(fidelity=fidelity, pool=recipe.pool.called(workers.share))
 
 
 def _sent(train: TrainSettings, workers: Workers) -> TrainSettings:

@@ -415,6 +415,8 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
     # Files count, not where they lie.
     if pool["own"]:
         pool["own"] = folder_digest(Path(pool["own"]))
+    if "own_class" in pool:
+        pool["own_class"]["file"] = folder_digest(Path(pool["own_class"]["file"]))
     if fidelity.train.weights is not None:
         size["train"]["weights"] = file_digest(Path(fidelity.train.weights))
     decides = {

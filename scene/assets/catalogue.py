@@ -8,14 +8,16 @@ user's own assets stand beside them, named by their files' content and path (``l
 from __future__ import annotations
 
 import zlib
+from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path, PurePath
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from scene.assets import library
+from scene.assets import library, own_class
 from scene.assets.families import FAMILIES
+from scene.assets.own_class import OwnClass
 from scene.attributes import StreetParams
 from scene.cache import Arrays, kept
 from scene.classes import CLASS_NAMES
@@ -40,12 +42,21 @@ class AssetPool(NamedTuple):
     overlap: str = (
         ""  # whether they may stand in each other: "allow", "avoid", "" as the space has it
     )
+    own_class: OwnClass | None = None  # a class beside the engine's, and its asset
 
     @property
     def decides(self) -> dict[str, Any]:
-        """Its fields as plain values; the last two where they say anything, so that older records hold."""
-        fields = {**self._asdict(), "without": list(self.without)}
-        return {k: v for k, v in fields.items() if v or k not in ("without", "overlap")}
+        """Its fields as plain values; the last three where they say anything, so that older records hold."""
+        own = self.own_class and self.own_class._asdict()
+        fields = {**self._asdict(), "without": list(self.without), "own_class": own}
+        return {
+            k: v for k, v in fields.items() if v or k not in ("without", "overlap", "own_class")
+        }
+
+    def called(self, naming: Callable[[str], str]) -> AssetPool:
+        """The same pool, its folder and the file of its own class by the names that ``naming`` gives them."""
+        own = self.own_class and self.own_class.called(naming)
+        return self._replace(own=naming(self.own), own_class=own)
 
     def overlap_of(self, params: StreetParams) -> str:
         """``overlap`` in a street; the default of ``scenex`` is "allow", as in the paper, else "avoid"."""
@@ -57,7 +68,7 @@ MOST = 1_000_000
 
 
 def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
-    """The pool itself, its folder of own assets by its absolute path.
+    """The pool itself, its folder of own assets and the file of its own class by their absolute paths.
 
     Args:
         pool: the pool.
@@ -65,7 +76,8 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
 
     Raises:
         ValueError: a field out of range, by name.
-        LibraryError: the folder of own assets is wanted and not named, or cannot be used; see ``library``.
+        LibraryError: the folder of own assets is wanted and not named, or cannot be used; see ``library``;
+            or the file of the own class.
     """
     if pool.use not in USES:
         raise ValueError(f"{named}use {pool.use!r} is unknown; known: {', '.join(USES)}")
@@ -86,7 +98,9 @@ def check_pool(pool: AssetPool, named: str = "asset ") -> AssetPool:
         raise library.LibraryError(f"{named}use 'own' needs a folder of own assets")
     if pool.own:
         library.check(pool.own)
-    return pool._replace(own=str(Path(pool.own).absolute())) if pool.own else pool
+    if pool.own_class is not None:
+        own_class.check(pool.own_class)
+    return pool.called(lambda path: str(Path(path).absolute()) if path else path)
 
 
 def pick(pool: AssetPool, family: str, rng: np.random.Generator) -> int | str | None:
@@ -162,9 +176,9 @@ def parts_of(
     goes without a machine. What would hang in the air, since a pool is without its family, is left out.
     ``chance`` in [0, 1) decides on the machine or the post.
     """
-    row = FAMILIES[family]
-    if not row.on:
+    if family == own_class.FAMILY or not FAMILIES[family].on:
         return [(family, ref)]
+    row = FAMILIES[family]
     whole = isinstance(ref, str) and row.front == "back"
     if whole and bounds(family, ref)[0, 2] < OWN_POST:
         return [(family, ref)]
@@ -211,6 +225,8 @@ def asset(family: str, ref: int | str) -> Asset:
         ValueError: unknown family or negative index.
         LibraryError: the file cannot be used.
     """
+    if family == own_class.FAMILY:
+        return own_class.load(str(ref))
     if family not in FAMILIES:
         raise ValueError(f"unknown asset family {family!r}; known: {', '.join(FAMILIES)}")
     if isinstance(ref, str):

@@ -69,7 +69,7 @@ class Row(NamedTuple):
 
 
 def snapshot(folder: str) -> str:
-    """A folder by its content: a digest of its files, a colon, its absolute path.
+    """A folder, or a file, by its content: a digest, a colon, its absolute path.
 
     What is cached under such a name, or one that begins with it, is never that of other files. A snapshot
     is its own, and that of no folder (an empty name) is empty.
@@ -86,8 +86,8 @@ def snapshot(folder: str) -> str:
         raise LibraryError(f"{error.filename}: {error.strerror}") from error
 
 
-def _refuse_changed(name: str, root: Path) -> None:
-    """Raise unless a folder still is what it is called: what was just read may be of other files."""
+def refuse_changed(name: str, root: Path) -> None:
+    """Raise unless a folder or file still is what it is called: what was just read may be of other files."""
     if not snapshot(str(root)).startswith(name[: DIGITS + 1]):
         raise LibraryError(f"{root} changed while it was read; run the same command again")
 
@@ -107,7 +107,7 @@ def manifest(folder: str) -> tuple[Row, ...]:
 
 @lru_cache(maxsize=16)
 def _manifest(name: str) -> tuple[Row, ...]:
-    root = _path(name)
+    root = path_of(name)
     if not root.is_dir():
         raise LibraryError(f"{root} is {'not a folder' if root.exists() else 'not there'}")
     files = _mesh_files(root)
@@ -120,7 +120,7 @@ def _manifest(name: str) -> tuple[Row, ...]:
     for file in rows:
         if file not in files:
             raise LibraryError(f"{root / MANIFEST} names {file}, which is not there")
-    _refuse_changed(name, root)
+    refuse_changed(name, root)
     return tuple(rows[file] for file in files)
 
 
@@ -158,7 +158,7 @@ def load(family: str, ref: str) -> Asset:
         LibraryError: broken, empty, of no plausible size, or not the file any more that it was; the message
             names the file.
     """
-    file = _path(ref)
+    file = path_of(ref)
     root = file.parents[1]
     name = ref.removesuffix(f"/{file.relative_to(root).as_posix()}")
     row = next(r for r in _manifest(name) if file == root / r.file)
@@ -169,11 +169,11 @@ def load(family: str, ref: str) -> Asset:
         raise LibraryError(f"{file}: {error}") from error
     except OSError as error:
         raise LibraryError(f"{file}: {error.strerror}") from error
-    _refuse_changed(name, root)
+    refuse_changed(name, root)
     return _stand(asset, family)
 
 
-def _path(name: str) -> Path:
+def path_of(name: str) -> Path:
     """Where a snapshot, or a file in it, lies."""
     return Path(name[DIGITS + 1 :])
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from scene.assets import library
 from scene.assets.catalogue import AssetPool
-from scene.classes import CLASS_NAMES, VOID
+from scene.assets.own_class import OwnClass
+from scene.classes import CLASS_NAMES, OWN, VOID
 from scene.dataset.formats.labels import Labels, labels_of
 from scene.dataset.formats.layout import Layout, layout
 from scene.dataset.read import WORK
@@ -22,6 +23,7 @@ from scene.proposal import Streets, describe, shortest
 from scene.render import RenderSettings
 from scene.version import ENGINE, MAKERS
 from shell import files
+from shell.classes import OWN as OWN_ROW
 from shell.files import folder_digest
 from shell.folder import plain
 
@@ -55,7 +57,9 @@ class Plan(NamedTuple):
     @property
     def labels(self) -> Labels:
         """The classes of label pictures."""
-        return labels_of({"target": self.target}, self.layout.published)
+        own = self.pool.own_class
+        told = {"target": self.target, "own_class": own and own._asdict()}
+        return labels_of(told, self.layout.published)
 
     @property
     def work(self) -> Path:
@@ -79,19 +83,24 @@ class Plan(NamedTuple):
 def settings(plan: Plan, units: np.ndarray, streets: Streets | None) -> dict[str, Any]:
     """All that decides the files, as ``dataset.json`` has it."""
     of_target = {} if plan.target is None else {"target": plan.target}
+    of_own = (
+        {} if plan.pool.own_class is None else {"own_class": own_class_entry(plan.pool.own_class)}
+    )
+    pool = {k: v for k, v in plan.pool.decides.items() if k not in of_own}
     render = {**plan.settings._asdict(), "response": plan.settings.response._asdict()}
     return {
         "engine": ENGINE,
         "versions": versions(layout(plan.format).packages),
         "format": plan.format,
         **of_target,
+        **of_own,
         "split": plan.split,
         "images": plan.images,
         "shots": plan.shots,
         "seed": plan.seed,
         "renderer": plan.renderer,
         "render": plain(render),
-        "assets": {**plan.pool.decides, "own": Path(plan.pool.own).name},
+        "assets": {**pool, "own": Path(plan.pool.own).name},
         "own_assets": _own_assets(plan.own),
         "own_files": own_files(plan.own),
         "attributes": None if streets is None else _units(streets),
@@ -107,6 +116,20 @@ def _units(streets: Streets) -> dict[str, Any]:
     ]
     attributes: dict[str, Any] = rows[0]["attributes"]
     return {"components": rows} if len(rows) > 1 else attributes
+
+
+def own_class_entry(own: OwnClass) -> dict[str, Any]:
+    """What is said of a user's own class: its ids and colour in labels, and its asset."""
+    file = Path(own.file)
+    return {
+        "name": own.name,
+        "train_id": OWN,
+        "label_id": OWN_ROW.file_id,
+        "colour": list(OWN_ROW.colour),
+        "place": own.place,
+        "file": file.name,
+        "sha256": folder_digest(file),
+    }
 
 
 def own_files(folder: str) -> str:
@@ -131,7 +154,7 @@ def outcome(streets: Iterable[dict[str, Any]], pixels: int, labels: Labels) -> d
         pixels: of one image.
         labels: the classes that are counted.
     """
-    of_engine = labels.of_engine[: len(CLASS_NAMES)].tolist()
+    of_engine = labels.of_engine[: OWN + 1].tolist()
     count, images = np.zeros(VOID + 1, np.int64), 0
     containing, rgb = np.zeros(VOID + 1, np.int64), np.zeros(3, np.int64)
     retaken = refused = 0
@@ -153,7 +176,7 @@ def outcome(streets: Iterable[dict[str, Any]], pixels: int, labels: Labels) -> d
         "mean_rgb": np.round(rgb / total, 3).tolist(),
         "shots_retaken": round(retaken / images, 6),
         "shots_refused": round(refused / images, 6),
-        "placed": {name: placed[name] for name in CLASS_NAMES if name in placed},
+        "placed": {name: placed[name] for name in (*CLASS_NAMES, *placed) if name in placed},
     }
 
 

@@ -19,11 +19,10 @@ from filelock import FileLock, Timeout
 
 from scene.assets import library
 from scene.assets.catalogue import AssetPool, check_pool
-from scene.classes import CLASS_NAMES
-from scene.dataset.description import ENCODINGS, Plan, outcome, own_files
+from scene.dataset.description import ENCODINGS, Plan, outcome, own_class_entry, own_files
 from scene.dataset.description import settings as settings_of
 from scene.dataset.formats.about import About, stem
-from scene.dataset.formats.labels import target_entry
+from scene.dataset.formats.labels import refuse_with_target, target_entry
 from scene.dataset.formats.layout import SPLITS, layout
 from scene.dataset.formats.shot import shot_files
 from scene.dataset.read import DESCRIPTION, WORK, describe, pictures
@@ -85,7 +84,7 @@ def export_dataset(
         format: a name of `scene.dataset.formats.layout.LAYOUTS`.
         split: ``train`` or ``val``.
         renderer_name: ``embree`` or ``opengl``.
-        pool: which assets may appear.
+        pool: which assets may appear, and a class of the user's own.
         target: whose classes label pictures have, in its ids or colours, or its name or file; by default
             the engine's.
         streets: what ``units`` was drawn from, for the record.
@@ -98,6 +97,7 @@ def export_dataset(
     Raises:
         ValueError: attributes, numbers or size out of range, unknown renderer, format or split.
         ExportError: the folder holds something else, is in use, or the disk has not enough room.
+        UserError: assets or target cannot be used, or not together.
         OSError: the disk is full or read-only, with the file's name; what is finished stays.
         RendererError: this machine lacks what the renderer needs.
         WorkerError: worker processes keep dying.
@@ -111,6 +111,8 @@ def export_dataset(
     layout(format).check()
     pool = check_pool(pool or AssetPool())
     own = None if target is None else target_entry(target)
+    if own is not None and pool.own_class is not None:
+        refuse_with_target(pool.own_class.name, own["name"])
     plan = Plan(
         Path(folder), format, split, images, shots, seed, settings, renderer_name, pool, own
     )
@@ -163,14 +165,14 @@ def _export(
     if progress is not None:
         progress(done, plan.images, written)
     with opened(workers) as processes:
-        own = plan.pool._replace(own=processes.share(plan.pool.own))
-        sent = plan._replace(pool=own)
+        sent = plan._replace(pool=plan.pool.called(processes.share))
         tasks = [(sent, k, unit) for k, unit in enumerate(units) if k not in done_before]
         for position, (files, record) in processes.map(_draw_street, tasks):
             street = tasks[position][1]
-            if own_files(plan.own) != wanted["own_files"]:
+            changed = _changed(plan, wanted)
+            if changed:
                 raise ExportError(
-                    f"{plan.own} has changed since {plan.folder} was begun; put the files back and run the "
+                    f"{changed} has changed since {plan.folder} was begun; put the files back and run the "
                     "same command to go on, or choose another folder"
                 )
             written += _write_street(plan, street, files, record)
@@ -186,11 +188,19 @@ def _export(
     _summarize(plan, len(units))
 
 
+def _changed(plan: Plan, wanted: dict[str, Any]) -> str:
+    """The folder of own assets, or the file of the own class, if it is not what it was; else empty."""
+    if own_files(plan.own) != wanted["own_files"]:
+        return plan.own
+    own = plan.pool.own_class
+    return own.file if own is not None and own_class_entry(own) != wanted["own_class"] else ""
+
+
 def _draw_street(plan: Plan, index: int, unit: np.ndarray) -> tuple[Files, dict[str, Any]]:
     """The files of one street, and its record; runs in a worker, which need not see the folder."""
     street = street_of(unit, plan.seed, index, plan.shots, plan.pool)
     frames, labels = renderer(plan.renderer).render(street, plan.settings), plan.labels
-    placed = Counter(CLASS_NAMES[p.train_id] for p in street.placements)
+    placed = Counter(labels.rendered[p.train_id] for p in street.placements)
     record: dict[str, Any] = {"placed": dict(sorted(placed.items())), "images": []}
     all_files: Files = []
     for shot in range(plan.shots_of(index)):
@@ -267,7 +277,7 @@ def _complete(folder: Path, wanted: dict[str, Any]) -> bool:
             f"{folder} holds an export of engine version {engine}, and this is {mine}; continue it "
             "with the release that began it, or choose another folder"
         )
-    wanted = {"target": None, **wanted}
+    wanted = {"target": None, "own_class": None, **wanted}
     for name, ours, other in differences(wanted, {key: theirs.get(key) for key in wanted}):
         if name.startswith("versions.") and name.partition(".")[2] not in MAKERS:
             continue  # it is for the record

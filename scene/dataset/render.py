@@ -22,7 +22,7 @@ class Dataset(NamedTuple):
     """Images and labels in street order, shots of one street next to each other."""
 
     images: np.ndarray  # u8[n, h, w, 3] sRGB
-    labels: np.ndarray  # u8[n, h, w] train ids
+    labels: np.ndarray  # u8[n, h, w] train ids; 19 is a pool's own class
 
 
 def street_of(unit: np.ndarray, seed: int, index: int, shots: int, pool: AssetPool) -> Street:
@@ -108,7 +108,7 @@ def render_dataset(
     n, h, w = len(units) * shots, settings.height, settings.width
     images, labels = np.empty((n, h, w, 3), np.uint8), np.empty((n, h, w), np.uint8)
     with opened(workers) as processes:
-        pool = pool._replace(own=processes.share(pool.own))
+        pool = pool.called(processes.share)
         tasks = [(u, seed, i, shots, settings, renderer_name, pool) for i, u in enumerate(units)]
         for done, (i, result) in enumerate(processes.map(images_and_labels, tasks), start=1):
             images[i * shots : (i + 1) * shots], labels[i * shots : (i + 1) * shots] = result

@@ -11,7 +11,12 @@ import numpy as np
 
 from scene.assets.catalogue import AssetPool, check_pool
 from scene.attributes import SpaceName
-from scene.dataset.formats.labels import engine_labels, target_entry, target_labels
+from scene.dataset.formats.labels import (
+    engine_labels,
+    refuse_with_target,
+    target_entry,
+    target_labels,
+)
 from scene.dataset.render import check_request, images_and_labels
 from scene.proposal import Streets, draw, read_streets
 from scene.render import RenderSettings
@@ -57,7 +62,7 @@ def stream(
         images: how many; by default there is no end.
         space: attributes of streets given by name.
         renderer_name: ``embree`` or ``opengl``.
-        pool: which assets may appear.
+        pool: which assets may appear, and a class of the user's own, whose label is 19.
         target: whose classes the labels have, or its name or file; by default the engine's train ids.
         workers: processes to render in, which work a few streets ahead; 0 renders here, ``Workers`` are used
             and left open.
@@ -77,8 +82,14 @@ def stream(
         if value < 0:
             raise ValueError(f"{name} must be 0 or more, not {value}")
     check_request(draw(drawn, seed, 1), shots, settings, renderer_name)
-    own = engine_labels(True) if target is None else target_labels(target_entry(target))
     pool = check_pool(pool or AssetPool())
+    if target is None:
+        own = engine_labels(True, pool.own_class and pool.own_class.name)
+    else:
+        entry = target_entry(target)
+        if pool.own_class is not None:
+            refuse_with_target(pool.own_class.name, entry["name"])
+        own = target_labels(entry)
     last = None if images is None else start + images
     return _samples(
         drawn, seed, start, last, shots, settings, renderer_name, pool, own.of_engine, workers
@@ -105,7 +116,7 @@ def _samples(
     streets = count(first) if last is None else range(first, -(-last // shots))
     number = first * shots
     with opened(workers) as processes:
-        sent = pool._replace(own=processes.share(pool.own))
+        sent = pool.called(processes.share)
         tasks: Iterator[tuple[Any, ...]] = (
             (units(k), seed, k, shots, settings, renderer_name, sent) for k in streets
         )

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scene.classes import CLASS_NAMES, VOID, TrainId
+from scene.classes import VOID, TrainId
 from scene.dataset.formats import rle
 from scene.dataset.formats.labels import ILLEGAL, Labels
 from scene.dataset.formats.planes import ids_of, label_planes, normals_of
@@ -129,7 +129,7 @@ def verify(planes: dict[str, np.ndarray], known: dict[str, Any], labels: Labels)
                 yield f"label_ids: {strange} pixels hold a value that is of no class"
         return
     ids = ids_of(planes["panoptic"])
-    yield from _illegal(ids)
+    yield from _illegal(ids, labels.rendered)
     label = label_ids(ids)
     train = TRAIN_OF_LABEL[label]
     derived = {"instance_ids": ids, **label_planes(train, labels)}
@@ -162,16 +162,16 @@ def verify(planes: dict[str, np.ndarray], known: dict[str, Any], labels: Labels)
             yield f"normals: {np.count_nonzero(wrong)} are not of length 1"
 
 
-def _illegal(ids: np.ndarray) -> Iterator[str]:
+def _illegal(ids: np.ndarray, names: tuple[str, ...]) -> Iterator[str]:
     for value in np.unique(ids).tolist():
         label = value if value < PER_CLASS else value // PER_CLASS
         train_id = int(TRAIN_OF_LABEL[label]) if label < len(TRAIN_OF_LABEL) else 255
         if value == 0:
             continue
-        if train_id >= len(CLASS_NAMES):
+        if train_id >= len(names):
             yield f"panoptic: segment {value} belongs to no class"
         elif is_thing(train_id) != (value >= PER_CLASS):
-            yield f"panoptic: segment {value} is no id for the class {CLASS_NAMES[train_id]}"
+            yield f"panoptic: segment {value} is no id for the class {names[train_id]}"
 
 
 def _segments(ids: np.ndarray, listed: list[dict[str, Any]]) -> Iterator[str]:

@@ -69,7 +69,7 @@ def read_mesh(
     beside = Beside(path.parent, root or path.parent)
     refuse_bomb(path)
     try:
-        for name in _referenced(path):
+        for name in referenced(path):
             beside.check(name)
         with path.open("rb") as file:
             kind = path.suffix[1:].lower()
@@ -123,7 +123,7 @@ def _axes(path: Path, up: str, forward: str) -> np.ndarray:
     return np.stack([x, np.cross(z, x), z])
 
 
-def _referenced(path: Path) -> Iterator[str]:
+def referenced(path: Path) -> Iterator[str]:
     """Files that a mesh file needs beside itself."""
     suffix = path.suffix.lower()
     if suffix in GLTF:

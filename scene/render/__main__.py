@@ -14,21 +14,25 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from scene.assets.catalogue import AssetPool
+from scene.assets.own_class import OwnClass
 from scene.dataset.export import export_dataset
 from scene.dataset.read import DESCRIPTION, MOST_IMAGES
 from scene.executors import workers_of
 from scene.held import hold, in_words, read_fixed
+from scene.names import PLACES
 from scene.parsers import render as parser
 from scene.proposal import draw, read_streets, space_in
 from scene.render import RendererError, RenderSettings, check_settings
 from scene.render.protocol import refuse_large_images, refuse_many_shots
 from scene.workers import WorkerError, refuse_many_workers
 from shell.command import exit_code
+from shell.errors import UserError
 from shell.memory import refuse_larger
 
 if TYPE_CHECKING:
     from shell.progress import Progress
 
+OWN_FLAGS = ("own_asset", "own_class", "own_place")
 STREET = 2000
 """Bytes that are kept of a street until all are rendered, at least: its attributes."""
 
@@ -45,6 +49,24 @@ def reporter(progress: Progress) -> Callable[[int, int, int], None]:
     return report
 
 
+def own_class_of(options: argparse.Namespace) -> OwnClass | None:
+    """The class of the user's own that the options ask for.
+
+    Raises:
+        UserError: one of its flags goes without the other.
+    """
+    flags = {f"--{name.replace('_', '-')}": getattr(options, name) for name in OWN_FLAGS}
+    given = [flag for flag, value in flags.items() if value is not None]
+    if not given:
+        return None
+    for flag in ("--own-asset", "--own-class"):
+        if flags[flag] is None:
+            raise UserError(
+                f"{given[0]} needs {flag} beside it: a class of one's own has a file and a name"
+            )
+    return OwnClass(options.own_class, options.own_asset, options.own_place or PLACES[0])
+
+
 def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     """What ``dataset.json`` says of the dataset that the options ask for.
 
@@ -56,6 +78,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
     for name, least in (("shots", 1), ("seed", 0), ("workers", 0)):
         if getattr(options, name) < least:
             raise ValueError(f"--{name} must be {least} or more, not {getattr(options, name)}")
+    own_class = own_class_of(options)
     width, height = options.size
     settings = check_settings(RenderSettings(width, height, samples=options.samples))
     refuse_many_workers("--workers", options.workers)
@@ -86,6 +109,7 @@ def export(options: argparse.Namespace, progress: Progress) -> dict[str, Any]:
                 own=options.assets,
                 use=options.asset_use,
                 overlap=options.overlap,
+                own_class=own_class,
             ),
             target=options.target,
             streets=chosen,
@@ -110,6 +134,11 @@ def main(arguments: list[str] | None = None) -> int:
         each = "one image" if options.shots == 1 else f"up to {options.shots} images"
         of = f"{found['images']} images of {len(found['streets'])} streets, {each} of each,"
         print(f"{of} in {seconds}: {options.out / DESCRIPTION}", flush=True)
+        if options.own_class and options.own_class not in found["placed"]:
+            print(
+                f"No {options.own_class} stands in any street: there was no room for one",
+                flush=True,
+            )
 
     users = (ValueError, RendererError)
     return exit_code(work, also=(WorkerError,), users=users, debug=options.debug)

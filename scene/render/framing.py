@@ -11,7 +11,7 @@ from functools import cache
 import numpy as np
 from numba import types
 
-from scene.classes import CLASS_NAMES, TrainId
+from scene.classes import OWN, TrainId
 from scene.compiled import njit
 from scene.ground.build import GROUND_INSTANCES
 from scene.render.embree.api import LANES, SceneBVH, query_arguments
@@ -96,12 +96,12 @@ def class_shares(
         bvh.scene, query_arguments(), rays.origin, rays.directions, _order(), reach, hits.instance
     )  # fmt: skip
     label = geometry.train_id[hits.instance]
-    return np.bincount(label, minlength=len(CLASS_NAMES)) / label.size
+    return np.bincount(label, minlength=OWN + 1) / label.size
 
 
 @cache
 def _may_fill() -> np.ndarray:
-    return np.isin(np.arange(len(CLASS_NAMES)), MAY_FILL)
+    return np.isin(np.arange(OWN + 1), MAY_FILL)
 
 
 @cache

@@ -1,4 +1,4 @@
-"""What streets are furnished with: islands, bollards, bus shelters, stalls, scaffolding, front gardens."""
+"""What streets are furnished with: islands, bollards, shelters, stalls, scaffolds, gardens, a user's own."""
 
 from __future__ import annotations
 
@@ -11,8 +11,12 @@ from scene.assets import catalogue
 from scene.assets.bollard import BEACONS
 from scene.assets.bollard import KINDS as BOLLARDS
 from scene.assets.catalogue import pick
+from scene.assets.own_class import FAMILY, OwnClass
 from scene.assets.person import STANDING
 from scene.assets.shelter import SHELTERS, STALLS
+from scene.ground.extent import KERB_WIDTH
+from scene.names import OWN_EVERY
+from scene.street.instances import footprint
 from scene.street.open_side import HEDGES, LOW_WALLS
 from scene.street.parked import clear, kept_free
 from scene.street.plot import LINE_END, LINE_START, TOUCHING, Plot, draw_kind
@@ -28,6 +32,8 @@ BACK_FENCES = ("spear railings", "palisade", "chain link", "heras", "boards", "b
                "pedestrian guard")  # fmt: skip
 BOUNDARIES = (("bush", HEDGES, 0.4), ("wall", LOW_WALLS, 0.3), ("fence", GARDEN_FENCES, 0.3))
 """What closes a front garden: family, kinds, how often."""
+TRIES = 24
+"""Places that are tried for each object of a user's own class."""
 
 
 def islands(plot: Plot, share: float, rng: np.random.Generator) -> None:
@@ -164,3 +170,27 @@ def gardens(plot: Plot, side: float, share: float, rng: np.random.Generator) -> 
             plot.put(
                 "bush", bush, start + float(rng.uniform(0, width)), side * y, turn, spare=TOUCHING
             )
+
+
+def own_class(plot: Plot, own: OwnClass, rng: np.random.Generator) -> None:
+    """Objects of a user's own class, one on every ``OWN_EVERY`` metres where one of ``TRIES`` has room.
+
+    On the sidewalk they look anywhere, on the carriageway where traffic goes; they reach beyond neither.
+    """
+    ground, half = plot.ground, plot.ground.half_width
+    _, _, long, wide = footprint((FAMILY, own.file))
+    for stretch in np.arange(LINE_START, LINE_END, OWN_EVERY).tolist():
+        for along, across, turn, left in rng.random((TRIES, 4)).tolist():
+            x, side = stretch + OWN_EVERY * along, 1.0 if left < 0.5 else -1.0
+            yaw = math.pi * (2 * turn - 1)
+            if own.place == "carriageway":
+                yaw = 0.05 * yaw + (0.0 if side == plot.street.drive else math.pi)
+            c, s = abs(math.cos(yaw)), abs(math.sin(yaw))
+            reach, end = s * long + c * wide, c * long + s * wide
+            low, high = half + KERB_WIDTH + reach, ground.outer - reach
+            if own.place == "carriageway":  # what is wider than a lane may cross the middle
+                low, high = min(reach, half - reach), half - reach
+            fits = low <= high and high >= 0 and clear(kept_free(ground, side), x - end, x + end)
+            y = side * (low + across * (high - low))
+            if fits and plot.put(FAMILY, own.file, x, y, yaw):
+                break

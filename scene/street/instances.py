@@ -11,7 +11,8 @@ import numpy as np
 
 from scene.assets import catalogue
 from scene.assets.families import FAMILIES
-from scene.classes import TrainId
+from scene.assets.own_class import FAMILY
+from scene.classes import OWN, TrainId
 from scene.ground.ground import Ground, ground_heights
 from scene.ground.path import Path, heading_at, height_at, slope_at, to_world
 from scene.street.camera import DRIVE, SEARCH
@@ -27,7 +28,7 @@ HELD = frozenset({TrainId.VEGETATION, TrainId.POLE, TrainId.TRAFFIC_SIGN, TrainI
 TILTED = frozenset(
     {
         *("car", "bus", "truck", "train", "bicycle", "motorcycle", "rider"),
-        *("fence", "wall", "slab", "land", "paving"),
+        *("fence", "wall", "slab", "land", "paving", FAMILY),
     }
 )
 """Families that lean with the slope of the road; all else stands upright."""
@@ -35,7 +36,7 @@ FLAT = frozenset({"slab", "land", "paving"})
 """Families that others stand on, and that one may drive over."""
 
 
-TRAIN_IDS = {name: int(family.train_id) for name, family in FAMILIES.items()}
+TRAIN_IDS = {name: int(family.train_id) for name, family in FAMILIES.items()} | {FAMILY: OWN}
 
 
 class Stand(NamedTuple):
@@ -207,7 +208,7 @@ def footprint(*parts: tuple[str, int | str]) -> tuple[float, float, float, float
     boxes = []
     for family, ref in parts:
         left, back, right, front = _outline(family, ref)
-        if FAMILIES[family].train_id in HELD and family != "bush":
+        if TRAIN_IDS[family] in HELD and family != "bush":
             left, back = max(left, -STEM), max(back, -STEM)
             right, front = min(right, STEM), min(front, STEM)
         boxes.append((left, back, right, front))

@@ -11,14 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from scene.assets.catalogue import AssetPool, chosen, kind, parts_of
-from scene.assets.families import FAMILIES
 from scene.attributes import StreetParams
 from scene.classes import TrainId
 from scene.ground.ground import Ground
 from scene.ground.path import place_at, to_world
 from scene.street.camera import DRIVE, SEARCH, VIEW
 from scene.street.clearance import Rectangle, Rectangles, touched
-from scene.street.instances import Stand, footprint, objects, rectangles, top, turned_out
+from scene.street.instances import TRAIN_IDS, Stand, footprint, objects, rectangles, top, turned_out
 
 LINE_START, LINE_END = -15.0, 150.0
 """Where every line of objects begins and ends, metres along the road."""
@@ -198,7 +197,7 @@ class Plot:
         self._taken.add(box)
         if block is not None:
             self._blocks.append(block)
-        if FAMILIES[parts[0][0]].train_id in HOUSES:
+        if TRAIN_IDS[parts[0][0]] in HOUSES:
             self._houses.add(box)
 
     def _occupy(self, whole: list[list[Stand]], rows: np.ndarray) -> None:
@@ -210,7 +209,7 @@ class Plot:
         met = touched(self._path, rows[high], BESIDE)
         along = self._along[met[met[:, 1] >= 0]]
         self._blocks += [(low, end) for low, end in along.tolist()]
-        self._houses.extend(rows[[FAMILIES[parts[0].family].train_id in HOUSES for parts in whole]])
+        self._houses.extend(rows[[TRAIN_IDS[parts[0].family] in HOUSES for parts in whole]])
 
     def _block(
         self, parts: Sequence[tuple[str, int | str]], box: Rectangle

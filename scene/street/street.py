@@ -24,6 +24,7 @@ from scene.street.background import background, belt
 from scene.street.camera import Camera, camera_path
 from scene.street.clearing import cleared, off_the_road
 from scene.street.extras import Mix, extras, open_sides
+from scene.street.furniture import own_class
 from scene.street.instances import Placement, Stand, placed, standing
 from scene.street.junction import junction_objects
 from scene.street.lines import lines_of, moves
@@ -57,7 +58,7 @@ def sample_street(
         mix: shares of what has no attribute; None: ``extras.MIX``.
     """
     pool = pool or AssetPool()
-    pool = pool._replace(own=snapshot(pool.own))  # here, for all objects of the street
+    pool = pool.called(snapshot)  # here, for all objects of the street
     rng = stream(seed, "street")
     sky = sample_sky(
         rng,
@@ -100,6 +101,10 @@ def _fill(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> None:
     plot.stands[count:] = cleared(ground, plot.stands[count:], houses)
     far = cleared(ground, off_the_road(ground, _background(setting, seed), front), houses)
     plot.admit(far) if apart else plot.add(far)
+    if setting.pool.own_class is not None:  # last, so that all else stands as it would without
+        count = len(plot.stands)
+        own_class(plot, setting.pool.own_class, stream(seed, "own class"))
+        plot.stands[count:] = cleared(ground, plot.stands[count:], houses)
 
 
 def _background(setting: Setting, seed: int) -> list[Stand]:

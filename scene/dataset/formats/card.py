@@ -74,6 +74,9 @@ def card(about: About, features: str = "") -> Iterator[str]:
     yield "\n## Rights\nStreets, shapes and textures are made by code"
     if told["own_assets"]:
         yield "; assets of others are listed in `assets.csv`, with authors and licences"
+    if "own_class" in told:
+        own = told["own_class"]
+        yield f"; objects of class {own['name']} are those of the user's file `{own['file']}`"
     yield ". No photograph is in this dataset.\n"
 
 

@@ -15,7 +15,7 @@ def panoptic(about: About) -> Iterator[str]:
         {
             "images": _images(about),
             "annotations": _annotations(about),
-            "categories": coco.categories(),
+            "categories": coco.categories(about.labels),
         }
     )
 

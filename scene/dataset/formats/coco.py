@@ -10,29 +10,31 @@ import json
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from scene.classes import CLASS_NAMES, COLORS, LABEL_IDS
 from scene.dataset.formats.about import About
+from scene.dataset.formats.labels import Labels
 from scene.dataset.formats.segments import PER_CLASS, is_thing
+from shell.classes import CLASSES, OWN
 
 SUPERCATEGORIES = (
     *("flat", "flat", "construction", "construction", "construction"),
     *("object", "object", "object", "nature", "nature", "sky", "human", "human"),
     *("vehicle",) * 6,
+    "object",
 )
-"""Category of each train id, as published with Cityscapes."""
+"""Category of each train id, as published with Cityscapes; the last is a user's own class."""
 
 
-def categories(things_only: bool = False) -> list[dict[str, Any]]:
-    """The classes, with the labelIds of Cityscapes for ids."""
+def categories(labels: Labels, things_only: bool = False) -> list[dict[str, Any]]:
+    """The classes that streets have, with the labelIds of Cityscapes for ids."""
     return [
         {
-            "id": int(LABEL_IDS[train_id]),
+            "id": row.file_id,
             "name": name,
             "supercategory": SUPERCATEGORIES[train_id],
             "isthing": int(is_thing(train_id)),
-            "color": COLORS[train_id].tolist(),
+            "color": list(row.colour),
         }
-        for train_id, name in enumerate(CLASS_NAMES)
+        for train_id, (name, row) in enumerate(zip(labels.rendered, (*CLASSES, OWN), strict=False))
         if is_thing(train_id) or not things_only
     ]
 
@@ -55,7 +57,7 @@ def instances(about: About, file_name: str) -> Iterator[str]:
         {
             "images": _images(about, file_name),
             "annotations": _masks(about, "segments", PER_CLASS),
-            "categories": categories(things_only=True),
+            "categories": categories(about.labels, things_only=True),
         }
     )
 
@@ -125,7 +127,7 @@ def panoptic(about: About) -> Iterator[str]:
         {
             "images": _images(about, "{stem}.png"),
             "annotations": annotations,
-            "categories": categories(),
+            "categories": categories(about.labels),
         }
     )
 

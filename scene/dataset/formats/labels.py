@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from scene.classes import CLASS_NAMES, COLORS, LABEL_IDS, VOID
+from scene.classes import CLASS_NAMES, OWN, VOID, check_class_name
 from scene.dataset.formats.segments import is_thing
+from shell.classes import CLASSES
+from shell.classes import OWN as OWN_ROW
 from shell.errors import UserError
 
 if TYPE_CHECKING:
@@ -26,6 +28,12 @@ class Labels(NamedTuple):
     values: np.ndarray  # u8 or u16[256] ids, or u8[256, 3] colours, of each class and of VOID
     colours: np.ndarray  # u8[256, 3] for people, VOID is black
     things: tuple[int, ...]  # classes whose objects are told apart
+
+    @property
+    def rendered(self) -> tuple[str, ...]:
+        """The classes that streets have, by train id: the engine's, and a user's own if it is among these."""
+        own = int(self.of_engine[OWN])
+        return CLASS_NAMES if own == VOID else (*CLASS_NAMES, self.names[own])
 
     @property
     def category_ids(self) -> list[int]:
@@ -65,19 +73,26 @@ def _table(rows: Any, void: Any, dtype: Any) -> np.ndarray:
     return found
 
 
-def engine_labels(published: bool) -> Labels:
+def engine_labels(published: bool, own: str | None = None) -> Labels:
     """The engine's 19 classes, as Cityscapes published them or by train id.
 
     Args:
         published: label pictures hold labelIds and 0 for void, not train ids and 255.
+        own: name of a user's own class, which is then the 20th.
+
+    Raises:
+        UserError: there can be no class of this name.
     """
-    ids = np.arange(len(CLASS_NAMES))
+    rows = CLASSES if own is None else (*CLASSES, OWN_ROW._replace(name=check_class_name(own)))
+    ids = np.arange(len(rows))
     return Labels(
-        CLASS_NAMES,
+        tuple(row.name for row in rows),
         _table(ids, VOID, np.uint8),
-        _table(LABEL_IDS, 0, np.uint8) if published else _table(ids, VOID, np.uint8),
-        _table(COLORS, (0, 0, 0), np.uint8),
-        tuple(k for k in range(len(CLASS_NAMES)) if is_thing(k)),
+        _table(
+            [row.file_id for row in rows] if published else ids, 0 if published else VOID, np.uint8
+        ),
+        _table([row.colour for row in rows], (0, 0, 0), np.uint8),
+        tuple(k for k in range(len(rows)) if is_thing(k)),
     )
 
 
@@ -155,8 +170,17 @@ def target_labels(entry: Any) -> Labels:
         raise ValueError(f"target is not as it was written: {error}") from None
 
 
+def refuse_with_target(own: str, target: str) -> None:
+    """Raise UserError: a target's labels have no place for a class of one's own."""
+    raise UserError(
+        f"own class {own!r} and target {target}: labels are then the target's, which have no place for it; "
+        "leave one of them out"
+    )
+
+
 def labels_of(description: dict[str, Any], published: bool) -> Labels:
     """The classes of the dataset with this ``dataset.json``; raises as `target_labels`."""
     if description.get("target") is None:
-        return engine_labels(published)
+        own = description.get("own_class")
+        return engine_labels(published, None if own is None else str(own["name"]))
     return target_labels(description["target"])

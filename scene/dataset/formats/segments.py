@@ -1,7 +1,7 @@
 """Panoptic segments: one id per pixel, and what is known about the pixels of each id.
 
 Ids follow Cityscapes: ``labelId * 1000 + k`` for the k-th object of a class with instances (person to
-bicycle), ``labelId`` for all pixels of any other class together.
+bicycle, and a user's own), ``labelId`` for all pixels of any other class together.
 """
 
 from __future__ import annotations
@@ -10,8 +10,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from scene.classes import LABEL_IDS, VOID, TrainId
+from scene.classes import LABEL_IDS, OWN, VOID, TrainId
 from scene.compiled import njit
+from shell.classes import OWN as OWN_ROW
 
 FIRST_THING = int(TrainId.PERSON)
 """Train ids from here on are things: their objects are told apart."""
@@ -20,10 +21,10 @@ PER_CLASS = 1000
 
 LABEL_OF_TRAIN = np.zeros(256, np.uint8)
 """u8[256]: train id -> Cityscapes labelId, 0 (unlabelled) for void."""
-LABEL_OF_TRAIN[: len(LABEL_IDS)] = LABEL_IDS
+LABEL_OF_TRAIN[: OWN + 1] = [*LABEL_IDS, OWN_ROW.file_id]
 TRAIN_OF_LABEL = np.full(256, VOID, np.uint8)
 """u8[256]: Cityscapes labelId -> train id, void for all that is not evaluated."""
-TRAIN_OF_LABEL[LABEL_IDS] = np.arange(len(LABEL_IDS))
+TRAIN_OF_LABEL[LABEL_OF_TRAIN[: OWN + 1]] = np.arange(OWN + 1)
 for _table in (LABEL_OF_TRAIN, TRAIN_OF_LABEL):
     _table.setflags(write=False)
 
@@ -39,7 +40,7 @@ class Segment(NamedTuple):
 
 def is_thing(train_id: int) -> bool:
     """Whether objects of the class are told apart."""
-    return FIRST_THING <= train_id < len(LABEL_IDS)
+    return FIRST_THING <= train_id <= OWN
 
 
 def panoptic_ids(label: np.ndarray, instance: np.ndarray) -> np.ndarray:
@@ -51,7 +52,7 @@ def panoptic_ids(label: np.ndarray, instance: np.ndarray) -> np.ndarray:
         ValueError: more objects of one class than ids.
     """
     ids = LABEL_OF_TRAIN[label].astype(np.int32)
-    things = (label >= FIRST_THING) & (label < len(LABEL_IDS))
+    things = (label >= FIRST_THING) & (label <= OWN)
     here = instance[things]
     class_at = np.full(int(here.max(initial=0)) + 1, VOID, np.uint8)
     class_at[here] = label[things]

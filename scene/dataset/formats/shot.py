@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from scene.classes import CLASS_NAMES, VOID
+from scene.classes import OWN, VOID
 from scene.dataset.formats import png
 from scene.dataset.formats.labels import Labels
 from scene.dataset.formats.layout import Layout
@@ -72,7 +72,7 @@ def image_record(image: np.ndarray, label: np.ndarray, ids: np.ndarray) -> dict[
             entry["rle"] = encode(runs.counts(segment.id))
         found.append(entry)
     return {
-        "pixels": np.bincount(label.ravel(), minlength=VOID + 1)[: len(CLASS_NAMES)].tolist(),
+        "pixels": np.bincount(label.ravel(), minlength=VOID + 1)[: OWN + 1].tolist(),
         "rgb": [int(image[..., channel].sum(dtype=np.int64)) for channel in range(3)],
         "segments": found,
     }
