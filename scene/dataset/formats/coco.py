@@ -19,22 +19,24 @@ SUPERCATEGORIES = (
     *("flat", "flat", "construction", "construction", "construction"),
     *("object", "object", "object", "nature", "nature", "sky", "human", "human"),
     *("vehicle",) * 6,
-    "object",
 )
-"""Category of each train id, as published with Cityscapes; the last is a user's own class."""
+"""Category of each train id, as published with Cityscapes."""
+OWN_SUPERCATEGORY = "object"
+"""Of a user's own class."""
 
 
 def categories(labels: Labels, things_only: bool = False) -> list[dict[str, Any]]:
     """The classes that streets have, with the labelIds of Cityscapes for ids."""
+    rows = zip(labels.rendered, (*CLASSES, OWN), (*SUPERCATEGORIES, OWN_SUPERCATEGORY), strict=False)
     return [
         {
             "id": row.file_id,
             "name": name,
-            "supercategory": SUPERCATEGORIES[train_id],
+            "supercategory": category,
             "isthing": int(is_thing(train_id)),
             "color": list(row.colour),
         }
-        for train_id, (name, row) in enumerate(zip(labels.rendered, (*CLASSES, OWN), strict=False))
+        for train_id, (name, row, category) in enumerate(rows)
         if is_thing(train_id) or not things_only
     ]
 
