@@ -21,7 +21,7 @@ from distributed import Client, KilledWorker, WorkerPlugin
 from scene.version import ENGINE, MAKERS
 from scene.workers import WorkerError, Workers
 from shell.errors import UserError
-from shell.files import file_digest, files_below, folder_digest, versions
+from shell.files import files_below, folder_digest, versions
 from shell.sent import received
 
 PATIENCE = 10.0
@@ -95,9 +95,8 @@ class Cluster(Workers):
             UserError: the scheduler is gone.
         """
         root = Path(path).absolute()
-        if path and (root.is_dir() or path not in self._names):
-            digest = folder_digest(root) if root.is_dir() else file_digest(root)
-            name = f"{digest[:16]}/{root.name}"
+        if path and (root.exists() or path not in self._names):
+            name = f"{folder_digest(root)[:16]}/{root.name}"
             if name not in self._names.values():
                 self._send(root, name)
                 received(name, root)  # this process calls it the same

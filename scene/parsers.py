@@ -76,8 +76,8 @@ def render() -> Parser:
     add(
         "--own-asset",
         metavar="FILE",
-        help=f"GLB of a class of your own; one stands on every {OWN_EVERY} m of a street, where there is "
-        "room",
+        help="GLB of a class of your own; about eleven stand in a street, one on every "
+        f"{OWN_EVERY} m where there is room",
     )
     add("--own-class", metavar="NAME", help="what labels call it, beside the 19 classes")
     add("--own-place", choices=PLACES, help="where it stands; by default the sidewalk")

@@ -54,6 +54,10 @@ def test_who_dies_or_comes_changes_nothing_and_files_are_sent_to_all(dask_cluste
         assert len(set(pids)) == len(set(roots)) == 2 and str(tmp_path / "own") not in roots
         refused(UserError, "cannot do 3", list, cluster.map(fail, [(3,)]))
         assert list(cluster.map(doubled, [(3,)])) == [(0, 6)]
+        file = tmp_path / "own" / "deep" / "a"
+        names = {cluster.share(str(file)) for _ in range(2)}
+        file.write_text("second")  # another file by its content
+        assert len(names | {cluster.share(str(file))}) == 2
     with workers_of("dask", 0, dask_cluster.address) as cluster:  # a worker has announced a GPU
         tasks = dict(cluster.map(ready_and, [(3,), (4,)], net=True, first=doubled))
         assert tasks == {0: (3, 6), 1: (4, 8)}
