@@ -113,7 +113,7 @@ def test_posts_are_kept_away_from_by_their_stems():
 
 def test_a_shot_needs_ground_and_not_one_thing_alone():
     def passes(**shares):
-        found = np.zeros(19)
+        found = np.zeros(OWN + 1)
         for name, share in shares.items():
             found[TrainId[name.upper()]] = share
         return judged(found)
@@ -135,7 +135,7 @@ def test_the_small_label_image_is_what_the_depth_buffer_sees(seed):
     label = geometry.train_id[hits.instance]
     shares = class_shares(camera, geometry, scene_bvh(geometry), RenderSettings(320, 99))
     assert shares == pytest.approx(
-        np.bincount(label, minlength=19) / label.size, abs=2 / label.size
+        np.bincount(label, minlength=OWN + 1) / label.size, abs=2 / label.size
     )
 
 
