@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from scene import AssetPool, TrainId, default_unit, street_params
 from scene.assets.catalogue import bounds
+from scene.classes import OWN
 from scene.dataset.render import street_of
 from scene.ground.ground import ground_height
 from scene.ground.path import STRAIGHT, nearest

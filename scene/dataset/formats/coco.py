@@ -27,7 +27,9 @@ OWN_SUPERCATEGORY = "object"
 
 def categories(labels: Labels, things_only: bool = False) -> list[dict[str, Any]]:
     """The classes that streets have, with the labelIds of Cityscapes for ids."""
-    rows = zip(labels.rendered, (*CLASSES, OWN), (*SUPERCATEGORIES, OWN_SUPERCATEGORY), strict=False)
+    rows = zip(
+        labels.rendered, (*CLASSES, OWN), (*SUPERCATEGORIES, OWN_SUPERCATEGORY), strict=False
+    )
     return [
         {
             "id": row.file_id,
