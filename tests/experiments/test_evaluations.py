@@ -34,6 +34,7 @@ from experiments.run.learn import plan_of
 from experiments.run.nets import jobs_of
 from experiments.run.search import search
 from experiments.store import main
+from scene.assets.own_class import OwnClass
 from scene.attributes import NAMES
 from scene.proposal import Histogram, Proposal, default_proposal, mixture, random_proposal
 from scene.workers import WorkerPool
@@ -161,6 +162,22 @@ def test_a_histogram_is_kept_by_its_probabilities(tmp_path):
         assert found == kept and (found["centre"], found["width"]) == (None, None)
         told = found if source is own else found["components"][1]
         assert told["probabilities"] == [[0.1, 0.2, 0.7]] * 23
+
+
+def test_a_class_of_one_s_own_counts_by_its_name_and_the_content_of_its_file(a_run, tmp_path):
+    run = a_run()
+    recipe = run.recipe(run.config.reward)
+
+    def name(*own):
+        pool = recipe.pool._replace(own_class=OwnClass(*own) if own else None)
+        return runner.about(recipe._replace(pool=pool), TARGET, "reward", TRUTH)["config"]
+
+    first, second, copy = (str(tmp_path / f"{k}.glb") for k in "abc")
+    for file, content in ((first, "1"), (second, "2"), (copy, "1")):
+        (tmp_path / file).write_text(content)
+    told = [name(), name("bin", first), name("cone", first), name("bin", second)]
+    assert len({*told, name("bin", first, "carriageway")}) == 5
+    assert name("bin", copy) == told[1]
 
 
 def test_a_configuration_is_all_that_decides_a_reward(a_run, tmp_path, monkeypatch):
