@@ -88,6 +88,8 @@ def trunk(net: str, weights: str | None = None) -> Trunk:
         WeightsError: the file cannot be used.
     """
     if net not in TRUNKS:
+        if net in WHOLE_NETS:
+            raise UserError(f"there is no trunk {net}; known trunks: {', '.join(TRUNKS)}")
         known = ", ".join(sorted((*WHOLE_NETS, *TRUNKS)))
         raise UserError(f"unknown net {net!r}; known nets: {known}")
     found = TRUNKS[net](weights)
