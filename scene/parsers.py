@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 from scene.attributes import SPACES
 from scene.dataset.formats.layout import FORMATS, SPLITS
@@ -12,6 +12,27 @@ from scene.proposal import NAMES
 from scene.workers import ExecutorName
 from shell.command import Parser, docstring, size
 from shell.target_file import SHIPPED
+
+ASSETS: dict[str, dict[str, Any]] = {
+    "--assets": {
+        "default": "",
+        "metavar": "DIR",
+        "help": "folder of your own assets, see docs/engine.md",
+    },
+    "--asset-use": {"choices": USES, "default": "both", "help": "which assets may appear"},
+    "--overlap": {
+        "choices": OVERLAPS,
+        "default": "",
+        "help": "whether objects may stand in each other; by default they may in space scenex only",
+    },
+    "--asset-fraction": {
+        "type": float,
+        "default": 1.0,
+        "metavar": "SHARE",
+        "help": "of the assets, used",
+    },
+}
+"""Flags of what streets draw from, of all commands that have them."""
 
 
 def render() -> Parser:
@@ -58,15 +79,8 @@ def render() -> Parser:
     )
     add("--scheduler", metavar="ADDRESS", help="of the cluster, such as tcp://10.0.0.1:8786")
     add = options.group("assets")
-    add("--assets", default="", metavar="DIR", help="folder of your own assets, see docs/engine.md")
-    add("--asset-use", choices=USES, default="both", help="which assets may appear")
-    add(
-        "--overlap",
-        choices=OVERLAPS,
-        default="",
-        help="whether objects may stand in each other; by default they may in space scenex only",
-    )
-    add("--asset-fraction", type=float, default=1.0, metavar="SHARE", help="of the assets, used")
+    for flag, told in ASSETS.items():
+        add(flag, **told)
     add(
         "--asset-count",
         type=int,
@@ -143,15 +157,8 @@ def preview() -> Parser:
     add("--count", type=int, default=12, metavar="N", help="assets of a class")
     add("--columns", type=int, metavar="N", help="assets in a row")
     add = options.group("assets")
-    add("--assets", metavar="DIR", default="", help="folder of own assets")
-    add("--asset-use", choices=USES, default="both", help="which assets may appear")
-    add(
-        "--overlap",
-        choices=OVERLAPS,
-        default="",
-        help="whether objects may stand in each other; by default they may in space scenex only",
-    )
-    add("--asset-fraction", type=float, default=1.0, metavar="SHARE", help="of the assets, used")
+    for flag, told in ASSETS.items():
+        add(flag, **told)
     return options
 
 

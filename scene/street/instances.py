@@ -75,8 +75,8 @@ def objects(stands: Sequence[Stand]) -> Iterator[list[Stand]]:
         yield found
 
 
-def placed(ground: Ground, stands: Sequence[Stand], first: int = FIRST_INSTANCE) -> list[Placement]:
-    """Stands in the world, under instance ids from ``first`` on; parts share their object's pose."""
+def placed(ground: Ground, stands: Sequence[Stand]) -> list[Placement]:
+    """Stands in the world, under instance ids from ``FIRST_INSTANCE`` on; parts share their object's pose."""
     path = ground.path
     world = poses(ground, stands)
     drive = to_world(path, np.arange(0.0, DRIVE + SEARCH, 5.0), 0.0)
@@ -86,7 +86,7 @@ def placed(ground: Ground, stands: Sequence[Stand], first: int = FIRST_INSTANCE)
         train_id = TRAIN_IDS[stand.family]
         pose = found[-1].pose if stand.part else world[k]
         far = distant and train_id == TrainId.VEGETATION
-        found.append(Placement(stand.family, stand.ref, train_id, first + k, pose, far))
+        found.append(Placement(stand.family, stand.ref, train_id, FIRST_INSTANCE + k, pose, far))
     return found
 
 

@@ -74,11 +74,10 @@ def _line(
         ref = in_season(family, ref, params.bare_tree_share, pool, season)
         forward = side == street.drive
         yaw = _yaw(row.facing, side, forward, turned, free, wobbles[slot])
-        long = footprint((family, ref))[2] * 2
+        long, wide = (2 * half for half in footprint((family, ref))[2:])
         panels = _panels(long, interval) if row.runs else [0.0]
         shift = (2 * jitter - 1) * JITTER * interval
         if apart:
-            wide = footprint((family, ref))[3] * 2
             reach = abs(math.cos(yaw)) * long * len(panels) + abs(math.sin(yaw)) * wide
             spare = max(interval - reach, 0.0) / 2
             shift = min(max(shift, -spare), spare)

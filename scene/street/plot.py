@@ -149,9 +149,9 @@ class Plot:
         params = self.street.params
         lift = min(STEEP_LIFT * params.gradient + BENT_LIFT * params.bend, MOST_LIFT)
         box = self._rectangle([(family, ref)], x, y, yaw)
-        if self._houses.meet(box, -0.05):
+        if self._houses.meet(box, TOUCHING):
             return False
-        if any(laid.meet(box, -0.05) for f, laid in self._laid.items() if f != family):
+        if any(laid.meet(box, TOUCHING) for f, laid in self._laid.items() if f != family):
             return False
         self._laid.setdefault(family, Rectangles()).add(box)
         self.stands.append(Stand(family, ref, x, y, yaw, lift))

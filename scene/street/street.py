@@ -109,12 +109,8 @@ def _fill(plot: Plot, seed: int, mix: Mix | None, apart: bool) -> None:
 
 def _background(setting: Setting, seed: int) -> list[Stand]:
     """What closes the horizon, with assets."""
-    params, path, pool, rng = (
-        setting.params,
-        setting.ground.path,
-        setting.pool,
-        stream(seed, "background"),
-    )
+    params, path, pool = setting.params, setting.ground.path, setting.pool
+    rng = stream(seed, "background")
     things = background(params, rng)
     if not path.straight:
         places = np.array([(thing.x, thing.y) for thing in things])
