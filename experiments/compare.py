@@ -26,7 +26,7 @@ from experiments.config.studies import CompareConfig
 from experiments.evaluation.job import Source
 from experiments.run import plans
 from experiments.run.context import Run, Work
-from experiments.run.ladder import fidelities
+from experiments.run.fidelities import fidelities
 from experiments.run.pooled import affordable, work_of
 from experiments.run.rewards import SearchPlan
 from experiments.run.search import Found, search

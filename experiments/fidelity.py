@@ -5,8 +5,8 @@
     sdr-jax study fidelity --target twin --reward-kind mmd               # without labels
     sdr-jax study fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
 
-Proposals with random bins, the hand-set street and random attributes are evaluated on every rung of the
-ladder from the reward's size to the final one, some of them with several seeds. Kill it at any moment;
+Proposals with random bins, the hand-set street and random attributes are evaluated at three sizes, the
+rungs, from the reward's to the final one, some of them with several seeds. Kill it at any moment;
 the same command goes on where it was.
 """
 
@@ -26,7 +26,7 @@ from experiments.config.cli import Unmet, command
 from experiments.config.studies import MOST_REPEATS, FidelityConfig
 from experiments.evaluation.job import REWARD_NAMES
 from experiments.run.context import Run, Work
-from experiments.run.ladder import fidelities
+from experiments.run.fidelities import fidelities
 from experiments.run.nets import by_row, jobs_of
 from experiments.study.bins import random_bins
 from experiments.study.figure import plt, png
@@ -62,7 +62,7 @@ class Rung(NamedTuple):
 
 
 def rungs(config: FidelityConfig) -> list[Rung]:
-    """Those of the ladder; a reward without labels is compared with mIoU at the final size."""
+    """From the reward's size to the final one; rewards without labels are compared with mIoU there."""
     kind = config.reward_kind
     steps = fidelities(config.reward, config.final)[: config.rungs]
     found = [Rung(f"rung {k}", fidelity, kind) for k, fidelity in enumerate(steps, 1)]

@@ -199,13 +199,10 @@ class SearchConfig(GroupsConfig, RewardConfig):
     last policy), previous (the one before) and mixed (half the last, half the first); random (all attributes
     random) or default (the hand-set street: the others must be significantly better)."""
     candidate_seeds: Annotated[int, at_least(1), NETS] = 10
-    """Nets of each candidate on each rung, scored on the reward images; with 1 the hand-set street stays."""
+    """Nets of each candidate, scored on the reward images; with 1 the hand-set street stays."""
     parts: Annotated[int | None, at_least(1)] = None
     """Parts of the reward images that candidates are also scored on, for the report; by default one for each
     sequence, city or album, 2 to 4."""
-    ladder: bool = False
-    """Compare candidates on a ladder of sizes up to the final one, the better half going on to the next."""
-
 
 @dataclass(frozen=True, kw_only=True)
 class ShareConfig(SearchConfig):

@@ -97,7 +97,6 @@ _QUICK_REAL: Table = {
     # Of methods without a pool; 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
     "reward": {"streets": 24, "shots": 4},
     "final": {"streets": 400},
-    "ladder": True,
 }
 
 _PAPER_NET = {"recipe": "paper"}

@@ -328,9 +328,7 @@ def costs(run: RunFolder) -> dict[str, dict[str, float]]:
     staged = [("search", line) for line in each(run.evaluations)]
     for line in each(run.finals):
         name = str(line.get("nets", "other nets"))
-        rung = name.startswith("rung")
-        known = f"model selection, {name.replace('-', ' ')}" if rung else STAGES.get(name, name)
-        staged.append((known, line))
+        staged.append((STAGES.get(name, name), line))
     for stage, line in staged:
         own = found[stage]
         own["nets"] += 1

@@ -16,7 +16,6 @@ import numpy as np
 from experiments.config import (
     SEED_END,
     Candidate,
-    Fidelity,
     SearchConfig,
     make_method,
     make_space,
@@ -27,11 +26,10 @@ from experiments.evaluation.job import Parts, Result, Source
 from experiments.run import pooled
 from experiments.run.context import Run, Work
 from experiments.run.few import beside
-from experiments.run.ladder import climb, compared, fidelities
 from experiments.run.nets import by_row, jobs_of
 from experiments.run.rewards import SearchPlan
 from experiments.run.search import Found, search
-from experiments.run.selection import Scores, Selection, parts_of
+from experiments.run.selection import Selection, parts_of, select
 from experiments.target.base import Target
 from scene.held import hold
 from scene.proposal import Streets, describe, slide
@@ -82,18 +80,9 @@ def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
 
 def work_of(config: SearchConfig) -> list[Work]:
     """The nets that `learn` trains."""
-    challengers = len(set(offered(config)) - {REFERENCE})
-    rungs = _rungs(config)
-    counts = compared(challengers, len(rungs), REFERENCE in config.candidates)
-    return pooled.work_of(config, [plan_of(config)]) + [
-        Work.at(
-            f"nets of candidates, {_called(config, rung)}",
-            count * config.candidate_seeds,
-            rungs[rung],
-        )
-        for rung, count in enumerate(counts)
-        if count
-    ]
+    nets = len(offered(config)) * config.candidate_seeds
+    own = pooled.work_of(config, [plan_of(config)])
+    return [*own, Work.at("nets of candidates", nets, config.final)]
 
 
 def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> Learnt:
@@ -154,24 +143,14 @@ def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
     return config.streets(name)
 
 
-def selection_seeds(config: SearchConfig, rung: int) -> list[int]:
-    """Seeds of the nets on one rung; all candidates share them.
+def selection_seeds(config: SearchConfig) -> list[int]:
+    """Seeds of the nets of each candidate; all candidates share them.
 
     Named by the search alone: another search has others, and the same one has the same in every job.
     """
     search = [config.search.method, config.seed, config.space]
-    names = [["selection", *search, rung, net] for net in range(config.candidate_seeds)]
+    names = [["selection", *search, 0, net] for net in range(config.candidate_seeds)]
     return [int(digest(name), 16) % SEED_END for name in names]
-
-
-def _rungs(config: SearchConfig) -> tuple[Fidelity, ...]:
-    """The sizes at which candidates meet."""
-    return fidelities(config.reward, config.final) if config.ladder else (config.final,)
-
-
-def _called(config: SearchConfig, rung: int) -> str:
-    """What the log calls the nets of a rung."""
-    return f"rung-{rung + 1}" if config.ladder else "candidate"
 
 
 def _selected(
@@ -182,26 +161,17 @@ def _selected(
     prefix: str,
 ) -> tuple[Selection, dict[str, list[tuple[float, ...]]]]:
     """Train and test nets of the candidates, choose one; also their scores on each part."""
-    own = len(pooled.work_of(config, [plan_of(config)]))
-    rungs, cost = _rungs(config), sum(work.cost for work in work_of(config)[own:])
-    results: dict[str, list[Result]] = {}
-
-    def test(rung: int, names: Sequence[str]) -> Scores:
-        nonlocal results, cost
-        fidelity, seeds = rungs[rung], selection_seeds(config, rung)
-        sources: dict[str, Source] = {
-            name: beside(run, fidelity, own) for name, own in candidates.items() if name in names
-        }
-        cost -= len(sources) * len(seeds) * cost_of(fidelity)
-        jobs = jobs_of(
-            prefix + _called(config, rung), sources, run.recipe(fidelity), seeds,
-            side="reward", kind=config.reward_kind, parts=parts,
-        )  # fmt: skip
-        results = by_row(jobs, run.runner.test(jobs))
-        return {name: [result.reward for result in own] for name, own in results.items()}
-
-    selection = climb(distinct(candidates), len(rungs), test, REFERENCE)
-    run.progress.advance(cost, replayed=True)  # of nets that candidates alike have in common
+    final, seeds, names = config.final, selection_seeds(config), distinct(candidates)
+    sources: dict[str, Source] = {name: beside(run, final, candidates[name]) for name in names}
+    jobs = jobs_of(
+        f"{prefix}candidate", sources, run.recipe(final), seeds,
+        side="reward", kind=config.reward_kind, parts=parts,
+    )  # fmt: skip
+    results: dict[str, list[Result]] = by_row(jobs, run.runner.test(jobs))
+    rewards = {name: [result.reward for result in own] for name, own in results.items()}
+    selection = select(rewards, REFERENCE)
+    alike = (len(candidates) - len(names)) * len(seeds) * cost_of(final)
+    run.progress.advance(alike, replayed=True)  # of nets that candidates alike have in common
     run.progress.say(f"Answer: {selection.chosen}, {selection.verdict}")
     by_part = {
         # What another run has evaluated may know other parts.

@@ -49,7 +49,7 @@ def test_the_main_job_by_pools(start_job, out):
 @pytest.mark.slow
 @pytest.mark.parametrize(("target", "flags"), [
     ("camvid", ("--few", "2")),
-    ("camvid", ("--reward-kind", "mmd", "--ladder")),
+    ("camvid", ("--reward-kind", "mmd")),
     ("cityscapes", ()),
     ("labelmefacade", ("--holdout", "a_p")),
 ])  # fmt: skip

@@ -16,7 +16,7 @@ from experiments.config import SEED_END, MainConfig, check, offered, presets
 from experiments.config.presets import defaults
 from experiments.evaluation.cost import cost_of
 from experiments.evaluation.job import Result
-from experiments.run import ladder, selection
+from experiments.run import fidelities, selection
 from experiments.run.context import opened
 from experiments.run.learn import (
     BROAD,
@@ -35,7 +35,6 @@ from shell.files import read_json, write_json
 
 from .conftest import Counted, Killed, by_preset, lines
 
-LADDER = {"ladder": True, "candidates": ("argmax", "seen", "broad", "random")}
 NOISE = 1.4
 """Points of mIoU by which nets of one training set vary."""
 
@@ -147,66 +146,42 @@ def test_what_all_candidates_of_a_seed_share_decides_nothing(scores, shift):
         assert not known or moved.t[name] == pytest.approx(found.t[name], rel=1e-3, abs=1e-6)
 
 
-@pytest.mark.parametrize("rungs", [3, 1])
-def test_errors_of_both_kinds_over_all_rungs(rungs):
+def test_errors_of_both_kinds():
     config, rng = defaults(MainConfig, "camvid", "quick"), np.random.default_rng(0)
     shape, candidates = config.candidate_seeds, offered(config)
 
     def taken(gain: float, runs: int = 2500) -> dict[str, float]:
-        def score(rung: int, names: Sequence[str]) -> dict[str, np.ndarray]:
+        found = []
+        for _ in range(runs):
             seeds = rng.normal(0, 1, shape)  # what nets of a seed share
-            return {
-                name: seeds + rng.normal(gain * (name == "seen"), NOISE, shape) for name in names
+            scores = {
+                name: seeds + rng.normal(gain * (name == "seen"), NOISE, shape) for name in candidates
             }
-
-        found = [ladder.climb(candidates, rungs, score, REFERENCE).chosen for _ in range(runs)]
+            found.append(selection.select(scores, REFERENCE).chosen)
         return {name: found.count(name) / runs for name in candidates}
 
     assert 0.03 < 1 - taken(0)[REFERENCE] <= 0.07
     assert taken(2)["seen"] >= 0.8
 
 
-def test_the_middle_and_who_is_compared_by_hand():
+def test_the_middle_by_hand():
     config = defaults(MainConfig, "camvid", "quick")
-    between = ladder.middle(config.reward, config.final)
+    between = fidelities.middle(config.reward, config.final)
     # sqrt(24 400), sqrt(4 1), sqrt(150 300).
     assert (between.size, between.streets, between.shots) == ("240x176", 98, 2)
     assert (between.train.steps, between.train.net) == (212, config.final.train.net)
-    assert [ladder.kept(n) for n in (1, 2, 3, 4, 5)] == [1, 1, 2, 2, 3]
-    assert ladder.compared(4, 3, True) == [4, 2, 2] and ladder.compared(4, 1, True) == [5]
-    assert ladder.compared(1, 3, False) == [0, 0, 1] and ladder.compared(0, 3, True) == [0, 0, 1]
     large = replace(config.final, width=480, height=360)
     # sqrt(240 480) = 339.4 and sqrt(176 360) = 251.7, in multiples of 8.
-    assert ladder.middle(config.reward, large).size == "336x248"
-    nets = {work.what: work.nets for work in work_of(config)[1:]}
-    names = [f"nets of candidates, rung-{k}" for k in (1, 2, 3)]
-    assert nets == dict(zip(names, (40, 20, 20), strict=True))
-    assert [work.nets for work in work_of(defaults(MainConfig, "twin", "quick"))[1:]] == [50]
+    assert fidelities.middle(config.reward, large).size == "336x248"
 
 
 @by_preset
-def test_rungs_lead_from_the_reward_to_the_final_fidelity(target, preset):
+def test_fidelities_lead_from_the_reward_to_the_final_one(target, preset):
     config = defaults(MainConfig, target, preset)
-    rungs = ladder.fidelities(config.reward, config.final)
-    assert (rungs[0], rungs[-1]) == (config.reward, config.final)
-    costs = [cost_of(rung) for rung in rungs]
-    assert costs == sorted(costs) and len(ladder.fidelities(config.final, config.final)) == 1
-
-
-def test_the_better_half_goes_on_and_the_hand_set_street_waits_at_the_top():
-    worth, asked = dict(a=0.1, b=0.4, default=0.0, c=0.9, d=0.3), []
-
-    def score(rung, names):
-        asked.append((rung, tuple(names)))
-        return {name: worth[name] + np.array([0.0, 0.01, 0.03]) * len(name) for name in names}
-
-    assert ladder.climb(tuple(worth), 3, score, "default").chosen == "c"
-    assert asked == [(0, ("a", "b", "c", "d")), (1, ("b", "c")), (2, ("default", "c"))]
-    asked.clear()
-    assert ladder.climb("abcd", 2, score).chosen == "c" and asked[1] == (1, ("b", "c"))
-    asked.clear()
-    ladder.climb(["a", "default"], 3, score, "default")  # one challenger has nobody to beat below
-    assert asked == [(2, ("a", "default"))]
+    found = fidelities.fidelities(config.reward, config.final)
+    assert (found[0], found[-1]) == (config.reward, config.final)
+    costs = [cost_of(each) for each in found]
+    assert costs == sorted(costs) and len(fidelities.fidelities(config.final, config.final)) == 1
 
 
 @given(st.integers(0, 2**31 - 1), st.integers(0, 2**31 - 1))
@@ -214,17 +189,17 @@ def test_searches_share_no_seeds_of_their_selection(one, other):
     def seeds(seed, method="intervals", space="scenex", **changes):
         config = defaults(MainConfig, "camvid", "smoke", seed=seed, candidate_seeds=10, **changes)
         config = replace(config, space=space, search=replace(config.search, method=method))
-        return [s for rung in range(3) for s in selection_seeds(config, rung)]
+        return selection_seeds(config)
 
     own = seeds(one)
-    assert len(set(own)) == len(own) == 30 and all(0 <= s < SEED_END for s in own)
+    assert len(set(own)) == len(own) == 10 and all(0 <= s < SEED_END for s in own)
     others = [seeds(one, "sdr"), seeds(one, space="extended"), seeds(one + 1), seeds(other)]
     assert all(set(own).isdisjoint(theirs) for theirs in others[: 4 if one != other else 3])
     # They depend on nothing else of the job, nor on which job it is.
     assert own == seeds(one, seeds=9, workers=7, out=Path("elsewhere"))
     study = presets.defaults(ManyConfig, "camvid", "smoke", seed=one, candidate_seeds=10)
     same = configured(study)[f"intervals-{one}"]
-    assert selection_seeds(same, 0) == own[:10]
+    assert selection_seeds(same) == own
 
 
 @pytest.fixture
@@ -286,29 +261,25 @@ def test_parts_that_another_run_has_not_scored_are_left_open(job, tmp_path):
     assert len(again.parts) == 3 and again.by_part == {name: [(), ()] for name in learnt.by_part}
 
 
-def test_candidates_climb_on_the_reward_images_of_each_size_and_again_after_a_kill(job):
-    learnt, progress, config = job(**LADDER)
-    assert learnt.selection.chosen == "random"
-    for recipe, _, _, truth, *_ in job.scores.calls:
-        assert truth.images.shape == (4, recipe.fidelity.height, recipe.fidelity.width, 3)
-    first, *_, last = (recipe.fidelity for recipe, *_ in job.scores.calls)
-    assert (first, last) == (config.reward, config.final)
+def test_candidates_share_their_seeds_and_go_on_after_a_kill(job):
+    own = {"candidate_seeds": 3, "candidates": ("argmax", "seen", "broad", "random")}
+    learnt, progress, config = job(**own)
+    final = (4, config.final.height, config.final.width, 3)
+    assert {truth.images.shape for _, _, _, truth, *_ in job.scores.calls[12:]} == {final}
     finals = lines(config.out / "finals.jsonl")
     assert len(finals) == len(job.scores.calls) - 12
-    rows = [{line["row"] for line in finals if line["nets"] == f"rung-{k}"} for k in (1, 2, 3)]
-    assert rows[2] < rows[1] < rows[0] and rows[2] == set(learnt.selection.scores)
-    for k in range(3):  # all candidates of a rung share its seeds
-        own = [line["seed"] for line in finals if line["nets"] == f"rung-{k + 1}"]
-        assert sorted(own) == sorted(selection_seeds(config, k) * len(rows[k]))
+    rows = set(learnt.selection.scores)
+    assert sorted(line["seed"] for line in finals) == sorted(selection_seeds(config) * len(rows))
+    assert {(line["nets"], line["row"]) for line in finals} == {("candidate", row) for row in rows}
     assert progress.left is not None and progress.left < 1e-6
     made = len(job.scores.calls)
     (config.out / "finals.jsonl").unlink()
     job.scores.calls.clear()
     job.scores.limit = 3
     with pytest.raises(Killed):
-        job(**LADDER)
+        job(**own)
     job.scores.limit = -1
-    assert job(**LADDER)[0].selection == learnt.selection and len(job.scores.calls) == made - 12
+    assert job(**own)[0].selection == learnt.selection and len(job.scores.calls) == made - 12
 
 
 def test_a_folder_with_a_candidate_of_an_earlier_version_is_refused(job):

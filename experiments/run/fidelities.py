@@ -1,0 +1,29 @@
+"""From a reward's size to the final one: the fidelity between, and all three."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from experiments.config import Fidelity
+
+
+def middle(low: Fidelity, high: Fidelity) -> Fidelity:
+    """The fidelity between two, half way on a logarithmic scale; net and rays are the higher one's."""
+
+    def between(a: int, b: int, unit: int = 1) -> int:
+        return max(round(math.sqrt(a * b) / unit), 1) * unit
+
+    return replace(
+        high,
+        width=between(low.width, high.width, 8),
+        height=between(low.height, high.height, 8),
+        streets=between(low.streets, high.streets),
+        shots=between(low.shots, high.shots),
+        train=replace(high.train, steps=between(low.train.steps, high.train.steps)),
+    )
+
+
+def fidelities(low: Fidelity, high: Fidelity) -> tuple[Fidelity, ...]:
+    """The lowest, one between, the highest."""
+    return tuple(dict.fromkeys((low, middle(low, high), high)))
