@@ -1,7 +1,7 @@
 """Search methods beside each other on problems whose answer is known.
 
     python -m benchmarks.search --json search.json --plot search.png
-    python -m benchmarks.search --evaluations 50 --seeds 3 --methods sdr linear --problems smooth
+    python -m benchmarks.search --evaluations 50 --seeds 3 --methods sdr surrogate --problems smooth
 
 Every value is the true one of the proposal that a method recommends after so many noisy evaluations. On
 the analytic problems 0 is random attributes and 100 the best bins, and every seed is another instance,

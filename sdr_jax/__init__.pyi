@@ -9,7 +9,6 @@ from sdr_jax.callback import host_reward as host_reward
 from sdr_jax.method import Info as Info
 from sdr_jax.method import Method as Method
 from sdr_jax.models.intervals import intervals as intervals
-from sdr_jax.models.linear import linear as linear
 from sdr_jax.models.surrogate import surrogate as surrogate
 from sdr_jax.names import MethodName as MethodName
 from sdr_jax.policy import Policy as Policy
@@ -24,7 +23,6 @@ from sdr_jax.rivals.attribute_descent import attribute_descent as attribute_desc
 from sdr_jax.rivals.cma_es import cma_es as cma_es
 from sdr_jax.rivals.gaussian import gaussian as gaussian
 from sdr_jax.rivals.gaussian_process import gaussian_process as gaussian_process
-from sdr_jax.rivals.pbil import pbil as pbil
 from sdr_jax.rivals.random_attributes import random_attributes as random_attributes
 from sdr_jax.rivals.random_search import random_search as random_search
 from sdr_jax.rivals.tpe import tpe as tpe

@@ -10,8 +10,6 @@ MethodName = Literal[
     "random_search",
     "attribute_descent",
     "gaussian",
-    "pbil",
-    "linear",
     "intervals",
     "cma_es",
     "tpe",

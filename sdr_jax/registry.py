@@ -9,7 +9,6 @@ import optax
 from sdr_jax.baseline import ema, leave_one_out
 from sdr_jax.method import Method
 from sdr_jax.models.intervals import intervals
-from sdr_jax.models.linear import linear
 from sdr_jax.models.surrogate import surrogate
 from sdr_jax.pool import pool
 from sdr_jax.rewards import identity, squared_percent
@@ -17,7 +16,6 @@ from sdr_jax.rivals.attribute_descent import attribute_descent
 from sdr_jax.rivals.cma_es import cma_es
 from sdr_jax.rivals.gaussian import gaussian
 from sdr_jax.rivals.gaussian_process import gaussian_process
-from sdr_jax.rivals.pbil import pbil
 from sdr_jax.rivals.random_attributes import random_attributes
 from sdr_jax.rivals.random_search import random_search
 from sdr_jax.rivals.tpe import tpe
@@ -95,8 +93,6 @@ METHODS: dict[str, Entry] = {
     "attribute_descent": Entry(attribute_descent),
     # It compares the data sets of an update with each other.
     "gaussian": Entry(_gaussian, n=5, least=2),
-    "pbil": Entry(pbil),
-    "linear": Entry(linear),
     "intervals": Entry(intervals, n=5),
     "cma_es": Entry(cma_es, library=True),
     "tpe": Entry(tpe, library=True),

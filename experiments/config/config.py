@@ -204,6 +204,7 @@ class SearchConfig(GroupsConfig, RewardConfig):
     """Parts of the reward images that candidates are also scored on, for the report; by default one for each
     sequence, city or album, 2 to 4."""
 
+
 @dataclass(frozen=True, kw_only=True)
 class ShareConfig(SearchConfig):
     """How a few labelled images join rendered ones."""

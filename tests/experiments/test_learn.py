@@ -1,7 +1,6 @@
 """The answer: candidates, the test that selects one, the ladder, and the same choice after a kill."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -155,7 +154,8 @@ def test_errors_of_both_kinds():
         for _ in range(runs):
             seeds = rng.normal(0, 1, shape)  # what nets of a seed share
             scores = {
-                name: seeds + rng.normal(gain * (name == "seen"), NOISE, shape) for name in candidates
+                name: seeds + rng.normal(gain * (name == "seen"), NOISE, shape)
+                for name in candidates
             }
             found.append(selection.select(scores, REFERENCE).chosen)
         return {name: found.count(name) / runs for name in candidates}

@@ -145,7 +145,7 @@ PROGRAMS = {
     ),
     "tune": Program(
         "tune",
-        ["-m", "sdr_jax.tune", str(EXAMPLE / "space.toml"), "--out", "OUT", "--method", "pbil",
+        ["-m", "sdr_jax.tune", str(EXAMPLE / "space.toml"), "--out", "OUT", "--method", "gaussian",
          "--evaluations", "32", "--workers", "2", "--", *SIMULATOR],
         "*.jsonl",
     ),

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import sdr_jax
+from sdr_jax.registry import make
 from shell.errors import UserError
 from tests.robustness.conftest import TIMES
 
@@ -77,7 +78,7 @@ def test_a_history_is_cut_anywhere_or_has_half_a_line(tally, tmp_path):
     space, rng = sdr_jax.space(["a", "b"], bins=4), np.random.default_rng(4)
 
     def search(path: Path) -> bytes:
-        own = sdr_jax.AskTell(space, sdr_jax.pbil(space), n=4, seed=0, path=path)
+        own = sdr_jax.AskTell(space, make("gaussian", space), n=4, seed=0, path=path)
         while own.updates < 4:
             for trial in own.ask():
                 own.tell(trial.id, float(trial.proposal.centre.sum()))

@@ -169,7 +169,7 @@ def test_the_table_has_every_method_by_its_name_and_random_attributes_stay_rando
     np.testing.assert_array_equal(PURE["random_attributes"].solution(state), [[0.5] * 5, [1] * 5])
     assert tuple(METHODS) == get_args(MethodName)
     assert all(callable(getattr(sdr_jax, name)) for name in METHODS)
-    assert "optimizer" not in options_of("sdr") and options_of("pbil")["memory"] == 60
+    assert "optimizer" not in options_of("sdr") and options_of("gaussian")["std"] == 1.5
     kinds = {type(v) for name in METHODS for v in options_of(name).values()}
     assert kinds <= {int, float, str, bool, type(None)}
 
@@ -193,7 +193,7 @@ MODELS = [name for name, method in ALL.items() if method.expects is not None]
 
 @pytest.mark.parametrize("name", MODELS)
 def test_models_foresee_rewards_and_how_far_they_are_off(name: str) -> None:
-    assert MODELS == ["surrogate", "linear", "intervals", "gaussian_process"]
+    assert MODELS == ["surrogate", "intervals", "gaussian_process"]
     method = ALL[name]
     first = state = method.init(KEY)
 
@@ -217,8 +217,6 @@ BAD = {
     "sdr": dict(updates_per_group=[0], unoptimised=["zero"], baseline=["none"]),
     "attribute_descent": dict(repeats=[0], unoptimised=["zero"]),
     "gaussian": dict(std=[0.0]),
-    "pbil": dict(rate=[0.0], elite=[1.5], memory=[0], smoothing=[-1.0, np.nan]),
-    "linear": dict(explore=[-1.0], degree=[0], pair_degree=[5], interaction=[np.inf]),
     "cma_es": dict(sigma=[0.0], population=[1]),
     "tpe": dict(startup=[-1]),
     "gaussian_process": dict(startup=[0], candidates=[1]),
@@ -235,7 +233,7 @@ def test_bad_options_are_refused(name: str) -> None:
 
 @pytest.mark.parametrize(("name", "options", "culprit"), [
     ("magic", {}, "unknown method 'magic'; known are surrogate, sdr"),
-    ("pbil", dict(speed=1), "pbil has no option 'speed'; known: rate"),
+    ("gaussian", dict(speed=1), "gaussian has no option 'speed'; known: learning_rate"),
     ("random_search", dict(speed=1), "known: none"),
     ("sdr", dict(baseline="none"), "must be one of ema, ema_current"),
     ("intervals", dict(caution=-1.0), "caution is -1"), ("intervals", dict(degree=0), "degree is 0"),

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import sdr_jax
-from sdr_jax import Method, Proposal, linear, space, surrogate
+from sdr_jax import Method, Proposal, space, surrogate
 from sdr_jax.models import effects, history, regression
 from sdr_jax.models.choices import choices, integrated, runs
 from sdr_jax.models.features import Features, evaluate, features, maximise, maximise_each, tables
@@ -25,7 +25,7 @@ SPACE = space(["a", "b", "c", "d"], bins=[3, 5, 2, 4], groups=[["b"], ["d", "a"]
 EVERY = np.asarray(list(product(range(3), range(5), range(2), range(4))), np.int32)
 LAYOUT = features(SPACE, 3, 2, 0.5)
 MODEL = effects.make_effects(SPACE, 3, 2)
-METHODS = {"surrogate": surrogate(SPACE), "linear": linear(SPACE)}
+SURROGATE = surrogate(SPACE)
 
 BEST_OF = jax.jit(lambda key, weights: maximise(key, SPACE, LAYOUT, weights))
 TABLES = jax.jit(lambda weights, actions: tables(SPACE, LAYOUT, weights, actions))
@@ -276,7 +276,7 @@ def test_the_temperature_is_the_posteriors_spread_of_the_bins() -> None:
 @pytest.mark.parametrize("n", [1, 2, 5])
 def test_every_second_data_set_is_a_thompson_draw_whatever_the_updates_hold(n: int) -> None:
     """a and d go together, at either end: the policy is at one, draws of the model at both."""
-    method = METHODS["surrogate"]
+    method = SURROGATE
     state = method.init(KEY)
     for seed in range(3):
         state, _ = tell(method, *some(seed), state)
@@ -292,30 +292,27 @@ def test_every_second_data_set_is_a_thompson_draw_whatever_the_updates_hold(n: i
     assert abs(policy - 0.5) > 0.4 and 0.1 < thompson < 0.9
 
 
-@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
-def test_an_effect_is_found_and_what_has_none_stays_wide(method: Method) -> None:
+def test_an_effect_is_found_and_what_has_none_stays_wide() -> None:
     """Only b matters, and noise hides the rest."""
 
     def reward(rng_key: jax.Array, proposals: Proposal) -> jax.Array:
         noise = 0.2 * jax.random.normal(rng_key, proposals.centre.shape[:1])
         return 70 - 4 * jnp.abs(proposals.centre[:, 1] - 0.7) + noise
 
-    state, record = driven(KEY, method, reward, 20, 4)
-    np.testing.assert_allclose(method.solution(state).centre[1], 0.7, atol=1e-6)
-    a, b, c, d = np.asarray(method.spread(state).width)
+    state, record = driven(KEY, SURROGATE, reward, 20, 4)
+    np.testing.assert_allclose(SURROGATE.solution(state).centre[1], 0.7, atol=1e-6)
+    a, b, c, d = np.asarray(SURROGATE.spread(state).width)
     assert b == pytest.approx(0.2, abs=0.15) and np.mean([a, c, d]) > 0.6
-    if method is METHODS["surrogate"]:  # the other has no policy
-        entropy = np.asarray(record.info.entropy)
-        assert entropy[0] == pytest.approx(np.log([3, 5, 2, 4]).sum(), rel=1e-5)
-        assert entropy[-1] < entropy[0] - 1
+    entropy = np.asarray(record.info.entropy)
+    assert entropy[0] == pytest.approx(np.log([3, 5, 2, 4]).sum(), rel=1e-5)
+    assert entropy[-1] < entropy[0] - 1
 
 
-@pytest.mark.parametrize("method", METHODS.values(), ids=METHODS)
-def test_interactions_within_a_group_are_learnt(method: Method) -> None:
+def test_interactions_within_a_group_are_learnt() -> None:
     """Where d and a agree in sign it is good; neither matters alone."""
     both = lambda _, proposals: (proposals.centre[:, [0, 3]] - 0.5).prod(axis=1)  # noqa: E731
-    state, _ = driven(jax.random.key(1), method, both, 15, 4)
-    a, _, _, d = method.solution(state).centre
+    state, _ = driven(jax.random.key(1), SURROGATE, both, 15, 4)
+    a, _, _, d = SURROGATE.solution(state).centre
     assert (a - 0.5) * (d - 0.5) > 0.12
 
 
@@ -478,7 +475,7 @@ def test_evaluations_that_are_not_kept_count_too(monkeypatch) -> None:
 
 
 BANDIT = space(["a", "b"], [4, 3])
-BANDIT_METHODS = {name: make(name, BANDIT) for name in ("surrogate", "intervals", "linear")}
+BANDIT_METHODS = {name: make(name, BANDIT) for name in ("surrogate", "intervals")}
 
 
 @pytest.mark.parametrize(("share", "penalty"), [(0, 0), (0.05, -1e6), (0.25, -1000), (0.45, -1e6)])
@@ -502,8 +499,7 @@ def test_penalties_do_not_decide_the_answer(name: str, share: float, penalty: fl
 
         state = learnt(method, reward, updates=20, n=10)
         lost.append(-value(method.solution(state)))
-        seen = state.history if name == "linear" else state.seen.history
-        clipped.append(int(seen.clipped))
+        clipped.append(int(state.seen.history.clipped))
     assert np.mean(lost) < 0.25
     assert (min(clipped) > 0) == (share > 0)
 
@@ -525,11 +521,13 @@ def test_a_flat_reward_decides_nothing_and_the_search_goes_on_looking(name: str)
 
 def test_interactions_are_only_as_many_as_fit() -> None:
     names = [f"x{i}" for i in range(100)]
-    state = jax.eval_shape(linear(space(names, 10)).init, KEY)  # 4950 pairs in one group
+    state = jax.eval_shape(
+        surrogate(space(names, 10), degree=4).init, KEY
+    ).seen  # 4950 pairs in one group
     assert state.statistics.gram.shape == (400, 400)
     for name in BANDIT_METHODS:
         refuses("makes 19800 features of 4950 pairs", make, name, space(names, 10), pair_degree=2)
-    small = jax.eval_shape(linear(space(names[:8], 10)).init, KEY)
+    small = jax.eval_shape(surrogate(space(names[:8], 10), degree=4).init, KEY).seen
     assert small.statistics.sums.shape == (8 * 4 + 28 * 4,)
 
 

@@ -11,12 +11,11 @@ import optax
 import pytest
 from hypothesis import given, settings
 
-from sdr_jax import Method, Proposal, attribute_descent, ema, random_search, relax, sdr, space
-from sdr_jax.relaxation import bin_centres, bin_mask, uniform
+from sdr_jax import Proposal, attribute_descent, ema, random_search, relax, sdr, space
+from sdr_jax.relaxation import bin_centres
 from sdr_jax.rivals.cma_es import cma_es
 from sdr_jax.rivals.gaussian import GaussianParams, gaussian
 from sdr_jax.rivals.gaussian_process import gaussian_process
-from sdr_jax.rivals.pbil import _kernel, _rank_weights, pbil
 from sdr_jax.rivals.tpe import tpe
 from sdr_jax.sdr import SdrState
 
@@ -73,41 +72,6 @@ def test_probabilities_and_spread_of_the_gaussian_are_those_of_samples() -> None
     width = np.minimum(1, np.sqrt(12 * variance))
     np.testing.assert_allclose(GAUSSIAN.spread(state).width, width, atol=0.02)
     np.testing.assert_allclose(GAUSSIAN.solution(state).centre[0], jax.nn.sigmoid(1.0), rtol=1e-5)
-
-
-def test_rank_weights_by_hand() -> None:
-    rewards = jnp.asarray([0.2, -jnp.inf, 0.9, 0.5, 0.1, 0.0, 0.3, -jnp.inf])
-    raw = np.log(0.5 * 6 + 0.5) - np.log([1, 2, 3])  # the better half of six
-    expected = np.zeros(8)
-    expected[[2, 3, 6]] = raw / raw.sum()
-    np.testing.assert_allclose(_rank_weights(rewards, 0.5), expected, atol=1e-6)
-    assert not np.any(_rank_weights(jnp.asarray([1.0, -jnp.inf]), 0.25))
-
-
-@pytest.mark.parametrize("smoothing", [0.0, 1e-4, 0.08, 0.7, 3.0])
-def test_the_kernel_is_a_distribution_that_keeps_uniform_ones(smoothing: float) -> None:
-    kernel = _kernel(SPACE, smoothing)
-    assert np.all(np.isfinite(kernel)) and np.all(kernel >= 0)
-    kept = np.einsum("ab,abc->ac", np.asarray(uniform(SPACE)), kernel)
-    np.testing.assert_allclose(kept, uniform(SPACE), atol=1e-5)
-    np.testing.assert_allclose(kernel.sum(axis=2), bin_mask(SPACE), atol=1e-5)
-
-
-def test_pbil_remembers_only_the_latest_evaluations_and_neighbours_of_a_good_bin_gain_too() -> None:
-    state, method = None, pbil(SPACE, memory=3)
-    for t in range(5):
-        state, _ = tell(method, [[t % 2] * 3], [t], state)
-    np.testing.assert_array_equal(state.rewards, [2, 3, 4])
-    np.testing.assert_array_equal(state.actions[:, 0], [0, 1, 0])
-
-    def of_b(method: Method) -> np.ndarray:
-        state, _ = tell(method, [[0, 4, 0]] + [[1, 9, 4]] * 3, [1, 0, 0, 0])
-        return np.asarray(method.probabilities(state))[1]
-
-    p = of_b(pbil(SPACE))
-    assert p[4] > p[3] > p[2] > p[1]
-    np.testing.assert_allclose(p[3], p[5], rtol=1e-4)
-    np.testing.assert_allclose(of_b(pbil(SPACE, smoothing=0.0))[4], 1 - 0.9 * 0.92**4, rtol=1e-4)
 
 
 UNEVEN = space(["a", "b", "c"], bins=[3, 5, 2], groups=[["b"], ["c", "a"]])

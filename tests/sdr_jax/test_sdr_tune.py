@@ -29,7 +29,7 @@ SMALL = 'method = "random_search"\nevaluations = 6\ndatasets_per_update = 3\n' +
 SCORED = "import json, sys\nat = json.load(open(sys.argv[1]))\na = at['attributes']['a']\n"
 A = '[[attributes]]\nname = "a"\n'
 SDR = 'method = "sdr"\nevaluations = 40\ngroups = [["a"], ["b"]]\n' + TWO + "[method_options]\n"
-PBIL = 'method = "pbil"\n' + TWO + "[method_options]\n"
+GAUSSIAN = 'method = "gaussian"\n' + TWO + "[method_options]\n"
 TRUE = ["--", "true", PLACEHOLDER]
 LOG = "evaluations.jsonl"
 
@@ -313,7 +313,7 @@ def test_a_simulator_that_never_works_is_one_error(runs, code, timeout, reason) 
 
 @pytest.mark.parametrize(("change", "field"), [
     (("high = 200", "high = 100"), "attributes.b.high = 200.0, not 100.0"),
-    (('"random_search"', '"pbil"'), 'method = "random_search", not "pbil"'),
+    (('"random_search"', '"gaussian"'), 'method = "random_search", not "gaussian"'),
     (("evaluations = 6", "evaluations = 6\nseed = 4"), "seed = 0, not 4"),
     (("log = true", 'log = true\n[[attributes]]\nname = "c"'), "attributes ="),
     (None, "command"),
@@ -353,9 +353,9 @@ def test_the_folder_of_another_run_is_refused(runs, change, field) -> None:
     ("evaluations = 0\n" + TWO, "evaluations is 0, but must be at least 1"),
     ("relaxation = 2\n" + TWO, "relaxation is 2, but must lie in [0, 1]"),
     (SDR + "updates_per_group = 2", "evaluations is 40, but sdr with updates_per_group = 2 takes"),
-    (PBIL + "speed = 1", "option of pbil 'speed' is"),
-    (PBIL + "rate = 'x'", "rate is 'x', but must be a"),
-    (PBIL + "rate = 7", "method pbil: rate is 7"),
+    (GAUSSIAN + "speed = 1", "option of gaussian 'speed' is"),
+    (GAUSSIAN + "std = 'x'", "std is 'x', but must be a"),
+    (GAUSSIAN + "std = -7", "method gaussian: std is -7"),
     ('method = "cma_es"\n' + A, "cma_es needs at least 2 attributes, this space has 1"),
     ('method = "gaussian"\ndatasets_per_update = 1\n' + TWO, "leave_one_out needs at least 2"),
     ("name = ", "is no TOML"), ("\xff\xfe", "is no TOML"),
@@ -390,7 +390,16 @@ def test_a_bad_command_line_is_one_error(runs: Runs, monkeypatch, arguments, com
 
 def test_the_example_killed_and_continued_ends_with_the_same_answer(runs: Runs) -> None:
     answer, log = runs.out / "answer.json", runs.out / LOG
-    options = ["--out", str(runs.out), "--method", "pbil", "--evaluations", "16", "--workers", "2"]
+    options = [
+        "--out",
+        str(runs.out),
+        "--method",
+        "gaussian",
+        "--evaluations",
+        "16",
+        "--workers",
+        "2",
+    ]
     simulator = [sys.executable, str(EXAMPLE / "simulator.py"), PLACEHOLDER]
     command = [str(EXAMPLE / "space.toml"), *options, "--", *simulator]
     assert main(command) == 0
