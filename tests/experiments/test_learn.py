@@ -235,7 +235,7 @@ def test_the_better_candidate_is_chosen_on_the_reward_images(job):
     finals = lines(config.out / "finals.jsonl")
     assert [len(line["parts"]) for line in finals] == [2] * 4
     seeds = {(line["seed"], line["side"]) for line in finals}
-    assert seeds == {(seed, "reward") for seed in selection_seeds(config, 0)}
+    assert seeds == {(seed, "reward") for seed in selection_seeds(config)}
     assert (config.out / "attributes.json").exists()
     made = len(job.scores.calls)
     assert job(**two)[0].selection == learnt.selection and len(job.scores.calls) == made
