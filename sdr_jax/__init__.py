@@ -6,9 +6,9 @@
     state, record = jax.jit(lambda key: run(key, method, reward_fn, n=4))(jax.random.key(0))
     method.solution(state)  # centre and width of every attribute
 
-A reward that must leave JAX, such as rendering images and training on them: `host_reward`.
-Attributes whose values have no order: `space(["car", "weather"], bins=[10, 3], unordered=["weather"])`.
-One that comes from elsewhere, at its own time: `AskTell`; from a program: `sdr-jax tune`.
+`host_reward` is for a reward that must leave JAX, such as rendering images and training on them.
+`space(["car", "weather"], bins=[10, 3], unordered=["weather"])` has an attribute without an order.
+`AskTell` waits for rewards from elsewhere; `sdr-jax tune` takes them from a program.
 """
 
 from shell.interrupt import while_loading

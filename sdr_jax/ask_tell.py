@@ -40,14 +40,13 @@ class AskTell:
                 search.tell(trial.id, evaluate(trial.proposal, trial.seed))  # None if it failed
         search.solution()
 
-    An update's n trials are asked for together and may be told in any order, from one process at a
-    time; the method learns when all of them are told, in the order of their ids. Methods and keys
-    are pure, so the state needs no file of its own: the history is told again from the beginning,
-    which gives the same state to the last bit, host adapters included. Keys are used as
-    `drive` uses them: the same seed proposes the same data sets here as there.
+    `ask` gives the n trials of an update together; one process at a time may tell them, in any order.
+    The method learns when all of them are told, in the order of their ids. Methods and keys are pure, so
+    the state needs no file: telling the history again gives the same state to the last bit, with host
+    adapters too. Keys are used as in `drive`: the same seed proposes the same data sets.
 
-    Methods compute in single precision, so they get the rewards minus the first reward, unless the method
-    needs their level. While all rewards are equal, the answer is the one from before the first reward.
+    Methods compute in single precision, so a method gets the rewards minus the first one, unless it needs
+    their level. While all rewards are equal, the answer stays as it was before the first reward.
 
     Args:
         space: the attributes.
@@ -59,12 +58,12 @@ class AskTell:
     Attributes:
         state: the method's state after the last whole update.
         updates: whole updates made.
-        clipped: the most rewards that the method has clipped to a higher value so far, see `Info`.
+        clipped: the largest number of rewards that the method has clipped so far, see `Info`.
         history: one record per trial told, in the order of telling.
 
     Raises:
         ValueError: n below 1.
-        UserError: a history that another space, method, n or seed made.
+        UserError: the history was made with another space, method, n or seed.
     """
 
     def __init__(
@@ -84,7 +83,7 @@ class AskTell:
         self.updates, self.clipped = 0, 0
         self._start = self.state
         self._first: float | None = None  # reward
-        self._differ = False  # whether any two rewards do
+        self._differ = False  # whether two rewards differ
         self._actions: Real[Array, "n attributes"] = jnp.zeros((n, space.attributes), jnp.int32)
         self._trials: tuple[Trial, ...] = ()  # none before the actions are sampled
         self._rewards: dict[int, float] = {}
@@ -98,10 +97,10 @@ class AskTell:
         return self._log.lines
 
     def ask(self) -> list[Trial]:
-        """The trials of this update that are not told yet; the same ones until they are.
+        """Gives the trials of this update that are not told yet.
 
         Returns:
-            One to n trials; none once the method has made all the updates that it takes.
+            One to n trials; none once the method has made all its updates.
         """
         if self.method.updates is not None and self.updates >= self.method.updates:
             return []
@@ -113,9 +112,9 @@ class AskTell:
 
         Args:
             id: of a trial that was asked for.
-            reward: higher is better, from -1e15 to 1e15. None, NaN or infinite: the evaluation failed,
-                which is recorded as such and never taken for a low reward.
-            notes: JSON values to be kept in the trial's record.
+            reward: higher is better, from -1e15 to 1e15. None, NaN or an infinite value says that the
+                evaluation failed; it is recorded as failed, not as a low reward.
+            notes: JSON values that the trial's record keeps.
 
         Raises:
             ValueError: an id that waits for no reward, a reward out of range, or a note with the name of
@@ -142,7 +141,7 @@ class AskTell:
         return _plain(*self.method.solution(self._answering))
 
     def spread(self) -> Proposal:
-        """The answer, left wide where the method is unsure, f32[attributes] each."""
+        """The answer with wide intervals where the method is unsure, f32[attributes] each."""
         return _plain(*self.method.spread(self._answering))
 
     @property
@@ -163,7 +162,7 @@ class AskTell:
         )
 
     def _asked(self, trial: Trial) -> dict[str, Any]:
-        """A trial as its record names it."""
+        """The fields of a trial in its record."""
         actions = np.asarray(self._actions)[trial.id % self.n].tolist()
         return {"id": trial.id, "update": self.updates, "actions": actions, "seed": trial.seed}
 

@@ -1,4 +1,4 @@
-"""Baselines: what a reward is compared with, so that its noise moves the policy less.
+"""Baselines: a reward is compared with one, so that its noise moves the policy less.
 
 Rewards of NaN are left out of every mean, and so are their advantages, which are NaN, too.
 """
@@ -13,19 +13,19 @@ from sdr_jax.rewards import mean_known
 
 
 class BaselineState(NamedTuple):
-    """What a baseline remembers of past rewards."""
+    """The memory of a baseline."""
 
     value: Float[Array, ""]  # the average so far
-    seen: Int[Array, ""]  # how many updates it has seen
+    seen: Int[Array, ""]  # number of updates
 
 
 class Baseline(NamedTuple):
-    """Two pure functions, and what they need."""
+    """Two pure functions, and the number of rewards that they need."""
 
     init: Callable[[], BaselineState]
     # (state, rewards f32[n]) -> (advantages f32[n], state)
     advantage: Callable[[BaselineState, Float[Array, "n"]], tuple[Float[Array, "n"], BaselineState]]
-    least: int = 1  # known rewards of an update, of which fewer say nothing
+    least: int = 1  # known rewards that an update needs
 
 
 def ema(decay: float = 0.9, includes_current: bool = False) -> Baseline:
@@ -36,9 +36,9 @@ def ema(decay: float = 0.9, includes_current: bool = False) -> Baseline:
 
     Args:
         decay: in [0, 1).
-        includes_current: False (the paper, "over previous rewards"): an update's baseline has not
-            seen its rewards, so the estimate is unbiased. True (the authors' code): it has, which
-            shrinks every advantage and biases the estimate a little.
+        includes_current: whether an update's baseline includes its own rewards. False (the paper, "over
+            previous rewards") leaves the estimate unbiased. True (the authors' code) shrinks every
+            advantage and biases the estimate a little.
 
     Returns:
         The baseline.
@@ -90,8 +90,8 @@ def leave_one_out() -> Baseline:
 def normalised(advantages: Float[Array, "n"], eps: float = 1e-6) -> Float[Array, "n"]:
     """Divides advantages by their size, `a / (sqrt(mean(a^2)) + eps)`.
 
-    The size is the standard deviation around zero, not around the mean: with one data set, or with
-    rewards that are all alike, the latter is 0 and the quotient would explode.
+    The size is the root mean square. The standard deviation would not do: it is 0 with one data set, and
+    where all rewards are equal.
     """
     return advantages / (jnp.sqrt(mean_known(advantages**2)) + eps)
 

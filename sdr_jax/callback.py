@@ -1,4 +1,4 @@
-"""The one door to the host, behind which everything without a gradient lives."""
+"""The callback through which a search evaluates data sets on the host."""
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
@@ -22,9 +22,9 @@ class DataSets(NamedTuple):
 
     actions: (
         np.ndarray
-    )  # [actions attributes], see the method's `sample`; [actions 0] where nobody told
+    )  # [actions attributes], see the method's `sample`; [actions 0] if the caller gave none
     proposals: Proposal  # f32[actions attributes] each
-    seeds: np.ndarray  # u32[n], for all that is random in an evaluation
+    seeds: np.ndarray  # u32[n], for everything that is random in an evaluation
     subsets: np.ndarray  # i32[n size], indices of actions; [n 0] where each action is a data set
 
 
@@ -54,10 +54,10 @@ class HostReward:
         return io_callback(self._on_host, result, told, proposals, seeds, chosen, ordered=True)
 
     def reraise(self) -> None:
-        """Raises the error that an evaluation ended with, if any, and forgets it.
+        """Raises the error of a failed evaluation, if there is one, and forgets it.
 
-        It waits for evaluations still running. `run.drive` calls it after every step, outside of
-        jit, before the new state is used; so must any other loop.
+        It waits for evaluations that still run. `run.drive` calls it after every step, outside of
+        jit, before it uses the new state; any other loop must do the same.
         """
         jax.effects_barrier()
         error, self._error = self._error, None
@@ -65,7 +65,7 @@ class HostReward:
             raise error
 
     def _on_host(self, *arguments: Any) -> np.ndarray:
-        """Runs in the callback: there nothing may be raised, and JAX not be called."""
+        """Runs in the callback, which must neither raise nor call JAX."""
         # Some versions of JAX pass arrays of its own.
         data_sets = DataSets(*jax.tree.map(np.asarray, arguments))
         n = len(data_sets.seeds)
@@ -74,7 +74,7 @@ class HostReward:
                 rewards = self._evaluate(data_sets)
                 _check(rewards, n)
                 return rewards
-            except BaseException as error:  # an interrupt, too, must not be raised in here
+            except BaseException as error:  # not even an interrupt may be raised here
                 self._error = error
         return np.full(n, np.nan, np.float32)
 
@@ -82,24 +82,23 @@ class HostReward:
 def host_reward(evaluate: Callable[[DataSets], np.ndarray], *, common: bool = False) -> HostReward:
     """Makes a `reward_fn` of a host function that renders, trains and tests.
 
-    Every call makes exactly one call of `evaluate`, in order (an ordered `io_callback`): a reward
-    is noisy and costly, and may be neither repeated nor left out. Keys stay in JAX; the host gets
-    seeds. Ordered callbacks work under jit, scan and cond, not under vmap.
+    Every call makes exactly one call of `evaluate`, in order (an ordered `io_callback`), since a reward is
+    noisy and costly. Keys stay in JAX; the host gets seeds. Ordered callbacks work under jit, scan and
+    cond, not under vmap.
 
-    A reward of NaN is an evaluation that failed; methods leave it out. An error in `evaluate`,
-    Ctrl-C included, is another matter: it does not surface inside the callback; its rewards come
-    back as NaN, so do those of later calls, which are not evaluated; the error is kept until
-    `reraise()` raises it. A wrong type, shape or dtype of the rewards is such an error, too, and so is
-    a reward beyond 1e15.
+    A reward of NaN says that the evaluation failed; methods leave it out. An error in `evaluate`, Ctrl-C
+    included, does not surface inside the callback: its rewards are NaN, later calls give NaN without an
+    evaluation, and `reraise()` raises the error. A wrong type, shape or dtype of the rewards is an
+    error, too, and so is a reward beyond 1e15.
 
         for state, record in drive(key, method, host_reward(evaluate), n=4):
             ...
 
     Args:
-        evaluate: gives the rewards of data sets, f32[n] in NumPy. It must not call JAX in this process: that
-            can deadlock, and does where there is one core.
-        common: whether the data sets of one call share their seed. The seed's effect is then the same for
-            all rewards of an update, and comparisons between them are free of it.
+        evaluate: gives the rewards of data sets, f32[n] in NumPy. It must not call JAX in this process:
+            that can deadlock, and always does on one core.
+        common: whether the data sets of one call share their seed. The seed then has the same effect on
+            all rewards of an update, which cancels when they are compared.
 
     Returns:
         The reward function.

@@ -1,15 +1,15 @@
-"""Group coordinate descent: one group of attributes after the other, the rest kept still.
+"""Group coordinate descent: it optimises one group of attributes after the other and holds the rest.
 
-With theta'_g drawn from the policy of group g, and theta_g the random attributes of one still to come,
-group i is optimised under
+With theta'_g drawn from the policy of group g, and theta_g the random attributes of a later group, group i
+is optimised under
 
     J_i = Score(concat[theta'_1, ..., theta'_i, theta_(i+1), ..., theta_n])
 
-where the groups before i have been optimised and are fixed at the arg max of their policies.
+The groups before i are fixed at the arg max of their policies.
 
 Every group's learner has the same shapes (`policy.init_policies` pads them), and all are stacked on a
-leading axis, so that one jitted update serves all groups. It takes the active group's slice out and puts it
-back: masking gradients instead would not do, since under Adam a zero gradient still moves a parameter.
+leading axis, so that one jitted update serves all groups. It takes out the active group's slice and puts it
+back. Masking gradients would not be enough, since under Adam a zero gradient still moves a parameter.
 
 Source: section "SDR in Groups"; Wright 2015, "Coordinate descent algorithms".
 """
@@ -27,7 +27,7 @@ from sdr_jax.space import Space
 
 
 class Slots(NamedTuple):
-    """What the slots of the stacked learners stand for."""
+    """The attributes that the slots of the stacked learners stand for."""
 
     members: Int[np.ndarray, "groups size"]  # attribute of each slot; `attributes` for padding
     present: Bool[np.ndarray, "groups size"]  # false for padding
@@ -35,7 +35,7 @@ class Slots(NamedTuple):
 
 
 class Groups(NamedTuple):
-    """The groups of a space, and how long each is optimised (constants)."""
+    """The groups of a space, and the number of updates of each (constants)."""
 
     slots: Slots
     group: Int[np.ndarray, "attributes"]  # the group of each attribute
@@ -44,19 +44,19 @@ class Groups(NamedTuple):
 
     @property
     def updates(self) -> int:
-        """Updates of the whole descent."""
+        """The number of updates of the whole descent."""
         return len(self.slots.members) * self.updates_each
 
 
 class Descent(NamedTuple):
-    """How far the descent is."""
+    """The progress of the descent."""
 
     fixed: Int[Array, "attributes"]  # arg max of finished groups, -1 for the others
     updates: Int[Array, ""]  # updates made so far
 
 
 def lay_out(space: Space, updates_each: int) -> Groups:
-    """Lays a space's groups out on [groups size], size being that of the largest group."""
+    """Lays out a space's groups as [groups size], where size is the largest group's."""
     size = max(map(len, space.groups))
     members = np.full((len(space.groups), size), space.attributes, np.int32)
     bins = np.ones((len(space.groups), size, space.max_bins), bool)
@@ -72,7 +72,7 @@ def lay_out(space: Space, updates_each: int) -> Groups:
 
 
 def begin(groups: Groups) -> Descent:
-    """Before the first update: nothing is fixed."""
+    """The descent before its first update, when nothing is fixed."""
     undecided = jnp.full(len(groups.group), UNDECIDED, jnp.int32)
     return Descent(undecided, jnp.zeros((), jnp.int32))
 
@@ -84,16 +84,16 @@ def active(groups: Groups, descent: Descent) -> Int[Array, ""]:
 
 
 def begun(groups: Groups, descent: Descent) -> Bool[Array, "attributes"]:
-    """Which attributes are in a group that has had an update."""
+    """The mask of the attributes whose group has had an update."""
     return jnp.asarray(groups.group) * groups.updates_each < descent.updates
 
 
 def concat(
     groups: Groups, descent: Descent, sampled: Int[Array, "n size"]
 ) -> Int[Array, "n attributes"]:
-    """The equation's concat: finished groups as fixed, the active one as sampled, others at -1.
+    """The equation's concat: finished groups are fixed, the active one is sampled, others are -1.
 
-    After the end all groups are fixed, and what was sampled plays no part.
+    After the end all groups are fixed, and the sampled bins play no part.
     """
     members = jnp.asarray(groups.slots.members)[active(groups, descent)]
     fixed = jnp.broadcast_to(descent.fixed, (len(sampled), len(descent.fixed)))
@@ -108,17 +108,17 @@ def descend(
     learners: PyTree[Array],
     learn: Callable[[Any, Int[Array, ""]], tuple[Any, Int[Array, "size"], Any]],
 ) -> tuple[Descent, Any, Any]:
-    """One update: the active group learns, and with its last update is fixed at its best bins.
+    """Makes one update of the active group; its last update fixes the group at its best bins.
 
     Args:
         groups: the constants.
-        descent: how far it is.
-        learners: all that groups learn, stacked on a leading groups axis.
+        descent: the progress so far.
+        learners: the learners of all groups, stacked on a leading groups axis.
         learn: `(learner, group) -> (learner, best bins of its slots, info)` for one group.
 
     Returns:
-        How far it is now, the learners, all but the active one bitwise equal, and the info. After
-        the end nothing changes any more.
+        The new progress, the learners (all but the active one bitwise equal) and the info. After the
+        end nothing changes.
     """
     group = active(groups, descent)
     learner, best, info = learn(take(learners, group), group)

@@ -20,16 +20,16 @@ class Info(NamedTuple):
     reward_mean: Float[Array, ""]  # mean of the update's rewards, NaN if all of them are
     reward_best: Float[Array, ""]  # the best of them
     baseline: Float[Array, ""]  # mean baseline, in units of transformed rewards; NaN without one
-    advantages: Float[Array, "n"]  # what the gradient was weighted with; 0 for NaN rewards
-    entropy: Float[Array, ""]  # of the distribution sampled from, before, in nats; NaN if unknown
+    advantages: Float[Array, "n"]  # weights of the gradient; 0 for NaN rewards
+    entropy: Float[Array, ""]  # of the distribution before the update, in nats; NaN if unknown
     grad_norm: Float[Array, ""]  # L2 norm of the policy's gradient; 0 without one
-    group: Int[Array, ""]  # the group the update was for; 0 where groups have no order
+    group: Int[Array, ""]  # the group that was updated; 0 where groups have no order
     clipped: Int[Array, ""]
-    """Number of rewards so far that are far below the others and count as the others' lowest."""
+    """Number of rewards so far that are far below the others and count as the lowest of them."""
 
 
 def on_clipping(clipped: int, of: int) -> str:
-    """The message, given once, that some rewards are clipped; see `Info`."""
+    """The message that some rewards are clipped, see `Info`; it is given once."""
     return (
         f"{clipped} of {of} rewards are lower than the others by more than 5 interquartile ranges; "
         "the search counts each of them as the lowest of the others"
@@ -37,7 +37,7 @@ def on_clipping(clipped: int, of: int) -> str:
 
 
 def plain_info(rewards: Float[Array, "n"], entropy: Float[Array, ""]) -> Info:
-    """The `Info` of a method without a baseline, a gradient and an order of groups."""
+    """The `Info` of a method that has no baseline, no gradient and no order of groups."""
     finite = only_finite(rewards)
     return Info(
         reward_mean=mean_known(finite),
@@ -75,19 +75,19 @@ class Method(NamedTuple):
 
     The functions of a host adapter are pure as well, but cannot be jitted. Keys are consumed.
 
-    Actions are bins, i32, with -1 for an undecided attribute; a method over continuous values has finite f32
-    in its own units. `update` needs nothing but the actions and their rewards.
+    Actions are bins, i32, with -1 for an undecided attribute; a method over continuous values has finite
+    f32 in its own units. `update` needs only the actions and their rewards.
 
-    Higher rewards are better. A reward that is not finite says that its evaluation failed; methods leave it
-    out and learn from the others alone.
+    Higher rewards are better. A reward that is not finite says that its evaluation failed; methods leave
+    it out.
     """
 
     init: InitFn  # rng_key -> the first state
     sample: SampleFn  # (rng_key, state, n) -> (actions, n proposals to evaluate); n is static
     update: UpdateFn  # (state, actions, rewards) -> (state, info); see also `subsets`
     solution: ProposalFn  # the answer, f32[attributes] each; may be asked at any time
-    spread: ProposalFn  # the answer, left wide where the method is unsure
-    probabilities: ProbabilitiesFn  # of the bins `sample` would use; 0 for those an attribute lacks
+    spread: ProposalFn  # the answer with wide intervals where the method is unsure
+    probabilities: ProbabilitiesFn  # of the bins in `sample`; 0 for bins that an attribute lacks
     updates: int | None  # how many updates the method takes; None for any number
     traced: bool = True  # False for a host adapter, which is not to be jitted
     level: bool = False  # whether the method depends on a constant added to all rewards
@@ -95,10 +95,10 @@ class Method(NamedTuple):
     """The mean and standard deviation that the method's model predicts for the rewards of actions, for
     reports; NaN before the first update, and None for a method without a model."""
     subsets: SubsetsFn | None = None
-    """(rng_key, state, actions, count, size) -> i32[count size], the indices of actions that share a reward;
-    `update` then takes them as well. It is None for a method whose actions are data sets."""
+    """(rng_key, state, actions, count, size) -> i32[count size], the indices of actions that share a
+    reward; `update` then takes them as well. None for a method whose actions are data sets."""
     policy: Callable[[State], Any] | None = None
-    """The distribution over streets, `pool.Policy`, of a method with subsets; else None."""
+    """The distribution over streets, `pool.Policy`, of a method with subsets; otherwise None."""
 
 
 def jitted(
@@ -112,7 +112,7 @@ def jitted(
     expects: ExpectsFn | None = None,
     level: bool = False,
 ) -> Method:
-    """Makes a method of these functions and jits each of them; the default of `spread` is the solution."""
+    """Makes a method of these functions and jits each one; by default `spread` is the solution."""
     answer = jax.jit(solution)
     return Method(
         init=jax.jit(init),

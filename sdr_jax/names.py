@@ -1,4 +1,4 @@
-"""The names of the search methods, for command lines: no method is loaded with them."""
+"""The names of the search methods for command lines, without loading a method."""
 
 from typing import Literal
 

@@ -1,4 +1,4 @@
-"""The policy: a small network from random attribute values to a categorical over bins for each."""
+"""The policy: a small network that maps random attribute values to a categorical over bins for each."""
 
 from collections import defaultdict
 from functools import partial
@@ -16,8 +16,8 @@ class Policy(nn.Module):
     """The paper's three-layer MLP: N inputs, 256 hidden units with ReLU, N x K logits.
 
     Attributes:
-        attributes: N, how many attributes are decided jointly.
-        bins: K, the number of logits of each; `mask_logits` removes those an attribute lacks.
+        attributes: N, the number of attributes that are decided jointly.
+        bins: K, the number of logits of each; `mask_logits` removes bins that an attribute lacks.
         hidden: hidden units.
 
     Source: section "Scalable Discretization-and-Relaxation".
@@ -37,7 +37,7 @@ class Policy(nn.Module):
 def mask_logits(
     logits: Float[Array, "attributes bins"], mask: Bool[Array, "attributes bins"]
 ) -> Float[Array, "attributes bins"]:
-    """Gives bins outside the mask no probability and no gradient; each row must keep a bin."""
+    """Gives bins outside the mask no probability and no gradient; each row must keep one bin."""
     return jnp.where(mask, logits, -jnp.inf)
 
 
@@ -58,7 +58,7 @@ def log_prob(
 
     Args:
         logits: f32[attributes bins]; minus infinity where an attribute lacks the bin.
-        actions: bins, int[n attributes]; ignored where an attribute is not present.
+        actions: bins, int[n attributes]; those of absent attributes are ignored.
         present: bool[attributes], false for padding.
 
     Returns:
@@ -75,7 +75,7 @@ def entropy(
 ) -> Float[Array, ""]:
     """Entropy in nats, `-sum_i sum_k pi_i(k) log pi_i(k)`, over the attributes present."""
     log_probs = jax.nn.log_softmax(logits)
-    # Bins an attribute lacks: 0 log 0 is 0, also for gradients.
+    # For bins that an attribute lacks 0 log 0 is 0, also in gradients.
     log_probs = jnp.where(jnp.isneginf(log_probs), 0.0, log_probs)
     terms = -jax.nn.softmax(logits) * log_probs
     return jnp.where(present, terms.sum(axis=1), 0.0).sum()
@@ -86,8 +86,8 @@ def init_policies(
 ) -> tuple[PyTree[Array], Float[Array, "groups size"]]:
     """Initialises every group's policy at its own size, pads and stacks them.
 
-    Padding is exact: a group's padded policy has the parameters of its own-size policy and zeros
-    around them. Zero inputs and masked logits give these zeros no gradient, so they stay zero.
+    Padding is exact: a padded policy has the parameters of the policy of its own size, with zeros around
+    them. Zero inputs and masked logits give these zeros no gradient, so they stay zero.
 
     Args:
         rng_key: consumed.
@@ -98,7 +98,7 @@ def init_policies(
         The parameters, with a leading groups axis on every leaf, for `Policy(size, max_bins)`;
         and the policies' inputs, random attribute values in [0, 1), zero where padded.
     """
-    alike: dict[tuple[int, int], list[int]] = defaultdict(list)  # these share a compilation
+    alike: dict[tuple[int, int], list[int]] = defaultdict(list)  # groups that share a compilation
     for index, group in enumerate(space.groups):
         alike[len(group), max(space.bins[attribute] for attribute in group)].append(index)
     size = max(map(len, space.groups))

@@ -1,9 +1,9 @@
-"""Streets drawn once and reweighted often: rewards of subsets of a pool, and a step of the policy behind it.
+"""The default method: rewards of subsets of a pool of streets, and a step of the policy that drew the pool.
 
-A round draws N streets from the policy, and rewards are those of subsets of them. Their regression on what
-each subset holds is the natural policy gradient (`docs/method.md`), and the policy follows it as far as a
-trust region allows. The policy is the paper's, a categorical over bins for each attribute, or a mixture of
-two of them: one that begins uniform, and one that begins at a start.
+A round draws N streets from the policy and evaluates subsets of them. The regression of the rewards on the
+subsets' statistics is the natural policy gradient (`docs/method.md`), and the policy follows it as far as
+a trust region allows. The policy is the paper's, a categorical over bins for each attribute, or a mixture
+of two of them: one begins uniform, the other at a start.
 """
 
 from collections.abc import Callable
@@ -34,16 +34,16 @@ FLOOR = 0.05
 """Share of every distribution that stays uniform: a bin keeps at least 0.05 / K."""
 
 SIGNALS = np.append(0.0, np.geomspace(0.003, 300, 11)).astype(np.float32)
-"""Prior variances of an effect, relative to the noise's; the evidence chooses one. 0 is no effect at all."""
+"""Prior variances of an effect relative to the noise's; the evidence chooses one. 0 means no effect."""
 
 TILT = 4.0
 """The standard deviation of the random values that choose a subset's streets, beside Gumbel noise."""
 
 STRONG = 3.0
-"""From this evidence on, in nats, a step is as long as its bound. Odds of 20 are commonly called strong."""
+"""The evidence in nats from which a step has its full length. Odds of 20 are commonly called strong."""
 
 TINY = 1e-30
-"""A number smaller than any squared effect, which keeps denominators above 0."""
+"""It is smaller than any squared effect and keeps denominators above 0."""
 
 WEYL = np.uint32(2654435769)
 """2^32 times the golden ratio less one: its multiples, modulo 2^32, are spread evenly."""
@@ -52,16 +52,20 @@ WEYL = np.uint32(2654435769)
 class PoolState(NamedTuple):
     """The policy, and the sums of all rewards so far."""
 
-    logits: Float[Array, "components attributes bins"]  # of the policy's part that is not uniform
-    balance: Float[Array, "components"]  # logits of the components' shares, likewise
+    logits: Float[
+        Array, "components attributes bins"
+    ]  # of the part of the policy that is not uniform
+    balance: Float[
+        Array, "components"
+    ]  # logits of the components' shares, without the uniform part
     data: Centred  # of the regression, centred within each pool
-    drawn: Int[Array, ""]  # streets so far
+    drawn: Int[Array, ""]  # number of streets drawn so far
 
 
 class Policy(NamedTuple):
-    """A mixture of distributions over streets, in each of which attributes are independent."""
+    """A mixture of distributions over streets; in each one the attributes are independent."""
 
-    shares: Float[Array, "components"]  # of the streets, in all 1
+    shares: Float[Array, "components"]  # of the streets; they add up to 1
     probabilities: Float[Array, "components attributes bins"]  # rows add up to 1
 
 
@@ -76,21 +80,21 @@ def pool(
 
     An action is a street's bins. `subsets` chooses streets by random values that are linear in their
     statistics, so that subsets differ by more than chance. `update` regresses the rewards on the
-    mean statistics of each subset: of an ordered attribute u and (u - 1/2)^2, of one without order its bins,
+    mean statistics of each subset: u and (u - 1/2)^2 of an ordered attribute, the bins of one without order,
     less their means in the street's component; and the component. Sums of all rounds are kept, with an
-    intercept for each. The ridge is chosen by evidence, and an effect e with standard deviation s is shrunk
-    by max(0, 1 - s^2 / e^2).
+    intercept for each round. The evidence chooses the ridge, and an effect e with standard deviation s is
+    shrunk by max(0, 1 - s^2 / e^2).
 
     The new policy is the old one times exp(eta e . statistics), with eta as large as
-    KL(new, old) <= `bound` times the number of attributes allows; less, in proportion, where the evidence
-    that there is any effect is below three nats: rewards of pure noise move it next to nothing. Without
-    subsets each street is a set of its own.
+    KL(new, old) <= `bound` times the number of attributes allows. If the evidence for any effect is below
+    three nats, eta is smaller in proportion, so that pure noise hardly moves the policy. Without subsets
+    each street is a data set.
 
     Args:
         space: the attributes and their bins; groups play no part.
         width: of the relaxed bins, see `relax`.
-        start: centres and widths of a second component, which half of the first streets are drawn from.
-        bound: nats that a step may take, for each attribute.
+        start: centres and widths of a second component, from which half of the first streets are drawn.
+        bound: the largest KL of a step for each attribute, in nats.
 
     Returns:
         The method, for any number of updates.
@@ -115,7 +119,7 @@ def pool(
         size = table.shape[-1] + components
         gram, moment, zero = jnp.zeros((size, size)), jnp.zeros(size), jnp.zeros(())
         data = Centred(gram, moment, zero, zero)
-        # A bin that the start lacks can grow, too.
+        # Bins outside the start can grow, too.
         logits = jnp.log(floor + (1 - FLOOR) * first)
         return PoolState(logits, jnp.zeros(components), data, jnp.zeros((), jnp.int32))
 
@@ -125,7 +129,7 @@ def pool(
         return Policy(shares, floor + (1 - FLOOR) * own)
 
     def turns(state: PoolState, n: int) -> Int[Array, "n"]:
-        """The component of each of the next n streets; they take turns in proportion to their shares."""
+        """The component of each of the next n streets; components take turns by their shares."""
         place = (state.drawn.astype(jnp.uint32) + jnp.arange(1, n + 1, dtype=jnp.uint32)) * WEYL
         ends = jnp.cumsum(policy_of(state).shares)[:-1]
         return jnp.searchsorted(ends, place.astype(jnp.float32) / 2.0**32, side="right")
@@ -197,10 +201,10 @@ def pool(
 
 
 def basis(space: Space) -> Float[np.ndarray, "attributes bins features"]:
-    """The statistics of every bin: of an ordered attribute two, of one without order one for each bin.
+    """The statistics of every bin: two of an ordered attribute, one per bin of one without order.
 
-    Each has mean 0 and variance 1 under the uniform distribution; those of other attributes are 0, so that a
-    street's are the sum over its bins.
+    Each has mean 0 and variance 1 under the uniform distribution. A bin's statistics of other attributes
+    are 0, so that a street's statistics are the sum over its bins.
     """
     centres = bin_centres(space)
     columns = []
@@ -213,14 +217,14 @@ def basis(space: Space) -> Float[np.ndarray, "attributes bins features"]:
 
 
 def _columns(space: Space, attribute: int, u: np.ndarray) -> list[np.ndarray]:
-    """The statistics of an attribute's bins, as they are; the square of two bins says nothing."""
+    """The raw statistics of an attribute's bins; the square is left out for two bins."""
     if attribute in space.unordered:
         return list(np.eye(len(u)))
     return [u, (u - 0.5) ** 2][: len(u) - 1]
 
 
 def _reach(space: Space, components: int) -> Float[np.ndarray, "features"]:
-    """The weight of each statistic in the random values that choose subsets: squares have half."""
+    """The weight of each statistic in the random values that choose subsets; a square has half."""
     own: list[float] = []
     for attribute, count in enumerate(space.bins):
         plain = attribute in space.unordered
@@ -244,7 +248,7 @@ def expected(
 
 
 def counted(data: Centred, x: Float[Array, "n features"], rewards: Rewards) -> Centred:
-    """The sums with the rewards of one more round, around its own means; failed rewards are left out."""
+    """The sums with one more round, centred by its means; failed rewards are left out."""
     known = jnp.isfinite(rewards)[:, None]
     both = jnp.where(known, jnp.concatenate([x, rewards[:, None]], axis=1), 0.0)
     seen = known.sum()
@@ -257,11 +261,11 @@ def counted(data: Centred, x: Float[Array, "n features"], rewards: Rewards) -> C
 
 
 def shrunk(data: Centred) -> tuple[Float[Array, "features"], Float[Array, ""]]:
-    """The effects under the most likely prior, each shrunk by how sure it is, and the evidence for them.
+    """The effects under the most likely prior, shrunk by their uncertainty, and the evidence for them.
 
     Returns:
-        e max(0, 1 - s^2 / e^2) of effects e with standard deviations s, all 0 where no effect is more likely;
-        and how much more likely the rewards are under that prior than without any effect, in nats.
+        e max(0, 1 - s^2 / e^2) of effects e with standard deviations s, all 0 where no effect is more
+        likely; and the log odds of that prior against no effect, in nats.
     """
     stds = jnp.sqrt(jnp.asarray(SIGNALS))[:, None] * jnp.ones((1, len(data.moment)))
     belief, _, evidence = regression.with_evidence(data, stds)
@@ -272,12 +276,12 @@ def shrunk(data: Centred) -> tuple[Float[Array, "features"], Float[Array, ""]]:
 
 
 def marginal(policy: Policy) -> Float[Array, "attributes bins"]:
-    """Every attribute's distribution over all components."""
+    """Every attribute's distribution, averaged over the components."""
     return jnp.einsum("z,zab->ab", policy.shares, policy.probabilities)
 
 
 def divergence(new: Policy, old: Policy) -> Float[Array, ""]:
-    """KL(new, old) of component and street together, in nats."""
+    """KL(new, old) of the joint distribution of component and street, in nats."""
     of_streets = _relative(new.probabilities, old.probabilities).sum(axis=(1, 2))
     return _relative(new.shares, old.shares).sum() + jnp.dot(new.shares, of_streets)
 
@@ -290,7 +294,7 @@ def _relative(new: Array, old: Array) -> Array:
 def _largest(
     cost: Callable[[Array], Array], limit: Float[Array, ""], effects: Float[Array, "features"]
 ) -> Float[Array, ""]:
-    """The largest eta whose cost is within the limit, by bisection; 0 without effects."""
+    """Finds the largest eta whose cost is within the limit by bisection; 0 without effects."""
     size = jnp.linalg.norm(effects)
 
     def halve(_: Array, ends: tuple[Array, Array]) -> tuple[Array, Array]:

@@ -1,4 +1,4 @@
-"""Every search method by name, with options that are plain values; all command lines read this table."""
+"""The table of search methods by name, with plain values as options; all command lines read it."""
 
 import inspect
 from collections.abc import Callable
@@ -27,17 +27,17 @@ BASELINES = {
     "ema_current": ema(includes_current=True),
     "leave_one_out": leave_one_out(),
 }
-"""The paper's, the authors' code's, and the other rewards of the update."""
+"""The paper's baseline, that of the authors' code, and the mean of the update's other rewards."""
 
 
 class Entry(NamedTuple):
-    """A method as command lines make and run it."""
+    """How command lines make and run a method."""
 
     build: Callable[..., Method]  # (space, width, **options); its keywords are the options
-    n: int = 1  # data sets per update that suit it
-    least: int = 1  # as few as an update can take
-    budgeted: bool = False  # whether it must be told how many updates there will be
-    library: bool = False  # whether it is another library's, and not traced
+    n: int = 1  # usual number of data sets per update
+    least: int = 1  # least number of data sets per update
+    budgeted: bool = False  # whether it needs the number of updates beforehand
+    library: bool = False  # whether it comes from another library, and is not traced
 
 
 def _sdr(

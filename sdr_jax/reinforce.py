@@ -16,7 +16,7 @@ from sdr_jax.rewards import identity, mean_known, only_finite
 def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) -> Float[Array, ""]:
     """The loss whose descent direction is the REINFORCE estimate.
 
-    Data sets whose advantage is NaN are left out, and n counts the others.
+    Data sets with an advantage of NaN are left out, and n counts the others.
 
     `-grad loss = 1/n sum_k grad log pi(a_k) advantage_k`, an unbiased estimate of the gradient of
     the expected reward when `advantage_k = reward_k - b` and b does not depend on a_k.
@@ -26,7 +26,7 @@ def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) 
         advantages: reward minus baseline of each data set, f32[n]; no gradient flows into them.
 
     Returns:
-        The loss; its value means nothing, its gradient does.
+        The loss; only its gradient has a meaning.
 
     Source: section "Scalable Discretization-and-Relaxation", second equation (there the number of
         data sets n is called K); Williams 1992.
@@ -37,7 +37,7 @@ def reinforce_loss(log_probs: Float[Array, "n"], advantages: Float[Array, "n"]) 
 
 
 class Rule(NamedTuple):
-    """How a policy learns (constants)."""
+    """The rule by which a policy learns (constants)."""
 
     optimizer: optax.GradientTransformation
     baseline: Baseline
@@ -46,7 +46,7 @@ class Rule(NamedTuple):
 
 
 class Learner(NamedTuple):
-    """A policy, and what its updates remember."""
+    """A policy, and the state of its updates."""
 
     params: Any  # of the policy, a pytree of arrays
     opt_state: PyTree[Array]
@@ -54,7 +54,7 @@ class Learner(NamedTuple):
 
 
 def init_learner(rule: Rule, params: PyTree[Array]) -> Learner:
-    """A policy before its first update."""
+    """The learner before its first update."""
     return Learner(params, rule.optimizer.init(params), rule.baseline.init())
 
 
@@ -64,17 +64,17 @@ def learn(
     policy: Callable[[Any], tuple[Array, Array]],
     rewards: Float[Array, "n"],
 ) -> tuple[Learner, Info]:
-    """One update: rewards less baseline, the gradient of the loss, a step of the optimiser.
+    """Makes one update: advantages, the gradient of the loss, a step of the optimiser.
 
     Args:
-        rule: how.
-        learner: what learns.
-        policy: `params -> (log pi(a_k) f32[n] of what was sampled, entropy)`.
+        rule: the rule.
+        learner: the policy and its state.
+        policy: `params -> (log pi(a_k) f32[n] of the sampled actions, entropy)`.
         rewards: f32[n]; failed ones are left out.
 
     Returns:
-        The learner and what the update did. If fewer rewards are known than the baseline needs, the learner
-        stays as it was: the optimiser would make a step of its momentum alone.
+        The learner and the update's figures. If fewer rewards are known than the baseline needs, the learner
+        stays as it was; otherwise the optimiser would make a step of its momentum alone.
     """
     finite = only_finite(rule.transform(rewards))
     differences, baseline_state = rule.baseline.advantage(learner.baseline, finite)

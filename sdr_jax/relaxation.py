@@ -1,4 +1,4 @@
-"""Relaxation: from bins to intervals, and from distributions over bins to intervals."""
+"""Relaxation: it turns bins, and distributions over bins, into intervals."""
 
 import jax
 import jax.numpy as jnp
@@ -8,17 +8,17 @@ from jaxtyping import Array, Bool, Float, Int, Key
 from sdr_jax.space import Proposal, Space, Width
 
 UNDECIDED = -1
-"""The action of an attribute nothing is known about yet."""
+"""The action of an attribute that is not decided yet."""
 
 UNOPTIMISED = ("random", "half")
-"""What an undecided attribute may be: drawn from all of [0, 1], or 0.5."""
+"""An undecided attribute is drawn from all of [0, 1], or is 0.5."""
 
 
 def slide(
     centre: Float[Array | np.ndarray, "*batch attributes"],
     width: Float[Array | np.ndarray, "*batch attributes"],
 ) -> Proposal:
-    """Makes a proposal, moving intervals that stick out of [0, 1] back inside at full width.
+    """Makes a proposal, and moves intervals that stick out of [0, 1] back inside at full width.
 
     Clipping the drawn values instead would pile them up at the borders.
     """
@@ -27,7 +27,7 @@ def slide(
 
 
 def snap(space: Space, proposal: Proposal) -> Proposal:
-    """Puts attributes without an order at the value that their centre lies in; others stay."""
+    """Moves attributes without an order to the value in which their centre lies; others stay."""
     shape = proposal.centre.shape
     bins = jnp.broadcast_to(jnp.asarray(space.bins, jnp.float32), shape)
     in_order = jnp.broadcast_to(ordered(space), shape)
@@ -51,7 +51,7 @@ def check_relaxation(space: Space, width: Width, unoptimised: str) -> None:
 
 
 def bin_widths(space: Space, width: Width) -> Float[Array, "attributes"]:
-    """The width of each attribute's relaxed bin: `width`, or by default 1 / K, as of unordered values."""
+    """The width of each attribute's relaxed bin: `width`, or 1 / K by default and for unordered values."""
     default = 1 / np.asarray(space.bins, np.float32)
     given = default if width is None else np.asarray(width, np.float32)
     return jnp.asarray(np.where(ordered(space), np.broadcast_to(given, default.shape), default))
@@ -66,14 +66,14 @@ def relax(
     """Turns bins into intervals: `centre = (k + 0.5) / K`, `width = 1 / K`.
 
     With these defaults the bins tile [0, 1]; bins without an order always do. The paper publishes
-    neither the shape nor the width of the variance it injects; a uniform over the bin is ours.
+    neither the shape nor the width of the variance it injects; the uniform over the bin is our choice.
 
     Args:
         space: the attribute space.
         actions: bins, int[*batch attributes], each in [0, K), or -1 where nothing is decided.
         width: another width, for all attributes or one for each, in [0, 1]. Wider intervals slide
-            back inside at the borders; 0 is no relaxation at all.
-        unoptimised: what -1 means: "random" (the paper: centre 0.5, width 1) or "half" (the
+            back inside at the borders; 0 means no relaxation.
+        unoptimised: the meaning of -1: "random" (the paper: centre 0.5, width 1) or "half" (the
             authors' code: 0.5, relaxed like any decided value).
 
     Returns:
@@ -95,12 +95,12 @@ def relax(
 
 
 def ordered(space: Space) -> Bool[np.ndarray, "attributes"]:
-    """Which attributes have neighbouring bins that are alike."""
+    """The mask of attributes whose bins have an order."""
     return ~np.isin(np.arange(space.attributes), space.unordered)
 
 
 def bin_mask(space: Space) -> Bool[np.ndarray, "attributes bins"]:
-    """Which bins each attribute has."""
+    """The mask of the bins that each attribute has."""
     return np.arange(space.max_bins) < np.asarray(space.bins)[:, None]
 
 
@@ -123,7 +123,7 @@ def uniform(space: Space) -> Float[Array, "attributes bins"]:
 
 
 def shares_of_bins(space: Space, proposals: Proposal) -> Float[Array, "attributes bins"]:
-    """How much of each bin streets of n proposals f32[n attributes] fill, rows adding up to 1."""
+    """The share of each bin in streets of n proposals f32[n attributes]; rows add up to 1."""
     bins = jnp.asarray(space.bins, jnp.float32)[:, None]
     edges = jnp.arange(space.max_bins + 1)[None, :] / bins
     width = jnp.maximum(proposals.width, 1e-4)[..., None]
@@ -143,13 +143,13 @@ def moments(
     probabilities: Float[Array, "attributes bins"],
     width: Width = None,
 ) -> Proposal:
-    """The intervals with the moments of distributions over bins.
+    """Makes the intervals that have the moments of distributions over bins.
 
         centre = sum_k p_k c_k,   width = sqrt(12 sum_k p_k (c_k - centre)^2 + w^2)
 
     with c_k the bins' centres and w their (relaxed) width, slid into [0, 1]. Uniform distributions
-    give all of [0, 1], certain ones their relaxed bin. Bins without an order have no moments: the
-    likeliest, where it is likelier than all others together, or else all of [0, 1].
+    give all of [0, 1], certain ones their relaxed bin. Bins without an order have no moments: the interval
+    is the likeliest bin if it is likelier than all others together, otherwise all of [0, 1].
 
     Args:
         space: the attributes and their bins.

@@ -1,10 +1,10 @@
-"""Rewards: NaN where an evaluation failed, and what is done to them before a method learns."""
+"""Rewards, which are NaN where an evaluation failed, and their transforms before a method learns."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 LARGEST = 1e15
-"""Sums of the squares of larger rewards do not fit into single precision."""
+"""The largest reward; sums of squares of larger ones do not fit into single precision."""
 
 
 def identity(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
@@ -15,8 +15,8 @@ def identity(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
 def squared_percent(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
     """`sign(r) (100 r)^2`, as in the authors' code: differences between high rewards count for more.
 
-    It is meant for mean IoU. It keeps the sign: otherwise the lower of two negative rewards would count as
-    the higher one.
+    It is meant for mean IoU. Without the sign, the lower of two negative rewards would count as the
+    higher one.
     """
     return jnp.sign(rewards) * (100 * rewards) ** 2
 
@@ -27,8 +27,8 @@ def only_finite(rewards: Float[Array, "n"]) -> Float[Array, "n"]:
 
 
 def mean_known(rewards: Float[Array, "n"]) -> Float[Array, ""]:
-    """The mean of the rewards that are not NaN; NaN if there are none.
+    """The mean of the rewards that are not NaN; NaN if all are.
 
-    If no reward is NaN, the result equals `rewards.mean()` to the bit; a division by a count would not.
+    If no reward is NaN, the result equals `rewards.mean()` to the bit, unlike a division by a count.
     """
     return jnp.where(jnp.isnan(rewards).any(), jnp.nanmean(rewards), rewards.mean())

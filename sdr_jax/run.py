@@ -1,4 +1,4 @@
-"""The optimisation loop: it samples, takes rewards and updates, again and again."""
+"""The optimisation loop: each step samples, takes rewards and updates the method."""
 
 from collections.abc import Callable, Iterator
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -14,7 +14,7 @@ from sdr_jax.space import Proposal
 from shell.errors import UserError
 
 MOST_FAILED = 0.1
-"""Share of a search's evaluations that may fail; one always may."""
+"""Share of a search's evaluations that may fail; one failure is always allowed."""
 
 
 @runtime_checkable
@@ -37,24 +37,24 @@ class Record(NamedTuple):
 
 
 class Subsets(NamedTuple):
-    """What one update of a method such as `pool` evaluates: rewards of subsets of its streets."""
+    """The sizes of one update of a method such as `pool`, which evaluates subsets of streets."""
 
     rewards: int
-    streets: int  # that are sampled
+    streets: int  # sampled streets
     size: int  # streets of each subset
 
 
 StepFn = Callable[[RngKey, State], tuple[State, Record]]
-"""One update, from one state to the next; the key is consumed, the state given stays valid."""
+"""One update, from a state to the next; the key is consumed, the old state stays valid."""
 
 
 def make_step(method: Method, reward_fn: RewardFn, n: int | Subsets = 1) -> StepFn:
-    """Makes one step, sample -> reward -> update, and jits it as a whole where the method can be traced.
+    """Makes one step, sample -> reward -> update, and jits it as a whole if the method can be traced.
 
     Args:
         method: the search method.
         reward_fn: the reward, in JAX or through `host_reward`.
-        n: data sets per update; or the subsets, of a method that takes them. The reward of subsets is a
+        n: data sets per update, or the subsets for a method that takes them, whose reward must be a
             `host_reward`.
 
     Returns:
@@ -106,7 +106,7 @@ def run(
         The final state, and the records of all updates, stacked on a leading axis.
 
     Raises:
-        ValueError: no number of updates, neither here nor in the method.
+        ValueError: neither the argument nor the method gives the number of updates.
     """
     updates = _count(method, updates)
     steps_key = jax.random.split(rng_key)[1]
@@ -130,11 +130,11 @@ def drive(
     updates: int | None = None,
     n: int | Subsets = 1,
 ) -> Iterator[tuple[State, Record]]:
-    """The same optimisation as a loop on the host, one update at a time.
+    """Runs the same optimisation as a loop on the host, one update at a time.
 
-    It takes host adapters such as `cma_es`. Keys are used as in `run`, so a pure method has the same actions
-    and rewards here as there. An error in an evaluation of a `HostReward` is raised here, before its update
-    counts. Any other reward function is called with concrete arrays, so JAX need not be able to trace it.
+    It also takes host adapters such as `cma_es`. Keys are used as in `run`, so a pure method has the same
+    actions and rewards. An error in an evaluation of a `HostReward` is raised before its update counts. Any
+    other reward function is called with concrete arrays, so JAX need not be able to trace it.
 
     The arguments are those of `run`; `first_state` gives the state before the first update.
 
@@ -142,7 +142,7 @@ def drive(
         After each update, the state and the update's record.
 
     Raises:
-        ValueError: no number of updates, neither here nor in the method.
+        ValueError: neither the argument nor the method gives the number of updates.
     """
     updates = _count(method, updates)
     on_host = isinstance(reward_fn, HostReward)
@@ -162,7 +162,7 @@ def drive(
 
 
 def refuse_failures(failed: int, total: int, reason: str) -> None:
-    """Raises an error if so many evaluations have failed that the answer would mean little.
+    """Raises an error if too many evaluations have failed for a useful answer.
 
     Args:
         failed: evaluations that have failed so far.

@@ -1,4 +1,4 @@
-"""SDR, scalable discretization and relaxation: REINFORCE over bins, one group after the other."""
+"""SDR, scalable discretization and relaxation: REINFORCE over the bins of one group after the other."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -32,7 +32,7 @@ PAPER_BASELINE = ema(decay=0.9)
 
 
 class SdrState(NamedTuple):
-    """The state of SDR: what its groups have learnt, and how far the descent is."""
+    """The state of SDR: the learners of its groups, and the progress of the descent."""
 
     learners: Learner  # of all groups, stacked on a leading groups axis
     inputs: Float[Array, "groups size"]  # the policies' random inputs, drawn once
@@ -53,35 +53,35 @@ def sdr(
 ) -> Method:
     """Scalable discretization and relaxation, in groups.
 
-    Each group's policy is trained by REINFORCE for `updates_per_group` updates, with the groups
-    before it fixed at their arg max and those after it random (`coordinate_descent.py`). `update`
+    REINFORCE trains each group's policy for `updates_per_group` updates, with the earlier groups
+    fixed at their arg max and the later ones random (`coordinate_descent.py`). `update`
     moves on to the next group by itself. After the last, `sample` proposes the answer and `update`
     returns the state as it is.
 
     The actions of `sample` hold sampled bins for the active group, learnt ones for finished groups,
-    and -1 for groups still to come. `solution` is the arg max of every group that has been begun;
-    `spread` has the moments of the policy (`relaxation.moments`): a uniform one gives all of [0, 1],
-    a certain one its relaxed bin.
+    and -1 for later groups. `solution` is the arg max of every group that has begun; `spread` has the
+    moments of the policy (`relaxation.moments`): a uniform policy gives all of [0, 1], a certain one its
+    relaxed bin.
 
-    An update whose evaluations all failed, or all but one under `leave_one_out()`, teaches nothing;
-    it counts, so that groups move on.
+    An update without a reward, or with only one under `leave_one_out()`, teaches nothing; it still
+    counts, so that the descent moves on.
 
-    Beside what options change, it deviates from the paper, or decides what the paper leaves open, in:
+    Beside its options, it deviates from the paper, or decides what the paper leaves open, in:
 
-    - the policies' inputs: random attributes as in the paper, but drawn once; the paper feeds new ones each
-      time, and the policy must learn to ignore them;
+    - the policies' inputs: random attributes as in the paper, but drawn once; the paper draws new ones each
+      time, which the policy must learn to ignore;
     - the first logits: Flax's own (Lecun normal weights), with which the likeliest of ten bins has a
       probability of about 0.18 at first, not 0.10;
-    - the order of the groups: the space's; the paper gives none, nor one within groups.
+    - the order of the groups: that of the space; the paper gives no order.
 
     Args:
         space: the attributes, their bins and groups.
         optimizer: any optax transformation; a schedule in it starts afresh with every group.
-        updates_per_group: how long each group is optimised (the paper: "up to 50").
+        updates_per_group: number of updates of each group (the paper: "up to 50").
         hidden: hidden units of each policy.
         baseline: `ema()`, `ema(includes_current=True)` (the authors' code) or `leave_one_out()`;
             it starts afresh with every group.
-        transform: applied to rewards first: `identity` or `squared_percent` (the authors' code).
+        transform: first applied to rewards: `identity` or `squared_percent` (the authors' code).
         normalise: whether to divide advantages by their size.
         width: of the relaxed bins, see `relax`.
         unoptimised: "random" (the paper) or "half" (the authors' code), see `relax`.

@@ -1,7 +1,7 @@
-"""Attribute spaces, and the proposals that every search method speaks.
+"""Attribute spaces, and the proposals that every search method makes.
 
-An attribute is a number in [0, 1], cut into bins. A *proposal* is what a data set is made from: one
-interval per attribute, from which every street of the data set draws its own value.
+An attribute is a number in [0, 1], cut into bins. A data set is made from a *proposal*: one interval per
+attribute, from which every street of the data set draws its own value.
 """
 
 from collections import Counter
@@ -12,19 +12,19 @@ from typing import NamedTuple
 from jaxtyping import Array, Float
 
 Width = float | tuple[float, ...] | None
-"""Of relaxed bins: of all attributes, of each, or by default 1 / K."""
+"""The width of relaxed bins: one for all attributes, one for each, or by default 1 / K."""
 
 
 @dataclass(frozen=True)
 class Space:
-    """The attributes to search over; static and hashable. Most easily built with `space`.
+    """The attributes to search over; static and hashable. `space` builds one from names.
 
     Attributes:
         names: one unique name per attribute.
-        bins: how many bins each attribute is cut into (the paper's K, which may differ), >= 2.
+        bins: each attribute's number of bins (the paper's K, which may differ), >= 2.
         groups: a partition of the attributes' indices; groups are optimised in this order.
-        unordered: indices of attributes whose bins are values without an order, none of which is nearer to
-            another (a weather): models do not take neighbours for alike, and relaxation keeps them apart.
+        unordered: indices of attributes whose bins have no order (a weather): to models no two of them
+            are alike, and relaxation does not mix them.
     """
 
     names: tuple[str, ...]
@@ -33,7 +33,7 @@ class Space:
     unordered: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        """Validates; see `space` for what is refused."""
+        """Validates the fields; see `space` for the errors."""
         if not self.names:
             raise ValueError("a space needs at least one attribute")
         _refuse_duplicates(self.names, "attribute name(s)")
@@ -61,7 +61,7 @@ class Space:
 
     @property
     def attributes(self) -> int:
-        """How many attributes there are."""
+        """The number of attributes."""
         return len(self.names)
 
     @property
@@ -81,7 +81,7 @@ def space(
     Args:
         names: one unique name per attribute.
         bins: the number of bins of all attributes, or one number for each.
-        groups: the partition into groups, by name, in the order in which they will be optimised.
+        groups: the partition into groups of names, in the order in which they are optimised.
             By default all attributes are one group and are optimised jointly.
         unordered: names of attributes whose bins have no order.
 
@@ -110,7 +110,7 @@ def space(
 
 
 class Proposal(NamedTuple):
-    """A distribution over streets: each attribute uniform on an interval of [0, 1]."""
+    """A distribution over streets: each attribute is uniform on an interval of [0, 1]."""
 
     centre: Float[Array, "*batch attributes"]  # the middle of the interval
     width: Float[Array, "*batch attributes"]  # its length

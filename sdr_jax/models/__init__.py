@@ -1,1 +1,1 @@
-"""Models of the reward, and the methods that follow them."""
+"""Models of the reward, and the search methods that use them."""

@@ -1,4 +1,4 @@
-"""The intervals, of several widths, that may be chosen for an attribute, and their features for a model."""
+"""The intervals of several widths to choose from for an attribute, and their features for a model."""
 
 from typing import NamedTuple
 
@@ -11,29 +11,29 @@ from sdr_jax.relaxation import bin_centres, bin_mask, bin_widths, ordered
 from sdr_jax.space import Space, Width
 
 NARROW = 1 / 16
-"""Narrower intervals are alike to the model."""
+"""The model does not tell narrower intervals apart."""
 
 Start = tuple[Float[np.ndarray, "attributes"], Float[np.ndarray, "attributes"]]
-"""Centre and width of every attribute's interval where a search begins."""
+"""Centre and width of every attribute's interval at the start of a search."""
 
 
 class Choices(NamedTuple):
-    """What may be chosen for each attribute (constants)."""
+    """The choices of each attribute (constants)."""
 
     space: Space  # the attributes with their choices in place of bins
-    centre: Float[np.ndarray, "attributes choices"]  # 0.5 beyond an attribute's choices
-    width: Float[np.ndarray, "attributes choices"]  # ... and 1
-    began: Int[np.ndarray, "attributes"]  # the choice where the search begins
-    scale: Int[np.ndarray, "attributes choices"]  # which of an attribute's widths; -1 beyond them
+    centre: Float[np.ndarray, "attributes choices"]  # 0.5 where an attribute has no such choice
+    width: Float[np.ndarray, "attributes choices"]  # 1 where an attribute has no such choice
+    began: Int[np.ndarray, "attributes"]  # the choice that the search begins with
+    scale: Int[np.ndarray, "attributes choices"]  # number of the width; -1 for no such choice
 
 
 def runs(bins: int, in_order: bool = True) -> tuple[np.ndarray, np.ndarray]:
     """Centres and widths f32[intervals] of runs of 1, 2, 4, ... neighbouring bins, and of all bins.
 
-    Runs of more than one overlap their neighbours by half; the last ends where the range does. Bins
-    without an order are taken one by one, or all.
+    Runs of two or more overlap their neighbours by half; the last one ends at the end of the range. Bins
+    without an order are taken one by one, or all together.
     """
-    found = {(0, bins)}  # first bin, how many
+    found = {(0, bins)}  # first bin, number of bins
     length = 1
     while length < bins and (in_order or length == 1):
         last = bins - length
@@ -44,13 +44,13 @@ def runs(bins: int, in_order: bool = True) -> tuple[np.ndarray, np.ndarray]:
 
 
 def choices(space: Space, start: Start, width: Width = None) -> Choices:
-    """The runs of bins of each attribute, and after them the start's own interval if it is none of them.
+    """The runs of bins of each attribute, and the start's interval after them if it is no such run.
 
     Args:
         space: the attributes, their bins and groups.
-        start: where the search begins.
+        start: the intervals that the search begins with.
         width: an attribute whose width is 0 has no intervals. Its choices, and its start, are single values,
-            or single bins if these have no order. Any other width changes nothing.
+            or single bins if these have no order. Other widths have no effect.
     """
     rows, began = [], []
     single = np.asarray(bin_widths(space, 0.0))
@@ -88,12 +88,12 @@ def integrated(
     width: Float[np.ndarray, "*batch"] | float,
     degree: int,
 ) -> Float[np.ndarray, "*batch features"]:
-    """What a model linear in the density sees of an interval, `degree` + 1 numbers.
+    """An interval's features for a model that is linear in the density, `degree` + 1 numbers.
 
         sqrt(2) E[cos(pi m x)] = sqrt(2) cos(pi m c) sinc(m w / 2),   m = 1..degree,   and  -log2(w) / 4
 
-    for x uniform on [c - w/2, c + w/2], sinc(t) = sin(pi t) / (pi t). All are 0 for the whole of [0, 1]. The
-    last says how narrow the interval is, whatever lies in it.
+    for x uniform on [c - w/2, c + w/2], sinc(t) = sin(pi t) / (pi t). All are 0 for the whole of [0, 1].
+    The last one depends on the width alone.
     """
     m = np.arange(1, degree + 1)
     centre, width = np.asarray(centre)[..., None], np.asarray(width)[..., None]
@@ -115,10 +115,10 @@ def covered(
 def make_effects(
     space: Space, chosen: Choices, degree: int, pair_degree: int | None = None
 ) -> Effects:
-    """Lays the model over choices out: `effects.make_effects` with features integrated over intervals.
+    """Makes the model over choices: `effects.make_effects` with features integrated over intervals.
 
-    Beside the second cosine, what being narrow is worth is shared by all attributes. Bins without an order
-    have their features' means over what an interval covers of them.
+    All attributes share the second cosine and the term for narrowness. An interval over bins without an
+    order has the mean of the features of the bins that it covers.
 
     Raises:
         ValueError: a degree out of range.

@@ -2,7 +2,7 @@
 
     r(a) = b + sum_i f_i(a_i) + sum_{i<j in a group} g_ij(a_i, a_j) + noise
 
-Under policies that choose each attribute's bin independently, its expectation is exact: no sampling.
+Under policies that choose each attribute's bin independently, its expectation is exact, without sampling.
 """
 
 from functools import partial
@@ -21,59 +21,59 @@ from sdr_jax.relaxation import ordered
 from sdr_jax.space import Space
 
 SIGNAL = 0.7
-"""Share of the first rewards' variance that is taken for signal, before the evidence speaks."""
+"""Share of the first rewards' variance that counts as signal until there is evidence."""
 
 PAIR_SHARE = 0.3
-"""Share of the signal that interactions are taken for at first."""
+"""Share of the signal that belongs to interactions at first."""
 
 SHRINK = 4.0
 """Pseudo-weights that pull each effect's scale towards the mean of its kind."""
 
 NOISE_SHARE, NOISE_WEIGHT = 0.3, 4.0
-"""Prior of the noise: its share of the rewards' variance, and the evaluations that is worth."""
+"""Prior of the noise: its share of the rewards' variance, and its weight in evaluations."""
 
 
 class Effects(NamedTuple):
-    """The model (constants): features, and which effect each belongs to.
+    """The model (constants): features, and the effect of each feature.
 
-    Effects are the attributes, then the pairs, then what all attributes share.
+    Effects are those of the attributes, then of the pairs, then those that all attributes share.
     """
 
     space: Space
     layout: Features
-    effect: Int[np.ndarray, "features"]  # more than the layout has: the shared ones
-    variance: Float[np.ndarray, "features"]  # prior's, relative to the effect's scale
-    shared: Float[np.ndarray, "layout shared"]  # the layout's features that each shared one adds up
+    effect: Int[np.ndarray, "features"]  # of each feature of the layout, then of the shared ones
+    variance: Float[np.ndarray, "features"]  # of the prior, relative to the effect's scale
+    shared: Float[np.ndarray, "layout shared"]  # weights of layout features in each shared one
 
 
 class EffectsState(NamedTuple):
-    """What the model has learnt."""
+    """The state of the model."""
 
     history: History
     statistics: Statistics
-    scales: Float[Array, "effects"]  # prior variance of each effect; 0 while no rewards differ
-    noise: Float[Array, ""]  # variance of a reward; 0 while none differ
+    scales: Float[Array, "effects"]  # prior variance of each effect; 0 while all rewards are equal
+    noise: Float[Array, ""]  # variance of a reward; 0 while all rewards are equal
 
 
 class Model(NamedTuple):
-    """One function of the bins: the posterior's mean, or a draw from its posterior."""
+    """One function of the bins: the posterior's mean, or a draw from the posterior."""
 
     alone: Float[Array, "*draws attributes bins"]  # f_i
     between: Float[Array, "*draws attributes attributes degree degree"]  # of cosines, symmetric
 
 
 def make_effects(space: Space, degree: int = 9, pair_degree: int | None = None) -> Effects:
-    """Lays the model over bins out.
+    """Makes the model over bins.
 
-    f_i is a cosine series over the bins' values, g_ij a product of two shorter ones. Beside its own,
-    every f_i has a second cosine in common with all others: attributes tend to be best well inside
-    their range, or at its ends, alike, and what all of them bend is learnt long before each one is.
+    f_i is a cosine series over the bins' values, g_ij a product of two shorter ones. All f_i also share
+    one second cosine: the best values of attributes tend to lie all well inside their ranges or all at the
+    ends, and this common bend is learnt long before that of each attribute.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
-        degree: cosines per attribute; those beyond its bins less one are left out.
-        pair_degree: cosines of each attribute in interactions, 0 for none; by default as many as
-            leave all interactions together about 256 features, at least 1, and none in large groups.
+        degree: cosines per attribute; an attribute has at most its number of bins less one.
+        pair_degree: cosines of each attribute in interactions, 0 for none; by default at least 1, chosen
+            so that all interactions have about 256 features, and 0 in large groups.
 
     Returns:
         The model.
@@ -88,7 +88,7 @@ def make_effects(space: Space, degree: int = 9, pair_degree: int | None = None) 
 
 
 def effects_of(space: Space, layout: Features, columns: tuple[int, ...]) -> Effects:
-    """The model of a layout; `columns` of attributes in order have a weight in common beside their own."""
+    """The model of a layout; ordered attributes share a weight for each of `columns` beside their own."""
     attributes, _, degree = layout.basis.shape
     effects = attributes + len(layout.pairs)
     effect = np.concatenate(
@@ -114,7 +114,7 @@ def effects_of(space: Space, layout: Features, columns: tuple[int, ...]) -> Effe
 
 
 def init_effects(model: Effects) -> EffectsState:
-    """A model that has seen nothing."""
+    """The state before any evaluation."""
     zero = jnp.zeros((), jnp.float32)
     scales = jnp.zeros(len(_first_scales(model)), jnp.float32)
     seen = history.empty(model.space.attributes)
@@ -127,11 +127,11 @@ def observe(
     actions: Int[Array, "n attributes"],
     rewards: Float[Array, "n"],
 ) -> EffectsState:
-    """Adds evaluations, and takes one step towards the scales with the most evidence.
+    """Adds evaluations, and takes one step towards the scales of the highest evidence.
 
-    The step is one of expectation maximisation, from where the last update left them. An effect's
-    scale is pulled towards the mean of its kind, so that none becomes 0 by chance. Rewards far below the
-    others are clipped (`history.py`).
+    The step is one of expectation maximisation and starts at the last scales. An effect's scale is pulled
+    towards the mean of its kind, so that no scale becomes 0 by chance. Rewards far below the others are
+    clipped (`history.py`).
     """
     seen, statistics, ratio = history.learn(
         state.history, state.statistics, partial(_evaluate, model), actions, rewards
@@ -154,13 +154,13 @@ def observe(
 
 
 def _evaluate(model: Effects, actions: Array) -> Array:
-    """The features of actions i32[n attributes], those that are shared behind the layout's."""
+    """The features of actions i32[n attributes]: the layout's, then the shared ones."""
     x = features.evaluate(model.layout, actions)
     return jnp.concatenate([x, x @ model.shared], axis=1)
 
 
 def posterior(model: Effects, state: EffectsState) -> Posterior:
-    """The belief about the weights; that of the prior while no rewards differ."""
+    """The posterior of the weights; the prior while all rewards are equal."""
     scales = jnp.where(state.noise > 0, state.scales, 1.0)
     noise = jnp.where(state.noise > 0, state.noise, 1.0)
     std = jnp.sqrt(jnp.asarray(model.variance) * scales[model.effect])
@@ -180,7 +180,7 @@ def draw_models(rng_key: Key[Array, ""], model: Effects, belief: Posterior, n: i
 def values(
     model: Effects, function: Model, probabilities: Float[Array, "attributes bins"]
 ) -> Float[Array, "attributes bins"]:
-    """Expected reward of each bin of each attribute, the others left to the policy.
+    """Expected reward of each bin of each attribute, with the other attributes drawn from the policy.
 
         Q_i(k) = f_i(k) + sum_{j in the group of i} E_{a_j ~ pi_j} g_ij(k, a_j)
 
@@ -192,7 +192,7 @@ def values(
         probabilities: the policy.
 
     Returns:
-        Q; for bins an attribute lacks it means nothing.
+        Q; its values are meaningless for bins that an attribute lacks.
     """
     short = jnp.asarray(model.layout.basis)[:, :, : model.layout.pair_degree]
     expected = jnp.einsum("ab,abp->ap", probabilities, short)
@@ -213,7 +213,7 @@ def value(
 def expected(
     model: Effects, state: EffectsState, belief: Posterior, actions: Int[Array, "n attributes"]
 ) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Mean and standard deviation of one reward of actions, its noise included; NaN before two rewards."""
+    """Mean and standard deviation (with noise) of one reward of actions; NaN before two rewards."""
     x = _evaluate(model, actions)
     mean, std = regression.predicted(state.statistics, belief, state.noise, x)
     known = state.noise > 0
@@ -221,7 +221,7 @@ def expected(
 
 
 def best_bins(model: Effects, belief: Posterior) -> Int[Array, "attributes"]:
-    """The bins of the highest mean: coordinate ascent from a few starts."""
+    """The bins of the highest mean, found by coordinate ascent from a few starts."""
     weights = plain(model, belief.mean)
     return features.maximise(jax.random.key(0), model.space, model.layout, weights)
 
@@ -234,7 +234,7 @@ def draw_plain(
 
 
 def plain(model: Effects, weights: Array) -> Array:
-    """Weights of the layout's features alone: what is shared is handed out."""
+    """Weights of the layout's features alone, to which the shared weights are added."""
     own = len(model.shared)
     return weights[:own] + model.shared @ weights[own:]
 
@@ -271,7 +271,7 @@ def _maximise_evidence(model: Effects, state: EffectsState) -> EffectsState:
         ]
     )
     scales = (sums[: len(kinds)] + SHRINK * kinds) / (counts[: len(kinds)] + SHRINK)
-    # What is shared is as large as what each has.
+    # A shared effect is as large as an attribute's own.
     scales = jnp.append(scales, jnp.full(model.shared.shape[1], kinds[0]))
 
     misfit = (

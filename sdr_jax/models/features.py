@@ -13,19 +13,19 @@ from sdr_jax.relaxation import bin_centres, bin_mask, ordered, random_bins
 from sdr_jax.space import Space
 
 STARTS = 8
-"""Where coordinate ascent starts: at the best of each attribute alone, the others at random."""
+"""Starts of coordinate ascent: one at the best bin of each attribute alone, the others random."""
 
 PAIR_FEATURES = 256
-"""About as many features do all interactions together get, which decides how fine they are."""
+"""The approximate number of features of all interactions together; it sets their `pair_degree`."""
 
 MOST_PAIRS = 700
-"""Spaces with more pairs of attributes in groups are modelled without interactions."""
+"""A space with more pairs of attributes in groups is modelled without interactions."""
 
 MOST_FEATURES = 4096
 """The most features of pairs: a model keeps two square matrices of this size."""
 
 SWEEPS = 4
-"""How often coordinate ascent goes round all attributes."""
+"""Number of times that coordinate ascent goes over all attributes."""
 
 
 class Features(NamedTuple):
@@ -33,12 +33,12 @@ class Features(NamedTuple):
 
     basis: Float[np.ndarray, "attributes bins degree"]  # cosines of each bin
     pairs: Int[np.ndarray, "pairs 2"]  # which attributes interact
-    pair_degree: int  # cosines of each of them
-    variance: Float[np.ndarray, "features"]  # the prior's, up to a factor; 0 for what is not there
+    pair_degree: int  # cosines of each attribute in a pair
+    variance: Float[np.ndarray, "features"]  # of the prior, up to a factor; 0 for no such feature
 
 
 def check_degrees(degree: int, pair_degree: int) -> None:
-    """Raises ValueError for numbers of cosines, of an attribute alone and in pairs, that do not fit."""
+    """Raises ValueError unless the numbers of cosines, alone and in pairs, are in range."""
     if degree < 1:
         raise ValueError(f"degree is {degree}, but must be at least 1")
     if not 0 <= pair_degree <= degree:
@@ -48,14 +48,13 @@ def check_degrees(degree: int, pair_degree: int) -> None:
 def features(space: Space, degree: int, pair_degree: int, interaction: float) -> Features:
     """Lays out cosine features, `sqrt(2) cos(pi m c)` of a bin's centre c, m = 1..degree.
 
-    Over an attribute's bins these are orthogonal and have mean zero. Their prior variance is
-    1 / m^2; that of a product of two `interaction` / (m^2 l^2). Of K bins without an order all K - 1
-    cosines are there, with prior variance 1 each: no two bins are then more alike than others, as in
-    one-hot features.
+    Over an attribute's bins these are orthogonal and have mean zero. Their prior variance is 1 / m^2; a
+    product of two has `interaction` / (m^2 l^2). K bins without an order have all K - 1 cosines, with
+    prior variance 1 each: all bins are then equally different, as with one-hot features.
 
     Args:
         space: the attributes, their bins, and the groups whose members interact.
-        degree: cosines per attribute in order; those beyond its bins less one are left out.
+        degree: cosines per ordered attribute, which has at most its number of bins less one.
         pair_degree: cosines of each attribute of a pair, at most `degree`; 0 for no pairs.
         interaction: see above.
 
@@ -76,7 +75,7 @@ def features(space: Space, degree: int, pair_degree: int, interaction: float) ->
 
 
 def own_variances(space: Space, degree: int) -> Float[np.ndarray, "attributes columns"]:
-    """Prior variances of attributes' own cosines; 0 for those that an attribute lacks."""
+    """Prior variances of attributes' own cosines; 0 for cosines that an attribute lacks."""
     in_order, bins = ordered(space)[:, None], np.asarray(space.bins)[:, None]
     finest = max([degree, *(space.bins[attribute] - 1 for attribute in space.unordered)])
     orders = np.arange(1, finest + 1, dtype=np.float32)[None, :]
@@ -91,7 +90,7 @@ def lay_out(
     pair_degree: int,
     interaction: float = 1.0,
 ) -> Features:
-    """The features of a basis and its prior variances, with products of two within groups.
+    """Lays out the features of a basis with prior variances, and their products within groups.
 
     Raises:
         ValueError: too many products.
@@ -117,9 +116,9 @@ def lay_out(
 
 
 def affordable(space: Space, degree: int) -> int:
-    """Cosines of each attribute in interactions: as many as leave these about 256 features, or none.
+    """Cosines of each attribute in interactions, so that these have about 256 features; or 0.
 
-    Without interactions a model of many attributes in one group is about as good, and far cheaper.
+    For many attributes in one group, a model without interactions is about as good and far cheaper.
     """
     pairs = sum(len(group) * (len(group) - 1) // 2 for group in space.groups)
     if pairs > MOST_PAIRS:
@@ -128,7 +127,7 @@ def affordable(space: Space, degree: int) -> int:
 
 
 def evaluate(layout: Features, actions: Int[Array, "n attributes"]) -> Float[Array, "n features"]:
-    """The features of data sets, given their bins."""
+    """The features of data sets from their bins."""
     n, attributes = actions.shape
     rows = jnp.arange(attributes)
     own = jnp.asarray(layout.basis)[rows[None, :], actions]  # [n attributes degree]
@@ -192,10 +191,10 @@ def maximise(
         space: the attribute space.
         layout: its features.
         weights: the model.
-        allowed: bins to choose from, at least one of each attribute; by default all that there are.
+        allowed: bins to choose from, at least one of each attribute; by default all.
 
     Returns:
-        Bins; a local optimum, the best of those found.
+        The bins of the best local optimum found.
     """
     alone, between = split(layout, weights)
     basis = jnp.asarray(layout.basis)[:, :, : layout.pair_degree]
@@ -228,7 +227,7 @@ def maximise_each(
     weights: Float[Array, "n features"],
     allowed: Bool[Array, "n attributes bins"] | None = None,
 ) -> Int[Array, "n attributes"]:
-    """The best bins under each of n models, of those allowed; the key is consumed."""
+    """The best allowed bins under each of n models; the key is consumed."""
     keys = jax.random.split(rng_key, len(weights))
     best = jax.vmap(lambda key, one, own: maximise(key, space, layout, one, own))
     return best(keys, weights, allowed)

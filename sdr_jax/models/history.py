@@ -1,4 +1,4 @@
-"""A history of rewards, which finds penalties far below the others so that a model can clip them."""
+"""A history of rewards, which finds rewards far below the others so that a model can clip them."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -11,29 +11,29 @@ from sdr_jax.models import regression
 from sdr_jax.models.regression import Statistics
 
 CAPACITY = 2048
-"""Evaluations that are kept, the first; later ones leave it at the lowest reward that then counts."""
+"""Number of evaluations that the history keeps; later ones no longer change its floor."""
 
 REACH = 5.0
-"""Interquartile ranges below the median from which on a reward is far below the others."""
+"""A reward is far below the others if it is more than so many interquartile ranges below the median."""
 
 FEWEST = 8
-"""Fewer rewards say too little about their quartiles."""
+"""The least number of rewards from which quartiles are estimated."""
 
 EARLY = 32
-"""The first rewards, of data sets from everywhere; later ones differ less, the nearer the search has come."""
+"""Number of first rewards, whose data sets come from everywhere; later rewards differ less."""
 
 
 class History(NamedTuple):
-    """What was tried and got, and the lowest that a reward counts as."""
+    """The actions, their rewards, and the lowest value that a reward counts as."""
 
     actions: Int[Array, "capacity attributes"]
     rewards: Float[Array, "capacity"]  # NaN where there is none
-    floor: Float[Array, ""]  # what lower rewards count as; minus infinity for none
-    clipped: Int[Array, ""]  # how many of the rewards are lower
+    floor: Float[Array, ""]  # lower rewards count as this; minus infinity for none
+    clipped: Int[Array, ""]  # number of rewards below the floor
 
 
 def empty(attributes: int) -> History:
-    """Nothing tried yet."""
+    """The history before any evaluation."""
     return History(
         jnp.zeros((CAPACITY, attributes), jnp.int32),
         jnp.full(CAPACITY, jnp.nan, jnp.float32),
@@ -43,10 +43,10 @@ def empty(attributes: int) -> History:
 
 
 def lowest(rewards: Float[Array, "capacity"]) -> Float[Array, ""]:
-    """The lowest of the known rewards that are not far below the others; minus infinity where none is.
+    """The lowest known reward that is not far below the others; minus infinity if none is far below.
 
-    Far below is more than five interquartile ranges below the median: the range of all rewards or that of
-    the first ones, if that is larger. Where it is 0 none is far below.
+    Far below means more than five interquartile ranges below the median, with the range of all rewards or
+    of the first ones, whichever is larger. If it is 0, no reward is far below.
     """
     known = jnp.isfinite(rewards)
     reach, median = _quartiles(rewards)
@@ -59,8 +59,8 @@ def lowest(rewards: Float[Array, "capacity"]) -> Float[Array, ""]:
 def _quartiles(rewards: Float[Array, "n"]) -> tuple[Float[Array, ""], Float[Array, ""]]:
     """The interquartile range and the median of the distinct rewards.
 
-    Distinct, so that a penalty counts once, however often it is given. And four times the range's upper
-    half is taken for it where that is less: the lower quartile may be a penalty itself.
+    Distinct values make a repeated penalty count once. The range is at most four times its upper half,
+    since the lower quartile may be a penalty itself.
     """
     ranked = jnp.sort(rewards)  # NaN comes last
     new = jnp.append(True, ranked[1:] != ranked[:-1])
@@ -76,19 +76,19 @@ def learn(
     actions: Int[Array, "n attributes"],
     rewards: Float[Array, "n"],
 ) -> tuple[History, Statistics, Float[Array, ""]]:
-    """Adds evaluations, except failed ones; a reward far below the others counts as the lowest of these.
+    """Adds evaluations, except failed ones, and clips rewards far below the others.
 
-    If that changes what earlier rewards count as, the statistics are computed anew.
+    If the floor of earlier rewards changes, the statistics are computed anew.
 
     Args:
-        history: before them.
-        statistics: of the history.
-        features: of actions.
-        actions: what was tried.
-        rewards: what it got.
+        history: the history before them.
+        statistics: the statistics of the history.
+        features: gives the features of actions.
+        actions: the actions of the evaluations.
+        rewards: their rewards.
 
     Returns:
-        History and statistics, and by which factor the variance of the earlier rewards changed.
+        History, statistics, and the factor by which the variance of earlier rewards changed.
     """
     known = jnp.isfinite(rewards)
     place = jnp.isfinite(history.rewards).sum() + jnp.cumsum(known) - 1
@@ -108,7 +108,9 @@ def learn(
         lambda: regression.with_rewards(grown, features(tried), jnp.maximum(told, floor)),
         lambda: grown,
     )
-    flat = jnp.nanmin(told) == jnp.nanmax(told)  # to the bit: a mean of equal numbers may differ
+    flat = jnp.nanmin(told) == jnp.nanmax(
+        told
+    )  # exact: a mean of equal numbers may differ from them
     statistics = jax.tree.map(
         lambda some, none: jnp.where(flat, none, some), statistics, regression.flat(statistics)
     )

@@ -16,11 +16,11 @@ from sdr_jax.relaxation import bin_mask, check_relaxation, random_bins, shares_o
 from sdr_jax.space import Proposal, Space, Width
 
 REACHES = np.asarray([0.5, 1.0, 2.0], np.float32)
-"""Factors of the reach: a data set changes such a share of the attributes and keeps the answer's others."""
+"""Factors of the reach: the share of attributes in which a data set differs from the answer."""
 
 FIRST_REACH = 0.3
-"""The share of attributes, about, that the first data sets after the opening change where the search has a
-start; from random attributes they change all."""
+"""The approximate share of attributes that the first data sets after the opening change in a search with a
+start; a search from random attributes changes all."""
 
 SUCCESS, PACE = 0.2, 0.3
 """The reach stays as it is where this share of data sets exceeds the reward that the model expects of the
@@ -40,12 +40,12 @@ DRAWS = 64
 
 
 class IntervalsState(NamedTuple):
-    """What the regression has learnt."""
+    """The regression, the answer so far, and the reach."""
 
     seen: effects.EffectsState
     belief: Posterior  # of the weights
     answer: Int[Array, "attributes"]  # choices
-    reach: Float[Array, ""]  # share of attributes, about, that a data set changes
+    reach: Float[Array, ""]  # approximate share of attributes that a data set changes
 
 
 def intervals(
@@ -57,34 +57,34 @@ def intervals(
     degree: int = 9,
     pair_degree: int | None = None,
 ) -> Method:
-    """Chooses which attributes to narrow, and to what, by a Bayesian regression on features of intervals.
+    """Chooses intervals of attributes by a Bayesian regression on features of intervals.
 
-    Actions are intervals: runs of an attribute's bins, from single ones to all of them (`choices.runs`), or
-    its own in `start`; without relaxation single values. The reward of a data set is modelled as linear in
-    its density,
+    Actions are intervals: runs of an attribute's bins, from one to all (`choices.runs`), or its interval in
+    `start`; without relaxation they are single values. The reward of a data set is modelled as linear in its
+    density,
 
         y = b + sum_i w_i . phi(c_i, w_i) + sum_{i<j in a group} phi(i) W_ij phi(j) + noise
 
     with cosines integrated over the interval and one term for its narrowness (`choices.integrated`), so
-    data sets of any width teach one model. How large each effect, each interaction and the noise are is
-    learnt by evidence (`effects.py`).
+    data sets of any width teach one model. The sizes of effects, interactions and noise are learnt by
+    evidence (`effects.py`).
 
-    The first data sets are the start's and, in turn, random attributes; where the start is random itself,
-    half of its attributes at any choice. From then on each is the answer so far with some attributes changed,
-    to what is best under a draw of the posterior (Thompson sampling), half of them among the intervals of one
-    width, drawn for each: so wide ones are tried, too. How many are changed follows success: more where
-    changed data sets often do better than the answer, fewer where they seldom do. Rewards far below the
+    The first data sets alternate between the start and random attributes; if the start is itself random,
+    half of its attributes take any choice. Each later data set is the answer so far with some attributes
+    changed to the best choice under a draw of the posterior (Thompson sampling); half of these choose among
+    the intervals of a drawn width, so that wide ones are tried, too. More attributes are changed while
+    changed data sets often do better than the answer, fewer while they seldom do. Rewards far below the
     others, such as the penalty for a crash, are clipped (`history.py`).
 
     The answer is the start, except for attributes where the lower confidence bound of a choice's gain over
-    the start is above 0: the mean less `caution` standard deviations. In `spread` it is the mean less two.
+    the start (the mean less `caution` standard deviations) is above 0. `spread` subtracts two.
 
     Args:
         space: the attributes, their bins, and the groups whose members may interact.
-        width: 0, of all attributes or of one, is no relaxation: single values, but of bins without an order.
-            Else it plays no part.
-        start: centres and widths of where to begin; by default random attributes.
-        caution: see above, 0 or more; 0 moves wherever it pays on average.
+        width: 0, for all attributes or for one, gives single values (single bins if they have no order);
+            other widths have no effect.
+        start: centres and widths of the first answer; by default random attributes.
+        caution: see above, 0 or more; with 0 every move is made whose mean gain is above 0.
         degree: cosines per attribute.
         pair_degree: cosines per attribute in interactions; by default see `effects.make_effects`.
 
@@ -128,7 +128,7 @@ def intervals(
         weights = effects.draw_plain(draw_key, model, state.belief, n)
         share = state.reach * jax.random.choice(share_key, jnp.asarray(REACHES), (n, 1))
         chance = jax.random.uniform(which_key, (n, space.attributes))
-        # At least one, the one with the smallest number.
+        # At least the one with the smallest random number.
         anew = (chance < share) | (chance == chance.min(axis=1, keepdims=True))
         scale = jnp.floor(jax.random.uniform(scale_key, chance.shape) * scales[None, :])
         alike = jnp.where(
@@ -177,7 +177,7 @@ def intervals(
 
 
 def _checked(space: Space, start: tuple[tuple[float, ...], tuple[float, ...]] | None) -> Start:
-    """The start, by default random attributes; raises ValueError where it does not fit the space."""
+    """The start, by default random attributes; raises ValueError if it does not fit the space."""
     if start is None:
         return np.full(space.attributes, 0.5, np.float32), np.ones(space.attributes, np.float32)
     centre, width = (np.asarray(part, np.float32) for part in start)
@@ -243,7 +243,7 @@ def best_by_lower_bound(
 
 
 def _plain_covariance(model: effects.Effects, belief: Posterior) -> Float[Array, "layout layout"]:
-    """The covariance of the layout's weights, each with what it gets of the shared weights."""
+    """The covariance of the layout's weights, to which the shared weights are added."""
     whole = regression.covariance(belief)
     own = len(model.shared)
     mixed = whole[:own, own:] @ model.shared.T
@@ -257,7 +257,7 @@ def _tables(
     Int[np.ndarray, "attributes partners"],
     np.ndarray,
 ]:
-    """Of each attribute: its features, its partners in pairs, and whether it comes first there."""
+    """Each attribute's features, its partners in pairs, and whether it comes first in each pair."""
     attributes, _, degree = layout.basis.shape
     size = layout.pair_degree**2
     of = [np.flatnonzero(np.any(layout.pairs == a, axis=1)) for a in range(attributes)]

@@ -1,6 +1,6 @@
-"""Bayesian linear regression in sufficient statistics, so that its size does not grow with the data.
+"""Bayesian linear regression from sufficient statistics, whose size does not grow with the data.
 
-The intercept has a flat prior: it is integrated out by centring.
+The intercept has a flat prior; centring integrates it out.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from jaxtyping import Array, Float, Key
 
 
 class Statistics(NamedTuple):
-    """All that is kept of the evaluations, of rewards less the offset."""
+    """The sufficient statistics of the evaluations, with the offset subtracted from rewards."""
 
     gram: Float[Array, "features features"]  # X'X
     sums: Float[Array, "features"]  # X'1
@@ -20,7 +20,9 @@ class Statistics(NamedTuple):
     total: Float[Array, ""]  # 1'y
     square: Float[Array, ""]  # y'y
     seen: Float[Array, ""]  # evaluations with a reward
-    offset: Float[Array, ""]  # mean of the first rewards; takes large means out of float32
+    offset: Float[
+        Array, ""
+    ]  # mean of the first rewards; a large mean would cost precision in float32
 
 
 class Centred(NamedTuple):
@@ -36,12 +38,14 @@ class Posterior(NamedTuple):
     """A normal distribution of the weights, `mean + scale L^-T z`."""
 
     mean: Float[Array, "features"]
-    factor: Float[Array, "features features"]  # L, lower, of the whitened precision
+    factor: Float[
+        Array, "features features"
+    ]  # L, the lower Cholesky factor of the whitened precision
     scale: Float[Array, "features"]  # prior standard deviation of each weight
 
 
 def empty(features: int) -> Statistics:
-    """The statistics of no evaluation."""
+    """The statistics before any evaluation."""
     zero = jnp.zeros((), jnp.float32)
     vector = jnp.zeros(features, jnp.float32)
     gram = jnp.zeros((features, features), jnp.float32)
@@ -72,7 +76,7 @@ def add(
 def with_rewards(
     statistics: Statistics, x: Float[Array, "n features"], rewards: Float[Array, "n"]
 ) -> Statistics:
-    """The statistics of the same evaluations, all of them given, with other rewards."""
+    """The statistics of the same evaluations with other rewards; it takes all evaluations."""
     known = jnp.isfinite(rewards)
     offset = jnp.nanmean(rewards)
     y = jnp.where(known, rewards - offset, 0.0)
@@ -85,20 +89,20 @@ def with_rewards(
 
 
 def flat(statistics: Statistics) -> Statistics:
-    """The statistics of the same evaluations, as if all rewards were the same."""
+    """The statistics of the same evaluations as if all rewards were equal."""
     zero = jnp.zeros((), jnp.float32)
     return statistics._replace(moment=jnp.zeros_like(statistics.moment), total=zero, square=zero)
 
 
 def centred(statistics: Statistics) -> Centred:
-    """Takes the means out."""
+    """Subtracts the means."""
     count = jnp.maximum(statistics.seen, 1)
     freedom = jnp.maximum(statistics.seen - 1, 1)
     square = jnp.maximum(statistics.square - statistics.total**2 / count, 0.0)
     return Centred(
         gram=statistics.gram - jnp.outer(statistics.sums, statistics.sums) / count,
         moment=statistics.moment - statistics.sums * statistics.total / count,
-        # Without any difference between rewards every scale is as good as another.
+        # While all rewards are equal, any scale is as good as another.
         square=jnp.where(square > 0, square, freedom),
         freedom=freedom,
     )
@@ -115,7 +119,7 @@ def posterior(
 
     Args:
         data: the evaluations.
-        std: the prior's standard deviations; 0 for features that are not there.
+        std: the prior's standard deviations; 0 for absent features.
         noise: standard deviation of a reward.
 
     Returns:
@@ -134,7 +138,7 @@ def predicted(
     noise: Float[Array, ""],
     x: Float[Array, "n features"],
 ) -> tuple[Float[Array, "n"], Float[Array, "n"]]:
-    """Mean and standard deviation of one reward of each row of features, its noise (a variance) included."""
+    """Mean and standard deviation of one reward of each row of features; `noise` is a variance."""
     count = jnp.maximum(statistics.seen, 1)
     off = x - (statistics.sums / count)[None, :]
     mean = statistics.offset + statistics.total / count + off @ belief.mean
@@ -143,7 +147,7 @@ def predicted(
 
 
 def covariance(belief: Posterior) -> Float[Array, "features features"]:
-    """Of the weights."""
+    """The covariance of the weights."""
     inverse = solve_triangular(belief.factor, jnp.eye(len(belief.scale)), lower=True)
     return belief.scale[:, None] * (inverse.T @ inverse) * belief.scale[None, :]
 
@@ -159,11 +163,11 @@ def by_evidence(
 def with_evidence(
     data: Centred, stds: Float[Array, "k features"]
 ) -> tuple[Posterior, Float[Array, ""], Float[Array, "k"]]:
-    """As `by_evidence`; and each prior's log evidence, up to a constant.
+    """As `by_evidence`, with each prior's log evidence up to a constant.
 
     Args:
         data: the evaluations.
-        stds: each prior's standard deviations, in units of the noise's; 0 for features that are not there.
+        stds: each prior's standard deviations, in units of the noise's; 0 for absent features.
 
     Source: MacKay 1992, "Bayesian interpolation".
     """

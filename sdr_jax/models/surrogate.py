@@ -1,4 +1,4 @@
-"""SDR carried on: the policy over bins follows a model that learns from every evaluation."""
+"""SDR with a model: the policy over bins follows a model that learns from every evaluation."""
 
 from typing import NamedTuple
 
@@ -23,12 +23,12 @@ DRAWS = 32
 
 
 class SurrogateState(NamedTuple):
-    """A policy, and what it follows."""
+    """A policy, and the model that it follows."""
 
     seen: effects.EffectsState
     belief: Posterior  # of the weights
     logits: Float[Array, "attributes bins"]  # minus infinity for bins an attribute lacks
-    best: Int[Array, "attributes"]  # bins of the answer, -1 while no rewards differ
+    best: Int[Array, "attributes"]  # bins of the answer, -1 while all rewards are equal
 
 
 def surrogate(
@@ -39,28 +39,28 @@ def surrogate(
     degree: int = 9,
     pair_degree: int | None = None,
 ) -> Method:
-    """SDR whose policy gradient comes from a model of the reward instead of from single rewards.
+    """SDR whose policy gradient comes from a model of the reward, not from single rewards.
 
-    As in SDR, each attribute has a softmax policy over its bins, data sets are drawn from it and
-    relaxed. But where REINFORCE throws a reward away after one noisy step, a Bayesian model keeps
-    all of them (`effects.py`: smooth in every attribute, pairwise within groups, its scales learnt by
-    evidence), and the gradient of what it expects of the policy is exact. The policy maximises
+    As in SDR, each attribute has a softmax policy over its bins, and data sets are drawn from it and
+    relaxed. REINFORCE uses a reward for one noisy step; here a Bayesian model learns from all rewards
+    (`effects.py`: smooth in every attribute, pairwise within groups, with scales learnt by evidence), and
+    the gradient of its expected reward is exact. The policy maximises
 
         E_pi[r_model] + sum_i tau_i H(pi_i),   tau_i = temperature * std_i
 
-    where std_i is the posterior's standard deviation of the differences between i's bins: so an
-    attribute keeps exploring until the model is surer of them than they differ. The natural
+    where std_i is the posterior's standard deviation of the differences between i's bins: an
+    attribute explores until this is smaller than the differences themselves. The natural
     gradient in the logits is `Q_i - tau_i log pi_i`; steps of 1 / tau_i, which are `logits = Q / tau`,
-    alternate with new expectations. Groups say which attributes may interact, not in which order to
-    learn: all are learnt at once.
+    alternate with new expectations. Groups say which attributes may interact; all groups are learnt at
+    once.
 
-    Policies of independent attributes cannot say "both or neither". So every second data set, counted
-    over all updates, is not drawn from them, but the best of a model drawn from the posterior (Thompson
-    sampling). Draws from the policies are stratified. Rewards far below the others, such as the penalty for a
-    crash, are clipped (`history.py`).
+    Policies of independent attributes cannot express "both or neither". So every second data set, counted
+    over all updates, is the best one under a model drawn from the posterior (Thompson sampling). Draws from
+    the policies are stratified. Rewards far below the others, such as the penalty for a crash, are clipped
+    (`history.py`).
 
-    The answer holds the bins of the model's highest mean, not of the luckiest draw; while all rewards are the
-    same it holds none. `spread` has the moments of the policy: an attribute without a clear effect stays
+    The answer holds the bins of the model's highest mean; while all rewards are equal it is undecided.
+    `spread` has the moments of the policy: an attribute without a clear effect stays
     wide.
 
     Args:
@@ -145,9 +145,9 @@ def follow(
 
     Args:
         model: the constants.
-        belief: what it believes.
-        start: bins from which to begin, as if they were certain: with interactions there may be
-            several maxima, and the policy belongs at the best.
+        belief: the posterior of its weights.
+        start: the bins of the first, certain policy, near the best of several maxima that
+            interactions may cause.
         temperature: factor on the posterior's standard deviations.
 
     Returns:
@@ -156,7 +156,7 @@ def follow(
     there = jnp.asarray(bin_mask(model.space))
     sizes = jnp.asarray(model.space.bins, jnp.float32)[:, None]
     mean = effects.mean_model(model, belief)
-    # A fixed key: the same evaluations give the same temperatures.
+    # With a fixed key the same evaluations give the same temperatures.
     draws = effects.draw_models(jax.random.key(0), model, belief, DRAWS)
     probabilities = jax.nn.one_hot(start, model.space.max_bins)
     for _ in range(SWEEPS):
@@ -177,16 +177,16 @@ def stratified(
     probabilities: Float[Array, "attributes bins"],
     n: int,
 ) -> Int[Array, "n attributes"]:
-    """Draws n actions, each from the policy, that together keep to it as closely as n can.
+    """Draws n actions from the policy that together follow it as closely as possible.
 
-    Every attribute's quantiles are cut into n parts, of which each action gets one, shuffled
-    independently of other attributes: a Latin hypercube.
+    It is a Latin hypercube: every attribute's quantiles are cut into n parts, and each action gets one of
+    them, shuffled independently of other attributes.
 
     Args:
         rng_key: consumed.
         space: the attributes and their bins.
         probabilities: the policy; rows sum to 1.
-        n: how many.
+        n: the number of actions.
 
     Returns:
         Bins.

@@ -1,1 +1,1 @@
-"""Searches that SDR is compared with."""
+"""Other searches, with which SDR is compared."""

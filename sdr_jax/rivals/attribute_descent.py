@@ -1,4 +1,4 @@
-"""Attribute descent: one attribute after the other, all its bins tried, the best kept."""
+"""Attribute descent: it tries all bins of one attribute after the other and keeps the best."""
 
 from typing import NamedTuple
 
@@ -12,17 +12,17 @@ from sdr_jax.relaxation import UNDECIDED, check_relaxation, entropy, relax, unif
 from sdr_jax.space import Proposal, Space, Width
 
 PATIENCE = 3
-"""How many times its usual number of data sets a sweep may take when rewards are NaN."""
+"""When rewards are NaN, a sweep takes at most so many times its usual number of data sets."""
 
 NEVER = np.iinfo(np.int32).max
 
 
 class DescentState(NamedTuple):
-    """Where the descent stands; a sweep over an attribute's bins may be partly done."""
+    """The progress of the descent; a sweep over an attribute's bins may be partly done."""
 
-    current: Int[Array, "attributes"]  # the bin each attribute is at, -1 before its first sweep
+    current: Int[Array, "attributes"]  # the bin of each attribute, -1 before its first sweep
     sums: Float[Array, "bins"]  # rewards of the active attribute's bins, summed in this sweep
-    counts: Int[Array, "bins"]  # how many these are
+    counts: Int[Array, "bins"]  # number of these rewards
     tried: Int[Array, ""]  # data sets of this sweep, failed ones included
     sweeps: Int[Array, ""]  # sweeps finished
 
@@ -36,28 +36,28 @@ def attribute_descent(
 ) -> Method:
     """Coordinate search by brute force, in the order of the groups.
 
-    A sweep tries every bin of one attribute `repeats` times, the others at their current bins, and
-    keeps the bin with the highest mean reward. Attributes not swept yet are undecided. After the
+    A sweep tries every bin of one attribute `repeats` times, with the others at their current bins, and
+    keeps the bin with the highest mean reward. Attributes without a sweep are undecided. After the
     last attribute it goes round again. This is SDR with one group per attribute and brute force in
     place of the policy.
 
-    An update's n data sets try the n bins with the fewest rewards yet, in order; a sweep goes on
-    over as many updates as it needs. The next sweep needs the result of this one, so what is left
-    of n at its end goes to further repeats. The bin of a failed evaluation is tried again, until
-    the sweep has taken three times its usual number of data sets. Then it ends with what it knows;
-    if that is nothing, the attribute stays as it was.
+    An update's n data sets try the n bins with the fewest rewards so far, in order; a sweep takes as many
+    updates as it needs. The next sweep needs the result of this one, so data sets left over in its last
+    update are further repeats. The bin of a failed evaluation is tried again, until the sweep has taken
+    three times its usual number of data sets. Then it ends with the rewards that it has; without any, the
+    attribute stays as it was.
 
     `solution` and `spread` are the same; both change at the ends of sweeps only.
 
     Args:
         space: the attributes, their bins, and groups for the order.
         width: of the relaxed bins, see `relax`.
-        repeats: data sets per bin and sweep, at least.
+        repeats: the least number of data sets per bin and sweep.
         unoptimised: what undecided attributes are, see `relax`.
 
     Returns:
-        The method, for any number of updates; once through all attributes takes the sum over
-        attributes of ceil(repeats * K / n), if no reward is NaN.
+        The method, for any number of updates; a round of all attributes takes the sum over attributes of
+        ceil(repeats * K / n) updates, if no reward is NaN.
 
     Raises:
         ValueError: fewer than one repeat, or an option out of range.

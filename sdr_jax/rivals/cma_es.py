@@ -1,4 +1,4 @@
-"""CMA-ES with margin over the bins, through the library `cmaes`: a host adapter."""
+"""CMA-ES with margin over the bins, a host adapter of the library `cmaes`."""
 
 from copy import deepcopy
 from typing import Any, NamedTuple
@@ -13,15 +13,15 @@ from sdr_jax.rivals import host
 from sdr_jax.space import Proposal, Space, Width
 
 DRAWS = 256
-"""Draws behind `spread` and `probabilities`."""
+"""Number of draws from which `spread` and `probabilities` are estimated."""
 
 
 class CmaState(NamedTuple):
     """A Python object, not a pytree of arrays; an update that changes the optimiser copies it."""
 
     optimizer: Any  # a `cmaes.CMAwM`
-    told: tuple[tuple[np.ndarray, float], ...]  # evaluations of a generation that is not full yet
-    seen: bool  # whether there was any reward
+    told: tuple[tuple[np.ndarray, float], ...]  # evaluations of the unfinished generation
+    seen: bool  # whether it has had any reward
 
 
 def cma_es(
@@ -33,14 +33,12 @@ def cma_es(
 ) -> Method:
     """Covariance matrix adaptation with margin: a Gaussian over all attributes, rounded to bins.
 
-    The margin keeps the probability of leaving a bin from vanishing, on which plain CMA-ES gets
-    stuck. Bins without an order are taken in the order given. The answer is the bins that the mean lies in;
-    groups play no part. A generation is filled
-    over as many updates as it takes, n of any size.
+    The margin keeps the probability of leaving a bin above 0; plain CMA-ES gets stuck where it vanishes.
+    Bins without an order are taken in the given order. The answer is the bins in which the mean lies;
+    groups play no part. A generation takes as many updates as it needs, with any n.
 
-    This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
-    Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state
-    given stays valid.
+    This is a host adapter, which cannot be jitted: `drive` takes it, `run` does not. Otherwise it behaves
+    like the pure methods: the same key gives the same data sets, and earlier states stay valid.
 
     Args:
         space: the attributes and their bins.
@@ -108,7 +106,7 @@ def cma_es(
         return relaxed(best if state.seen else np.full_like(best, UNDECIDED))
 
     def drawn(state: CmaState, seed: int, n: int) -> np.ndarray:
-        """What the optimiser asks for, f64[n 2 attributes]: rounded, and raw; the state stays as it is."""
+        """The optimiser's samples f64[n 2 attributes], rounded and raw; the state is not changed."""
         asks = deepcopy(state.optimizer)
         asks.reseed_rng(seed)
         return np.asarray([asks.ask() for _ in range(n)])
@@ -117,7 +115,7 @@ def cma_es(
         return moments(space, probabilities(state), width)
 
     def probabilities(state: CmaState) -> Float[Array, "attributes bins"]:
-        # A fixed seed: the same evaluations give the same shares.
+        # With a fixed seed the same evaluations give the same shares.
         tried = bins_of(drawn(state, 0, DRAWS)[:, 0])
         shares = (tried[:, :, None] == np.arange(space.max_bins)).mean(axis=0)
         return jnp.asarray(shares, jnp.float32)

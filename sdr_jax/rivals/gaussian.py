@@ -1,4 +1,4 @@
-"""A Gaussian policy under REINFORCE, as in learning to simulate and Meta-Sim: no bins."""
+"""A Gaussian policy without bins under REINFORCE, as in learning to simulate and Meta-Sim."""
 
 from typing import NamedTuple
 
@@ -30,7 +30,7 @@ QUANTILES = np.asarray(ndtri((jnp.arange(64) + 0.5) / 64))  # of the standard no
 
 
 class GaussianParams(NamedTuple):
-    """One normal distribution per attribute, of the logit of its value."""
+    """One normal distribution per attribute for the logit of its value."""
 
     mean: Float[Array, "attributes"]
     log_std: Float[Array, "attributes"]
@@ -49,15 +49,15 @@ def gaussian(
 
         z ~ N(mean, std^2),   value = 1 / (1 + exp(-z))
 
-    The logit keeps values inside [0, 1] without clipping, whose gradient would vanish. A proposal
-    is the value, relaxed like a bin; bins without an order are taken in the order given. The answer is
-    the value of the mean. Groups play no part: all attributes are learnt at once, as in the original.
+    The logit keeps values inside [0, 1] without clipping, whose gradient would vanish. A proposal is the
+    value, relaxed like a bin; bins without an order are taken in the given order. The answer is the value
+    of the mean. Groups play no part: all attributes are learnt at once, as in the original.
 
     Args:
         space: the attributes; their bins set the width of proposals only.
         optimizer: any optax transformation.
         baseline: `leave_one_out()` needs two or more data sets per update; `ema()` takes one.
-        normalise: whether to divide advantages by their size, so that any scale of rewards will do.
+        normalise: whether to divide advantages by their size, so that the scale of rewards has no effect.
         std: of the logits at the start; 1.5 is close to uniform on [0, 1].
         width: of the proposals, see `relax`.
 

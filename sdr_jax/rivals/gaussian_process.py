@@ -1,4 +1,4 @@
-"""Bayesian optimisation with a Gaussian process, through the library scikit-learn: a host adapter."""
+"""Bayesian optimisation with a Gaussian process, a host adapter of the library scikit-learn."""
 
 import warnings
 from functools import lru_cache
@@ -19,7 +19,7 @@ GROWTH = 1.25
 """Scales and noise are fitted again whenever the number of evaluations has grown by this factor."""
 
 NEAR = 8
-"""The evaluations of the highest mean around which half of the candidates lie."""
+"""Number of evaluations with the highest means, around which half of the candidates lie."""
 
 
 def gaussian_process(
@@ -31,25 +31,24 @@ def gaussian_process(
 ) -> Method:
     """Proposes where a Gaussian process expects the greatest improvement.
 
-    Matern 5/2 with one length scale, a scale of rewards and white noise, all three by maximum likelihood;
-    ordered bins are numbers in [0, 1], bins without an order one number each. The improvement is over the
-    highest mean among what was evaluated, and is looked for among random candidates and neighbours of the
-    best, which differ in one to three attributes. The n data sets of an update are chosen one after the
-    other, each believed to be worth its mean (the kriging believer). The answer is the evaluated data set of
-    the highest mean. Groups play no part.
+    The kernel is a Matern 5/2 with one length scale, a scale of rewards and white noise, all three by
+    maximum likelihood; ordered bins are numbers in [0, 1], bins without an order one number each. The
+    improvement is over the highest mean of the evaluated data sets. Candidates are random, or differ from
+    the best in one to three attributes. The n data sets of an update are chosen one after the other, and
+    each counts as if it had its mean as reward (the kriging believer). The answer is the evaluated data
+    set with the highest mean. Groups play no part.
 
-    This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
-    Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state given stays
-    valid.
+    This is a host adapter, which cannot be jitted: `drive` takes it, `run` does not. Otherwise it behaves
+    like the pure methods: the same key gives the same data sets, and earlier states stay valid.
 
-    `probabilities`, and `spread` from it, are an estimate: the quarter of the evaluations with the highest
-    mean, and a uniform distribution with the weight of one more.
+    `probabilities` and `spread` are estimated from the quarter of the evaluations with the highest means,
+    and a uniform distribution with the weight of one evaluation.
 
     Args:
         space: the attributes and their bins.
         width: of the relaxed bins, see `relax`.
-        startup: evaluations at random before the model is used.
-        candidates: data sets among which the greatest improvement is looked for.
+        startup: number of random evaluations before the model is used.
+        candidates: number of data sets among which the best is chosen.
 
     Returns:
         The method, for any number of updates.
@@ -76,19 +75,19 @@ def gaussian_process(
         for own, count, in_order in zip(actions.T, space.bins, ordered(space), strict=True):
             if in_order:
                 columns.append(own[:, None] / max(count - 1, 1))
-            else:  # any two are as far apart as the ends of an ordered attribute
+            else:  # two values are as far apart as the ends of an ordered attribute
                 columns.append(np.eye(count)[own] / np.sqrt(2))
         return np.concatenate(columns, axis=1)
 
     def fit(kernel: Any, actions: np.ndarray, values: np.ndarray, optimizer: str | None) -> Any:
         model = library.GaussianProcessRegressor(kernel, optimizer=optimizer)
-        with warnings.catch_warnings():  # a parameter at its bound is no news
+        with warnings.catch_warnings():  # parameters at their bounds are expected
             warnings.simplefilter("ignore")
             return model.fit(encoded(actions), values)
 
     @lru_cache(maxsize=4)
     def learnt(actions: bytes, rewards: bytes) -> Any:
-        """The kernel with what these evaluations say of its parameters."""
+        """The kernel with parameters fitted to these evaluations."""
         rows = np.frombuffer(actions, np.int32).reshape(-1, space.attributes)
         kernels = library.kernels
         kernel = kernels.ConstantKernel(1.0, (1e-2, 1e2)) * kernels.Matern(
@@ -99,7 +98,7 @@ def gaussian_process(
     latest: tuple[host.Seen, Any] | None = None
 
     def fitted(state: host.Seen) -> Any:
-        """The process after all evaluations; its parameters by the first of them, see `GROWTH`."""
+        """The process after all evaluations, with parameters fitted to the first ones, see `GROWTH`."""
         nonlocal latest
         if latest is None or latest[0] is not state:
             steps = np.floor(np.log(len(state.rewards)) / np.log(GROWTH) + 1e-9)
@@ -109,23 +108,23 @@ def gaussian_process(
         return latest[1]
 
     def means(model: Any, actions: np.ndarray) -> np.ndarray:
-        """What data sets are worth, in standard deviations of all rewards."""
+        """The mean rewards of data sets, in standard deviations of all rewards."""
         return model.predict(encoded(actions))
 
     def looked_at(rng: np.random.Generator, best: np.ndarray) -> np.ndarray:
         """Candidates: random ones, and neighbours of the best."""
         anew = rng.integers(0, bins, (candidates, space.attributes), np.int32)
         around = best[rng.integers(0, len(best), candidates // 2)]
-        # The one to three attributes of the lowest numbers are those of the random candidate.
+        # The random candidate gives the one to three attributes with the lowest numbers.
         rank = rng.random(around.shape).argsort(axis=1).argsort(axis=1)
         changed = rank < rng.integers(1, 4, (len(around), 1))
         anew[: len(around)] = np.where(changed, anew[: len(around)], around)
         return anew
 
     def promising(model: Any, actions: np.ndarray, rows: np.ndarray, n: int) -> list[int]:
-        """The n rows of the greatest expected improvement over the highest mean, one after the other.
+        """Chooses n rows by expected improvement over the highest mean, one after the other.
 
-        A row believed to be worth its mean changes no other mean; deviations shrink as by any evaluation.
+        A row that counts with its mean changes no other mean; deviations shrink as for any evaluation.
         """
         signal, noise = model.kernel_.k1, model.kernel_.k2.noise_level
         x, mean = encoded(rows), means(model, rows)
@@ -134,7 +133,7 @@ def gaussian_process(
         left = signal.diag(x) - (explained**2).sum(axis=0)
         chosen: list[int] = []
         while len(chosen) < n:
-            # Of the value, not of a reward with its noise.
+            # The deviation is that of the mean, without the noise of a reward.
             deviation = np.sqrt(np.maximum(left, 1e-12))
             gain = mean - highest
             expected = gain * norm.cdf(gain / deviation) + deviation * norm.pdf(gain / deviation)

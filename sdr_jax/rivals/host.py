@@ -1,4 +1,4 @@
-"""What adapters of other libraries share: the import, and the jitted parts of a method that itself is not."""
+"""Parts shared by adapters of other libraries: the import, and the functions that can be jitted."""
 
 import importlib
 from collections.abc import Callable
@@ -14,19 +14,19 @@ from sdr_jax.relaxation import UNDECIDED, entropy, relax
 from sdr_jax.space import Proposal, Space, Width
 
 info = jax.jit(lambda rewards, probabilities: plain_info(rewards, entropy(probabilities)))
-"""The info of an update, f32[n] rewards and f32[attributes bins] probabilities given."""
+"""The info of an update, from rewards f32[n] and probabilities f32[attributes bins]."""
 
 
 def needs(module: str, method: str, package: str | None = None) -> Any:
-    """Imports what a method needs from the optional extra `search`; by default the package has its name.
+    """Imports a module of the optional extra `search`; by default its package has the same name.
 
     Raises:
-        ImportError: it is not installed; says what to install.
+        ImportError: it is not installed; the message says how to install it.
     """
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError as error:
-        if error.name != module:  # it is there and lacks something of its own
+        if error.name != module:  # the module is installed, but lacks another one
             raise
         raise ModuleNotFoundError(
             f"{method} needs the package {package or module}: pip install 'sdr-jax[search]'",
@@ -40,7 +40,7 @@ def seed(rng_key: Key[Array, ""]) -> int:
 
 
 def relaxation(space: Space, width: Width) -> Callable[[Array | np.ndarray], Proposal]:
-    """`relax` for a space and a width, looked up: the same numbers without its dispatches.
+    """`relax` for a space and a width as a table: the same numbers without dispatches to JAX.
 
     Raises:
         ValueError: a width outside [0, 1].
@@ -58,19 +58,19 @@ def relaxation(space: Space, width: Width) -> Callable[[Array | np.ndarray], Pro
 
 
 class Seen(NamedTuple):
-    """All evaluations so far; of growing size, not for jit."""
+    """All evaluations so far; its size grows, so it cannot be jitted."""
 
-    actions: np.ndarray  # i32[evaluations attributes]: their bins
+    actions: np.ndarray  # i32[evaluations attributes]: bins
     rewards: np.ndarray  # f64[evaluations]: finite
 
 
 def nothing(space: Space) -> Seen:
-    """No evaluation yet."""
+    """The state before any evaluation."""
     return Seen(np.zeros((0, space.attributes), np.int32), np.zeros(0))
 
 
 def with_new(seen: Seen, actions: Array | np.ndarray, rewards: Array | np.ndarray) -> Seen:
-    """What was seen and n more, i32[n attributes] and [n]; those without a finite reward are left out."""
+    """Adds n evaluations, i32[n attributes] and [n]; it leaves out those without a finite reward."""
     rows, values = np.asarray(actions, np.int32), np.asarray(rewards, np.float64)
     finite = np.isfinite(values)
     return Seen(

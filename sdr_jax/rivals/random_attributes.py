@@ -1,4 +1,4 @@
-"""Random attributes: the method that learns nothing, with which every search is compared."""
+"""Random attributes: a method that learns nothing and is the baseline of every search."""
 
 from typing import NamedTuple
 
@@ -15,7 +15,7 @@ class NothingLearnt(NamedTuple):
 
 
 def random_attributes(space: Space) -> Method:
-    """Every attribute over its whole range (centre 0.5, width 1), whatever the rewards say.
+    """Proposes every attribute's whole range (centre 0.5, width 1), whatever the rewards are.
 
     Args:
         space: the attributes.
@@ -34,7 +34,7 @@ def random_attributes(space: Space) -> Method:
         return NothingLearnt()
 
     def sample(rng_key: RngKey, state: NothingLearnt, n: int) -> tuple[Bins, Proposal]:
-        del rng_key  # the streets draw from the whole range, not the data set
+        del rng_key  # each street draws from the whole range
         return jnp.full((n, space.attributes), UNDECIDED, jnp.int32), proposal(n)
 
     def update(state: NothingLearnt, actions: Bins, rewards: Rewards) -> tuple[NothingLearnt, Info]:

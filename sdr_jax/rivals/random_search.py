@@ -1,4 +1,4 @@
-"""Random search, the rival every method has to beat: try bins at random, keep the best."""
+"""Random search, which every method has to beat: it tries random bins and keeps the best."""
 
 from typing import NamedTuple
 
@@ -11,17 +11,17 @@ from sdr_jax.space import Proposal, Space, Width
 
 
 class SearchState(NamedTuple):
-    """The best that has been seen."""
+    """The best data set so far."""
 
     actions: Int[Array, "attributes"]  # its bins, -1 before the first update
     reward: Float[Array, ""]  # its reward, minus infinity before the first update
 
 
 def random_search(space: Space, width: Width = None) -> Method:
-    """Uniform bins for all attributes at once; the answer is the best data set seen.
+    """Proposes uniform bins for all attributes at once; the answer is the best data set so far.
 
-    Groups play no part. `solution` and `spread` are the same: one reward says nothing of how sure
-    the best bin is. Under noisy rewards the best is partly the luckiest.
+    Groups play no part. `solution` and `spread` are the same, since one reward gives no estimate of
+    uncertainty. Under noisy rewards the best is partly the luckiest.
 
     Args:
         space: the attributes and their bins.

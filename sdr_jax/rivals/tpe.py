@@ -1,4 +1,4 @@
-"""TPE, the tree-structured Parzen estimator, through the library `optuna`: a host adapter."""
+"""TPE, the tree-structured Parzen estimator, a host adapter of the library `optuna`."""
 
 from typing import Any, NamedTuple
 
@@ -13,11 +13,11 @@ from sdr_jax.space import Proposal, Space, Width
 
 
 class _Latest(NamedTuple):
-    """The study of the latest state, kept because telling a new study all evaluations takes long."""
+    """The study of the latest state; it is kept, since telling a new study all evaluations takes long."""
 
     state: host.Seen
-    study: Any  # knows the evaluations of the state
-    asked: list[Any]  # trials of it that wait for a reward: the last sample
+    study: Any  # the library's study, which knows the evaluations of the state
+    asked: list[Any]  # its trials that wait for a reward: the last sample
     actions: list[list[int]]  # their bins
 
 
@@ -28,27 +28,25 @@ def tpe(
     startup: int = 10,
     multivariate: bool = True,
 ) -> Method:
-    """Models the good and the other evaluations apart, and proposes where good ones are denser.
+    """Models good and other evaluations separately, and proposes bins where good ones are denser.
 
-    Bins are ordered integers, so neighbours share evidence, or categories where they have no order.
-    Options are the library's own defaults. The n data sets of an update are asked
-    one after the other, those pending counted as poor (the library's constant liar), which spreads
-    them. The answer is the best data set seen, as the library gives it: under noise partly the
-    luckiest. Groups play no part.
+    Bins are ordered integers, so that neighbours share evidence, or categories if they have no order.
+    Other options are the library's defaults. The n data sets of an update are asked for one after the
+    other, and pending ones count as poor (the library's constant liar), which spreads them. The answer is
+    the library's, the best data set so far, which under noise is partly the luckiest. Groups play no part.
 
-    This is a host adapter, not to be jitted: `run` and its scan do not take it, `drive` does.
-    Otherwise it behaves like the pure methods: the same key gives the same data sets, and a state
-    given stays valid. The library is told the history anew only where a state does not follow
-    from the one before.
+    This is a host adapter, which cannot be jitted: `drive` takes it, `run` does not. Otherwise it behaves
+    like the pure methods: the same key gives the same data sets, and earlier states stay valid. The
+    library is told the history anew only if a state does not follow from the last one.
 
-    `probabilities`, and `spread` from it, are an estimate: the best quarter of the evaluations,
-    and a uniform distribution with the weight of one more.
+    `probabilities` and `spread` are estimated from the best quarter of the evaluations, and a uniform
+    distribution with the weight of one evaluation.
 
     Args:
         space: the attributes and their bins.
         width: of the relaxed bins, see `relax`.
-        startup: evaluations at random before the model is used.
-        multivariate: model attributes jointly (the library's default from 5.0 on), or each alone.
+        startup: number of random evaluations before the model is used.
+        multivariate: whether to model attributes jointly (the library's default from 5.0 on).
 
     Returns:
         The method, for any number of updates.
@@ -74,7 +72,7 @@ def tpe(
 
     def new_study() -> Any:
         storage = optuna.storages.InMemoryStorage()
-        # The library greets every new study; that is not ours to say.
+        # The library reports every new study; our users need not read it.
         level = optuna.logging.get_verbosity()
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         try:
@@ -114,11 +112,11 @@ def tpe(
         before = known(state)
         study = before.study
         forget(study, before.asked)
-        # All that is random comes from here, so a study used before asks like a new one.
+        # All randomness comes from this seed, so an old study proposes the same as a new one.
         study.sampler = optuna.samplers.TPESampler(
             n_startup_trials=startup,
             multivariate=multivariate,
-            constant_liar=n > 1,  # with one there is nobody to spread from
+            constant_liar=n > 1,  # a single data set needs no spreading
             seed=host.seed(rng_key),
         )
         trials = [study.ask(choices) for _ in range(n)]

@@ -31,13 +31,13 @@ def _parser() -> Parser:
     add("space", type=Path, metavar="SPACE", help="TOML file: attributes, method, sizes")
     add("--out", type=Path, metavar="DIR", help="run folder; by default runs/ and the file's name")
     add("--evaluations", type=int, metavar="N", help="data sets to evaluate in all")
-    add("--workers", type=int, metavar="N", help="simulators at once; no answer depends on it")
+    add("--workers", type=int, metavar="N", help="simulators that run at once")
     add(
         "--timeout",
         type=float,
         dest="timeout_seconds",
         metavar="SECONDS",
-        help="that one run may take",
+        help="time limit of one run",
     )
     add("--retries", type=int, metavar="N", help="how often a failed run is tried again")
     add(
@@ -45,13 +45,13 @@ def _parser() -> Parser:
         action="store_true",
         help="after an outage: repeat the evaluations that failed last, from their first update on",
     )
-    add("--seed", type=int, metavar="N", help="of the search")
+    add("--seed", type=int, metavar="N", help="seed of the search")
     add("--method", metavar="NAME", help=f"one of {', '.join(get_args(MethodName))}")
     return parser
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Parses, runs, and turns what went wrong into one line. Returns the exit code."""
+    """Parses, runs, turns errors into one line, and returns the exit code."""
     arguments = sys.argv[1:] if arguments is None else list(arguments)
     # Should there be a GPU, the simulators need it more than the search.
     os.environ.setdefault("XLA_PYTHON_CLIENT_PREALLOCATE", "false")
@@ -102,6 +102,6 @@ def _interrupt(number: int, frame: FrameType | None) -> NoReturn:
 
 
 if __name__ == "__main__":
-    # What a queue sends at the end of a job leaves no simulator behind either.
+    # The signal of a queue at the end of a job must not leave simulators running either.
     signal.signal(signal.SIGTERM, _interrupt)
     sys.exit(main())

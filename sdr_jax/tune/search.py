@@ -1,4 +1,4 @@
-"""The run as a whole: ask, simulate in parallel, tell, until the evaluations are spent."""
+"""The run as a whole: it asks, simulates in parallel and tells, until all evaluations are made."""
 
 from __future__ import annotations
 
@@ -32,31 +32,31 @@ FREE = ("evaluations", "timeout_seconds", "retries", "workers")
 
 PACKAGES = ("sdr-jax", "jax", "numpy")
 HISTORY, EVALUATIONS = "evaluations.jsonl", "evaluations"
-"""A line, and a folder, for every evaluation."""
+"""The file of lines, and the folder of folders, of all evaluations."""
 ANSWER, RETRIED = "answer.json", "retried.jsonl"
-"""What came out, and lines of evaluations that were repeated."""
+"""The files of the answer and of the lines of repeated evaluations."""
 
 
 class _NeverWorked(UserError):
-    """The first update has no score at all: the simulator is broken."""
+    """The first update has no score, so the simulator is broken."""
 
 
 def tune(
     settings: Settings, command: Sequence[str], out: Path, *, retry_failed: bool = False
 ) -> dict[str, Any]:
-    """Runs the whole optimisation, or what is left of it.
+    """Runs the whole optimisation, or the rest of it.
 
     Args:
-        settings: what to optimise and how.
+        settings: the attributes, the method and the sizes.
         command: the simulator; `{attributes.json}` in it stands for the path of its input.
-        out: the run folder, made if need be.
-        retry_failed: first take back all evaluations since the last series of failures began.
+        out: the run folder, which is made if it does not exist.
+        retry_failed: whether to take back all evaluations since the last series of failures began.
 
     Returns:
         The answer, as written to `answer.json`.
 
     Raises:
-        UserError: something that the user can put right.
+        UserError: an error that the user can mend.
         OSError: the folder cannot be written.
     """
     check_command(command)
@@ -73,14 +73,14 @@ def tune(
             write_json(out / ANSWER, answer)
             return answer
     except _NeverWorked:
-        # There is no run here; what the simulator left stays to be looked at.
+        # There is no run yet; the simulator's output stays, so that the user can look at it.
         for name in (HISTORY, CONFIG):
             (out / name).unlink(missing_ok=True)
         raise
 
 
 def _method(settings: Settings) -> Method:
-    """The method, once it has learnt: no option of it fails after hours of simulation."""
+    """The method after a trial update, so that no option fails after hours of simulation."""
     n, width = settings.datasets_per_update, settings.relaxation
     try:
         method = make(settings.method, settings.space(), width, **settings.method_options)
@@ -93,10 +93,10 @@ def _method(settings: Settings) -> Method:
 
 
 def outage(history: Sequence[Mapping[str, Any]]) -> int | None:
-    """How many lines of a history come before the update in which its last failures in a row begin.
+    """The number of lines before the update in which a history's last series of failures begins.
 
     Args:
-        history: lines with `update` and `reward`, None where the evaluation failed.
+        history: lines with `update` and `reward`, which is None if the evaluation failed.
 
     Returns:
         The number; None if no evaluation of the last update failed.
@@ -112,7 +112,7 @@ def outage(history: Sequence[Mapping[str, Any]]) -> int | None:
 
 
 def _take_back(history: list[dict[str, Any]], out: Path) -> None:
-    """Sets a history back to before its last failures; the lines are kept in a file."""
+    """Takes a history back to the point before its last failures; the lines are kept in a file."""
     kept = outage(history)
     if kept is None:
         raise UserError(
@@ -159,7 +159,7 @@ def _search(
             _refuse_failures(search, settings, command, out)
         return _answer(search, settings)
     finally:
-        # Also on Ctrl-C: nothing is left running, and the threads end.
+        # On Ctrl-C, too, no simulator is left running, and the threads end.
         simulator.stop()
         pool.shutdown(cancel_futures=True)
         progress.close()
@@ -227,7 +227,7 @@ def _refuse_failures(
 
 
 def _answer(search: AskTell, settings: Settings) -> dict[str, Any]:
-    # By id: lines stand in the order in which simulators ended.
+    # Sorted by id, since lines stand in the order in which simulators ended.
     lines = sorted(search.history, key=lambda line: line["id"])
     scored = [line for line in lines if line["reward"] is not None]
     best = max(scored, key=lambda line: line["reward"])

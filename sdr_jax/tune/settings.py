@@ -1,4 +1,4 @@
-"""What is optimised and how: the TOML file, checked as a whole before anything is run."""
+"""The settings of a run from a TOML file, which is checked as a whole before anything is run."""
 
 from __future__ import annotations
 
@@ -26,21 +26,21 @@ class Settings:
     """One run; every field but the attributes has a default."""
 
     attributes: tuple[Attribute, ...]
-    groups: tuple[tuple[str, ...], ...] | None = None  # by name, in their order; None: one of all
+    groups: tuple[tuple[str, ...], ...] | None = None  # of names, in order; None: one group of all
     method: str = "surrogate"
     method_options: dict[str, Any] = field(default_factory=dict)
-    evaluations: int = 200  # in all, a multiple of the next
-    datasets_per_update: int = 8  # evaluated between two updates, so this is the most at once
-    relaxation: float | None = None  # width of the relaxed bins, in [0, 1]; None: the bins' own
+    evaluations: int = 200  # in all, a multiple of `datasets_per_update`
+    datasets_per_update: int = 8  # evaluated between two updates, and at most so many at once
+    relaxation: float | None = None  # width of the relaxed bins, in [0, 1]; None: width of the bins
     seed: int = 0  # of the whole run
-    repeats: int = 1  # runs per evaluation, each with a seed of its own; the score is their mean
+    repeats: int = 1  # runs per evaluation, each with its own seed; the score is their mean
     minimize: bool = False  # whether lower scores are better
     timeout_seconds: float = 600.0  # of one run
     retries: int = 1  # further attempts at a failed run
     workers: int = 1  # simulators at once
 
     def space(self) -> Space:
-        """The attributes as every method knows them; ValueError as `sdr_jax.space` says."""
+        """The attributes as a `Space`; raises ValueError as `sdr_jax.space` does."""
         names = [attribute.name for attribute in self.attributes]
         bins = [attribute.bins for attribute in self.attributes]
         unordered = [attribute.name for attribute in self.attributes if attribute.values]
@@ -54,21 +54,21 @@ MEMORY = {
     "evaluations": 1000, "datasets_per_update": 1000, "repeats": 1000, "retries": 1000,
     "workers": 10_000_000,
 }  # fmt: skip
-"""Bytes that one of them takes at least: a record, or a process."""
+"""The least number of bytes of one record or process."""
 MOST_BINS = 1000
 LARGEST_SEED = 2**32 - 1
 FLAGS = {"timeout_seconds": "--timeout"}
-"""Fields with a flag of another name."""
+"""Fields whose flags have other names."""
 
 
 class _Reader:
-    """Values of the right type, or an error that says where they stand."""
+    """Gives values of the right type, or an error that names their place."""
 
     def __init__(self, path: Path, flags: Mapping[str, Any]) -> None:
         self._path, self._flags = path, flags
 
     def at(self, name: str) -> str:
-        """Where a field got its value from."""
+        """The place from which a field has its value: the file or a flag."""
         return FLAGS.get(name, f"--{name}") if name in self._flags else f"{self._path}: {name}"
 
     def fail(self, what: str) -> UserError:
@@ -78,14 +78,14 @@ class _Reader:
         return UserError(f"{self.at(name)} is {value}, but must {must}")
 
     def typed(self, value: Any, kind: type, where: str) -> Any:
-        """The value as `kind`; whole numbers pass for numbers, true does not pass for 1."""
+        """The value as `kind`; a whole number may stand for a number, but true not for 1."""
         right = type(value) is kind or (kind is float and type(value) is int)
         if not right or (kind is float and not math.isfinite(value)):
             raise UserError(f"{where} is {value!r}, but must be {TYPES[kind]}")
         return kind(value)
 
     def known(self, table: Mapping[str, Any], names: list[str], where: str) -> None:
-        """Refuses keys that mean nothing here."""
+        """Refuses unknown keys."""
         unknown = [key for key in table if key not in names]
         if unknown:
             some = ", ".join(names) or "none"
@@ -97,13 +97,13 @@ def read(path: Path, flags: Mapping[str, Any]) -> Settings:
 
     Args:
         path: the file.
-        flags: fields that the command line sets instead, by name.
+        flags: fields by name that the command line sets instead.
 
     Returns:
-        The settings, checked; `sdr` gets the updates per group that its evaluations suffice for.
+        The checked settings; `sdr` gets as many updates per group as its evaluations allow.
 
     Raises:
-        UserError: the first thing that is wrong, with its file or flag.
+        UserError: the first error, with its file or flag.
     """
     reader = _Reader(path, flags)
     table = {**_load(path), **flags}
@@ -184,7 +184,7 @@ def _attribute(reader: _Reader, entry: dict[str, Any], number: int) -> Attribute
 
 
 def _of_values(reader: _Reader, name: str, given: dict[str, Any]) -> Attribute:
-    """An attribute of named values without an order."""
+    """Reads an attribute with named values that have no order."""
     where, values = f"attribute {name!r}", given["values"]
     beside = [key for key in given if key not in ("name", "values")]
     if beside:

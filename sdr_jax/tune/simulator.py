@@ -1,4 +1,4 @@
-"""The simulator as a program: started in a folder of its own, timed out, tried again, its score read."""
+"""Runs the simulator as a program in its own folder, with a time limit and retries, and reads its score."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ from shell.progress import duration
 PLACEHOLDER = "{attributes.json}"
 WANTED = 'a number or a JSON object with "score"'
 TAIL = 65536
-"""Bytes at the end of an output in which its last line is looked for."""
+"""The last line of an output is read from so many bytes at its end."""
 SILENCE = 60.0
-"""Seconds. A message names a simulator that has printed nothing for so long."""
+"""After so many seconds without output a message names the simulator."""
 SUPERVISOR = """
 import os, signal, sys
 for number in (signal.SIGHUP, signal.SIGINT, signal.SIGTERM):
@@ -42,7 +42,7 @@ for group in running:
     try: os.killpg(group, signal.SIGKILL)
     except OSError: pass
 """
-"""What outlives this process, to end simulators that a kill would leave running.
+"""The supervisor's program, which outlives this process to end simulators that a kill would leave running.
 
 It reads the number of each process group when the group starts, and again when it has ended. When this
 process ends, for any reason, the pipe closes, and the supervisor kills the groups that are left.
@@ -50,16 +50,16 @@ process ends, for any reason, the pipe closes, and the supervisor kills the grou
 
 
 class Outcome(NamedTuple):
-    """What became of one evaluation."""
+    """The outcome of one evaluation."""
 
-    score: float | None  # mean over the repeats, as the simulator counts; None if one failed
+    score: float | None  # mean over the repeats, in the simulator's units; None if a repeat failed
     scores: list[float]  # of every repeat
-    failures: list[str]  # why attempts failed, in order
-    seconds: float  # spent on it
+    failures: list[str]  # reasons of failed attempts, in order
+    seconds: float  # of the evaluation
 
 
 class Stopped(Exception):
-    """The run is being ended; what was running does not count."""
+    """The run is being ended; unfinished evaluations do not count."""
 
 
 class _Failed(Exception):
@@ -70,7 +70,7 @@ def check_command(command: Sequence[str]) -> None:
     """Refuses a command that cannot work.
 
     Raises:
-        UserError: no command, no placeholder in it, or a program that is not there.
+        UserError: no command, no placeholder in it, or a program that does not exist.
     """
     if not command:
         raise UserError(f"say what to run at the end: -- ./my_simulator {PLACEHOLDER}")
@@ -92,11 +92,11 @@ class Simulator:
 
     command: Sequence[str]  # the program and its arguments
     attributes: Sequence[Attribute]  # in the order of the space
-    folder: Path  # where every evaluation gets a folder
-    timeout: float  # seconds that one run may take
-    retries: int  # how often a failed run is tried again, with another seed
+    folder: Path  # the parent of every evaluation's folder
+    timeout: float  # of one run, in seconds
+    retries: int  # further attempts at a failed run, each with another seed
     repeats: int  # runs per evaluation
-    say: Callable[[str], None] = print  # tells the user, from any thread
+    say: Callable[[str], None] = print  # prints a message, from any thread
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _running: set[subprocess.Popen] = field(default_factory=set)
     _stopped: bool = False
@@ -108,7 +108,7 @@ class Simulator:
         )  # fmt: skip
 
     def evaluate(self, trial: Trial) -> Outcome:
-        """Scores one trial; its seeds follow from the trial's, whatever happens beside it.
+        """Evaluates one trial; its seeds depend on the trial's seed alone.
 
         Raises:
             Stopped: `stop` was called.
@@ -116,7 +116,7 @@ class Simulator:
         """
         started = time.monotonic()
         own = self.folder / f"{trial.id:06d}"
-        if own.exists():  # it was under way when a session was killed, or is repeated
+        if own.exists():  # a killed session left it unfinished, or it is repeated
             shutil.rmtree(own)
         scores: list[float] = []
         failures: list[str] = []
@@ -130,12 +130,12 @@ class Simulator:
                 except _Failed as failure:
                     failures.append(str(failure))
             else:
-                break  # one repeat without a score is enough to fail
+                break  # one failed repeat fails the evaluation
         score = math.fsum(scores) / self.repeats if len(scores) == self.repeats else None
         return Outcome(score, scores, failures, time.monotonic() - started)
 
     def stop(self) -> None:
-        """Kills whatever is running, and lets nothing start any more."""
+        """Kills all running simulators and prevents new ones."""
         with self._lock:
             self._stopped = True
             running = list(self._running)
@@ -156,7 +156,7 @@ class Simulator:
             try:
                 code = self._wait(process, trial.id, (stdout.fileno(), stderr.fileno()))
             finally:
-                _kill(process)  # with what it left in the background
+                _kill(process)  # with its background processes
                 with self._lock:
                     self._running.discard(process)
                     if self._stopped:
@@ -172,7 +172,7 @@ class Simulator:
             if self._stopped:
                 raise Stopped
             try:
-                # A group of its own: its end is its children's, and Ctrl-C is ours to pass on.
+                # In its own process group its children end with it, and Ctrl-C reaches only us.
                 process = subprocess.Popen(
                     command, stdin=subprocess.DEVNULL, start_new_session=True, **streams
                 )
@@ -185,11 +185,11 @@ class Simulator:
     def _note(self, process: subprocess.Popen) -> None:
         """Tells the supervisor that a simulator has started, or has ended."""
         assert self._supervisor.stdin is not None
-        with suppress(BrokenPipeError):  # it was killed: the search goes on without it
+        with suppress(BrokenPipeError):  # the search goes on without a killed supervisor
             self._supervisor.stdin.write(f"{process.pid}\n".encode())
 
     def _wait(self, process: subprocess.Popen, id: int, outputs: Sequence[int]) -> int:
-        """The exit code; while the outputs (file descriptors) do not grow, says so."""
+        """Waits for the exit code; reports when the outputs (file descriptors) stop growing."""
         started, size = time.monotonic(), 0
         while (left := started + self.timeout - time.monotonic()) > 0:
             with suppress(subprocess.TimeoutExpired):
@@ -208,10 +208,10 @@ def parse_score(line: str) -> float:
     """The score in a simulator's last line: a number, or a JSON object with `score`.
 
     Args:
-        line: the last line of its output that is not empty; '' if there is none.
+        line: the last non-empty line of its output; '' if there is none.
 
     Returns:
-        The score, finite and not too large for the search.
+        The score, a finite number that is not too large for the search.
     """
     if not line:
         raise _Failed(f"printed nothing; the last line must be {WANTED}")

@@ -1,4 +1,4 @@
-"""Attributes in the simulator's own units, and the file that it reads them from."""
+"""Attributes in the simulator's units, and the file from which it reads them."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ class Attribute:
     """One attribute as the user describes it.
 
     Attributes:
-        name: what the simulator calls it.
-        bins: how many bins it is cut into, >= 2.
+        name: its name in the simulator.
+        bins: its number of bins, >= 2.
         low: its value at unit value 0, in the simulator's units.
         high: its value at unit value 1.
-        log: whether equal steps in [0, 1] are equal factors, rather than equal differences.
-        values: names of its values, one a bin, if they have no order; low, high and log mean nothing then.
+        log: whether equal steps in [0, 1] are equal factors instead of equal differences.
+        values: names of unordered values, one per bin; low, high and log then have no meaning.
     """
 
     name: str
@@ -34,7 +34,7 @@ class Attribute:
 
 
 def physical(attribute: Attribute, unit: float) -> float:
-    """A value in the simulator's units, from one in [0, 1].
+    """Converts a value in [0, 1] to the simulator's units.
 
         low + unit (high - low),   or  low (high / low)^unit  with `log`
 
@@ -43,7 +43,7 @@ def physical(attribute: Attribute, unit: float) -> float:
         unit: in [0, 1].
 
     Returns:
-        The value, in [low, high], to ten digits.
+        The value in [low, high], rounded to ten digits.
     """
     if attribute.log:
         low, high = math.log(attribute.low), math.log(attribute.high)
@@ -54,22 +54,22 @@ def physical(attribute: Attribute, unit: float) -> float:
 
 
 def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, dict[str, Any]]:
-    """A proposal in both units, by name, as it stands in `attributes.json` and `answer.json`.
+    """A proposal in both units by name, as `attributes.json` and `answer.json` hold it.
 
     Args:
         attributes: in the order of the space.
         proposal: f32[attributes] each.
 
     Returns:
-        For every name `unit` (`centre` and `width`, in [0, 1]) and, in the simulator's units,
-        `centre`, `low` and `high`: the interval that values are drawn from. Of values without an order
-        `unit` and `values`: the names to draw from.
+        For every name `unit` (`centre` and `width`, in [0, 1]) and, in the simulator's units, `centre`,
+        `low` and `high` of the interval to draw from. For values without an order `unit` and `values`,
+        the names to draw from.
     """
     described: dict[str, dict[str, Any]] = {}
     for attribute, centre, width in zip(
         attributes, np.asarray(proposal.centre), np.asarray(proposal.width), strict=True
     ):
-        # The digits beyond single precision would only make the file hard to read.
+        # Digits beyond single precision would only make the file hard to read.
         middle, length = round(float(centre), 7), round(float(width), 7)
         unit = {"centre": middle, "width": length}
         if attribute.values:
@@ -86,7 +86,7 @@ def describe(attributes: Sequence[Attribute], proposal: Proposal) -> dict[str, d
 
 
 def _among(values: Sequence[str], centre: float, width: float) -> list[str]:
-    """The values with a bin whose middle lies in an interval."""
+    """The values whose bins have their middle in an interval."""
     middles = (np.arange(len(values)) + 0.5) / len(values)
     inside = np.abs(middles - centre) <= max(width, 1 / len(values)) / 2 + 1e-6
     return [value for value, there in zip(values, inside, strict=True) if there]
