@@ -19,17 +19,17 @@ MIRROR, GAIN, GAMMA, CONTRAST, SATURATION, BLUR, NOISE, SCALE, DOWN, RIGHT, MIX 
 DRAWS = MIX + 6
 
 MAX_GAIN = 1.4  # brightness is multiplied by 1/1.4 .. 1.4
-MAX_GAMMA = 1.4  # and raised to a power of 1/1.4 .. 1.4
+MAX_GAMMA = 1.4  # values are raised to a power of 1/1.4 .. 1.4
 MAX_CONTRAST = 0.3  # distance from the image's mean is scaled by 0.7 .. 1.3
 MAX_SATURATION = 0.5  # distance from grey is scaled by 0.5 .. 1.5
 MAX_MIX = 0.25  # -0.25 .. 0.25 of each other channel's difference is added to a channel
 MAX_NOISE = 0.04  # standard deviation of the noise, of the range from black to white
 MAX_SCALE = 2.0  # sizes are multiplied by 1/2 .. 2
-GREY = 0.45  # what lies beside a picture that was shrunk; about ImageNet's mean
+GREY = 0.45  # fills the margin of a shrunk picture; about ImageNet's mean
 
 
 def draw(rng: np.random.Generator, *shape: int) -> Float32[np.ndarray, "*shape draws"]:
-    """Draw the numbers in [0, 1) that `augment` needs, for images of some shape such as (steps, batch)."""
+    """Draw the numbers in [0, 1) that `augment` needs for a shape of images such as (steps, batch)."""
     return rng.random((*shape, DRAWS), dtype=np.float32)
 
 
@@ -40,7 +40,7 @@ def _between(u: Float[Array, " b"], low: float, high: float) -> Float[Array, "b 
 def mirrored(
     images: Float[Array, "b h w c"], labels: Integer[Array, "b h w"], u: Float[Array, " b"]
 ) -> tuple[Float[Array, "b h w c"], Integer[Array, "b h w"]]:
-    """Swap left and right, in image and label, where u < 0.5."""
+    """Swap left and right of image and label where u < 0.5."""
     swap = (u < 0.5)[:, None, None]
     return (
         jnp.where(swap[..., None], images[:, :, ::-1], images),
@@ -51,13 +51,13 @@ def mirrored(
 def scaled(
     images: Float[Array, "b h w c"], labels: Integer[Array, "b h w"], draws: Float[Array, "b draws"]
 ) -> tuple[Float[Array, "b h w c"], Integer[Array, "b h w"]]:
-    """Enlarge or shrink each image about a random point, and cut it to its size; 0.5 for all changes nothing.
+    """Enlarge or shrink each image about a random point, and cut it to its size; draws of 0.5 change nothing.
 
-    Pictures are interpolated, labels are those of the nearest pixel; beside a picture it is grey and void.
+    Pictures are interpolated, labels are taken from the nearest pixel; the margin is grey and void.
     """
     _, h, w, _ = images.shape
     times = MAX_SCALE ** (2 * draws[:, SCALE] - 1)
-    # What is over on each side is cut off, or filled, in a random proportion.
+    # The excess is cut off, or the margin filled, on both sides in a random proportion.
     down, right = ((1 - times) * n * draws[:, u] for n, u in ((h, DOWN), (w, RIGHT)))
 
     def one(image: Array, label: Array, times: Array, down: Array, right: Array) -> Any:
@@ -94,7 +94,7 @@ def coloured(
 def mixed(
     images: Float[Array, "b h w 3"], draws: Float[Array, "b draws"]
 ) -> Float[Array, "b h w 3"]:
-    """Mix the colour channels of each image; greys stay, and draws of 0.5 leave all as it is.
+    """Mix the colour channels of each image; greys stay, and draws of 0.5 change nothing.
 
     x_i + sum_j m_ij (x_j - x_i), with m_ij in -0.25..0.25 for j != i.
     """
@@ -119,7 +119,7 @@ def blurred(images: Float[Array, "b h w c"], u: Float[Array, " b"]) -> Float[Arr
 def noisy(
     rng_key: PRNGKeyArray, images: Float[Array, "b h w c"], u: Float[Array, " b"]
 ) -> Float[Array, "b h w c"]:
-    """Add normal noise to every value, of a standard deviation of up to 0.04 in each image."""
+    """Add normal noise to every value, with a standard deviation of up to 0.04 per image."""
     size = MAX_NOISE * u[:, None, None, None]
     return jnp.clip(images + size * jax.random.normal(rng_key, images.shape), 0, 1)
 
@@ -131,14 +131,14 @@ def augment(
     settings: TrainSettings,
     rng_key: PRNGKeyArray | None = None,
 ) -> tuple[Float[Array, "b h w 3"], UInt8[Array, "b h w"]]:
-    """Change a batch as the settings say.
+    """Augment a batch as the settings say.
 
     Args:
         images: RGB.
         labels: class ids.
         draws: from `draw`.
-        settings: of which `mirror`, `scale`, `colour`, `mix`, `blur` and `noise` count.
-        rng_key: of the noise; needed for that alone.
+        settings: the fields `mirror`, `scale`, `colour`, `mix`, `blur` and `noise` are used.
+        rng_key: the key of the noise; needed only for noise.
 
     Returns:
         RGB in [0, 1], and labels.

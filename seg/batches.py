@@ -1,4 +1,4 @@
-"""Any number of images through a compiled function, which wants one shape."""
+"""Runs a compiled function, which takes one shape, on any number of images."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,9 +13,9 @@ def in_batches(
     images: Shaped[np.ndarray, "n ..."],
     size: int,
 ) -> Any:
-    """What `run` makes of each image (or number of one), in batches of a fixed size; zeros fill the last.
+    """Apply `run` to each image (or its index) in batches of a fixed size; zeros fill the last batch.
 
-    That is an array, or a tree of arrays.
+    The result is an array, or a tree of arrays.
     """
     parts = []
     for start in range(0, len(images), size):

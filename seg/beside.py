@@ -1,4 +1,4 @@
-"""Images beside a training set: a few that are drawn so often that they are a share of all batches."""
+"""Images beside a training set: a few images, drawn so often that they fill a share of all batches."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -17,22 +17,22 @@ class Beside(NamedTuple):
     images: UInt8[np.ndarray, "n h w 3"]  # RGB, of the size of the others
     labels: UInt8[np.ndarray, "n h w"]
     share: float  # of the images of all batches, in (0, 1)
-    features: Maps | None = None  # of all their views, for a frozen trunk, if they are known
+    features: Maps | None = None  # of all their views, if known, for a frozen trunk
 
 
 class TrainingSet(NamedTuple):
-    """What a net trains on, in one part or two, and the share of all batches that each part is."""
+    """The images that a net trains on, in one or two parts, and each part's share of all batches."""
 
     parts: tuple[Any, ...]
-    """Labelled images of one size; in a job that is still to be done, what they are made of."""
+    """Labelled images of one size; in a job, the recipes that they are made from."""
     shares: tuple[float, ...] = (1.0,)
 
 
 def training_set(images: LabelledImages, beside: Beside | None) -> TrainingSet:
-    """Images and, if there are some, those beside them.
+    """Join images and, if there are any, the images beside them.
 
     Raises:
-        ValueError: a share that is none or all, or images of two sizes.
+        ValueError: a share of 0 or 1, or images of two sizes.
     """
     if beside is None:
         return TrainingSet((images,))
@@ -48,23 +48,23 @@ def training_set(images: LabelledImages, beside: Beside | None) -> TrainingSet:
 
 
 def drawn(share: float, images: int) -> int:
-    """How many of the images of all batches are beside the others: their share, rounded."""
+    """How many of the images in all batches are beside the others: their share, rounded."""
     return int(np.floor(images * share + 0.5))
 
 
 def picks(
     rng: np.random.Generator, counts: Sequence[int], share: float, needed: int
 ) -> Int[np.ndarray, " needed"]:
-    """The images of all updates, one after the other.
+    """Choose the images of all updates, one after the other.
 
-    Those of one part come in permutations, so that each of them is seen equally often. Those beside the
-    others (the second count) are spread evenly: every batch has their share, rounded up or down.
+    Each part comes in permutations, so that its images are seen equally often. The images of the second
+    part are spread evenly: every batch has their share, rounded up or down.
 
     Args:
         rng: consumed.
-        counts: images of each part; indices of the second one begin behind the first.
-        share: of the second part.
-        needed: images in all.
+        counts: images of each part; the second part's indices follow the first part's.
+        share: the second part's share.
+        needed: total number of images.
     """
     if len(counts) == 1:
         return _epochs(rng, counts[0], needed)
@@ -81,7 +81,7 @@ def _epochs(rng: np.random.Generator, count: int, needed: int) -> np.ndarray:
 
 
 def joined(parts: Sequence[Any]) -> Any:
-    """Arrays (or feature maps) of all parts, one behind the other."""
+    """Concatenate the arrays (or feature maps) of all parts."""
     if len(parts) == 1:
         return parts[0]
     if isinstance(parts[0], tuple):
@@ -90,7 +90,7 @@ def joined(parts: Sequence[Any]) -> Any:
 
 
 def mixed(shares: Sequence[float], found: Sequence[Statistics]) -> Statistics:
-    """Mean and deviation of each channel over parts that count by their shares.
+    """Mean and deviation of each channel over parts weighted by their shares.
 
     m = sum_k s_k m_k, v = sum_k s_k (v_k + m_k^2) - m^2.
     """

@@ -1,4 +1,4 @@
-"""Boundary IoU: how well the outlines of classes are found, whatever the size of what they enclose."""
+"""Boundary IoU: how well a net finds the outlines of classes, whatever the size of their areas."""
 
 import cv2
 import numpy as np
@@ -7,7 +7,7 @@ from jaxtyping import Float64, Int64, UInt8
 from seg.classes import IGNORE_LABEL
 
 SHARE = 0.02
-"""Of an image's diagonal: how wide the strip along an outline is."""
+"""Width of the strip along an outline, as a share of the image's diagonal."""
 
 
 def boundary_counts(
@@ -18,17 +18,17 @@ def boundary_counts(
 ) -> Int64[np.ndarray, "2 classes"]:
     """Count the pixels of the strips along the outlines of classes. Counts of several images add up.
 
-    The strip of a class is what lies within it and within d pixels of its outline or of the image's border,
-    d = max(1, round(share * diagonal)); distances are the larger of rows and columns.
+    The strip of a class is its pixels within a distance d of its outline or of the image's border, with
+    d = max(1, round(share * diagonal)); a distance is the larger of its rows and columns.
 
     Args:
-        labels: true class ids; void belongs to no class, in the prediction neither.
+        labels: true class ids; void pixels count for no class, in predictions either.
         predictions: predicted class ids.
-        classes: how many classes there are.
-        share: of the diagonal.
+        classes: the number of classes.
+        share: the strip's width as a share of the diagonal.
 
     Returns:
-        Pixels in both the true strip and the predicted one, and pixels in either.
+        Pixels of each class in both the true and the predicted strip, and pixels in either of them.
 
     Source: Cheng et al., "Boundary IoU: improving object-centric image segmentation evaluation" (2021);
     for semantic classes, with counts added up over images as for IoU, and void left out.
@@ -44,7 +44,7 @@ def boundary_counts(
 
 
 def _strip(mask: np.ndarray, distance: int) -> np.ndarray:
-    """What of a mask is near its outline; beyond the image's border lies no more of it."""
+    """The part of a mask near its outline; nothing of it lies beyond the image's border."""
     inner = cv2.erode(
         mask.astype(np.uint8),
         np.ones((3, 3), np.uint8),
@@ -62,7 +62,7 @@ def boundary_iou(
 
     Args:
         counts: from `boundary_counts`.
-        confusion: of the same images, which says what occurs.
+        confusion: the confusion matrix of the same images, which says what classes occur.
     """
     both, either = counts
     return np.where(confusion.sum(1) > 0, both / np.maximum(either, 1), np.nan)

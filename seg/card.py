@@ -1,4 +1,4 @@
-"""A model's card: README.md as Hugging Face lays it out, facts for machines first."""
+"""A model's card: README.md in the format of Hugging Face, with metadata for machines first."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ FOLDER is the one of this file, with `config.json` and `weights.safetensors`.
 
 
 def card(model: Model) -> str:
-    """The card of a model, from what it knows of itself.
+    """Write the card of a model from its fields and notes.
 
-    mIoU is told where its notes have it, with ``target`` and ``reported_on``, as those of `fit` do.
+    It gives the mIoU if the notes have it with ``target`` and ``reported_on``, as those of `fit` do.
     """
     notes, (height, width) = model.notes, model.size
     title = f"{model.settings.net} for {notes.get('target', 'streets')}"
@@ -72,7 +72,7 @@ def _told(model: Model) -> bool:
 
 
 def _index(model: Model, title: str) -> str:
-    """The figure for machines; JSON is YAML."""
+    """The metadata of the result; JSON is valid YAML."""
     metric = {"type": "mean_iou", "name": "mIoU, %", "value": round(model.notes["miou"], 2)}
     result = {
         "task": {"type": "image-segmentation"},

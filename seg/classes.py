@@ -22,7 +22,7 @@ class ClassTable:
     """One set of classes to segment, and how labels of renders map onto it.
 
     Attributes:
-        name: of the target that has these classes.
+        name: the name of the target that has these classes.
         classes: class names, in the order of the ids.
         colors: u8[classes, 3], RGB for pictures.
         from_train_id: u8[256], Cityscapes train id -> id of this table, `IGNORE_LABEL` for void.
@@ -45,7 +45,7 @@ def table_of(target: TargetFile) -> ClassTable:
 
 
 def table_text(target: TargetFile) -> str:
-    """By what `class_table` finds a target: its name, if its file comes with the package, else its file."""
+    """The text by which `class_table` finds a target: its name if the package has its file, else its file."""
     if target.name in SHIPPED and target == shipped(target.name):
         return target.name
     return msgspec.json.encode(target).decode()
@@ -56,7 +56,7 @@ def class_table(name: str) -> ClassTable:
     """The classes of a target.
 
     Args:
-        name: of a target whose file comes with the package, such as "cityscapes"; or what `table_text` gives.
+        name: a target whose file comes with the package, such as "cityscapes"; or a text of `table_text`.
 
     Raises:
         ValueError: no target has that name; the message lists those that exist.

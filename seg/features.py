@@ -1,4 +1,4 @@
-"""What a trained compact net sees in an image, as one vector: averages of its penultimate features."""
+"""Describes an image by one vector: averages of a trained compact net's penultimate features."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -15,7 +15,7 @@ from seg.nets import Compact, normalise, variables_of
 from seg.nets.compact import PENULTIMATE
 
 GRID = 2
-"""Cells along each side of the coarse grid, which keeps a little of where things are."""
+"""Cells along each side of the coarse grid, which keeps some of the layout."""
 BATCH = 16
 """Images per call of the net."""
 
@@ -23,13 +23,13 @@ BATCH = 16
 def penultimate(
     params: Any, images: Float[Array, "b h w 3"], classes: int
 ) -> Float[Array, "b rows cols features"]:
-    """Features, none below 0, that the last layer of the compact net makes its logits from."""
+    """The input of the compact net's last layer; no feature is below 0."""
     _, state = Compact(classes).apply(params, images, mutable=["intermediates"])
     return state["intermediates"][PENULTIMATE][0]
 
 
 def pool(maps: Float[Array, "b rows cols features"]) -> Float[Array, "b vector"]:
-    """Averages over the whole map, then over each cell of the coarse grid, row by row."""
+    """Average over the whole map, then over each cell of the coarse grid, row by row."""
     _, rows, cols, _ = maps.shape
     parts = [maps.mean(axis=(1, 2))]
     for i in range(GRID):
@@ -56,9 +56,9 @@ def features(
     """Describe images.
 
     Args:
-        params: a trained compact net, from `seg.train.train`; or from a file of its, of any version.
+        params: a trained compact net, from `seg.train.train` or from a file of any version.
         images: RGB, at least 16x16.
-        classes: how many classes the net tells apart.
+        classes: the net's number of classes.
 
     Returns:
         One vector per image.

@@ -16,7 +16,7 @@ def cross_entropy_sums(
     class_weights: Float[Array, " classes"] | None = None,
     ignore: int = IGNORE_LABEL,
 ) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Numerator and denominator of `cross_entropy`; those of the parts of a batch add up.
+    """Numerator and denominator of `cross_entropy`; both add up over the parts of a batch.
 
     sum_i w[y_i] * -log p_i[y_i] and sum_i w[y_i], over the pixels that are not void.
     """
@@ -29,7 +29,7 @@ def cross_entropy_sums(
 
 
 def _picked(planes: Array, target: Array) -> Array:
-    """planes[target], without a table of where each pixel is looked up."""
+    """planes[target], without a gather."""
     return functools.reduce(
         jnp.add, (jnp.where(target == k, plane, 0) for k, plane in enumerate(planes))
     )
@@ -37,7 +37,7 @@ def _picked(planes: Array, target: Array) -> Array:
 
 @jax.custom_vjp
 def _nats(planes: Float[Array, "classes *shape"], target: Array) -> Float[Array, "*shape"]:
-    """-log softmax of the target, with classes first: a CPU then works on many pixels at a time."""
+    """-log softmax of the target; with classes first, a CPU works on many pixels at a time."""
     return _nats_forward(planes, target)[0]
 
 
@@ -65,12 +65,12 @@ def cross_entropy(
 ) -> Float[Array, ""]:
     """Weighted mean of -log softmax(logits)[label] over the pixels that are not void.
 
-    sum_i w[y_i] * -log p_i[y_i] / sum_i w[y_i]; exactly 0, with gradient 0, where all is void.
+    sum_i w[y_i] * -log p_i[y_i] / sum_i w[y_i]; if all pixels are void, it is exactly 0 with gradient 0.
 
     Args:
         logits: one vector per pixel.
         labels: class ids; `ignore` for void.
-        class_weights: None for equal ones.
+        class_weights: None for equal weights.
         ignore: the void label.
 
     Returns:
@@ -88,12 +88,12 @@ def class_weights(
     f is the share of a class in the labelled pixels.
 
     Args:
-        labels: of the training set.
-        classes: how many classes there are.
+        labels: labels of the training set.
+        classes: the number of classes.
         ignore: the void label.
 
     Returns:
-        One weight per class; all 1 where every pixel is void.
+        One weight per class; all are 1 if every pixel is void.
     """
     return weights_of_shares(class_shares(labels, classes, ignore))
 
@@ -101,12 +101,12 @@ def class_weights(
 def class_shares(
     labels: Integer[np.ndarray, "n h w"], classes: int, ignore: int = IGNORE_LABEL
 ) -> Float[np.ndarray, " classes"]:
-    """Each class's share of the labelled pixels; 0 where every pixel is void."""
+    """Each class's share of the labelled pixels; 0 if every pixel is void."""
     counts = np.bincount(labels[labels != ignore].ravel(), minlength=classes)
     return counts / max(counts.sum(), 1)
 
 
 def weights_of_shares(share: Float[np.ndarray, " classes"]) -> Float32[np.ndarray, " classes"]:
-    """`class_weights`, from the shares of the classes."""
+    """The weights of `class_weights` from the shares of the classes."""
     weights = (share + 0.01) ** -0.75
     return (weights / weights.mean()).astype(np.float32)

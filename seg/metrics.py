@@ -1,9 +1,8 @@
 """Confusion matrix, intersection over union, and their mean.
 
-The rule for absent classes: the mean is over the classes that occur in the ground truth of the
-scored set. A class that never occurs there is left out (even where it was predicted: those pixels
-already count against the classes they were taken from); one that occurs and is never predicted
-counts 0.
+The mean is over the classes that occur in the ground truth of the tested set. An absent class is left
+out even if it is predicted, since those pixels already count against their true classes. A class that
+occurs and is never predicted counts 0.
 """
 
 from collections.abc import Sequence
@@ -14,7 +13,7 @@ from jaxtyping import Float64, Int64, Integer
 from seg.classes import IGNORE_LABEL
 
 PIECE = 2**16
-"""Pixels that are counted at a time: what is made on the way stays in the processor's cache."""
+"""So many pixels are counted at a time, so that temporary arrays stay in the processor's cache."""
 
 
 def confusion_matrix(
@@ -28,7 +27,7 @@ def confusion_matrix(
     Args:
         labels: true class ids; `ignore` for pixels that do not count.
         predictions: predicted class ids, same shape.
-        classes: how many classes there are.
+        classes: the number of classes.
         ignore: the void label.
 
     Returns:
@@ -82,14 +81,14 @@ def mean_iou(
 
     Args:
         confusion: from `confusion_matrix`.
-        classes: ids to take the mean over, such as `seg.classes.SYNTHIA_16`; None for all. What is
-            predicted as one of the others counts against the class that it is.
+        classes: ids to take the mean over, such as `seg.classes.SYNTHIA_16`; None for all. Pixels
+            predicted as another class count against their true class.
 
     Returns:
         mIoU in [0, 1].
 
     Raises:
-        ValueError: the ground truth has no labelled pixel of these classes at all.
+        ValueError: the ground truth has no pixel of these classes.
     """
     chosen = slice(None) if classes is None else list(classes)
     if not confusion[chosen].any():
@@ -100,5 +99,5 @@ def mean_iou(
 def absent_classes(
     confusion: Int64[np.ndarray, "classes classes"], names: Sequence[str]
 ) -> tuple[str, ...]:
-    """Names of the classes that `mean_iou` leaves out, because the ground truth has none of them."""
+    """Names of the classes that are absent from the ground truth, which `mean_iou` leaves out."""
     return tuple(name for name, truth in zip(names, confusion.sum(1), strict=True) if truth == 0)

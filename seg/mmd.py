@@ -1,16 +1,16 @@
-"""Maximum mean discrepancy: how far apart two sets of vectors are, without labels."""
+"""Maximum mean discrepancy: a distance between two sets of vectors, without labels."""
 
 import numpy as np
 from jaxtyping import Float, Float64
 
 DEGREE = 3
-"""Of the polynomial kernel, as in KID."""
+"""The degree of the polynomial kernel, as in KID."""
 
 
 def polynomial_kernel(
     x: Float[np.ndarray, "n d"], y: Float[np.ndarray, "m d"]
 ) -> Float64[np.ndarray, "n m"]:
-    """Likeness of every pair of rows: k(x, y) = (x . y / d + 1)^3.
+    """The kernel of every pair of rows, k(x, y) = (x . y / d + 1)^3.
 
     Source: Bińkowski et al. (2018), "Demystifying MMD GANs".
     """
@@ -19,13 +19,13 @@ def polynomial_kernel(
 
 
 def mmd2(x: Float[np.ndarray, "n d"], y: Float[np.ndarray, "m d"]) -> float:
-    """The squared discrepancy, unbiased: its mean is 0 where both sets are from one distribution.
+    """The unbiased squared discrepancy; its mean is 0 if both sets are from one distribution.
 
     sum_{i != j} k(x_i, x_j) / (n (n - 1)) + sum_{i != j} k(y_i, y_j) / (m (m - 1))
     - 2 sum_{i, j} k(x_i, y_j) / (n m). It may be a little below 0.
 
     Raises:
-        ValueError: fewer than two vectors (rows) on a side.
+        ValueError: a set has fewer than two vectors (rows).
 
     Source: Gretton et al. (2012), "A Kernel Two-Sample Test", equation 3.
     """

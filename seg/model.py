@@ -1,9 +1,9 @@
-"""A trained net that leaves the program: saved as files, loaded again, and used on images of any size.
+"""A trained net as a model: it is saved as files, loaded again, and used on images of any size.
 
-A model is a folder of three files. `weights.safetensors` holds all variables of the net that training
-returns: with a frozen trunk those of the head alone, since the trunk's weights come with a package or are a
-file of the user's, which `config.json` names with its digest. `config.json` holds the classes, the size, the
-recipe and the versions, too; `README.md` is the card, for people and Hugging Face, and is not read.
+A model is a folder of three files. `weights.safetensors` holds all variables that training returns. With a
+frozen trunk these are the head's alone, since the trunk's weights come with a package or are a file of the
+user's, which `config.json` names with its digest. `config.json` also holds the classes, the size, the recipe
+and the versions. `README.md` is the card for people and Hugging Face; the program does not read it.
 """
 
 import hashlib
@@ -34,12 +34,12 @@ from shell.files import digest, read_bytes, read_json, versions, whole_folder, w
 from shell.target_file import TargetFile
 
 FORMAT = 1
-"""Of the folder; a newer one is refused."""
+"""The version of the folder's format; a newer one is refused."""
 CONFIG, WEIGHTS = "config.json", "weights.safetensors"
 SHIPPED = Path(__file__).parent / "models"
-"""Folders of the models that come with the package; each is known by its name."""
+"""The folder of the models that come with the package; a subfolder's name is its model's."""
 PACKAGES = ("sdr-jax", "jax", "flax", "numpy", "opencv-python-headless", "safetensors")
-"""Whose versions a saved model names."""
+"""The packages whose versions a saved model names."""
 _LARGEST = 2**31  # bytes of weights: VGG16 has 553 MB
 
 Written = Literal["ids", "colours"]
@@ -62,9 +62,9 @@ def label_classes(
     """Classes in the order of the net's labels.
 
     Args:
-        names: of the classes.
-        ids: in label files; by default their places 0, 1, 2 and so on.
-        colors: RGB; by default those of PASCAL VOC.
+        names: names of the classes.
+        ids: ids in label files; by default 0, 1, 2 and so on.
+        colors: RGB; by default the colours of PASCAL VOC.
     """
     chosen = [_voc_color(k + 1) for k in range(len(names))] if colors is None else colors
     numbers = range(len(names)) if ids is None else ids
@@ -75,13 +75,13 @@ def label_classes(
 
 
 def classes_of(target: TargetFile) -> tuple[LabelClass, ...]:
-    """The classes of a target; the id of a class is the first of its ids, or its place where it has none."""
+    """The classes of a target; a class has the first of its ids, or its index if it has none."""
     ids = [own.ids[0] if own.ids else k for k, own in enumerate(target.classes.values())]
     return label_classes(target.class_names, ids, target.palette)
 
 
 def _voc_color(number: int) -> tuple[int, int, int]:
-    """The colour of a number in PASCAL VOC: its bits in threes, the lowest to the highest bits of R, G, B."""
+    """The colour of a number in PASCAL VOC: R, G and B take every third bit, the lowest bit on top."""
     channels = [0, 0, 0]
     for place in range(8):
         for channel in range(3):
@@ -91,16 +91,16 @@ def _voc_color(number: int) -> tuple[int, int, int]:
 
 @dataclass(frozen=True)
 class Model:
-    """A trained net with all that is needed to use it.
+    """A trained net with everything that its use needs.
 
     Attributes:
         settings: its recipe, which names the net.
         variables: all of its variables, as `seg.train.train` returns them.
-        size: (height, width) of the images that it was trained on; others are brought to it.
-        classes: what its labels 0, 1, 2 ... mean.
-        written: how label files of its data name classes, ids or colours.
-        notes: what it was trained on and what it is worth; plain values.
-        versions: of the packages that it was saved with.
+        size: (height, width) of its training images; other images are brought to it.
+        classes: the meaning of its labels 0, 1, 2 ...
+        written: how label files of its data name classes: ids or colours.
+        notes: its training data and results, as plain values.
+        versions: versions of the packages that saved it.
     """
 
     settings: TrainSettings
@@ -120,12 +120,12 @@ class Model:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the classes."""
+        """Names of the classes."""
         return tuple(own.name for own in self.classes)
 
     @property
     def digest(self) -> str:
-        """Sha256 of all that decides predictions and how they are written."""
+        """SHA-256 of everything that decides predictions and how they are written."""
         described = self._described()
         free = ("versions", "notes")
         return digest({key: value for key, value in described.items() if key not in free})
@@ -137,18 +137,18 @@ class Model:
     ) -> Any:
         """Segment images of any size.
 
-        Each is brought to the model's size, its aspect kept, by area averages where it shrinks, with a
-        margin on the right or below; scores of classes are brought back to the image's own size.
+        An image is brought to the model's size with its aspect kept, by area averages if it shrinks, and
+        a margin on the right or below; scores of classes are brought back to the image's own size.
 
         Args:
             images: RGB, one array u8[n, h, w, 3], or a list of arrays u8[h, w, 3] of any sizes.
-            among: the classes that may be predicted, by place; None for all.
+            among: indices of the classes that may be predicted; None for all.
 
         Returns:
-            Places in `classes`, u8[n, h, w], or a list of u8[h, w] for a list.
+            Indices of `classes`, u8[n, h, w], or a list of u8[h, w] for a list.
 
         Raises:
-            ValueError: an image that is not RGB bytes, or has no pixel.
+            ValueError: an image is not RGB bytes, or has no pixel.
             WeightsError: the frozen trunk's weights cannot be used.
         """
         places = range(len(self.classes)) if among is None else among
@@ -156,7 +156,7 @@ class Model:
         return np.stack(found) if isinstance(images, np.ndarray) else found
 
     def probabilities(self, images: UInt8[np.ndarray, "n h w 3"] | Sequence[np.ndarray]) -> Any:
-        """How likely each class is to the net: the softmax of the scores that `predict` compares.
+        """The probability of each class: the softmax of the scores that `predict` compares.
 
         Args:
             images: as for `predict`.
@@ -170,7 +170,7 @@ class Model:
     def predict_with_uncertainty(
         self, images: Sequence[np.ndarray]
     ) -> list[tuple[UInt8[np.ndarray, "h w"], Uncertainty]]:
-        """What `predict` returns for a list, each with how unsure the net is, at the model's size."""
+        """What `predict` returns for a list, each with the net's uncertainty at the model's size."""
         places = range(len(self.classes))
         return [
             (_highest(own, size, places), uncertainty(own)) for own, size in self._scores(images)
@@ -179,7 +179,7 @@ class Model:
     def _scores(
         self, images: Any
     ) -> Iterator[tuple[Float32[np.ndarray, "rows cols classes"], tuple[int, int]]]:
-        """Scores of the part of the model's size that shows the image, and the image's own size."""
+        """Scores of the part that shows the image, at the model's size, and the image's own size."""
         for image in images:
             if image.ndim != 3 or image.shape[-1] != 3 or image.dtype != np.uint8 or not image.size:
                 raise ValueError(
@@ -199,15 +199,15 @@ class Model:
         how: As | None = None,
         image: UInt8[np.ndarray, "h w 3"] | None = None,
     ) -> np.ndarray:
-        """A prediction as label files have it.
+        """Paint a prediction in the format of label files.
 
         Args:
             labels: from `predict`; 255 is void, black in colours.
-            how: by default as label files of the model's data name classes.
-            image: what was segmented; for overlays.
+            how: the format; by default that of the label files of the model's data.
+            image: the segmented image, for overlays.
 
         Returns:
-            Ids u8[h, w], u16[h, w] where one is above 255; or RGB u8[h, w, 3].
+            Ids u8[h, w], or u16[h, w] if one is above 255; or RGB u8[h, w, 3].
         """
         how = how or self.written
         if how == "ids":
@@ -223,11 +223,11 @@ class Model:
         return cv2.addWeighted(image, 0.5, colours, 0.5, 0)
 
     def save(self, folder: str | Path) -> None:
-        """Write the model into a folder of its own: all of it, or nothing; an older model there goes.
+        """Write the model into its own folder, whole or not at all; it replaces an older model.
 
         Raises:
             ModelError: the folder holds other files.
-            OSError: it cannot be written, with its name.
+            OSError: a file cannot be written; the error names it.
         """
         folder = Path(folder)
         if folder.exists():
@@ -262,7 +262,7 @@ class Model:
 
 
 def load_model(path: str | Path) -> Model:
-    """Load a model that `Model.save` has written, or one that comes with the package.
+    """Load a model that `Model.save` wrote, or one that comes with the package.
 
     Args:
         path: its folder, or a name such as `renders19`.
@@ -295,7 +295,7 @@ def shipped() -> tuple[str, ...]:
 
 
 def _loaded(folder: Path, config: Any) -> Model:
-    """The model of a folder; ValueError says what is wrong in its config."""
+    """Load the model of a folder; ValueError says what is wrong in its config."""
     newest = _field(config, "format", int)
     if newest != FORMAT:
         newer = newest > FORMAT
@@ -335,7 +335,7 @@ def _loaded(folder: Path, config: Any) -> Model:
 
 
 def _field(value: Any, name: str, kind: type) -> Any:
-    """A field of an object; ValueError unless it is there and of its type."""
+    """A field of an object; ValueError if it is missing or of another type."""
     if not isinstance(value, dict) or name not in value:
         raise ValueError(f"{name} is missing; the file is damaged, or no model's")
     found = value[name]
@@ -384,7 +384,7 @@ def _check_classes(classes: Sequence[LabelClass], written: str) -> None:
 
 
 def _variables(path: Path, expected: str, settings: TrainSettings, classes: int) -> Params:
-    """The net's variables from a file; each is looked at before it is believed."""
+    """Read the net's variables from a file, and check each one."""
     data = read_bytes(path, _LARGEST)
     found = hashlib.sha256(data).hexdigest()
     if found != expected:
@@ -414,16 +414,16 @@ def _variables(path: Path, expected: str, settings: TrainSettings, classes: int)
 
 
 def _named(tree: Params) -> Iterator[tuple[str, Any]]:
-    """Leaves by their place in the net, such as `head/score/kernel`; names leave collections out."""
+    """Leaves by their path in the net, such as `head/score/kernel`, without the collection."""
     for path, leaf in jax.tree_util.tree_leaves_with_path(tree):
         yield "/".join(str(key.key) for key in path[1:]), leaf
 
 
 def _trunk_file(folder: Path, file: Path) -> Path:
-    """The file of a trunk's weights: where it was, or beside a model that has moved.
+    """The file of a trunk's weights: at its old path, or beside a model that has moved.
 
     Raises:
-        ModelError: it is at neither place.
+        ModelError: it is in neither place.
     """
     places = (file, folder / file.name)
     for place in places:
@@ -435,7 +435,7 @@ def _trunk_file(folder: Path, file: Path) -> Path:
 
 
 def _said(source: Mapping[str, str]) -> str:
-    """What the weights of a trunk are, in words."""
+    """Describe the weights of a trunk in words."""
     return " ".join(f"{v[:8]}..." if k == "sha256" else str(v) for k, v in source.items())
 
 
@@ -450,7 +450,7 @@ def _plane(scores: np.ndarray, place: int, size: tuple[int, int]) -> np.ndarray:
 
 
 def _highest(scores: np.ndarray, size: tuple[int, int], places: Sequence[int]) -> np.ndarray:
-    """The place of the highest score of each pixel; class by class, since scores of all would be large."""
+    """The class of each pixel's highest score; class by class, since an array of all scores is large."""
     best = _plane(scores, places[0], size)
     labels = np.full(size, places[0], np.uint8)
     for place in places[1:]:

@@ -1,9 +1,9 @@
-"""Names that command lines offer, apart from what bears them: no net is loaded."""
+"""Names that command lines offer; importing them loads no net."""
 
 from typing import Literal, get_args
 
 As = Literal["ids", "colours", "overlay"]
-"""What is written of a prediction; an overlay is half image, half colours."""
+"""Formats of a written prediction; an overlay is half image, half colours."""
 
 Normalisation = Literal["torchvision", "caffe", "hed"]
 NORMALISATIONS = get_args(Normalisation)

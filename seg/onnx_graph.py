@@ -1,8 +1,8 @@
-"""Writes a model as an ONNX graph, operation by operation of what JAX traces.
+"""Writes a model as an ONNX graph, operation by operation of its JAX trace.
 
-The net is traced for one image, and each operation becomes one or two nodes. What depends on constants
-alone is computed here. Where nets have a way of their own for XLA's CPU backend, the other way is taken:
-a convolution is a Conv then, and not a sum of shifted copies.
+The net is traced for one image, and each operation becomes one or two nodes. Operations on constants alone
+are computed here. The variants that nets have for XLA's CPU backend are not used: a convolution becomes a
+Conv, not a sum of shifted copies.
 """
 
 import json
@@ -19,7 +19,7 @@ from seg.model import Model
 from seg.train import apply
 
 OPSET, IR = 18, 9
-"""Of the files: both are old enough for onnxruntime 1.15 and newer."""
+"""Versions of the files; onnxruntime 1.15 and newer reads both."""
 _INNER = {
     "jit": "jaxpr",
     "pjit": "jaxpr",
@@ -34,7 +34,7 @@ _ELEMENTWISE = {
     "exp": "Exp", "log": "Log", "neg": "Neg", "abs": "Abs", "sqrt": "Sqrt", "tanh": "Tanh", "and": "And",
     "or": "Or", "not": "Not",
 }  # fmt: skip
-Value = Any  # a known array of NumPy, or the name of a value that is only there when the graph runs
+Value = Any  # a constant NumPy array, or the name of a value that the graph computes
 
 
 def onnx_package() -> Any:
@@ -51,10 +51,10 @@ def onnx_package() -> Any:
 
 
 def onnx_bytes(model: Model) -> bytes:
-    """A model as an ONNX file.
+    """Write a model as the bytes of an ONNX file.
 
     Its input is `image`, u8[1, height, width, 3], RGB of the model's size; its outputs are `labels`,
-    u8[1, height, width], places of the classes, and `logits`, f32[1, height, width, classes]. Its metadata
+    u8[1, height, width], indices of the classes, and `logits`, f32[1, height, width, classes]. Its metadata
     names the classes, their ids and colours.
 
     Raises:
@@ -103,10 +103,10 @@ def onnx_bytes(model: Model) -> bytes:
 
 
 class Graph:
-    """Nodes and constants of a graph that grows.
+    """Nodes and constants of a graph under construction.
 
     Attributes:
-        nodes: of ONNX, in their order.
+        nodes: ONNX nodes in order.
         constants: arrays that nodes use.
     """
 
@@ -189,7 +189,7 @@ class Graph:
             "Slice", x, *(np.array(own, np.int64) for own in (starts, ends, axes, steps))
         )
 
-    # One method for each operation of JAX that is more than a name; keywords are its parameters.
+    # One method for each JAX operation that needs more than a new name; keywords are its parameters.
 
     def _conv_general_dilated(
         self, x: Value, kernel: Value, *, shape: Any, avals: Any, **own: Any
@@ -215,7 +215,7 @@ class Graph:
     def _dilated(
         self, x: Value, sizes: list[int], axis: int, times: int
     ) -> tuple[Value, list[int]]:
-        """Zeros between the cells along an axis, and the sizes then."""
+        """Put zeros between the cells along an axis; return the result and its sizes."""
         if times == 1:
             return x, sizes
         before, n, behind = sizes[:axis], sizes[axis], sizes[axis + 1 :]
@@ -304,7 +304,7 @@ class Graph:
 
 
 def _spread(x: np.ndarray, params: Any, shape: Sequence[int]) -> np.ndarray:
-    """A constant with axes of one cell where it is to be repeated."""
+    """A constant with axes of length 1 where it is to be repeated."""
     thin = [1] * len(shape)
     for axis, size in zip(params["broadcast_dimensions"], x.shape, strict=True):
         thin[axis] = size
@@ -312,7 +312,7 @@ def _spread(x: np.ndarray, params: Any, shape: Sequence[int]) -> np.ndarray:
 
 
 def _thin(value: Value) -> Value:
-    """A repeated constant as it was before, since nodes of two inputs repeat it themselves."""
+    """A repeated constant in its shape before, since nodes with two inputs repeat it themselves."""
     if isinstance(value, str) or value.ndim == 0 or math.prod(value.shape) == 0:
         return value
     return value[tuple(slice(0, 1) if s == 0 else slice(None) for s in value.strides)]

@@ -1,7 +1,7 @@
 """The two optimisers: the paper's SGD with poly decay, and Adam with a short warm-up; rates by layer.
 
-The learning rate of each step is an argument of the update and not part of the state: one compiled
-step then serves any number of steps.
+The learning rate is an argument of the update and not part of the state, so that one compiled step serves
+trainings of any length.
 """
 
 from collections.abc import Callable
@@ -16,7 +16,7 @@ from seg.settings import LrMultipliers, OptimizerName
 
 Multipliers = LrMultipliers | Literal["trunk"]
 Path = tuple[str, ...]
-"""Where a parameter is in its net, such as ("vgg16", "conv1_1", "kernel")."""
+"""The path of a parameter in its net, such as ("vgg16", "conv1_1", "kernel")."""
 
 
 def poly_schedule(
@@ -28,9 +28,9 @@ def poly_schedule(
 
     Args:
         lr: the highest rate.
-        steps: how many.
+        steps: the number of steps.
         power: 0.9 in the paper.
-        warmup: steps of the rise; 0 in the paper.
+        warmup: the number of rising steps; 0 in the paper.
 
     Returns:
         One rate per step.
@@ -41,7 +41,7 @@ def poly_schedule(
 
 
 def deeplab_multiplier(path: Path) -> float:
-    """How much faster than the others DeepLab trains a parameter: 10 for fc8; twice that for biases.
+    """DeepLab's factor on a parameter's learning rate: 10 in fc8, otherwise 1; twice that for biases.
 
     Source: `lr_mult` in the train.prototxt that Chen et al. (2018) publish, where only fc8 is new.
     """
@@ -50,7 +50,7 @@ def deeplab_multiplier(path: Path) -> float:
 
 
 def trunk_multiplier(path: Path) -> float:
-    """0.1 for what starts from ImageNet."""
+    """The factor on a parameter's learning rate: 0.1 for the pre-trained trunk, otherwise 1."""
     return 0.1 if "trunk" in path else 1.0
 
 
@@ -61,7 +61,7 @@ def _map_paths(function: Callable[[Path, jax.Array], object], tree: optax.Params
 
 
 def scale_by_path(multiplier: Callable[[Path], float]) -> optax.GradientTransformation:
-    """Scale each parameter's update by a factor that its path, in a tree of dictionaries, decides."""
+    """Scale each parameter's update by a factor that depends on its path in a tree of dictionaries."""
     return optax.stateless(
         lambda updates, _: _map_paths(lambda path, u: u * multiplier(path), updates)
     )
@@ -73,16 +73,16 @@ def optimizer(
     weight_decay: float = 0.0,
     lr_multipliers: Multipliers = "none",
 ) -> optax.GradientTransformation:
-    """The direction of a step, before it is scaled by minus the learning rate.
+    """Make the optimiser, which gives the direction of a step without the factor of minus the learning rate.
 
     SGD: v <- momentum * v + g + weight_decay * p, as in the paper. Adam: decoupled decay (AdamW).
-    With "deeplab" the direction is then scaled by `deeplab_multiplier`, and biases do not decay; with
-    "trunk", for nets on one, it is scaled by `trunk_multiplier`.
-    Caffe keeps the rate inside v; under a falling rate that differs a little.
+    With "deeplab" the direction is scaled by `deeplab_multiplier`, and biases do not decay; with "trunk",
+    for nets with a trunk, it is scaled by `trunk_multiplier`.
+    Caffe includes the rate in v, which gives slightly other steps under a falling rate.
 
     Args:
         name: "sgd" or "adam".
-        momentum: of SGD.
+        momentum: momentum of SGD.
         weight_decay: 1e-4 in the paper.
         lr_multipliers: "none", "deeplab" or "trunk".
 

@@ -1,4 +1,4 @@
-"""Features of a frozen trunk: computed once, kept as float16, shared by all steps, seeds and heads."""
+"""Features of a frozen trunk, computed once, kept as float16, and shared by all steps, seeds and heads."""
 
 from collections.abc import Callable
 from functools import lru_cache
@@ -21,7 +21,7 @@ Params = Any  # a pytree
 
 
 def check_size(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) -> None:
-    """Raise ValueError for images that the trunk is too coarse for."""
+    """Raise ValueError for images that are smaller than the trunk's largest stride."""
     (h, w), coarsest = images.shape[1:3], max(trunk_of(settings).strides)
     if min(h, w) < coarsest:
         raise ValueError(
@@ -31,7 +31,7 @@ def check_size(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings) ->
 
 
 def trunk_params(settings: TrainSettings = LITE0) -> Params:
-    """The trunk's weights on the device; WeightsError where there are none."""
+    """The trunk's weights on the device; WeightsError if there are none."""
     return _params(settings.net, settings.weights)
 
 
@@ -41,7 +41,7 @@ def _params(net: str, weights: str | None) -> Params:
 
 
 def maps_of(params: Params, images: UInt8[Array, "b h w 3"], settings: TrainSettings) -> Maps:
-    """Features of images, with the trunk's weights; part of a compiled function."""
+    """Compute features of images with the trunk's weights, inside a compiled function."""
     module = trunk_of(settings).module
     if settings.dtype == "bfloat16":
         module = module.clone(dtype=jnp.bfloat16)
@@ -55,7 +55,7 @@ def _extractor(settings: TrainSettings) -> Callable[[Params, ArrayLike], Maps]:
     def extract(params: Params, images: UInt8[Array, "b h w 3"]) -> Maps:
         if jax.default_backend() != "cpu":
             return maps_of(params, images, settings)
-        # One image fits the cache: a third less time than eight at once.
+        # One image fits the cache, which takes a third less time than eight at once.
         maps = jax.lax.map(lambda image: maps_of(params, image[None], settings), images)
         return jax.tree.map(lambda m: m[:, 0], maps)
 
@@ -63,15 +63,15 @@ def _extractor(settings: TrainSettings) -> Callable[[Params, ArrayLike], Maps]:
 
 
 def features(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings = LITE0) -> Maps:
-    """What the trunk sees in images: its maps, float16, in NumPy.
+    """Compute the trunk's maps of images, as float16 in NumPy.
 
-    Of lite0 about 3.5 bytes per pixel: 150 kB for an image of 240x176, 620 kB for one of 480x360. A Lite is
-    not symmetric ("SAME" padding puts the odd cell after): features of a mirrored image are not its
-    features mirrored, but 7 pixels off at stride 8.
+    Those of lite0 take about 3.5 bytes per pixel: 150 kB for an image of 240x176, 620 kB for one of 480x360.
+    A Lite is not symmetric ("SAME" padding puts the odd cell after): the features of a mirrored image are the
+    mirrored features shifted by 7 pixels at stride 8.
 
     Args:
         images: RGB, no side shorter than the largest stride.
-        settings: which name trunk, weights and what it computes in.
+        settings: they name the trunk, its weights and its type of computation.
 
     Raises:
         ValueError: the images are too small.
@@ -98,7 +98,7 @@ def features(images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings = LIT
 def check_features(
     maps: Maps, images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings, views: int = 1
 ) -> None:
-    """Raise ValueError unless features are, in number and size, those of some images, so many of each."""
+    """Raise ValueError unless features have the number and sizes of so many views of images."""
     count, h, w, _ = images.shape
     own = trunk_of(settings)
     cells = zip(own.strides, own.channels, strict=True)
@@ -117,6 +117,6 @@ Statistics = tuple[Float32[np.ndarray, " channels"], Float32[np.ndarray, " chann
 
 
 def channel_statistics(maps: Maps) -> Statistics:
-    """Mean and standard deviation of each channel over all images and cells, for `train`'s head."""
+    """Mean and standard deviation of each channel over all images and cells, for the head of `train`."""
     mean, deviation = jax.jit(statistics)(maps)
     return np.asarray(mean), np.asarray(deviation)

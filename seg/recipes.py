@@ -64,21 +64,21 @@ RECIPES = {
 }
 """`compact`: ours. Adam, class weights, mirror images, colours and blur.
 
-`paper`: section 4's SGD with poly decay and mirroring only, and DeepLab's rates by layer. It is made for
-ImageNet weights: set `weights`, or hardly anything is learnt in 1000 steps.
+`paper`: SGD of section 4 with poly decay, mirroring only, and DeepLab's rates by layer. It is made for
+ImageNet weights: without `weights` a net hardly learns anything in 1000 steps.
 
-`vgg-adam`: ours, where there are such weights but no time for `paper`: Adam and class weights. FCN8s learns
-more from 150 such steps than from 200 of `paper` (`docs/findings.md`).
+`vgg-adam`: ours, for ImageNet weights without time for `paper`: Adam and class weights. FCN8s learns more
+from 150 such steps than from 200 of `paper` (`docs/findings.md`).
 
-`scratch`: ours, where there are no such weights: Adam, GroupNorm after every convolution, the compact net's
-augmentation and class weights.
+`scratch`: ours, for a start without ImageNet weights: Adam, GroupNorm after every convolution, the compact
+net's augmentation and class weights.
 
-`lite0-frozen`: ours, for all nets on a frozen trunk. Adam, 300 steps of 4, class weights, on features of
+`lite0-frozen`: ours, for all nets on a frozen trunk: Adam, 300 steps of 4, class weights, on features of
 EfficientNet-Lite0 with ImageNet's weights (Tan and Le, 2019), or of another trunk, of each image and of one
 mirrored, coloured and blurred view of it.
 
-`lite0-tuned`: ours, for all that tune it. 300 steps of 8 with all augmentations; the trunk at a tenth of the
-head's rate, as is common in fine-tuning, batch normalisation fixed."""
+`lite0-tuned`: ours, for all nets that tune the trunk: 300 steps of 8 with all augmentations; the trunk trains
+at a tenth of the head's rate, as is common in fine-tuning, and batch normalisation is fixed."""
 
 
 def recipe_for(settings: TrainSettings) -> str:
@@ -93,15 +93,15 @@ def recipe_for(settings: TrainSettings) -> str:
 
 
 def with_net(settings: TrainSettings, **changes: Any) -> TrainSettings:
-    """Settings for another net, trunk or weights: those of the recipe that suits them.
+    """Change net, trunk or weights of settings, and take the recipe that suits them.
 
-    Where the recipe stays the same, so do all other fields. Else the steps are the same share of the new
-    recipe's as they were of the old one's.
+    If the recipe stays the same, so do all other fields. Otherwise the steps are the same share of the new
+    recipe's steps as they were of the old one's.
 
     Args:
-        settings: of the net so far.
-        changes: of `net`, `trunk` or `weights`. Nets without a trunk lose theirs, nets that
-            start from no file their weights.
+        settings: settings of the old net.
+        changes: new `net`, `trunk` or `weights`. A net without a trunk loses `trunk`, a net that starts
+            from no file loses `weights`.
     """
     wanted = replace(settings, **changes)
     if not wanted.has_trunk:

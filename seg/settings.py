@@ -1,4 +1,4 @@
-"""All that decides how a net is trained, apart from the data and the seed."""
+"""Settings of the training of a net: everything but the data and the seed."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -13,32 +13,32 @@ VGG_NETS: tuple[NetName, ...] = ("fcn8s", "deeplabv2")
 FILELESS_NETS: tuple[NetName, ...] = ("compact", "lite0", "lite1", "lite2")
 """Nets that start from no file: at random, or from the weights of a package."""
 WHOLE_NETS: tuple[NetName, ...] = ("compact", *VGG_NETS)
-"""Nets without a trunk; any other stands on one, those of users, too (`seg.nets.trunks`)."""
+"""Nets without a trunk; all other nets have one, those of users, too (`seg.nets.trunks`)."""
 Trunk = Literal["frozen", "tuned"]
 HeadStatistics = Literal["training", "target"]
 OptimizerName = Literal["adam", "sgd"]
 LrMultipliers = Literal["none", "deeplab"]
 Dtype = Literal["float32", "bfloat16"]
 STRIDES = (1, 2, 4, 8)
-"""What the distance of the pixels that a loss looks at may be."""
+"""Allowed distances of the pixels in the loss."""
 _STRIDE = must(f"be one of {', '.join(map(str, STRIDES))}", STRIDES.__contains__)
 
 
 @dataclass(frozen=True)
 class TrainSettings:
-    """All that decides how a net is trained, apart from the data and the seed.
+    """Settings of the training of a net: everything but the data and the seed.
 
     Named sets of them are in `seg.recipes`.
 
     Attributes:
-        net: see `seg.net`; or a trunk of one's own, a row of `seg.nets.trunks.TRUNKS`.
+        net: see `seg.net`; or the user's own trunk, a row of `seg.nets.trunks.TRUNKS`.
         optimizer: see `seg.optim`.
         lr: highest learning rate. Paper (SGD): 5e-4.
-        steps: how many updates. Paper: 1000 per reward, 20 000 at the end.
+        steps: number of updates. Paper: 1000 per reward, 20 000 at the end.
         batch: images per update. Paper: 4.
         warmup: updates over which the rate rises. Paper: 0.
-        power: of the poly decay.
-        momentum: of SGD.
+        power: power of the poly decay.
+        momentum: momentum of SGD.
         weight_decay: Paper: 1e-4.
         mirror: swap left and right of half of the images.
         colour: vary gamma, gain, contrast, saturation.
@@ -48,29 +48,29 @@ class TrainSettings:
         scale: enlarge or shrink picture and labels, by 0.5 to 2, and cut to the image's size.
         weighted: balance rare classes in the loss by `class_weights`.
         predict_batch: images per call of the net in `predict`.
-        weights: file of ImageNet weights from `sdr-jax weights convert`, which the VGG nets start
-            from (paper). Where it holds the 13 convolutions alone, fc6 and fc7 start at random, as
-            DeepLabv2's always do. None: every layer does, He's way, and a VGG net then learns little
-            in a thousand steps. Of dinov2: the file of its trunk's, which it needs.
+        weights: file of ImageNet weights from `sdr-jax weights convert`, from which the VGG nets start
+            (paper). If it holds the 13 convolutions alone, fc6 and fc7 start at random; DeepLabv2's
+            always do. None: every layer starts at random (He), and a VGG net then learns little in a
+            thousand steps. For dinov2: the file of its trunk's weights, which it needs.
         norm: GroupNorm after the VGG nets' convolutions, for training from scratch; not in the paper.
         lr_multipliers: rates and decay that differ by layer, see `seg.optim`.
         accumulate: parts into which the images of an update are cut, to need less memory; the
             gradient is that of the whole.
-        dtype: what the nets compute in; parameters and logits stay float32.
-        trunk: of nets on a trunk. "frozen": its weights stay as they are, the features of an image are
-            computed once and only the head trains. "tuned": everything does, the trunk at a tenth of
-            the rate. Nets without a trunk take no notice of "frozen".
-        views: how often a frozen trunk looks at each training image: as it is, then augmented (`seg.views`).
-            Features of lite0 cost 10 to 15 ms of a core and 150 kB each at 240x176. Nets without a frozen
-            trunk augment in every step.
-        head_statistics: what a trunk's head normalises features by: mean and deviation over its training
-            images, or over the target's real ones, which need no labels and are given to `train`.
-        loss_stride: of nets on a trunk: the distance in pixels between the rows, and columns, that the loss
-            looks at.
+        dtype: the nets' type of computation; parameters and logits stay float32.
+        trunk: for nets with a trunk. "frozen": its weights stay as they are, features of an image are
+            computed once, and only the head trains. "tuned": everything trains, the trunk at a tenth of
+            the rate. Nets without a trunk ignore "frozen".
+        views: number of views of each training image for a frozen trunk: the image itself, then augmented
+            ones (`seg.views`). Features of lite0 cost 10 to 15 ms of a core and 150 kB each at 240x176.
+            Nets without a frozen trunk augment in every step.
+        head_statistics: the images whose mean and deviation normalise a head's features: its training
+            images, or the target's real ones, which need no labels and are given to `train`.
+        loss_stride: for nets with a trunk: the distance in pixels between the rows, and columns, in the
+            loss.
         head_width: channels of a trunk's head.
         head_dropout: share of its features that a trunk's head leaves out in training.
-        average: share of the steps, the last ones, over which parameters are averaged: the trained net is
-            their mean. 0: the net after the last step.
+        average: share of the last steps over whose parameters the trained net is the mean. 0: the net
+            after the last step.
     """
 
     net: NetName | str = "compact"
@@ -115,10 +115,10 @@ class TrainSettings:
 
 
 def check_settings(settings: TrainSettings) -> None:
-    """Refuse settings that no net can be trained with; files are not looked at.
+    """Refuse settings that do not allow training; files are not read.
 
     Raises:
-        ValueError: a field out of range, by name.
+        ValueError: a field is out of range; the message names it.
     """
     check_bounds(settings)
     if settings.batch % settings.accumulate:

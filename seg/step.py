@@ -1,6 +1,6 @@
-"""One update of a net, compiled: augment, loss, gradient, optimiser; and what is random in it.
+"""One compiled update of a net (augmentation, loss, gradient, optimiser), and its random numbers.
 
-What is compiled is kept for the life of the process: a worker trains hundreds of nets on data of one shape.
+Compiled functions are kept until the process ends: a worker trains hundreds of nets on data of one shape.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,18 +24,16 @@ from seg.optim import Multipliers, descend, optimizer, poly_schedule
 from seg.settings import TrainSettings
 
 Params = Any  # the pytree of a net's parameters
-Variables = Any  # of a net: its parameters and other collections, by name
+Variables = Any  # a net's parameters and other collections, by name
 
 
 class TrainState(NamedTuple):
-    """What one update hands to the next."""
+    """The state between two updates."""
 
     params: Params  # of the net
     opt_state: optax.OptState  # of the optimiser
     step: Int32[Array, ""]  # updates so far
-    mean: Params = (
-        None  # of the parameters that are averaged; none are where the settings average nothing
-    )
+    mean: Params = None  # of the averaged parameters; None if the settings average nothing
     fixed: Variables = {}  # collections that no update changes; most nets have none
 
     @property
@@ -45,7 +43,7 @@ class TrainState(NamedTuple):
 
 
 class Data(NamedTuple):
-    """What all updates of a training share; NumPy or JAX."""
+    """The data that all updates of a training share; NumPy or JAX."""
 
     images: Any  # u8[n h w 3]; for a frozen trunk the maps of all their views
     labels: UInt8[Any, "n h w"]
@@ -54,12 +52,12 @@ class Data(NamedTuple):
 
 
 class Plan(NamedTuple):
-    """What is random or scheduled in each update; NumPy on the host, traced inside the step."""
+    """The random or scheduled numbers of each update; NumPy on the host, traced inside the step."""
 
     picks: Int32[Any, "*steps batch"]  # images of the batch
     draws: Float32[Any, "*steps batch draws"]  # of the augmentation
     lr: Float32[Any, "*steps"]
-    weight: Float32[Any, "*steps"]  # of the parameters then in the mean of all so far
+    weight: Float32[Any, "*steps"]  # of these parameters in the mean of all so far
 
     def rows(self, where: int | slice) -> "Plan":
         """The plan of one update, or of several."""
@@ -69,13 +67,13 @@ class Plan(NamedTuple):
 def plan(
     seed: int, counts: int | Sequence[int], settings: TrainSettings, share: float = 0.0
 ) -> Plan:
-    """Draw all that is random in a training; one row per update.
+    """Draw all random numbers of a training, one row per update.
 
     Args:
         seed: 32 bits.
-        counts: of images, for a frozen trunk of views; of each part, where some are beside others.
-        settings: of the training.
-        share: of the second part in all batches.
+        counts: images of each part; for a frozen trunk, views.
+        settings: settings of the training.
+        share: share of the second part in all batches.
     """
     rng = np.random.default_rng(seed)
     parts = (counts,) if isinstance(counts, int) else tuple(counts)
@@ -89,31 +87,31 @@ def plan(
 
 
 def _mean_weights(steps: int, average: float) -> Float32[np.ndarray, " steps"]:
-    """1/k for the k-th of the steps whose parameters are averaged, 0 for those before them."""
+    """1/k for the k-th of the averaged steps, 0 for the steps before them."""
     averaged = max(round(average * steps), 1)
     k = np.arange(steps) - (steps - averaged) + 1
     return np.where(k > 0, 1 / np.maximum(k, 1), 0).astype(np.float32)
 
 
 class Functions(NamedTuple):
-    """The compiled parts; jit adds one version for each shape of the data."""
+    """The compiled functions; jit adds one version for each shape of the data."""
 
     init: Callable[..., TrainState]  # seed, images -> fresh state
-    resume: Callable[..., TrainState]  # variables -> state with these
+    resume: Callable[..., TrainState]  # variables -> state with them
     step: Callable[..., tuple[TrainState, Array]]  # state, data, one row of the plan -> loss
     steps: Callable[..., tuple[TrainState, Array]]  # the same over many rows, scanned
 
 
 def functions(settings: TrainSettings, classes: int) -> Functions:
-    """The compiled parts for some settings, shared by all settings that compile to the same."""
+    """The compiled functions for settings; settings that compile to the same share them."""
     plain = TrainSettings()
     # These are data of the step, or its shapes.
     free = ["lr", "steps", "batch", "warmup", "power", "weighted", "predict_batch"]
     free += ["views", "head_statistics"]
-    if not settings.has_trunk:  # else they decide how large it is
+    if not settings.has_trunk:  # with a trunk they decide its size
         free.append("weights")
     changes = {name: getattr(plain, name) for name in free}
-    # Over how many steps is data, too; whether at all is not.
+    # The number of averaged steps is data, too, but not whether there are any.
     changes["average"] = float(settings.average > 0)
     return _compiled(replace(settings, **changes), classes)
 
@@ -135,7 +133,7 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
     def init(seed: UInt32[Array, ""], images: Any) -> TrainState:
         blank = jax.tree.map(lambda a: jnp.zeros((1, *a.shape[1:])), images)
         given = (blank, (8, 8)) if settings.frozen else (blank,)
-        # The default generator compiles four times longer here (unrolled, once per kernel).
+        # The default generator takes four times as long to compile (unrolled, once per kernel).
         key = jax.random.key(seed, impl="rbg")
         return resume(module.init(key, *given, method=method))
 
@@ -176,7 +174,7 @@ def _compiled(settings: TrainSettings, classes: int) -> Functions:
         params = descend(state.params, directions, row.lr)
         mean = state.mean
         if mean is not None:
-            # A parameter that does not change stays as it is to the last bit, unlike in a weighted sum.
+            # Unlike a weighted sum, this keeps an unchanged parameter to the last bit.
             mean = jax.tree.map(lambda m, p: m + row.weight * (p - m), mean, params)
         return TrainState(params, opt_state, state.step + 1, mean, state.fixed), loss
 
@@ -200,17 +198,17 @@ def accumulated(
     y: UInt8[Array, "b h w"],
     parts: int,
 ) -> tuple[Float[Array, ""], Params]:
-    """Loss and gradient of a batch, one part after the other.
+    """Compute loss and gradient of a batch, one part after the other.
 
-    sum_k grad s_k / sum_k t_k, where part k has the loss s_k / t_k: parts with more labelled pixels count
-    for more, as they do in the whole batch.
+    sum_k grad s_k / sum_k t_k, where part k has the loss s_k / t_k: parts with more labelled pixels have more
+    weight, as in the whole batch.
 
     Args:
         sums_of: (params, images, labels, number of the part) -> (s_k, t_k).
-        params: where the gradient is taken.
+        params: parameters at which the gradient is taken.
         x: images, or their feature maps.
         y: their labels.
-        parts: how many; divides the batch.
+        parts: number of parts, which divides the batch.
 
     Returns:
         The loss of the whole batch, and its gradient.

@@ -1,4 +1,4 @@
-"""Train a fresh net on a labelled set, predict with it, score it.
+"""Trains a fresh net on a labelled set, predicts with it, and tests it.
 
 The step is one jitted function, called in a host loop: on XLA's CPU backend gradient convolutions
 run ten times slower inside `lax.scan`. On accelerators the same step is scanned in chunks.
@@ -30,17 +30,17 @@ from seg.step import Data, Functions, Params, TrainState, Variables, functions, 
 from seg.views import view_labels, views
 from seg.weights import load
 
-CHUNK = 50  # steps between two looks at the loss; also the length of a scan on an accelerator
+CHUNK = 50  # steps between two checks of the loss; also the length of a scan on an accelerator
 
 
 class TrainingError(Exception):
-    """Training went wrong in its numbers: the loss is no longer finite."""
+    """The loss is no longer finite."""
 
 
 def apply(
     variables: Variables, images: UInt8[Array, "b h w 3"], settings: TrainSettings, classes: int
 ) -> Float32[Array, "b h w classes"]:
-    """What `logits` returns, as one function that JAX can trace, a frozen trunk included."""
+    """The result of `logits` as one function that JAX can trace, with a frozen trunk, too."""
     module = net_of(settings, classes)
     if settings.frozen:
         with jax.ensure_compile_time_eval():  # a trunk may draw its weights
@@ -78,7 +78,7 @@ def _head_predictor(
 
 
 def _of_net(settings: TrainSettings) -> TrainSettings:
-    """The settings that a prediction depends on; the others are at their defaults."""
+    """The settings on which a prediction depends; the others have their defaults."""
     names = ["net", "dtype", "norm", "trunk", "head_width", "head_dropout"]
     if settings.has_trunk:
         names.append("weights")
@@ -91,7 +91,7 @@ def _started(
     settings: TrainSettings,
     statistics: Statistics | None,
 ) -> TrainState:
-    """A fresh state with what does not start at random: weights, statistics of features."""
+    """Make a fresh state with the given weights and statistics of features."""
     params: Params = state.params
     fixed = state.fixed
     if settings.has_trunk:
@@ -118,13 +118,13 @@ def _check_part(part: LabelledImages, settings: TrainSettings, classes: int) -> 
 
 
 def _statistics(own: TrainingSet, settings: TrainSettings) -> Statistics:
-    """Mean and deviation of each channel over what the batches hold."""
+    """Mean and deviation of each channel over the images of the batches."""
     maps = (part.features or pyramid.features(part.images, settings) for part in own.parts)
     return mixed(own.shares, [pyramid.channel_statistics(m) for m in maps])
 
 
 def _seen(part: LabelledImages, settings: TrainSettings) -> LabelledImages:
-    """A part as a frozen trunk sees it: labels and features of all views."""
+    """The training data of a frozen trunk's head: labels and features of all views of a part."""
     if part.features is not None:
         return part._replace(labels=view_labels(part.images, part.labels, settings))
     images, labels = views(part.images, part.labels, settings)
@@ -175,27 +175,27 @@ def train(
     """Train a net; the same arguments give the same variables.
 
     Args:
-        rng_seed: 32 bits; decides initial parameters, order of the images, augmentation.
+        rng_seed: 32 bits for initial parameters, the order of the images and augmentation.
         images: RGB.
         labels: class ids, 255 for void.
         settings: everything else.
-        classes: how many the net tells apart.
-        progress: called every 50 steps with the steps done and the loss of the last one.
-        params: start from this trained net (it is not changed); None starts afresh: from the settings'
-            `weights` as far as those go, and at random: `seg.weights.described` says which.
-        stepwise: call the step from the host (True) or scan it in chunks (False); by default as
-            suits the backend. The steps are the same.
-        features: for a frozen trunk, those of all views of the images, `seg.pyramid.features` of
+        classes: the net's number of classes.
+        progress: called every 50 steps with the number of steps and the last loss.
+        params: start from this trained net (it is not changed); None starts from the settings' `weights`
+            and at random elsewhere: `seg.weights.described` says which layers.
+        stepwise: call the step from the host (True) or scan it in chunks (False); the default suits the
+            backend. The steps are the same.
+        features: for a frozen trunk, the features of all views of the images, `seg.pyramid.features` of
             `seg.views.view_images`; None computes them.
-        statistics: for a net on a trunk with `head_statistics` "target", what its head normalises features
-            by, from `channel_statistics` of real images. They do not train.
-        beside: more images, a stated share of all batches however few they are. Class weights, and the
-            statistics of a training set, are those of what the batches hold.
+        statistics: for a net with a trunk and `head_statistics` "target": the fixed statistics of its head,
+            from `channel_statistics` of real images.
+        beside: more images, which fill a given share of all batches even if they are few. Class weights
+            and training statistics are those of the images in the batches.
 
     Returns:
-        The net's variables, by collection: `params` after the last step, or their mean over the steps that
-        the settings average, and a head's `statistics`. With a frozen trunk those of the head alone: the
-        trunk's are always its own, and `predict` takes them where training did.
+        The net's variables by collection: `params` after the last step, or their mean over the steps that
+        the settings average, and a head's `statistics`. With a frozen trunk they are the head's alone, since
+        the trunk's do not change and `predict` loads them as training did.
 
     Raises:
         ValueError: no images, shapes that do not match, labels outside the classes, settings or a seed
@@ -230,9 +230,9 @@ def train(
     inputs: Any = joined([p.features if settings.frozen else p.images for p in own.parts])
     rows = plan(rng_seed, [len(part.labels) for part in own.parts], settings, own.shares[-1])
     data = jax.device_put(Data(inputs, joined([p.labels for p in own.parts]), class_weights, seed))
-    del own, inputs  # features are large, and joined ones a copy
+    del own, inputs  # features are large, and joined ones are a copy
     if params is not None:
-        # The step donates its state, so work on a copy.
+        # The step donates its state, so it gets a copy.
         state = compiled.resume(jax.tree.map(jnp.array, variables_of(params)))
     else:
         state = compiled.init(seed, data.images)
@@ -270,11 +270,11 @@ def predict(
     """Segment images.
 
     Args:
-        params: a trained net, from `train`; or from a file of its, of any version.
-        images: RGB, of any size; on a trunk no side shorter than its largest stride.
-        settings: those the parameters were trained with.
-        classes: how many the net tells apart.
-        features: for a frozen trunk, those of the images from `seg.pyramid.features`; None computes them.
+        params: a trained net, from `train` or from a file of any version.
+        images: RGB of any size; with a trunk no side is shorter than its largest stride.
+        settings: the settings of the training.
+        classes: the net's number of classes.
+        features: for a frozen trunk, the images' features from `seg.pyramid.features`; None computes them.
             The prediction is the same.
 
     Returns:
@@ -295,7 +295,7 @@ def logits(
     *,
     features: Maps | None = None,
 ) -> Float32[np.ndarray, "n h w classes"]:
-    """The scores of all classes whose largest `predict` takes; arguments and errors are the same."""
+    """Scores of all classes, of which `predict` takes the largest; arguments and errors are the same."""
     return _of_batches(params, images, settings, classes, features, scores=True)
 
 
@@ -307,7 +307,7 @@ def _of_batches(
     features: Maps | None,
     scores: bool,
 ) -> np.ndarray:
-    """Labels, or the scores of all classes."""
+    """Compute labels, or the scores of all classes."""
     _check(images)
     _check_net(images, settings, features)
     variables = variables_of(params)
@@ -325,7 +325,7 @@ def _of_batches(
 
 
 def outline(settings: TrainSettings, classes: int) -> Variables:
-    """Shapes and types of what `train` returns, as a tree of `jax.ShapeDtypeStruct`."""
+    """Shapes and types of the result of `train`, as a tree of `jax.ShapeDtypeStruct`."""
     compiled = functions(settings, classes)
     images: Any = jax.ShapeDtypeStruct((1, 64, 64, 3), np.uint8)
     if settings.frozen:
@@ -344,14 +344,14 @@ def score(
     *,
     features: Maps | None = None,
 ) -> Int64[np.ndarray, "classes classes"]:
-    """Predict and compare with the truth.
+    """Predict and compare with the ground truth.
 
     Args:
         params: from `train`.
         images: RGB.
         labels: class ids, 255 for void.
-        settings: those the parameters were trained with.
-        classes: how many the net tells apart.
+        settings: the settings of the training.
+        classes: the net's number of classes.
         features: as for `predict`.
 
     Returns:

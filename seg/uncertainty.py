@@ -1,4 +1,4 @@
-"""How unsure a net is of an image, and what it sees where: which images are to be labelled next."""
+"""A net's uncertainty about an image and the layout of its classes, to choose the next images to label."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -7,25 +7,25 @@ import numpy as np
 from jaxtyping import Float32
 
 PARTS = 2
-"""Parts of an image along each side, in which classes are counted."""
+"""Parts of an image along each side in which classes are counted."""
 
 
 class Uncertainty(NamedTuple):
-    """What a net's scores of one image come to."""
+    """A summary of a net's scores of one image."""
 
-    margin: float  # in [0, 1]: 0 where the net is sure of all pixels, 1 where it knows nothing
+    margin: float  # in [0, 1]: 0 for certainty in all pixels, 1 for a tie of two classes in all
     layout: tuple[float, ...]  # mean probability of each class in each part, row by row
 
 
 def uncertainty(scores: Float32[np.ndarray, "rows cols classes"]) -> Uncertainty:
-    """How close the two likeliest classes of a pixel are, in the mean over the image, and where classes are.
+    """Compute how close the two likeliest classes are on average over pixels, and the layout of the classes.
 
         margin = mean_x (1 - (p1[x] - p2[x]))
 
-    with p the softmax of the scores, p1 its highest and p2 its second highest.
+    with p the softmax of the scores, p1 its highest and p2 its second highest value.
 
     Args:
-        scores: logits of an image, of 1 class or more.
+        scores: logits of an image, with 1 class or more.
 
     Source: margin sampling, Scheffer et al. (2001), "Active Hidden Markov Models for Information Extraction";
     Settles (2009), "Active Learning Literature Survey", section 3.1.
@@ -47,18 +47,18 @@ def uncertainty(scores: Float32[np.ndarray, "rows cols classes"]) -> Uncertainty
 
 
 def order(own: Sequence[Uncertainty], first: int) -> list[int]:
-    """The order in which images are to be labelled, by index.
+    """Order images by index for labelling.
 
-    The first is the one of the largest margin; each of the next ``first`` - 1 has the largest product of its
-    margin and the distance of its layout to the nearest before it, so that images of one place do not come
-    one after the other; the others follow by margin.
+    The first image has the largest margin. Each of the next ``first`` - 1 has the largest product of its
+    margin and its layout's distance to the nearest earlier one, so that similar images do not follow each
+    other. The others follow by margin.
 
     Args:
-        own: of all images.
-        first: that are labelled together, 1 or more.
+        own: the uncertainties of all images.
+        first: the number of images that are labelled together, 1 or more.
 
     Source: farthest-first, Sener and Savarese (2018), "Active Learning for Convolutional Neural Networks: A
-    Core-Set Approach"; its product with uncertainty is ours.
+    Core-Set Approach"; the product with uncertainty is ours.
     """
     if not own:
         return []

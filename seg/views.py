@@ -1,8 +1,8 @@
-"""What a frozen trunk looks at: each training image as it is, then augmented, so and so often.
+"""The views of training images for a frozen trunk: each image itself, then a number of augmented copies.
 
 Features are computed once, so augmentation happens before training instead of in every step. Its random
-numbers depend on the image and the settings alone: nets of all seeds share the same features, and those of
-some images are part of those of all.
+numbers depend on the image and the settings alone: nets of all seeds share the same features, and the
+features of a subset are among those of all images.
 """
 
 import zlib
@@ -20,11 +20,11 @@ from seg.batches import in_batches
 from seg.settings import TrainSettings
 
 SEED = 2020
-"""Of the numbers that augment a view, with the view's number and the image's checksum."""
+"""Seed of a view's random numbers, beside the view's number and the image's checksum."""
 BATCH = 8
-"""Images that are augmented at once."""
+"""Number of images that are augmented at once."""
 IMAGES, LABELS = (0,), (1,)
-"""Which of the two are looked at."""
+"""Indices of images and labels in a view."""
 LOOKS = ("views", "mirror", "scale", "colour", "mix", "blur", "noise")
 """The settings that decide what views show."""
 
@@ -32,7 +32,7 @@ LOOKS = ("views", "mirror", "scale", "colour", "mix", "blur", "noise")
 def view_images(
     images: UInt8[np.ndarray, "n h w 3"], settings: TrainSettings
 ) -> UInt8[np.ndarray, "views_n h w 3"]:
-    """All views of all images: first the images, then the second view of each, and so on."""
+    """Make all views of all images: first the images, then the second view of each, and so on."""
     labels = np.zeros(images.shape[:3], np.uint8)
     found = (_view(v, images, labels, settings, IMAGES) for v in range(1, settings.views))
     return np.concatenate([images, *(x for (x,) in found)])
@@ -43,7 +43,7 @@ def view_labels(
     labels: UInt8[np.ndarray, "n h w"],
     settings: TrainSettings,
 ) -> UInt8[np.ndarray, "views_n h w"]:
-    """The labels of `view_images`; beside a picture that was shrunk they are void."""
+    """Make the labels of `view_images`; the margin of a shrunk picture is void."""
     found = (_view(v, images, labels, settings, LABELS) for v in range(1, settings.views))
     return np.concatenate([labels, *(y for (y,) in found)])
 
@@ -53,7 +53,7 @@ def views(
     labels: UInt8[np.ndarray, "n h w"],
     settings: TrainSettings,
 ) -> tuple[UInt8[np.ndarray, "views_n h w 3"], UInt8[np.ndarray, "views_n h w"]]:
-    """What `view_images` and `view_labels` give, of one augmentation."""
+    """Make the images of `view_images` and the labels of `view_labels` in one augmentation."""
     found = [_view(v, images, labels, settings, IMAGES + LABELS) for v in range(1, settings.views)]
     pictures, truth = zip((images, labels), *found, strict=True)
     return np.concatenate(pictures), np.concatenate(truth)
@@ -66,7 +66,7 @@ def _view(
     settings: TrainSettings,
     which: tuple[int, ...],
 ) -> tuple[np.ndarray, ...]:
-    """One view of all images, their labels, or both."""
+    """Make one view of all images, of their labels, or of both."""
     sums = np.array([zlib.crc32(image.tobytes()) for image in images], np.uint32)
     draws = np.stack([_draws(view, int(checksum)) for checksum in sums])
     see = _viewer(looks(settings), which)
@@ -78,14 +78,14 @@ def _view(
 
 
 def _draws(view: int, checksum: int) -> Float32[np.ndarray, " draws"]:
-    """Numbers of `augment`. Odd views are mirrored, even ones are not: half of all."""
+    """Draw the numbers of `augment`; odd views are mirrored, even ones are not."""
     draws = draw(np.random.default_rng([SEED, view, checksum]))
     draws[MIRROR] = 0.25 if view % 2 else 0.75
     return draws
 
 
 def looks(settings: TrainSettings) -> TrainSettings:
-    """The settings with all at its default that does not decide what views show."""
+    """The settings that decide the views; all other fields have their defaults."""
     return replace(TrainSettings(), **{name: getattr(settings, name) for name in LOOKS})
 
 

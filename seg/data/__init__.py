@@ -1,4 +1,4 @@
-"""Real labelled images: listed and read as their target's file says."""
+"""Real labelled images, which are listed and read as their target's file says."""
 
 from seg.data.labelled import (
     LabelledImages,

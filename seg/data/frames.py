@@ -1,4 +1,4 @@
-"""Images to segment: single files, folders of them, and videos, frame by frame."""
+"""Images to segment: single files, folders of files, and the frames of videos."""
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -19,9 +19,9 @@ VIDEOS = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg")
 class Source(NamedTuple):
     """An image file, or a video."""
 
-    name: str  # path below the folder that was listed, without its ending
+    name: str  # path within the listed folder, without its suffix
     path: Path
-    frames: int  # about, of a video; 1 of an image
+    frames: int  # approximate for a video, 1 for an image
 
     @property
     def video(self) -> bool:
@@ -32,7 +32,7 @@ class Source(NamedTuple):
 class Frame(NamedTuple):
     """An image of a source."""
 
-    name: str  # that of the image; of a video its name and the number of the frame, `drive/000012`
+    name: str  # the image's name, or the video's with the number of the frame, `drive/000012`
     image: np.ndarray  # u8[h, w, 3] RGB
 
 
@@ -43,8 +43,8 @@ def list_sources(path: str | Path) -> tuple[Source, ...]:
         path: folder, image or video.
 
     Raises:
-        DataError: there is no such file, nothing to segment, a video without frames, or two files would
-            give results of one name.
+        DataError: there is no such file, nothing to segment, a video without frames, or two files whose
+            results would have the same name.
     """
     path = Path(path)
     if not path.exists():
@@ -75,7 +75,7 @@ def _frames(path: Path) -> int:
 
 
 def _opened(path: Path) -> cv2.VideoCapture:
-    """A video before its first frame; DataError where there is none."""
+    """Open a video at its first frame; DataError if it has none."""
     video = cv2.VideoCapture(str(path))
     if not video.isOpened() or not video.grab():
         raise DataError(
@@ -91,11 +91,11 @@ def _opened(path: Path) -> cv2.VideoCapture:
 
 
 def frames(source: Source, skip: Callable[[str], bool]) -> Iterator[Frame | None]:
-    """The images of a source in their order; None for each whose name is to be skipped.
+    """Yield the images of a source in order, and None for each name that is skipped.
 
     Args:
         source: from `list_sources`.
-        skip: whether the image of a name is not wanted; it is not decoded.
+        skip: whether to skip the image of a name, which is then not decoded.
 
     Raises:
         DataError: the file is missing, broken or truncated, or a video without frames.

@@ -1,4 +1,4 @@
-"""Decode one image into an array, or say clearly what is wrong with it."""
+"""Decodes one image file into an array, or raises an error that says what is wrong with it."""
 
 import io
 from pathlib import Path
@@ -17,7 +17,7 @@ _JPEG_START, _JPEG_END = b"\xff\xd8", b"\xff\xd9"
 
 
 def read_file(path: Path) -> bytes:
-    """The bytes of an image or a label file.
+    """Read the bytes of an image or a label file.
 
     Raises:
         DataError: it cannot be read, or is too large.
@@ -41,7 +41,7 @@ def _unreadable(path: Path, why: object) -> DataError:
 
 
 def decode(path: Path, data: bytes, flags: int) -> np.ndarray:
-    """The pixels in the bytes of an image file, as OpenCV has them.
+    """Decode the bytes of an image file into pixels in OpenCV's layout.
 
     Raises:
         DataError: they are no image, broken or truncated.
@@ -63,7 +63,7 @@ def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     """
     data = read_file(path)
     if data.startswith(_JPEG_START) and not data.rstrip(b"\0\r\n").endswith(_JPEG_END):
-        # OpenCV fills the lost part of a truncated JPEG with grey and says nothing; Pillow tells.
+        # OpenCV silently fills the lost part of a truncated JPEG with grey; Pillow reports it.
         try:
             Image.open(io.BytesIO(data)).load()
         except OSError as error:

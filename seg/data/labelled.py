@@ -1,4 +1,4 @@
-"""Labelled images in memory, and the loading of them from a list of files."""
+"""Labelled images in memory, loaded from a list of files."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ class LabelledImages(NamedTuple):
 
     images: UInt8[np.ndarray, "n h w 3"]  # RGB
     labels: UInt8[np.ndarray, "n h w"]  # ids of a class table, 255 void
-    names: tuple[str, ...] = ()  # of each image, where they are known
-    sequences: tuple[str, ...] = ()  # of each image, where they are known
+    names: tuple[str, ...] = ()  # of each image, if known
+    sequences: tuple[str, ...] = ()  # of each image, if known
     features: Maps | None = None
-    """Features of a frozen trunk, if they are known: one row per image for testing, those of all views of
-    the images for training, view after view."""
+    """Features of a frozen trunk, if known: for testing one row per image, for training the rows of all
+    views, view after view."""
 
     def between(self, first: int, end: int) -> LabelledImages:
-        """The images from the first up to the end, with one row of features each; nothing is copied."""
+        """The images first .. end - 1, with one row of features each, without a copy."""
         maps = self.features and tuple(own[first:end] for own in self.features)
         names, sequences = self.names[first:end], self.sequences[first:end]
         return LabelledImages(
@@ -54,7 +54,7 @@ class LabelledImages(NamedTuple):
         )
         maps = self.features
         if maps is not None:
-            views = np.arange(0, len(maps[0]), count)[:, None]  # rows where they begin
+            views = np.arange(0, len(maps[0]), count)[:, None]  # first row of each view
             maps = tuple(own[(views + picked).ravel()] for own in maps)
         return LabelledImages(self.images[picked], self.labels[picked], names, sequences, maps)
 
@@ -64,8 +64,8 @@ def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[
 
     Args:
         entries: the whole split.
-        limit: how many to keep; None, or more than there are, keeps all.
-        seed: of the choice.
+        limit: the number of images to keep; None, or a number above theirs, keeps all.
+        seed: seed of the choice.
 
     Raises:
         ValueError: limit is less than 1.
@@ -81,7 +81,7 @@ def subset(entries: Sequence[Entry], limit: int | None, seed: int = 0) -> tuple[
 def resize_image(
     image: UInt8[np.ndarray, "_h _w 3"], size: tuple[int, int]
 ) -> UInt8[np.ndarray, "_height _width 3"]:
-    """Resize an image to (height, width): by area averages where it shrinks, else bilinearly."""
+    """Resize an image to (height, width): by area averages if it shrinks, otherwise bilinearly."""
     height, width = size
     if image.shape[:2] == size:
         return image
@@ -91,10 +91,10 @@ def resize_image(
 
 
 def cut(pixels: np.ndarray, aspect: float) -> np.ndarray:
-    """The largest part around the centre that is so many times as wide as high, to the nearest pixel.
+    """Cut out the largest part around the centre with an aspect, to the nearest pixel.
 
     Args:
-        pixels: [h, w, ...], of an image or of its labels.
+        pixels: [h, w, ...], an image or its labels.
         aspect: width over height.
     """
     height, width = pixels.shape[:2]
@@ -107,10 +107,10 @@ def cut(pixels: np.ndarray, aspect: float) -> np.ndarray:
 def fitted(
     image: UInt8[np.ndarray, "_h _w 3"], size: tuple[int, int]
 ) -> tuple[UInt8[np.ndarray, "_height _width 3"], tuple[int, int]]:
-    """An image at another size with its aspect kept, and the rows and columns of it that show the image.
+    """Fit an image into another size and keep its aspect; give the rows and columns that show the image.
 
-    Where its shape is another it touches the top and the left, and its last column or row is repeated beside
-    it or below: nets mistake less there than beside a plain colour.
+    An image of another aspect touches the top and the left, and its last column or row is repeated in the
+    margin: nets make fewer mistakes there than beside a plain colour.
 
     Args:
         image: RGB.
@@ -132,7 +132,7 @@ def fitted(
 def _fit(
     image: np.ndarray, label: np.ndarray, size: tuple[int, int], fit: Fit
 ) -> tuple[np.ndarray, np.ndarray]:
-    """An image and its label at a size (height, width), their aspect kept."""
+    """Bring an image and its label to a size (height, width) with their aspect kept."""
     if fit == "cut":
         image, label = (cut(pixels, size[1] / size[0]) for pixels in (image, label))
         return resize_image(image, size), _resize_label(label, size)
@@ -159,15 +159,15 @@ def load(
 
     Args:
         entries: from `list_split`, `subset`, or made by hand.
-        target: what the label files hold.
-        size: (height, width) in pixels; None keeps the size on disk, which must then be one.
-        fit: what is done to images of another shape; by default as the target's file says.
+        target: describes the label files.
+        size: (height, width) in pixels; None keeps the size on disk, which must be the same for all.
+        fit: how images of another shape are treated; by default as the target's file says.
 
     Returns:
         The images, in the order of the entries.
 
     Raises:
-        DataError: there is nothing to load, or a file is missing, broken, or not what it should be.
+        DataError: there is nothing to load, or a file is missing, broken or of another kind.
         ValueError: size is not positive.
     """
     if size is not None and (size[0] < 1 or size[1] < 1):
@@ -219,12 +219,12 @@ def read_split(
     """Read a split of a target as ids of its classes: `list_split`, `subset` and `load` in one.
 
     Args:
-        target: what the files are, or the name or path of a target's file.
+        target: the target, or the name or path of its file.
         root: the data's folder.
-        split: one of those that the target's file or the folder has.
+        split: a split of the target's file or of the folder.
         size: (height, width) in pixels; None keeps the size on disk.
-        limit: how many images to keep; None keeps all.
-        seed: of the choice.
+        limit: the number of images to keep; None keeps all.
+        seed: seed of the choice.
     """
     own = find_target(target) if isinstance(target, str) else target
     return load(subset(list_split(own, root, split), limit, seed), own, size)
@@ -235,7 +235,7 @@ class TargetData(NamedTuple):
 
     splits: dict[str, LabelledImages]
     table: ClassTable
-    notes: tuple[str, ...]  # warnings that belong into a report
+    notes: tuple[str, ...]  # warnings for a report
 
 
 def read_target(
@@ -251,11 +251,11 @@ def read_target(
         target: from `find_target`.
         root: the data's folder.
         size: (height, width) in pixels.
-        fit: what is done to images of another shape; by default as the target's file says.
-        splits: by default all.
+        fit: how images of another shape are treated; by default as the target's file says.
+        splits: the splits to read; by default all.
 
     Raises:
-        UserError: a file is not as it must be, or an image is in two splits.
+        UserError: a file is wrong, or an image is in two splits.
     """
     names = tuple(splits) or split_names(target, Path(root)) or (TRAIN,)
     listed = {split: list_split(target, root, split) for split in names}
@@ -266,7 +266,7 @@ def read_target(
 
 
 def refuse_shared(sides: Mapping[str, LabelledImages]) -> None:
-    """Raise UserError if an image is in two splits, by its pixels: names may differ."""
+    """Raise UserError if two splits have an image with the same pixels; names may differ."""
     seen: dict[bytes, tuple[str, str]] = {}
     shared: list[str] = []
     for side, own in sides.items():

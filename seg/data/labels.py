@@ -1,4 +1,4 @@
-"""Label files of every format, as ids of their target's classes."""
+"""Reads label files of every format as ids of their target's classes."""
 
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -19,15 +19,15 @@ from shell.pictures import MOST_PIXELS, label_ids
 from shell.target_file import MOST_CLASSES, Format, TargetFile
 
 _UNKNOWN = MOST_CLASSES
-"""Of a value that stands in no class; no class has this id."""
+"""The id of a value that no class names; no class has this id."""
 _FAR = 100_000.0
-"""Pixels from the picture that a corner of a polygon may be at most."""
+"""A corner of a polygon lies at most so many pixels outside the picture."""
 
 
 class Values(NamedTuple):
-    """What a label file holds."""
+    """The contents of a label file."""
 
-    codes: np.ndarray  # i[h, w]: ids, colours as numbers of 24 bits, or places in `names`
+    codes: np.ndarray  # i[h, w]: ids, colours as 24-bit numbers, or indices of `names`
     names: tuple[str, ...] = ()
 
 
@@ -35,7 +35,7 @@ class LabelReader:
     """Reads the label files of one target.
 
     Args:
-        target: says of which format they are, and what stands in them.
+        target: names their format and their values.
     """
 
     def __init__(self, target: TargetFile) -> None:
@@ -54,7 +54,7 @@ class LabelReader:
         """Read one file as ids of the target's classes, `IGNORE_LABEL` for void.
 
         Raises:
-            DataError: it is missing, broken, of another format, or holds what no class names.
+            DataError: it is missing, broken, of another format, or has a value that no class names.
         """
         label, unknown = self.known(path)
         if unknown:
@@ -62,7 +62,7 @@ class LabelReader:
         return label
 
     def known(self, path: Path) -> tuple[UInt8[np.ndarray, "_h _w"], Counter[str]]:
-        """The same, void where no class names a value, and the pixels of each such value.
+        """Read one file; values that no class names are void, and their pixels are counted.
 
         Raises:
             DataError: the file is missing, broken or of another format.
@@ -96,7 +96,7 @@ class LabelReader:
         return str(code if self._target.kind == "ids" else _colour(code))
 
     def error(self, unknown: dict[Path, Counter[str]]) -> DataError:
-        """What files hold that no class names: each value with its count and the first file that has it."""
+        """The error for values that no class names, each with its count and the first file that has it."""
         total: Counter[str] = Counter()
         for counts in unknown.values():
             total += counts
@@ -116,7 +116,7 @@ class LabelReader:
 
 
 def _code(rgb: Any) -> Any:
-    """One number for each colour, i32[...] of [... 3]."""
+    """Turn colours [... 3] into one number each, i32[...]."""
     return np.asarray(rgb, np.int32) @ np.array((1 << 16, 1 << 8, 1), np.int32)
 
 
@@ -125,7 +125,7 @@ def _colour(code: int) -> tuple[int, int, int]:
 
 
 def read_ids(path: Path) -> Values:
-    """Ids in one channel, grey of 1 to 16 bits or with a palette."""
+    """Read ids in one channel: grey of 1 to 16 bits, or a palette."""
     try:
         return Values(label_ids(read_file(path)))
     except UserError as error:
@@ -134,7 +134,7 @@ def read_ids(path: Path) -> Values:
 
 
 def read_first_channel(path: Path) -> Values:
-    """Ids in the first of three channels of 16 bits, as SYNTHIA has them; instances are in the second."""
+    """Read ids in the first of three 16-bit channels, as in SYNTHIA; the second has instances."""
     channels = decode(path, read_file(path), cv2.IMREAD_UNCHANGED)
     if channels.ndim != 3 or channels.dtype != np.uint16:
         count = 1 if channels.ndim == 2 else channels.shape[2]
@@ -142,16 +142,16 @@ def read_first_channel(path: Path) -> Values:
             f"{path}: {count} channel(s) of {8 * channels.itemsize} bits; expected three of 16, "
             "with class ids in the first (GT/LABELS of SYNTHIA, not GT/COLOR)"
         )
-    return Values(channels[..., 2])  # OpenCV turns the channels round
+    return Values(channels[..., 2])  # OpenCV reverses the channels
 
 
 def read_colours(path: Path) -> Values:
-    """Colours, exact ones: others tell of a file that was saved as JPEG or resized with smoothing."""
+    """Read exact colours; other colours come from a file saved as JPEG or resized with smoothing."""
     return Values(_code(read_image(path)))
 
 
 def read_labelme(path: Path) -> Values:
-    """Polygons and rectangles of LabelMe, the later above the earlier; void where there is none."""
+    """Draw polygons and rectangles of LabelMe in order, later ones above; the rest is void."""
     found = _table_at(path, _json(path), "")
     polygons = []
     for k, shape in enumerate(_list_at(path, found, "shapes")):
@@ -172,7 +172,7 @@ def read_labelme(path: Path) -> Values:
 
 
 def read_cityscapes_polygons(path: Path) -> Values:
-    """Polygons of Cityscapes (``*_polygons.json``), the later above the earlier, deleted ones left out."""
+    """Draw polygons of Cityscapes (``*_polygons.json``) in order, later ones above, without deleted ones."""
     found = _table_at(path, _json(path), "")
     polygons = []
     for k, item in enumerate(_list_at(path, found, "objects")):
@@ -190,7 +190,7 @@ FORMATS: dict[Format, Callable[[Path], Values]] = {
     "labelme-json": read_labelme,
     "cityscapes-json": read_cityscapes_polygons,
 }
-"""Of label files, each with what reads one."""
+"""The formats of label files, each with its reader."""
 
 
 def _json(path: Path) -> Any:
@@ -245,7 +245,7 @@ def _size(path: Path, table: dict[str, Any], *names: str) -> tuple[int, int]:
 def _drawn(
     size: tuple[int, int], polygons: Sequence[tuple[str, list[tuple[float, float]]]]
 ) -> Values:
-    """Places of names from 1, one polygon above the other, as the tools of both formats draw them."""
+    """Draw polygons in order as numbers of their names from 1, as the tools of both formats do."""
     names = tuple(dict.fromkeys(name for name, _ in polygons))
     canvas = Image.new("I", (size[1], size[0]))
     pen = ImageDraw.Draw(canvas)

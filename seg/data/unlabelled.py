@@ -1,4 +1,4 @@
-"""Photographs without labels: all that a reward by feature distance needs."""
+"""Photographs without labels, which are enough for a reward by feature distance."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,7 +35,7 @@ def list_unlabelled(root: str | Path) -> tuple[Path, ...]:
 def load_unlabelled(
     paths: Sequence[Path], size: tuple[int, int]
 ) -> UInt8[np.ndarray, "n height width 3"]:
-    """Read images as RGB, cut to the aspect of (height, width) around their centre, and resize them to it.
+    """Read images as RGB, cut them to the aspect of (height, width) around their centre, and resize them.
 
     Raises:
         DataError: a file is missing, broken or not an image.

@@ -34,11 +34,11 @@ def net(
     """Make a net by name.
 
     Args:
-        name: one of the known nets: those that are whole, and the trunks of `seg.nets.trunks` with a head.
-        classes: how many classes it tells apart.
-        dtype: what it computes in; parameters and logits are float32.
+        name: a known net: one without a trunk, or a trunk of `seg.nets.trunks` with a head.
+        classes: its number of classes.
+        dtype: its type of computation; parameters and logits are float32.
         norm: GroupNorm after the convolutions of VGG16; the compact net has it in any case.
-        weights: the file of a trunk's weights, where it needs one to know its size.
+        weights: the file of a trunk's weights, for a trunk that has its size from it.
         options: other attributes of the net, such as the `width` and `dropout` of a head.
 
     Returns:
@@ -46,7 +46,7 @@ def net(
         `{"params": ...}`; a net on a trunk has the collection `statistics`, too.
 
     Raises:
-        ValueError: no net has that name (the message lists those that exist), or classes < 1.
+        ValueError: no net has that name (the message lists the known ones), or classes < 1.
         WeightsError: the trunk's file of weights cannot be used.
     """
     if name not in _NETS and name not in TRUNKS:
@@ -80,8 +80,8 @@ def variables_of(trained: Any) -> Any:
     """The variables of a trained net, by collection.
 
     Args:
-        trained: these, or the tree of a version that had no collections: parameters alone, and among those
-            of a head its statistics.
+        trained: the variables; or a tree from a version without collections, which holds parameters and,
+            among those of a head, its statistics.
     """
     if "params" in trained:
         return trained

@@ -1,8 +1,8 @@
 """A compact net that trains in seconds on one CPU core.
 
-Works at a quarter of the resolution (space to depth), with one stage at an eighth, dilated for
-context, and a skip between the two. A channel holds the row, because street scenes are ordered from
-top to bottom. GroupNorm has no statistics that would differ between synthetic and real images.
+It works at a quarter of the resolution (space to depth), with one dilated stage at an eighth for context,
+and a skip connection between the two. One channel holds the row, because street scenes are ordered from top
+to bottom. GroupNorm has no statistics that would differ between synthetic and real images.
 """
 
 from collections.abc import Callable
@@ -23,13 +23,13 @@ _GROUPS = 8
 _LECUN = nn.initializers.lecun_normal()
 
 PENULTIMATE = "penultimate"
-"""Intermediate features that logits are made from, none below 0; a quarter of the resolution."""
+"""The name of the last layer's input: no feature is below 0, a quarter of the resolution."""
 
 Convolve = Callable[[Array, Array, int], Array]  # of features, kernel and rate
 
 
 def _first_conv(x: Array, kernel: Array, rate: int) -> Array:
-    """The last channel by itself: the same in all images, and XLA takes half the time for 48 as for 49."""
+    """Convolve the last channel alone: it is equal in all images, and XLA is faster for 48 than for 49."""
     colours, row = x[..., :-1], x[:1, ..., -1:]
     return conv(colours, kernel[:, :, :-1], rate) + strided_conv(row, kernel[:, :, -1:], 1)
 
@@ -56,9 +56,9 @@ class Compact(nn.Module):
     """Logits at full resolution from images of any size.
 
     Attributes:
-        classes: how many classes.
+        classes: the number of classes.
         width: channels at a quarter of the resolution, a multiple of 8; twice as many at an eighth.
-        dtype: what it computes in; None for float32.
+        dtype: the type of computation; None for float32.
     """
 
     classes: int
@@ -69,7 +69,7 @@ class Compact(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"], train: bool = False
     ) -> Float[Array, "b h w classes"]:
-        """Logits of normalised RGB; `train` is without effect, nets with dropout need it."""
+        """Logits of normalised RGB; `train` has no effect in a net without dropout."""
         block = partial(_ConvNormRelu, dtype=self.dtype)
         project = partial(
             Conv, convolve=pointwise_conv, side=1, kernel_init=_LECUN, dtype=self.dtype
@@ -86,7 +86,7 @@ class Compact(nn.Module):
         x = x + block(2 * self.width, dilation=2)(x)
         x = repeat_pixels(project(self.width)(x), 2)
         x = block(self.width)(x + skip)
-        self.sow("intermediates", PENULTIMATE, x)  # for those who ask for intermediates
+        self.sow("intermediates", PENULTIMATE, x)  # only where a caller asks for intermediates
         logits = project(self.classes)(x).astype(jnp.float32)
         # Bilinear logits: 1 point of mIoU more than repeated ones, for 5 % more time per step.
         return bilinear(logits, _CELL)[:, :h, :w]

@@ -2,10 +2,10 @@
 
 Source: Chen et al., "DeepLab: semantic image segmentation with deep convolutional nets, atrous
 convolution, and fully connected CRFs" (2018), section 3.2, ASPP-L on VGG16; no CRF, one scale.
-Deviations: the authors enlarge the scores so that corners fall on corners (a side of 8 n + 1 pixels becomes
-n + 1 cells; the layer `Interp`), and train at full size on labels thinned to 1/8. Here cells are squares of
-8x8 pixels: the image is filled up below and on the right to a multiple of 8 with the mean colour, logits are
-interpolated between the cells' centres and cropped, and the loss is over every pixel.
+Deviations: the authors enlarge the scores with aligned corners (a side of 8 n + 1 pixels becomes n + 1 cells;
+the layer `Interp`), and train at full size on labels thinned to 1/8. Here cells are squares of 8x8 pixels:
+the image is padded below and on the right to a multiple of 8 with the mean colour, logits are interpolated
+between the cells' centres and cropped, and the loss is over every pixel.
 """
 
 import jax.numpy as jnp
@@ -28,11 +28,11 @@ class DeepLabV2(nn.Module):
     + 1 049 600 (fc7: 1024 -> 1024) + 1025 c (fc8)).
 
     Attributes:
-        classes: how many classes.
+        classes: the number of classes.
         width: channels of the first stage of VGG16.
         hidden: channels of fc6 and fc7 in each branch.
-        norm: GroupNorm after each convolution of VGG16; not published, for training from scratch.
-        dtype: what it computes in; None for float32. Logits are float32.
+        norm: GroupNorm after each convolution of VGG16, for training from scratch; not published.
+        dtype: the type of computation; None for float32. Logits are float32.
     """
 
     classes: int

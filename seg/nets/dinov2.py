@@ -1,7 +1,7 @@
-"""DINOv2, a vision transformer: what its patch tokens say of 14x14 pixels each.
+"""DINOv2, a vision transformer, whose patch tokens describe 14x14 pixels each.
 
-Source: Oquab et al., "DINOv2: Learning Robust Visual Features without Supervision" (2023), as `transformers`
-has it (`Dinov2Model`): position embeddings are interpolated bicubically to the image's patches.
+Source: Oquab et al., "DINOv2: Learning Robust Visual Features without Supervision" (2023), as in
+`Dinov2Model` of `transformers`: position embeddings are interpolated bicubically to the image's patches.
 """
 
 from typing import NamedTuple
@@ -17,13 +17,13 @@ from seg.nets.ops.normalise import normalise
 from seg.nets.ops.resize import pad_to_multiple, space_to_depth
 
 PATCH = 14
-"""Pixels of a patch, in both directions."""
+"""Pixels along a side of a patch."""
 GRID = 37
-"""Patches along a side of the images that position embeddings were trained on."""
+"""Patches along a side of the images on which position embeddings were trained."""
 HEAD = 64
 """Channels of one head of attention."""
 MLP = 4
-"""Times as many channels within an MLP."""
+"""Channels within an MLP, as a multiple of the token's."""
 
 
 class Variant(NamedTuple):
@@ -34,11 +34,11 @@ class Variant(NamedTuple):
 
 
 VARIANTS = {384: Variant("ViT-S/14", 12), 768: Variant("ViT-B/14", 12)}
-"""By the channels of a token."""
+"""The sizes by the channels of a token."""
 
 
 def bicubic(n: int, size: int) -> Float32[np.ndarray, "size n"]:
-    """The matrix that resizes n samples to `size` by PyTorch's bicubic interpolation: A = -0.75, ends repeat.
+    """The matrix that resizes n samples to `size` by PyTorch's bicubic interpolation, A = -0.75, ends repeat.
 
     Source: Keys, "Cubic convolution interpolation for digital image processing" (1981).
     """
@@ -86,8 +86,8 @@ class DinoV2(nn.Module):
     """The last layer's patch tokens, normalised, as one feature map of stride 14.
 
     Attributes:
-        channels: of a token; one of `VARIANTS`.
-        dtype: what it computes in; None for float32.
+        channels: channels of a token; one of `VARIANTS`.
+        dtype: the type of computation; None for float32.
     """
 
     channels: int
@@ -97,9 +97,9 @@ class DinoV2(nn.Module):
     def __call__(
         self, images: Float[Array, "b h w 3"]
     ) -> tuple[Float[Array, "b rows cols channels"]]:
-        """Tokens of all patches.
+        """Compute the tokens of all patches.
 
-        Images are filled up below and on the right to a multiple of 14 with ImageNet's mean colour.
+        Images are padded below and on the right to a multiple of 14 with ImageNet's mean colour.
 
         Args:
             images: RGB in [0, 1].
@@ -114,7 +114,7 @@ class DinoV2(nn.Module):
         down, across = bicubic(GRID, rows), bicubic(GRID, cols)
         positions = jnp.einsum("Rr,Cc,rcd->RCd", down, across, known, precision=exact)
         x = (x + positions[None].astype(x.dtype)).reshape(b, rows * cols, c)
-        # The class token, its position added.
+        # The class token with its position.
         first = self.param("first", start, (c,)).astype(x.dtype)
         x = jnp.concatenate([jnp.broadcast_to(first, (b, 1, c)), x], axis=1)
         for number in range(VARIANTS[c].depth):

@@ -1,11 +1,11 @@
 """FCN8s on VGG16: class scores at 1/32, refined by those at 1/16 and 1/8.
 
 Source: Long, Shelhamer, Darrell, "Fully convolutional networks for semantic segmentation" (2015).
-Deviations: convolutions pad to keep the size, where the authors add 100 pixels around the image, let fc6
-shrink the map, and crop the scores (same parameters, less work; what a score sees differs where its 7x7
-cells reach over the border). The image is filled up below and on the right to a multiple of 32 with the mean
-colour, and the logits are cropped to its size. The scores of pool3 and pool4 are not rescaled. The last
-enlargement is bilinear and fixed, as theirs, but repeats the border where a transposed convolution fades.
+Deviations: convolutions pad to keep the size, whereas the authors add 100 pixels around the image, let fc6
+shrink the map, and crop the scores (same parameters, less work; scores differ where their 7x7 cells reach
+over the border). The image is padded below and on the right to a multiple of 32 with the mean colour, and the
+logits are cropped to its size. The scores of pool3 and pool4 are not rescaled. The last enlargement is
+bilinear and fixed, as in the paper, but repeats the border, where a transposed convolution fades.
 """
 
 import jax
@@ -25,7 +25,7 @@ def bilinear_kernel(
 ) -> Float[Array, "rows cols classes classes"]:
     """Initial kernel of a stride-2 transposed convolution that interpolates each class bilinearly.
 
-    Along each side 1/4 3/4 3/4 1/4; classes do not mix. Initialisers have a key, which is not used.
+    Its weights are 1/4 3/4 3/4 1/4 along each side; classes do not mix. The initialiser's key is not used.
     """
     del rng_key
     side = jnp.array([0.25, 0.75, 0.75, 0.25], dtype)
@@ -40,11 +40,11 @@ class FCN8s(nn.Module):
     + 16 781 312 (fc7: 4096 -> 4096) + (4097 + 513 + 257) c (scores) + 2 * 16 c^2 (upsampling).
 
     Attributes:
-        classes: how many classes.
+        classes: the number of classes.
         width: channels of the first stage of VGG16.
         hidden: channels of fc6 and fc7.
-        norm: GroupNorm after each convolution of VGG16; not published, for training from scratch.
-        dtype: what it computes in; None for float32. Logits are float32.
+        norm: GroupNorm after each convolution of VGG16, for training from scratch; not published.
+        dtype: the type of computation; None for float32. Logits are float32.
     """
 
     classes: int

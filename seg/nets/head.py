@@ -1,4 +1,4 @@
-"""A light head that segments by a trunk's feature maps, and the net that the two are."""
+"""A light head that segments from a trunk's feature maps, and the net of trunk and head."""
 
 from typing import Any
 
@@ -14,15 +14,15 @@ from seg.nets.ops.normalise import denormalise
 from seg.nets.ops.resize import bilinear
 
 STATISTICS = "statistics"
-"""The collection of variables that the head normalises features by."""
+"""The collection of variables with which the head normalises features."""
 Maps = tuple[Float[Any, "_n _rows _cols _c"], ...]
-"""What the head sees of images: a trunk's feature maps, the finest first; arrays of NumPy or JAX."""
+"""The head's input: a trunk's feature maps, the finest first; arrays of NumPy or JAX."""
 
 
 class _Projection(nn.Module):
     """A 1x1 convolution of all maps resized to the finest and concatenated.
 
-    Convolved first and resized then, which is the same and a quarter of the work.
+    It convolves first and resizes afterwards, with the same result for a quarter of the work.
     """
 
     features: int
@@ -49,18 +49,18 @@ class _Projection(nn.Module):
 class Head(nn.Module):
     """Logits at full resolution from feature maps: 1x1, 3x3, 1x1 on the finest, then bilinear interpolation.
 
-    The 3x3 convolution is separable, a depthwise one and a 1x1 one: an update takes half the time of one with
-    a whole 3x3 kernel, and nets trained on renders are no worse.
+    The 3x3 convolution is separable, a depthwise one and a 1x1 one: an update takes half the time of a whole
+    3x3 kernel's, and nets trained on renders are no worse.
 
-    It normalises features channel by channel, by `mean` and `deviation` in the collection `statistics`: no
-    training step changes these.
+    It normalises each channel of the features by `mean` and `deviation` of the collection `statistics`, which
+    no training step changes.
 
     Attributes:
-        classes: how many classes.
-        strides: of the maps in pixels, each a multiple of the first.
+        classes: the number of classes.
+        strides: strides of the maps in pixels, each a multiple of the first.
         width: channels between the convolutions.
         dropout: share of the features before the last convolution that a training step leaves out.
-        dtype: what it computes in; None for float32. Logits are float32.
+        dtype: the type of computation; None for float32. Logits are float32.
     """
 
     classes: int
@@ -73,7 +73,7 @@ class Head(nn.Module):
     def __call__(
         self, maps: Maps, size: tuple[int, int], train: bool = False, stride: int = 1
     ) -> Float[Array, "b rows cols classes"]:
-        """Logits of images of a size in pixels (rows, columns); of the pixels that `strided` takes."""
+        """Logits of images of a size (rows, columns) in pixels, at the pixels that `strided` takes."""
         channels = [m.shape[-1] for m in maps]
         mean = self.variable(STATISTICS, "mean", jnp.zeros, (sum(channels),)).value
         deviation = self.variable(STATISTICS, "deviation", jnp.ones, (sum(channels),)).value
@@ -98,12 +98,12 @@ class OnTrunk(nn.Module):
     """Trunk and head: logits at full resolution from images.
 
     Attributes:
-        classes: how many classes.
-        trunk: from RGB in [0, 1] to its feature maps, see `seg.nets.trunks.Trunk`.
-        strides: of the maps in pixels.
-        width: of the head.
-        dropout: of the head.
-        dtype: what the head computes in; None for float32. Logits are float32.
+        classes: the number of classes.
+        trunk: maps RGB in [0, 1] to feature maps, see `seg.nets.trunks.Trunk`.
+        strides: strides of the maps in pixels.
+        width: width of the head.
+        dropout: dropout of the head.
+        dtype: the head's type of computation; None for float32. Logits are float32.
     """
 
     classes: int
@@ -114,7 +114,7 @@ class OnTrunk(nn.Module):
     dtype: DTypeLike | None = None
 
     def setup(self) -> None:
-        """The head; parameters of the trunk are needed where it is called only."""
+        """Make the head; the trunk's parameters are needed only where it is called."""
         self.head = Head(self.classes, self.strides, self.width, self.dropout, self.dtype)
 
     def __call__(
@@ -127,12 +127,12 @@ class OnTrunk(nn.Module):
     def from_maps(
         self, maps: Maps, size: tuple[int, int], train: bool = False, stride: int = 1
     ) -> Float[Array, "b rows cols classes"]:
-        """Logits of images of a size, of which the trunk's feature maps are there already."""
+        """Logits of images of a size from the trunk's feature maps."""
         return self.head(maps, size, train, stride)
 
 
 def statistics(maps: Maps) -> tuple[Float[Array, " c"], Float[Array, " c"]]:
-    """A head's `mean` and `deviation`: those of each channel over all images and cells."""
+    """Compute a head's `mean` and `deviation` of each channel over all images and cells."""
 
     def of(features: Any) -> tuple[Array, Array]:
         x = jnp.asarray(features, jnp.float32)

@@ -1,8 +1,8 @@
 """The EfficientNet-Lites up to their last block: feature maps at 1/8, 1/16 and 1/32.
 
-Source: Tan, Le, "EfficientNet" (2019), in the form "Lite" of its authors: no squeeze and excitation, ReLU6,
-the stem's 32 and the last 1280 channels not scaled, and the first and the last stage never deeper. Batch
-normalisation is folded into kernels and biases (`seg.weights.lite`): with statistics fixed it is no more.
+Source: Tan, Le, "EfficientNet" (2019), in the authors' form "Lite": no squeeze and excitation, ReLU6, a stem
+of 32 and a last layer of 1280 channels in all sizes, and a first and last stage of the same depth in all
+sizes. Batch normalisation with fixed statistics is folded into kernels and biases (`seg.weights.lite`).
 """
 
 import math
@@ -20,7 +20,7 @@ from seg.nets.ops.resize import pad_to_multiple
 STEM = 32
 """Channels of the first convolution."""
 STRIDES = (8, 16, 32)
-"""Of the maps that a head sees."""
+"""Strides of the maps that a head takes."""
 
 
 class Block(NamedTuple):
@@ -32,7 +32,7 @@ class Block(NamedTuple):
     features: int
 
 
-_STAGES = (  # blocks, and the first of them; the others have stride 1
+_STAGES = (  # number of blocks, and the first block; the others have stride 1
     (1, Block(3, 1, 1, 16)),
     (2, Block(3, 2, 6, 24)),
     (2, Block(5, 2, 6, 40)),
@@ -44,17 +44,17 @@ _STAGES = (  # blocks, and the first of them; the others have stride 1
 
 
 class Size(NamedTuple):
-    """How a net of the family differs from the smallest."""
+    """The size of a net of the family, relative to the smallest."""
 
-    width: float  # times as many channels, in whole eights
-    depth: float  # times as many blocks in a stage, rounded up
+    width: float  # factor of the channels, which are rounded to multiples of 8
+    depth: float  # factor of the blocks of a stage, which are rounded up
 
 
 SIZES = {"lite0": Size(1.0, 1.0), "lite1": Size(1.0, 1.1), "lite2": Size(1.1, 1.2)}
 
 
 def blocks_of(size: Size) -> tuple[Block, ...]:
-    """The blocks of a net, in their order."""
+    """The blocks of a net in order."""
 
     def scaled(channels: int) -> int:
         return int(channels * size.width + 4) // 8 * 8
@@ -68,13 +68,13 @@ def blocks_of(size: Size) -> tuple[Block, ...]:
 
 
 def taps_of(blocks: tuple[Block, ...]) -> tuple[int, ...]:
-    """The last blocks at strides 4, 8, 16 and 32: those that the next stride comes after."""
+    """The indices of the last blocks at strides 4, 8, 16 and 32."""
     falls = [number for number, block in enumerate(blocks) if block.stride == 2]
     return *(number - 1 for number in falls[1:]), len(blocks) - 1
 
 
 def channels_of(blocks: tuple[Block, ...]) -> tuple[int, ...]:
-    """Of the maps at 1/8, 1/16 and 1/32."""
+    """Channels of the maps at 1/8, 1/16 and 1/32."""
     fine, eighth, *coarse = (blocks[i].features for i in taps_of(blocks))
     return fine + eighth, *coarse
 
@@ -96,7 +96,7 @@ class _Block(nn.Module):
 
 @jax.custom_vjp
 def relu6(x: Array) -> Array:
-    """The gradient of `jnp.clip` divides it between equal values; here it is 0 at 0 and 6, as in PyTorch."""
+    """ReLU6 whose gradient at 0 and 6 is 0, as in PyTorch; that of `jnp.clip` is divided there."""
     return jnp.clip(x, 0, 6)
 
 
@@ -117,7 +117,7 @@ class Lite(nn.Module):
 
     Attributes:
         blocks: from `blocks_of`.
-        dtype: what it computes in; None for float32.
+        dtype: the type of computation; None for float32.
     """
 
     blocks: tuple[Block, ...]
@@ -125,10 +125,10 @@ class Lite(nn.Module):
 
     @nn.compact
     def __call__(self, images: Float[Array, "b h w 3"]) -> tuple[Float[Array, "b _h _w _c"], ...]:
-        """Features at strides 8, 16 and 32, before any ReLU.
+        """Compute features at strides 8, 16 and 32, before any ReLU.
 
-        Those of stride 4 are averaged over 2x2 cells and stand before those of stride 8. Images are filled
-        up below and on the right to a multiple of 8 with the grey that is 0 to the net.
+        Features at stride 4 are averaged over 2x2 cells and come before those at stride 8. Images are padded
+        below and on the right to a multiple of 8 with the grey that the net normalises to 0.
 
         Args:
             images: RGB in [0, 1].
@@ -148,7 +148,7 @@ class Lite(nn.Module):
 
 
 def _fine_blocks(trunk: Lite) -> int:
-    """How many blocks there are up to stride 8."""
+    """The number of blocks up to stride 8."""
     return taps_of(trunk.blocks)[1] + 1
 
 
@@ -168,9 +168,9 @@ def _fine(trunk: Lite, x: Array) -> tuple[Array, ...]:
 
 
 def _image_by_image(trunk: Lite, x: Array) -> tuple[Array, ...]:
-    """The same, computed again for the gradient: at these resolutions one image fits a CPU's cache.
+    """As `_fine`, one image at a time and recomputed for the gradient, since one image fits a CPU's cache.
 
-    An update at 240x176, batch 8, takes a sixth less time so.
+    An update at 240x176 with a batch of 8 then takes a sixth less time.
     """
 
     def one(trunk: Lite, _: None, image: Array) -> tuple[None, tuple[Array, ...]]:

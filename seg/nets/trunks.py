@@ -1,7 +1,7 @@
-"""What nets see images by: trunks, each a function from an image to feature maps of a few strides.
+"""Trunks: functions from an image to feature maps of a few strides.
 
-A head is trained on the maps (`seg.nets.head`). A trunk of one's own is a function to a `Trunk` and a row of
-`TRUNKS`.
+A head is trained on the maps (`seg.nets.head`). To add a trunk, write a function that returns a `Trunk`, and
+a row of `TRUNKS`.
 """
 
 from collections.abc import Callable, Mapping
@@ -27,16 +27,17 @@ class Trunk(NamedTuple):
     """A net that turns images into feature maps, and its weights."""
 
     module: nn.Module
-    """From RGB f32[b, h, w, 3] in [0, 1] to a tuple of maps f32[b, rows, cols, channels], the finest first. A
-    map of stride s has ceil(h / s) rows and ceil(w / s) columns. Its field `dtype` is what it computes in."""
+    """Maps RGB f32[b, h, w, 3] in [0, 1] to a tuple of maps f32[b, rows, cols, channels], the finest first. A
+    map of stride s has ceil(h / s) rows and ceil(w / s) columns. Its field `dtype` is the type of
+    computation."""
     strides: tuple[int, ...]  # of the maps in pixels, each a multiple of the first
     channels: tuple[int, ...]  # of the maps
-    load: Callable[[], Params]  # the module's parameters; WeightsError where they cannot be used
-    source: Mapping[str, str]  # what the weights are; a saved head is used with no others
+    load: Callable[[], Params]  # gives the module's parameters; WeightsError if they cannot be used
+    source: Mapping[str, str]  # identifies the weights; a saved head needs the same ones
 
     @property
     def pixel_bytes(self) -> float:
-        """Bytes of features for each pixel, in half precision."""
+        """Bytes of features per pixel in half precision."""
         own = zip(self.channels, self.strides, strict=True)
         return sum(2 * channels / stride**2 for channels, stride in own)
 
@@ -61,27 +62,27 @@ TRUNKS: dict[str, Callable[[str | None], Trunk]] = {
     **{net: partial(_lite, net) for net in SIZES},
     "dinov2": _dinov2,
 }
-"""Trunks by the name of the net that stands on them; each is made from the file that the settings name as
-`weights`, or None. A function that needs no file takes no notice of it."""
+"""Trunks by the names of their nets. A function makes a trunk from the file of `weights` in the settings, or
+None; a function that needs no file ignores it."""
 
 
 def trunk_of(settings: TrainSettings) -> Trunk:
     """The trunk of the settings' net.
 
     Raises:
-        UserError: the net has none.
-        WeightsError: a file of weights that it needs cannot be used.
+        UserError: the net has no trunk.
+        WeightsError: the trunk's file of weights cannot be used.
     """
     return trunk(settings.net, settings.weights)
 
 
 @lru_cache(maxsize=4)
 def trunk(net: str, weights: str | None = None) -> Trunk:
-    """A trunk by the name of its net, made once for the same file.
+    """Make a trunk by the name of its net, once for each file.
 
     Args:
         net: one of `TRUNKS`.
-        weights: the file of its weights, where it needs one.
+        weights: the file of its weights, if it needs one.
 
     Raises:
         UserError: no trunk has that name.

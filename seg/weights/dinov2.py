@@ -1,4 +1,4 @@
-"""Weights of DINOv2 from a file in Hugging Face's layout, tensor by tensor checked. Nothing is downloaded."""
+"""Reads weights of DINOv2 from a file in Hugging Face's layout and checks each tensor, without a download."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -19,22 +19,22 @@ _LINEAR = {
     "fc1": "mlp.fc1",
     "fc2": "mlp.fc2",
 }
-"""Linear layers of a layer of ours, and where they are in the file."""
+"""Linear parts of one of our layers, and their names in the file."""
 
 
 class Weights(NamedTuple):
-    """What a file holds."""
+    """The contents of a file."""
 
     channels: int  # of a token
     params: dict[str, Any]  # of `seg.nets.dinov2.DinoV2`
 
 
 def weights_of(arrays: Mapping[str, np.ndarray], where: str) -> Weights:
-    """Check every tensor's name and shape, and bring them into our layout.
+    """Check every tensor's name and shape, and convert the tensors to our layout.
 
     Args:
-        arrays: what the file holds.
-        where: what messages call it.
+        arrays: the file's arrays.
+        where: the file's name in messages.
 
     Raises:
         WeightsError: a tensor is missing, misshapen or not finite, or of another net.

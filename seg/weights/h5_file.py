@@ -1,8 +1,8 @@
-"""Reads the layers of a Keras `.h5` file, by the names that Keras gives to VGG16's.
+"""Reads the layers of a Keras `.h5` file under Keras's names of VGG16's layers.
 
-Known are the layouts of Keras 1 (`block1_conv1/block1_conv1_W_1:0`), of Keras 2, saved as weights or as a
-model (`model_weights/block1_conv1/block1_conv1/kernel:0`), and of Keras 3's `.weights.h5` where it notes the
-layer's name (`.../vars/0`). Arrays alone are read: a model's configuration, which may hold code, is not.
+It knows the layouts of Keras 1 (`block1_conv1/block1_conv1_W_1:0`), of Keras 2, saved as weights or as a
+model (`model_weights/block1_conv1/block1_conv1/kernel:0`), and of Keras 3's `.weights.h5` with the layer's
+name (`.../vars/0`). It reads arrays alone, not a model's configuration, which may hold code.
 """
 
 import re
@@ -20,11 +20,11 @@ _LARGEST = 2**30  # bytes of all arrays: VGG16 has 553 MB
 
 
 def read_h5(file: BufferedIOBase, where: str) -> dict[str, np.ndarray]:
-    """Read all arrays of floats but the optimiser's; those of known layers are `block1_conv1/kernel`.
+    """Read all float arrays except the optimiser's; known layers are named as `block1_conv1/kernel`.
 
     Args:
-        file: its bytes.
-        where: what messages call it.
+        file: the file's bytes.
+        where: the file's name in messages.
 
     Raises:
         WeightsError: the extra `h5` is not installed, or the file is damaged or holds more than arrays.
@@ -56,15 +56,15 @@ def read_h5(file: BufferedIOBase, where: str) -> dict[str, np.ndarray]:
             opened.visititems(visit)
     except WeightsError:
         raise
-    except Exception as error:  # HDF5 has many; none of them names the file
+    except Exception as error:  # HDF5 has many kinds of error; none names the file
         raise WeightsError(f"{where}: a damaged .h5 ({error})") from None
     return arrays
 
 
 def _name(path: str, noted: Any) -> str:
-    """`layer/part`, or the path itself where it is of no layer that is known."""
+    """The name `layer/part`, or the path itself if the layer is unknown."""
     *groups, last = path.split("/")
-    # Where Keras 3 calls groups by the layer's class, it notes the name beside the arrays.
+    # If Keras 3 names groups by the layer's class, it notes the layer's name beside the arrays.
     known = [name for name in (*groups, str(noted)) if _LAYER.fullmatch(name)]
     if not known:
         return path

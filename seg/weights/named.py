@@ -1,4 +1,4 @@
-"""Tensors of a file, taken by name and looked at before they are believed."""
+"""Takes the tensors of a file by name, and checks each one."""
 
 from collections.abc import Iterable, Mapping
 
@@ -8,14 +8,14 @@ from seg.errors import WeightsError
 
 
 class Named:
-    """The tensors of a file that are not taken yet.
+    """The tensors of a file that have not been taken yet.
 
     Args:
-        arrays: what the file holds.
-        where: the file, as messages call it.
-        net: what it should hold, in words.
-        cure: what a message ends with.
-        unused: names that may be there.
+        arrays: the file's arrays.
+        where: the file's name in messages.
+        net: the expected net, in words.
+        cure: the end of messages.
+        unused: names that may be left over.
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class Named:
         self._where, self._net, self._cure = where, net, cure
 
     def take(self, name: str, shape: tuple[int, ...]) -> np.ndarray:
-        """A tensor f32 of this shape.
+        """Take a tensor f32 of this shape.
 
         Raises:
             WeightsError: it is missing, of another shape or type, or not finite.
@@ -55,5 +55,5 @@ class Named:
             )
 
     def error(self, text: str) -> WeightsError:
-        """What is wrong with the file."""
+        """The error of the file with a text."""
         return WeightsError(f"{self._where}: {text}")

@@ -1,8 +1,8 @@
 """Reads the pickle inside a PyTorch file without running any of it.
 
-A pickle is a program. Of its instructions only those that PyTorch writes for a dictionary of tensors are
-known here, of the functions it may call only those below, and these only note what they were given. All
-else is an error. This is Python's slow unpickler, because that one lets instructions be taken away.
+A pickle is a program. This reader knows only the instructions that PyTorch writes for a dictionary of
+tensors, and only the functions below, which record their arguments. Everything else is an error. It uses
+Python's slow unpickler, because its instructions can be removed.
 """
 
 import pickle
@@ -53,7 +53,7 @@ _FUNCTIONS: dict[tuple[str, str], Callable[..., Any]] = {
 
 
 class _Unpickler(pickle._Unpickler):
-    """Knows the instructions above only."""
+    """An unpickler that knows only the instructions above."""
 
     def find_class(self, module: str, name: str) -> Any:
         if (module, name) in _FUNCTIONS:
@@ -64,7 +64,7 @@ class _Unpickler(pickle._Unpickler):
         raise _Refused(f"it calls {module}.{name}")
 
     def persistent_load(self, pid: Any) -> Any:
-        """A storage: ("storage", type, key, device, elements), and in old files what it is a view of."""
+        """A storage: ("storage", type, key, device, elements), and in old files the viewed storage."""
         kind, dtype, key, _, elements, *view = pid
         if kind != "storage" or dtype not in DTYPES.values() or any(v is not None for v in view):
             raise _Refused("it refers to something that is no whole storage")
@@ -95,14 +95,14 @@ def _set_items(unpickler: Any) -> None:
 
 
 def _put(into: Any, key: Any, value: Any) -> None:
-    """Keys are texts: tuples of tuples may take for ever to be looked up, or to be printed."""
+    """Set an item with a text as key; nested tuples could take for ever to look up or to print."""
     if not isinstance(into, dict) or not isinstance(key, str | int):
         raise _Refused(f"it has a {type(key).__name__} as a name")
     into[key] = value
 
 
 def _build(unpickler: Any) -> None:
-    """Attributes of an object: those of a state dict say which version its layers have, not needed."""
+    """Ignore the attributes of a state dict, which hold the versions of its layers."""
     unpickler.stack.pop()
     if not isinstance(unpickler.stack[-1], dict):
         raise _Refused("it sets attributes of something that is no dictionary")
@@ -120,11 +120,11 @@ _Unpickler.dispatch = _only_known()
 
 
 def load(file: BufferedIOBase, where: str) -> Any:
-    """Read one pickle, up to its end and not further: plain values; tensors as `Tensor`.
+    """Read one pickle exactly to its end: plain values, with tensors as `Tensor`.
 
     Args:
         file: at the beginning of the pickle.
-        where: what messages call it.
+        where: the file's name in messages.
 
     Raises:
         WeightsError: the pickle is damaged, or would do more than describe tensors.
@@ -138,5 +138,5 @@ def load(file: BufferedIOBase, where: str) -> Any:
         ) from None
     except OSError:
         raise
-    except Exception as error:  # whatever bytes that are no pickle may cause
+    except Exception as error:  # bytes that are no pickle may cause any error
         raise WeightsError(f"{where}: not a pickle, or a damaged one ({error!r})") from None

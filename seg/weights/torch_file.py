@@ -1,7 +1,7 @@
-"""Reads state dicts as `torch.save` writes them, without PyTorch: the zip format and the older one.
+"""Reads state dicts of `torch.save` without PyTorch: the zip format and the older one.
 
-Source: torch/serialization.py, `_save` and `_legacy_save`; version 1001 of the older format is also that
-of the files that torchvision offers.
+Source: torch/serialization.py, `_save` and `_legacy_save`; torchvision's files have version 1001 of the older
+format.
 """
 
 import zipfile
@@ -93,7 +93,7 @@ def read_legacy(path: Path) -> dict[str, np.ndarray]:
 
 
 def _storage(file: BufferedIOBase, tensor: Tensor | None, key: Any, path: Path) -> bytes:
-    """The next storage: how many elements, then these. Only the pickle knows how large one is."""
+    """Read the next storage: the number of elements, then the elements, whose size the pickle gives."""
     count = int.from_bytes(file.read(8), "little")
     if tensor is None or count != tensor.elements:
         raise WeightsError(f"{path}: the storage {key} has not the size it should; damaged?")

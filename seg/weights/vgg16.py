@@ -1,10 +1,10 @@
-"""VGG16's layers by the names of the files that people have, checked one by one.
+"""Reads VGG16's layers under the names of common files, and checks each one.
 
-Known are torchvision's names (`features.0.weight`, `classifier.0.weight`), those of its `features` alone
+It knows torchvision's names (`features.0.weight`, `classifier.0.weight`), those of its `features` alone
 (`0.weight`), timm's, which differ in the classifier (`pre_logits.fc1.weight`), Keras's
-(`block1_conv1/kernel`, `fc1/kernel`), and our own (`conv1_1/kernel`, `fc6/kernel`). Of the classifier, fc6
-and fc7 become convolutions of 7x7 and 1x1, as FCN8s has them; what tells ImageNet's classes apart is left
-out. A file may also hold the 13 convolutions alone.
+(`block1_conv1/kernel`, `fc1/kernel`), and ours (`conv1_1/kernel`, `fc6/kernel`). The classifier's fc6 and fc7
+become convolutions of 7x7 and 1x1, as in FCN8s; its last layer, over ImageNet's classes, is left out. A file
+may also hold the 13 convolutions alone.
 """
 
 from collections.abc import Iterable, Mapping
@@ -30,18 +30,18 @@ _TORCHVISION = (*(f"features.{i}" for i in _FEATURES), "classifier.0", "classifi
 _TIMM = (*_TORCHVISION[:13], "pre_logits.fc1", "pre_logits.fc2")
 _KERAS = (*(f"block{name[4]}_conv{name[6]}" for name in CONVS), "fc1", "fc2")
 HED_SIDES = ("dsn1/", "dsn2/", "dsn3/", "dsn4/", "dsn5/", "fuse/")
-"""What the arrays begin with that HED has besides VGG16's convolutions."""
+"""Prefixes of the arrays that HED has besides VGG16's convolutions."""
 _IGNORED = ("classifier.6.", "head.", "fc8/", "predictions/", *HED_SIDES)
 
 
 class Scheme(NamedTuple):
-    """One way to name the layers."""
+    """One scheme of layer names."""
 
     name: str
     layers: tuple[str, ...]  # names of `LAYERS`, or of `CONVS` alone
-    parts: tuple[str, str]  # what follows for kernel and bias
+    parts: tuple[str, str]  # suffixes of kernel and bias
     torch: bool  # kernels are [out, in, rows, columns], not [rows, columns, in, out]
-    expects: Normalisation | None  # images; None where names do not tell
+    expects: Normalisation | None  # of images; None if names do not tell
 
 
 SCHEMES = (
@@ -54,7 +54,7 @@ SCHEMES = (
 
 
 def shapes() -> dict[str, tuple[int, ...]]:
-    """The shape of every array of VGG16, by our names."""
+    """The shape of every array of VGG16 under our names."""
     sizes = {name: (3, 3, *pair) for name, pair in zip(CONVS, pairwise(_CHANNELS), strict=True)}
     sizes |= {"fc6": (7, 7, _CHANNELS[-1], _HIDDEN), "fc7": (1, 1, _HIDDEN, _HIDDEN)}
     found: dict[str, tuple[int, ...]] = {}
@@ -64,11 +64,11 @@ def shapes() -> dict[str, tuple[int, ...]]:
 
 
 def scheme_of(names: Iterable[str], where: str) -> Scheme:
-    """How a file names its layers; WeightsError where in no way that is known.
+    """Find the scheme of a file's names; WeightsError if it has none.
 
     Args:
-        names: of all its arrays.
-        where: what messages call it.
+        names: names of all its arrays.
+        where: the file's name in messages.
     """
     have = set(names)
     hits = {scheme: sum(n + scheme.parts[0] in have for n in scheme.layers) for scheme in SCHEMES}
@@ -83,11 +83,11 @@ def scheme_of(names: Iterable[str], where: str) -> Scheme:
 
 
 def layers(arrays: Mapping[str, np.ndarray], where: str) -> dict[str, np.ndarray]:
-    """All layers of VGG16, or its 13 convolutions, f32, under the names and in the shapes of `shapes()`.
+    """Read all layers of VGG16, or its 13 convolutions, as f32 with the names and shapes of `shapes()`.
 
     Args:
-        arrays: what a file holds.
-        where: what messages call it.
+        arrays: the file's arrays.
+        where: the file's name in messages.
 
     Raises:
         WeightsError: a layer is missing, has another shape or no finite values, or there are layers that
@@ -132,7 +132,7 @@ def _array(
     if len(ours) == 4:
         rows, columns, c_in, c_out = ours
         flat = c_in * rows * columns
-        # A convolution kernel of theirs, and a fully connected one: PyTorch flattens its input channel by
+        # A convolution kernel and a fully connected one of the file: PyTorch flattens the input channel by
         # channel, Keras pixel by pixel.
         allowed = [(c_out, c_in, rows, columns) if scheme.torch else ours]
         if name.startswith("fc") and scheme.name != "our own":

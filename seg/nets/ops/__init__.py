@@ -1,1 +1,1 @@
-"""What the nets are put together from."""
+"""The operations of which the nets consist."""

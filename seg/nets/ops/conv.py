@@ -1,4 +1,4 @@
-"""The nets' convolution, and one whose kernel's gradient is matrix products on CPUs."""
+"""The nets' convolution, whose kernel gradient is computed by matrix products on CPUs."""
 
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -14,15 +14,15 @@ from jaxtyping import Array, Float
 def conv(
     x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], rate: int = 1
 ) -> Float[Array, "b h w features"]:
-    """Convolve; zeros around, the size is kept.
+    """Convolve with zero padding that keeps the size.
 
-    The same as `lax.conv_general_dilated`, and so is the gradient. On CPUs that of the kernel is a product
-    over all pixels for each of its rows, two to seven times as fast as XLA's way, a convolution with an image
-    for a kernel.
+    Result and gradient equal those of `lax.conv_general_dilated`. On CPUs the kernel's gradient is one
+    product over all pixels for each kernel row, two to seven times as fast as XLA's convolution with an image
+    as kernel.
 
     Args:
         x: features.
-        kernel: rows, columns (as many, an odd number), channels in, channels out.
+        kernel: rows, columns (the same odd number), channels in, channels out.
         rate: distance of the kernel's cells.
 
     Returns:
@@ -32,7 +32,7 @@ def conv(
 
 
 def xla_conv(x: Array, kernel: Array, rate: int = 1, stride: int = 1) -> Array:
-    """The same with the gradients that JAX makes of it, and a distance of the kernel's places."""
+    """As `conv`, with the gradients of JAX and with a stride."""
     return jax.lax.conv_general_dilated(
         x,
         kernel,
@@ -69,16 +69,16 @@ conv.defvjp(_forward, _backward)
 def kernel_gradient(
     x: Float[Array, "b h w c"], grad: Float[Array, "b h w features"], side: int, rate: int
 ) -> Float[Array, "side side c features"]:
-    """The gradient of a convolution's kernel, as one matrix product for each of its rows.
+    """Compute the gradient of a convolution's kernel by one matrix product for each kernel row.
 
-    Copies of the narrower of the two, shifted by each of the kernel's columns, stand side by side: so
-    little is copied, and the products are large ones. Image by image, so that copies stay in the cache,
-    unless sums as large as the kernel would then take longer.
+    Copies of the narrower array, shifted by each of the kernel's columns, are concatenated, which copies
+    little and makes the products large. It works image by image, so that copies stay in the cache, unless
+    summing over kernels of this size would take longer.
 
     Args:
-        x: features that were convolved.
+        x: the convolution's input.
         grad: gradient of the convolution's result.
-        side: of the kernel, in cells; odd.
+        side: side of the kernel in cells; odd.
         rate: distance of the kernel's cells.
 
     Returns:
@@ -116,16 +116,16 @@ def kernel_gradient(
 
 
 class Conv(nn.Module):
-    """A convolution that keeps the size, unless `convolve` does not; parameters as those of `nn.Conv`.
+    """A convolution with the parameters of `nn.Conv`; it keeps the size if `convolve` does.
 
     Attributes:
         features: channels out.
-        convolve: of features, kernel and rate: `conv`, `patch_conv` or `product_conv`.
-        side: of the kernel, in cells; odd.
+        convolve: a function of features, kernel and rate: `conv`, `patch_conv` or `product_conv`.
+        side: side of the kernel in cells; odd.
         rate: distance of the kernel's cells.
-        use_bias: add a number to each channel.
-        kernel_init: the kernel at the start.
-        dtype: what it computes in; None for float32.
+        use_bias: whether to add a number to each channel.
+        kernel_init: initialiser of the kernel.
+        dtype: the type of computation; None for float32.
     """
 
     features: int

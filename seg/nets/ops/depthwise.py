@@ -12,7 +12,7 @@ from seg.nets.ops.conv import Conv
 
 
 def same(size: int, side: int, stride: int) -> tuple[int, int]:
-    """Cells that "SAME" padding adds before and after: the odd one comes after, as TensorFlow has it."""
+    """Cells that "SAME" padding adds before and after; an odd cell comes after, as in TensorFlow."""
     total = max((-(-size // stride) - 1) * stride + side - size, 0)
     return total // 2, total - total // 2
 
@@ -45,21 +45,21 @@ def strided_conv(
 def depthwise(
     x: Float[Array, "b h w c"], kernel: Float[Array, "side side 1 c"], stride: int = 1
 ) -> Float[Array, "b rows cols c"]:
-    """Convolve each channel with a kernel of its own; "SAME" padding.
+    """Convolve each channel with its own kernel; "SAME" padding.
 
-    The same as `lax.conv_general_dilated` with as many groups as channels, and so is the gradient. On CPUs it
-    is a sum of shifted copies, each times one cell of the kernel: ten times as fast as XLA's grouped one.
+    Result and gradient equal those of `lax.conv_general_dilated` with as many groups as channels. On CPUs it
+    is a sum of shifted copies times cells of the kernel, ten times as fast as XLA's grouped convolution.
 
     Args:
         x: features.
-        kernel: rows, columns (as many, an odd number), 1, channels.
-        stride: distance of the kernel's places.
+        kernel: rows, columns (the same odd number), 1, channels.
+        stride: distance of the kernel's positions.
     """
     return _forward(x, kernel, stride)[0]
 
 
 def xla_depthwise(x: Array, kernel: Array, stride: int = 1) -> Array:
-    """The same with the gradients that JAX makes of it."""
+    """As `depthwise`, with the gradients of JAX."""
     return jax.lax.conv_general_dilated(
         x,
         kernel,
@@ -71,7 +71,7 @@ def xla_depthwise(x: Array, kernel: Array, stride: int = 1) -> Array:
 
 
 def _cells(x: Array, side: int, stride: int) -> list[list[Array]]:
-    """What each cell of the kernel sees, by row and column."""
+    """The input of each cell of the kernel, by row and column."""
     _, h, w, _ = x.shape
     x = jnp.pad(x, [(0, 0), same(h, side, stride), same(w, side, stride), (0, 0)])
     down, right = ((-(-n // stride) - 1) * stride + 1 for n in (h, w))
@@ -111,7 +111,7 @@ def _backward(stride: int, given: tuple[Array, Array], grad: Array) -> tuple[Arr
 
 
 def _to_kernel(x: Array, grad: Array, side: int, stride: int) -> Array:
-    """Row by row, so that all stays in the cache; sums run along columns at the end only."""
+    """Sum row by row, so that data stay in the cache, and along columns only at the end."""
     b, h, w, c = x.shape
     _, rows, cols, _ = grad.shape
     x = jnp.pad(x, [(0, 0), same(h, side, stride), same(w, side, stride), (0, 0)])
@@ -131,7 +131,7 @@ def _to_kernel(x: Array, grad: Array, side: int, stride: int) -> Array:
 
 
 def _to_x(x: Array, kernel: Array, grad: Array, stride: int) -> Array:
-    """Each cell of x gathers from the places that saw it: which, its row and column % stride decide."""
+    """Gather for each cell of x from the positions that read it, which depend on its place % stride."""
     b, h, w, c = x.shape
     side = reach = kernel.shape[0]
     rows, cols = grad.shape[1:3]
@@ -163,7 +163,7 @@ Pointwise = partial(Conv, convolve=pointwise_conv, side=1)
 
 
 class Spatial(nn.Module):
-    """A depthwise convolution, or with `features` a whole one for few channels in; "SAME" padding."""
+    """A depthwise convolution, or with `features` a full one for few channels in; "SAME" padding."""
 
     side: int
     stride: int

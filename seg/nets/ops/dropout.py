@@ -1,4 +1,4 @@
-"""Dropout at a quarter of the random numbers."""
+"""Dropout with a quarter of the random bits."""
 
 import jax
 import jax.numpy as jnp
@@ -8,13 +8,13 @@ from jaxtyping import Array, Float, PRNGKeyArray
 def dropout(
     rng_key: PRNGKeyArray, x: Float[Array, "*shape"], rate: float
 ) -> Float[Array, "*shape"]:
-    """Leave out a random share of the values, and scale the others so that the mean stays.
+    """Set a random share of the values to 0, and scale the others so that the mean stays.
 
-    The same as `nn.Dropout`, but a byte decides on a value where it takes a word of four: the random numbers
-    are most of dropout's time on a CPU.
+    It equals `nn.Dropout`, but takes one random byte per value instead of four: random numbers take most of
+    dropout's time on a CPU.
 
     Args:
-        rng_key: of the choice.
+        rng_key: key of the choice.
         x: values.
         rate: the share, in [0, 1); rounded to a multiple of 1/256, at most 255/256.
     """

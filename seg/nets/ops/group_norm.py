@@ -8,15 +8,15 @@ from jaxtyping import Array, Float
 
 
 class GroupNorm(nn.Module):
-    """As `nn.GroupNorm`, parameters and all.
+    """Group normalisation with the parameters of `nn.GroupNorm`.
 
-    Sums are taken of single channels and those of a group put together after it, and what is subtracted and
-    divided by becomes one factor and one number for each channel: with the gradient three to four times as
-    fast on a CPU, which reads whole pixels so.
+    It sums over single channels first and over a group's channels afterwards, and combines shift and scale
+    into one factor and one summand per channel. A CPU then reads whole pixels: with the gradient this is
+    three to four times as fast.
 
     Attributes:
         num_groups: divides the channels.
-        dtype: of the result; statistics are float32.
+        dtype: type of the result; statistics are float32.
     """
 
     num_groups: int
@@ -24,7 +24,7 @@ class GroupNorm(nn.Module):
 
     @nn.compact
     def __call__(self, x: Float[Array, "b h w c"]) -> Float[Array, "b h w c"]:
-        """Each group with mean 0 and variance 1, then scaled and shifted channel by channel."""
+        """Normalise each group to mean 0 and variance 1, then scale and shift each channel."""
         b, _, _, c = x.shape
         scale = self.param("scale", nn.initializers.ones, (c,))
         bias = self.param("bias", nn.initializers.zeros, (c,))

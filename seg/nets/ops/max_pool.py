@@ -9,22 +9,22 @@ from jaxtyping import Array, Float, Int8
 
 @partial(jax.custom_vjp, nondiff_argnums=(1, 2))
 def max_pool(x: Float[Array, "b h w c"], side: int, stride: int) -> Float[Array, "b rows cols c"]:
-    """The largest value of each window, channel by channel.
+    """Take the largest value of each window, channel by channel.
 
-    The same as `flax.linen.max_pool` with (side - 1) // 2 cells around, and so is the gradient, which goes to
-    the first of equal values. XLA scatters it; here each value looks which of its windows chose it, five to
-    ten times as fast on a CPU.
+    Result and gradient equal those of `flax.linen.max_pool` with a padding of (side - 1) // 2 cells; the
+    gradient goes to the first of equal values. XLA scatters it; here each value gathers from the windows that
+    chose it, five to ten times as fast on a CPU.
 
     Args:
         x: features; height and width are multiples of `stride`.
-        side: of the window, in cells; at least `stride`, and odd if `stride` is 1.
+        side: side of the window in cells; at least `stride`, and odd if `stride` is 1.
         stride: distance of the windows.
     """
     return _choose(x, side, stride)[0]
 
 
 def _choose(x: Array, side: int, stride: int) -> tuple[Array, Int8[Array, "b rows cols c"]]:
-    """The largest values, and the number of the cell where each was found, counted along rows."""
+    """The largest values, and the index of each one's cell in its window, counted along rows."""
     around = ((side - 1) // 2,) * 2
     _, h, w, _ = x.shape
     x = jnp.pad(x, [(0, 0), around, around, (0, 0)], constant_values=-jnp.inf)
@@ -42,8 +42,8 @@ def _choose(x: Array, side: int, stride: int) -> tuple[Array, Int8[Array, "b row
 
 def _backward(side: int, stride: int, chosen: Array, grad: Array) -> tuple[Array]:
     b, rows, cols, c = grad.shape
-    # Row r of x is cell i of window (r + around - i) / stride, where that is a whole number: which
-    # windows these are, relative to r // stride, depends on r % stride alone.
+    # Row r of x is cell i of window (r + around - i) / stride if that is a whole number. The index of
+    # these windows, relative to r // stride, depends on r % stride alone.
     around = (side - 1) // 2
     reach = -(-around // stride)
     edge = [(0, 0), (reach, reach), (reach, reach), (0, 0)]

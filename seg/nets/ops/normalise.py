@@ -1,9 +1,9 @@
-"""What every net expects its images to look like."""
+"""The normalisation of images that every net expects."""
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-# Mean and standard deviation of ImageNet, RGB in [0, 1]: pre-trained weights assume them.
+# Mean and standard deviation of ImageNet, RGB in [0, 1], as pre-trained weights assume.
 MEAN = (0.485, 0.456, 0.406)
 STD = (0.229, 0.224, 0.225)
 
@@ -15,6 +15,6 @@ def normalise(images: Float[Array, "b h w 3"]) -> Float[Array, "b h w 3"]:
 
 
 def denormalise(images: Float[Array, "b h w 3"]) -> Float[Array, "b h w 3"]:
-    """RGB in [0, 1] from what `normalise` made of it, for nets that scale images their own way."""
+    """Undo `normalise`: RGB in [0, 1], for nets that scale images in their own way."""
     shape = (1, 1, 1, 3)
     return images * jnp.reshape(jnp.array(STD), shape) + jnp.reshape(jnp.array(MEAN), shape)

@@ -1,4 +1,4 @@
-"""Convolutions as matrix products, for kernels that reach as far as the map or nearly so."""
+"""Convolutions as matrix products, for kernels about as large as the map."""
 
 from functools import partial
 
@@ -12,10 +12,10 @@ Cell = tuple[int, int, tuple[slice, slice], tuple[slice, slice]]
 def patch_conv(
     x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], rate: int = 1
 ) -> Float[Array, "b h w features"]:
-    """`conv` by one product of all patches with the kernel; f32, since many products are summed.
+    """`conv` by one product of all patches with the kernel; f32, since many terms are summed.
 
-    A kernel is then read only once, and its gradient written once: for kernels of more numbers than the
-    patches have, as those of fully connected layers.
+    It reads the kernel once, and writes its gradient once, which suits kernels larger than the patches, such
+    as those of fully connected layers.
     """
     b, h, w, c = x.shape
     side, _, _, features = kernel.shape
@@ -33,11 +33,11 @@ def patch_conv(
 def product_conv(
     x: Float[Array, "b h w c"], kernel: Float[Array, "side side c features"], rate: int = 1
 ) -> Float[Array, "b h w features"]:
-    """`conv` by one product for each cell of the kernel; f32, since many products are summed.
+    """`conv` by one product for each cell of the kernel; f32, since many terms are summed.
 
-    Cells that lie outside the map wherever the centre is (at 1/8 of 128x96 all but the centre of those with
-    rate 18) are left out, and so is the part of the others that does: for cells far apart, with which
-    XLA's CPU backend is slow, above all backwards.
+    It leaves out cells that lie outside the map for every position of the kernel (at 1/8 of 128x96, with rate
+    18, all but the centre), and the outer part of other cells. It suits cells far apart, for which XLA's CPU
+    backend is slow, most of all backwards.
     """
     size = x.shape[1:3]
     total = jnp.zeros((*x.shape[:3], kernel.shape[-1]), jnp.float32)
@@ -51,7 +51,7 @@ def product_conv(
 
 
 def _cells(x: Array, kernel: Array, rate: int) -> list[Cell]:
-    """Row and column of each cell that ever lies inside; the part it sees, and where its centre is then."""
+    """Row and column of each cell that can lie inside, the part that it reads, and its centre's positions."""
     _, h, w, _ = x.shape
     side = kernel.shape[0]
 
@@ -76,7 +76,7 @@ def _forward(x: Array, kernel: Array, rate: int) -> tuple[Array, tuple[Array, Ar
 def _backward(rate: int, given: tuple[Array, Array], grad: Array) -> tuple[Array, Array]:
     x, kernel = given
     to_x = product_conv(grad, kernel[::-1, ::-1].swapaxes(2, 3), rate)
-    # Left to JAX, each cell would be written into a kernel of zeros and all of these added.
+    # JAX would write each cell into a kernel of zeros and add all of these.
     found = {
         (i, j): jnp.einsum(
             "bhwc,bhwd->cd", x[:, *seen], grad[:, *seeing], preferred_element_type=jnp.float32

@@ -10,13 +10,13 @@ from jaxtyping import Array, Float, Float32, Shaped
 
 
 def pad_to_multiple(x: Float[Array, "b h w c"], multiple: int) -> Float[Array, "b rows cols c"]:
-    """Add zeros at the bottom and on the right until height and width are multiples; 0 is the mean colour."""
+    """Pad with zeros, the mean colour, below and on the right until height and width are multiples."""
     _, h, w, _ = x.shape
     return jnp.pad(x, [(0, 0), (0, -h % multiple), (0, -w % multiple), (0, 0)])
 
 
 def _interpolation(n: int, times: int, stride: int = 1) -> Float32[np.ndarray, "large n"]:
-    """The matrix that enlarges n samples, every `stride`-th row of it; rows sum to 1, the ends repeat."""
+    """Every `stride`-th row of the matrix that enlarges n samples; rows sum to 1, the ends repeat."""
     centres = np.clip((np.arange(times * n) + 0.5) / times - 0.5, 0, n - 1)
     distance = np.abs(centres[stride // 2 :: stride, None] - np.arange(n)[None, :])
     return np.maximum(0, 1 - distance).astype(np.float32)
@@ -26,15 +26,14 @@ def _interpolation(n: int, times: int, stride: int = 1) -> Float32[np.ndarray, "
 def bilinear(
     x: Float[Array, "b h w c"], times: int, stride: int = 1
 ) -> Float[Array, "b rows cols c"]:
-    """Enlarge by bilinear interpolation between pixel centres; keep every `stride`-th row and column.
+    """Enlarge by bilinear interpolation between pixel centres, and keep every `stride`-th row and column.
 
-    The same as `jax.image.resize` and then `strided`, but what is
-    left out is not computed. XLA gets two products with constant matrices. On CPUs rows are sums of shifted
-    copies instead, a quarter of the time.
+    It equals `jax.image.resize` and then `strided`, but computes only what is kept. XLA gets two products
+    with constant matrices; on CPUs sums of shifted copies take a quarter of the time.
 
     Args:
         x: features, or scores of classes.
-        times: how many times as high and as wide.
+        times: factor of height and width.
         stride: distance of the rows and columns that are kept.
     """
     by_products = partial(_by_products, times=times, stride=stride)
@@ -55,23 +54,23 @@ def _by_products(x: Array, times: int, stride: int) -> Array:
 
 
 def _enlarge(x: Array, axis: int, times: int, stride: int) -> Array:
-    """Along one axis: each sample becomes a few, sums of it and its neighbours."""
+    """Enlarge along one axis: each new sample is a weighted sum of an old one and its neighbours."""
     before, n, behind = x.shape[:axis], x.shape[axis], x.shape[axis + 1 :]
     centres = (np.arange(times)[stride // 2 :: stride] + 0.5) / times + 0.5
     weights = np.maximum(0, 1 - np.abs(centres[None] - np.arange(3)[:, None])).astype(np.float32)
     x = x.reshape(math.prod(before), n, math.prod(behind))
-    # Else each of the sums would look for the edge again.
+    # Otherwise each of the sums would compute the edge again.
     x = jax.lax.optimization_barrier(jnp.pad(x, [(0, 0), (1, 1), (0, 0)], mode="edge"))
     total = sum(x[:, i : i + n, None] * weights[i][None, None, :, None] for i in range(3))
     return total.reshape(*before, n * len(centres), *behind)
 
 
 _CLASSES = 32
-"""Fewer channels than this are taken for scores of classes."""
+"""Arrays with fewer channels count as scores of classes."""
 
 
 def _forward(x: Array, times: int, stride: int) -> tuple[Array, tuple[int, ...]]:
-    """With a gradient to come, scores lie class by class in memory, as `seg.losses` reads them."""
+    """Lay scores out class by class in memory, as `seg.losses` reads them."""
     if times % stride or x.shape[-1] >= _CLASSES:
         return bilinear(x, times, stride), x.shape
 
@@ -90,7 +89,7 @@ def _backward(times: int, stride: int, shape: tuple[int, ...], grad: Array) -> t
     exact = jax.lax.Precision.HIGHEST
 
     def by_planes(grad: Array) -> Array:
-        # Columns first, which lie in one piece; moved here, since einsum would write them anew.
+        # Columns first, which are contiguous; moved here, since einsum would copy them.
         planes = jnp.einsum("cbHW,Ww->cbHw", jnp.moveaxis(grad, -1, 0), cols, precision=exact)
         return jnp.einsum("cbHw,Hh->bhwc", planes, rows, precision=exact)
 
@@ -107,7 +106,7 @@ bilinear.defvjp(_forward, _backward)
 
 
 def strided(x: Shaped[Array, "b h w *c"], stride: int) -> Shaped[Array, "b rows cols *c"]:
-    """Rows and columns `stride` apart, from the middle of the first cell of stride x stride pixels on."""
+    """Take rows and columns `stride` apart, from the middle of the first stride x stride pixels on."""
     return x[:, stride // 2 :: stride, stride // 2 :: stride]
 
 
