@@ -1,4 +1,4 @@
-"""Files, locks, progress and command lines: what touches the world, once for all packages.
+"""Files, locks, progress and command lines for all packages.
 
-The floor below `sdr_jax`, `scene`, `seg` and `experiments`: it imports none of them, and no JAX.
+`sdr_jax`, `scene`, `seg` and `experiments` use it; it imports none of them, and no JAX.
 """

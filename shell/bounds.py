@@ -1,4 +1,4 @@
-"""Bounds of values, declared as annotations on the fields of dataclasses, and the one check of all of them.
+"""Bounds of values, which are annotations on the fields of dataclasses, and their check.
 
 @dataclass(frozen=True)
 class Settings:
@@ -19,19 +19,19 @@ from shell.errors import UserError, refuse_repeats
 
 
 class Bound(NamedTuple):
-    """What the value of a field must be."""
+    """A condition on the value of a field."""
 
-    refuse: Callable[[str, Any], None]  # raises UserError for (name, value); None is never asked
+    refuse: Callable[[str, Any], None]  # raises UserError for (name, value); not called with None
 
 
 def check_bounds(value: Any, prefix: str = "") -> None:
-    """Raise UserError for the first field of a dataclass that is out of its bounds.
+    """Raise UserError for the first field of a dataclass that is out of bounds.
 
     Fields that are dataclasses are checked as well. None is within all bounds.
 
     Args:
         value: the dataclass.
-        prefix: of the names in the message; with ``--`` they are flags: ``--reward.train.head-width``.
+        prefix: prefix of names in the message; ``--`` makes them flags: ``--reward.train.head-width``.
     """
     kind: Any = type(value)  # mypy takes no type for hashable
     for name, bounds in _bounds(kind):
@@ -46,7 +46,7 @@ def check_bounds(value: Any, prefix: str = "") -> None:
 
 @lru_cache
 def _bounds(kind: type) -> tuple[tuple[str, tuple[Bound, ...]], ...]:
-    """The fields of a dataclass, each with its bounds."""
+    """The fields of a dataclass with their bounds."""
     hints = get_type_hints(kind, include_extras=True)
     return tuple(
         (field.name, tuple(m for m in get_args(hints[field.name]) if isinstance(m, Bound)))
@@ -58,8 +58,8 @@ def must(be: str, holds: Callable[[Any], bool]) -> Bound:
     """A bound of a number, or of each number of a tuple.
 
     Args:
-        be: what the number must do, such as "be positive".
-        holds: whether a number does.
+        be: the condition in words, such as "be positive".
+        holds: whether a number meets it.
     """
 
     def refuse(name: str, value: Any) -> None:
@@ -71,17 +71,17 @@ def must(be: str, holds: Callable[[Any], bool]) -> Bound:
 
 
 def at_least(least: float) -> Bound:
-    """Finite numbers that are not smaller."""
+    """Allow finite numbers that are not smaller."""
     return must(f"be {least} or more", lambda number: least <= number < math.inf)
 
 
 def at_most(most: float) -> Bound:
-    """Numbers that are not larger."""
+    """Allow numbers that are not larger."""
     return must(f"be {most} or less", lambda number: number <= most)
 
 
 def within(low: float, high: float, ends: str = "[]") -> Bound:
-    """Numbers of an interval; ``ends`` says with a square bracket which of its ends belongs to it."""
+    """Allow numbers of an interval; a square bracket in ``ends`` includes that end."""
 
     def holds(number: float) -> bool:
         above = low <= number if ends[0] == "[" else low < number
@@ -101,4 +101,4 @@ def _refuse_few(name: str, values: tuple[Any, ...]) -> None:
 
 
 DISTINCT = Bound(_refuse_few)
-"""Tuples of at least one value, and of no value twice."""
+"""Allows tuples of one value or more, without a value twice."""

@@ -1,6 +1,6 @@
-"""The 19 classes of the engine: names, ids in label files and colours, as published with Cityscapes.
+"""The table of the engine's 19 classes: names, ids in label files and colours, as published with Cityscapes.
 
-The one table of them: `scene` renders these classes, and `seg` and files of targets map them to others.
+`scene` renders these classes; `seg` and the files of targets map them to others.
 """
 
 from __future__ import annotations
@@ -8,11 +8,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 VOID = 255
-"""Id of pixels that count for nothing."""
+"""Id of void pixels, which are ignored."""
 
 
 class EngineClass(NamedTuple):
-    """A class that the engine renders; its place in `CLASSES` is its train id."""
+    """A class that the engine renders; its index in `CLASSES` is its train id."""
 
     name: str
     file_id: int  # in ``*_gtFine_labelIds.png``
@@ -41,5 +41,5 @@ CLASSES = (
     EngineClass("bicycle", 33, (119, 11, 32)),
 )
 OWN = EngineClass("", 34, (0, 255, 255))
-"""A user's own class, which comes after these: its name is the user's, its id beyond the published ones."""
+"""A user's own class, which comes after these; the user names it, and its id follows the published ones."""
 NAMES: tuple[str, ...] = tuple(own.name for own in CLASSES)

@@ -1,4 +1,4 @@
-"""What command lines share: errors in one line, and how a program ends."""
+"""Parts shared by command lines: help, errors in one line, and exit codes."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from shell.errors import UserError
 from shell.interrupt import INTERRUPTED, while_working
 
 USAGE, MISTAKE, UNREAD = 2, 70, 141
-"""Exit codes: something the user can put right; a mistake of ours; nobody reads the output (``| head``)."""
+"""Exit codes: an error of the user; a mistake of the program; the output's reader is gone (``| head``)."""
 DEBUG = "--debug"
 """Flag of every command: show where an error comes from."""
 HELP = ("-h", "--help", "--help-all")
 PROGRAM = "sdr-jax"
-"""All commands begin with it."""
+"""The first word of all commands."""
 
 
 class _Layout(argparse.HelpFormatter):
@@ -51,7 +51,7 @@ class _Layout(argparse.HelpFormatter):
 
 
 def _laid_out(paragraph: str, width: int) -> str:
-    """A paragraph filled; of examples, comments go on lines of their own where they do not fit."""
+    """Fill a paragraph; a comment of an example goes on its own line if it does not fit."""
     if not paragraph.startswith((" ", f"{PROGRAM} ")):
         return textwrap.fill(paragraph, width)
     lines = textwrap.indent(textwrap.dedent(paragraph), "    ").splitlines()
@@ -66,7 +66,7 @@ def _laid_out(paragraph: str, width: int) -> str:
 
 
 def _broken(command: str, width: int) -> list[str]:
-    """A command over lines that end with a backslash."""
+    """Break a command into lines that end with a backslash."""
     parts = textwrap.wrap(
         command.strip(), width - 2, initial_indent="    ", subsequent_indent="        ",
         break_long_words=False, break_on_hyphens=False,
@@ -75,13 +75,13 @@ def _broken(command: str, width: int) -> list[str]:
 
 
 class Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line, with exit code 2; ``--help`` says the rest.
+    """A parser whose errors are one line, with exit code 2.
 
-    The help has the options of the parser itself; those of its groups are told by ``--help-all``.
+    ``--help`` shows the options of the parser itself; ``--help-all`` adds those of its groups.
 
     Args:
-        name: the command as one types it after `PROGRAM`, such as "render".
-        description: the help's first part; indented paragraphs are kept as they are laid out.
+        name: the command after `PROGRAM`, such as "render".
+        description: the help's first part; indented paragraphs keep their layout.
     """
 
     def __init__(self, name: str, description: str | None) -> None:
@@ -100,14 +100,14 @@ class Parser(argparse.ArgumentParser):
         add(DEBUG, action="store_true", help="show where an error comes from")
 
     def group(self, title: str) -> Callable[..., argparse.Action]:
-        """Begin a group of options that only ``--help-all`` tells; returns its ``add_argument``."""
+        """Begin a group of options that only ``--help-all`` shows; returns its ``add_argument``."""
         if not self._rare:
             self._common.add_argument("--help-all", action=_Help, everything=True)
         self._rare.append(self.add_argument_group(title))
         return self._rare[-1].add_argument
 
     def format_help(self, everything: bool = False) -> str:
-        """The help in short, or all of it."""
+        """The short help, or all of it."""
         formatter = self._get_formatter()
         formatter.add_usage(self.usage or self._usage(), [], [])
         formatter.add_text(self.description)
@@ -127,7 +127,7 @@ class Parser(argparse.ArgumentParser):
         return formatter.format_help()
 
     def _usage(self) -> str:
-        """What must be given, in the order of the help."""
+        """The usage line: required arguments in the order of the help."""
         words = []
         for action in self._actions:
             own = action.metavar or "|".join(action.choices or ()) or action.dest.upper()
@@ -139,7 +139,7 @@ class Parser(argparse.ArgumentParser):
         return " ".join(["%(prog)s", *words, "[options]"])
 
     def parse_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parse; options that are not there are refused before those that are missing."""
+        """Parse; unknown options are reported before missing ones."""
         words = sys.argv[1:] if args is None else list(args)
         known = self._option_string_actions
         for k, word in enumerate(takewhile("--".__ne__, words)):
@@ -158,7 +158,7 @@ class Parser(argparse.ArgumentParser):
 
 
 class _Help(argparse.Action):
-    """Shows the help, and ends the program."""
+    """Shows the help and ends the program."""
 
     def __init__(self, option_strings: Any, dest: str, everything: bool, help: str = "") -> None:
         super().__init__(option_strings, argparse.SUPPRESS, nargs=0, help=help)
@@ -169,7 +169,7 @@ class _Help(argparse.Action):
 
 
 def meant(word: str, known: Iterable[str]) -> str:
-    """``; did you mean --seeds?`` after a word that is not among the known ones, or nothing."""
+    """``; did you mean --seeds?`` for a word that resembles a known one, otherwise nothing."""
     known = list(known)
     leaf = word.lstrip("-")
     found = [own for own in known if own.rpartition(".")[2] == leaf][:2]
@@ -178,12 +178,12 @@ def meant(word: str, known: Iterable[str]) -> str:
 
 
 def docstring(module: str) -> str:
-    """What a module says of itself, read from its file; nothing but its package is loaded."""
+    """The docstring of a module, read from its file; only its package is loaded."""
     return ast.get_docstring(ast.parse(path_of(module).read_text(encoding="utf-8"))) or ""
 
 
 def path_of(module: str) -> Path:
-    """The file that `python -m module` runs; of its packages only the first is loaded."""
+    """The file that `python -m module` runs; only the outermost package is loaded."""
     package, *names = module.split(".")
     spec = find_spec(package)
     assert spec is not None and spec.origin is not None
@@ -192,7 +192,7 @@ def path_of(module: str) -> Path:
 
 
 def given() -> str:
-    """The command that this process was started with, as one would type it."""
+    """The command that started this process, as one would type it."""
     words = sys.orig_argv[1:]
     if words and Path(words[0]).name == PROGRAM:
         return shlex.join([PROGRAM, *words[1:]])
@@ -200,7 +200,7 @@ def given() -> str:
 
 
 def size(text: str) -> tuple[int, int]:
-    """Width and height in pixels from ``640x320``, for ``argparse``."""
+    """Read width and height in pixels from ``640x320``, for ``argparse``."""
     width, cross, height = text.partition("x")
     try:
         if not cross:
@@ -218,24 +218,24 @@ def exit_code(
     debug: bool = False,
     goes_on: bool = True,
 ) -> int:
-    """Work, and turn what went wrong into one line on standard error and an exit code.
+    """Work, and turn errors into one line on standard error and an exit code.
 
     Args:
-        work: the job; may return an exit code of its own.
-        also: errors that end with code 1: nobody's fault, such as workers that died.
-        users: errors that end with code 2: what the user can put right.
-        debug: print where the error comes from before the line.
-        goes_on: whether the same command continues what was stopped.
+        work: the job, which may return an exit code.
+        also: errors that end with code 1 and are nobody's fault, such as workers that died.
+        users: errors that end with code 2, which the user can mend.
+        debug: whether to print the traceback before the line.
+        goes_on: whether the same command continues a stopped job.
     """
     cure = "once that is put right, the same command goes on"
     try:
         with while_working():
             code = work()
-            sys.stdout.flush()  # not at exit, where an error has another code
+            sys.stdout.flush()  # at exit an error would have another code
             return code or 0
     except users as error:
         return _fail(error, str(error), USAGE, debug)
-    except BrokenPipeError:  # as of ``| head``; nor can what is still unwritten be written at exit
+    except BrokenPipeError:  # as with ``| head``; the rest cannot be written at exit either
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return UNREAD
     except OSError as error:

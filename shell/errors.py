@@ -1,4 +1,4 @@
-"""What a user can get wrong, told in one line."""
+"""Errors of the user, told in one line."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 
 class UserError(ValueError):
-    """An argument, a file or a folder is not as it must be; the message names it and what would be right."""
+    """An argument, a file or a folder is wrong; the message names it and says what would be right."""
 
 
 def refuse_repeats(flag: str, values: Sequence[object]) -> None:
@@ -18,11 +18,11 @@ def refuse_repeats(flag: str, values: Sequence[object]) -> None:
 
 @contextmanager
 def flagged(flag: str, unless: str = "--") -> Iterator[None]:
-    """Let errors of libraries name the flag that is to blame.
+    """Make errors of libraries name the flag of the wrong value.
 
     Args:
-        flag: of the value.
-        unless: how messages begin that name their flag already.
+        flag: the flag of the value.
+        unless: beginning of messages that already name their flag.
     """
     try:
         yield

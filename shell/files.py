@@ -1,4 +1,4 @@
-"""Files that a kill at any moment leaves whole, and JSON that is read with suspicion."""
+"""Writes files that stay whole if the program is killed, and reads JSON with checks."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from typing import Any, NoReturn
 from shell.errors import UserError
 
 FRESH = 2.0
-"""Seconds in which a file's time does not tell whether it has changed."""
+"""Within so many seconds, a file's time does not tell whether it has changed."""
 LARGEST = 2**30
-"""Bytes of a file of JSON, at most: the lists of a dataset of a million images."""
+"""The most bytes of a JSON file: the lists of a dataset of a million images."""
 
 
 @contextmanager
 def naming(path: Path) -> Iterator[None]:
-    """Errors of the disk name ``path``; a write that finds the disk full names no file by itself."""
+    """Make errors of the disk name ``path``; the error of a full disk names no file."""
     try:
         yield
     except OSError as error:
@@ -40,13 +40,13 @@ def write(
     *,
     sync: bool = True,
 ) -> int:
-    """Write a whole file or nothing; returns the number of bytes.
+    """Write a file whole or not at all; returns the number of bytes.
 
     Args:
         path: the file.
-        content: all of it, or text piece by piece.
-        part: the file while it is being written, on the same disk; by default ``path`` and ``.part``.
-        sync: wait for the disk, some milliseconds a file: what is written outlives a power cut.
+        content: its content, or text piece by piece.
+        part: the unfinished file, on the same disk; by default ``path`` and ``.part``.
+        sync: whether to wait for the disk, some milliseconds per file, so that the file outlives a power cut.
 
     Raises:
         OSError: with the file's name.
@@ -72,12 +72,12 @@ def write(
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """A folder to write files into that stands at ``path`` when all of them are on the disk, or not at all.
+    """Write a folder at ``path`` whole or not at all.
 
-    What was at ``path`` before is gone then.
+    It replaces the old content of ``path``.
 
     Yields:
-        The folder while it is being written: ``path`` and ``.part``.
+        The folder to write into: ``path`` and ``.part``.
 
     Raises:
         OSError: with the folder's name.
@@ -99,10 +99,10 @@ def whole_folder(path: Path) -> Iterator[Path]:
 
 
 def read_bytes(path: Path, most: int | None = None) -> bytes:
-    """All bytes of a file that may be of any origin.
+    """Read all bytes of a file of any origin.
 
     Raises:
-        UserError: there are more than ``most`` (by default `LARGEST`), as of a device that has no end.
+        UserError: there are more than ``most`` (by default `LARGEST`), such as from an endless device.
         OSError: it cannot be read.
     """
     most = LARGEST if most is None else most
@@ -117,11 +117,11 @@ def read_bytes(path: Path, most: int | None = None) -> bytes:
 
 
 _NUMBERS = re.compile(r"\[(\n *([-+.0-9e]+|null),?)+\n *\]")
-"""A list of numbers as ``json`` indents it; it is never part of a string, since no line ends in one."""
+"""A list of numbers as ``json`` indents it; JSON strings hold no line ends, so none matches."""
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write ``value`` as indented JSON, a list of numbers on one line; whole or not at all."""
+    """Write ``value`` as indented JSON with lists of numbers on one line, whole or not at all."""
     text = json.dumps(value, indent=2, allow_nan=False)
     write(
         path, _NUMBERS.sub(lambda found: "".join(found[0].split()).replace(",", ", "), text) + "\n"
@@ -129,7 +129,7 @@ def write_json(path: Path, value: Any) -> None:
 
 
 def parse_json(text: str | bytes) -> Any:
-    """The value of a JSON text; NaN and infinities, which JSON lacks, are refused.
+    """Parse a JSON text; NaN and infinities, which JSON lacks, are refused.
 
     Raises:
         ValueError: it is no JSON.
@@ -145,10 +145,10 @@ def _refuse_constant(name: str) -> NoReturn:
 
 
 def read_json(path: Path) -> Any:
-    """The value in a JSON file.
+    """Read the value of a JSON file.
 
     Raises:
-        UserError: it is no JSON, or too large, with the file's name.
+        UserError: it is no JSON, or too large; the message names the file.
         OSError: it cannot be read.
     """
     data = read_bytes(path)
@@ -159,25 +159,25 @@ def read_json(path: Path) -> Any:
 
 
 def digest(value: Any) -> str:
-    """Sha256 of a plain value as canonical JSON."""
+    """SHA-256 of a plain value as canonical JSON."""
     text = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()
 
 
 def leads_out(folder: Path, name: str) -> bool:
-    """Whether a path that a file names, relative to a folder, is of something outside that folder."""
+    """Whether a path relative to a folder leads out of that folder."""
     whole = os.path.normpath(folder.absolute() / name)
     return not Path(whole).is_relative_to(os.path.normpath(folder.absolute()))
 
 
 def file_digest(path: Path) -> str:
-    """Sha256 of the bytes of a file. Raises OSError."""
+    """SHA-256 of the bytes of a file. Raises OSError."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
 def files_below(root: Path) -> list[Path]:
-    """All files below a folder, sorted, but for hidden ones; folders may be links."""
+    """All files below a folder, sorted, without hidden ones; folders may be links."""
     found, seen = [], set()
     for folder, inner, names in os.walk(root, followlinks=True):
         seen.add(os.path.realpath(folder))
@@ -190,13 +190,13 @@ def files_below(root: Path) -> list[Path]:
 
 
 def folder_digest(root: Path) -> str:
-    """Sha256 of the names and bytes of ``files_below`` a folder, or of the bytes of a file.
+    """SHA-256 of the names and bytes of ``files_below`` a folder, or of the bytes of a file.
 
-    They are read again only where a name, size or time has changed. Raises OSError.
+    Files are read again only if a name, size or time has changed. Raises OSError.
     """
     files = [(path, path.stat()) for path in ([root] if root.is_file() else files_below(root))]
     state = tuple((path, s.st_size, s.st_mtime_ns, s.st_ctime_ns, s.st_ino) for path, s in files)
-    # What has just been written may change again within one tick of its clock.
+    # A file just written may change again within one tick of the clock.
     if max((s.st_ctime for _, s in files), default=0.0) > time.time() - FRESH:
         return _digest_of.__wrapped__(root, state)
     return _digest_of(root, state)
@@ -213,7 +213,7 @@ def _digest_of(root: Path, state: tuple[tuple[Any, ...], ...]) -> str:
 
 
 def versions(packages: Sequence[str]) -> dict[str, str]:
-    """Versions of packages, by name."""
+    """Versions of packages by name."""
     found = {}
     for package in packages:
         try:

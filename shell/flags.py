@@ -1,4 +1,4 @@
-"""Flags from dataclasses: every field is one, told by its docstring, and nested fields have dots.
+"""Flags from dataclasses: every field is a flag with its docstring as help; nested fields have dots.
 
 @dataclass(frozen=True)
 class Settings:
@@ -26,9 +26,9 @@ from typing import get_type_hints as hints_of
 
 Value = TypeVar("Value")
 KINDS: dict[type, str] = {int: "a whole number", float: "a number", Path: "a path", str: "a word"}
-"""What a word of the command line can be."""
+"""Types of a word of the command line, and their names in messages."""
 SHORT = 24
-"""Characters up to which choices stand beside their flag; others are told in its help."""
+"""Choices of more characters stand in a flag's help, not beside the flag."""
 
 
 class Alias(NamedTuple):
@@ -46,9 +46,9 @@ class Word(NamedTuple):
 
 
 UNUSED = "no flag"
-"""Marks a field that is no flag of a command, though others have it."""
+"""Marks a field that is no flag of this command."""
 REPEATED = "once for each"
-"""Marks a tuple whose flag has one word and is given once for each member."""
+"""Marks a tuple whose flag takes one word and is repeated for each member."""
 
 
 class Field(NamedTuple):
@@ -67,7 +67,7 @@ class Field(NamedTuple):
 
 
 def flags_of(value: Any, path: tuple[str, ...] = ()) -> Iterator[Field]:
-    """The fields of a dataclass that are flags, those of nested dataclasses among them."""
+    """The fields of a dataclass that are flags, with those of nested dataclasses."""
     kind: Any = type(value)  # mypy takes no type for hashable
     hints = _hints(kind)
     for own in fields(value):
@@ -82,12 +82,12 @@ def flags_of(value: Any, path: tuple[str, ...] = ()) -> Iterator[Field]:
 
 
 def filled(value: Value, given: Mapping[str, Any], path: tuple[str, ...] = ()) -> Value:
-    """A dataclass with the values of the flags that are given.
+    """Fill a dataclass with the values of the given flags.
 
     Args:
         value: the defaults.
         given: values by the path of their field, joined by dots.
-        path: of the dataclass itself.
+        path: the path of the dataclass itself.
     """
     changes: dict[str, Any] = {}
     for own in fields(value):  # type: ignore[arg-type]
@@ -100,11 +100,11 @@ def filled(value: Value, given: Mapping[str, Any], path: tuple[str, ...] = ()) -
 
 
 def add_flag(add: Callable[..., Any], field: Field) -> None:
-    """Add a field to a parser or a group of one; it is in the result only where its flag is given.
+    """Add a field to a parser or a group; the result has it only if its flag is given.
 
     Args:
         add: the ``add_argument`` of the parser or group.
-        field: with the default that the help shows.
+        field: the field, whose default the help shows.
     """
     flags = [field.flag, *(mark.flag for mark in field.marks if isinstance(mark, Alias))]
     options: dict[str, Any] = {"dest": ".".join(field.path), "default": argparse.SUPPRESS}
@@ -141,21 +141,21 @@ class _Switch(argparse.Action):
 
 
 class _Tuple(argparse.Action):
-    """The words of a flag as a tuple; the one word None is no tuple."""
+    """The words of a flag as a tuple; the single word None means None."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
         setattr(namespace, self.dest, None if values == [None] else tuple(values))
 
 
 class _Repeated(argparse.Action):
-    """The words of a flag that is given again and again as a tuple."""
+    """The words of a repeated flag as a tuple."""
 
     def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
         setattr(namespace, self.dest, (*getattr(namespace, self.dest, ()), values))
 
 
 def _bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """A type without its annotations, and these."""
+    """Split a type into the bare type and its annotations."""
     if get_origin(hint) is Annotated:
         return get_args(hint)[0], hint.__metadata__
     return hint, ()
@@ -170,7 +170,7 @@ def _parts(kind: Any) -> tuple[Any, ...]:
 
 
 def _inner(kind: Any) -> Any:
-    """The type of the members of a tuple; None where the type is none."""
+    """The type of a tuple's members; None if the type is no tuple."""
     return next((get_args(p)[0] for p in _parts(kind) if get_origin(p) is tuple), None)
 
 
@@ -190,7 +190,7 @@ def _name(kind: Any) -> str:
 
 
 def _reader(kind: Any) -> Callable[[str], Any]:
-    """Reads one word of a type; says what would be right."""
+    """A function that reads one word of a type, or says what would be right."""
     if word := _word(kind):
         return word.read
 
@@ -240,9 +240,9 @@ def _hints(kind: type) -> dict[str, Any]:
 
 @lru_cache
 def documented(kind: type) -> dict[str, str]:
-    """What the docstrings of a dataclass and its bases say of each field, in one line.
+    """The docstring of each field of a dataclass and its bases, in one line.
 
-    A docstring stands behind the field, or among the ``Attributes`` of the class.
+    It stands behind the field, or among the ``Attributes`` of the class.
     """
     found: dict[str, str] = {}
     for base in reversed(kind.__mro__):
@@ -265,7 +265,7 @@ def documented(kind: type) -> dict[str, str]:
 
 @lru_cache
 def _classes(module: str) -> dict[str, ast.ClassDef]:
-    """The classes of a module, by name."""
+    """The classes of a module by name."""
     path = getattr(sys.modules.get(module), "__file__", None)
     if path is None or not path.endswith(".py"):
         return {}

@@ -1,4 +1,4 @@
-"""A job's folder: it says which job it holds, and lets no other one, nor a second process, in."""
+"""A job's folder, which names its job and refuses another job or a second process."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ VERSION = 1
 
 
 def read_config(path: Path) -> dict[str, Any]:
-    """What the ``config.json`` of a folder says, without its version.
+    """Read the ``config.json`` of a folder, without its version.
 
     Raises:
-        UserError: it is no JSON object, or of a version that this program does not read.
+        UserError: it is no JSON object, or of an unknown version.
     """
     file = path / CONFIG
     try:
@@ -43,13 +43,13 @@ def read_config(path: Path) -> dict[str, Any]:
 def refuse_foreign(
     path: Path, config: dict[str, Any], free: Sequence[str] = (), ours: Sequence[str] = ()
 ) -> None:
-    """Raise UserError if a folder cannot take this job; nothing on the disk is changed.
+    """Raise UserError if a folder cannot take this job; the disk is not changed.
 
     Args:
         path: ``--out``: new, empty, or the folder of the same job.
-        config: all that decides the job, plain values.
+        config: all settings of the job as plain values.
         free: dotted names of values that may differ when a job is continued.
-        ours: what a folder may hold before there is a job in it, beside the lock.
+        ours: files that a folder may hold before its job, beside the lock.
     """
     if not path.exists():
         return
@@ -81,21 +81,20 @@ def opened(
     ours: Sequence[str] = (),
     packages: Sequence[str] = (),
 ) -> Iterator[bool]:
-    """Open a job's folder, new or to be continued, and keep a second process out of it.
+    """Open the folder of a new or continued job, and lock out other processes.
 
     Args:
         path: the folder.
-        config: all that decides the job; ``config.json`` holds it, with its own version and those of
-            packages.
+        config: all settings of the job; ``config.json`` holds them with its version and those of packages.
         free: dotted names of values that may differ when a job is continued.
-        ours: what a folder may hold before there is a job in it.
-        packages: whose versions are worth keeping.
+        ours: files that a folder may hold before its job.
+        packages: the packages whose versions are recorded.
 
     Yields:
         Whether the job is continued.
 
     Raises:
-        UserError: the folder holds another job, something that is no job, is in use, or cannot be written.
+        UserError: the folder holds another job or other files, is in use, or cannot be written.
     """
     refuse_foreign(path, config, free, ours)
     new = not path.exists()
@@ -125,14 +124,14 @@ def opened(
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON would hold it; what JSON lacks, such as paths, as text."""
+    """A value as JSON would hold it; types that JSON lacks, such as paths, become text."""
     return json.loads(json.dumps(value, default=str))
 
 
 def differences(ours: Any, theirs: Any, name: str = "") -> Iterator[tuple[str, Any, Any]]:
-    """Yield (dotted name, ours, theirs) of every value of nested objects that is not the same.
+    """Yield (dotted name, ours, theirs) for every value of nested objects that differs.
 
-    A list of objects that have names is compared one by one.
+    Objects in a list are compared by name if they have names.
     """
     if isinstance(ours, dict) and isinstance(theirs, dict):
         for key in sorted(ours.keys() | theirs.keys()):

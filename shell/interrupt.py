@@ -1,8 +1,8 @@
-"""Ctrl-C while a command still loads its libraries, or is over: one line, as at any other moment.
+"""Makes Ctrl-C print one line, also while a command loads its libraries or has ended.
 
-During imports a KeyboardInterrupt is a traceback through other people's code, or an error that they make of
-it. There is nothing to tidy up yet, so the program just ends. Each package asks for that as its first act,
-before anything large is imported; `shell.command.exit_code` asks for the usual way while it works.
+During imports a KeyboardInterrupt gives a traceback of a library, or an error that a library makes from it.
+There is nothing to clean up yet, so the program just ends. Each package sets this before it imports anything
+large; `shell.command.exit_code` restores the usual handling while it works.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ INTERRUPTED = 130
 def while_loading(package: str) -> None:
     """Let Ctrl-C end the program if it is a command of this package, ``python -m PACKAGE...``.
 
-    Programs that import the package, and worker processes, keep their own way.
+    Programs that import the package, and worker processes, keep their own handling.
     """
     words = sys.orig_argv
     module = words[words.index("-m") + 1 :][:1] if "-m" in words else []
@@ -33,7 +33,7 @@ def while_loading(package: str) -> None:
 
 @contextmanager
 def while_working() -> Iterator[None]:
-    """Inside, Ctrl-C is a KeyboardInterrupt, so that what is under way is tidied up."""
+    """Inside, Ctrl-C raises KeyboardInterrupt, so that unfinished work is cleaned up."""
     ours = signal.getsignal(signal.SIGINT) is _end
     if ours:
         _set(signal.default_int_handler)

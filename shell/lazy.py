@@ -1,6 +1,6 @@
-"""Public names of a package that are imported on first use, from one table: its ``__init__.pyi``.
+"""Imports public names of a package on first use, from the table in its ``__init__.pyi``.
 
-The stub tells type checkers what the package offers and whence; here it tells the import system the same.
+The stub tells type checkers the names and their modules; here it tells the import system the same.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 
 class _Lazy(ModuleType):
-    """A package that imports a public name when it is asked for it."""
+    """A package that imports a public name on first use."""
 
     _homes: dict[str, str]  # name to module
 
@@ -26,7 +26,7 @@ class _Lazy(ModuleType):
         return value
 
     def __setattr__(self, name: str, value: Any) -> None:
-        # Python binds a module to its package once it is loaded. Where a function has the name of its
+        # Python binds a module to its package once it is loaded. If a function has the name of its
         # module (`sdr_jax.pool`), the package offers the function, whatever is imported first.
         if not (isinstance(value, ModuleType) and name in self._homes):
             super().__setattr__(name, value)
@@ -36,13 +36,13 @@ class _Lazy(ModuleType):
 
 
 def import_on_use(package: str) -> list[str]:
-    """Make a package import on first use what its ``__init__.pyi`` imports.
+    """Make a package import the names in its ``__init__.pyi`` on first use.
 
     Args:
-        package: its name; it is being imported.
+        package: the name of the package, which is being imported.
 
     Returns:
-        The names, sorted, for ``__all__``.
+        The sorted names for ``__all__``.
     """
     module = sys.modules[package]
     assert module.__file__ is not None

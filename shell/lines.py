@@ -1,6 +1,6 @@
-"""Lines of JSON, appended one by one: the memory of every long job.
+"""Lines of JSON, appended one by one, in which every long job keeps its state.
 
-A half-written last line, as a kill leaves it, is dropped; every other line must be as this program writes it.
+A half-written last line, which a kill may leave, is dropped; any other broken line is an error.
 """
 
 from __future__ import annotations
@@ -22,33 +22,33 @@ CURE = "remove it and all after it"
 
 
 class JsonLines:
-    """A file of JSON objects, one a line, read as far as it is whole.
+    """A file of JSON objects, one per line.
 
     Args:
-        path: the file, made with the first line; None keeps the lines in memory.
-        cure: what to do about a bad line, the end of the error's sentence.
+        path: the file, which the first line creates; None keeps the lines in memory.
+        cure: the end of the error's sentence, which says what to do about a bad line.
 
     Attributes:
         path: the file.
         lines: every object so far.
 
     Raises:
-        UserError: a line that is no JSON object.
+        UserError: a line is no JSON object.
         OSError: the file cannot be read.
     """
 
     def __init__(self, path: Path | None, cure: str = CURE) -> None:
         self.path, self._cure = path, cure
         self.lines: list[Record] = []
-        self._size = 0  # bytes read; whole lines only
+        self._size = 0  # bytes of the whole lines read
         self.refresh()
 
     def where(self, number: int) -> str:
-        """File and line of the object with an index, for errors."""
+        """File and line of an object by its index, for errors."""
         return f"{self.path}: line {number + 1}"
 
     def refresh(self) -> list[Record]:
-        """Read what other processes have added since; returns that."""
+        """Read and return the lines that other processes have added since."""
         if self.path is None or not self.path.exists():
             return []
         before = len(self.lines)
@@ -70,10 +70,10 @@ class JsonLines:
         return record
 
     def append(self, *records: Record) -> None:
-        """Add lines and see them to the disk; on a full disk, no part of them stays.
+        """Add lines and sync them to the disk; on a full disk, none of them stays.
 
         Raises:
-            RuntimeError: another process has added lines that were not read, or has taken some away.
+            RuntimeError: another process has added lines that were not read, or has removed some.
             OSError: the file cannot be written.
         """
         text = "".join(json.dumps(record, allow_nan=False) + "\n" for record in records).encode()
@@ -84,7 +84,7 @@ class JsonLines:
                 if shrunk or b"\n" in file.read():
                     raise RuntimeError(f"{self.path} was changed by another process; start again")
                 try:
-                    file.truncate(self._size)  # a kill may have left a part of a line
+                    file.truncate(self._size)  # a kill may have left part of a line
                     rest = memoryview(text)
                     while rest:
                         rest = rest[file.write(rest) :]
@@ -98,7 +98,7 @@ class JsonLines:
 
     @contextmanager
     def shared(self) -> Iterator[None]:
-        """Keep other processes from writing, with all that they have written read."""
+        """Lock out writers, and read all that other processes have written."""
         assert self.path is not None
         with naming(self.path):
             self.path.parent.mkdir(parents=True, exist_ok=True)

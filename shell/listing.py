@@ -1,4 +1,4 @@
-"""The images and labels that a target's file speaks of, listed without reading a pixel."""
+"""Lists the images and labels of a target's file without reading pixels."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Entry(NamedTuple):
     """One labelled image on disk."""
 
     name: str  # unique within a split
-    sequence: str  # its group, such as a drive: consecutive frames are nearly the same image
+    sequence: str  # its group, such as a drive, whose consecutive frames are nearly the same
     image_path: Path
     label_path: Path
 
@@ -28,16 +28,16 @@ def list_split(target: TargetFile, root: str | Path, split: str) -> tuple[Entry,
     """List the labelled images of one split.
 
     Args:
-        target: what the files are.
+        target: describes the files.
         root: the data's folder.
-        split: one of those that the target's file or the folder has.
+        split: a split of the target's file or of the folder.
 
     Returns:
         Entries by group and name.
 
     Raises:
-        UserError: folder, split, list, an image or a label is missing, a name stands twice in a list or
-            leads out of the folder, or there are no images.
+        UserError: the folder, the split, a list, an image or a label is missing, a name is twice in a list
+            or leads out of the folder, or there are no images.
     """
     root = Path(root)
     if not root.is_dir():
@@ -53,7 +53,7 @@ def list_split(target: TargetFile, root: str | Path, split: str) -> tuple[Entry,
 
 
 def list_all(target: TargetFile, root: str | Path) -> dict[str, tuple[Entry, ...]]:
-    """List the labelled images of every split, by split; see `list_split`."""
+    """List the labelled images of every split; see `list_split`."""
     root = Path(root)
     return {
         split: list_split(target, root, split) for split in split_names(target, root) or (TRAIN,)
@@ -61,7 +61,7 @@ def list_all(target: TargetFile, root: str | Path) -> dict[str, tuple[Entry, ...
 
 
 def split_names(target: TargetFile, root: Path) -> tuple[str, ...]:
-    """The splits that the target's file names, or else those that the folder has, `TRAIN` first."""
+    """The splits of the target's file, or otherwise of the folder, `TRAIN` first."""
     if isinstance(target.images, dict):
         return tuple(target.images)
     if isinstance(target.splits, dict) and target.splits:
@@ -80,7 +80,7 @@ def split_names(target: TargetFile, root: Path) -> tuple[str, ...]:
 
 
 def shared_groups(splits: Mapping[str, Sequence[Entry]]) -> str:
-    """One warning about groups of which images are in two splits, empty where there are none."""
+    """A warning about groups with images in two splits; empty if there are none."""
     of: dict[str, list[str]] = {}
     for split, entries in splits.items():
         for group in {entry.sequence for entry in entries}:
@@ -97,7 +97,7 @@ def shared_groups(splits: Mapping[str, Sequence[Entry]]) -> str:
 
 
 def _entries(target: TargetFile, root: Path, split: str) -> list[Entry]:
-    """Of one split, in any order."""
+    """The entries of one split, in any order."""
     names = split_names(target, root)
     images, labels = target.images, target.labels
     if isinstance(images, dict):
@@ -136,7 +136,7 @@ def _refuse_split(root: Path, split: str, there: Sequence[str], why: str) -> NoR
 
 
 def _shown(target: TargetFile, split: str = "{split}") -> str:
-    """Where images and labels should be, for errors."""
+    """The places where images and labels should be, for errors."""
     shown = []
     for own in (target.images, target.labels):
         pattern = own.get(split, "a list") if isinstance(own, dict) else own
@@ -152,7 +152,7 @@ _ENDINGS = "|".join(re.escape(suffix) for suffix in SUFFIXES)
 
 
 def _regex(pattern: str) -> str:
-    """An expression for the paths that a pattern stands for."""
+    """A regular expression for the paths of a pattern."""
     found, seen = "", set()
     for part in re.split(r"(\{\w+\})", pattern):
         place = part.strip("{}")
@@ -167,7 +167,7 @@ def _regex(pattern: str) -> str:
 
 
 def _expression(pattern: str) -> re.Pattern[str]:
-    """The same for whole paths: a pattern without an ending has those of images."""
+    """A regular expression for whole paths; a pattern without a suffix has those of images."""
     return re.compile(_regex(pattern) + ("" if _has_suffix(pattern) else rf"(?:{_ENDINGS})"))
 
 
@@ -181,7 +181,7 @@ def _has_suffix(pattern: str) -> bool:
 
 
 def _matches(pattern: str, root: Path) -> Iterator[tuple[Path, dict[str, str]]]:
-    """The files at a pattern, with what stands at its places; one without an ending has those of images."""
+    """The files of a pattern with the text at its places; a pattern without a suffix has those of images."""
     exact, expression = _has_suffix(pattern), _expression(pattern)
     for path in root.glob(_glob(pattern) + ("" if exact else ".*")):
         found = expression.fullmatch(path.relative_to(root).as_posix())
@@ -190,7 +190,7 @@ def _matches(pattern: str, root: Path) -> Iterator[tuple[Path, dict[str, str]]]:
 
 
 def _splits_at(pattern: str, root: Path) -> set[str]:
-    """What stands at {split} in the files or folders of a pattern."""
+    """The values of {split} in the files or folders of a pattern."""
     parts = pattern.split("/")
     last = next(k for k, part in enumerate(parts) if "{split}" in part)
     head = "/".join(parts[: last + 1])
@@ -204,7 +204,7 @@ def _splits_at(pattern: str, root: Path) -> set[str]:
 
 
 def _on_disk(path: Path, any_suffix: bool) -> Path | None:
-    """The path, or with the ending of an image that it has on this disk."""
+    """The path, if need be with the suffix that the image has on this disk."""
     paths = [path.with_name(path.name + s) for s in SUFFIXES] if any_suffix else [path]
     return next((own for own in paths if own.is_file()), None)
 
@@ -221,7 +221,7 @@ def _filled(pattern: str, split: str, places: Mapping[str, str]) -> str:
 def _entry(
     target: TargetFile, split: str, image: Path, root: Path, labels: str, places: Mapping[str, str]
 ) -> Entry:
-    """An image with the label that the pattern says. Raises UserError if it has none."""
+    """An image with its label by the pattern. Raises UserError if it has none."""
     label = root / _filled(labels, split, places)
     found = _on_disk(label, not _has_suffix(labels))
     if found is None:
@@ -233,7 +233,7 @@ def _entry(
 def _named(
     target: TargetFile, image: Path, label: Path, name: str, folder: str | None = None
 ) -> Entry:
-    """An entry with its group; where groups are folders, they are part of the name."""
+    """An entry with its group; if groups are folders, they are part of the name."""
     group = folder or name
     if target.group is not None:
         found = re.search(target.group, name)
@@ -244,7 +244,7 @@ def _named(
 
 
 def _found(target: TargetFile, root: Path, split: str, images: str, labels: str) -> Iterator[Entry]:
-    """What lies at the patterns."""
+    """The entries at the patterns."""
     for image, places in _matches(images.replace("{split}", split), root):
         yield _entry(target, split, image, root, labels, places)
 
@@ -252,7 +252,7 @@ def _found(target: TargetFile, root: Path, split: str, images: str, labels: str)
 def _given(
     target: TargetFile, root: Path, split: str, images: Files, labels: Files
 ) -> Iterator[Entry]:
-    """What the tables of images and labels say of a split."""
+    """The entries of a split in the tables of images and labels."""
     if isinstance(images, str) and isinstance(labels, str):
         yield from _found(target, root, split, images, labels)
     elif not isinstance(images, str) and not isinstance(labels, str):
@@ -266,7 +266,7 @@ def _given(
 def _listed(
     target: TargetFile, root: Path, split: str, listing: Path, images: str, labels: str
 ) -> Iterator[Entry]:
-    """What a list says: a name, a path or an image and its label on each line."""
+    """The entries of a list, whose lines are a name, a path, or an image and its label."""
     try:
         lines = listing.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -323,7 +323,7 @@ def _at_name(
         image = _on_disk(root / path, not _has_suffix(images))
         if image is not None and not leads_out(root, path):
             return image, {"name": line}
-    # A path below the folder, or a name with the ending that the pattern leaves out.
+    # A path below the folder, or a name with the suffix that the pattern leaves out.
     folder = images.rpartition("/")[0]
     for path in (line, f"{folder}/{line}"):
         found = _expression(images).fullmatch(path)
@@ -345,8 +345,8 @@ def _pair(target: TargetFile, root: Path, where: str, pair: Sequence[str]) -> En
 def _tail(root: Path, path: str, where: str) -> Path:
     """A listed path below the folder.
 
-    Published lists have paths of their makers' machines (/SegNet/CamVid/train/...) and endings that copies
-    have not: the longest tail of the path that is there is meant.
+    Published lists have paths of other machines (/SegNet/CamVid/train/...) and suffixes that copies lack, so
+    the longest tail of the path that exists is taken.
     """
     parts = [part for part in path.split("/") if part]
     tails = ["/".join(parts[k:]) for k in range(len(parts))] if path.startswith("/") else [path]
@@ -360,11 +360,11 @@ def _tail(root: Path, path: str, where: str) -> Path:
     return root / tails[0]
 
 
-# ---- splits of our own
+# ---- splits by groups or shares
 
 
 def _made(target: TargetFile, root: Path, found: Iterable[Entry]) -> dict[str, list[Entry]]:
-    """Splits by groups or shares; no group is in two of them."""
+    """Make splits by groups or shares; no group is in two of them."""
     of: dict[str, list[Entry]] = {}
     for entry in found:
         of.setdefault(entry.sequence, []).append(entry)
@@ -393,7 +393,7 @@ def _made(target: TargetFile, root: Path, found: Iterable[Entry]) -> dict[str, l
 
 
 def _share(of: Mapping[str, Sequence[Entry]], wanted: float) -> list[str]:
-    """Groups of about so many images, at least one, in an order of their names' digests."""
+    """Choose groups, one or more, with about so many images, in the order of their names' digests."""
     taken: list[str] = []
     count = 0
     for group in sorted(of, key=lambda name: hashlib.sha256(name.encode()).hexdigest()):

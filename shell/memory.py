@@ -1,4 +1,4 @@
-"""Sizes that no memory could hold, refused before any of it is taken."""
+"""Refuses sizes that do not fit into memory before it is allocated."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pathlib import Path
 from shell.errors import UserError
 
 LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
-"""Where a container says how much it may use."""
+"""The files that hold a container's memory limit."""
 UNITS = ("B", "kB", "MB", "GB", "TB", "PB", "EB")
 MOST = 2**62
-"""No count is larger."""
+"""The largest count."""
 
 
 @cache
@@ -30,7 +30,7 @@ def memory() -> int:
 
 
 def in_words(size: float) -> str:
-    """``12 MB``: bytes as people say them."""
+    """Bytes in words, such as ``12 MB``."""
     if size >= MOST:
         return "more than 4,000 PB"
     power = 0
@@ -43,10 +43,10 @@ def refuse_larger(flag: str, value: int, need: Callable[[int], int], what: str) 
     """Raise UserError if a number of things needs more memory than there is.
 
     Args:
-        flag: what the user called the number.
+        flag: the flag of the number.
         value: the number.
-        need: bytes that so many take at least; grows with the number.
-        what: takes them, in a few words.
+        need: the least bytes for a number of things; grows with the number.
+        what: the things in a few words.
     """
     if need(value) <= memory():
         return

@@ -1,4 +1,4 @@
-"""Pictures of any origin: how large one is, before its pixels take memory, and the ids in a label file."""
+"""Pictures of any origin: a check of their size before they are decoded, and the ids in a label file."""
 
 from __future__ import annotations
 
@@ -10,15 +10,15 @@ import numpy as np
 from shell.errors import UserError
 
 MOST_PIXELS, MOST_BYTES = 50_000_000, 500_000_000
-"""Of one picture and its file; the engine renders none that is larger."""
+"""Limits of a picture and its file; the engine renders no larger ones."""
 
 
 def too_large(data: bytes) -> str | None:
-    """Why the bytes of an image file are not to be decoded; None for those that may be.
+    """The reason not to decode the bytes of an image file; None if they may be decoded.
 
-    What is no image is left to the decoder, whose message is better.
+    Bytes that are no image are left to the decoder, whose message is better.
     """
-    from PIL import Image  # not for programs that read none
+    from PIL import Image  # only for programs that read images
 
     try:
         with warnings.catch_warnings():
@@ -27,7 +27,7 @@ def too_large(data: bytes) -> str | None:
                 width, height = picture.size
     except Image.DecompressionBombError:
         return f"more than {MOST_PIXELS:,} pixels"
-    except Exception:  # Pillow has many
+    except Exception:  # Pillow has many errors
         return None
     if width * height > MOST_PIXELS:
         return f"{width}x{height} is more than {MOST_PIXELS:,} pixels"
@@ -35,12 +35,12 @@ def too_large(data: bytes) -> str | None:
 
 
 def label_ids(data: bytes) -> np.ndarray:
-    """Ids u8[h, w], or u16 where there are 16 bits, in the bytes of a label file, as they were stored.
+    """Decode the ids of a label file as they are stored, u8[h, w], or u16[h, w] for 16 bits.
 
-    In a palette they are its places. Pillow spreads grey of 2 and 4 bits over 0..255; that is undone.
+    Ids of a palette are its indices. Pillow spreads grey of 2 and 4 bits over 0..255; this is undone.
 
     Raises:
-        UserError: a broken file, or one in colours; the message does not say which file.
+        UserError: the file is broken or in colours; the message does not name it.
     """
     from PIL import Image
 
@@ -48,7 +48,7 @@ def label_ids(data: bytes) -> np.ndarray:
         with Image.open(io.BytesIO(data)) as picture:
             mode, kind = picture.mode, picture.format
             values = np.asarray(picture)
-    except Exception as error:  # Pillow has many
+    except Exception as error:  # Pillow has many errors
         why = f"not a readable image, broken or truncated ({error})"
         raise UserError(f"{why}; put an intact copy there") from error
     if mode not in ("P", "L", "1") and not mode.startswith("I"):
@@ -56,6 +56,6 @@ def label_ids(data: bytes) -> np.ndarray:
             f"a label of mode {mode}, that is colours; expected one channel of class ids"
         )
     if mode == "L" and kind == "PNG":
-        bits = data[24]  # of the header, which comes first
+        bits = data[24]  # in the header
         return values // (255 // (2**bits - 1))
     return values.astype(np.uint8) if mode == "1" else values

@@ -1,4 +1,4 @@
-"""How far a job is and how long it will take: live bars on a terminal, plain lines elsewhere."""
+"""Shows the progress of a job and the time left: live bars on a terminal, plain lines elsewhere."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ class Stage(NamedTuple):
 
     what: str
     nets: int
-    units: float  # of work, all of them
+    units: float  # of work in all
 
 
 class _Board(Bar):
-    """Bars, and a line below them."""
+    """Bars with a line below them."""
 
     below = ""
 
     def get_renderables(self) -> Iterable[RenderableType]:
-        """What is drawn."""
+        """The bars and the line."""
         yield self.make_tasks_table(self.tasks)
         if self.below:
             yield Text(self.below, no_wrap=True, overflow="ellipsis")
@@ -48,13 +48,13 @@ class Progress:
     Args:
         total: units of the whole job.
         elapsed: seconds spent by earlier sessions.
-        label: what every line of progress says before anything else.
-        stream: where to print; by default standard output.
-        stages: of the work, in their order; on a terminal each has a bar of its own.
-        workers: that work at once, each on a core.
+        label: the beginning of every line of progress.
+        stream: the stream to print to; by default standard output.
+        stages: stages of the work in order; on a terminal each has its own bar.
+        workers: the number of workers, each on one core.
 
     Attributes:
-        standing: how the job stands, such as its best reward; on a terminal it is always in sight.
+        standing: the state of the job, such as its best reward, which a terminal always shows.
     """
 
     def __init__(
@@ -75,26 +75,26 @@ class Progress:
         self._started = time.perf_counter()
         self._stream = stream or sys.stdout
         self._console = Console(file=self._stream)
-        # Rich draws nothing on terminals without a cursor, and would draw into files if told to force it.
+        # Rich draws nothing on terminals without a cursor; when forced, it would draw into files.
         terminal = self._console.is_terminal and not self._console.is_dumb_terminal
         self._live = terminal and self._stream.isatty()
         self._bar: _Board | None = None
 
     @property
     def elapsed(self) -> float:
-        """Seconds spent on the job, earlier sessions included."""
+        """Seconds spent on the job, with earlier sessions."""
         return self._before + time.perf_counter() - self._started
 
     @property
     def left(self) -> float | None:
-        """Seconds left at the pace of this session, None before anything was done."""
+        """Seconds left at the pace of this session, None before any work is done."""
         if self._worked <= 0:
             return None
         pace = (time.perf_counter() - self._started) / self._worked
         return max(self._total - self._done, 0.0) * pace
 
     def advance(self, units: float = 1.0, *, replayed: bool = False) -> None:
-        """Count work as done; replayed work took no time and does not enter the estimate."""
+        """Count work as done; replayed work does not enter the estimate."""
         self._done += units
         if not replayed:
             self._worked += units
@@ -108,7 +108,7 @@ class Progress:
             print(text, file=self._stream, flush=True)
 
     def update(self, text: str) -> None:
-        """Tell where the job is."""
+        """Show the state of the job."""
         share = min(self._done / self._total, 1) if self._total > 0 else 1.0
         left = [] if self.left is None else [f"{duration(self.left)} left"]
         if not self._live:
@@ -122,7 +122,7 @@ class Progress:
             for stage in self._stages:
                 self._bar.add_task("", total=stage.units)
             self._bar.start()
-        line = self._label + " | ".join([*left, text])  # narrow terminals cut the end off
+        line = self._label + " | ".join([*left, text])  # narrow terminals cut off the end
         first, *others = self._bar.task_ids
         self._bar.below = " | ".join(self._facts())
         for task, (stage, done) in zip(others, self._by_stage(), strict=True):
@@ -133,7 +133,7 @@ class Progress:
         self._bar.update(first, completed=share, description=line)
 
     def _by_stage(self) -> Iterable[tuple[Stage, float]]:
-        """The units done of each stage: those before it are full."""
+        """The units done of each stage; work fills the stages in order."""
         left = self._done
         for stage in self._stages:
             done = min(max(left, 0.0), stage.units)
@@ -141,7 +141,7 @@ class Progress:
             yield stage, done
 
     def _facts(self) -> list[str]:
-        """What stands below the bars of stages: pace, cost, how the job stands."""
+        """The line below the bars: pace, cost and state of the job."""
         found = [self.standing] if self.standing else []
         if self._stages and self._worked > 0:
             spent = time.perf_counter() - self._started
@@ -153,7 +153,7 @@ class Progress:
         return found
 
     def close(self) -> None:
-        """Leave the last line as it is; what is printed next begins on a line of its own."""
+        """Leave the last line as it is; the next output begins on a new line."""
         if self._bar is not None:
             self._bar.stop()
             self._bar = None

@@ -1,7 +1,7 @@
-"""Files that tasks name, where they lie on this machine.
+"""Finds the files that tasks name on this machine.
 
-A worker that shares no disk with the process that sends its tasks has copies of the files that they name.
-Tasks then call a file by its content, and the worker knows where its copy is; any other name is a path.
+A worker on another disk than the sender of its tasks has copies of the files that tasks name. Such tasks name
+a file by its content, and the worker knows the path of its copy; any other name is a path.
 """
 
 from __future__ import annotations
@@ -12,10 +12,10 @@ _COPIES: dict[str, Path] = {}
 
 
 def received(name: str, copy: Path) -> None:
-    """Remember where this process has a copy."""
+    """Record the path of this process's copy of a file."""
     _COPIES[name] = copy
 
 
 def here(name: str | Path) -> Path:
-    """The file or folder that a task names, on this machine."""
+    """The path on this machine of the file or folder that a task names."""
     return _COPIES.get(str(name), Path(name))

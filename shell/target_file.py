@@ -1,4 +1,4 @@
-"""Files that describe a target: where its images and labels are, what its classes are, how it is split.
+"""Files that describe a target: its images and labels, its classes and its splits.
 
     images: images/{name}.jpg
     labels: labels/{name}.png
@@ -32,20 +32,20 @@ from shell.errors import UserError
 from shell.files import read_bytes
 
 FILE = "target.yaml"
-"""What a target's file is called where it lies beside the images."""
+"""The name of a target's file beside its images."""
 SHIPPED = tuple(sorted(path.stem for path in (Path(__file__).parent / "targets").glob("*.yaml")))
 """Names of the targets whose files come with the package."""
 MOST_BYTES, MOST_CLASSES = 1_000_000, 254
-"""Of a target's file."""
+"""The most bytes of a target's file."""
 SUFFIXES = (".png", ".jpg", ".jpeg")
-"""Of images, where a pattern names none."""
+"""Suffixes of images for a pattern without a suffix."""
 PLACES = ("split", "group", "name")
-"""What may stand in braces in a pattern."""
+"""Names that a pattern may have in braces."""
 TRAIN = "train"
-"""The split that has what the other shares and groups leave."""
+"""The split of all images that no other share or group takes."""
 
 _LOADER = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
-"""In C where PyYAML was built with it, ten times as fast."""
+"""The loader in C if PyYAML has it, which is ten times as fast."""
 
 Id = Annotated[int, Meta(ge=0, le=65535)]
 Channel = Annotated[int, Meta(ge=0, le=255)]
@@ -70,9 +70,9 @@ class TargetClass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     Attributes:
         ids: its values in label files of ids.
-        colours: its colours, RGB, in label files of colours; the first is that of pictures.
+        colours: its RGB colours in label files of colours; pictures use the first.
         names: its names in label files of polygons.
-        renders: the engine's classes that it holds; none is learnt from labels alone.
+        renders: the engine's classes in it; a class without any is learnt from labels alone.
     """
 
     ids: tuple[Id, ...] = ()
@@ -82,22 +82,22 @@ class TargetClass(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a target's file says.
+    """The fields of a target's file.
 
     Attributes:
         images: pattern of the images' paths below the data's folder; or for each split a pattern or a list.
-        labels: the same of the labels.
-        classes: by name; their places are the ids that nets learn.
-        format: of the label files; by default ids where the classes have some, else colours, else
-            labelme-json.
-        void: ids, colours or names of pixels that count for nothing.
+        labels: the same for the labels.
+        classes: classes by name; their indices are the ids that nets learn.
+        format: format of the label files; by default ids if the classes have some, else colours if they
+            have some, else labelme-json.
+        void: ids, colours or names of pixels that are ignored.
         splits: one pattern of lists; or for each split its list, its groups, or its share of the images. By
-            default the folders that stand at {split} in the pattern of the images, else all are `TRAIN`.
-        group: expression that finds the group in an image's name: its first parenthesis, or all that it
-            matches. By default what stands at {group} in the pattern, else each image is its own group.
-        fit: what is done to an image of another shape than the size that is asked for: void around it, or
-            a cut around its centre.
-        name: of the target; by default that of its file.
+            default the folders at {split} in the pattern of the images; without these all are `TRAIN`.
+        group: regular expression that finds the group in an image's name: its first parenthesis, or the
+            whole match. By default the text at {group} in the pattern; without it each image is a group.
+        fit: how an image of another shape than the size is treated: with a void margin, or with a cut
+            around its centre.
+        name: name of the target; by default that of its file.
         source: the file, for errors; it is no field of the file.
     """
 
@@ -115,29 +115,29 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     @property
     def kind(self) -> Kind:
-        """What the label files hold, as the field of `TargetClass` that says which."""
+        """The kind of the label files' values, a field of `TargetClass`."""
         assert self.format is not None
         return _KINDS[self.format]
 
     @property
     def class_names(self) -> tuple[str, ...]:
-        """Names of the classes, in the order of their ids."""
+        """Names of the classes in the order of their ids."""
         return tuple(self.classes)
 
     @property
     def rendered(self) -> tuple[bool, ...]:
-        """Whether the engine renders each class; the others are learnt from labels alone."""
+        """Whether the engine renders each class; other classes are learnt from labels alone."""
         return tuple(bool(own.renders) for own in self.classes.values())
 
     @property
     def of_engine(self) -> tuple[int, ...]:
-        """The class of each of the engine's classes, `shell.classes.VOID` where it has no counterpart."""
+        """The target's class of each engine class, `shell.classes.VOID` for none."""
         found = {name: k for k, own in enumerate(self.classes.values()) for name in own.renders}
         return tuple(found.get(name, engine.VOID) for name in engine.NAMES)
 
     @property
     def palette(self) -> tuple[Colour, ...]:
-        """A colour of each class for pictures, all different: its own, the engine's, or one of a circle."""
+        """A different colour of each class for pictures: its own, the engine's, or one of a colour circle."""
         published = {own.name: own.colour for own in engine.CLASSES}
         found: list[Colour] = []
         for k, own in enumerate(self.classes.values()):
@@ -147,7 +147,7 @@ class TargetFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def _circle(k: int) -> Iterator[Colour]:
-    """Colours apart from each other, by the golden angle."""
+    """Colours that differ well, by steps of the golden angle."""
     for n in range(k, k + 2 * MOST_CLASSES):
         red, green, blue = colorsys.hsv_to_rgb(0.618034 * n % 1, 0.75, 0.95 - 0.25 * (n % 3))
         yield round(255 * red), round(255 * green), round(255 * blue)
@@ -161,7 +161,7 @@ def find_target(target: str | Path | None, data: Path | None = None) -> TargetFi
         data: folder of the images.
 
     Raises:
-        UserError: there is no such file, or it is not as it must be.
+        UserError: there is no such file, or it is wrong.
         OSError: it cannot be read.
     """
     if target is None:
@@ -184,7 +184,7 @@ def find_target(target: str | Path | None, data: Path | None = None) -> TargetFi
 
 @lru_cache
 def shipped(name: str) -> TargetFile:
-    """One of the targets whose files come with the package, by name."""
+    """The target of a name in `SHIPPED`."""
     path = Path(__file__).parent / "targets" / f"{name}.yaml"
     return msgspec.structs.replace(parse_target(path.read_bytes(), str(path)), source=name)
 
@@ -193,11 +193,11 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
     """Check the text of a target's file.
 
     Args:
-        text: all of it.
-        source: its name, for errors and, without folder and ending, of the target.
+        text: the file's text.
+        source: the file's name for errors; without folder and suffix it names the target.
 
     Raises:
-        UserError: with file, line, field and what would be right.
+        UserError: the text is wrong; the message names file, line, field and what would be right.
     """
     lines = _Lines(source)
     try:
@@ -211,7 +211,7 @@ def parse_target(text: bytes | str, source: str) -> TargetFile:
         raise UserError(f"{source}, line 1: expected fields such as 'images: images/{{name}}.jpg'")
     if "source" in plain:
         lines.refuse("source", "no field of a target's file has this name")
-    # Entry by entry first, since the library does not say in which entry of a table it found something.
+    # First entry by entry, since the library does not name the entry of a table with an error.
     for field, kind in (
         ("classes", TargetClass),
         ("splits", Split),
@@ -246,7 +246,7 @@ def _format(target: TargetFile) -> Format:
 
 
 class _Lines:
-    """Where each value of a file stands."""
+    """The lines of a file's values."""
 
     def __init__(self, source: str) -> None:
         self._source = source
@@ -267,7 +267,7 @@ class _Lines:
         raise UserError(f"{self._source}{where}: {why}")
 
     def plain(self, node: yaml.Node, field: str) -> Any:
-        """The plain value of a node of YAML; keys are always text, as they were written."""
+        """The plain value of a YAML node; keys are always text as written."""
         self._of[field] = node.start_mark.line + 1
         if isinstance(node, yaml.ScalarNode):
             try:
@@ -275,7 +275,7 @@ class _Lines:
             except (yaml.YAMLError, ValueError) as error:
                 why = getattr(error, "problem", None) or error
                 self.refuse(field, f"{node.value!r} cannot be read ({why})")
-        if id(node) in self._seen:  # small files of many aliases can stand for endless ones
+        if id(node) in self._seen:  # a small file of many aliases can stand for an endless one
             self.refuse(field, "stands for a part of the file above; write it out")
         self._seen.add(id(node))
         if isinstance(node, yaml.SequenceNode):
@@ -292,7 +292,7 @@ class _Lines:
         return found
 
     def checked(self, value: Any, kind: Any, field: str) -> Any:
-        """A value as one of a kind; raises UserError at the part of it that is none."""
+        """Convert a value to a type; raises UserError at the part that does not fit."""
         try:
             return msgspec.convert(value, kind)
         except msgspec.ValidationError as error:
@@ -311,7 +311,7 @@ class _Lines:
 
 
 def _in_words(why: str) -> str:
-    """What the library says, in the words of the format."""
+    """The library's message in the words of the format."""
     for theirs, ours in (
         ("Object missing required", "lacks the"), ("`", ""), ("Expected", "expected"), ("got", "not"),
         ("array", "list"), ("object", "table"), ("int", "whole number"), ("float", "number"),
@@ -322,7 +322,7 @@ def _in_words(why: str) -> str:
 
 
 def _check(target: TargetFile, lines: _Lines) -> None:
-    """Refuse what the fields alone do not show."""
+    """Refuse errors that types alone do not show."""
     if not 0 < len(target.classes) <= MOST_CLASSES:
         lines.refuse("classes", f"expected 1 to {MOST_CLASSES} classes, not {len(target.classes)}")
     _check_classes(target, lines)
