@@ -13,7 +13,7 @@ from shell.command import HELP, PROGRAM, USAGE, docstring, meant
 
 DISTRIBUTION = "sdr-jax"
 PACKAGES = ("sdr_jax", "scene", "seg", "experiments", "shell")
-"""The names that we install beside each other, short enough for others to have had the same idea."""
+"""The packages that we install, whose short names other distributions may have, too."""
 GROUPS = {
     "Your own images": {
         "doctor": "experiments.doctor",
@@ -44,7 +44,7 @@ GROUPS = {
         "renders19": "experiments.renders19",
     },
 }
-"""Command to module, by task; in the order of the help."""
+"""Modules of the commands by task, in the order of the help."""
 STUDIES = {
     name: f"experiments.{name}"
     for name in (
@@ -52,14 +52,14 @@ STUDIES = {
         "fidelity",
     )
 }  # fmt: skip
-"""Studies of the paper, `sdr-jax study NAME`, to their modules."""
+"""Modules of the paper's studies, `sdr-jax study NAME`."""
 COMMANDS = {name: module for group in GROUPS.values() for name, module in group.items()} | STUDIES
-"""All commands and studies, to their modules; a study is a command, too."""
+"""Modules of all commands; a study is a command, too."""
 STUDY = "study"
 WIDE = 80
-"""Characters of a line of the help, at most."""
+"""The most characters of a line of the help."""
 PARSERS = {"experiments": "experiments.config.parsers", "scene": "scene.parsers"}
-"""Where the command lines of a package's commands are, apart from what they start."""
+"""The modules with the command lines of a package's commands, without their work."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -83,7 +83,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run(name: str, words: Sequence[str]) -> int:
-    """Run a command; wrong flags and help end it before what it works with is loaded."""
+    """Run a command; help and wrong flags end it before it loads its libraries."""
     if not {*words} & {*HELP}:
         for line in clashes(packages_distributions()):
             print(f"{PROGRAM}: warning: {line}", file=sys.stderr, flush=True)
@@ -97,12 +97,12 @@ def run(name: str, words: Sequence[str]) -> int:
         if name in JOBS:
             return command(name, words)
     sys.argv[1:] = words
-    run_module(module, run_name="__main__", alter_sys=True)  # leaves by SystemExit
+    run_module(module, run_name="__main__", alter_sys=True)  # raises SystemExit
     return 0
 
 
 def text() -> str:
-    """The help: every command with the first line of its docstring, and no command loaded."""
+    """The help: every command with the first line of its docstring; no command is loaded."""
     width = max(map(len, COMMANDS))
     lines = []
     for title, group in GROUPS.items():
@@ -130,7 +130,7 @@ def studies() -> str:
 
 
 def _rows(group: Mapping[str, str], width: int) -> Iterator[str]:
-    """A line or more for each command, none longer than `WIDE`."""
+    """One line or more for each command, none longer than `WIDE`."""
     for name, module in group.items():
         first, *more = wrap(summary(module), WIDE - width - 4)
         yield f"  {name:{width}s}  {first}"
@@ -143,10 +143,10 @@ def summary(module: str) -> str:
 
 
 def clashes(installed: Mapping[str, list[str]]) -> Iterator[str]:
-    """Says which other distributions have put files into our packages.
+    """Report other distributions that have put files into our packages.
 
     Args:
-        installed: the distributions of each top-level package, as `packages_distributions` has them.
+        installed: the distributions of each top-level package, from `packages_distributions`.
     """
     for package in PACKAGES:
         others = sorted({*installed.get(package, ())} - {DISTRIBUTION})

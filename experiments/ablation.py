@@ -1,14 +1,13 @@
-"""The paper's ablation: what the search loses without one of its parts.
+"""The paper's ablation: the loss of the search without one of its parts.
 
     sdr-jax study ablation --target camvid --data DIR --holdout 0006R0
     sdr-jax study ablation --target camvid --data DIR --method sdr       # the paper's search
     sdr-jax study ablation --target twin --preset smoke                  # under a minute
     sdr-jax study ablation --rederive runs/a/ablation.json --out runs/b  # no net at all
 
-Every variant is a search of its own with as many evaluations: without relaxation, with all attributes in
-one group, with groups that pay no regard to correlation, and with environment, positions or densities
-left random. Nets trained on what they found are tested on the test images, paired. Kill it at any moment;
-the same command goes on where it was.
+Every variant is a search with the same number of evaluations: without relaxation, with all attributes in one
+group, with groups that ignore correlation, and with environment, positions or densities left random. Nets
+trained on their answers are tested on the test images, paired. The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -51,9 +50,9 @@ from scene.attributes import names
 from shell.errors import UserError
 
 FULL: Variant = "full"
-"""The whole method, from which losses are measured."""
+"""The full method, from which losses are measured."""
 RANDOM: Variant = "random"
-"""All attributes random: what no search at all is worth."""
+"""All attributes random, without a search."""
 TITLES: dict[Variant, str] = {
     FULL: "the full method",
     "no_relaxation": "no relaxation",
@@ -69,7 +68,7 @@ FIXED: dict[Variant, tuple[str, ...]] = {
     "no_positions": POSITIONS,
     "no_densities": DENSITIES,
 }
-"""Variants that leave some attributes random, and which."""
+"""Attributes that variants leave random."""
 PAPER: dict[Variant, float] = {
     "no_relaxation": -3.5,
     "no_groups": -7.9,
@@ -78,13 +77,13 @@ PAPER: dict[Variant, float] = {
     "no_positions": -1.2,
     "no_densities": -2.1,
 }
-"""MIoU points against the full method (19.0). Source: the paper's ablation study."""
+"""Differences in mIoU points from the full method (19.0). Source: the paper's ablation study."""
 SHUFFLE = 2020
-"""Goes into the seed of the shuffled groups."""
+"""Part of the seed of the shuffled groups."""
 
 
 def check(config: AblationConfig) -> None:
-    """Raise UserError for a field out of range, by flag."""
+    """Raise UserError with the flag for a field out of range."""
     if config.search.method == "random_attributes":
         raise UserError("--search.method random_attributes searches for nothing")
     if FULL not in config.variants:
@@ -93,7 +92,7 @@ def check(config: AblationConfig) -> None:
 
 
 def without(config: AblationConfig, variant: Variant) -> AblationConfig:
-    """The configuration of a variant's search; which attributes it leaves random, `subset_of` says."""
+    """The configuration of a variant's search; `subset_of` gives its attributes."""
     if variant == "no_relaxation":
         return replace(config, search=replace(config.search, relaxation=0.0))
     if variant == "no_groups":
@@ -111,12 +110,12 @@ def subset_of(variant: Variant, config: AblationConfig) -> tuple[str, ...]:
 def shuffled(
     groups: Sequence[Sequence[str]], names: Sequence[str], seed: int
 ) -> tuple[tuple[str, ...], ...]:
-    """Groups of the same sizes in the same order, their members dealt at random.
+    """Make groups of the same sizes in the same order with random members.
 
     Args:
         groups: a partition of the names.
-        names: in an order that does not depend on the groups.
-        seed: of the deal.
+        names: the names in an order that does not depend on the groups.
+        seed: seed of the choice.
     """
     order = np.random.default_rng([SHUFFLE, seed]).permutation(len(names))
     dealt = iter(names[k] for k in order)
@@ -124,10 +123,10 @@ def shuffled(
 
 
 def planned(config: AblationConfig) -> dict[Variant, SearchPlan]:
-    """The search of every variant that has one; all begin with the same key.
+    """Plan the search of every variant that has one; all begin with the same key.
 
     Raises:
-        UserError: evaluations that do not fit its groups, or an option that the method does not take.
+        UserError: evaluations that do not fit its groups, or an option that the method lacks.
     """
     method = config.search.method
     return {
@@ -148,7 +147,7 @@ def work(config: AblationConfig) -> list[Work]:
 
 
 def rows(config: AblationConfig, _: Target) -> list[Row]:
-    """Nets of what every variant found."""
+    """The final nets of every variant's answer."""
 
     def row(variant: Variant) -> Row:
         return Row(
@@ -166,7 +165,7 @@ def rows(config: AblationConfig, _: Target) -> list[Row]:
 
 
 def report(run: Run[AblationConfig], made: Made, rows: list[Report]) -> Report:
-    """The scores of every variant beside its search."""
+    """Report the mIoU of every variant with its search."""
     config = run.config
     for row in rows:
         found = made.get(row["variant"])
@@ -188,13 +187,13 @@ def _search(config: AblationConfig, variant: Variant, found: Found) -> Report:
         "relaxation": own.search.relaxation,
         "rewards": rewards(found),
         "core_seconds": core_seconds(found),
-        # Centre and width of every attribute; those left random have 0.5 and 1.
+        # Centre and width of every attribute; random ones have 0.5 and 1.
         "solution": dict(zip(names(config.space), intervals, strict=True)),
     }
 
 
 def derive(report: Report) -> Report:
-    """The report with means, intervals and losses of its nets' scores."""
+    """Add means, intervals and losses of the nets' mIoU to the report."""
     (full,) = [miou(row["nets"]) for row in report["rows"] if row["variant"] == FULL]
     rows = [
         {**row, **statistics(miou(row["nets"]), full), "paper": PAPER.get(row["variant"])}
@@ -236,7 +235,7 @@ def text(report: Report) -> str:
 
 
 def picture(report: Report) -> bytes:
-    """MIoU of every variant, and its loss beside the paper's, as PNG."""
+    """Draw mIoU and loss of every variant with the paper's losses, as PNG."""
     rows = report["rows"]
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(13, 1.6 + 0.5 * len(rows)), sharey=True, layout="constrained"

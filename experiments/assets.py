@@ -1,12 +1,12 @@
-"""The paper's study of assets and images: what half the assets, or fewer images, cost.
+"""The paper's study of assets and images: the loss by half the assets, or by fewer images.
 
     sdr-jax study assets --target camvid --data DIR --holdout 0006R0
     sdr-jax study assets --target camvid --data DIR --attributes learnt --learnt a.json
     sdr-jax study assets --target twin --preset smoke                  # under a minute
     sdr-jax study assets --rederive runs/a/assets.json --out runs/b    # no net at all
 
-Nets are trained on 90 to 1350 images that draw from all assets or from the first half of each class, and
-tested on the test images, paired. Kill it at any moment; the same command goes on where it was.
+Nets are trained on 90 to 1350 images with all assets or with the first half of each class, and tested on the
+test images, paired. The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ ATTRIBUTES = {
 
 
 def check(config: AssetsConfig) -> None:
-    """Raise UserError for a field out of range, by flag."""
+    """Raise UserError with the flag for a field out of range."""
     shots = config.final.shots
     for count in config.images:
         if count % shots:
@@ -65,7 +65,7 @@ def check(config: AssetsConfig) -> None:
 
 
 def rows(config: AssetsConfig, _: Target) -> list[Row]:
-    """Every number of images from every share of the assets: more streets, not more images of each."""
+    """Rows of every number of images and share of the assets; more images means more streets."""
     found = []
     for images, fraction in product(config.images, config.fractions):
         streets = images // config.final.shots
@@ -83,14 +83,14 @@ def rows(config: AssetsConfig, _: Target) -> list[Row]:
 
 
 def report(run: Run[AssetsConfig], _: Made, rows: list[Report]) -> Report:
-    """The scores, and what they are of."""
+    """Report the mIoU and its conditions."""
     config = run.config
     about = {"attributes": config.attributes, "steps": config.final.train.steps}
     return {"learnt_from": learnt_from(config), **about, "rows": rows}
 
 
 def derive(report: Report) -> Report:
-    """The report with means and intervals, and what more assets gain at each number of images."""
+    """Add means, intervals, and the gain by more assets at each number of images to the report."""
     most = max(row["fraction"] for row in report["rows"])
     best = {row["images"]: miou(row["nets"]) for row in report["rows"] if row["fraction"] == most}
     rows = []
@@ -130,7 +130,7 @@ def text(report: Report) -> str:
 
 
 def picture(report: Report) -> bytes:
-    """MIoU against the number of images for each share of the assets, as PNG."""
+    """Draw mIoU against the number of images for each share of the assets, as PNG."""
     groups = {
         f"{100 * fraction:g} % of the assets": [
             row for row in report["rows"] if row["fraction"] == fraction

@@ -1,10 +1,10 @@
-"""Learn to simulate for Cityscapes, or for the embedded twin where there is no data.
+"""Learn to simulate for Cityscapes, or without data for the embedded twin.
 
     sdr-jax cityscapes                       # the twin: a stand-in, not real data
     sdr-jax cityscapes --data DIR            # real Cityscapes
     sdr-jax cityscapes --preset smoke        # under a minute
 
-Kill it at any moment; the same command goes on where it was.
+The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from __future__ import annotations
 import sys
 
 if __name__ == "__main__":
-    # Not at the top: worker processes load this file, too, and need nothing of the command line.
+    # Imported here, since worker processes load this file, too, without the command line.
     from experiments.config.cli import command
 
     sys.exit(command("cityscapes"))

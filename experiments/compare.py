@@ -5,8 +5,8 @@
     sdr-jax study compare --methods sdr cma_es --subsets all --no-finals  # only record rewards
     sdr-jax study compare --rederive runs/a/compare.json --out runs/b     # no net at all
 
-With 3, 5 and 7 positions optimised and all else random, every method finds attributes; nets trained on
-them are tested on the test images. Kill it at any moment; the same command goes on where it was.
+Every method optimises 3, 5 and 7 positions with all other attributes random; nets trained on the answers are
+tested on the test images. The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -56,13 +56,13 @@ from sdr_jax.names import MethodName
 from shell.errors import UserError, refuse_repeats
 
 RANDOM: MethodName = "random_attributes"
-"""The row that gains are measured from; it asks for no evaluation."""
+"""The row from which gains are measured; it needs no evaluation."""
 ALL = "all"
-"""In place of a subset: all attributes that are not held."""
+"""The word for the subset of all attributes that are not held."""
 
 
 class Compared(NamedTuple):
-    """A method on a subset: a row of the table."""
+    """A method on a subset, which is a row of the table."""
 
     method: MethodName
     subset: tuple[str, ...]
@@ -71,7 +71,7 @@ class Compared(NamedTuple):
 
 
 def check(config: CompareConfig) -> None:
-    """Raise UserError for a field out of range, by flag."""
+    """Raise UserError with the flag for a field out of range."""
     if not config.subsets:
         raise UserError("--subsets needs at least one value")
     known = names(config.space)
@@ -94,7 +94,7 @@ def subsets_of(config: CompareConfig) -> list[tuple[str, ...]]:
 
 
 def compared(config: CompareConfig) -> list[Compared]:
-    """Methods and subsets, in the order of the table."""
+    """Methods and subsets in the order of the table."""
     subsets = subsets_of(config)
     sizes = [len(subset) for subset in subsets]
     found = []
@@ -107,10 +107,10 @@ def compared(config: CompareConfig) -> list[Compared]:
 
 
 def planned(config: CompareConfig) -> list[SearchPlan]:
-    """Every search that has to be run.
+    """Plan every search.
 
     Raises:
-        UserError: too few evaluations, or an option that a method does not take.
+        UserError: too few evaluations, or an option that a method lacks.
     """
     found = []
     for row in compared(config):
@@ -139,19 +139,19 @@ def work(config: CompareConfig) -> list[Work]:
 
 
 def budgets(config: CompareConfig) -> tuple[Fidelity, ...]:
-    """The fidelities at which answers are tested on the test images, the final one last."""
+    """The fidelities at which answers are tested, the final one last."""
     if not config.finals:
         return ()
     return fidelities(config.reward, config.final) if config.cheap_finals else (config.final,)
 
 
 def said(fidelity: Fidelity) -> str:
-    """A fidelity in a few words."""
+    """Describe a fidelity in a few words."""
     return f"{fidelity.size}, {fidelity.images} images, {fidelity.train.steps} steps"
 
 
 def rows(config: CompareConfig, _: Target) -> list[Row]:
-    """Nets of every answer at every budget."""
+    """Rows of nets of every answer at every budget."""
 
     def source(own: Compared, run: Run[CompareConfig], made: Made, seed: int) -> Source:
         if own.method == RANDOM:
@@ -174,7 +174,7 @@ def rows(config: CompareConfig, _: Target) -> list[Row]:
 
 
 def report(run: Run[CompareConfig], made: Made, rows: list[Report]) -> Report:
-    """The scores of every method on every subset, budget by budget, beside its search."""
+    """Report the mIoU of every method, subset and budget with the search."""
     config, workers = run.config, max(run.workers.workers, 1)
     return {
         "evaluations": config.evaluations if config.core_minutes is None else None,
@@ -215,7 +215,7 @@ def _search(config: CompareConfig, found: Found, own: Compared, workers: int) ->
 
 
 def derive(report: Report) -> Report:
-    """The report with means, intervals and gains of its nets, and what its rewards come to."""
+    """Add means, intervals and gains of the nets, and figures of the rewards, to the report."""
     random = {row["subset"]: row["budgets"] for row in report["rows"] if row["method"] == RANDOM}
     return {**report, "rows": [_derived(row, random.get(row["subset"])) for row in report["rows"]]}
 
@@ -241,7 +241,7 @@ def _derived(row: Report, random: Sequence[Report] | None) -> Report:
 
 
 def _spent(*keys: str) -> Any:
-    """A cell: what a row's search came to, nothing where there is none."""
+    """A cell with a figure of the row's search, empty without a search."""
 
     def value(row: Report) -> Any:
         found = row["search"]
@@ -298,7 +298,7 @@ def text(report: Report) -> str:
 
 
 def _budgets(report: Report) -> list[str]:
-    """How the gain over random attributes behaves from the cheapest to the final budget."""
+    """Sentences on the gain over random attributes from the cheapest to the final budget."""
     rows = [row for row in report["rows"] if row["method"] != RANDOM]
     if len(report["budgets"]) < 2 or not any(at["gain"] for row in rows for at in row["budgets"]):
         return []
@@ -316,13 +316,13 @@ def _budgets(report: Report) -> list[str]:
 
 
 Points = list[tuple[float, float, float]]
-"""Place, value and half the interval."""
+"""Position, value and half the interval."""
 ACROSS = 3
-"""Panels beside each other."""
+"""Number of panels in a row."""
 
 
 def picture(report: Report) -> bytes:
-    """Accuracy and time against the number of attributes, rewards against evaluations, as PNG."""
+    """Draw accuracy and time against the number of attributes, and rewards against evaluations, as PNG."""
     rows = report["rows"]
     colors = {method: f"C{k % 10}" for k, method in enumerate(_of(rows, "method"))}
     counts = {row["subset"]: row["attributes"] for row in rows}
@@ -339,7 +339,7 @@ def picture(report: Report) -> bytes:
         """``value`` of every row that has one, and half its interval."""
         subsets = list(counts)
         for k, (method, color) in enumerate(colors.items()):
-            aside = 0.06 * (k - (len(colors) - 1) / 2)  # lest the intervals lie on each other
+            aside = 0.06 * (k - (len(colors) - 1) / 2)  # so that intervals do not overlap
             own = [row for row in rows if row["method"] == method and value(row) is not None]
             points = [(subsets.index(row["subset"]) + aside, *value(row)) for row in own]
             _bars(axis, points, color, method)
@@ -372,7 +372,7 @@ def picture(report: Report) -> bytes:
 
 
 def _of(rows: Iterable[Report], key: str) -> list[Any]:
-    """The values of a field, each once."""
+    """The distinct values of a field."""
     return list(dict.fromkeys(row[key] for row in rows))
 
 
@@ -396,7 +396,7 @@ def _minutes(row: Report) -> tuple[float, float] | None:
 
 
 def _gains(axis: Axes, report: Report, colors: dict[str, str]) -> None:
-    """The gain over random attributes from the cheapest to the final budget, on the last subset."""
+    """Draw the gain over random attributes from the cheapest to the final budget on the last subset."""
     rows = [row for row in report["rows"] if row["subset"] == report["rows"][-1]["subset"]]
     for k, row in enumerate(rows):
         points = [
@@ -412,7 +412,7 @@ def _gains(axis: Axes, report: Report, colors: dict[str, str]) -> None:
 
 
 def _rewards(axis: Axes, row: Report, color: str) -> None:
-    """The mean reward so far and the best, failed evaluations left out."""
+    """Draw the mean reward so far and the best, without failed evaluations."""
     rewards = np.array(row["search"]["rewards"], float)  # None is NaN
     seen = np.cumsum(~np.isnan(rewards))
     mean = np.where(seen > 0, np.nancumsum(rewards) / np.maximum(seen, 1), np.nan)

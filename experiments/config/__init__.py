@@ -1,7 +1,6 @@
-"""What a job can be told, its defaults by target and preset, what is refused, and its command line.
+"""The configuration of a job: its fields, defaults by target and preset, checks, and command line.
 
-Names are imported on first use, so that help texts load no net and no search;
-``__init__.pyi`` lists them.
+Names are imported on first use, so that help texts load no net and no search; ``__init__.pyi`` lists them.
 """
 
 from shell.lazy import import_on_use

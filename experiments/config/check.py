@@ -1,4 +1,4 @@
-"""What is refused: fields out of their bounds, sizes without memory, fields that do not fit together."""
+"""Refuses fields out of bounds, sizes that do not fit into memory, and fields that do not fit together."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from shell.errors import UserError, flagged
 
 
 def check(config: Config) -> None:
-    """Refuse what no job can work with, by flag; files are looked at only where weights are named.
+    """Refuse a configuration that no job can use; only files of weights are read.
 
     Raises:
-        UserError: a field out of its bounds, a size that needs too much memory, or fields that do not fit
-            together.
+        UserError: a field is out of bounds, a size needs too much memory, or fields do not fit together;
+            the message names the flag.
     """
     check_bounds(config, "--")
     refuse_too_large(config)
@@ -48,7 +48,7 @@ def check(config: Config) -> None:
 def _check_target(config: Config) -> None:
     if config.twin == "far" and config.target != "twin":
         raise UserError(f"--twin far needs --target twin, not {config.target}")
-    _ = config.held  # which refuses what cannot be held
+    _ = config.held  # refuses values that cannot be held
     with flagged("--assets", "--asset"):
         check_pool(config.pool, "--asset-")
     for name, fidelity in fidelities(config).items():
@@ -66,7 +66,7 @@ def _check_fidelity(flag: str, fidelity: Fidelity) -> None:
 
 
 def check_net(flag: str, train_flag: str, fidelity: Fidelity) -> None:
-    """Raise UserError for a size, settings or weights that do not fit the net, by flag."""
+    """Raise UserError with the flag for a size, settings or weights that do not fit the net."""
     train = fidelity.train
     with flagged(train_flag):
         check_train_settings(train)
@@ -76,7 +76,7 @@ def check_net(flag: str, train_flag: str, fidelity: Fidelity) -> None:
             f"{flag}: images of {fidelity.size} are too small for {train.net}, which needs "
             f"{coarsest} pixels in width and height"
         )
-    check_weights(train, 1)  # of any number of classes: the last layer is not among them
+    check_weights(train, 1)  # any number of classes will do, since files lack the last layer
 
 
 def _check_search(config: GroupsConfig) -> None:
@@ -114,7 +114,7 @@ def _check_answer(config: SearchConfig) -> None:
 
 
 def offered(config: SearchConfig) -> tuple[Candidate, ...]:
-    """Those of the configuration's candidates that its method has."""
+    """The configuration's candidates that its method has."""
     absent = OF_OTHERS if config.search.method == "pool" else OF_POOL
     return tuple(name for name in config.candidates if name not in absent)
 
@@ -156,4 +156,4 @@ _RELATIONS: tuple[tuple[type, Callable[[Any], None]], ...] = (
     (SearchConfig, _check_answer),
     (ShareConfig, _check_share),
 )
-"""How fields must fit together, by the class of configuration that has them."""
+"""Checks that fields fit together, by the class of configuration that has them."""

@@ -1,6 +1,6 @@
-"""What the command lines of jobs share: defaults by target and preset, then all flags.
+"""The command line of jobs: defaults by target and preset, then all flags.
 
-A command is a row of `experiments.config.studies`; what it does is loaded when its flags are right.
+A command is a row of `experiments.config.studies`; its work is loaded once its flags are right.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COMMON = (
     "target", "data", "out", "preset", "holdout", "few", "learnt", "search.method", "space", "seed",
     "seeds", "workers", "store", "rederive",
 )  # fmt: skip
-"""Fields that the short help tells, beside those of a study's own."""
+"""Fields in the short help, beside a study's own."""
 TOPICS = {
     "real images": (
         "target",
@@ -55,20 +55,20 @@ TOPICS = {
     "size of final nets": ("final",),
     "size of other nets": ("compact", "vgg"),
 }
-"""Groups of all other fields, by title; one of nested fields has their outermost name."""
+"""Titles and fields of the other groups; nested fields go by their outermost name."""
 OTHERS = "other options"
 
 
 class Unmet(Exception):
-    """The work is done, but its result is not what a flag demands."""
+    """The work is done, but its result does not meet a flag's demand."""
 
 
 def command(name: str, arguments: Sequence[str] | None = None) -> int:
-    """The command line of a job; returns the exit code.
+    """Run the command line of a job; returns the exit code.
 
     Args:
-        name: among `JOBS`.
-        arguments: of the command; by default the program's.
+        name: one of `JOBS`.
+        arguments: arguments of the command; by default the program's.
     """
     job = JOBS[name]
     return main(
@@ -87,20 +87,19 @@ def main(
     target: TargetName | None = None,
     with_data: TargetName | None = None,
 ) -> int:
-    """Parse, work, and turn what went wrong into one line.
+    """Parse, work, and turn errors into one line.
 
     Args:
-        name: of the command.
-        defaults: of all flags, for a target and a preset.
-        work: the job, or the ``module:name`` that it is loaded from once the flags are right.
+        name: name of the command.
+        defaults: gives the defaults of all flags for a target and a preset.
+        work: the job, or the ``module:name`` from which it is loaded once the flags are right.
         description: the help's first part.
-        arguments: of the command; by default the program's.
-        target: of a command that has no ``--target``.
-        with_data: its target where ``--data`` is given, if that is another one.
+        arguments: arguments of the command; by default the program's.
+        target: the target of a command without ``--target``.
+        with_data: another target of such a command with ``--data``.
 
     Returns:
-        The exit code: 2 for what the user can put right, 1 for workers that died or `Unmet`, 130 after
-        Ctrl-C.
+        The exit code: 2 for errors of the user, 1 for workers that died or `Unmet`, 130 after Ctrl-C.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
     # On a GPU the policy must leave the memory to the workers' nets.
@@ -110,11 +109,11 @@ def main(
     others = ("--preset", *(["--data DIR"] if with_data else [] if target else ["--target"]))
 
     def configured(given: Mapping[str, Any]) -> tuple[AnyConfig, str]:
-        """The defaults for what is given, and what they are of."""
+        """The defaults for the given flags, and a description of them."""
         preset, chosen = given.get("preset", "quick"), target or given.get("target", "twin")
         if with_data is not None and given.get("data") is not None:
             chosen = with_data
-        # What is hidden must be within reach of the search.
+        # The twin's hidden attributes must lie in the space of the search.
         usual: SpaceName = "extended" if given.get("twin") == "far" else "scenex"
         space: SpaceName = given.get("space", usual)
         default = in_space(defaults(chosen, preset), space)
@@ -124,7 +123,7 @@ def main(
     asked = [word for word in words if word in HELP]
     parser = _parser(name, configured({})[0], description)
     given = vars(parser.parse_args([word for word in words if word not in asked]))
-    if asked:  # with the defaults that hold beside the other flags
+    if asked:  # show the defaults that the other flags lead to
         default, of = configured(given)
         note = f"The defaults below are those of {of}; {' and '.join(others)} beside --help show others."
         _parser(name, default, f"{description or ''}\n\n{note}").parse_args(asked)
@@ -137,21 +136,21 @@ def main(
         config = filled(configured(given)[0], given)
         try:
             do(config)
-        except RendererError as error:  # of a worker, too
+        except RendererError as error:  # also from a worker
             raise UserError(str(error)) from None
 
     return exit_code(run, also=(WorkerError, Unmet), debug=debug)
 
 
 def _loaded(place: str) -> Callable[[Any], object]:
-    """What ``module:name`` names."""
+    """Load the object that ``module:name`` names."""
     module, _, name = place.partition(":")
     found: Callable[[Any], object] = getattr(import_module(module), name)
     return found
 
 
 def _parser(name: str, default: Config, description: str | None) -> Parser:
-    """The command line of a configuration, with the defaults that its help shows."""
+    """The parser of a configuration; its help shows these defaults."""
     parser = Parser(JOBS[name].called if name in JOBS else name, description)
     common, own = parser.add_argument_group("options").add_argument, get_annotations(type(default))
     titles = {name: title for title, names in TOPICS.items() for name in names}
@@ -168,7 +167,7 @@ def _parser(name: str, default: Config, description: str | None) -> Parser:
 
 
 def _with_nets(default: AnyConfig, given: Mapping[str, Any]) -> AnyConfig:
-    """Defaults with the recipes of the nets that are chosen."""
+    """Defaults with the recipes of the chosen nets."""
     for name, fidelity in fidelities(default).items():
         flags = {key: given.get(f"{name}.train.{key}") for key in ("net", "trunk", "weights")}
         changes = {key: value for key, value in flags.items() if value is not None}

@@ -1,4 +1,4 @@
-"""What a job can be told: frozen dataclasses of plain values, each field a flag; defaults: `presets`."""
+"""Configurations: frozen dataclasses of plain values, in which each field is a flag; defaults: `presets`."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ TwinName = Literal["near", "far"]
 Candidate = Literal["argmax", "seen", "broad", "last", "previous", "mixed", "random", "default"]
 OF_POOL: tuple[Candidate, ...] = ("last", "previous", "mixed")
 OF_OTHERS: tuple[Candidate, ...] = ("seen", "broad")
-"""Candidates that only the method `pool` has, and those that only the others have."""
+"""Candidates of the method `pool` alone, and candidates of the other methods alone."""
 RewardKind = Literal["miou", "mmd"]
 
 Group = Annotated[
     tuple[str, ...], Word("NAME,NAME,...", lambda word: tuple(word.split(",")), ",".join)
 ]
-"""Names of attributes; on the command line one word, with commas."""
+"""Names of attributes; on the command line one word with commas."""
 
 SEED_END = 2**31
 """All seeds are smaller, since numbers derived from them must fit into 32 bits."""
@@ -48,19 +48,19 @@ _CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 2
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """What every job on a target can be told."""
+    """Fields of every job on a target."""
 
     reward: Fidelity
     """The cheap fidelity that gives the rewards."""
     target: TargetName = "twin"
-    """What the nets must be good on."""
+    """The images on which nets are tested."""
     preset: Preset = "quick"
-    """Where the defaults of all other flags come from."""
+    """The set of defaults of all other flags."""
     space: SpaceName = "scenex"
     """The attributes of streets: the paper's 23 (scenex), or these and ours of camera and road (extended). By
-    default extended with --twin far, else scenex."""
+    default extended with --twin far, otherwise scenex."""
     fix: Annotated[tuple[str, ...], REPEATED] = ()
-    """Hold an attribute at a value in all streets, in its unit, such as field_of_view=90; once for each."""
+    """Hold an attribute at a value in all streets, in its unit, such as field_of_view=90; may be repeated."""
     data: Path | None = None
     """Folder of real images. By default the variable CAMVID_DIR for camvid, LABELMEFACADE_DIR for
     labelmefacade."""
@@ -73,61 +73,61 @@ class Config:
     workers: Annotated[int, at_least(0), Bound(refuse_many_workers)] = _CORES
     """Processes that render and train, one core each; 0 starts one, too."""
     executor: ExecutorName = "processes"
-    """Who works: processes of this machine, or a Dask cluster (see docs/cluster.md)."""
+    """The workers: processes of this machine, or a Dask cluster (see docs/cluster.md)."""
     scheduler: str | None = None
-    """Address of the cluster's scheduler, such as tcp://10.0.0.1:8786; its workers stand in for --workers."""
+    """Address of the cluster's scheduler, such as tcp://10.0.0.1:8786; its workers replace --workers."""
     reward_images: Annotated[int | None, at_least(1)] = None
-    """The most real images that give the reward: a random choice that is the same for every --seed. By
-    default all."""
+    """The most real images that give the reward, chosen at random, the same for every --seed. By default
+    all."""
     test_images: Annotated[int | None, at_least(1)] = None
-    """The most real images that the reported figures are of, chosen in the same way. By default all."""
+    """The most real images for the reported figures, chosen in the same way. By default all."""
     test_split: str | None = None
-    """The split that is reported on; by default the data's own."""
+    """The split for the reported figures; by default that of the data."""
     holdout: str | None = None
     """Report on this sequence (CamVid), city (Cityscapes) or album (LabelMeFacade) and take it out of the
     training images."""
     twin_seed: Annotated[int, at_least(0)] = 0
     """Seed of the twin's hidden attributes."""
     twin: TwinName = "near"
-    """Where the twin's hidden attributes lie: around the hand-set street (near), or anywhere in the extended
-    space (far)."""
+    """The place of the twin's hidden attributes: around the hand-set street (near), or anywhere in the
+    extended space (far)."""
     store: Path | None = None
     """File of evaluations that runs share, so that none is made twice. See `sdr-jax store`."""
     assets: Path | None = None
-    """Folder of your own assets, by class (see ``scene.library``)."""
+    """Folder of your own assets by class (see ``scene.library``)."""
     asset_use: Literal["both", "own", "built-in"] = "both"
-    """Which assets streets draw from. With ``own``, classes without own assets are left out."""
+    """The assets that streets draw from. With ``own``, classes without own assets are left out."""
     overlap: Literal["allow", "avoid"] | None = None
-    """Whether objects may stand in each other. By default they may with --space scenex, as in the paper, and
-    may not with --space extended."""
+    """Whether objects may overlap. By default they may with --space scenex, as in the paper, and may not with
+    --space extended."""
     asset_fraction: float = 1.0
-    """Share of the assets that is used."""
+    """Share of the assets to use."""
     asset_count: int | None = None
     """Built-in assets of each family that streets may draw from; by default the full catalogue."""
 
     @property
     def target_name(self) -> str:
-        """What results and records call the target."""
+        """The target's name in results and records."""
         return "far twin" if self.twin == "far" else self.target
 
     @property
     def held(self) -> dict[str, float]:
-        """Unit values of the attributes that are held. Raises UserError as `read_fixed`."""
+        """Unit values of the held attributes. Raises UserError as `read_fixed`."""
         return read_fixed(self.fix, self.space)
 
     @property
     def varied(self) -> tuple[str, ...]:
-        """Names of those that are not held, in the order of the space."""
+        """Names of the other attributes, in the order of the space."""
         held = self.held
         return tuple(name for name in names(self.space) if name not in held)
 
     def streets(self, name: str) -> Proposal:
-        """The proposal ``random`` or ``default``, with what is held."""
+        """The proposal ``random`` or ``default`` with the held attributes."""
         return hold(named(name, self.space), self.held)
 
     @property
     def pool(self) -> AssetPool:
-        """The assets that the search may use; the twin's begin elsewhere."""
+        """The assets of the search; the twin has others."""
         from scene.assets.catalogue import AssetPool  # the help needs no assets
 
         own = "" if self.assets is None else str(self.assets)
@@ -142,7 +142,7 @@ class Config:
 
 @dataclass(frozen=True, kw_only=True)
 class FinalConfig(Config):
-    """What a job that trains nets at the full fidelity can be told, too."""
+    """More fields of a job that trains nets at the full fidelity."""
 
     final: Fidelity
     """The full fidelity that gives the reported figures."""
@@ -150,7 +150,7 @@ class FinalConfig(Config):
 
 @dataclass(frozen=True, kw_only=True)
 class NetsConfig(FinalConfig):
-    """What a job that reports final nets can be told, too."""
+    """More fields of a job that reports final nets."""
 
     seeds: Annotated[int, at_least(1), NETS] = 5
     """Nets per row of the result. They are paired: the k-th nets of all rows have the same seed."""
@@ -158,56 +158,56 @@ class NetsConfig(FinalConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class BinsConfig(Config):
-    """What a job with cut attributes can be told, too."""
+    """More fields of a job that cuts attributes into bins."""
 
     search: Bins
 
 
 @dataclass(frozen=True, kw_only=True)
 class GroupsConfig(NetsConfig, BinsConfig):
-    """What a job that searches can be told, too."""
+    """More fields of a job that searches."""
 
     search: SearchOptions
     groups: tuple[Group, ...]
-    """Attributes optimised together, one word per group, in this order. Each attribute is in one group."""
+    """Attributes optimised together, one word per group, in order. Each attribute is in one group."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class RewardConfig(FinalConfig):
-    """What a job with rewards of either kind can be told, too."""
+    """More fields of a job with rewards of either kind."""
 
     default_width: Annotated[float, within(0, 1)] = RELAXATION
     """Relaxation of the hand-set street, as a share of each range."""
     reward_kind: RewardKind = "miou"
-    """miou of a net trained on the dataset; or mmd, for reward images without labels: minus the distance
-    of rendered and real images in the features of one net, in units of its own."""
+    """miou of a net trained on the dataset; or mmd, for reward images without labels: minus the distance of
+    rendered and real images in the features of one net, in its own units."""
 
     def streets(self, name: str) -> Proposal:
-        """The proposal ``random`` or ``default``, with what is held."""
+        """The proposal ``random`` or ``default`` with the held attributes."""
         return hold(named(name, self.space, self.default_width), self.held)
 
 
 @dataclass(frozen=True, kw_only=True)
 class SearchConfig(GroupsConfig, RewardConfig):
-    """What a job that learns attributes can be told, too."""
+    """More fields of a job that learns attributes."""
 
     search: Search
     candidates: Annotated[tuple[Candidate, ...], DISTINCT] = get_args(Candidate)
-    """What may be the answer: argmax (the best found; with the method pool an interval of each attribute with
-    the mean and the spread of its last policy), seen (the dataset with the best reward), broad (as wide as
-    the search is unsure, at least half of each range), in place of these two with the method pool last (its
-    last policy), previous (the one before) and mixed (half the last, half the first); random (all attributes
-    random) or default (the hand-set street: the others must be significantly better)."""
+    """Candidates for the answer: argmax (the best found; with the method pool intervals with mean and spread
+    of its last policy), seen (the dataset with the best reward), broad (as wide as the search is uncertain,
+    at least half of each range); with the method pool, instead of the last two: last (its last policy),
+    previous (the one before) and mixed (half the last, half the first); random (all attributes random) or
+    default (the hand-set street: the others must be significantly better)."""
     candidate_seeds: Annotated[int, at_least(1), NETS] = 10
-    """Nets of each candidate, scored on the reward images; with 1 the hand-set street stays."""
+    """Nets of each candidate, tested on the reward images; with 1 the hand-set street stays."""
     parts: Annotated[int | None, at_least(1)] = None
-    """Parts of the reward images that candidates are also scored on, for the report; by default one for each
+    """Parts of the reward images on which candidates are also tested, for the report; by default one for each
     sequence, city or album, 2 to 4."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShareConfig(SearchConfig):
-    """How a few labelled images join rendered ones."""
+    """More fields of a job that adds a few labelled images to rendered ones."""
 
     few_share: Annotated[float, within(0, 1, "()")] = 0.5
     """The share of the few labelled images in all batches, whatever their number."""
@@ -215,11 +215,11 @@ class ShareConfig(SearchConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class FewConfig(ShareConfig):
-    """A few labelled images beside every training set."""
+    """More fields of a job with a few labelled images beside every training set."""
 
     few: Annotated[int | float | None, _FEW] = None
     """The number of labelled images (or, below 1, their share) that join every training set; only the others
-    then give the reward. The choice is random, spread over sequences and time, and the same for every
+    then give the reward. The random choice is spread over sequences and time, and the same for every
     --seed."""
 
 
@@ -235,15 +235,15 @@ class MainConfig(FewConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class Rederived(Config):
-    """What every study can be told."""
+    """A field of every study."""
 
     rederive: Path | None = None
-    """Only write the table and the figure of this report (NAME.json) anew, into --out."""
+    """Only rewrite the table and the figure of this report (NAME.json) into --out."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class LearntConfig(SearchConfig, Rederived):
-    """What a study of learnt attributes can be told, too."""
+    """More fields of a study of learnt attributes."""
 
     learnt: Path | None = None
     """attributes.json of an earlier run; by default the search runs here."""
@@ -251,15 +251,15 @@ class LearntConfig(SearchConfig, Rederived):
 
 @dataclass(frozen=True, kw_only=True)
 class SearchesConfig(GroupsConfig, Rederived):
-    """What a study of many searches can be told, too."""
+    """More fields of a study of many searches."""
 
     evaluations: Annotated[int, at_least(1), NETS]
-    """Rewards that each search may ask for."""
+    """Rewards of each search."""
 
 
 AnyConfig = TypeVar("AnyConfig", bound=Config)
 
 
 def fidelities(config: Config) -> dict[str, Fidelity]:
-    """The fidelities of a configuration, by field."""
+    """The fidelities of a configuration by field."""
     return {name: own for name, own in vars(config).items() if isinstance(own, Fidelity)}

@@ -1,4 +1,4 @@
-"""The least memory that a job's sizes need. A job that needs more than there is is refused, by flag."""
+"""Refuses sizes of a job that need more memory than there is."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from shell.errors import flagged
 from shell.memory import refuse_larger
 
 PIXEL, SCORES = 4, 4 * (3 + 11)
-"""Bytes of a pixel: its colour and label; in training, colour and the scores of the fewest classes in single
-precision."""
+"""Bytes of a pixel: its colour and label; in training, its colour and the scores of the fewest classes in
+single precision."""
 
 
 def refuse_too_large(config: Config) -> None:
-    """Raise UserError for a size that this machine cannot hold; names flag, memory and bound."""
+    """Raise UserError for a size that does not fit into memory; it names flag, memory and bound."""
     for name, fidelity in fidelities(config).items():
         _refuse_fidelity(f"--{name}", fidelity)
     if isinstance(config, GroupsConfig):
@@ -27,14 +27,14 @@ def refuse_too_large(config: Config) -> None:
 
 
 def _times(each: float) -> Callable[[int], int]:
-    """The bytes of a count of things; whole numbers, since a flag may have any number of digits."""
+    """The bytes of a count of things, as a whole number, since a flag may have any number of digits."""
     return lambda count: count * math.ceil(each)
 
 
 def _refuse_fidelity(flag: str, fidelity: Fidelity) -> None:
     train, pixels = fidelity.train, fidelity.width * fidelity.height
     if pixels > MAX_PIXELS:
-        return  # the engine's own bound, which names width and height
+        return  # the engine refuses these and names width and height
     refuse_large_images(f"{flag}.samples", fidelity.render_settings())
     refuse_many_shots(f"{flag}.shots", fidelity.shots, fidelity.render_settings())
     dataset = f"images of {fidelity.size}"

@@ -1,4 +1,4 @@
-"""A search as the configuration has it: its space, its start, its method."""
+"""The space, start and method of a configuration's search."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from sdr_jax.registry import make
 from shell.errors import UserError, flagged
 
 WIDE = 0.5
-"""Width of the intervals around the hand-set street that half of a pool's first streets are drawn from."""
+"""Width of the intervals around the hand-set street from which half of a pool's first streets are drawn."""
 
 
 def make_space(config: BinsConfig) -> sdr_jax.Space:
-    """The attributes that are not held, in the configuration's bins and groups; without groups, all in one.
+    """Make the space of the attributes that are not held, with the configuration's bins and groups.
 
     Raises:
         UserError: groups that are no partition of the space's attributes, or all attributes are held.
@@ -36,10 +36,10 @@ def make_space(config: BinsConfig) -> sdr_jax.Space:
 
 
 def start_of(config: GroupsConfig) -> Proposal:
-    """Where the configuration's search begins, f32[attributes of the space] each; a histogram's moments.
+    """The start of the search, f32[attributes of the space] each; for a histogram its moments.
 
     Raises:
-        UserError: the file of a mixture, or none of this space's attributes.
+        UserError: the file holds a mixture, or other attributes.
     """
     start = config.search.start
     if start in ("random", "default"):
@@ -53,10 +53,10 @@ def start_of(config: GroupsConfig) -> Proposal:
 
 
 def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:
-    """The streets in an ``attributes.json``.
+    """Read the streets of an ``attributes.json``.
 
     Raises:
-        UserError: no such file, or the file of something else, such as of another space; names the flag.
+        UserError: no such file, or a file of another kind or space; the message names the flag.
     """
     try:
         found = streets_in(path)
@@ -73,7 +73,7 @@ def read_attributes(flag: str, path: Path, space: SpaceName) -> Streets:
 def make_method(
     config: GroupsConfig, name: MethodName, space: sdr_jax.Space, updates_per_group: int
 ) -> sdr_jax.Method:
-    """A search method as the configuration has it, for some of its attributes.
+    """Make the configuration's search method for some of its attributes.
 
     Raises:
         UserError: an option out of range, a start that cannot be read, or a library that is not installed.

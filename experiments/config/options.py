@@ -1,4 +1,4 @@
-"""Groups of options that commands share: how large an evaluation is, and how a search goes."""
+"""Groups of options that commands share: the size of an evaluation, and the options of a search."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ if TYPE_CHECKING:
     from scene.render import RenderSettings
 
 MOST_BINS = 1000
-"""More bins would only take time: one is a thousandth of an attribute's range by then."""
+"""The most bins; with so many, a bin is a thousandth of an attribute's range."""
 
 
 @dataclass(frozen=True)
 class Fidelity:
-    """How large an evaluation is: the dataset that is rendered, and the net that is trained on it."""
+    """The size of an evaluation: the rendered dataset, and the net that is trained on it."""
 
     width: int
-    """Pixels across, of rendered and real images alike."""
+    """Width of rendered and real images in pixels."""
     height: int
-    """Pixels down."""
+    """Height in pixels."""
     streets: Annotated[int, at_least(1)]
     """Streets per dataset."""
     shots: Annotated[int, at_least(1)]
@@ -32,7 +32,7 @@ class Fidelity:
     samples: int = 2
     """Rays per pixel along each axis."""
     train: TrainSettings = field(default_factory=TrainSettings)
-    """The net and how it is trained."""
+    """The net and its training."""
 
     @property
     def images(self) -> int:
@@ -53,12 +53,12 @@ class Fidelity:
 
 @dataclass(frozen=True)
 class Bins:
-    """How attributes are cut."""
+    """How attributes are cut into bins."""
 
     bins: Annotated[int, at_least(2), at_most(MOST_BINS)] = 10
-    """Values that each attribute is cut into (the paper's K)."""
+    """Bins of each attribute (the paper's K)."""
     relaxation: Annotated[float | None, within(0, 1)] = None
-    """Width of a relaxed bin, as a share of the range; by default 1 / bins, so that bins tile it."""
+    """Width of a relaxed bin, as a share of the range; by default 1 / bins, so that bins tile the range."""
 
 
 @dataclass(frozen=True)
@@ -68,13 +68,13 @@ class PoolOptions:
     streets: Annotated[int, at_least(1)] = 1200
     """Streets of one shot that each round draws and renders."""
     subset: Annotated[int, at_least(1)] = 200
-    """Streets of a round that one reward's net is trained on."""
+    """Streets of a round on which one reward's net is trained."""
     rewards: Annotated[int, at_least(2)] = 120
     """Rewards of each round."""
     rounds: Annotated[int, at_least(1)] = 4
     """Rounds; each ends with a step of the policy."""
     bound: Annotated[float, POSITIVE] = 0.04
-    """The most nats that a step takes, for each attribute."""
+    """The largest change of the policy in a step, in nats for each attribute."""
 
 
 @dataclass(frozen=True)
@@ -82,20 +82,20 @@ class SearchOptions(Bins):
     """How any method searches. Under every preset ``sdr`` estimates its gradient as the paper does."""
 
     datasets_per_update: Annotated[int, at_least(1)] = 4
-    """Datasets that each update renders, trains on and scores."""
+    """Datasets that each update evaluates."""
     learning_rate: Annotated[float, POSITIVE] = 1e-2
     """Learning rate of Adam (sdr)."""
     baseline: Literal["ema", "ema_current", "leave_one_out"] = "ema"
-    """What a reward is compared with (sdr): earlier rewards (paper), those and itself (the authors' code),
-    or the update's other rewards."""
+    """The rewards with which a reward is compared (sdr): earlier ones (paper), earlier ones and itself (the
+    authors' code), or the others of the update."""
     normalise: bool = False
     """Divide advantages by their size (sdr; not in the paper)."""
     squared_reward: bool = False
-    """(100 mIoU)^2, as in the authors' code, instead of mIoU (sdr)."""
+    """Take (100 mIoU)^2, as in the authors' code, instead of mIoU (sdr)."""
     common_random_numbers: bool = False
-    """Datasets of one update share their seed, and their streets' places within the intervals."""
+    """Give the datasets of an update the same seed, and their streets the same places in the intervals."""
     start: Annotated[str, Alias("--start")] = "default"
-    """Where the search begins (intervals, pool): default (the hand-set street), random, or an
+    """The start of the search (intervals, pool): default (the hand-set street), random, or an
     attributes.json. Half of a pool's first streets are random in any case."""
     pool: PoolOptions = field(default_factory=PoolOptions)
     """Options of the method pool."""
@@ -105,7 +105,7 @@ class SearchOptions(Bins):
 
 @dataclass(frozen=True)
 class MethodOptions(SearchOptions):
-    """Which method searches, and how."""
+    """The search method and its options."""
 
     method: Annotated[MethodName, Alias("--method")] = "surrogate"
     """The search method; ``sdr`` is the paper's."""
@@ -113,7 +113,7 @@ class MethodOptions(SearchOptions):
 
 @dataclass(frozen=True)
 class Search(MethodOptions):
-    """The whole search."""
+    """All options of a search."""
 
     updates_per_group: Annotated[int, at_least(1)] = 8
-    """Policy updates for each group; methods without an order of groups take as many in all."""
+    """Policy updates for each group; methods without an order of groups make as many in all."""

@@ -1,4 +1,4 @@
-"""The command lines of commands that are no jobs, apart from what they start: no net is loaded for a help."""
+"""The command lines of commands that are no jobs, without their work: a help loads no net."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from shell.command import Parser, docstring, size
 from shell.target_file import SHIPPED, Fit
 
 PORT = 8420
-"""Where the playground is served."""
+"""The address of the playground."""
 STEPS = 3000
-"""Of the training of renders19."""
+"""The training of renders19."""
 WORST = 6
-"""Images that `sdr-jax evaluate` shows."""
+"""Number of images that `sdr-jax evaluate` shows."""
 
 
 def doctor() -> Parser:
@@ -31,7 +31,7 @@ def doctor() -> Parser:
         metavar="NAME|FILE",
         help="the file that describes them; by default one is proposed",
     )
-    add("--write", type=Path, metavar="FILE", help="where to write the file that is proposed")
+    add("--write", type=Path, metavar="FILE", help="where to write the proposed file")
     add(
         "--out",
         type=Path,
@@ -48,7 +48,7 @@ def fit() -> Parser:
     add = options.add_argument
     add("data", type=Path, metavar="DATA", help="folder of images and labels")
     add("--out", type=Path, required=True, metavar="DIR", help="folder of the run")
-    add("--target", metavar="NAME|FILE", help="what the data are, where DATA has no target.yaml")
+    add("--target", metavar="NAME|FILE", help="the data's target, if DATA has no target.yaml")
     add(
         "--few",
         type=int,
@@ -70,7 +70,7 @@ def fit() -> Parser:
         "--size",
         type=size,
         metavar="WxH",
-        help="of the images that nets see; by default a suitable one",
+        help="size of the images for nets; by default a suitable one",
     )
     add(
         "--shape",
@@ -84,7 +84,7 @@ def fit() -> Parser:
         "--init",
         type=Path,
         metavar="MODEL",
-        help="the net that is left starts from this one; figures never do",
+        help="model from which the saved net starts; the tested nets do not",
     )
     add("--store", type=Path, metavar="FILE", help="evaluations that runs share")
     add = options.group("net")
@@ -92,19 +92,19 @@ def fit() -> Parser:
         "--net",
         choices=get_args(TrunkName),
         default="lite0",
-        help="whose features a head is trained on; docs/howto/net.md",
+        help="trunk on whose features a head is trained; docs/howto/net.md",
     )
     add(
         "--trunk",
         choices=get_args(Trunk),
         default="frozen",
-        help="tuned: train what gives the features, too, which takes hours of a core",
+        help="tuned: train the trunk, too, which takes hours of a core",
     )
     add(
         "--weights",
         type=Path,
         metavar="FILE",
-        help="of dinov2: model.safetensors in Hugging Face's layout",
+        help="for dinov2: model.safetensors in Hugging Face's layout",
     )
     return options
 
@@ -120,18 +120,18 @@ def predict() -> Parser:
         "--as",
         dest="how",
         choices=get_args(As),
-        help="what the PNGs hold: the ids of the model's own label files, their colours, or the image with "
-        "colours over it; by default ids, or colours where the model's label files have these",
+        help="content of the PNGs: ids of the model's own label files, their colours, or the image with "
+        "colours over it; by default ids, or colours if the model's label files have these",
     )
     add(
         "--probabilities",
         action="store_true",
-        help="beside each PNG NAME.npy, float16 of height, width and classes: how likely each class is",
+        help="beside each PNG NAME.npy, float16 of height, width and classes: the probabilities of classes",
     )
     add(
         "--rank",
         action="store_true",
-        help="order images, the least sure first, and write pre-labels for CVAT and Label Studio",
+        help="order images, the least certain first, and write pre-labels for CVAT and Label Studio",
     )
     add(
         "--first",
@@ -152,14 +152,14 @@ def evaluate() -> Parser:
     add(
         "--target",
         metavar="NAME|FILE",
-        help=f"what the files are: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml",
+        help=f"the target: {', '.join(SHIPPED)}, or a target's file; by default DATA/target.yaml",
     )
     add(
         "--split",
         nargs="+",
         default=[],
         metavar="NAME",
-        help="splits; by default the one that is reported on",
+        help="splits to test on; by default the target's test split",
     )
     add(
         "--group",
@@ -202,7 +202,7 @@ def report() -> Parser:
 def store() -> Parser:
     """The command line of `sdr-jax store`."""
     options = Parser("store", docstring("experiments.store"))
-    options.add_argument("command", choices=("show", "merge"), help="what is done")
+    options.add_argument("command", choices=("show", "merge"), help="what to do")
     options.add_argument(
         "files", type=Path, nargs="+", metavar="FILE", help="stores, or run folders"
     )
@@ -217,7 +217,7 @@ def renders19() -> Parser:
     add("datasets", type=Path, nargs="+", metavar="DATASET", help="folder of `sdr-jax render`")
     add("--out", type=Path, required=True, metavar="DIR", help="folder of the model")
     add("--steps", type=int, default=STEPS, metavar="N", help="of training")
-    add("--seed", type=int, default=0, metavar="N", help="of the net")
+    add("--seed", type=int, default=0, metavar="N", help="seed of the net")
     return options
 
 
@@ -237,7 +237,7 @@ def playground() -> Parser:
     add("--real", type=Path, metavar="DIR", help="real images to look at beside the street")
     add("--size", type=size, default="480x270", metavar="WxH", help="in pixels")
     add("--samples", type=int, default=2, metavar="N", help="rays per pixel along each axis")
-    add("--seed", type=int, default=0, metavar="N", help="of the street")
+    add("--seed", type=int, default=0, metavar="N", help="seed of the street")
     add("--shots", type=int, default=6, metavar="N", help="images per street")
     add("--assets", default="", metavar="DIR", help="folder of your own assets")
     return options

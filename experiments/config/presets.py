@@ -1,4 +1,4 @@
-"""The defaults of every command by target and preset, as tables of what differs from the fields' own."""
+"""The defaults of every command by target and preset, as tables of differences from the fields' defaults."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from seg.recipes import RECIPES
 PRESETS: tuple[Preset, ...] = get_args(Preset)
 TARGETS: tuple[TargetName, ...] = get_args(TargetName)
 VARIABLES: dict[TargetName, str] = {"camvid": "CAMVID_DIR", "labelmefacade": "LABELMEFACADE_DIR"}
-"""Variables of the environment that name the folder of a target's data, where no flag does."""
+"""Environment variables that name the folder of a target's data, if no flag does."""
 FOUR_BY_THREE: tuple[TargetName, ...] = ("camvid", "labelmefacade")
-"""Targets whose images are four wide to three high."""
+"""Targets whose images have an aspect of 4:3."""
 TWO_BY_ONE: tuple[TargetName, ...] = ("twin", "cityscapes")
-"""Targets whose images are two wide to one high."""
+"""Targets whose images have an aspect of 2:1."""
 
 POSITIONS = tuple(
     f"{n}_position" for n in ("building", "fence", "tree", "pole", "bicycle", "person", "car")
@@ -51,8 +51,8 @@ ADDED_GROUPS: tuple[tuple[str, ...], ...] = (
 """Our groups of the attributes that the extended space adds: camera, road, and what stands beside it."""
 
 Table = dict[str, Any]
-"""Values by the name of their field; those of a group of fields are a table, too. In the table of a net's
-training, ``recipe`` names the recipe of `seg.recipes` that its other values change."""
+"""Values by field; a group of fields is a table, too. In the table of a net's training, ``recipe`` names the
+recipe of `seg.recipes` that its other values change."""
 
 
 _SMOKE_NET = {"steps": 12, "batch": 4, "warmup": 2}
@@ -82,7 +82,7 @@ _QUICK: Table = {
     "search": {"method": "intervals", "relaxation": 0.3},
     "reward": {"samples": 1, "train": _BRIEF},
     "final": {"shots": 1, "samples": 1, "train": _FROZEN},
-    # Sizes and steps at which two cores train the nets that are not the preset's.
+    # Sizes and steps at which two cores train nets other than the preset's.
     "compact": {"streets": 50, "shots": 8, "train": {"recipe": "compact"}},
     "vgg": {"streets": 100, "shots": 4, "train": {"recipe": "scratch", "steps": 150}},
 }
@@ -94,7 +94,7 @@ _QUICK_TWIN: Table = {
 }
 _QUICK_REAL: Table = {
     "search": {"updates_per_group": 4, "datasets_per_update": 8},
-    # Of methods without a pool; 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
+    # For methods without a pool; 12 streets with 8 images have more noise (`sdr-jax study fidelity`).
     "reward": {"streets": 24, "shots": 4},
     "final": {"streets": 400},
 }
@@ -120,7 +120,7 @@ TABLES: tuple[tuple[Preset, tuple[TargetName, ...], Table], ...] = (
     ("paper", TARGETS, _PAPER),
     ("paper", TWO_BY_ONE, {"reward_images": 500}),
 )
-"""What a preset changes for some targets; a later row changes what an earlier one says."""
+"""Changes by a preset for some targets; later rows override earlier ones."""
 Size = tuple[int, int]
 SIZES: tuple[tuple[Preset, tuple[TargetName, ...], Size, Size], ...] = (
     ("smoke", FOUR_BY_THREE, (64, 48), (64, 48)),
@@ -135,14 +135,14 @@ SIZES: tuple[tuple[Preset, tuple[TargetName, ...], Size, Size], ...] = (
 
 
 def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: Any) -> AnyConfig:
-    """The defaults of a command's configuration.
+    """Make the defaults of a command's configuration.
 
     Args:
-        kind: its class; fields that no table names have defaults of their own, and values in tables for
-            fields that it lacks are left out.
-        target: what the nets must be good on.
+        kind: its class; fields without a table's value keep their own defaults, and values for fields that
+            it lacks are ignored.
+        target: the target of the nets.
         preset: "smoke", "quick" or "paper".
-        own: values of this command in place of the preset's, as a `Table`.
+        own: values of this command instead of the preset's, as a `Table`.
     """
     groups = CAMVID_GROUPS if target in FOUR_BY_THREE else CITYSCAPES_GROUPS
     values: Table = {"target": target, "preset": preset, "groups": groups}
@@ -159,7 +159,7 @@ def defaults(kind: type[AnyConfig], target: TargetName, preset: Preset, **own: A
 
 
 def _merged(values: Table, changes: Table) -> Table:
-    """Values with some of them changed, those of groups of fields one by one."""
+    """Change some values, within groups of fields one by one."""
     both = values.keys() & changes.keys()
     inner = {
         name: _merged(values[name], changes[name])
@@ -170,7 +170,7 @@ def _merged(values: Table, changes: Table) -> Table:
 
 
 def _made(kind: Any, values: Table) -> Any:
-    """A dataclass from the values of its fields; others are left out."""
+    """Make a dataclass from the values of its fields; other values are ignored."""
     hints, names = get_type_hints(kind), {field.name for field in fields(kind)}
     given = {
         name: _made(hints[name], value) if isinstance(value, dict) else value
@@ -182,7 +182,7 @@ def _made(kind: Any, values: Table) -> Any:
 
 
 def in_space(config: AnyConfig, space: SpaceName) -> AnyConfig:
-    """The defaults with the attributes of another space; what it adds is searched after the 23."""
+    """The defaults with the attributes of another space; added attributes are searched after the 23."""
     if space == config.space:
         return config
     config = replace(config, space=space)

@@ -1,4 +1,4 @@
-"""Every job's own flags, and what presets change for it; nothing here loads a net, a search or a renderer."""
+"""Every job's own flags and presets; nothing here loads a net, a search or a renderer."""
 
 from __future__ import annotations
 
@@ -45,9 +45,9 @@ Variant = Literal[
 ]
 VARIANTS: tuple[Variant, ...] = get_args(Variant)
 LEAST = 8
-"""Rewards that a model of sensitivities is fitted to."""
+"""Least number of rewards to which a model of sensitivities is fitted."""
 MOST_REPEATS = 1_000_000
-"""Seeds of one rung of the measurement of fidelity end where those of the next begin."""
+"""Number of seeds of a rung in the measurement of fidelity."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -55,22 +55,22 @@ class TableConfig(LearntConfig, FewConfig):
     """One table. Every field is a flag."""
 
     nets: Annotated[tuple[NetName, ...], DISTINCT] = ("compact",)
-    """The nets that are trained."""
+    """The nets to train."""
     compact: Fidelity
-    """The fidelity of the compact net, where that is not the final one's."""
+    """The fidelity of the compact net, if it is not the net of --final."""
     vgg: Fidelity
-    """The fidelity of FCN8s and DeepLabv2, where the final one's net is neither."""
+    """The fidelity of FCN8s and DeepLabv2, if neither is the net of --final."""
     weights: Path | None = None
-    """ImageNet weights that the VGG nets start from (see `sdr-jax weights`), by default from scratch; or
-    those of dinov2's trunk."""
+    """ImageNet weights from which the VGG nets start (see `sdr-jax weights`), by default from scratch; or the
+    weights of dinov2's trunk."""
     gta5: Path | None = None
-    """Folder of GTA5, to train on."""
+    """Folder of GTA5 to train on."""
     synthia: Path | None = None
     """Folder of SYNTHIA RAND-CITYSCAPES."""
     kitti: Path | None = None
     """Folder of KITTI semantics."""
     all_images: bool = False
-    """Train on all images of these; by default on as many as a rendered dataset has, a seeded choice."""
+    """Train on all images of these; by default on a seeded choice of as many as a rendered dataset has."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,10 +78,10 @@ class LabelsConfig(LearntConfig, ShareConfig):
     """One study. Every field is a flag."""
 
     counts: Annotated[tuple[int, ...] | None, at_least(0), DISTINCT] = None
-    """Labelled images that nets are trained on; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
+    """Numbers of labelled training images; by default 0, 7, 14, and 10, 25, 50 and 100 % of all."""
     renders: Annotated[tuple[Renders, ...] | None, DISTINCT] = None
-    """What stands beside them: streets with random attributes, hand-set ones (default), half of either
-    (mixed) or learnt; by default learnt with --learnt, else default."""
+    """The renders beside them: streets with random attributes, hand-set ones (default), half of either
+    (mixed) or learnt ones; by default learnt with --learnt, otherwise default."""
 
     @property
     def rendered(self) -> tuple[Renders, ...]:
@@ -97,14 +97,14 @@ class PretrainConfig(LearntConfig):
 
     default_width: Annotated[float, UNUSED] = 0.0
     rows: Annotated[tuple[PretrainRow, ...], DISTINCT] = ("scratch", "random", "learnt")
-    """What nets begin with: scratch (nothing, or ImageNet weights), random, learnt (pre-trained on SceneX
-    with these attributes), longer (from scratch, too, but with as many steps on the real subset first; as
-    dear as pre-training for every fraction anew)."""
+    """The start of nets: scratch (nothing, or ImageNet weights), random, learnt (pre-trained on SceneX with
+    these attributes), longer (from scratch, but with as many steps on the real subset first, which costs as
+    much as pre-training for every fraction)."""
     fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (0.05, 0.1, 0.25, 1.0)
-    """Shares of the reward images that nets are fine-tuned on, nested, the same for all rows of a seed."""
+    """Shares of the reward images for fine-tuning, nested, the same for all rows of a seed."""
     learn_on: Literal["all", "share"] = "all"
-    """Which labels the learnt attributes know: of all reward images, or of the share that nets are then
-    fine-tuned on: a search for every fraction, and the same images of it for all seeds."""
+    """The labels that the search uses: of all reward images, or of the share for fine-tuning, which takes a
+    search for every fraction and the same images for all seeds."""
     finetune_steps: Annotated[int | None, at_least(1)] = None
     """Updates of the fine-tuning; by default a third of --final.train.steps."""
     finetune_lr: Annotated[float | None, POSITIVE] = None
@@ -118,23 +118,23 @@ class AblationConfig(SearchesConfig):
     search: MethodOptions
     evaluations: Annotated[int, at_least(1), NETS] = 96
     variants: Annotated[tuple[Variant, ...], DISTINCT] = VARIANTS
-    """What is compared; full must be among them."""
+    """The variants to compare, with full among them."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class AssetsConfig(LearntConfig):
     """One study. Every field is a flag.
 
-    --fractions stand in the place of --asset-fraction, and --images of --final.streets.
+    --fractions replaces --asset-fraction, and --images replaces --final.streets.
     """
 
     asset_fraction: Annotated[float, UNUSED] = 1.0
     images: Annotated[tuple[int, ...], at_least(1), DISTINCT] = (90, 180, 450, 900, 1350)
-    """Images of a training set; multiples of --final.shots, images of a street."""
+    """Images of a training set, in multiples of --final.shots, the images of a street."""
     fractions: Annotated[tuple[float, ...], within(0, 1, "(]"), DISTINCT] = (1.0, 0.5)
     """Shares of the assets."""
     attributes: Literal["random", "default", "learnt"] = "default"
-    """From which streets are drawn: random, hand-set, or learnt (by --learnt, else searched for)."""
+    """The attributes of streets: random, hand-set, or learnt (from --learnt, otherwise by a search)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -142,9 +142,9 @@ class ManyConfig(FewConfig, Rederived):
     """One study. Every field is a flag."""
 
     searches: Annotated[int, at_least(1)] = 5
-    """Searches of each method, of seeds --seed, --seed + 1, ..."""
+    """Searches of each method, with seeds --seed, --seed + 1, ..."""
     methods: Annotated[tuple[MethodName, ...], DISTINCT] = ("intervals", "sdr", "random_search")
-    """The search methods; all have the same rewards and model selection."""
+    """The search methods, with the same rewards and model selection."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -153,17 +153,17 @@ class CompareConfig(SearchesConfig):
 
     evaluations: Annotated[int, at_least(1), NETS] = 48
     core_minutes: Annotated[float | None, POSITIVE] = None
-    """In place of --evaluations: as many rewards for each search as cost so many minutes of a core, about."""
+    """Instead of --evaluations: as many rewards for each search as take about so many minutes of a core."""
     methods: Annotated[tuple[MethodName, ...], DISTINCT] = (
         "random_attributes", "random_search", "attribute_descent", "sdr", "surrogate",
     )  # fmt: skip
     """The search methods."""
     subsets: tuple[Group, ...] = tuple(POSITIONS[:count] for count in (3, 5, 7))
-    """Attributes that are optimised, one word a subset, or the word all; the others stay random."""
+    """Attributes to optimise, one word per subset, or the word all; the others stay random."""
     finals: bool = True
     """Train the final nets; without them only the rewards are recorded."""
     cheap_finals: bool = True
-    """Also train nets at the reward's size and at one between: does the gain outlive the cheap budget?"""
+    """Also train nets at the reward's size and at one between, to see whether the gain grows or vanishes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,11 +173,11 @@ class SensitivityConfig(BinsConfig, Rederived):
     records: tuple[Path, ...] = ()
     """Stores of evaluations, run folders, or lines of bins and rewards; nothing is rendered."""
     records_config: str | None = None
-    """Which configuration in them, by the name that sdr-jax store show prints; by default the one
-    with the most rewards."""
+    """The configuration in them, by the name that sdr-jax store show prints; by default the one with the most
+    rewards."""
     evaluations: Annotated[int, at_least(LEAST), NETS] = 128
-    """Without --records: rewards that there must be, those in --store included; the missing ones are of
-    random attributes."""
+    """Without --records: the number of rewards, with those in --store; missing ones are made of random
+    attributes."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -185,19 +185,19 @@ class FidelityConfig(RewardConfig, BinsConfig, Rederived):
     """One measurement. Every field is a flag."""
 
     reward_kind: RewardKind = "miou"
-    """miou of a net trained on the dataset; or mmd, a distance of images that needs no labels: it is
-    compared with mIoU at the final size, too."""
+    """miou of a net trained on the dataset; or mmd, a distance of images without labels, which is also
+    compared with mIoU at the final size."""
     proposals: Annotated[int, at_least(2), NETS] = 24
     """Proposals with random bins for all attributes; the hand-set street and random ones are added."""
     repeated: Annotated[int, at_least(2), NETS] = 6
-    """Proposals that are evaluated with several seeds, the two that are added among them."""
+    """Proposals that are evaluated with several seeds, including the two added ones."""
     repeats: Annotated[int, within(2, MOST_REPEATS), NETS] = 4
-    """Seeds of those."""
+    """Seeds of each such proposal."""
     rungs: Annotated[int | None, at_least(1)] = None
-    """Only the cheapest rungs, so many; by default all of them, up to the final size."""
+    """The number of rungs, the cheapest first; by default all of them, up to the final size."""
     require_signal: Annotated[float | None, POSITIVE] = None
-    """End with exit code 1 where the signal of the cheapest reward, what a search would see, is less than so
-    many times its noise. 2 is a good demand to make before a search with a net that may learn nothing."""
+    """End with exit code 1 if the signal of the cheapest reward, which a search would use, is less than so
+    many times its noise. 2 is a good demand before a search with a net that may learn nothing."""
 
 
 class Job(NamedTuple):
@@ -205,11 +205,11 @@ class Job(NamedTuple):
 
     kind: type[Config]
     module: str  # whose docstring is the help's first part
-    work: str  # what takes the configuration, ``module:name``
-    called: str  # behind ``sdr-jax``
-    own: Mapping[Preset, Table] = {}  # what differs from the main job, by preset
-    target: TargetName | None = None  # of a command that has no --target
-    with_data: TargetName | None = None  # its target where --data is given, if that is another one
+    work: str  # the function of the configuration, ``module:name``
+    called: str  # the command after ``sdr-jax``
+    own: Mapping[Preset, Table] = {}  # differences from the main job by preset
+    target: TargetName | None = None  # of a command without --target
+    with_data: TargetName | None = None  # another target of such a command with --data
 
 
 def _main(name: str, target: TargetName, with_data: TargetName | None = None) -> Job:
@@ -221,10 +221,10 @@ def _study(name: str, kind: type[Config], own: Mapping[Preset, Table]) -> Job:
     return Job(kind, f"experiments.{name}", f"experiments.{name}:RUN", f"study {name}", own)
 
 
-# With eight, no method that goes group by group has rewards left over.
+# With eight, methods that go group by group have no rewards left over.
 _EIGHT: Table = {"search": {"datasets_per_update": 8}, "seeds": 3}
 _PAPERS: Table = {"evaluations": 300}  # the budget of its six groups, 50 updates each
-# Ten images of each street, as the paper's presets have it, divide all numbers of images.
+# Ten images of each street, as in the paper's presets, divide all numbers of images.
 _TEN: Table = {"final": {"streets": 45, "shots": 10}}
 
 STUDIES: dict[str, Job] = {
@@ -232,7 +232,7 @@ STUDIES: dict[str, Job] = {
     "labels": _study("labels", LabelsConfig, {"smoke": {"counts": (0, 2, 4)}}),
     "pretrain": _study("pretrain", PretrainConfig, {"smoke": {"fractions": (0.25, 1.0)}}),
     "ablation": _study("ablation", AblationConfig, {
-        # One of each kind: most of the time goes into compiling the search of each variant.
+        # One of each kind, since compiling each variant's search takes most of the time.
         "smoke": {
             "evaluations": 4,
             "variants": ("full", "no_relaxation", "shuffled_groups", "no_positions"),
@@ -268,7 +268,7 @@ JOBS: dict[str, Job] = {
     "labelmefacade": _main("labelmefacade", "labelmefacade"),
     **STUDIES,
 }
-"""All commands with such flags."""
+"""All commands with the flags of a configuration."""
 
 
 def defaults_of(name: str, target: TargetName, preset: Preset) -> Any:
