@@ -3,11 +3,11 @@
     sdr-jax evaluate runs/fit/model DIR --json scores.json
     sdr-jax evaluate runs/fit/model DIR --target camvid --split train val --json scores.json
 
-DATA is a folder with a `target.yaml`, or --target says what its files are.
-The model may have the classes of the data, in any order, or the engine's: these are then brought to those of
-the data, and only classes that have a counterpart there are predicted; a class of the data that has none
-counts as 0. Scores are percent, at each image's own size; boundary IoU (Cheng et al., 2021) looks at strips
-along outlines, 2 % of the diagonal wide.
+DATA is a folder with a `target.yaml`, or --target names its file.
+The model may have the classes of the data, in any order, or the engine's, which are then mapped to those of
+the data: only classes with a counterpart there are predicted, and a class of the data without one counts as
+0. Figures are percent, at each image's own size; boundary IoU (Cheng et al., 2021) is that of strips along
+outlines, 2 % of the diagonal wide.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ Read = Callable[[Entry], tuple[np.ndarray, np.ndarray]]
 
 
 class Labelled(NamedTuple):
-    """Labelled images on disk, of any sizes."""
+    """Labelled images of any sizes on disk."""
 
-    classes: tuple[str, ...]  # what labels 0, 1, 2 ... mean
+    classes: tuple[str, ...]  # names of labels 0, 1, 2 ...
     colors: np.ndarray  # u8[classes, 3] RGB
-    of_engine: np.ndarray  # u8[19], class of each of the engine's classes, 255 for none
+    of_engine: np.ndarray  # u8[19], class of each engine class, 255 for none
     entries: tuple[Entry, ...]  # with their groups
     read: Read  # image u8[h, w, 3] and labels u8[h, w], 255 void
 
@@ -55,16 +55,16 @@ def labelled(
     splits: Sequence[str] = (),
     groups: Sequence[str] = (),
 ) -> Labelled:
-    """The labelled images of a target.
+    """List the labelled images of a target.
 
     Args:
-        target: what the files are, or the name or path of a target's file.
+        target: the target, or the name or path of its file.
         data: the folder.
-        splits: which are taken; by default the one that is reported on, or all where there is none.
-        groups: drives, cities or albums that are taken; by default all.
+        splits: the splits to take; by default the test split, or all if there is none.
+        groups: drives, cities or albums to take; by default all.
 
     Raises:
-        UserError: no such target, split or group, or the folder is not as it should be.
+        UserError: no such target, split or group, or the folder is wrong.
     """
     target = find_target(target, data) if isinstance(target, str) else target
     there = split_names(target, data)
@@ -93,10 +93,10 @@ def labelled(
 
 
 def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
-    """Which of a model's classes may be predicted, and what they are in the data.
+    """Find the model's classes that may be predicted, and their classes in the data.
 
     Returns:
-        Places in the model's classes, and u8[256] from a place there to a class of the data.
+        Indices of the model's classes, and u8[256] from such an index to a class of the data.
 
     Raises:
         UserError: the model has other classes.
@@ -117,7 +117,7 @@ def mapping(model: Model, data: Labelled) -> tuple[list[int], np.ndarray]:
 
 
 class _Scored(NamedTuple):
-    """What a model made of one image."""
+    """The test of one image."""
 
     entry: Entry
     confusion: np.ndarray  # i64[classes, classes]
@@ -125,7 +125,7 @@ class _Scored(NamedTuple):
 
     @property
     def miou(self) -> float:
-        """Mean IoU of the classes in the image, NaN where all is void."""
+        """Mean IoU of the classes in the image, NaN if all of it is void."""
         return _mean(iou(self.confusion))
 
 
@@ -136,22 +136,22 @@ def evaluate(
     *,
     progress: bool = False,
 ) -> dict[str, Any]:
-    """Score a model.
+    """Test a model.
 
     Args:
         model: a model, its folder, or the name of one that comes with the package.
         data: from `labelled`, or made by hand.
-        pictures: a folder for the images that it is worst on, with their labels and its predictions.
-        progress: print how far the work is, and how long it will take.
+        pictures: a folder for the images with the worst results, with their labels and its predictions.
+        progress: whether to print progress and the time left.
 
     Returns:
-        What `--json` writes: `miou` and `classes` in percent, None for classes that do not occur; the
-        `confusion` in pixels, by true and predicted class; `boundary_iou`; each of the `groups`; the `worst`.
+        The content of `--json`: `miou` and `classes` in percent, None for classes that do not occur; the
+        `confusion` in pixels, by true and predicted class; `boundary_iou`; all `groups`; the `worst`.
 
     Raises:
-        UserError: no model, a model of other classes, no labels, or a folder that holds something else.
+        UserError: no model, a model of other classes, no labels, or a folder with other files.
         DataError: a file is missing or broken.
-        OSError: a file cannot be written, with its name.
+        OSError: a file cannot be written; the error names it.
     """
     model = model if isinstance(model, Model) else load_model(model)
     among, table = mapping(model, data)
@@ -201,7 +201,7 @@ def _predicted(
     table: np.ndarray,
     told: Progress | None = None,
 ) -> Iterator[tuple[Entry, np.ndarray, np.ndarray, np.ndarray]]:
-    """Entry, image, labels and prediction in the data's classes, a few images at a time."""
+    """Yield entry, image, labels and prediction in the data's classes; predict a few images at a time."""
     many, count = model.settings.predict_batch, len(data.entries)
     for start in range(0, count, many):
         some = data.entries[start : start + many]
@@ -215,7 +215,7 @@ def _predicted(
 
 
 def _mean(values: np.ndarray) -> float:
-    """Mean of what is not NaN; NaN where nothing is left."""
+    """Mean of the values that are not NaN; NaN if all are."""
     known = values[~np.isnan(values)]
     return float(known.mean()) if len(known) else float("nan")
 
@@ -239,7 +239,7 @@ def _picture(place: int) -> str:
 
 
 def _refuse_others(pictures: Path) -> None:
-    """Raise UserError for a folder that holds anything but such pictures."""
+    """Raise UserError for a folder with other files than such pictures."""
     if pictures.exists() and not pictures.is_dir():
         raise UserError(f"--pictures {pictures} is a file; it must be a folder")
     ours = {_picture(k) for k in range(WORST)}
@@ -260,7 +260,7 @@ def _show(
 ) -> None:
     """Write each image beside its labels and its prediction."""
     pictures.mkdir(parents=True, exist_ok=True)
-    for k in range(WORST):  # of an earlier call
+    for k in range(WORST):  # pictures of an earlier call
         (pictures / _picture(k)).unlink(missing_ok=True)
     shown = _predicted(model, data._replace(entries=tuple(entries)), among, table)
     for k, (_, image, labels, found) in enumerate(shown):
@@ -271,7 +271,7 @@ def _show(
 
 
 def text(scores: dict[str, Any]) -> str:
-    """The scores as lines to print."""
+    """The figures as lines to print."""
     edges = scores["boundary_iou"]
     lines = [f"{'':16s} {'IoU':>6s} {'outline':>8s}"]
     for name, value in {**scores["classes"], "mean": scores["miou"]}.items():

@@ -3,8 +3,8 @@
     sdr-jax export runs/fit/model --onnx net.onnx
 
 The file's input is `image`, u8[1, height, width, 3], RGB of the model's size; its outputs are `labels`, u8[1,
-height, width], places of the classes, and `logits`. The classes stand in its metadata. It needs the extra
-onnx: pip install 'sdr-jax[onnx]'.
+height, width], indices of the classes, and `logits`. Its metadata has the classes. It needs the extra onnx:
+pip install 'sdr-jax[onnx]'.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from shell.files import write
 
 
 def export(model: Model | str | Path, path: str | Path) -> int:
-    """Write a model as an ONNX file, whole or not at all; returns its bytes.
+    """Write a model as an ONNX file, whole or not at all; returns the number of bytes.
 
     Args:
         model: a model, its folder, or the name of one that comes with the package.
         path: the file.
 
     Raises:
-        UserError: no model, one that cannot be written as ONNX, or no package onnx.
-        OSError: the file cannot be written, with its name.
+        UserError: there is no model or no package onnx, or the model cannot be written as ONNX.
+        OSError: the file cannot be written; the error names it.
     """
     if Path(path).is_dir():
         raise UserError(

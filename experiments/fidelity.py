@@ -1,4 +1,4 @@
-"""How much a cheap reward is worth: does it rank attributes as the full size does, and for what price?
+"""Measures a cheap reward: its ranking of attributes against that of the full size, its noise and its cost.
 
     sdr-jax study fidelity --target camvid --data DIR --holdout 0006R0
     sdr-jax study fidelity --target twin --preset smoke                  # about a minute
@@ -6,8 +6,8 @@
     sdr-jax study fidelity --rungs 1 --require-signal 2 --reward.train.net fcn8s && ...  # then search
 
 Proposals with random bins, the hand-set street and random attributes are evaluated at three sizes, the
-rungs, from the reward's to the final one, some of them with several seeds. Kill it at any moment;
-the same command goes on where it was.
+rungs, from the reward's to the final one, some of them with several seeds. The same
+command continues a killed run.
 """
 
 from __future__ import annotations
@@ -37,15 +37,15 @@ from scene.proposal import Proposal
 from shell.errors import UserError
 
 FIDELITY_SEED = 10_000_000
-"""Seeds begin here, above those of a run's rows."""
+"""The first seed, above those of a run's rows."""
 ADDED = ("default", "random")
-"""Proposals beside those with random bins; they come first."""
+"""Proposals before those with random bins."""
 BOOTSTRAP_SEED = 0
-"""Of the intervals."""
+"""Seed of the intervals."""
 
 
 def check(config: FidelityConfig) -> None:
-    """Raise UserError for a field out of range, by flag."""
+    """Raise UserError with the flag for a field out of range."""
     most = config.proposals + len(ADDED)
     if config.repeated > most:
         raise UserError(
@@ -54,7 +54,7 @@ def check(config: FidelityConfig) -> None:
 
 
 class Rung(NamedTuple):
-    """A reward that is measured."""
+    """A measured reward."""
 
     name: str
     fidelity: Fidelity
@@ -62,7 +62,7 @@ class Rung(NamedTuple):
 
 
 def rungs(config: FidelityConfig) -> list[Rung]:
-    """From the reward's size to the final one; rewards without labels are compared with mIoU there."""
+    """The rungs from the reward's size to the final one; -MMD^2 is compared with mIoU there."""
     kind = config.reward_kind
     steps = fidelities(config.reward, config.final)[: config.rungs]
     found = [Rung(f"rung {k}", fidelity, kind) for k, fidelity in enumerate(steps, 1)]
@@ -79,13 +79,13 @@ def proposals(config: FidelityConfig) -> dict[str, Proposal]:
 
 
 def plan(config: FidelityConfig, _: Any = None) -> list[Work]:
-    """Every proposal on every rung."""
+    """The nets of every proposal on every rung."""
     nets = config.proposals + len(ADDED) + config.repeated * (config.repeats - 1)
     return [Work.at(rung.name, nets, rung.fidelity) for rung in rungs(config)]
 
 
 def scores(run: Run[FidelityConfig], _: Any) -> Report:
-    """Measure, or do what is left of it."""
+    """Make all measurements, or the rest of them."""
     config, chosen, steps = run.config, proposals(run.config), rungs(run.config)
     return {
         **about(run, steps[-1].fidelity),
@@ -100,9 +100,9 @@ def scores(run: Run[FidelityConfig], _: Any) -> Report:
 def _score(
     run: Run[FidelityConfig], number: int, rung: Rung, chosen: dict[str, Proposal]
 ) -> Report:
-    """Every proposal on one rung, in the order of the seeds, which all proposals share."""
+    """Rewards of every proposal on one rung, in the order of the seeds, which all proposals share."""
     (name, fidelity, kind), config = rung, run.config
-    # Other seeds on each rung: else its noise would be another's, too, and pass for agreement.
+    # Each rung has other seeds: shared noise would look like agreement.
     first = FIDELITY_SEED + MOST_REPEATS * number + config.seed
     seeds = range(first, first + config.repeats)
     once = list(chosen)[config.repeated :]
@@ -125,10 +125,10 @@ def _score(
 
 
 def derive(report: Report) -> Report:
-    """The report with what every rung's rewards tell, and whether the first one's signal is enough.
+    """Add statistics of every rung's rewards, and a verdict on the first one's signal, to the report.
 
-    The last rung is what the others are compared with; the signal is measured among proposals with random
-    bins. Rewards are mIoU in percent, or -MMD^2 as it is.
+    The others are compared with the last rung; the signal is measured among proposals with random bins.
+    Rewards are mIoU in percent, or -MMD^2 as it is.
     """
     rungs = [_derived(report, rung) for rung in report["rungs"]]
     found, required = rungs[0]["signal_to_noise"]["value"], report.get("required_signal")
@@ -166,7 +166,7 @@ def _derived(report: Report, rung: Report) -> Report:
 
 
 def _firsts(rung: Report) -> np.ndarray:
-    """Every proposal's reward with the first seed f64[proposals], NaN where it failed."""
+    """Every proposal's reward with the first seed f64[proposals], NaN if it failed."""
     return np.array([own[0] for own in rung["rewards"].values()], float)
 
 
@@ -226,7 +226,7 @@ def text(report: Report) -> str:
 
 
 def _sentences(rung: Report) -> list[str]:
-    """What a rung's figures say."""
+    """Sentences on a rung's figures."""
     said = []
     ci95 = rung["signal_to_noise"]["ci95"]
     if ci95 is not None:
@@ -244,7 +244,7 @@ def _sentences(rung: Report) -> list[str]:
 
 
 def picture(report: Report) -> bytes:
-    """Rewards on every rung against those on the top one; a lone rung stands against itself."""
+    """Draw rewards on every rung against those on the top one; a single rung is drawn against itself."""
     top = report["rungs"][-1]
     below = report["rungs"][:-1] or [top]
     whole, row = plt.subplots(
@@ -259,7 +259,7 @@ def picture(report: Report) -> bytes:
 
 
 def _panel(axis: Axes, rung: Report, top: Report) -> None:
-    """One point a proposal, the nets of the first seed; bars are the noise of one reward."""
+    """Draw a point for each proposal with the first seed; bars are the noise of one reward."""
     x, y = _firsts(top), _firsts(rung)
     noise = axis.errorbar(x, y, rung["noise"], top["noise"], "none", ecolor="0.8", elinewidth=0.8)
     noise.set_label("noise, 1 s.d.")

@@ -1,13 +1,13 @@
-"""Fits a net to your labelled images, with renders beside them, and says what the renders add.
+"""Fits a net to your labelled images, with renders beside them, and measures the gain by the renders.
 
     sdr-jax fit photographs --out runs/fit                       # photographs/target.yaml says what is where
     sdr-jax fit CamVid --target camvid --few 14 --holdout 0006R0 --out runs/fit14
     sdr-jax fit photographs --preset smoke --out runs/try        # under a minute
 
-Leaves the net in OUT/model (see `sdr-jax predict`), and in OUT/report.html how good nets are on images that
-they have not seen: with your labels alone, with renders beside them, and with renders alone. Where the data
-have no split, these are the folds of your images, by group, in turn. The same command continues what was
-stopped.
+It saves the net in OUT/model (see `sdr-jax predict`) and a report in OUT/report.html on nets that are trained
+on your labels alone, with renders beside them, and on renders alone, and tested on images that they have not
+seen. If the data have no split, these are the folds of your images, by group, in turn. The same command
+continues a stopped run.
 """
 
 from __future__ import annotations
@@ -80,17 +80,17 @@ WORDS: dict[Row, str] = {
     "renders": "renders alone",
     "labels+learnt": "your labels and renders of learnt streets",
 }
-"""What the nets of each row were trained on."""
+"""The training sets of the rows."""
 MODEL, STRIP = "model", "predictions.png"
-"""Of the run folder: the net; images with their labels and predictions."""
+"""Files of the run folder: the net; images with their labels and predictions."""
 SHOWN = 4
-"""Images of the strip."""
+"""Number of images in the strip."""
 FEWEST = 3
-"""Folds that an interval can be over."""
+"""The least number of folds for an interval over folds."""
 SPACE: SpaceName = "extended"
-"""Of the streets."""
+"""The renderer of the streets."""
 STREETS = "streets"
-"""What plans call what is only rendered."""
+"""The word in plans for streets that are only rendered."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,15 +100,15 @@ class FitConfig(FewConfig):
     file: str | None = None
     """The target's file, or its name; by default target.yaml beside the images."""
     shape: Fit | None = None
-    """What is done to images of another shape; by default what the target's file says."""
+    """How images of another shape are treated; by default as the target's file says."""
     learnt: bool = False
     """Whether streets are learnt, too."""
     init: Path | None = None
-    """Folder of a model that the net starts from."""
+    """Folder of a model from which the net starts."""
 
 
 class Prepared(NamedTuple):
-    """What is known before the folder of the job is made."""
+    """The data that are read before the folder of the job is made."""
 
     parts: Parts
     whole: Read  # all images
@@ -136,30 +136,30 @@ def config_of(
     weights: Path | None = None,
     fix: Sequence[str] = (),
 ) -> FitConfig:
-    """The job that a command line asks for.
+    """Make the configuration of a command line.
 
     Args:
         data: folder of the images.
         out: folder of the run.
         target: the target's file, or the name of one that comes with the package.
-        few: use so many labels only.
-        holdout: the group that figures come from.
-        search: learn streets, too.
+        few: number of labels to use.
+        holdout: the group to test on.
+        search: whether to learn streets, too.
         preset: quick or smoke.
-        size: width and height of the images that nets see; by default a suitable one.
-        shape: what is done to images of another shape.
+        size: width and height of the images for nets; by default a suitable size.
+        shape: how images of another shape are treated.
         seeds: nets of each row and fold.
-        workers: processes.
+        workers: number of processes.
         init: folder of a model to start from.
         store: file of evaluations that runs share.
-        net: what is trained, a head on this trunk.
-        trunk: whether the trunk stays as it is; a search's rewards are of frozen ones in any case.
+        net: the net, named by its trunk.
+        trunk: whether the trunk is frozen or tuned; for a search's rewards it is always frozen.
         weights: file of the trunk's weights, for dinov2.
-        fix: attributes that all streets have at one value, such as field_of_view=90.
+        fix: attributes to hold at a value in all streets, such as field_of_view=90.
 
     Raises:
-        UserError: no such target or folder, an image that cannot be read, weights that are not the net's,
-            or what cannot be held.
+        UserError: there is no such target or folder, an image cannot be read, weights are of another net, or
+            an attribute cannot be held.
     """
     read_fixed(fix, SPACE)
     found = find_target(target, data)
@@ -204,7 +204,7 @@ def configured(
     trunk: Trunk = "frozen",
     weights: str | None = None,
 ) -> FitConfig:
-    """What a preset says at a size (width, height) of images, for a net."""
+    """The configuration of a preset for a net at a size (width, height) of images."""
     base = in_space(defaults(FitConfig, "camvid", preset), SPACE)
 
     def fidelity(own: Fidelity, trunk: Trunk) -> Fidelity:
@@ -222,10 +222,10 @@ def configured(
 
 
 def prepared(config: FitConfig) -> Prepared:
-    """Sort the images, and look at the model that is to be started from.
+    """Sort the images into parts, and load the model of ``--init``.
 
     Raises:
-        UserError: what `parts_of` refuses, or a model that no net can start from.
+        UserError: as `parts_of`, or the model does not fit.
     """
     assert config.data is not None
     few = None if config.few is None else int(config.few)
@@ -240,7 +240,7 @@ def _start(config: FitConfig, target: Target) -> Params:
     """The variables of the model of ``--init``.
 
     Raises:
-        UserError: no model, or one of another net or of other classes.
+        UserError: there is no model, or it has another net or other classes.
     """
     assert config.init is not None
     model, train = load_model(config.init), config.final.train
@@ -260,12 +260,12 @@ def _start(config: FitConfig, target: Target) -> Params:
 
 
 def plan(config: FitConfig, own: Prepared) -> list[Work]:
-    """Streets, searches, and the nets of every row and fold."""
+    """Plan streets, searches, and the nets of every row and fold."""
     return planned(config, len(own.folds))
 
 
 def planned(config: FitConfig, folds: int) -> list[Work]:
-    """The same for so many folds."""
+    """Plan the same for a number of folds."""
     final = config.final
     kinds = 1 + config.learnt * folds
     searches = [work._replace(nets=work.nets * folds) for work in work_of(config)]
@@ -284,7 +284,7 @@ def _rows(config: FitConfig) -> tuple[Row, ...]:
 
 
 def scores(run: Run[FitConfig], known: Prepared) -> Report:
-    """Do the whole job, or what is left of it."""
+    """Do the whole job, or the rest of it."""
     config, seeds = run.config, paired_seeds(run)
     recipe = run.recipe(config.final)
     folds = [replace(run, target=target) for target in known.folds]
@@ -339,7 +339,7 @@ def scores(run: Run[FitConfig], known: Prepared) -> Report:
 
 
 def rendered(run: Run[FitConfig], streets: Streets, seed: int) -> Subset:
-    """Streets of one shot with their features, which all nets of a seed share."""
+    """Render streets of one shot with their features, which all nets of a seed share."""
     config, recipe = run.config, run.recipe(run.config.final)
     units = draw(streets, seed, config.final.streets)
     name, cost = (
@@ -362,7 +362,7 @@ def _beside(
 
 
 def _leave(run: Run[FitConfig], known: Prepared, renders: Source, report: Report) -> None:
-    """Train the net on all labels, as the better row was trained, and save it."""
+    """Train the net on all labels in the way of the better row, and save it."""
     config, parts = run.config, known.parts
     assert config.data is not None
     target = all_labelled(parts, known.folds[0], config.data, known.whole)
@@ -390,13 +390,13 @@ def _leave(run: Run[FitConfig], known: Prepared, renders: Source, report: Report
 
 
 def _show(run: Run[FitConfig], fold: Run[FitConfig], jobs: Sequence[Job]) -> None:
-    """Images that nets have not seen, their labels, and what the first net of each row predicts."""
+    """Write images that nets have not seen, their labels, and the first net's predictions of each row."""
     colors = class_table(fold.target.table).colors
     images = fold.images(run.config.final, "test")
     kept = [load(file_of(run.config.out, fold.runner.key(job))) for job in jobs]
     found = [own for own in kept if own is not None and own.picked is not None]
     if len(found) < len(jobs):
-        return  # some were in the store already, which has no predictions
+        return  # some came from the store, which has no predictions
     picked = cast(np.ndarray, found[0].picked)
     lines = []
     for place in np.unique(np.linspace(0, len(picked) - 1, SHOWN).round().astype(int)):
@@ -409,7 +409,7 @@ def _show(run: Run[FitConfig], fold: Run[FitConfig], jobs: Sequence[Job]) -> Non
 
 
 def derive(report: Report) -> Report:
-    """The report with means, intervals over folds and seeds, what renders add, and the verdict."""
+    """Add means, intervals over folds and seeds, the gain by renders and the verdict to the report."""
     values = {row: _miou(own) for row, own in report["nets"].items()}
     rows = {
         row: {
@@ -436,15 +436,14 @@ def derive(report: Report) -> Report:
 
 
 def _miou(folds: Sequence[Sequence[Report | None]]) -> np.ndarray:
-    """MIoU f64[folds, seeds] in percent, NaN where a net failed."""
+    """MIoU f64[folds, seeds] in percent, NaN if a net failed."""
     return np.array([[np.nan if net is None else net["miou"] for net in fold] for fold in folds])
 
 
 def _estimate(values: np.ndarray) -> Report:
-    """Mean and 95 % interval, and the mean of each fold; seeds of which a net failed are left out.
+    """Mean and 95 % interval, and the mean of each fold; seeds with a failed net are left out.
 
-    The interval is over folds and nets where there are `FEWEST` folds; of fewer it would say nothing, and is
-    over nets alone.
+    The interval is over folds and nets if there are at least `FEWEST` folds, otherwise over nets alone.
     """
     known = values[:, np.isfinite(values).all(axis=0)]
     if not known.size:
@@ -455,7 +454,7 @@ def _estimate(values: np.ndarray) -> Report:
 
 
 def verdict(gain: Mapping[str, Any], labels: int) -> str:
-    """What renders add, in a sentence."""
+    """A sentence on the gain by renders."""
     mean, ci95 = gain["mean"], gain["ci95"]
     own = f"your {labels} labels"
     if mean is None:
@@ -535,10 +534,10 @@ FORM = Form("summary", derive, text, {}, {"report.html": html})
 
 
 def fit(config: FitConfig) -> Report:
-    """Do a whole job, or what is left of it; `config_of` makes its configuration.
+    """Do a whole job, or the rest of it; `config_of` makes its configuration.
 
     Raises:
-        UserError, DataError: what a user can get wrong.
+        UserError, DataError: errors of the user.
         WorkerError: worker processes keep dying.
     """
     own = prepared(config)

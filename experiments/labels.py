@@ -1,4 +1,4 @@
-"""What a few labelled images are worth, alone and beside renders: how many labels do renders replace?
+"""Measures labelled images alone and beside renders: how many labels do renders replace?
 
     sdr-jax study labels --target camvid --data DIR --holdout 0006R0
     sdr-jax study labels --target camvid --data DIR --learnt a.json --counts 0 14 266
@@ -6,7 +6,7 @@
     sdr-jax study labels --rederive runs/a/labels.json --out runs/b    # no net at all
 
 Nets are trained on 0, 7, 14, ... labelled images (a seeded choice, spread over sequences and time), on these
-beside renders, and tested on the test images. Kill it at any moment; the same command goes on where it was.
+beside renders, and tested on the test images. The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ from seg.beside import TrainingSet
 from shell.errors import UserError
 
 ALONE = "none"
-"""In place of the name of a set of renders: labelled images alone."""
+"""The word for labelled images alone, without a set of renders."""
 RENDERS = {
     ALONE: "none",
     "random": "random attributes",
@@ -60,13 +60,13 @@ RENDERS = {
     "learnt": "learnt attributes",
 }
 FIRST, SHARES = (0, 7, 14), (0.1, 0.25, 0.5, 1.0)
-"""How many labelled images by default: these, and then shares of all there are."""
+"""Default numbers of labelled images: these, and then shares of all."""
 BESIDE = (0, 14)
-"""Numbers of labelled images beside which the report says how many more the renders are worth."""
+"""Numbers of labelled images beside which the report says how many labels renders replace."""
 
 
 def check(config: LabelsConfig) -> None:
-    """Raise UserError for a field out of range, by flag."""
+    """Raise UserError with the flag for a field out of range."""
     if config.learnt is not None and LEARNT not in config.rendered:
         raise UserError(f"--learnt is of no use with --renders {' '.join(config.rendered)}")
     if config.counts is not None and sum(count > 0 for count in config.counts) < 2:
@@ -74,10 +74,10 @@ def check(config: LabelsConfig) -> None:
 
 
 def counts_of(config: LabelsConfig, target: Target) -> tuple[int, ...]:
-    """The numbers of labelled images, ascending.
+    """The numbers of labelled images in ascending order.
 
     Raises:
-        UserError: there are not so many.
+        UserError: there are fewer.
     """
     there = len(target.reward_names)
     if config.counts is None:
@@ -91,7 +91,7 @@ def counts_of(config: LabelsConfig, target: Target) -> tuple[int, ...]:
 
 
 def rows(config: LabelsConfig, target: Target) -> list[Row]:
-    """Every number of labelled images, alone and beside each set of renders."""
+    """Rows of every number of labelled images, alone and beside each set of renders."""
     return [
         Row(
             {"labels": count, "renders": renders},
@@ -110,12 +110,12 @@ def rows(config: LabelsConfig, target: Target) -> list[Row]:
 
 
 def _source(count: int, renders: str, run: Run[LabelsConfig], made: Made, seed: int) -> Source:
-    """What the net of a seed is trained on; nets of one seed share their labelled images."""
+    """The training set of a seed's net; nets of one seed share their labelled images."""
     if count == 0:
         return attributes(run, made, renders)
     target, images = run.target, run.images(run.config.final, "reward")
     few: Source = images
-    if count < len(images.images):  # all of them stay in the order of the list
+    if count < len(images.images):  # all images stay in the order of the list
         picked = spread(target.reward_names, target.reward_sequences, count, seed)
         few = LabelledSubset(images, tuple(picked.tolist()))
     if renders == ALONE:
@@ -125,7 +125,7 @@ def _source(count: int, renders: str, run: Run[LabelsConfig], made: Made, seed: 
 
 
 def report(run: Run[LabelsConfig], _: Made, rows: list[Report]) -> Report:
-    """The scores, and what they are of."""
+    """Report the mIoU and its conditions."""
     config = run.config
     return {
         "learnt_from": learnt_from(config) if LEARNT in config.rendered else None,
@@ -137,7 +137,7 @@ def report(run: Run[LabelsConfig], _: Made, rows: list[Report]) -> Report:
 
 
 def derive(report: Report) -> Report:
-    """The report with means and intervals, what renders add, and how many labels they are worth."""
+    """Add means, intervals, the gain by renders, and the number of labels that they replace to the report."""
     values = {(row["labels"], row["renders"]): miou(row["nets"]) for row in report["rows"]}
     counts = sorted({count for count, renders in values if renders == ALONE})
     best = mean(values[counts[-1], ALONE])
@@ -159,7 +159,7 @@ def derive(report: Report) -> Report:
 
 
 def _worth(values: dict[Any, list], counts: list[int], beside: int, renders: str) -> Report:
-    """How many labels alone make nets as good as some labels beside renders, and the 95 % interval."""
+    """The number of labels alone for nets as good as some labels beside renders, and its 95 % interval."""
     ours = np.array(values[beside, renders], float)  # NaN where a net failed
     alone = np.array([values[count, ALONE] for count in counts], float)
     known = np.isfinite(ours) & np.isfinite(alone).all(axis=0)
@@ -202,7 +202,7 @@ def text(report: Report) -> str:
 
 
 def _said(entry: Report) -> list[str]:
-    """A sentence about what renders are worth."""
+    """A sentence on the number of labels that renders replace."""
     if entry["labels"] is None:
         return []
     beside, ci95 = entry["beside"], entry["ci95"]
@@ -224,9 +224,9 @@ def _ends(low: float | None, high: float | None) -> str:
 
 
 def picture(report: Report) -> bytes:
-    """MIoU against the number of labelled images, alone and beside renders, as PNG."""
+    """Draw mIoU against the number of labelled images, alone and beside renders, as PNG."""
     counts = sorted({row["labels"] for row in report["rows"]})
-    nothing = min(count for count in counts if count) / 2  # where 0 stands on the logarithmic axis
+    nothing = min(count for count in counts if count) / 2  # place of 0 on the logarithmic axis
     groups = {
         "labelled images alone" if renders == ALONE else f"and renders, {RENDERS[renders]}": [
             row for row in report["rows"] if row["renders"] == renders

@@ -1,15 +1,15 @@
-"""Segments images and videos with a trained net: label pictures of any size.
+"""Segments images and videos of any size with a trained net.
 
     sdr-jax predict runs/fit/model photographs --out labels
     sdr-jax predict renders19 drive.mp4 --out frames --as overlay
     sdr-jax predict runs/fit/model unlabelled --rank --out next
 
-MODEL is a folder that `fit` or `Model.save` has left, or the name of a net that comes with the package:
-`renders19` tells the 19 classes of Cityscapes apart, and has seen renders alone. IMAGES is an image, a video,
-or a folder of both. Each image gives a PNG of its own size and name in the folder of --out, each frame of a
-video NAME/000000.png and so on. The same command continues what was stopped: results that are there are kept.
-With --rank, ranking.csv begins with the images of which the net is least sure: label these next. Their labels
-are in cvat.zip and label_studio.json, too, to be corrected there.
+MODEL is a folder from `fit` or `Model.save`, or the name of a net that comes with the package: `renders19`
+has the 19 classes of Cityscapes, and was trained on renders alone. IMAGES is an image, a video, or a folder
+of both. Each image gives a PNG of its own size and name in the folder of --out, each frame of a video
+NAME/000000.png and so on. The same command continues a stopped run, whose results are kept.
+With --rank, ranking.csv begins with the images of which the net is least certain: label these next. cvat.zip
+and label_studio.json hold their labels for correction.
 """
 
 from __future__ import annotations
@@ -45,23 +45,23 @@ def predict(
     rank: int | None = None,
     progress: bool = False,
 ) -> int:
-    """Write a label picture of each image, and go on where an earlier call was stopped.
+    """Write a label picture of each image, and continue a stopped call.
 
     Args:
         model: a model, its folder, or the name of one that comes with the package.
         images: an image, a video, or a folder of both.
         out: the folder of the results, new or of the same call.
-        how: ids, colours or overlays; by default what label files of the model's data hold.
-        probabilities: write `NAME.npy`, f16[h, w, classes], too.
-        rank: order the images, the least sure first, and write pre-labels of so many for annotation tools.
-        progress: print how far the work is, and how long it will take.
+        how: ids, colours or overlays; by default as in the label files of the model's data.
+        probabilities: whether to write `NAME.npy`, f16[h, w, classes], too.
+        rank: order the images, the least certain first, and write pre-labels of so many for annotation tools.
+        progress: whether to print progress and the time left.
 
     Returns:
-        How many images have their results in `out`.
+        The number of images with results in `out`.
 
     Raises:
-        UserError: no model, no images, a broken file, or a folder that holds something else.
-        OSError: a file cannot be written, with its name.
+        UserError: no model, no images, a broken file, or a folder with other files.
+        OSError: a file cannot be written; the error names it.
     """
     model = model if isinstance(model, Model) else load_model(model)
     images, out = Path(images), Path(out)
@@ -126,7 +126,7 @@ def _write(
     probabilities: bool,
     scores: Scores | None,
 ) -> None:
-    """Write what the model makes of some images; labels come last, since they say that all is there."""
+    """Write the results of some images; labels come last, since they mark an image as done."""
     if not new:
         return
     images = [frame.image for frame in new]

@@ -1,15 +1,14 @@
-"""What pre-training on SceneX saves: nets fine-tuned on ever more of the real reward images.
+"""Measures the real images that pre-training on SceneX saves, by fine-tuning on growing shares of them.
 
     sdr-jax study pretrain --target camvid --data DIR --holdout 0006R0
     sdr-jax study pretrain --target camvid --data DIR --fractions 0.05 1.0 --seeds 8
     sdr-jax study pretrain --target twin --preset smoke                  # under a minute
     sdr-jax study pretrain --rederive runs/a/pretrain.json --out runs/b  # no net at all
 
-Nets from scratch (or from ImageNet weights, with --final.train.weights), pre-trained on random and on
-learnt attributes are fine-tuned alike on 5, 10, 25 and 100 % of the reward images and tested on the test
-images; Welch's t-test over seeds says which differences are more than chance. Attributes are learnt first,
-unless --learnt names what an earlier run has learnt. Kill it at any moment; the same command goes on
-where it was.
+Nets from scratch (or from ImageNet weights, with --final.train.weights) and nets pre-trained on random and on
+learnt attributes are fine-tuned in the same way on 5, 10, 25 and 100 % of the reward images and tested on the
+test images; Welch's t-test over seeds says which differences are significant. Attributes are learnt first,
+unless --learnt names those of an earlier run. The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ from scene.proposal import Streets
 from shell.errors import UserError
 
 SUBSET_STREAM = 3
-"""Second word of the seed that chooses images, apart from the streams of the nets."""
+"""Second word of the seed that chooses images; the nets' streams have others."""
 RENDERED = ("random", "learnt")
 """Rows that are pre-trained on rendered images."""
 COMPARED = (
@@ -67,11 +66,11 @@ COMPARED = (
     ("learnt", "longer"),
     ("random", "longer"),
 )
-"""Which rows are tested against which."""
+"""Pairs of rows for the tests."""
 
 
 def fine_fidelity(config: PretrainConfig) -> Fidelity:
-    """The final fidelity, with the training that all nets are fine-tuned with."""
+    """The final fidelity with the settings of the fine-tuning."""
     train = config.final.train
     steps = max(train.steps // 3, 1) if config.finetune_steps is None else config.finetune_steps
     lr = train.lr / 3 if config.finetune_lr is None else config.finetune_lr
@@ -80,7 +79,7 @@ def fine_fidelity(config: PretrainConfig) -> Fidelity:
 
 
 def check(config: PretrainConfig) -> None:
-    """Raise UserError for a field out of range, by flag."""
+    """Raise UserError with the flag for a field out of range."""
     if config.learn_on == "share" and config.learnt is not None:
         raise UserError("--learn-on share searches on every share itself; leave out --learnt")
 
@@ -99,7 +98,7 @@ def refuse_empty(config: PretrainConfig, target: Target) -> None:
 
 
 def plan(config: PretrainConfig, _: None) -> list[Work]:
-    """The nets of every row, after those of the search."""
+    """Plan the search, then the nets of every row."""
     fine, fractions, seeds = fine_fidelity(config), len(config.fractions), config.seeds
     work = learnt_work(config) if "learnt" in config.rows else []
     if config.learn_on == "share":
@@ -121,7 +120,7 @@ def plan(config: PretrainConfig, _: None) -> list[Work]:
 
 
 def scores(run: Run[PretrainConfig], _: None) -> Report:
-    """Train every net, or what is left of them."""
+    """Train every net, or the rest of them."""
     config, images = run.config, len(run.target.reward_names)
     proposals: dict[str, Streets] = {"random": config.streets("random")}
     learnt, own = "learnt" in config.rows, config.learn_on == "share"
@@ -164,14 +163,14 @@ def tuned(
     fractions: Sequence[float],
     alike: int | None = None,
 ) -> dict[tuple[str, float], list[Result]]:
-    """Fine-tune ``--seeds`` nets of every row at every fraction; results by these, in the order of the seeds.
+    """Fine-tune ``--seeds`` nets of every row and fraction; results by these, in the order of the seeds.
 
     Args:
         run: the job.
-        starts: of the rows, by name.
+        starts: starts of the rows by name.
         fine: how all nets are fine-tuned.
         fractions: shares of the reward images.
-        alike: the seed that chooses the images of all nets, or each its own.
+        alike: the seed that chooses the images of all nets; None: each net's own seed.
 
     Raises:
         UserError: more than a tenth of the nets failed.
@@ -192,30 +191,30 @@ def tuned(
 
 
 def subsets(images: int, fractions: Sequence[float], seed: int) -> list[np.ndarray]:
-    """Indices of the images of each fraction, ascending; smaller subsets lie within larger ones.
+    """Choose the images of each fraction, ascending indices; smaller subsets lie within larger ones.
 
     Args:
-        images: how many there are.
+        images: the number of images.
         fractions: shares of them in (0, 1].
-        seed: of the choice.
+        seed: seed of the choice.
     """
     order = np.random.default_rng([seed, SUBSET_STREAM]).permutation(images)
     return [np.sort(order[: chosen_images(images, fraction)]) for fraction in fractions]
 
 
 def chosen_images(images: int, fraction: float) -> int:
-    """How many images a fraction stands for, rounded."""
+    """The number of images of a fraction, rounded."""
     return math.floor(images * fraction + 0.5)
 
 
 def _share(config: PretrainConfig, target: Target, fraction: float) -> Target:
-    """The target with the images of a fraction only, as all seeds have them."""
+    """The target with only the images of a fraction, the same for all seeds."""
     (chosen,) = subsets(len(target.reward_names), [fraction], config.seed)
     return with_reward(target, chosen)
 
 
 def derive(report: Report) -> Report:
-    """The report with means, intervals and tests of its nets' scores."""
+    """Add means, intervals and tests of the nets' mIoU to the report."""
     rows = [
         {
             **row,
@@ -241,7 +240,7 @@ def derive(report: Report) -> Report:
 
 
 def named(report: Report) -> dict[str, str]:
-    """What nets of each row begin with."""
+    """The start of each row's nets."""
     nothing = "ImageNet weights" if report["weights"] else "scratch"
     return {
         "scratch": nothing,
@@ -301,7 +300,7 @@ def text(report: Report) -> str:
 
 
 def picture(report: Report) -> bytes:
-    """MIoU against the share of the real images, with intervals, as PNG."""
+    """Draw mIoU against the share of the real images, with intervals, as PNG."""
     names = named(report)
     shares = sorted({(row["fraction"], row["images"]) for row in report["rows"]})
     groups = {

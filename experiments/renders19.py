@@ -2,9 +2,9 @@
 
     sdr-jax renders19 runs/streets/* --out seg/models/renders19
 
-It tells the engine's 19 classes apart: a head on lite0's frozen trunk, trained on datasets of
-`sdr-jax render`. No photograph is seen, so the net can be scored on any. Of which streets renders19 has
-seen one shot each, docs/models.md says.
+The net has the engine's 19 classes: a head on lite0's frozen trunk, trained on datasets of `sdr-jax render`.
+It sees no photograph, so it can be tested on any. docs/models.md describes the streets of renders19, which
+has seen one shot of each.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ from shell.progress import Progress
 from shell.target_file import shipped
 
 RECIPE = replace(RECIPES["lite0-frozen"], steps=STEPS, batch=8, head_width=128)
-"""Ten times as many images as the nets of a run train on: ten times the steps, and a head twice as wide."""
+"""For ten times the images of a run's nets: ten times the steps, and a head twice as wide."""
 
 
 def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> Model:
-    """Train on datasets of renders; prints how far it is.
+    """Train on datasets of renders, and print progress.
 
     Args:
         datasets: folders of exports with images of one size.
-        steps: of training.
-        seed: of the net.
+        steps: number of training steps.
+        seed: seed of the net.
 
     Raises:
-        UserError: no dataset, a damaged one, sizes that differ, or settings that no net can be trained with.
+        UserError: there is no dataset, one is damaged, sizes differ, or settings do not allow training.
         TrainingError: the loss is not finite.
     """
     try:
@@ -79,7 +79,9 @@ def make(datasets: Sequence[Path], steps: int = RECIPE.steps, seed: int = 0) -> 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit code."""
     options = parsers.renders19().parse_args(arguments)
-    os.environ["NPROC"] = "1"  # of XLA's threads: sums are the same on machines with more cores
+    os.environ["NPROC"] = (
+        "1"  # XLA's threads, so that sums are the same on machines with more cores
+    )
 
     def work() -> None:
         make(options.datasets, options.steps, options.seed).save(options.out)

@@ -1,14 +1,14 @@
-"""Several searches of several methods with equal rewards, each as the main job's, in one table.
+"""Compares several searches of several methods with equal numbers of rewards, each as in the main job.
 
     sdr-jax study searches --target camvid --data DIR --holdout 0006R0 --space extended
     sdr-jax study searches --target camvid --data DIR --methods intervals --searches 3
     sdr-jax study searches --target twin --preset smoke                   # about a minute
     sdr-jax study searches --rederive runs/a/searches.json --out runs/b   # no net at all
 
-The k-th search of every method has the seed --seed + k and is what the main job with that seed and method
-does: with its --store, nothing is evaluated twice. Final nets of all answers, of random attributes, of the
-hand-set street and of the reward images share their seeds, and intervals are over searches and nets.
-Kill it at any moment; the same command goes on where it was.
+The k-th search of every method has the seed --seed + k and equals the search of the main job with that seed
+and method: with its --store, nothing is evaluated twice. Final nets of all answers, of random attributes, of
+the hand-set street and of the reward images share their seeds, and intervals are over searches and nets.
+The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -52,17 +52,17 @@ BASELINES = {
     "few": "the few labelled images alone",
     "real": "the reward images themselves",
 }
-"""Rows that no search makes."""
+"""Rows without a search."""
 NETS = ("nets", "own_nets")
-"""Of a search: on the answer that model selection chose, and on its method's own."""
+"""Rows of a search: the answer that model selection chose, and that of its method."""
 OVER = ("random", "default")
-"""Rendered rows that need no search: what gains are measured over."""
+"""Rendered rows without a search, over which gains are measured."""
 OWN_ANSWER = "own "
-"""Before the name of a search: what its method itself would answer, without model selection."""
+"""Prefix of a search's name for its method's answer without model selection."""
 
 
 def check(config: ManyConfig) -> None:
-    """Raise UserError for a field out of range, by flag."""
+    """Raise UserError with the flag for a field out of range."""
     if "random_attributes" in config.methods:
         raise UserError("--methods random_attributes searches for nothing: it is the row random")
     for own in configured(config).values():
@@ -70,7 +70,7 @@ def check(config: ManyConfig) -> None:
 
 
 def configured(config: ManyConfig) -> dict[str, ManyConfig]:
-    """The configuration of every search, by its name."""
+    """The configuration of every search by name."""
     return {
         f"{method}-{seed}": replace(config, seed=seed, search=replace(config.search, method=method))
         for seed in range(config.seed, config.seed + config.searches)
@@ -79,12 +79,12 @@ def configured(config: ManyConfig) -> dict[str, ManyConfig]:
 
 
 def searches(config: ManyConfig) -> dict[str, Search]:
-    """Every search, with model selection of its own."""
+    """Every search, with its own model selection."""
     return {name: partial(learn, config=own, name=name) for name, own in configured(config).items()}
 
 
 def work(config: ManyConfig) -> list[Work]:
-    """Rewards and candidates of all searches."""
+    """Plan rewards and candidates of all searches."""
     own = configured(config)
     return [
         kind[0]._replace(
@@ -95,7 +95,7 @@ def work(config: ManyConfig) -> list[Work]:
 
 
 def rows(config: ManyConfig, target: Target) -> list[Row]:
-    """Nets of every answer, beside the few labelled images if there are any, and those of no search."""
+    """Rows of every answer, beside the few labelled images if there are any, and rows without a search."""
 
     def images(side: Any, run: Run[ManyConfig], made: Made, seed: int) -> Source:
         return run.images(config.final, side)
@@ -123,7 +123,7 @@ def rows(config: ManyConfig, target: Target) -> list[Row]:
 
 
 def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
-    """The scores of every search's nets, and how it went."""
+    """Report the mIoU of every search's nets, and the course of the search."""
     config = run.config
     scored = {row["name"]: row["nets"] for row in rows}
     return {
@@ -149,9 +149,9 @@ def report(run: Run[ManyConfig], made: Made, rows: list[Report]) -> Report:
 
 
 def derive(report: Report) -> Report:
-    """The report with rows for each method, over its searches and nets, and what each search gained.
+    """Add rows for each method, over its searches and nets, and each search's gain to the report.
 
-    A method has two: of the answers that model selection chose, and of its own ones, where these have nets.
+    A method has two rows: of the answers that model selection chose, and of its own if these have nets.
     """
     baselines = {name: miou(own) for name, own in report["baselines"].items()}
     real = mean(baselines["real"])
@@ -185,7 +185,7 @@ def derive(report: Report) -> Report:
 
 
 def _title(row: Report) -> str:
-    """What the nets of a row were trained on."""
+    """The training set of a row in words."""
     own = "" if row["judged"] else ", without model selection"
     return BASELINES.get(row["name"], f"learnt by {words(row['name'])}{own}")
 
@@ -244,7 +244,7 @@ def text(report: Report) -> str:
 
 
 def _hand_set(searches: list[Report]) -> list[str]:
-    """A sentence on how many answers are the hand-set street itself, if any are."""
+    """A sentence on the number of answers that are the hand-set street, if any are."""
     counts = []
     for method in dict.fromkeys(search["method"] for search in searches):
         own = [s["chosen_candidate"] == "default" for s in searches if s["method"] == method]
@@ -254,7 +254,7 @@ def _hand_set(searches: list[Report]) -> list[str]:
 
 
 def picture(report: Report) -> bytes:
-    """MIoU of every row with its interval, and of every search, as PNG."""
+    """Draw the mIoU of every row with its interval, and of every search, as PNG."""
     rows = [row for row in report["rows"] if row["mean"] is not None]
     figure, axis = plt.subplots(figsize=(8, 1.2 + 0.45 * len(rows)), layout="constrained")
     for place, row in enumerate(rows):

@@ -1,12 +1,11 @@
-"""Which of the 23 attributes matter, and which of them together, from recorded rewards.
+"""Finds from recorded rewards which of the 23 attributes matter, and which of them together.
 
     sdr-jax study sensitivity --target camvid --records benchmarks/data/camvid.jsonl
     sdr-jax study sensitivity --target camvid --data DIR --holdout 0006R0 --store FILE
     sdr-jax study sensitivity --target twin --preset smoke                # under a minute
 
-With --records nothing is rendered and no data are needed. Without, rewards come from the store and
-the run folder, and those that they lack are made first. Kill it at any moment; the same command goes on
-where it was.
+With --records nothing is rendered and no data are needed. Otherwise rewards come from the store and the run
+folder, and missing ones are made first. The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -50,32 +49,32 @@ from shell import folder
 from shell.errors import UserError
 
 SENSITIVITY_SEED = 20_000_000
-"""Seeds begin here, above those of a run's rows and of the measurement of fidelity."""
+"""The first seed, above those of a run's rows and of the measurement of fidelity."""
 FOLDS = 5
 DRAWS = 2000
-"""Models drawn from the posterior."""
+"""Number of models drawn from the posterior."""
 POINTS = 41
-"""Unit values at which main effects are told."""
+"""Number of unit values at which main effects are reported."""
 DRAW_SEED = 0
-"""Of folds, draws and the bootstrap."""
+"""Seed of folds, draws and the bootstrap."""
 NOTHING = 0.05
-"""A cross-validated R^2 below this is as good as none."""
+"""A cross-validated R^2 below this means no prediction."""
 TOP_PAIRS = 10
 ACROSS = 6
-"""Panels beside each other."""
+"""Number of panels in a row."""
 
 
 def check(config: SensitivityConfig) -> None:
-    """Raise UserError for a field out of range, by flag."""
+    """Raise UserError with the flag for a field out of range."""
     if config.records_config is not None and not config.records:
         raise UserError("--records-config needs --records")
 
 
 def analyse(config: SensitivityConfig) -> Report:
-    """Do the whole study; with ``--records`` from these alone, without a target or workers.
+    """Do the whole study; with ``--records`` without a target or workers.
 
     Raises:
-        UserError, DataError: what a user can get wrong.
+        UserError, DataError: errors of the user.
         WorkerError: worker processes keep dying.
     """
     if not config.records or config.rederive is not None:
@@ -99,10 +98,10 @@ def _report(config: SensitivityConfig, real: bool, note: str, records: Records) 
 
 
 def enough(records: Records, where: str) -> Records:
-    """The records themselves.
+    """Return the records if they suffice.
 
     Raises:
-        UserError: there are too few to fit a model, or they are all the same.
+        UserError: there are too few to fit a model, or all rewards are equal.
     """
     rows = np.concatenate([records.centre, records.width], axis=1)
     different = len(np.unique(rows, axis=0))
@@ -116,25 +115,25 @@ def enough(records: Records, where: str) -> Records:
 
 
 def plan(config: SensitivityConfig, _: Any = None) -> list[Work]:
-    """At most all rewards; those that the store has need not be made."""
+    """Plan all rewards at most; the store may have some."""
     return [Work.at("rewards of random attributes at most", config.evaluations, config.reward)]
 
 
 def scores(run: Run[SensitivityConfig], _: Any) -> Report:
-    """Make the rewards that are missing, and analyse all that there are."""
+    """Make the missing rewards, and analyse all of them."""
     records = enough(record(run), str(run.config.out if run.store is None else run.store.path))
     return _report(run.config, run.target.real, run.target.title, records)
 
 
 def record(run: Run[SensitivityConfig]) -> Records:
-    """All rewards at the reward's fidelity in the run's store and folder, once none is missing."""
+    """Make the missing rewards; return all at the reward's fidelity in the run's store and folder."""
     config = run.config
     recipe, first = run.recipe(config.reward), SENSITIVITY_SEED + config.seed
     jobs = [
         Job(recipe, proposal, first + k, {"nets": "sensitivity"}, "reward")
         for k, proposal in enumerate(random_bins(config, config.evaluations))
     ]
-    # Rewards that other runs have made at this fidelity count, too.
+    # Rewards of other runs at this fidelity count, too.
     own = run.runner.about(jobs[0])["config"]
     drawn = {run.runner.key(job) for job in jobs}
     others = sum(
@@ -153,19 +152,19 @@ def record(run: Run[SensitivityConfig]) -> Records:
 
 
 def _known(run: Run[SensitivityConfig]) -> dict[str, dict[str, Any]]:
-    """Evaluations by key: the store's and the run's own."""
+    """The evaluations of store and run by key."""
     stored = [] if run.store is None else run.store.records
     lines = (*stored, *run.finals.records)
     return {line["key"]: line for line in lines if holds(line, run.config)}
 
 
 def summarize(records: Records) -> Report:
-    """What ``sensitivity.json`` says of the records; shares of variance in percent.
+    """The content of ``sensitivity.json`` on the records; shares of variance in percent.
 
-    Attributes that have the same value in all of them are left out.
+    Attributes with the same value in all of them are left out.
 
     Args:
-        records: of one configuration; their rewards differ.
+        records: records of one configuration, whose rewards differ.
     """
     held = ~records.width.any(axis=0) & (np.ptp(records.centre, axis=0) == 0)
     rows = [a for a, k in zip(SPACES[space_of(len(held))], held, strict=True) if not k]
@@ -230,7 +229,7 @@ def summarize(records: Records) -> Report:
 
 
 def _proposals(records: Records) -> np.ndarray:
-    """A number i[n] for each record, the same for the same attributes."""
+    """Number the records i[n]; the same attributes have the same number."""
     rows = np.concatenate([records.centre, records.width], axis=1)
     return np.unique(rows, axis=0, return_inverse=True)[1].ravel()
 
@@ -238,11 +237,11 @@ def _proposals(records: Records) -> np.ndarray:
 def _cross_validated(
     layout: sobol.Layout, x: np.ndarray, rewards: np.ndarray, proposals: np.ndarray
 ) -> Report:
-    """R^2 on proposals that the model has not seen, over the records as they lie.
+    """R^2 on proposals that the model has not seen, over all records.
 
     1 - sum (r - prediction)^2 / sum (r - mean)^2, with the interval of the bootstrap over records.
     """
-    # All rewards of a proposal are in one fold: a model that has seen one of them knows the others.
+    # All rewards of a proposal are in one fold, since they are alike.
     places = np.random.default_rng(DRAW_SEED).permutation(proposals.max() + 1)
     predicted = sobol.cross_validated(layout, x, rewards, places[proposals] % FOLDS)
     misfit = (rewards - predicted) ** 2
@@ -258,7 +257,7 @@ def _cross_validated(
 
 
 def _repeats(rewards: np.ndarray, proposals: np.ndarray) -> Report:
-    """The noise that proposals scored more than once show, and how many degrees of freedom it has."""
+    """The noise of proposals that were evaluated more than once, and its degrees of freedom."""
     counts = np.bincount(proposals)
     degrees = int((counts - 1).sum())
     if degrees == 0:
@@ -269,7 +268,7 @@ def _repeats(rewards: np.ndarray, proposals: np.ndarray) -> Report:
 
 
 def _best(attribute: Attribute, curves: np.ndarray, grid: np.ndarray) -> Report:
-    """Where a main effect f64[draws, points] is highest, and how much it moves the reward."""
+    """The place of a main effect's maximum f64[draws, points], and its range of rewards."""
     mean = curves.mean(axis=0)
     peaks = np.quantile(grid[curves.argmax(axis=1)], [0.05, 0.95])
     return {
@@ -281,8 +280,8 @@ def _best(attribute: Attribute, curves: np.ndarray, grid: np.ndarray) -> Report:
 
 
 def _percent(value: Any, drawn: np.ndarray) -> Report:
-    """A share and the 95 % interval of its draws, in percent; what cannot be told from 0 begins there."""
-    ends = np.quantile(drawn, [0.025, 0.975]).clip(0, 1)  # draws scatter around the expected model
+    """A share and the 95 % interval of its draws in percent, which begins at 0 if the share may be 0."""
+    ends = np.quantile(drawn, [0.025, 0.975]).clip(0, 1)  # draws may lie outside [0, 1]
     return {"value": _round(100 * value), "ci95": _rounded(100 * ends)}
 
 
@@ -295,7 +294,7 @@ def _rounded(values: Any) -> list[float]:
 
 
 def verdict(r2: Report) -> str:
-    """What the cross-validated R^2 says about all the rest."""
+    """A sentence on what the cross-validated R^2 means for the other figures."""
     if r2["value"] is None or r2["value"] < NOTHING:
         return (
             "**The model predicts no reward that it has not seen (R² near zero): from these records "
@@ -375,10 +374,10 @@ def text(report: Report) -> str:
 
 
 def picture(report: Report) -> bytes:
-    """The picture, as PNG."""
+    """Draw the picture as PNG."""
     rows = report["attributes"]
     down = -(-len(rows) // ACROSS)
-    # Margins are given: a layout that is worked out takes ten seconds for so many axes.
+    # Margins are fixed, since an automatic layout takes ten seconds for so many axes.
     figure = plt.figure(figsize=(20, 2.5 * down + 0.8))
     left, right = figure.subfigures(1, 2, width_ratios=(1, 2.6), squeeze=False)[0]
     _bars(left, rows)
@@ -391,13 +390,13 @@ def picture(report: Report) -> bytes:
 
 
 def _bars(figure: Figure | SubFigure, rows: list[Report]) -> None:
-    """Shares alone and with interactions, with their intervals, the largest on top."""
+    """Draw shares alone and with interactions, with their intervals, the largest on top."""
     axis = figure.subplots(gridspec_kw={"left": 0.36, "right": 0.97, "bottom": 0.07, "top": 0.92})
     places = np.arange(len(rows))
     for offset, kind, label in ((-0.2, "share", "alone"), (0.2, "total", "with interactions")):
         values = np.array([row[kind]["value"] for row in rows])
         ends = np.array([row[kind]["ci95"] for row in rows]).T
-        # A skew posterior's mean may lie outside its interval.
+        # The mean of a skew posterior may lie outside its interval.
         wings = np.maximum([values - ends[0], ends[1] - values], 0)
         axis.barh(places + offset, values, 0.4, xerr=wings, label=label, error_kw={"lw": 0.8})
     axis.set_yticks(places, [words(row["name"]) for row in rows], fontsize=8)
@@ -408,7 +407,7 @@ def _bars(figure: Figure | SubFigure, rows: list[Report]) -> None:
 
 
 def _curves(figure: Figure | SubFigure, report: Report, down: int) -> None:
-    """Main effects of all attributes, in the order of the bars, on one scale of rewards."""
+    """Draw main effects of all attributes, in the order of the bars, on one scale of rewards."""
     margins = {"left": 0.05, "right": 0.99, "bottom": 0.05, "top": 0.92}
     spaces = {"hspace": 0.4, "wspace": 0.08}
     axes = figure.subplots(down, ACROSS, sharey=True, gridspec_kw=margins | spaces).ravel()
@@ -420,7 +419,7 @@ def _curves(figure: Figure | SubFigure, report: Report, down: int) -> None:
         axis.fill_between(unit, curve["low"], curve["high"], alpha=0.3, lw=0)
         axis.plot(unit, curve["mean"])
         axis.axhline(0, color="0.7", lw=0.6)
-        # Evenly spaced in unit values, told in physical ones: some scales are logarithmic.
+        # Ticks are even in unit values and labelled in physical ones: some scales are logarithmic.
         ticks = [0, len(unit) // 2, len(unit) - 1]
         axis.set_xticks([unit[k] for k in ticks], [f"{curve['physical'][k]:.3g}" for k in ticks])
         axis.tick_params(labelsize=6)
@@ -429,7 +428,7 @@ def _curves(figure: Figure | SubFigure, report: Report, down: int) -> None:
 
 
 FORM = Form("sensitivity", lambda report: report, text, {"sensitivity.png": picture})
-"""All that is told is in the JSON; the records themselves are not."""
+"""The JSON holds all figures, but not the records."""
 STUDY = Study(FORM, plan, scores, check)
 RUN = analyse
 

@@ -1,12 +1,12 @@
-"""Files of evaluations that runs share: what one has evaluated, no other evaluates again.
+"""Shows and merges files of evaluations that runs share, so that none is made twice.
 
     sdr-jax store show FILE
     sdr-jax store merge A.jsonl B.jsonl runs/c --out C.jsonl
 
-Two evaluations are the same if all that decides them is: sizes, net and training, class table, renderer,
-assets, real images, version of the engine, JAX's backend, versions of libraries, proposal and seed. The file
-is lines of JSON behind one that names the attributes; a half-written last line is dropped, and many runs may
-write at once. Run folders, whose own evaluations are recorded alike, may stand in place of files.
+Two evaluations are the same if they agree in sizes, net and training, class table, renderer, assets, real
+images, version of the engine, JAX's backend, versions of libraries, proposal and seed. The file is lines of
+JSON after a first line that names the attributes; a half-written last line is dropped, and many runs may
+write at once. Run folders, which record evaluations in the same way, may replace files.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from shell.errors import UserError
 
 
 def merge(paths: Sequence[Path], out: Path) -> str:
-    """Write all evaluations of several stores into a new one; says how many they are, and of what backends.
+    """Write all evaluations of several stores into a new one; reports their number and backends.
 
     Args:
         paths: stores, or run folders.
         out: the new file.
 
     Raises:
-        UserError: a file that is missing or no store, or two that disagree; both are named.
+        UserError: a file is missing or no store, or two evaluations disagree; the message names both.
     """
     if out.exists():
         raise UserError(f"--out {out} exists already; name a new file")
@@ -44,7 +44,7 @@ def merge(paths: Sequence[Path], out: Path) -> str:
 
 
 def table(path: Path) -> str:
-    """What a store or a run folder holds, a line per configuration."""
+    """The contents of a store or a run folder, one line per configuration."""
     records = [record for record, _ in read(path).values()]
     lines = [f"{path}: {len(records)} evaluations"]
     for config, own in kinds_of(records).items():

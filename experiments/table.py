@@ -1,14 +1,14 @@
-"""The paper's table 2: what nets trained on one set after another are worth on the target's test images.
+"""The paper's table 2: tests nets of different training sets on the target's test images.
 
     sdr-jax study table --target camvid --data DIR --holdout 0006R0
     sdr-jax study table --target camvid --data DIR --gta5 DIR --synthia DIR --nets compact fcn8s
     sdr-jax study table --target twin --preset smoke                     # under a minute
     sdr-jax study table --rederive runs/a/table.json --out runs/b        # no net at all
 
-Training sets are SceneX with random attributes, with the hand-set street and with learnt attributes,
-data sets of others, and the reward images themselves. Attributes are learnt first, unless
---learnt names what an earlier run has learnt; with its --store, that run's nets are not trained again.
-Kill it at any moment; the same command goes on where it was.
+Training sets are SceneX with random attributes, with the hand-set street and with learnt attributes, other
+data sets, and the reward images themselves. Attributes are learnt first, unless --learnt names those of an
+earlier run; with its --store, that run's nets are not trained again.
+The same command continues a killed run.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ from shell.listing import list_all
 from shell.target_file import shipped
 
 BASELINE, EYE = "random", "default"
-"""Gains are measured from both."""
+"""Rows over which gains are measured."""
 RENDERED = (BASELINE, EYE, LEARNT)
 """Rows whose training sets are rendered."""
 TRAINED_ON = {
@@ -79,9 +79,9 @@ TRAINED_ON = {
     "real": "the reward images themselves",
 }
 OTHERS = ("gta5", "synthia", "kitti")
-"""Rows whose training sets others have made; flags and layouts are called the same."""
+"""Rows of other data sets, which are also the names of flags and layouts."""
 SUBSETS = {"16": SYNTHIA_16, "13": SYNTHIA_13}
-"""Classes over which nets trained on SYNTHIA are compared, where labels are those of Cityscapes."""
+"""Classes over which nets trained on SYNTHIA are compared on labels of Cityscapes."""
 
 PAPER_NOTE = (
     "The paper's own numbers, NOT of this run: nets with ImageNet weights, 20,000 steps, test images at "
@@ -106,7 +106,7 @@ PAPER: dict[str, dict[str, tuple[int, float, float]]] = {
 
 
 def check(config: TableConfig) -> None:
-    """Raise UserError for a field out of range, by flag."""
+    """Raise UserError with the flag for a field out of range."""
     if config.weights is not None and set(config.nets) <= set(FILELESS_NETS):
         raise UserError("--weights are for VGG nets or dinov2; --nets names none")
     for name in config.nets:
@@ -114,7 +114,7 @@ def check(config: TableConfig) -> None:
 
 
 def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
-    """The fidelity of a net: the final one if that is its own or it has none, with its recipe."""
+    """The fidelity of a net with its recipe: its own, or the final one."""
     vgg = name in VGG_NETS
     own = config.vgg if vgg else config.compact if name == "compact" else config.final
     if name == config.final.train.net or (vgg and config.final.train.net in VGG_NETS):
@@ -123,10 +123,10 @@ def fidelity_of(config: TableConfig, name: NetName) -> Fidelity:
 
 
 def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str, LabelledImages]:
-    """Training sets that others have made, as large as a net's rendered ones; ids of the target's table.
+    """Other data sets as training sets, as large as a net's rendered ones, with ids of the target's table.
 
     Raises:
-        UserError, DataError: the data are not as they should be.
+        UserError, DataError: the data are wrong.
     """
     limit = None if config.all_images else fidelity.images
     size = (fidelity.height, fidelity.width)
@@ -144,7 +144,7 @@ def others(config: TableConfig, target: Target, fidelity: Fidelity) -> dict[str,
 
 
 def rows(config: TableConfig, target: Target) -> list[Row]:
-    """For each net rendered sets, these beside the few images if there are any, and sets of images alone."""
+    """Rows of each net: rendered sets, these beside the few images if there are any, and sets of images."""
     read: dict[tuple[int, int, int], dict[str, LabelledImages]] = {}  # nets of one size share them
     found = []
     for net in config.nets:
@@ -181,7 +181,7 @@ def _source(
     made: Made,
     seed: int,
 ) -> Source:
-    """What nets of a row are trained on."""
+    """The training set of a row's net."""
     if name in given:
         return given[name]
     if name in (few.FEW, "real"):
@@ -191,7 +191,7 @@ def _source(
 
 
 def report(run: Run[TableConfig], _: Made, rows: list[Report]) -> Report:
-    """The scores, and what nets start from."""
+    """Report the mIoU, and the weights from which nets start."""
     config = run.config
     starts = [described(fidelity_of(config, name).train) for name in config.nets]
     return {
@@ -203,15 +203,15 @@ def report(run: Run[TableConfig], _: Made, rows: list[Report]) -> Report:
 
 
 def subset_miou(scored: Sequence[Report | None], classes: Sequence[int]) -> list[float | None]:
-    """Every net's mean IoU over some classes, in percent; `seg.metrics.mean_iou` of these classes.
+    """Every net's mean IoU over some classes in percent, as `seg.metrics.mean_iou`.
 
-    None where the net failed, or where none of the classes occurs in the truth.
+    It is None if the net failed, or if all of the classes are absent from the ground truth.
     """
     return [None if net is None else mean([net["class_iou"][k] for k in classes]) for net in scored]
 
 
 def derive(report: Report) -> Report:
-    """The report with means, intervals and gains of its nets' scores."""
+    """Add means, intervals and gains of the nets' mIoU to the report."""
     classes, known = report["classes"], PAPER.get(report["target"])
     own = {(row["net"], row["trained_on"]): row["nets"] for row in report["rows"]}
     subsets = SUBSETS if classes == list(CITYSCAPES_19.classes) else {}
@@ -223,7 +223,7 @@ def derive(report: Report) -> Report:
             for name, ids in subsets.items()
         }
         found = {
-            "size": row.get("size", report["scored_at"]),  # reports of before have none
+            "size": row.get("size", report["scored_at"]),  # older reports have none
             "gain_over_default": eye and gain(miou(scored), miou(eye)),
             "over_classes": over,
             "class_iou": class_means(scored, classes),
@@ -300,7 +300,7 @@ def text(report: Report) -> str:
 
 
 def picture(report: Report) -> bytes:
-    """MIoU of every training set and net, and the IoU of each class, as PNG."""
+    """Draw the mIoU of every training set and net, and the IoU of each class, as PNG."""
     names = list(dict.fromkeys(row["net"] for row in report["rows"]))
     sets = list(dict.fromkeys(row["trained_on"] for row in report["rows"]))
     classes = _present(report)

@@ -1,1 +1,1 @@
-"""What this machine has, what a folder of labelled images holds, and what commands will cost."""
+"""Reports on this machine, on a folder of labelled images, and on the cost of commands."""

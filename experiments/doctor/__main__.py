@@ -5,8 +5,8 @@
     sdr-jax doctor DATA --write target.yaml     # writes the file that it proposes
     sdr-jax doctor DATA --target camvid         # looks at the folder with a file that exists
 
-A folder is described by its own target.yaml, by that of a known data set with its layout and values, or by
-one that is proposed. What the proposal cannot know, such as names of classes, it says.
+A folder is described by its own target.yaml, by that of a known data set with its layout and values, or by a
+proposed file, which says what it does not know, such as names of classes.
 """
 
 from __future__ import annotations
@@ -34,27 +34,27 @@ OF_COMMANDS: dict[str, TargetName] = {
     "cityscapes": "cityscapes",
     "labelmefacade": "labelmefacade",
 }
-"""Targets that have a command of their own."""
+"""Targets with their own command."""
 WIDE = 640
-"""Width of a picture on the page, at most."""
+"""The largest width of a picture on the page."""
 
 
 def diagnose(
     data: Path | None, target: str | None = None, write_to: Path | None = None, out: Path = OUT
 ) -> int:
-    """Look at the machine and a folder, and print what is found.
+    """Check the machine and a folder, and print the findings.
 
     Args:
-        data: folder of labelled images; None looks at the machine alone.
+        data: folder of labelled images; None checks the machine alone.
         target: name or path of a target's file; by default the folder's own, or a proposal.
         write_to: where to write the proposal.
         out: folder of the page and the picture.
 
     Returns:
-        0, or 2 where the folder cannot be used as it is.
+        0, or 2 if the folder cannot be used as it is.
 
     Raises:
-        UserError: there are no labelled images, a file is not as it must be, or ``write_to`` exists.
+        UserError: there are no labelled images, a file is wrong, or ``write_to`` exists.
     """
     from experiments.doctor import machine
 
@@ -126,7 +126,7 @@ def _counted(seen: Any) -> str:
 def _costs(
     target: Any, data: Path, size: tuple[int, int]
 ) -> tuple[list[tuple[str, str]], int, int]:
-    """Commands with their minutes, the cores, and the seconds that were measured."""
+    """Commands with their minutes, the number of cores, and the measured seconds."""
     from experiments.doctor import costs, machine
 
     pace, cores = costs.measure(), machine.cores()

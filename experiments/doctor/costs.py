@@ -1,4 +1,4 @@
-"""What commands will cost on this machine, from a measurement of a few seconds."""
+"""Estimates the cost of commands on this machine from a measurement of a few seconds."""
 
 from __future__ import annotations
 
@@ -28,43 +28,43 @@ from shell.errors import UserError
 from shell.target_file import TargetFile
 
 SIZE = (240, 176)
-"""Width and height of what is measured: that of the rewards of most targets."""
+"""Width and height of the measured images, as for the rewards of most targets."""
 SECONDS = 2.5
-"""Of rendering, and of training, that are measured."""
+"""Seconds of measured rendering, and of measured training."""
 
 
 class Cost(NamedTuple):
-    """Seconds of a core that a command takes where the plans' figures are right."""
+    """Core seconds of a command on the machine of the plans' figures."""
 
     render: float
     train: float
 
 
 class Pace(NamedTuple):
-    """Seconds that this machine needs for one of those that the plans reckon with."""
+    """This machine's seconds for one second of the plans' figures."""
 
     render: float
     train: float
 
     def seconds(self, cost: Cost) -> float:
-        """What a command takes here, on one core."""
+        """Seconds of a command on one core of this machine."""
         return cost.render * self.render + cost.train * self.train
 
 
 def cost(plan: Sequence[Work]) -> Cost:
-    """What the nets of a plan take, apart for rendering and training."""
+    """The cost of the nets of a plan, separately for rendering and training."""
     nets = [own for own in plan if own.what != STREETS]
     training = [own.nets * min(own.seconds, training_cost(own.fidelity)) for own in nets]
     return Cost(sum(own.cost for own in plan) - sum(training), sum(training))
 
 
 def measure(seconds: float = SECONDS) -> Pace:
-    """Render streets and train nets for some seconds each; what is compiled first does not count."""
+    """Render streets and train nets for some seconds each; compilation does not count."""
     streets = Fidelity(*SIZE, streets=2, shots=1, samples=1, train=RECIPES["lite0-frozen"])
     settings = RenderSettings(*SIZE, 1)
     units = np.tile(default_unit(), (streets.streets, 1))
     rendered = render_dataset(units, 0, shots=1, settings=settings)  # compiles
-    # The same streets each time: their assets are there then, as in a long job.
+    # The same streets each time, so that their assets exist, as in a long job.
     render = _ratio(
         partial(render_dataset, units, 0, shots=1, settings=settings),
         cost_of(streets) - training_cost(streets),
@@ -77,7 +77,7 @@ def measure(seconds: float = SECONDS) -> Pace:
 
 
 def _ratio(work: Callable[[], object], expected: float, seconds: float) -> float:
-    """How many times as much of a processor work takes as expected; others that use it do not count."""
+    """CPU time of work divided by the expected time; other programs do not count."""
     ends = time.perf_counter() + seconds
     started, done = time.process_time(), 0
     while not done or time.perf_counter() < ends:
@@ -89,19 +89,19 @@ def _ratio(work: Callable[[], object], expected: float, seconds: float) -> float
 def commands(
     target: TargetFile, data: Path, size: tuple[int, int], known: Mapping[str, TargetName]
 ) -> dict[str, Cost]:
-    """Commands that can be given for a folder, with what each takes; a new command is one line here.
+    """Commands for a folder with the cost of each; a new command is one line here.
 
     Args:
-        target: what its files are.
+        target: describes its files.
         data: the folder.
-        size: width and height that suit the images.
-        known: targets that have a command of their own.
+        size: a suitable width and height of images.
+        known: targets with their own command.
     """
     streets = Fidelity(*size, streets=400, shots=1, samples=1, train=RECIPES["lite0-frozen"])
     training = training_cost(streets)
     words = f"--images 400 --shots 1 --size {size[0]}x{size[1]}"
     found = {f"sdr-jax render {words} --out DIR": Cost(cost_of(streets) - training, 0.0)}
-    with suppress(UserError):  # what is wrong with the images is told elsewhere
+    with suppress(UserError):  # errors of the images are reported elsewhere
         folds = len(parts_of(target, data).folds)
         found[f"sdr-jax fit {data} --out DIR"] = cost(planned(configured(size), folds))
     if target.name in known:

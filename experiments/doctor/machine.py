@@ -1,4 +1,4 @@
-"""What this machine has: versions, cores, GPU, renderers, extras."""
+"""Facts of this machine: versions, cores, GPU, renderers, extras."""
 
 from __future__ import annotations
 
@@ -25,27 +25,27 @@ EXTRAS = {
     "h5": ("h5py", "Keras's files of VGG16"),
     "torch": ("torch", "the same nets in PyTorch"),
 }
-"""Extra -> a module that it brings, and what it is for."""
+"""Extra -> a module that it brings, and its use."""
 DRIVER = Path("/proc/driver/nvidia/version")
-"""There is an NVIDIA GPU where this file is."""
+"""This file exists on machines with an NVIDIA GPU."""
 
 Facts = list[tuple[str, str]]
 
 
 class Machine(NamedTuple):
-    """Facts in the order in which they are told, and what is amiss."""
+    """Facts in the order of the report, and problems."""
 
     facts: Facts
     amiss: list[str]
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """The number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def look() -> Machine:
-    """Ask everything; starts JAX."""
+    """Find all facts; starts JAX."""
     amiss: list[str] = []
     found = versions(PACKAGES)
     facts: Facts = [

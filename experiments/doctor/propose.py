@@ -1,4 +1,4 @@
-"""Proposes a target's file for a folder: where images and labels are, what their classes may be."""
+"""Proposes a target's file for a folder: patterns of images and labels, and their possible classes."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from shell.listing import list_split, split_names
 from shell.target_file import FILE, SHIPPED, SUFFIXES, Format, find_target, shipped
 
 TRAINING_SETS = ("gta5", "synthia")
-"""Targets that come with the package for others' renders; their layouts are those of many folders."""
+"""Targets in the package whose layouts are also those of many other folders."""
 LOOKED_AT = 60
-"""Label files whose values are read for a proposal."""
+"""Number of label files whose values are read for a proposal."""
 MOST_ENDINGS = 4
-"""Kinds of names in one folder, such as a_image.png and a_label.png."""
+"""The most kinds of names in one folder, such as a_image.png and a_label.png."""
 FEW = 64
-"""Labels have so many different values at most, photographs have more."""
+"""The most different values of a label file; photographs have more."""
 SPLITS = ("train", "training", "val", "valid", "validation", "test", "testing")
 GROUPS = (r"^(.*)__", r"^(.*?)[_-]*\d+\D*$", r"^[^_-]+")
-"""Expressions for groups of names, in the order in which they are tried."""
+"""Expressions for groups of names, in the order of trial."""
 VOID_NAMES = {
     "void",
     "unlabeled",
@@ -49,18 +49,18 @@ SYNONYMS = {
     "car": "vehicle", "truck": "lorry", "bus": "coach", "train": "tram", "motorcycle": "motorbike",
     "bicycle": "bike cycle",
 }  # fmt: skip
-"""Class of the engine -> other words for it."""
+"""Engine class -> other words for it."""
 
 
 class Proposal(NamedTuple):
-    """A file, and what was guessed in it."""
+    """A file, and notes on its guesses."""
 
     text: str
     notes: list[str]
 
 
 class _Pair(NamedTuple):
-    """A folder of images and the one that has their labels, as patterns."""
+    """A folder of images and the folder of their labels, as patterns."""
 
     images: str
     labels: str
@@ -68,15 +68,15 @@ class _Pair(NamedTuple):
 
 
 def propose(root: Path) -> Proposal:
-    """A target's file for a folder: its own, that of a known data set, or one that is guessed.
+    """Propose a target's file for a folder: its own, that of a known data set, or a guess.
 
     Raises:
-        UserError: no images with labels are found, or the folder's own file is not as it must be.
+        UserError: no images with labels are found, or the folder's own file is wrong.
     """
     if not root.is_dir():
         raise UserError(f"{root}: no such folder; expected one with images and labels")
     if (root / FILE).is_file():
-        find_target(None, root)  # refuses what is wrong
+        find_target(None, root)  # refuses a wrong file
         return Proposal((root / FILE).read_text(encoding="utf-8"), [])
     for name in SHIPPED:
         if name not in TRAINING_SETS and _fits(name, root):
@@ -87,7 +87,7 @@ def propose(root: Path) -> Proposal:
 
 
 def _fits(name: str, root: Path) -> bool:
-    """Whether a folder is one of a known data set, by its layout and some of its labels."""
+    """Whether a folder has the layout of a known data set, and values in some of its labels."""
     target = shipped(name)
     try:
         reader = LabelReader(target)
@@ -101,7 +101,7 @@ def _fits(name: str, root: Path) -> bool:
     return bool(split_names(target, root))
 
 
-# ---- where images and labels are
+# ---- images and labels
 
 
 def _guess(root: Path) -> Proposal:
@@ -182,25 +182,25 @@ def _pairs(root: Path, files: Sequence[Path]) -> list[_Pair]:
 
 
 class _Part(NamedTuple):
-    """Files of one folder whose names end alike."""
+    """Files of one folder whose names have the same ending."""
 
     folder: str
     suffix: str
     ending: str  # before the suffix
-    cores: set[str]  # what is before the ending
+    cores: set[str]  # names before the ending
 
     def path(self, root: Path, core: str) -> Path:
-        """One of the files."""
+        """The path of one of the files."""
         return root / self.folder / f"{core}{self.ending}{self.suffix}"
 
     @property
     def pattern(self) -> str:
-        """Of their names."""
+        """The pattern of their names."""
         return f"{{name}}{self.ending}{self.suffix}"
 
 
 def _parts(folder: str, suffix: str, stems: Sequence[str]) -> list[_Part]:
-    """The files of a folder by what follows the last digit, such as _label, where that is one of a few."""
+    """Group the files of a folder by the text after the last digit, such as _label, if there are few such."""
     cores: dict[str, set[str]] = {}
     for stem in stems:
         ending = re.search(r"\D*$", stem)
@@ -212,7 +212,7 @@ def _parts(folder: str, suffix: str, stems: Sequence[str]) -> list[_Part]:
 
 
 def _kind(sample: Sequence[Path]) -> str:
-    """Whether files look like labels or like images; empty for neither."""
+    """Tell whether files look like labels or like images; empty for neither."""
     kinds = set()
     for path in sample:
         if path.suffix.lower() in (".jpg", ".jpeg"):
@@ -228,7 +228,7 @@ def _kind(sample: Sequence[Path]) -> str:
 
 
 def _looked_at(path: Path) -> tuple[Format, np.ndarray, tuple[str, ...]]:
-    """The format of a label file, as its content shows, with what stands in it; names in polygons only."""
+    """The format of a label file by its content, with its values; polygons have names, too."""
     polygons: tuple[Format, ...] = ("labelme-json", "cityscapes-json")
     first, second = polygons if path.suffix == ".json" else ("ids", "colours")
     try:
@@ -238,12 +238,12 @@ def _looked_at(path: Path) -> tuple[Format, np.ndarray, tuple[str, ...]]:
 
 
 def _distance(one: str, other: str) -> int:
-    """How many folders two paths do not share."""
+    """The number of folders that two paths do not share."""
     return len(set(PurePosixPath(one).parts) ^ set(PurePosixPath(other).parts))
 
 
 def _template(image: _Part, label: _Part) -> tuple[str, str]:
-    """Patterns, with {split} where both paths name one."""
+    """Patterns, with {split} if both paths name a split."""
     parts, folder = PurePosixPath(image.folder).parts, label.folder
     for word in parts:
         if word.lower() in SPLITS and word in folder:
@@ -258,7 +258,7 @@ def _joined(folder: str, name: str) -> str:
 
 
 def _grouped(found: Counter[tuple[str, str]]) -> list[_Pair]:
-    """Patterns that differ in one folder, of the same name for images and labels, are one with {group}."""
+    """Merge patterns that differ in one folder, the same for images and labels, into one with {group}."""
     merged: Counter[tuple[str, str]] = Counter()
     for (images, labels), count in found.items():
         merged[_with_group(images, labels, found)] += count
@@ -283,7 +283,7 @@ def _with_group(images: str, labels: str, found: Iterable[tuple[str, str]]) -> t
 
 
 def _lists(root: Path, names: Sequence[str]) -> dict[str, str]:
-    """Text files beside the folders whose lines are names of images."""
+    """Find text files beside the folders whose lines are names of images."""
     known = set(names)
     found = {}
     for path in sorted(root.glob("*.txt")):
@@ -299,7 +299,7 @@ def _lists(root: Path, names: Sequence[str]) -> dict[str, str]:
 
 
 def _group(names: Sequence[str]) -> str:
-    """The first expression that finds groups of two images and more; empty where none does."""
+    """The first expression that finds groups of two or more images; empty if none does."""
     for expression in GROUPS:
         groups = Counter(m[m.re.groups] for n in names if (m := re.search(expression, n)))
         if groups and sum(groups.values()) == len(names) and len(groups) * 2 <= len(names):
@@ -312,7 +312,7 @@ def _group(names: Sequence[str]) -> str:
 
 
 def _values(labels: Sequence[Path]) -> tuple[Format, Counter[int], Counter[str]]:
-    """Format, and how many pixels have each id, colour or name, in some of the label files."""
+    """The format, and the pixels of each id, colour or name, in some of the label files."""
     form: Format = "ids"
     values: Counter[int] = Counter()
     names: Counter[str] = Counter()
@@ -320,8 +320,8 @@ def _values(labels: Sequence[Path]) -> tuple[Format, Counter[int], Counter[str]]
         try:
             form, codes, found = _looked_at(path)
         except UserError:
-            continue  # the survey says so
-        # Every other pixel: what is rarer is found by the survey, which reads whole files.
+            continue  # the survey reports it
+        # Every other pixel will do: the survey, which reads whole files, finds rarer values.
         own, counts = np.unique(codes[::2, ::2], return_counts=True)
         for value, count in zip(own.tolist(), counts.tolist(), strict=True):
             if path.suffix != ".json":
@@ -334,7 +334,7 @@ def _values(labels: Sequence[Path]) -> tuple[Format, Counter[int], Counter[str]]
 def _classes(
     root: Path, form: Format, values: Counter[int], names: Counter[str], notes: list[str]
 ) -> list[str]:
-    """Lines of void and classes."""
+    """The lines of void and classes."""
     lines, void = [], []
     taken: set[str] = set()
     known = _named(root)
@@ -370,7 +370,7 @@ def _is_void(key: str, name: str) -> bool:
 
 
 LISTS = ("classes", "labels", "names")
-"""Files whose lines are names alone: of the ids 0, 1, 2 and so on."""
+"""Files whose lines are names alone, for the ids 0, 1, 2 and so on."""
 NAME = r"\s*[A-Za-z][\w /-]*\s*"
 
 
@@ -400,7 +400,7 @@ def _named(root: Path) -> dict[str, str]:
 
 
 def _rendered(name: str) -> list[str]:
-    """Classes of the engine that a name may mean."""
+    """Engine classes that a name may mean."""
     plain = re.sub(r"[_-]+", " ", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name)).lower().strip()
     forms = {plain, plain.removesuffix("s"), plain.replace(" ", "")}
     return [one for one, others in SYNONYMS.items() if forms & {one, *others.split()}]

@@ -1,4 +1,4 @@
-"""What a folder holds, as a target's file says: counts, sizes, classes, groups, and what does not fit."""
+"""Surveys a folder by its target's file: counts, sizes, classes, groups, and faults."""
 
 from __future__ import annotations
 
@@ -20,44 +20,44 @@ from shell.listing import Entry, list_split, shared_groups, split_names
 from shell.target_file import TRAIN, TargetFile
 
 READ = 100
-"""Label files that are read whole, at most."""
+"""The most label files that are read whole."""
 HEAD = 65536
-"""Bytes at the start of a file by which copies are found, beside its size."""
+"""Number of first bytes by which copies of a file are found, beside its size."""
 SHOWN = 4
-"""Images that are shown with their labels."""
+"""Number of images that are shown with their labels."""
 ALIKE = 0.03
 """Images whose widths over heights differ by this share have one shape."""
 
 
 class Fault(NamedTuple):
-    """What does not fit, and how to mend it."""
+    """A fault, and how to mend it."""
 
     what: str
     mend: str
 
 
 class ClassShare(NamedTuple):
-    """A class in the labels that were read."""
+    """A class in the labels read."""
 
     name: str
     share: float  # of the pixels that have a label
-    images: float  # share of the images that it is in
-    row: float  # its mean row, 0 at the top and 1 at the bottom; NaN where it is nowhere
+    images: float  # share of the images with the class
+    row: float  # its mean row, 0 at the top and 1 at the bottom; NaN if it is absent
     renders: tuple[str, ...]
     colour: tuple[int, int, int]
 
 
 class Survey(NamedTuple):
-    """All that is told of a folder."""
+    """The findings on a folder."""
 
     counts: dict[str, int]  # images of each split
     groups: dict[str, int]  # of each split
     sizes: list[
         tuple[tuple[int, int], int]
-    ]  # (width, height) and how many, the most frequent first
+    ]  # (width, height) and their count, the most frequent first
     classes: list[ClassShare]
     void: float  # share of the pixels
-    read: int  # labels that were read
+    read: int  # number of label files read
     size: tuple[int, int]  # a suitable (width, height)
     shown: list[Entry]
     faults: list[Fault]
@@ -65,7 +65,7 @@ class Survey(NamedTuple):
 
 
 def survey(target: TargetFile, root: Path) -> Survey:
-    """Look at a folder as a target's file describes it; what is wrong becomes a fault."""
+    """Survey a folder by its target's file; errors become faults."""
     faults: list[Fault] = []
     splits: dict[str, tuple[Entry, ...]] = {}
     usable = True
@@ -107,7 +107,7 @@ def survey(target: TargetFile, root: Path) -> Survey:
 
 
 def _spread(entries: Sequence[Entry], count: int) -> list[Entry]:
-    """So many, spread over all."""
+    """Choose a number of entries, spread over all."""
     places = np.linspace(0, len(entries) - 1, min(count, len(entries))).round().astype(int)
     return [entries[k] for k in places]
 
@@ -118,7 +118,7 @@ def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[in
         try:
             with Image.open(entry.image_path) as picture:
                 found[picture.size] += 1
-        except Exception as error:  # Pillow has many
+        except Exception as error:  # Pillow has many errors
             faults.append(
                 Fault(f"{entry.image_path}: not a readable image ({error})", "put it anew")
             )
@@ -128,7 +128,7 @@ def _sizes(entries: Sequence[Entry], faults: list[Fault]) -> list[tuple[tuple[in
 def _classes(
     target: TargetFile, entries: Sequence[Entry], faults: list[Fault]
 ) -> tuple[list[ClassShare], float, int, bool]:
-    """Shares of the classes in some labels, the share of void, how many were read, and if all were right."""
+    """The classes' shares in some labels, the share of void, the number of files, and if all were right."""
     reader, number = LabelReader(target), len(target.classes)
     pixels, containing = np.zeros(256, np.int64), np.zeros(number)
     rows = np.zeros(number)
@@ -208,7 +208,7 @@ def _splits(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
 
 
 def _copies(splits: Mapping[str, Sequence[Entry]], faults: list[Fault]) -> None:
-    """Files that are in two splits, or twice in one, by size and first bytes."""
+    """Find files that are in two splits, or twice in one, by size and first bytes."""
     seen: dict[tuple[int, bytes], tuple[str, Path]] = {}
     copies: list[str] = []
     for split, own in splits.items():
@@ -256,7 +256,7 @@ def suitable(sizes: Sequence[tuple[tuple[int, int], int]]) -> tuple[int, int]:
 def overlays(
     target: TargetFile, entries: Sequence[Entry], size: tuple[int, int]
 ) -> list[tuple[str, Image.Image]]:
-    """Names, and images at a size (width, height) with their labels over them; of those that can be read."""
+    """Names, and images at a size (width, height) overlaid with their labels, if they can be read."""
     colours = np.full((256, 3), 96, np.uint8)
     colours[: len(target.classes)] = target.palette
     found = []
@@ -264,14 +264,14 @@ def overlays(
         try:
             own = load([entry], target, (size[1], size[0]), "pad")
         except UserError:
-            continue  # a fault says so
+            continue  # a fault reports it
         mixed = own.images[0].astype(np.uint16) + colours[own.labels[0]]
         found.append((entry.name, Image.fromarray((mixed // 2).astype(np.uint8))))
     return found
 
 
 def sheet(pictures: Sequence[Image.Image], target: TargetFile) -> Image.Image:
-    """Pictures in two columns, with the classes' colours below."""
+    """Arrange pictures in two columns, with the classes' colours below."""
     width, height = pictures[0].size if pictures else (480, 360)
     rows = (len(pictures) + 1) // 2
     line, columns = 18, max(2 * width // 160, 1)

@@ -1,1 +1,1 @@
-"""Evaluations: a `Job` is a net to be trained and tested, a `Result` its outcome; one `Runner` makes them."""
+"""Evaluations: a `Job` is a net to train and test, a `Result` its outcome; a `Runner` makes them."""

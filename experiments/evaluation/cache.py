@@ -1,14 +1,14 @@
-"""Images that many nets of a run see, and what a frozen trunk sees in them: made once, read by all processes.
+"""Images for many nets of a run, and their features by a frozen trunk: made once, read by all processes.
 
-A folder of files is named by its content, images and labels, and so are the features of them by the trunk.
+A folder of images and labels is named by its content, and so is the folder of their features by a trunk.
 
     RUN/shared/3f2ab07c91d4e655/            images.npy, labels.npy: 4 bytes a pixel
-    RUN/shared/3f2ab07c91d4e655-1c9d02aa/   map0.npy, map1.npy and so on, the trunk's feature maps: of lite0
+    RUN/shared/3f2ab07c91d4e655-1c9d02aa/   map0.npy, map1.npy and so on, the trunk's feature maps: for lite0
                                             3.5 bytes a pixel of every view
-    RUN/shared/pool-90b3c5d07e1f2a64/       all of them, of streets of one shot
+    RUN/shared/pool-90b3c5d07e1f2a64/       all of these for streets of one shot
 
-``about.json`` beside them says what they are of, with hashes of the files, which are looked at once per
-run. A folder is there as a whole or not at all; one that lacks a file is written anew.
+``about.json`` beside them describes them, with hashes of the files, which are checked once per run. A folder
+exists as a whole or not at all; a folder that lacks a file is written anew.
 """
 
 from __future__ import annotations
@@ -44,22 +44,22 @@ from shell.sent import here
 
 FOLDER, ABOUT = "shared", "about.json"
 CHUNK = 16
-"""Images per task of a worker: whole batches of the trunk."""
+"""Images per task of a worker, in whole batches of the trunk."""
 
 
 class Cached(NamedTuple):
-    """Labelled images in folders of a cache; what a task carries in their place."""
+    """Labelled images in folders of a cache; a task carries this instead of arrays."""
 
     images: str  # folder of images and labels
     features: str | None = None  # folder of their features
     picked: tuple[int, ...] | None = None  # of the images, by index; by default all
 
     def take(self, indices: Sequence[int] | np.ndarray) -> Cached:
-        """Some of the images; of all of them."""
+        """Some of the images by index."""
         return self._replace(picked=tuple(np.asarray(indices).tolist()))
 
     def load(self) -> LabelledImages:
-        """The images, their files mapped into memory, once per process; what is picked of them is copied.
+        """Load the images once per process as memory maps; picked images are copied.
 
         Raises:
             UserError: a file is missing or cut off.
@@ -69,7 +69,7 @@ class Cached(NamedTuple):
 
 
 def loaded(value: Any) -> Any:
-    """Cached images as arrays, also those of a training set, anything else as it is."""
+    """Load cached images as arrays, also within a training set; other values stay as they are."""
     if isinstance(value, TrainingSet):
         return value._replace(parts=tuple(map(loaded, value.parts)))
     return value.load() if isinstance(value, Cached) else value
@@ -86,7 +86,7 @@ def _load(cached: Cached) -> LabelledImages:
 
 
 def _names(maps: int) -> list[str]:
-    """Of the files of so many feature maps."""
+    """Names of the files of so many feature maps."""
     return [f"map{k}" for k in range(max(maps, 1))]
 
 
@@ -104,7 +104,7 @@ def _mapped(folder: str, name: str) -> np.ndarray:
 
 
 def removable(folder: str | Path) -> str:
-    """What errors about a file of a cache end with."""
+    """The end of errors about a file of a cache."""
     return f"remove {folder}, and the same command writes it anew"
 
 
@@ -112,9 +112,9 @@ class Cache:
     """The files in which the workers of a run find images.
 
     Args:
-        workers: who render and compute features.
+        workers: the workers that render and compute features.
         run: folder of the run.
-        say: told how far features are.
+        say: called with the progress of features.
     """
 
     def __init__(
@@ -127,15 +127,15 @@ class Cache:
     def put(
         self, images: LabelledImages, train: TrainSettings, *, training: bool = False
     ) -> Cached:
-        """Images for tasks; their files are written if they are not there.
+        """Give images for tasks; their files are written if they do not exist.
 
         Args:
             images: real images and labels.
-            train: of the nets that see them; those on a frozen trunk get features.
-            training: whether nets are trained on the images, and not tested.
+            train: settings of the nets; nets with a frozen trunk get features.
+            training: whether nets are trained on the images instead of tested.
 
         Raises:
-            UserError: files that are damaged, or of other images or another trunk.
+            UserError: files are damaged, or belong to other images or another trunk.
         """
         source = digest_of(images.images, images.labels)
         folder = self._root / source[:16]
@@ -166,17 +166,17 @@ class Cache:
     def streets(
         self, name: str, recipe: Recipe, units: np.ndarray, seed: int, done: Callable[[int], None]
     ) -> tuple[Cached, float]:
-        """One shot of each street, with its features for a frozen trunk; what is there is not made again.
+        """Render one shot of each street with its features for a frozen trunk, if it does not exist.
 
         Args:
-            name: hash of all that decides them.
+            name: hash of everything that decides them.
             recipe: sizes, assets and trunk.
             units: f32[streets, attributes] of every street, in [0, 1].
-            seed: with the street's index it decides everything left to chance.
-            done: told how many streets more there are.
+            seed: decides, with the street's index, all random choices.
+            done: called with the number of new streets.
 
         Returns:
-            The streets, and how many CPU seconds they have taken.
+            The streets, and the CPU seconds that they took.
         """
         folder = self._pool(name)
         pieces = folder.with_name(f"{folder.name}.pieces")
@@ -204,7 +204,7 @@ class Cache:
         return Cached(held, maps), float(np.load(folder / "seconds.npy"))
 
     def forget(self, name: str) -> None:
-        """Remove the streets of a name: all their nets are trained."""
+        """Remove the streets of a name once all their nets are trained."""
         shutil.rmtree(self._pool(name), ignore_errors=True)
         self._checked.discard(self._pool(name))
 
@@ -212,21 +212,21 @@ class Cache:
         return self._root / f"pool-{name[:16]}"
 
     def normalised(self, recipe: Recipe, target: Target) -> Recipe:
-        """The recipe with the statistics that its head normalises features by, where those are the target's.
+        """Add the head's statistics to a recipe if they are those of the target.
 
-        They are of the images that give the reward, without their labels; never of those reported on.
+        They are those of the reward images, without their labels; never those of the test images.
         """
         fidelity = recipe.fidelity
         if not by_target(fidelity.train):
             return recipe
         real = target.at(fidelity.height, fidelity.width)["reward"]
-        trunk = replace(fidelity.train, trunk="frozen")  # as a tuned one begins
+        trunk = replace(fidelity.train, trunk="frozen")  # a tuned one begins like this
         held = self.put(real, trunk)
         ((_, found),) = self._workers.map(_statistics, [(held,)], net=True)
         return recipe._replace(statistics=found)
 
     def _compute(self, part: Path, count: int, tasks: list[tuple]) -> None:
-        """Features of all tasks into the files of a folder, view after view."""
+        """Write the features of all tasks into the files of a folder, view after view."""
         done = 0
         with _Arrays(part, count) as arrays:
             for index, maps in self._workers.map(_features_of, tasks, net=True):
@@ -236,7 +236,7 @@ class Cache:
                 self._say(f"features of real images, once per run: {done} of {count}")
 
     def _keep(self, folder: Path, told: Mapping[str, Any], fill: Callable[[Path], None]) -> None:
-        """Write a folder unless it is there; look once per run whether it is what it should be."""
+        """Write a folder if it does not exist; check once per run that it is right."""
         if folder in self._checked:
             return
         if not _is_whole(folder, told):
@@ -248,13 +248,13 @@ class Cache:
 
 
 def sent(recipe: Recipe, workers: Workers) -> Recipe:
-    """A recipe whose files workers find: own assets, weights."""
+    """A recipe with files that workers find: own assets, weights."""
     fidelity = replace(recipe.fidelity, train=_sent(recipe.fidelity.train, workers))
     return recipe._replace(fidelity=fidelity, pool=recipe.pool.called(workers.share))
 
 
 def _sent(train: TrainSettings, workers: Workers) -> TrainSettings:
-    """Settings whose file of weights workers find."""
+    """Settings with a file of weights that workers find."""
     if train.weights is None:
         return train
     return replace(train, weights=workers.share(train.weights))
@@ -266,26 +266,26 @@ def by_target(train: TrainSettings) -> bool:
 
 
 def _views(train: TrainSettings, training: bool) -> dict[str, Any]:
-    """What decides features, beside images."""
+    """The settings that decide features, beside images."""
     looks = {name: getattr(train, name) for name in LOOKS} if training else {"views": 1}
     return {"trunk": dict(trunk_of(train).source), "dtype": train.dtype, **looks}
 
 
 def _features(images: np.ndarray, train: TrainSettings, training: bool) -> Maps:
-    """Features of images, or of all views that training takes of them: view after view, in their order.
+    """Compute features of images, or of all their views for training, view after view.
 
-    What a view shows depends on its image alone, so that those of a part are part of those of all.
+    A view depends on its image alone, so that the features of a subset are among those of all images.
     """
     return features(view_images(images, train) if training else images, train)
 
 
 def _features_of(held: Cached, start: int, stop: int, train: TrainSettings, training: bool) -> Maps:
-    """Features of some of the images; runs in a worker."""
+    """Compute features of some of the images; runs in a worker."""
     return _features(held.load().images[start:stop], train, training)
 
 
 def _statistics(held: Cached) -> Statistics:
-    """Statistics of features; runs in a worker."""
+    """Compute statistics of features; runs in a worker."""
     maps = held.load().features
     assert maps is not None
     return channel_statistics(maps)
@@ -294,7 +294,7 @@ def _statistics(held: Cached) -> Statistics:
 def _made_streets(
     recipe: Recipe, units: np.ndarray, seed: int, start: int
 ) -> dict[str, np.ndarray]:
-    """Some streets of a pool, from the one with this index on; runs in a worker."""
+    """Render some streets of a pool from an index on; runs in a worker."""
     began = time.perf_counter()
     fidelity, name, pool = recipe.fidelity, recipe.renderer, recipe.pool
     settings = fidelity.render_settings()
@@ -310,7 +310,7 @@ def _made_streets(
 
 
 def _piece(path: Path) -> dict[str, np.ndarray] | None:
-    """A piece of a pool; None if it is not there as a whole."""
+    """Read a piece of a pool; None if it is not complete."""
     try:
         with path.open("rb") as file, np.load(file) as found:
             return {name: found[name] for name in found.files}
@@ -319,7 +319,7 @@ def _piece(path: Path) -> dict[str, np.ndarray] | None:
 
 
 def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
-    """The files of a pool from its pieces, of features view after view."""
+    """Assemble the files of a pool from its pieces, with features view after view."""
     first, seconds = 0, 0.0
     with _Arrays(part, count) as arrays:
         for path in pieces:
@@ -336,15 +336,15 @@ def _assemble(part: Path, pieces: Sequence[Path], count: int) -> None:
 
 
 class _Arrays:
-    """Arrays of so many images in files of a folder, written some images at a time.
+    """Arrays of a number of images in files of a folder, written some images at a time.
 
-    An array holds one view after the other. They are no memory maps: a full disk would end the process with
-    no word.
+    An array holds one view after the other. Files are not memory maps, with which a full disk would end the
+    process without a message.
     """
 
     def __init__(self, folder: Path, count: int) -> None:
         self._folder, self._count = folder, count
-        self._files: dict[str, tuple[IO[bytes], int]] = {}  # and where their rows begin
+        self._files: dict[str, tuple[IO[bytes], int]] = {}  # files, and offsets of their rows
 
     def __enter__(self) -> _Arrays:
         return self
@@ -354,7 +354,7 @@ class _Arrays:
             file.close()
 
     def write(self, arrays: Mapping[str, np.ndarray], first: int, end: int) -> None:
-        """Write the rows of the images from the first up to the end."""
+        """Write the rows of the images first .. end - 1."""
         for name, array in arrays.items():
             views = len(array) // (end - first)
             if name not in self._files:
@@ -371,7 +371,7 @@ class _Arrays:
 
 
 def _is_whole(folder: Path, told: Mapping[str, Any]) -> bool:
-    """Whether all files are there; raises UserError if they are not what they should be."""
+    """Whether all files exist; raises UserError if they are wrong."""
     path, end = folder / ABOUT, removable(folder)
     if not path.exists():
         return False

@@ -1,4 +1,4 @@
-"""About what evaluations take, in CPU seconds.
+"""Estimates the cost of evaluations in CPU seconds.
 
 Source: `docs/benchmarks.md`.
 """
@@ -12,15 +12,15 @@ from seg.settings import TrainSettings
 
 STEP_COST = {"compact": 2.5e-7, "paper": 5e-5, "vgg-adam": 5e-5, "scratch": 5e-5}
 STEP_COST |= {"lite0-frozen": 4.5e-8, "lite0-tuned": 2e-6}
-"""Seconds of a CPU that one update takes, for each pixel of its images, by recipe, about."""
+"""Approximate CPU seconds of one update per pixel of its images, by recipe."""
 STREET_COST = 0.045
-"""Seconds of a CPU that sampling a street and its geometry take."""
+"""CPU seconds of sampling a street and its geometry."""
 VIEW_COST = {"lite0": 2.5e-7, "lite1": 3.1e-7, "lite2": 3.3e-7, "dinov2": 3e-6}
-"""The same for what a frozen trunk sees in one view of an image; any other takes as long as lite0."""
+"""CPU seconds per pixel of a frozen trunk's features of one view; other trunks count as lite0."""
 
 
 def cost_of(fidelity: Fidelity) -> float:
-    """About how many CPU seconds a net on a rendered dataset takes, testing left out."""
+    """Estimate the CPU seconds of a net on a rendered dataset, without testing."""
     streets = fidelity.streets * STREET_COST
     return streets + fidelity.images * _image_cost(fidelity) + training_cost(fidelity)
 
@@ -30,12 +30,12 @@ def _image_cost(fidelity: Fidelity) -> float:
 
 
 def street_cost(fidelity: Fidelity) -> float:
-    """About how many CPU seconds one street of one shot and its features take."""
+    """Estimate the CPU seconds of one street of one shot with its features."""
     return STREET_COST + _image_cost(fidelity) + _views_cost(fidelity)
 
 
 def _views_cost(fidelity: Fidelity) -> float:
-    """What a frozen trunk sees in all views of an image."""
+    """The cost of a frozen trunk's features of all views of an image."""
     train, pixels = fidelity.train, fidelity.width * fidelity.height
     return pixels * train.views * _view_cost(train) if train.frozen else 0.0
 
@@ -45,7 +45,7 @@ def _view_cost(train: TrainSettings) -> float:
 
 
 def head_cost(fidelity: Fidelity) -> float:
-    """The part of `training_cost` that is left where the features are there already."""
+    """The part of `training_cost` without the features."""
     train = fidelity.train
     pixels = fidelity.width * fidelity.height
     step = STEP_COST[recipe_for(train)]
@@ -55,12 +55,12 @@ def head_cost(fidelity: Fidelity) -> float:
 
 
 def training_cost(fidelity: Fidelity) -> float:
-    """The part of `cost_of` that is training: all of it where the images are there already."""
+    """The part of `cost_of` without the images."""
     return fidelity.images * _views_cost(fidelity) + head_cost(fidelity)
 
 
 def job_cost(job: Job) -> float:
-    """About how many CPU seconds a job takes, with its share of what comes before the fine-tuning."""
+    """Estimate the CPU seconds of a job, with its share of the work before the fine-tuning."""
     fidelity, start, before = job.recipe.fidelity, job.start, 0.0
     if start is not None and start.on_subset:
         before = training_cost(start.recipe.fidelity)

@@ -1,7 +1,7 @@
-"""One evaluation: render a dataset or take a real one, train a fresh net on it, test it on real images.
+"""Makes one evaluation: it renders a dataset or takes a real one, trains a fresh net and tests it.
 
-The functions here run in worker processes; they are pure in their arguments, so work lost with a worker
-can be done again.
+The functions here run in worker processes; they are pure in their arguments, so that work lost with a worker
+can be repeated.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ from seg.train import Params, TrainingError, predict, score, train
 from seg.views import view_images
 
 _KEPT: dict[Any, LabelledImages] = {}
-"""At most one rendered dataset of this process, by all that decides it."""
+"""The last rendered dataset of this process, by everything that decides it."""
 
 Rendered = tuple[LabelledImages, float]
-"""A training set, and the seconds that rendering it took."""
+"""A training set, and the seconds of its rendering."""
 
 
 def prepared(
     evaluate: Callable[..., Any], recipe: Recipe, source: Any, seed: int, *_: Any
 ) -> Rendered | None:
-    """What of an evaluation needs no GPU: the rendered set, if it is of the kind that trains on one."""
+    """Make the part of an evaluation that needs no GPU: the rendered set, if it trains on one."""
     named = evaluate.func if isinstance(evaluate, partial) else evaluate
     if named is not evaluate_miou or isinstance(source, LabelledImages | Cached):
         return None
@@ -52,12 +52,12 @@ def prepared(
 
 
 def attempt(evaluate: Callable[..., Any], *arguments: Any, ready: Rendered | None = None) -> Any:
-    """Evaluate, with cached images as arrays; training that diverges is a result, too.
+    """Evaluate with cached images loaded as arrays; diverged training is a result, too.
 
     Args:
-        evaluate: `evaluate_miou`, or another one.
-        arguments: of it.
-        ready: what `prepared` has made of them.
+        evaluate: `evaluate_miou`, or another evaluation.
+        arguments: its arguments.
+        ready: the result of `prepared` for them.
     """
     started = time.perf_counter()
     known = {} if ready is None else {"ready": ready}
@@ -68,7 +68,7 @@ def attempt(evaluate: Callable[..., Any], *arguments: Any, ready: Rendered | Non
 
 
 def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0) -> Dataset:
-    """The dataset of streets and a seed; by default in this process.
+    """Render the dataset of streets and a seed; by default in this process.
 
     ``sdr-jax render --attributes FILE --seed SEED`` with the same sizes renders the same.
     """
@@ -87,15 +87,15 @@ def render(recipe: Recipe, streets: Streets, seed: int, workers: int | Workers =
 def rendered_set(
     recipe: Recipe, streets: Streets, seed: int, workers: int | Workers = 0
 ) -> LabelledImages:
-    """The images of streets and a seed, with labels in the classes of the recipe."""
+    """Render the images of streets and a seed, with labels in the classes of the recipe."""
     dataset = render(recipe, streets, seed, workers)
     return LabelledImages(dataset.images, recipe.classes.from_train_id[dataset.labels])
 
 
 def training_set(recipe: Recipe, source: Source, seed: int) -> LabelledImages:
-    """The images of a source, but for those beside it, with labels in the classes of the recipe.
+    """The images of a source without those beside it, with labels in the classes of the recipe.
 
-    What was rendered last beside labelled images is kept, with its features: the next net may have others
+    The last set rendered beside labelled images is kept with its features: the next net may have other images
     beside it.
     """
     rendered = rendered_of(source)
@@ -129,12 +129,12 @@ def evaluate_miou(
 
     Args:
         recipe: sizes, net, training, assets.
-        source: what to train on.
-        seed: of the streets and of the net.
+        source: the training set.
+        seed: seed of the streets and of the net.
         real: images to test on.
-        parts: of them that it is tested on separately, too.
+        parts: parts of these that are also tested separately.
         ready: the set, if it was rendered elsewhere.
-        keeps: what the result tells of the net's predictions, if anything.
+        keeps: what to keep of the net's predictions.
 
     Raises:
         TrainingError: training diverged.
@@ -162,11 +162,11 @@ def trained(
     params: Params | None = None,
     beside: Beside | None = None,
 ) -> Params:
-    """A net trained on a set and what is beside it, from the start or from other parameters.
+    """Train a net on a set and the images beside it, from the start or from given parameters.
 
     Raises:
         TrainingError: training diverged.
-        UserError: this process makes nets with another backend than the run.
+        UserError: this process has another backend than the run.
     """
     refuse_other(recipe.made_with)
     return train(
@@ -183,7 +183,7 @@ def trained(
 
 
 def trained_net(recipe: Recipe, source: Any, seed: int, params: Params | None) -> Params | str:
-    """The variables of a net trained on a source, in NumPy; or why there are none. Runs in a worker."""
+    """Train a net on a source; its variables in NumPy, or why there are none. Runs in a worker."""
     source = loaded(source)
     try:
         own = training_set(recipe, source, seed)
@@ -202,7 +202,7 @@ def tested(
     parts: Parts = (),
     keeps: Keeps | None = None,
 ) -> Result:
-    """What a trained net is worth; the time of testing counts as training."""
+    """Test a trained net; the time of testing counts as training."""
     started = time.perf_counter()
     settings, classes = recipe.fidelity.train, len(recipe.classes.classes)
     confusions = []
@@ -224,7 +224,7 @@ def tested(
 def _predictions(
     recipe: Recipe, params: Params, real: LabelledImages, confusion: np.ndarray, keeps: Keeps
 ) -> Predictions:
-    """What is kept of a net: its confusion matrix, and predictions if they are asked for."""
+    """The kept results of a net: its confusion matrix, and predictions on request."""
     if keeps == "confusion":
         return Predictions(confusion)
     settings, chosen = recipe.fidelity.train, picked(len(real.images))
@@ -234,16 +234,16 @@ def _predictions(
 
 
 def worker_environment() -> dict[str, str]:
-    """Variables for workers: one thread each, and compiled functions kept between runs.
+    """Environment variables of workers: one thread each, and compiled functions kept between runs.
 
-    Two workers that meet a shape at once both compile it. For a head on lite0 at 240x176 that takes 6.2 s of
-    a core, to load what another has compiled 1.2 s: who waited for the other would be ready later.
+    Two workers with the same new shape both compile it. For a head on lite0 at 240x176 that takes 6.2 s of a
+    core, and loading a compiled function 1.2 s: waiting for the other worker would take longer.
     """
     cache = Path(os.environ.get("XDG_CACHE_HOME", Path.home() / ".cache")) / "sdr-jax" / "xla"
     return {
-        "NPROC": "1",  # of XLA's threads; what convolutions sum up depends on their number
+        "NPROC": "1",  # XLA's threads; sums in convolutions depend on their number
         "JAX_COMPILATION_CACHE_DIR": os.environ.get("JAX_COMPILATION_CACHE_DIR", str(cache)),
-        # With 1 s, the default, parts of the head would be compiled by every worker: 2.6 s, not 1.2.
+        # With the default of 1 s every worker would compile parts of the head: 2.6 s, not 1.2.
         "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
         "XLA_PYTHON_CLIENT_PREALLOCATE": "false",
         "TF_CPP_MIN_LOG_LEVEL": "3",

@@ -1,7 +1,8 @@
-"""With what nets are made, beside all that they are told: JAX's backend, and versions of libraries.
+"""The backend of JAX and the versions of libraries, which also decide nets.
 
-Initial parameters come from a generator that differs between backends and may between versions. Workers
-compute with one thread, and so does the main process (`config.cli`): their number decides nothing.
+Initial parameters come from a generator that differs between backends and may differ between versions.
+Workers and the main process (`config.cli`) compute with one thread, so that the number of cores decides
+nothing.
 """
 
 from __future__ import annotations
@@ -22,23 +23,23 @@ MadeWith = tuple[tuple[str, str], ...]
 """Names and values."""
 LIBRARIES = ("jax", "jaxlib", "flax", "optax", *MAKERS)
 FIELD = "made_with"
-"""Where records and ``config.json`` have it."""
+"""The field of records and of ``config.json``."""
 
 
 @lru_cache(maxsize=1)
 def made_with() -> MadeWith:
-    """With what this process makes nets; starts JAX."""
+    """The backend and versions of this process; starts JAX."""
     return (("backend", jax.default_backend()), *versions(LIBRARIES).items())
 
 
 def asked(workers: Workers) -> Iterator[tuple[int, MadeWith]]:
-    """Asks one of those who train at once; its answer is waited for when it is taken."""
+    """Ask one of the training workers at once; taking the answer waits for it."""
     begun = workers.begin(made_with, behind=False)
     return workers.map(made_with, [()], net=True, begun={} if begun is None else {0: begun})
 
 
 def refuse_other(expected: MadeWith) -> None:
-    """Raise UserError in a worker that makes nets with anything else than its run's first did."""
+    """Raise UserError in a worker whose backend or versions differ from those of the run's first."""
     ours = dict(made_with())
     for name, value in expected:
         if ours[name] != value:
@@ -49,8 +50,8 @@ def refuse_other(expected: MadeWith) -> None:
 
 
 def told_apart(records: Iterable[Record]) -> str:
-    """How many records were made with what, by all that differs; empty where nothing does."""
-    found = [record.get(FIELD) for record in records]  # None: of a version that did not record it
+    """Count records by the backend and versions that differ; empty if none do."""
+    found = [record.get(FIELD) for record in records]  # None: an older version did not record it
     known = [own for own in found if own]
     differ = [n for n in known[0] if len({own.get(n) for own in known}) > 1] if known else []
     if not differ and len(known) == len(found):

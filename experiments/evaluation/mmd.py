@@ -1,8 +1,8 @@
-"""A reward without labels: how near rendered images are to real ones in the features of a net.
+"""A reward without labels: the closeness of rendered and real images in the features of a net.
 
-The reward is -MMD^2 (``seg.mmd``), at most about 0 and the higher the better; its units are not those
-of mIoU. The net is compact and trained once per run, on a rendered dataset with random attributes, so
-that no label of a real image is ever read.
+The reward is -MMD^2 (``seg.mmd``), at most about 0, and higher is better; its units are not those of mIoU.
+The net is compact and trained once per run on a rendered dataset with random attributes, so that no label of
+a real image is read.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from shell.files import write
 from shell.sent import here
 
 FILE = "feature-net.npz"
-"""The net's parameters, in the run folder."""
+"""File of the net's parameters in the run folder."""
 SEED = 20060
-"""Of the net and of its streets; the same for all runs, so that they can share a store."""
+"""Seed of the net and of its streets; the same for all runs, so that they can share a store."""
 
 
 class Reference(NamedTuple):
-    """Real images as the net sees them: all that this reward knows of the target."""
+    """The features of the real images: all that this reward uses of the target."""
 
     features: np.ndarray  # f32[n, vector]
     net: str  # file of the net's parameters
@@ -47,13 +47,13 @@ class Reference(NamedTuple):
 
 
 class FeatureNet(NamedTuple):
-    """A net in a file, whose features tell images apart."""
+    """A net in a file, in whose features images are compared."""
 
     path: Path
     classes: int
 
     def reference(self, images: np.ndarray) -> Reference:
-        """Real images u8[n, h, w, 3] as the net sees them; no labels are asked for.
+        """Compute the features of real images u8[n, h, w, 3], without labels.
 
         Raises:
             UserError: fewer than two images, or a damaged file.
@@ -66,7 +66,7 @@ class FeatureNet(NamedTuple):
 
 
 def feature_net(recipe: Recipe, folder: Path, workers: Workers) -> FeatureNet:
-    """The net of a run folder, trained if there is none yet.
+    """The net of a run folder, which is trained if it does not exist.
 
     Raises:
         UserError: training diverged.
@@ -84,9 +84,9 @@ def feature_net(recipe: Recipe, folder: Path, workers: Workers) -> FeatureNet:
 
 
 def train_features(recipe: Recipe) -> Any:
-    """Parameters of a compact net that has seen every attribute anywhere in its range."""
+    """Train a compact net on streets with all attributes random; its parameters."""
     own = recipe.fidelity.train
-    # Compact whatever the recipe trains, with the settings that suit it.
+    # The net is compact, with its own settings, whatever net the recipe has.
     settings = TrainSettings(steps=own.steps, batch=own.batch)
     refuse_other(recipe.made_with)
     images, labels, *_ = training_set(recipe, random_proposal(), SEED)
@@ -95,7 +95,7 @@ def train_features(recipe: Recipe) -> Any:
 
 
 def evaluate_mmd(recipe: Recipe, source: Streets, seed: int, real: Reference) -> Result:
-    """Render and compare; the arguments are those of ``evaluate_miou``, but for the last."""
+    """Render and compare; the arguments are those of ``evaluate_miou`` except for the last."""
     refuse_other(recipe.made_with)
     started = time.perf_counter()
     dataset = render(recipe, source, seed)

@@ -1,7 +1,7 @@
-"""What a net sees in the images that it is tested on: which class it takes for which, and predictions.
+"""Confusion matrices and predictions of tested nets.
 
-A file of the run folder for each net, named by its evaluation: the store says which row and seed that is. So
-stores stay small, and a net that two rows share leaves it once.
+The run folder has a file for each net, named by its evaluation; the store gives its row and seed. So stores
+stay small, and a net that two rows share has one file.
 """
 
 from __future__ import annotations
@@ -17,33 +17,33 @@ from seg.metrics import confusion_matrix, mean_iou
 from shell.files import naming, write
 
 FOLDER = "nets"
-"""Of the run folder."""
+"""Folder of the files in the run folder."""
 MOST = 128
-"""Images of which predictions are kept, spread evenly over all."""
+"""The most images whose predictions are kept, spread evenly over all."""
 
 
 class Predictions(NamedTuple):
-    """What is in a file."""
+    """The contents of a file."""
 
     confusion: np.ndarray  # i64[classes, classes], pixels; row: true class
     picked: np.ndarray | None = None  # i32[n], the images with predictions
-    miou: np.ndarray | None = None  # f32[n], of each of them alone, in [0, 1]; NaN if all is void
+    miou: np.ndarray | None = None  # f32[n], of each such image, in [0, 1]; NaN if all is void
     predictions: np.ndarray | None = None  # u8[n, h, w]
 
 
 def picked(images: int) -> np.ndarray:
-    """Indices of at most ``MOST`` images, the first and the last among them."""
+    """Indices of at most ``MOST`` images, including the first and the last."""
     return np.unique(np.linspace(0, images - 1, min(MOST, images)).round().astype(np.int32))
 
 
 def compared(
     confusion: np.ndarray, chosen: np.ndarray, labels: np.ndarray, predictions: np.ndarray
 ) -> Predictions:
-    """What is kept of a net with its predictions.
+    """Make the contents of a net's file with its predictions.
 
     Args:
         confusion: i64[classes, classes], over all images.
-        chosen: i32[n], those that were predicted.
+        chosen: i32[n], indices of the predicted images.
         labels: u8[n, h, w], their labels.
         predictions: u8[n, h, w].
     """
@@ -69,7 +69,7 @@ def save(path: Path, found: Predictions) -> None:
 
 
 def load(path: Path) -> Predictions | None:
-    """What is in the file; None where there is none that can be read, as of a net from ``--store``."""
+    """Read the file; None if there is no readable one, such as for a net from ``--store``."""
     try:
         with np.load(io.BytesIO(path.read_bytes())) as found:
             return Predictions(

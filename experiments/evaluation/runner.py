@@ -1,8 +1,8 @@
-"""Who makes evaluations: those that are known are remembered, the others made by worker processes.
+"""Makes evaluations: known ones come from stores, the others from worker processes.
 
-A search waits for the last dataset of an update, then for its method. Nets that do not depend on what it
-finds fill the cores meanwhile, behind all that is urgent; whoever asks for them later finds them known, or
-well under way (`Runner.prefetch`).
+A search waits for the last dataset of an update, then for its method. Nets that do not depend on its answer
+use the idle cores meanwhile, with lower priority; a later request finds them known, or begun
+(`Runner.prefetch`).
 """
 
 from __future__ import annotations
@@ -67,11 +67,11 @@ from shell.lines import Record
 from shell.progress import Progress
 
 LEAST = 60.0
-"""CPU seconds of nets that are worth workers of their own: one takes ten to start."""
+"""CPU seconds of nets from which new workers pay, since one takes ten to start."""
 
 
 class _Prefetched(NamedTuple):
-    """A net that trains before anybody waits for it."""
+    """A net that trains before it is requested."""
 
     job: Job
     future: Future
@@ -81,12 +81,12 @@ class Runner:
     """Makes the evaluations of a run: `Job` to `Result`.
 
     Args:
-        target: what nets are tested on.
-        workers: who render and train.
-        folder: of the run.
-        finals: where evaluations are kept that are no rewards of a search.
-        store: what many runs share, if there is such a file.
-        progress: of the run, at the moment.
+        target: the target on which nets are tested.
+        workers: the workers that render and train.
+        folder: the folder of the run.
+        finals: the store of evaluations that are no rewards of a search.
+        store: a store that many runs share, if there is one.
+        progress: gives the run's progress.
         features: recipe of the net in whose features -MMD^2 compares images.
 
     Attributes:
@@ -112,16 +112,14 @@ class Runner:
         self._about: dict[tuple[Recipe, Side, RewardKind], Record] = {}
         self._shared: dict[tuple[Recipe, Side, RewardKind], tuple[Recipe, Cached | Reference]] = {}
         self._prefetched: dict[str, _Prefetched] = {}
-        self._ended: set[str] = (
-            set()
-        )  # keys of those whose results came in before they were asked for
+        self._ended: set[str] = set()  # keys of those whose results came before their request
 
     def key(self, job: Job) -> str:
         """The name of an evaluation."""
         return identity(self.about(job)["config"], rendered_of(job.source), job.seed)
 
     def about(self, job: Job) -> Record:
-        """What a record says of a job beside source and result; ``config`` names all else that decides it."""
+        """A job's record without source and result; ``config`` names all other things that decide it."""
         kind = (job.recipe, job.side, job.kind)
         if kind not in self._about:
             self._about[kind] = about(job.recipe, self._target, job.side, self._real(job))
@@ -139,7 +137,7 @@ class Runner:
         return {**found, "config": digest([before, found["config"]])[:16]}
 
     def known(self, jobs: Sequence[Job], log: Store | None = None) -> list[bool]:
-        """Which of the evaluations are known already, in the log or in the store."""
+        """Whether each evaluation is known, in the log or in the store."""
         self._refresh()
         log = self._finals if log is None else log
         stores = [log] if self._store is None else [log, self._store]
@@ -147,9 +145,9 @@ class Runner:
         return [any(store.get(key) is not None for store in stores) for key in keys]
 
     def prefetch(self, jobs: Sequence[Job]) -> None:
-        """Begin jobs that are asked for later, behind all that is urgent, if they are worth it.
+        """Begin jobs that are requested later, with low priority, if that pays.
 
-        Those on given images alone are left out: they are short, and fill the last gaps when asked for.
+        Jobs on given images alone are left out: they are short, and fill the last gaps when requested.
         """
         jobs = [job for job in jobs if not isinstance(job.source, Given)]
         new = {
@@ -170,15 +168,15 @@ class Runner:
         log: Store | None = None,
         say: Callable[[int, Result], str] | None = None,
     ) -> list[Result]:
-        """Make all evaluations; training that diverges is a result with its reason.
+        """Make all evaluations; diverged training is a result with its reason.
 
         Args:
-            jobs: to be done.
-            log: where results are kept; by default ``finals``.
-            say: what progress says about a new result; the job's index is the first argument.
+            jobs: the evaluations to make.
+            log: the store of the results; by default ``finals``.
+            say: gives the progress line of a new result; the job's index is the first argument.
 
         Raises:
-            UserError: no pixel of the images that nets are tested on has a label.
+            UserError: no pixel of the tested images has a label.
         """
         log = self._finals if log is None else log
         found: dict[int, Result] = {}
@@ -195,10 +193,10 @@ class Runner:
         return [found[index] for index in range(len(jobs))]
 
     def test(self, jobs: Sequence[Job]) -> list[Result]:
-        """Make all evaluations, which are no rewards of a search, and say what each came to.
+        """Make evaluations that are no rewards of a search, and report each result.
 
         Raises:
-            UserError: more than a tenth of the nets of one kind, ``nets`` of their notes, failed.
+            UserError: more than a tenth of the nets of one kind (``nets`` in their notes) failed.
         """
         results = self.run(jobs, say=lambda index, result: said(jobs[index], result))
         for what in dict.fromkeys(job.notes["nets"] for job in jobs):
@@ -207,11 +205,11 @@ class Runner:
         return results
 
     def train(self, job: Job, params: Params | None = None) -> Params:
-        """Train a job's net and give its variables; nothing is tested or remembered.
+        """Train a job's net and return its variables, without a test or a record.
 
         Args:
-            job: to be done.
-            params: to begin with.
+            job: the job of the net.
+            params: parameters at the start.
 
         Raises:
             UserError: training diverged.
@@ -224,9 +222,9 @@ class Runner:
         return found
 
     def _made(self, jobs: Sequence[Job], log: Store) -> Iterator[tuple[int, str, Result]]:
-        """Yield (index, key, result) of every job: known ones first, the others as they come in.
+        """Yield (index, key, result) of every job: known ones first, the others as they are done.
 
-        All that are missing are one list, the longest first.
+        Missing jobs run together, the longest first.
         """
         keys = [self.key(job) for job in jobs]
         begun = {key: self._prefetched.pop(key).future for key in set(keys) & set(self._prefetched)}
@@ -243,7 +241,7 @@ class Runner:
             return
         tasks = [self._task([jobs[index] for index in indices]) for indices in work]
         rendered = [0.0] * len(tasks)
-        if len(tasks) < self._workers.workers and not begun:  # else some would have nothing to do
+        if len(tasks) < self._workers.workers and not begun:  # otherwise some workers would be idle
             tasks, rendered = zip(*map(self._rendered_by_all, tasks), strict=True)
         own = {n: begun[keys[work[n][0]]] for n in range(len(work)) if keys[work[n][0]] in begun}
         made = self._workers.map(
@@ -261,7 +259,7 @@ class Runner:
                     yield twin, key, known
 
     def _remembered(self, key: str, job: Job, log: Store) -> Result | None:
-        """What is known of an evaluation; the log has a line for each of its jobs, by their notes."""
+        """The known result of an evaluation; the log has a line for each of its jobs, by their notes."""
         known = log.get(key)
         if known is None and self._store is not None:
             known = self._store.get(key)
@@ -272,10 +270,10 @@ class Runner:
         return result_of(known)
 
     def _keep(self, key: str, job: Job, result: Result, log: Store) -> Result:
-        """Keep what a job came to.
+        """Record a job's result.
 
         Raises:
-            UserError: no pixel that it was tested on has a label.
+            UserError: no tested pixel has a label.
         """
         if result.failed is None and not math.isfinite(result.reward):
             raise UserError(
@@ -286,7 +284,7 @@ class Runner:
             save(file_of(self._folder, key), result.predictions)
         record = record_of(key, rendered_of(job.source), job.seed, result) | self.about(job)
         if self._store is not None:
-            # What is kept decides, lest a continued run see another value.
+            # The recorded value is used, so that a continued run sees the same.
             record = self._store.add(record)
         self._write(record, job, log)
         return result_of(record)._replace(stored=False)
@@ -295,26 +293,26 @@ class Runner:
         log.add({**record, **job.notes, "elapsed": round(self._progress().elapsed, 2)})
 
     def _keep_ended(self) -> None:
-        """Keep and tell the results of prefetched nets that have come in."""
+        """Record and report the results of prefetched nets that are done."""
         for key, (job, future) in list(self._prefetched.items()):
             if future.done():
                 del self._prefetched[key]
                 try:
                     result = self._workers.result(future)
                 except (BrokenProcessPool, CancelledError):
-                    continue  # its worker died; who asks for it has it made
+                    continue  # its worker died; a request makes it again
                 self._ended.add(key)
                 result = self._keep(key, job, result, self._finals)
                 self._progress().advance(job_cost(job))
                 self._progress().update(said(job, result))
 
     def _refresh(self) -> None:
-        """Read what other runs have added to the store."""
+        """Read the records that other runs have added to the store."""
         if self._store is not None:
             self._store.refresh()
 
     def _real(self, job: Job) -> LabelledImages | Reference:
-        """What a job's net is tested on: images, or for rewards without labels their features."""
+        """The images on which a job's net is tested, or for rewards without labels their features."""
         size = (job.recipe.fidelity.height, job.recipe.fidelity.width)
         images = self._target.at(*size)[job.side]
         if job.kind == "miou":
@@ -336,7 +334,7 @@ class Runner:
         if start is not None:
             subsets = [each.source for each in jobs if isinstance(each.source, LabelledSubset)]
             before = sent(start.recipe, self._workers)
-            before = before._replace(statistics=recipe.statistics)  # of the same size
+            before = before._replace(statistics=recipe.statistics)  # images of the same size
             images = self.cache.put(subsets[0].images, train, training=True)
             chosen = [np.array(own.picked) for own in subsets]
             own = (start._replace(recipe=before), recipe, int(job.seed), images, chosen, real)
@@ -348,7 +346,7 @@ class Runner:
         return (evaluate, recipe, self._source(job.source, job.recipe), int(job.seed), real, *parts)
 
     def _for_tasks(self, job: Job) -> tuple[Recipe, Cached | Reference]:
-        """A job's recipe, and what its net is tested on, as workers want them."""
+        """A job's recipe and tested images in the form for workers."""
         kind = (job.recipe, job.side, job.kind)
         if kind not in self._shared:
             recipe, real = job.recipe, self._real(job)
@@ -362,7 +360,7 @@ class Runner:
         return self._shared[kind]
 
     def _source(self, source: Source, recipe: Recipe) -> Any:
-        """A source as workers want it."""
+        """A source in the form for workers."""
         if isinstance(source, TrainingSet):
             return source._replace(parts=tuple(self._source(part, recipe) for part in source.parts))
         if isinstance(source, Subset):
@@ -387,7 +385,7 @@ class Runner:
 
 
 def _grouped(jobs: Sequence[Job], wanted: Sequence[int]) -> list[list[int]]:
-    """Jobs by index in tasks, the longest first: those that are fine-tuned from one net are one task."""
+    """Group jobs by index into tasks, the longest first; jobs fine-tuned from one net are one task."""
     groups: dict[Any, list[int]] = {}
     for index in wanted:
         job = jobs[index]
@@ -397,14 +395,14 @@ def _grouped(jobs: Sequence[Job], wanted: Sequence[int]) -> list[list[int]]:
 
 
 def refuse_failed(results: Sequence[Result], total: int) -> None:
-    """Raise UserError if more than a tenth of all that is asked for has failed."""
+    """Raise UserError if more than a tenth of all evaluations have failed."""
     reasons = [result.failed for result in results if result.failed is not None]
     if reasons:
         refuse_failures(len(reasons), total, reasons[-1])
 
 
 def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Reference) -> Record:
-    """What all evaluations of a recipe share: a hash of what decides them, words for people."""
+    """The common fields of a recipe's evaluations: a hash of what decides them, and words for people."""
     names = target.reward_names if side == "reward" else target.test_names
     if isinstance(real, Reference):
         kind, source = "mmd", real.source
@@ -412,7 +410,7 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
         kind, source = "miou", digest_of_images(real)
     fidelity, pool = recipe.fidelity, recipe.pool.decides
     size = asdict(fidelity)
-    # Files count, not where they lie.
+    # The content of files counts, not their path.
     if pool["own"]:
         pool["own"] = folder_digest(Path(pool["own"]))
     if "own_class" in pool:
@@ -425,7 +423,7 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
         "table": recipe.table,
         "renderer": recipe.renderer,
         "pool": pool,
-        # Names alone do not tell one twin from another.
+        # Names alone do not distinguish twins.
         "truth": [target.name, side, digest(list(names)), source],
         "engine": ENGINE,
         FIELD: dict(recipe.made_with),
@@ -437,7 +435,7 @@ def about(recipe: Recipe, target: Target, side: Side, real: LabelledImages | Ref
         "config": digest(decides)[:16],
         "target": target.name,
         "side": side,
-        "kind": kind,  # of the reward; what a log calls its nets is "nets"
+        "kind": kind,  # of the reward; the kind of nets is "nets"
         "size": fidelity.size,
         "images": fidelity.images,
         "steps": fidelity.train.steps,

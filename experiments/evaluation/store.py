@@ -1,8 +1,8 @@
-"""Evaluations on disk: what has been made is not made again.
+"""Evaluations on disk, so that none is made twice.
 
-One record is one evaluation, named by all that decides it (`identity`): a run folder keeps its own, lines of
-``evaluations.jsonl`` and ``finals.jsonl``; ``--store FILE`` names a file that many runs share and may write
-to at once, behind a first line that names the attributes.
+One record is one evaluation, named by everything that decides it (`identity`). A run folder keeps its own as
+lines of ``evaluations.jsonl`` and ``finals.jsonl``; ``--store FILE`` names a file that many runs share and
+may write to at once, whose first line names the attributes.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from shell.lines import CURE, JsonLines, Record
 
 FORMAT = "sdr-jax evaluations, 2"
 NAMES = names("extended")
-"""Of all attributes; a proposal of a smaller space holds the first of them."""
+"""Names of all attributes; a proposal of a smaller space holds the first of them."""
 HEADER = {"store": FORMAT, "attributes": list(NAMES)}
 LOGS = ("evaluations.jsonl", "finals.jsonl")
 """The files of a run folder: rewards of searches, and all other nets."""
@@ -45,20 +45,20 @@ FIELDS: dict[str, tuple[type, ...]] = {
     "train_seconds": (float,),
     "failed": (str, type(None)),
 }
-"""One record. A failed evaluation says why in ``failed`` and has no reward; a net that was trained on real
-images has no proposal, one that was trained on a histogram has ``probabilities`` in its place, on a mixture
-``components``. Where nets were tested on parts of the images separately, ``parts`` has their rewards."""
+"""One record. A failed evaluation has its reason in ``failed`` and no reward. A net that was trained on real
+images has no proposal, on a histogram ``probabilities`` instead, on a mixture ``components``. ``parts`` has
+the rewards on parts of the images that were tested separately."""
 VALUES = ("reward", "class_iou", "failed")
-"""What is always the same for the same key; seconds are not."""
+"""Fields that are always the same for the same key, unlike seconds."""
 
 
 def identity(config: str, source: Source, seed: int) -> str:
     """The name of an evaluation.
 
     Args:
-        config: hash of all that decides it but for the two below.
-        source: streets, or the images that are trained on.
-        seed: of the streets and of the net.
+        config: hash of everything that decides it but the two below.
+        source: streets, or the training images.
+        seed: seed of the streets and of the net.
     """
     if isinstance(source, Given):
         named: Any = digest_of_images(source)
@@ -72,11 +72,11 @@ def identity(config: str, source: Source, seed: int) -> str:
 
 
 _DIGESTS: dict[int, tuple[weakref.ref[np.ndarray], str]] = {}
-"""Of arrays that are still there, by id."""
+"""Digests of existing arrays, by id."""
 
 
 def digest_of(*arrays: np.ndarray) -> str:
-    """Sha256 of images and the like. An array is read once; from then on it cannot be written to."""
+    """SHA-256 of images and similar arrays. An array is read once and then made read-only."""
     for array in arrays:
         if id(array) not in _DIGESTS:
             array.setflags(write=False)
@@ -86,11 +86,11 @@ def digest_of(*arrays: np.ndarray) -> str:
 
 
 _DIGESTS_OF_PARTS: dict[tuple[str, tuple[int, ...]], str] = {}
-"""By the digest of all images and the indices of some."""
+"""Digests of subsets, by the digest of all images and the indices."""
 
 
 def digest_of_images(images: Given) -> str:
-    """Sha256 of labelled images, or of some; features follow from images."""
+    """SHA-256 of labelled images, or of some of them; features follow from images."""
     if not isinstance(images, LabelledSubset):
         return digest_of(images.images, images.labels)
     whole = images.images
@@ -112,7 +112,7 @@ def _read(array: np.ndarray) -> str:
 
 
 def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
-    """What is kept of an evaluation."""
+    """The record of an evaluation."""
     record: Record = {
         "key": key,
         "centre": _floats(source.centre) if isinstance(source, Proposal) else None,
@@ -136,7 +136,7 @@ def record_of(key: str, source: Source, seed: int, result: Result) -> Record:
 
 
 def result_of(record: Record) -> Result:
-    """An evaluation as it is remembered."""
+    """The result in a record."""
     return Result(
         math.nan if record["reward"] is None else record["reward"],
         record["class_iou"],
@@ -149,18 +149,18 @@ def result_of(record: Record) -> Result:
 
 
 def _parts(own: Any) -> dict[str, list[Any]]:
-    """The parts of a component in plain numbers; what is held only where there is some."""
+    """The parts of a component in plain numbers; held attributes only if there are any."""
     return {name: _floats(part) for name, part in own._asdict().items() if len(part)}
 
 
 def _floats(values: Any) -> list[Any]:
-    """Float32 numbers, of one axis or two, each the shortest that is read back as the same."""
+    """Float32 numbers of one or two axes, in the shortest form that is read back as the same."""
     array = np.asarray(values, np.float32)
     return [float(str(v)) if array.ndim == 1 else _floats(v) for v in array]
 
 
 def each(records: Iterable[Record]) -> list[Record]:
-    """Every evaluation once, its first line, of lines of stores."""
+    """The first line of every evaluation among lines of stores."""
     found: dict[str, Record] = {}
     for record in records:
         found.setdefault(record["key"], record)
@@ -168,23 +168,22 @@ def each(records: Iterable[Record]) -> list[Record]:
 
 
 class Store:
-    """The evaluations in a file: those of a run, or those that many runs share.
+    """The evaluations in a file of one run, or in a file that many runs share.
 
     Args:
-        path: the file; it is made with the first evaluation.
-        shared: whether other runs write to it, too. Then it begins with a header, and has each evaluation
-            once. A run's own file has a line for each of its jobs, and some jobs are the same evaluation
-            (`each`).
+        path: the file, which the first evaluation creates.
+        shared: whether other runs write to it, too. It then begins with a header, and has each evaluation
+            once. A run's own file has a line for each job, and some jobs are the same evaluation (`each`).
 
     Raises:
-        UserError: the file is no such store, or the store of other attributes.
+        UserError: the file is no such store, or a store of other attributes.
     """
 
     def __init__(self, path: Path, shared: bool = False) -> None:
         if path.is_dir():
             raise UserError(f"{path} is a folder; a store is a file")
         self.path, self._shared = path, shared
-        self._known: dict[str, list[tuple[Record, str]]] = {}  # lines of a key, and where they are
+        self._known: dict[str, list[tuple[Record, str]]] = {}  # lines of a key, and their places
         self._lines = JsonLines(path, CURE if shared else f"{CURE}, or use another --out")
         self._absorb(self._lines.lines)
 
@@ -193,11 +192,11 @@ class Store:
 
     @property
     def records(self) -> list[Record]:
-        """The lines in their order; of a shared file those that tell of a new evaluation."""
+        """The lines in order; of a shared file the first line of each evaluation."""
         return each(self._lines.lines[1:]) if self._shared else self._lines.lines
 
     def refresh(self) -> None:
-        """Read what other runs have added."""
+        """Read the records that other runs have added."""
         self._absorb(self._lines.refresh())
 
     def get(self, key: str) -> Record | None:
@@ -213,10 +212,10 @@ class Store:
         return any(notes.items() <= line.items() for line, _ in self._known.get(key, ()))
 
     def add(self, record: Record) -> Record:
-        """Keep an evaluation and see it to the disk.
+        """Record an evaluation and sync it to the disk.
 
         Returns:
-            The evaluation that is kept: what another run has added to a shared file first stands.
+            The recorded evaluation; in a shared file the first one stays, even from another run.
         """
         if not self._shared:
             self._lines.append(record)
@@ -267,7 +266,7 @@ def _check_header(path: Path, header: Record) -> None:
 
 
 def check_fields(where: str, record: Record) -> None:
-    """Raise UserError for a record that is not as this program writes it."""
+    """Raise UserError for a record with other fields than this program writes."""
     for name, kinds in FIELDS.items():
         if name not in record or not isinstance(record[name], kinds):
             wanted = " or ".join("null" if k is type(None) else k.__name__ for k in kinds)
@@ -294,10 +293,10 @@ def _value(record: Record) -> str:
 
 
 def read(path: Path) -> dict[str, tuple[Record, str]]:
-    """Evaluations by key, each with its file and line, of a store or of a run folder.
+    """Read the evaluations of a store or a run folder by key, each with its file and line.
 
     Raises:
-        UserError: there are none, or two that disagree.
+        UserError: there are none, or two disagree.
     """
     if path.is_dir():
         files = [path / name for name in LOGS if (path / name).exists()]
@@ -316,10 +315,10 @@ def read(path: Path) -> dict[str, tuple[Record, str]]:
 
 
 def merged(found: Iterable[tuple[Record, str]]) -> dict[str, tuple[Record, str]]:
-    """Evaluations by key, those that are there twice once.
+    """Merge evaluations by key.
 
     Raises:
-        UserError: two that disagree; both are named.
+        UserError: two disagree; the message names both.
     """
     known: dict[str, tuple[Record, str]] = {}
     for record, where in found:
@@ -328,7 +327,7 @@ def merged(found: Iterable[tuple[Record, str]]) -> dict[str, tuple[Record, str]]
 
 
 def kinds_of(records: Iterable[Record]) -> dict[str, list[Record]]:
-    """Records by the name of their configuration."""
+    """Group records by the name of their configuration."""
     found: dict[str, list[Record]] = {}
     for record in records:
         found.setdefault(record["config"], []).append(record)
@@ -336,5 +335,5 @@ def kinds_of(records: Iterable[Record]) -> dict[str, list[Record]]:
 
 
 def write_store(path: Path, records: Sequence[Record]) -> None:
-    """A new store; whole or not at all."""
+    """Write a new store, whole or not at all."""
     write(path, (json.dumps(line, allow_nan=False) + "\n" for line in (HEADER, *records)))

@@ -1,4 +1,4 @@
-"""One net's way: trained once, then fine-tuned on several subsets of the real images.
+"""Trains a net once, then fine-tunes it on several subsets of the real images.
 
 The functions here run in worker processes; they are pure in their arguments.
 """
@@ -25,18 +25,18 @@ def transfer(
     chosen: Sequence[np.ndarray],
     real: LabelledImages,
 ) -> list[Result]:
-    """Train a net once, fine-tune it on each subset, test every one.
+    """Train a net once, fine-tune it on each subset, and test each result.
 
     Args:
-        start: what comes before the fine-tuning.
+        start: the training before the fine-tuning.
         fine: how the net is fine-tuned.
-        seed: of the streets and of all training.
-        images: to fine-tune on; their subsets are given by index.
-        chosen: i64[images of the subset] each.
+        seed: seed of the streets and of all training.
+        images: the images for fine-tuning.
+        chosen: indices of each subset, i64[images of the subset].
         real: images to test on.
 
     Returns:
-        One result a subset. The time of what comes before is in the first one.
+        One result per subset. The first one includes the time before the fine-tuning.
     """
     began = time.perf_counter()
     rendered, params = 0.0, None

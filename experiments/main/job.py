@@ -1,4 +1,4 @@
-"""The main job: search, choose, train the final nets, render the answer, report."""
+"""The main job: it searches, selects, trains the final nets, renders the answer and reports."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from shell.files import write, write_json
 
 
 def plan(config: MainConfig, _: Any = None) -> list[Work]:
-    """Rewards, candidates, and the nets of every row."""
+    """Plan rewards, candidates, and the nets of every row."""
     real = config.unlabelled is None
     few = config.few is not None
     nets = 3 * (1 + few) * config.seeds
@@ -38,10 +38,10 @@ def plan(config: MainConfig, _: Any = None) -> list[Work]:
 
 
 def scores(run: Run[MainConfig], _: Any) -> Report:
-    """Do the whole job, or what is left of it."""
+    """Do the whole job, or the rest of it."""
     config, target, folder = run.config, run.target, run.config.out
     recipe, seeds = run.recipe(config.final), paired_seeds(run)
-    # What the search does not decide fills its gaps; what it does, those of the export.
+    # Nets without learnt attributes fill gaps of the search, the others gaps of the export.
     run.runner.prefetch(jobs_of("final", training_sets(run, None), recipe, seeds, keeps=True))
     learnt = learn(run)
     final = jobs_of("final", training_sets(run, learnt.streets), recipe, seeds, keeps=True)
@@ -62,7 +62,7 @@ def scores(run: Run[MainConfig], _: Any) -> Report:
 
 
 def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
-    """Streets of each kind with their labels: some random and hand-set, all learnt ones, the real images."""
+    """Training images with labels to show: some random and hand-set streets, all learnt ones, real images."""
     config, fidelity = run.config, recipe.fidelity
     some = replace(fidelity, streets=min(fidelity.streets, 12), shots=min(fidelity.shots, 2))
     sets = {}
@@ -78,9 +78,9 @@ def _shown(run: Run[MainConfig], recipe: Recipe) -> dict[str, LabelledImages]:
 
 
 def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
-    """The learnt dataset, with every label the engine knows, in ``dataset/``.
+    """Write the learnt dataset with all of the engine's labels into ``dataset/``.
 
-    With ``--few`` a note beside it says how to train on it and on them.
+    With ``--few`` a note beside it says how to train on it and on the few images.
     `sdr-jax render` makes the same from the run's ``attributes.json`` and seed.
     """
     config, fidelity = run.config, recipe.fidelity
@@ -102,4 +102,4 @@ def export(run: Run[MainConfig], recipe: Recipe, streets: Streets) -> None:
 FORM = Form("summary", summary.derive, summary.text, {}, {"report.html": page.html})
 MAIN = Study(FORM, plan, scores)
 RUN = partial(do, MAIN)
-"""What `sdr-jax cityscapes`, `sdr-jax camvid` and `sdr-jax labelmefacade` do."""
+"""The study of `sdr-jax cityscapes`, `sdr-jax camvid` and `sdr-jax labelmefacade`."""

@@ -1,7 +1,7 @@
-"""What a run's report shows beside figures: streets, the images that nets are worst on, confusions.
+"""Pictures of a run's report: streets, test images with the worst results, confusions.
 
 ``pictures/`` holds images as JPEG and labels as PNG in the colours of their classes; ``seen.json``, written
-last, says what is what.
+last, describes them.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from shell.files import naming, write, write_json
 from shell.lines import Record
 
 SHOWN = 6
-"""Streets of each set, and test images."""
+"""Numbers of streets of each set, and of test images."""
 PICTURES, INDEX = "pictures", "seen.json"
-"""Of the run folder: what is shown; the file that says what is what."""
+"""Names in the run folder: the pictures, and the file that describes them."""
 
 
 def search(folder: Path, found: Found) -> None:
-    """The policy after every update, f32[updates, attributes, bins], and what a model expected before it."""
+    """Write the policy after every update, f32[updates, attributes, bins], and the model's expectations."""
     kept = {"probabilities": found.probabilities, "expected": found.expected}
     for name, values in kept.items():
         if values is not None:
@@ -39,12 +39,12 @@ def search(folder: Path, found: Found) -> None:
 
 
 def show(run: Run[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]) -> None:
-    """Write all pictures, and the file that says what is what.
+    """Write all pictures, and the file that describes them.
 
     Args:
-        run: its final nets are done.
-        test: what they were tested on.
-        sets: what some were trained on, by row, labels in the target's classes.
+        run: the run, whose final nets are done.
+        test: the test images.
+        sets: training sets by row, with labels in the target's classes.
     """
     folder, table = run.config.out / PICTURES, class_table(run.target.table)
     kept = _kept(run.config.out, run.finals.records)
@@ -60,15 +60,15 @@ def show(run: Run[Any], test: LabelledImages, sets: Mapping[str, LabelledImages]
 
 
 def shares(labels: np.ndarray, classes: int) -> dict[str, Any]:
-    """How much of the labelled pixels is of each class, and how far down the image these lie on average.
+    """Each class's share of the labelled pixels, and its mean row.
 
     Args:
         labels: u8[n, h, w], 255 for void.
-        classes: of the table.
+        classes: number of classes in the table.
 
     Returns:
-        How many ``images``; ``pixels`` in percent; ``row``, 0 at the top, 100 at the bottom, None for classes
-        that are absent.
+        The number of ``images``; ``pixels`` in percent; ``row``, 0 at the top, 100 at the bottom, None for
+        absent classes.
     """
     height = labels.shape[1]
     lines = 256 * np.arange(height)[:, None]
@@ -86,7 +86,7 @@ def shares(labels: np.ndarray, classes: int) -> dict[str, Any]:
 
 
 def _kept(folder: Path, records: Sequence[Record]) -> dict[str, list[Predictions]]:
-    """What the final nets of each row left, in the order of the seeds, as far as they did."""
+    """The kept predictions of each row's final nets, in the order of the seeds."""
     found: dict[str, dict[int, Predictions]] = {}
     for line in records:
         if line.get("nets") == "final" and (own := load(file_of(folder, line["key"]))) is not None:
@@ -95,7 +95,7 @@ def _kept(folder: Path, records: Sequence[Record]) -> dict[str, list[Predictions
 
 
 def _confusion(kept: Sequence[Predictions]) -> dict[str, Any]:
-    """Pixels over all nets of a row; row: true class."""
+    """The confusion matrix in pixels over all nets of a row; row: true class."""
     total = np.sum([own.confusion for own in kept], axis=0)
     return {"nets": len(kept), "pixels": total.tolist()}
 
@@ -103,7 +103,7 @@ def _confusion(kept: Sequence[Predictions]) -> dict[str, Any]:
 def _streets(
     folder: Path, name: str, own: LabelledImages, table: ClassTable
 ) -> list[dict[str, str]]:
-    """Some images of a set, spread evenly, with their labels."""
+    """Write some images of a set, spread evenly, with their labels."""
     chosen = np.linspace(0, len(own.images) - 1, min(SHOWN, len(own.images))).astype(int)
     return [
         {
@@ -117,7 +117,7 @@ def _streets(
 def _worst(
     folder: Path, test: LabelledImages, kept: Mapping[str, Sequence[Predictions]], table: ClassTable
 ) -> dict[str, Any] | None:
-    """The test images that the first net on learnt streets is worst at, and every row's predictions there."""
+    """Write the test images worst for the first net on learnt streets, and every row's predictions."""
     first = {row: own[0] for row, own in kept.items() if own[0].predictions is not None}
     best = next((row for row in ("few+learnt", "learnt", *first) if row in first), None)
     if best is None:

@@ -25,13 +25,13 @@ TRAINED_ON = {
     **few.TRAINED_ON,
     "real": "the reward images themselves",
 }
-"""What the nets of each row of the result were trained on."""
+"""The training sets of the result's rows."""
 ROWS = tuple(row for row in TRAINED_ON if row not in few.TRAINED_ON)
-"""Those of a target whose reward images have labels (else none is ``real``); ``--few`` adds others."""
+"""Rows of a target with labelled reward images (otherwise without ``real``); ``--few`` adds others."""
 
 
 def scores(run: Run[Any], rows: dict[str, list[Result]], learnt: Learnt) -> Report:
-    """All that is measured; scores in percent, unit values in [0, 1]."""
+    """All measurements; mIoU in percent, unit values in [0, 1]."""
     config, target = run.config, run.target
     lines = each(run.evaluations.records + run.finals.records)
     return {
@@ -54,10 +54,10 @@ def scores(run: Run[Any], rows: dict[str, list[Result]], learnt: Learnt) -> Repo
 
 
 def derive(report: Report) -> Report:
-    """The report with means, intervals, two gains, and what the twin shows to be recovered.
+    """Add means, intervals, two gains, and the recovery of the twin's attributes to the report.
 
-    ``random``, ``default`` and ``learnt`` also stand at the top, but not ``real``, which there says whether
-    the target is real data.
+    ``random``, ``default`` and ``learnt`` are also at the top level, but ``real`` there says whether the
+    target is real data.
     """
     rows = {row: _row(own, report["classes"]) for row, own in report["nets"].items()}
     gains = {
@@ -95,9 +95,9 @@ def _row(own: list[Report | None], classes: list[str]) -> Report:
 
 
 def _recovery(report: Report) -> Report:
-    """How far the learnt centres are from the twin's hidden ones, in unit values.
+    """The distances of the learnt centres from the twin's hidden ones, in unit values.
 
-    Of the attributes that both have: either may be of the smaller space, whose attributes come first in both.
+    They are those of common attributes: either space may be the smaller one, whose attributes come first.
     """
     rows = [(row["share"], row["attributes"]) for row in report["components"]]
     hidden = np.array(report["hidden_centres"])[: len(rows[0][1])]

@@ -1,6 +1,6 @@
 """CVAT's "Segmentation mask 1.1": coloured masks with ``labelmap.txt`` in a zip file, to upload to a task.
 
-Source: docs.cvat.ai, "Segmentation mask". The names of images in the task must be those of the masks.
+Source: docs.cvat.ai, "Segmentation mask". Images of the task and masks must have the same names.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ BACKGROUND = "background"
 
 
 def colors_of(classes: Sequence[LabelClass]) -> Colors:
-    """RGB of each class: its own where all differ and none is black, else PASCAL VOC's."""
+    """RGB of each class: its own if all differ and none is black, otherwise PASCAL VOC's."""
     own = [each.color for each in classes]
     if len(set(own)) < len(own) or (0, 0, 0) in own:
         own = [each.color for each in label_classes([each.name for each in classes])]
@@ -30,7 +30,7 @@ def colors_of(classes: Sequence[LabelClass]) -> Colors:
 
 
 def names_of(classes: Sequence[LabelClass]) -> list[str]:
-    """Names as a label map can hold them: without colons, which divide its fields."""
+    """Names for a label map, without colons, which divide its fields."""
     return [" ".join(each.name.replace(":", " ").split()) for each in classes]
 
 
@@ -45,19 +45,19 @@ def label_map(classes: Sequence[LabelClass]) -> str:
 
 
 def constructor(classes: Sequence[LabelClass]) -> str:
-    """The labels of a task, for the field "Raw" of CVAT's form: a list of names and colours in JSON."""
+    """The labels of a task for the field "Raw" of CVAT's form: a list of names and colours in JSON."""
     colors = ("#" + bytes(color).hex() for color in colors_of(classes))
     rows = zip(names_of(classes), colors, strict=True)
     return json.dumps([{"name": n, "color": c, "attributes": []} for n, c in rows], indent=1) + "\n"
 
 
 def archive(images: Iterable[tuple[str, np.ndarray]], classes: Sequence[LabelClass]) -> bytes:
-    """The zip file.
+    """Make the zip file.
 
     Args:
-        images: name without its ending, and u8[h, w] places in ``classes``, 255 for none; each class of an
+        images: name without suffix, and u8[h, w] indices of ``classes``, 255 for none; each class of an
             image becomes one object.
-        classes: of the labels.
+        classes: classes of the labels.
     """
     colors = colors_of(classes)
     objects = [own.color for own in label_classes([""] * len(classes))]
@@ -65,7 +65,9 @@ def archive(images: Iterable[tuple[str, np.ndarray]], classes: Sequence[LabelCla
     with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as file:
 
         def add(name: str, content: bytes | str) -> None:
-            file.writestr(zipfile.ZipInfo(name), content)  # of one time: the same bytes each time
+            file.writestr(
+                zipfile.ZipInfo(name), content
+            )  # with a fixed time the bytes are the same
 
         add("labelmap.txt", label_map(classes))
         for name, labels in images:

@@ -1,4 +1,4 @@
-"""What `sdr-jax predict --rank` leaves beside label pictures: the order, and files for annotation tools."""
+"""The files of `sdr-jax predict --rank` beside label pictures: the order, and files for annotation tools."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ STUDIO, STUDIO_LABELS = "label_studio.json", "label_studio.xml"
 
 
 class Ranked(NamedTuple):
-    """An image in its place."""
+    """An image of the order."""
 
-    name: str  # of its results, without an ending
-    file: str  # below the folder above the images
-    uncertainty: float  # in [0, 1], 0 for a net that is sure of all pixels
+    name: str  # of its results, without suffix
+    file: str  # its path below the parent of the images' folder
+    uncertainty: float  # in [0, 1], 0 for certainty in all pixels
     labels: Path  # its PNG of ids
 
 
@@ -35,13 +35,13 @@ def write_files(out: Path, ranked: Sequence[Ranked], first: int, model: Model) -
 
     Args:
         out: the folder.
-        ranked: in the order in which they are to be labelled.
-        first: images that get pre-labels in the tools' files.
-        model: that made the labels.
+        ranked: the images in the order of labelling.
+        first: number of images with pre-labels in the tools' files.
+        model: the model that made the labels.
 
     Raises:
         UserError: a label picture is damaged.
-        OSError: a file cannot be written, with its name.
+        OSError: a file cannot be written; the error names it.
     """
     classes, some = model.classes, ranked[:first]
     rows = ((k, own.file, f"{own.uncertainty:.6f}") for k, own in enumerate(ranked, 1))
@@ -55,13 +55,13 @@ def write_files(out: Path, ranked: Sequence[Ranked], first: int, model: Model) -
     )
     write(out / STUDIO, label_studio.tasks(tasks, classes, f"sdr-jax {model.digest[:8]}"))
     write(out / STUDIO_LABELS, label_studio.interface(classes))
-    write(out / RANKING, table.getvalue())  # the last: where it is, the others are
+    write(out / RANKING, table.getvalue())  # last, since it marks the others as done
 
 
 def _labelled(
     ranked: Sequence[Ranked], classes: Sequence[LabelClass]
 ) -> Iterator[tuple[str, np.ndarray]]:
-    """Names, and places of classes u8[h, w] from the pictures of ids."""
+    """Names, and indices of classes u8[h, w] from the pictures of ids."""
     place = np.full(2**16, IGNORE_LABEL, np.uint8)
     place[[own.id for own in classes]] = np.arange(len(classes))
     for own in ranked:

@@ -1,9 +1,9 @@
-"""Label Studio's tasks with brush predictions, and the labelling interface that they fit.
+"""Label Studio's tasks with brush predictions, and their labelling interface.
 
-A brush mask is the picture's RGBA bytes, 0 or 255, run by run: 32 bits of their number, 5 of the size of a
-value less 1, four times 4 of the sizes of lengths less 1; then for each run a bit 1, 2 bits that choose a
-size, the length less 1, and the value. Sources: labelstud.io, "Import pre-annotations" and "BrushLabels";
-the package rle-pack of thi.ng/umbrella for the runs.
+A brush mask encodes the picture's RGBA bytes, 0 or 255, as runs: 32 bits for their number, 5 for the size of
+a value less 1, four times 4 for the sizes of lengths less 1; then for each run a bit 1, 2 bits that choose a
+size, the length less 1, and the value. Sources: labelstud.io, "Import pre-annotations" and "BrushLabels"; the
+package rle-pack of thi.ng/umbrella for the runs.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from experiments.prelabels.cvat import colors_of
 from seg.model import LabelClass
 
 SIZES = (3, 4, 8, 16)
-"""Bits that lengths of runs may have."""
+"""Sizes of lengths of runs in bits."""
 CHANNELS = 4
 LABEL, IMAGE = "label", "image"
 """Names of the two parts of the interface."""
@@ -30,12 +30,12 @@ class Task(NamedTuple):
     """An image with its pre-labels."""
 
     file: str  # below the folder that Label Studio serves
-    labels: np.ndarray  # u8[h, w], places of classes
-    score: float  # in [0, 1], the lower, the less sure is the net
+    labels: np.ndarray  # u8[h, w], indices of classes
+    score: float  # in [0, 1], lower for a less certain net
 
 
 def runs(mask: np.ndarray) -> list[int]:
-    """The bytes of a brush mask, from bool[h, w]."""
+    """The bytes of a brush mask from bool[h, w]."""
     flat = mask.ravel()
     starts = np.concatenate([[0], np.flatnonzero(np.diff(flat)) + 1])
     lengths = CHANNELS * np.diff(np.append(starts, flat.size))
@@ -53,7 +53,7 @@ def runs(mask: np.ndarray) -> list[int]:
 
 
 def interface(classes: Sequence[LabelClass]) -> str:
-    """The labelling interface: paste it under Settings, Labeling Interface, Code."""
+    """The labelling interface; the user pastes it under Settings, Labeling Interface, Code."""
     rows = zip((own.name for own in classes), colors_of(classes), strict=True)
     labels = [
         f"    <Label value={quoteattr(name)} background={quoteattr('#' + bytes(color).hex())}/>"
@@ -71,12 +71,12 @@ def interface(classes: Sequence[LabelClass]) -> str:
 
 
 def tasks(own: Iterable[Task], classes: Sequence[LabelClass], model: str) -> Iterator[str]:
-    """The file of tasks, in pieces; images are served as local files.
+    """Yield the file of tasks in pieces; images are served as local files.
 
     Args:
-        own: in the order in which they are to be labelled.
-        classes: of their labels.
-        model: that made the labels, in a word.
+        own: the tasks in the order of labelling.
+        classes: classes of their labels.
+        model: name of the model that made the labels.
     """
     yield "["
     for number, task in enumerate(own):

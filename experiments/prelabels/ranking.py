@@ -1,4 +1,4 @@
-"""The order in which images are to be labelled: what a net said of each, kept in a file, and what follows."""
+"""The order of images for labelling, from a net's uncertainties in a file."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from shell.errors import UserError
 from shell.lines import CURE, JsonLines
 
 SCORES = "scores.jsonl"
-"""How unsure a net is of each image."""
+"""File of the net's uncertainty about each image."""
 
 
 def refuse_unranked(
     sources: Sequence[Source], how: As | None, probabilities: bool, rank: int
 ) -> As:
-    """How label pictures are written beside a ranking; UserError for what cannot be ranked."""
+    """The format of label pictures beside a ranking; UserError for images that cannot be ranked."""
     if rank < 1:
         raise UserError(f"--first must be 1 or more, not {rank}")
     if how not in (None, "ids") or probabilities:
@@ -34,17 +34,17 @@ def refuse_unranked(
 
 
 class Scores:
-    """How unsure the net is of each image, in a file that outlives a kill.
+    """The net's uncertainty about each image, in a file that outlives a kill.
 
     Args:
         path: the file.
-        classes: that the net tells apart.
+        classes: the net's number of classes.
 
     Attributes:
-        known: by name of the image.
+        known: uncertainties by name of the image.
 
     Raises:
-        UserError: a line that is no score.
+        UserError: a line is no score.
     """
 
     def __init__(self, path: Path, classes: int) -> None:
@@ -61,7 +61,7 @@ class Scores:
         raise UserError(f"{self._lines.where(number)} is no score; {CURE}")
 
     def add(self, found: Mapping[str, Uncertainty]) -> None:
-        """Keep the scores of some images; rounded, so that a stop changes no order."""
+        """Record the scores of some images, rounded, so that a stop does not change the order."""
         rounded = {
             name: Uncertainty(round(own.margin, 6), tuple(round(v, 6) for v in own.layout))
             for name, own in found.items()
@@ -77,14 +77,14 @@ def ranked(
     labels: Callable[[str], Path],
     first: int,
 ) -> list[Ranked]:
-    """All images in the order in which they are to be labelled.
+    """Order all images for labelling.
 
     Args:
-        sources: of the images.
-        scores: of each.
-        images: their folder, or the one file.
-        labels: the label picture of a name.
-        first: that are labelled together.
+        sources: the images.
+        scores: the score of each.
+        images: their folder, or the single file.
+        labels: gives the label picture of a name.
+        first: number of images that are labelled together.
     """
     base = Path(images.resolve().name)
     return [

@@ -1,1 +1,1 @@
-"""Every recorded result, made by one command from one commit."""
+"""Makes every recorded result by one command from one commit."""

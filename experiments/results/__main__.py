@@ -1,12 +1,11 @@
-"""Makes every recorded result from one commit, and the page that tells them: `make results`.
+"""Makes every recorded result and their page from one commit: `make results`.
 
     sdr-jax results --data CAMVID                    # all; hours on two cores
     sdr-jax results --data CAMVID --only labels-0006R0 --docs docs
-    sdr-jax results --data CAMVID --preset smoke     # all of it, tiny: worth nothing
+    sdr-jax results --data CAMVID --preset smoke     # all of it, tiny: only a trial
 
-Each part is a command of its own in a folder of its own, in the order of the page; all share a store, so
-nothing is scored twice. Kill it at any moment; the same command goes on where it was. A folder that was
-begun at another commit is refused.
+Each part is a command with its own folder, in the order of the page; all share a store, so that nothing is
+evaluated twice. The same command continues a killed run. A folder from another commit is refused.
 """
 
 from __future__ import annotations
@@ -24,24 +23,24 @@ from shell.flags import add_flag, filled, flags_of
 
 @dataclass(frozen=True, kw_only=True)
 class ResultsConfig:
-    """What is made, and where."""
+    """The parts to make, and their folders."""
 
     data: Path | None = None
     """CamVid in the SegNet distribution."""
     out: Path = Path("runs/results")
     """Folder of all runs."""
     store: Path | None = None
-    """File of evaluations that runs share, in place of OUT/store.jsonl: what it knows is not scored again."""
+    """File of evaluations that runs share, instead of OUT/store.jsonl; known ones are not made again."""
     docs: Path | None = None
     """Also write results.md, with pictures and reports in results/, into this folder."""
     only: tuple[str, ...] = NAMES
-    """The parts."""
+    """The parts to make."""
     preset: Literal["smoke", "quick"] = "quick"
     """How much is spent."""
     weights: Path | None = None
-    """VGG16's, from `sdr-jax weights convert`: FCN8s and DeepLabv2 join the table, two hours more."""
+    """VGG16's weights from `sdr-jax weights convert`, which add FCN8s and DeepLabv2 (two hours)."""
     searches: int = 5
-    """Searches of each method, and twins."""
+    """Number of searches of each method, and of twins."""
 
 
 def main(arguments: list[str] | None = None) -> int:

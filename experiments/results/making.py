@@ -1,4 +1,4 @@
-"""The loop that makes the results: part after part, each once."""
+"""The loop that makes the parts of the results, each once."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from shell.files import read_json, write_json
 from shell.progress import duration
 
 PARTS = "parts.json"
-"""By part: seconds of all attempts, and whether it is done."""
+"""File with each part's seconds of all attempts, and whether it is done."""
 TICK = 10.0
-"""Seconds between two notes of how long a command has run, so that a kill loses no more."""
+"""Seconds between two records of a command's time; a kill loses no more."""
 
 Runner = Callable[[Sequence[str], Callable[[], None]], int]
-"""Runs a command, calls the second argument now and then; returns the command's exit code."""
+"""Runs a command, calls the second argument regularly, and returns the exit code."""
 
 
 def _run(command: Sequence[str], note: Callable[[], None]) -> int:
@@ -36,10 +36,10 @@ def _run(command: Sequence[str], note: Callable[[], None]) -> int:
 
 
 def commit() -> str:
-    """The commit of the program, with a word where it was changed since.
+    """The commit of the program, with a word if it was changed since.
 
     Raises:
-        UserError: there is no checkout, so nothing could be said of where figures are from.
+        UserError: there is no checkout, so the origin of figures would be unknown.
     """
 
     def git(*words: str) -> str:
@@ -54,7 +54,7 @@ def commit() -> str:
 
 
 def _work(store: Path) -> str:
-    """What the nets of a store took, whichever runs they are from."""
+    """The core time of the nets in a store, from all runs."""
     if not store.exists():
         return ""
     nets = [result_of(record) for record, _ in read(store).values()]
@@ -69,20 +69,20 @@ def make(
     store: Path | None = None,
     run: Runner = _run,
 ) -> list[str]:
-    """Do parts that are not done, one after the other; write the page after each.
+    """Make the missing parts one after the other; write the page after each.
 
     Args:
-        wanted: in this order.
+        wanted: the parts in order.
         out: folder of all runs.
-        docs: where else the page goes, with its pictures.
-        store: of evaluations, in place of the folder's own; what it knows is not scored again.
-        run: does one of their commands.
+        docs: second folder for the page with its pictures.
+        store: store of evaluations instead of the folder's own; known evaluations are not made again.
+        run: runs a part's command.
 
     Returns:
-        The names of the parts that are done.
+        The names of the finished parts.
 
     Raises:
-        UserError: a part failed, or the folder was begun at another commit.
+        UserError: a part failed, or the folder is from another commit.
     """
     at = commit()
     shared = " What the shared store held took this run no time." if store else ""
@@ -93,7 +93,7 @@ def make(
         known = read_json(out / PARTS) if (out / PARTS).exists() else {}
 
         def attempt(part: Part) -> int:
-            """Run its command; how long that took is in the file as it goes."""
+            """Run its command, and record its time in the file meanwhile."""
             started = time.perf_counter()
             before = known.get(part.name, {"seconds": 0.0})["seconds"]
 

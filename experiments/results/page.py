@@ -1,4 +1,4 @@
-"""The page of all results: every part's command, table and picture, from its own report."""
+"""The page of all results: every part's command, table and picture from its report."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ NAME = "results.md"
 def write(
     parts: Sequence[Part], times: Mapping[str, float], origin: str, out: Path, docs: Path | None
 ) -> None:
-    """Write the page into the folder of the runs and, with what it shows, into another.
+    """Write the page into the folder of the runs and, with its pictures, into another.
 
     Args:
-        parts: in the order of the page.
-        times: seconds that the finished ones took, by name.
-        origin: commit of the program, and what all of it took; ends a sentence.
+        parts: the parts in the order of the page.
+        times: seconds of the finished parts by name.
+        origin: commit of the program and the total time, as the end of a sentence.
         out: folder of all runs.
-        docs: where else; pictures and reports go into ``results/`` there.
+        docs: the other folder; its pictures and reports go into ``results/``.
     """
     files.write(out / NAME, text(parts, times, origin, out))
     if docs is None:

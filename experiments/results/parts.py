@@ -1,4 +1,4 @@
-"""The parts of the results, each a command of its own."""
+"""The parts of the results, each of which is a command."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 HOLDOUT, OTHER = "0006R0", "0001TP"
-"""The sequence that is reported on, and another that stands in its place once."""
+"""The held-out sequence, and another one that replaces it once."""
 
 
 class Part(NamedTuple):
@@ -15,23 +15,23 @@ class Part(NamedTuple):
 
     name: str  # of its folder
     title: str
-    asks: str  # what it tells, in a sentence
+    asks: str  # its question in a sentence
     module: str
     flags: tuple[str, ...]
 
     @property
     def study(self) -> str:
-        """Its files are called so."""
+        """The study, after which its files are named."""
         return self.module.rpartition(".")[2]
 
     @property
     def command(self) -> tuple[str, ...]:
-        """What is run, but for where it writes."""
+        """The command without its output folder."""
         return ("python", "-m", self.module, *self.flags)
 
     @property
     def shown(self) -> str:
-        """The command for people; where the data and the weights lie is theirs to know."""
+        """The command for people, without the paths of data and weights."""
         words = ["sdr-jax", "study", self.study, *self.flags]
         for flag, word in (("--data", "DIR"), ("--weights", "FILE")):
             if flag in words:
@@ -45,35 +45,35 @@ SEARCH = (
     "--search.datasets-per-update",
     "2",
 )
-"""Of every search: 90 rewards in place of the preset's 288."""
+"""Flags of every search: 90 rewards instead of the preset's 288."""
 LARGE = (
     "--final.width", "480", "--final.height", "360", "--final.streets", "100", "--final.shots", "4",
     "--final.samples", "2",
 )  # fmt: skip
-"""Final nets, but of studies that compare searches: those are as large as rewards, as the preset has them."""
+"""Flags of final nets; in studies that compare searches, nets have the size of rewards, as in the preset."""
 
 METHODS = (
     "random_attributes", "random_search", "attribute_descent", "sdr", "surrogate", "intervals",
 )  # fmt: skip
-"""That are compared."""
+"""The compared methods."""
 NAMES = (
     "searches", f"labels-{HOLDOUT}", f"labels-{OTHER}", "table", "pretrain", "ablation", "assets",
     "compare", "fidelity", "sensitivity", "twins",
 )  # fmt: skip
-"""Of all parts."""
+"""Names of all parts."""
 
 
 def parts(
     data: Path, out: Path, preset: str, searches: int, weights: Path | None = None
 ) -> list[Part]:
-    """Every part, in the order of the page.
+    """Make every part in the order of the page.
 
     Args:
-        data: CamVid.
-        out: folder of all runs; where a part wants learnt attributes, they are those of its first search.
-        preset: of all commands.
-        searches: of each method, and twins.
-        weights: VGG16's, with which FCN8s and DeepLabv2 join the table.
+        data: the folder of CamVid.
+        out: folder of all runs; parts take learnt attributes from the first search in it.
+        preset: preset of all commands.
+        searches: number of searches of each method, and of twins.
+        weights: VGG16's weights, which add FCN8s and DeepLabv2 to the table.
     """
     size = ("--preset", preset)
     extended = (*size, "--space", "extended")
@@ -83,14 +83,14 @@ def parts(
     def study(name: str, module: str, title: str, asks: str, *flags: str) -> Part:
         return Part(name, title, asks, f"experiments.{module}", flags)
 
-    # By its plan all of it takes two cores 18 hours; the smoke preset is small by itself.
+    # The plans take 18 hours on two cores; the smoke preset is small already.
     quick = preset == "quick"
     budget = SEARCH if quick else ()
     large = LARGE if quick else ()
     three = ("--seeds", "3") if quick else ()
     fractions = ("--fractions", "0.05", "0.25", "1") if quick else ()
     images = ("--images", "90", "180", "450", "900") if quick else ()
-    # The smoke preset's four are too few for sdr's groups.
+    # The smoke preset's four evaluations are too few for sdr's groups.
     evaluations = ("--evaluations", "48" if quick else "12")
     vgg = ("fcn8s", "deeplabv2", "--weights", str(weights)) if weights else ()
     nets = ("lite0", "compact", *vgg)

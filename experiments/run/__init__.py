@@ -1,1 +1,1 @@
-"""A job under way: its context, the search, the final nets."""
+"""A running job: its context, the search, the final nets."""

@@ -1,10 +1,10 @@
-"""One job under way: its configuration, target, workers, folder, store and progress.
+"""The context of a running job: its configuration, target, workers, folder, store and progress.
 
     with opened(config) as run:
         run.begin([Work.at("nets", count, config.final)])
         results = run.runner.test(jobs)
 
-A job that is started again does what is left: everything that was evaluated is in its folder.
+A restarted job does the rest, since its folder holds all evaluations so far.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from shell.files import parse_json
 from shell.progress import Progress, Stage, duration
 
 PACKAGES = ("sdr-jax", "trimesh", "pyrender")
-"""Whose versions ``config.json`` holds, beside those that decide evaluations."""
+"""Packages with versions in ``config.json``, beside those that decide evaluations."""
 FREE_FIELDS = ("out", "workers", "executor", "scheduler", "store")
 """Fields that may differ when a job is continued."""
 AnyConfig = TypeVar("AnyConfig", bound=Config)
@@ -48,22 +48,22 @@ class Work(NamedTuple):
     what: str  # such as "rewards of the search"
     nets: int
     fidelity: Fidelity
-    seconds: float  # of a CPU, each, about
+    seconds: float  # approximate CPU seconds of each
 
     @classmethod
     def at(cls, what: str, nets: int, fidelity: Fidelity) -> Work:
-        """Nets that are trained on a rendered dataset."""
+        """Nets that are trained on rendered datasets."""
         return cls(what, nets, fidelity, cost_of(fidelity))
 
     @property
     def cost(self) -> float:
-        """Of all of it, in the units of ``cost_of``."""
+        """The total cost in the units of ``cost_of``."""
         return self.nets * self.seconds
 
 
 @dataclass
 class Run(Generic[AnyConfig]):
-    """All that a job works with."""
+    """Everything that a job works with."""
 
     config: AnyConfig
     target: Target
@@ -78,7 +78,7 @@ class Run(Generic[AnyConfig]):
     made_with: MadeWith = ()
     """Backend and versions of its workers."""
     runner: Runner = field(init=False)
-    """Who makes its evaluations."""
+    """It makes the job's evaluations."""
 
     def __post_init__(self) -> None:
         self.runner = Runner(
@@ -87,18 +87,18 @@ class Run(Generic[AnyConfig]):
         )  # fmt: skip
 
     def recipe(self, fidelity: Fidelity, **pool: Any) -> Recipe:
-        """How nets are made at a fidelity; fields of the pool of assets may be changed."""
+        """The recipe of nets at a fidelity; fields of the pool of assets may be changed."""
         config = self.config
         assets = config.pool._replace(**pool)
         table, own = self.target.table, self.made_with
         return Recipe(fidelity, table, config.renderer, assets, made_with=own)
 
     def images(self, fidelity: Fidelity, side: Side) -> LabelledImages:
-        """The target's images of a side, at a fidelity's size."""
+        """The target's images of a side at a fidelity's size."""
         return self.target.at(fidelity.height, fidelity.width)[side]
 
     def begin(self, plan: Sequence[Work]) -> None:
-        """Say what is about to be done and how long it takes, and count it from here."""
+        """Print the plan with its time, and count progress from here."""
         label = "" if self.target.real else f"{self.target.name}, not real | "
         lines = self.evaluations.records + self.finals.records
         elapsed = max((line.get("elapsed", 0.0) for line in lines), default=0.0)
@@ -117,7 +117,7 @@ class Run(Generic[AnyConfig]):
             )
 
     def _held(self, store: Store) -> str:
-        """How many evaluations a store holds, and how many of them this run may take."""
+        """The number of evaluations in a store, and of those that this run may use."""
         ours = sum(record.get(FIELD) == dict(self.made_with) for record in store.records)
         others = len(store) - ours
         note = f", {others} of them made with other backends or versions" if others else ""
@@ -125,7 +125,7 @@ class Run(Generic[AnyConfig]):
 
 
 def plan_text(plan: Sequence[Work], workers: int) -> str:
-    """What is to be done, one line a kind, from which weights, and how long all of it takes, about."""
+    """The plan in words: one line per kind of net, the weights, and the approximate time."""
     lines = ["Plan, in CPU seconds:"]
     for what, nets, fidelity, seconds in plan:
         train = fidelity.train
@@ -141,13 +141,13 @@ def plan_text(plan: Sequence[Work], workers: int) -> str:
 
 
 def _refuse_former(out: Path) -> None:
-    """Raise UserError for the folder of a run with candidates that are none any more."""
+    """Raise UserError for the folder of a run with candidates of an earlier version."""
     file, known = out / folder.CONFIG, get_args(Candidate)
     try:
         stored = parse_json(file.read_bytes())["candidates"]
         gone = [str(name) for name in stored if name not in known]
     except (OSError, ValueError, KeyError, TypeError):
-        return  # no folder of a run that selects, which `folder.refuse_foreign` says
+        return  # `folder.refuse_foreign` reports folders without a selection
     if gone:
         raise UserError(
             f"{file}: candidates holds {gone[0]!r}, which an earlier version had; now there are "
@@ -156,7 +156,7 @@ def _refuse_former(out: Path) -> None:
 
 
 def workers_for(config: Config) -> Workers:
-    """Who renders and trains: one process at least, since no net is to be trained in JAX's callback."""
+    """The workers: at least one process, since nets must not train in JAX's callback."""
     workers = max(config.workers, 1)
     return workers_of(config.executor, workers, config.scheduler, worker_environment())
 
@@ -167,16 +167,15 @@ def opened(
     refuse: Callable[[Target], None] | None = None,
     find: Callable[[AnyConfig, Workers], Target] = named_target,
 ) -> Iterator[Run[AnyConfig]]:
-    """Open all that a job works with; close it afterwards.
+    """Open everything that a job works with, and close it afterwards.
 
     Args:
-        config: the job, its fields checked.
-        refuse: raises UserError for what cannot be done on this target. Whatever the user got wrong
-            shows before the folder is made.
-        find: the target of the job.
+        config: the configuration with checked fields.
+        refuse: raises UserError for a job that does not fit this target, before the folder is made.
+        find: finds the target of the job.
 
     Raises:
-        UserError, DataError: what a user can get wrong.
+        UserError, DataError: errors of the user.
     """
     try:
         renderer(config.renderer)
@@ -192,7 +191,7 @@ def opened(
             refuse(target)
         store = None if config.store is None else Store(config.store, shared=True)
         title = f"Target: {target.title}"
-        if not target.real:  # rendering it takes a while; say at once that it is not real
+        if not target.real:  # rendering it takes a while, so this is said first
             print(title, flush=True)
         target.at(config.reward.height, config.reward.width)
         if target.real:

@@ -1,4 +1,4 @@
-"""A few labelled images beside every training set: what nets are then trained on, and the rows they add."""
+"""A few labelled images beside every training set, and the rows that they add."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from seg.beside import TrainingSet
 from seg.data import LabelledImages
 
 FEW = "few"
-"""The row of nets that are trained on the few images alone; ``few+ROW`` has those of ROW, too."""
+"""The row of nets that are trained on the few images alone; ``few+ROW`` adds the images of ROW."""
 TRAINED_ON = {
     FEW: "the few labelled images alone",
     "few+random": "the few and random attributes",
     "few+default": "the few and hand-set attributes",
     "few+learnt": "the few and learnt attributes",
 }
-"""What the nets of these rows were trained on."""
+"""The training sets of these rows."""
 
 
 def beside(run: Run[Any], fidelity: Fidelity, rendered: Source) -> Source:
-    """A rendered set as the job trains on it: with the few labelled images, if it was given any."""
+    """A rendered set with the few labelled images, if the job has any."""
     if not run.target.few_names:
         return rendered
     share = run.config.few_share
@@ -33,7 +33,7 @@ def beside(run: Run[Any], fidelity: Fidelity, rendered: Source) -> Source:
 
 
 def rows(run: Run[Any], rendered: Mapping[str, Source], fidelity: Fidelity) -> dict[str, Source]:
-    """The few images alone, and beside each rendered set; nothing where there are none."""
+    """The few images alone, and beside each rendered set; nothing without few images."""
     if not run.target.few_names:
         return {}
     few: dict[str, Source] = {FEW: run.images(fidelity, "few")}
@@ -41,20 +41,20 @@ def rows(run: Run[Any], rendered: Mapping[str, Source], fidelity: Fidelity) -> d
 
 
 def images_of(source: Source, fidelity: Fidelity) -> int:
-    """Images that a net of a fidelity is trained on, each counted once."""
+    """The number of different images on which a net of a fidelity is trained."""
     if isinstance(source, LabelledImages):
         return len(source.images)
     return fidelity.images + (count_of(source.parts[1]) if isinstance(source, TrainingSet) else 0)
 
 
 def about(run: Run[Any]) -> Report:
-    """What a report says of the few images."""
+    """The report's fields on the few images."""
     names = run.target.few_names
     return {"few_images": list(names), "few_share": run.config.few_share} if names else {}
 
 
 def gains(rows: Mapping[str, Report]) -> Report:
-    """What learnt renders add to the few images, and what they are ahead of other renders beside them."""
+    """The gains of learnt renders over the few images alone, and over other renders beside them."""
     if FEW not in rows:
         return {}
     ours = rows[f"{FEW}+learnt"]["miou"]
@@ -64,7 +64,7 @@ def gains(rows: Mapping[str, Report]) -> Report:
 
 
 def words(report: Report, row: str, trained_on: Mapping[str, str]) -> str:
-    """What a row was trained on, with the number of the few images."""
+    """The training set of a row in words, with the number of the few images."""
     count = len(report.get("few_images", ()))
     if count == 0:
         return trained_on[row]

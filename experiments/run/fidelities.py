@@ -1,4 +1,4 @@
-"""From a reward's size to the final one: the fidelity between, and all three."""
+"""The fidelities from a reward's size to the final one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from experiments.config import Fidelity
 
 
 def middle(low: Fidelity, high: Fidelity) -> Fidelity:
-    """The fidelity between two, half way on a logarithmic scale; net and rays are the higher one's."""
+    """The fidelity half way between two on a logarithmic scale, with net and rays of the higher one."""
 
     def between(a: int, b: int, unit: int = 1) -> int:
         return max(round(math.sqrt(a * b) / unit), 1) * unit
@@ -25,5 +25,5 @@ def middle(low: Fidelity, high: Fidelity) -> Fidelity:
 
 
 def fidelities(low: Fidelity, high: Fidelity) -> tuple[Fidelity, ...]:
-    """The lowest, one between, the highest."""
+    """The lowest fidelity, one between, and the highest."""
     return tuple(dict.fromkeys((low, middle(low, high), high)))

@@ -1,8 +1,8 @@
-"""Learnt attributes: a search, and the candidate for its answer that model selection chooses.
+"""Learns attributes by a search, and chooses a candidate for the answer by model selection.
 
-The cheap reward favours what is easy to learn, and the dataset with the highest reward was also lucky. So
-candidates are compared by nets of the final size with fresh seeds (`selection`); only the chosen one ever
-meets the test images.
+The cheap reward favours datasets that are easy to learn, and the dataset with the highest reward was also
+lucky. So candidates are compared by nets of the final size with fresh seeds (`selection`); only the chosen
+one is tested on the test images.
 """
 
 from __future__ import annotations
@@ -38,22 +38,22 @@ from shell.files import digest, write_json
 BROAD = 0.5
 """Least width of the broad candidate's intervals."""
 REFERENCE: Candidate = "default"
-"""The hand-set street: where it is among the candidates, the others must be better."""
+"""The hand-set street; if it is a candidate, the others must be better."""
 
 
 class Learnt(NamedTuple):
-    """What was learnt, and how."""
+    """The learnt streets, and how they were learnt."""
 
     streets: Streets
     found: Found
     selection: Selection
     parts: tuple[str, ...]  # of the reward images, in words
     by_part: dict[str, list[tuple[float, ...]]]
-    """Of the candidates in the selection, by seed, scores on each part; empty where they are not known."""
+    """Scores of the candidates on each part, by seed; empty if they are not known."""
 
 
 def plan_of(config: SearchConfig, name: str = "search") -> SearchPlan:
-    """The search of a configuration, under a name that no other search of its run has.
+    """Plan the search of a configuration, under a unique name in its run.
 
     Raises:
         UserError: an option out of range.
@@ -86,12 +86,12 @@ def work_of(config: SearchConfig) -> list[Work]:
 
 
 def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> Learnt:
-    """Search, choose a candidate, and leave what was learnt in the run folder.
+    """Search, choose a candidate, and write it into the run folder.
 
     Args:
         run: the job.
-        config: of the search, where that is not the job's: of another method or seed.
-        name: of the search, where a job has several; its file is ``attributes/NAME.json`` rather than
+        config: configuration of the search; by default the job's.
+        name: name of the search in a job with several; its file is ``attributes/NAME.json`` instead of
             ``attributes.json``.
 
     Raises:
@@ -110,7 +110,7 @@ def learn(run: Run[Any], config: SearchConfig | None = None, name: str = "") -> 
 
 
 def reward_parts(target: Target, config: SearchConfig) -> tuple[Parts, tuple[str, ...]]:
-    """The parts of the reward images that candidates are tested on separately, and what they are in words.
+    """The parts of the reward images on which candidates are tested separately, and their descriptions.
 
     Raises:
         UserError: fewer images than ``--parts``.
@@ -123,14 +123,14 @@ def reward_parts(target: Target, config: SearchConfig) -> tuple[Parts, tuple[str
 
 
 def _said(sequences: Sequence[str]) -> str:
-    """A part of the reward images in words."""
+    """Describe a part of the reward images."""
     known = list(dict.fromkeys(sequences))
     where = known[0] if len(known) == 1 else f"{known[0]} to {known[-1]}"
     return f"{len(sequences)} images of {where}"
 
 
 def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
-    """What may be the answer: one way to read what a search found, or streets that it knew nothing of."""
+    """The streets of a candidate: from the search, or independent of it."""
     if name in found.answers:
         return found.answers[name]
     if name == "argmax":
@@ -144,9 +144,9 @@ def candidate(name: Candidate, found: Found, config: SearchConfig) -> Streets:
 
 
 def selection_seeds(config: SearchConfig) -> list[int]:
-    """Seeds of the nets of each candidate; all candidates share them.
+    """Seeds of the nets of each candidate, which all candidates share.
 
-    Named by the search alone: another search has others, and the same one has the same in every job.
+    They depend on the search alone: another search has others, and the same search the same in every job.
     """
     search = [config.search.method, config.seed, config.space]
     names = [["selection", *search, 0, net] for net in range(config.candidate_seeds)]
@@ -160,7 +160,7 @@ def _selected(
     parts: Parts,
     prefix: str,
 ) -> tuple[Selection, dict[str, list[tuple[float, ...]]]]:
-    """Train and test nets of the candidates, choose one; also their scores on each part."""
+    """Train and test nets of the candidates, and choose one; also return their scores on each part."""
     final, seeds, names = config.final, selection_seeds(config), distinct(candidates)
     sources: dict[str, Source] = {name: beside(run, final, candidates[name]) for name in names}
     jobs = jobs_of(
@@ -171,10 +171,10 @@ def _selected(
     rewards = {name: [result.reward for result in own] for name, own in results.items()}
     selection = select(rewards, REFERENCE)
     alike = (len(candidates) - len(names)) * len(seeds) * cost_of(final)
-    run.progress.advance(alike, replayed=True)  # of nets that candidates alike have in common
+    run.progress.advance(alike, replayed=True)  # nets that equal candidates share
     run.progress.say(f"Answer: {selection.chosen}, {selection.verdict}")
     by_part = {
-        # What another run has evaluated may know other parts.
+        # Evaluations of another run may have other parts.
         name: [own.parts if len(own.parts) == len(parts) else () for own in nets]
         for name, nets in results.items()
     }
@@ -182,9 +182,9 @@ def _selected(
 
 
 def distinct(candidates: Mapping[Candidate, Streets]) -> list[Candidate]:
-    """Names without those whose streets equal another's.
+    """Names of the candidates without duplicates.
 
-    The hand-set street stays, of others the first.
+    Of equal ones the hand-set street stays, otherwise the first.
     """
     order = sorted(candidates, key=lambda name: name != REFERENCE)
     known = {pickle.dumps(candidates[name]): name for name in reversed(order)}

@@ -1,4 +1,4 @@
-"""Jobs of nets on named training sets, each with the same seeds."""
+"""Jobs of nets on named training sets with the same seeds."""
 
 from __future__ import annotations
 
@@ -28,18 +28,18 @@ def jobs_of(
     parts: Parts = (),
     keeps: bool = False,
 ) -> list[Job]:
-    """One net for each seed and training set.
+    """Make one job for each seed and training set.
 
     Args:
-        what: these nets are, in the run folder and in progress, such as "table, compact".
+        what: the nets' kind in the run folder and in progress, such as "table, compact".
         sources: training sets by name.
         recipe: sizes, net, training and assets.
-        seeds: of streets and nets; the k-th of every set share one.
-        side: which of the target's images they are tested on.
-        kind: of the reward.
-        once: names of sets that the first seed is enough for.
-        parts: of the images that they are tested on separately, too.
-        keeps: whether they leave their confusion matrices, those of the first seed predictions, too.
+        seeds: seeds of streets and nets; the k-th nets of all sets share one.
+        side: the target's images for the test.
+        kind: kind of the reward.
+        once: names of sets for which the first seed is enough.
+        parts: parts of the images that are also tested separately.
+        keeps: whether to keep confusion matrices, and for the first seed predictions.
     """
     return [
         Job(
@@ -59,7 +59,7 @@ def jobs_of(
 
 
 def by_row(jobs: Sequence[Job], results: Sequence[Result]) -> dict[str, list[Result]]:
-    """Results by name of the training set, in the order of the seeds; failed ones are among them."""
+    """Results by name of the training set, in the order of the seeds, with failed ones."""
     found: dict[str, list[Result]] = {}
     for job, result in zip(jobs, results, strict=True):
         found.setdefault(job.notes["row"], []).append(result)
@@ -74,15 +74,15 @@ def paired_seeds(run: Run[Any]) -> list[int]:
 def training_sets(
     run: Run[Any], learnt: Streets | None, fidelity: Fidelity | None = None, **others: Source
 ) -> dict[str, Source]:
-    """What is compared.
+    """The training sets to compare.
 
-    Random, default and learnt attributes, the same beside the labelled subset if there is one, other sets,
-    and all labelled images.
+    These are random, default and learnt attributes, the same beside the labelled subset if there is one,
+    other sets, and all labelled images.
 
     Args:
         run: the job.
-        learnt: what it has learnt; None leaves out what it decides.
-        fidelity: whose size real images have; by default the final one.
+        learnt: the learnt attributes; None leaves out sets that depend on them.
+        fidelity: the fidelity with the size of real images; by default the final one.
         others: sets by name.
     """
     config: SearchConfig = run.config
@@ -101,9 +101,9 @@ def with_net(fidelity: Fidelity, name: NetName, weights: str | None = None) -> F
     """A fidelity with another net, trained by the recipe that suits it (``seg.recipes.with_net``).
 
     Args:
-        fidelity: sizes, and how its own net is trained.
-        name: of the net.
-        weights: file of weights that VGG nets start from, or dinov2's, in place of the fidelity's.
+        fidelity: sizes, and the training of its own net.
+        name: name of the net.
+        weights: file of weights for VGG nets or dinov2, instead of the fidelity's.
     """
     changes = {"net": name} if weights is None else {"net": name, "weights": weights}
     return replace(fidelity, train=recipes.with_net(fidelity.train, **changes))

@@ -12,18 +12,18 @@ from shell.errors import UserError
 def plan(
     config: SearchesConfig, name: str, method: MethodName, subset: tuple[str, ...]
 ) -> SearchPlan:
-    """A search with updates that take the evaluations and no more.
+    """Plan a search whose updates take exactly the evaluations.
 
     Args:
-        config: its options, groups and evaluations are the search's.
-        name: what the run's log calls it; unique in the run.
-        method: what searches.
-        subset: the attributes that it decides; groups keep their order and lose the others.
+        config: the configuration with options, groups and evaluations of the search.
+        name: unique name in the run's log.
+        method: the search method.
+        subset: the attributes to optimise; groups keep their order and lose the others.
 
     Raises:
-        UserError: too few evaluations, or an option that the method does not take.
+        UserError: too few evaluations, or an option that the method lacks.
     """
-    make_space(config)  # for its checks of the groups
+    make_space(config)  # checks the groups
     options, evaluations = config.search, config.evaluations
     pools = method == "pool"
     datasets = options.pool.rewards if pools else options.datasets_per_update
@@ -36,7 +36,7 @@ def plan(
     space = sdr_jax.space(subset, options.bins, [group for group in groups if group])
     fitting, each = schedule(evaluations, len(space.groups), datasets)
     made = make_method(config, method, space, max(each, 1))
-    if made.updates is not None:  # otherwise it takes as many as there are
+    if made.updates is not None:  # otherwise it takes any number
         if each == 0:
             raise UserError(
                 f"--evaluations {evaluations} are too few for {method} on {len(subset)} attributes: "
@@ -58,10 +58,10 @@ def plan(
 
 
 def schedule(evaluations: int, groups: int, datasets: int) -> tuple[int, int]:
-    """Datasets per update, and updates for each group, of a method that goes group by group.
+    """Datasets per update, and updates per group, of a method that goes group by group.
 
-    The most datasets, up to those wanted, with which all groups get the same share of the evaluations
-    and nothing is left. Where no number does that, what is left tries the answer.
+    It takes the most datasets, up to ``datasets``, with which all groups have the same share of the
+    evaluations and none is left. If no number does that, the rest evaluates the answer.
     """
     for n in range(datasets, min(datasets, 2) - 1, -1):
         if evaluations % (groups * n) == 0:

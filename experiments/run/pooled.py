@@ -1,4 +1,4 @@
-"""Rewards from pools of streets: each street is rendered once, and rewards are those of subsets."""
+"""Rewards of subsets of pools of streets, in which each street is rendered once."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ from shell.files import digest
 
 
 def reward_of(config: GroupsConfig) -> Fidelity:
-    """The fidelity of one reward: a net on a subset of a pool."""
+    """The fidelity of one reward, a net on a subset of a pool."""
     return replace(config.reward, streets=config.search.pool.subset, shots=1)
 
 
 def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> list[Work]:
-    """What searches make, by kind."""
+    """Plan the work of searches by kind."""
     found: list[Work] = []
     count = sum(plan.evaluations for plan in plans if plan.search.subsets is None)
     if count:
@@ -54,7 +54,7 @@ def work_of(config: GroupsConfig, plans: Sequence[SearchPlan]) -> list[Work]:
 
 
 def affordable(config: GroupsConfig, method: MethodName, core_minutes: float) -> int:
-    """How many rewards of a method cost so many minutes of one core, about, in whole updates; 0 for none."""
+    """The number of rewards, in whole updates, that take about so many core minutes; 0 for none."""
     datasets, cost = config.search.datasets_per_update, 0.0
     if method == "pool":
         pool, fidelity = config.search.pool, reward_of(config)
@@ -76,9 +76,9 @@ def drawn(rng: np.random.Generator, proposals: Proposal) -> np.ndarray:
 
 
 class PoolRewards(Rewards):
-    """A subset of a pool of streets for each reward.
+    """Evaluates a subset of a pool of streets for each reward.
 
-    A pool is only made where a reward of its round is missing, and removed when none is any more.
+    A pool is made only if a reward of its round is missing, and is removed once all are known.
     """
 
     def __init__(self, run: Run[Any], plan: SearchPlan) -> None:
@@ -88,8 +88,8 @@ class PoolRewards(Rewards):
         empty = Subset(StreetPool(""), ())
         self._alone = Job(
             self._recipe, empty, 0, {}, "reward"
-        )  # the same streets beside others, too
-        run.runner.about(self._alone)  # what needs JAX is made now
+        )  # the same streets, also beside labelled images
+        run.runner.about(self._alone)  # here, since it needs JAX
 
     def _evaluated(self, asked: sdr_jax.DataSets) -> list[Result]:
         run, seeds = self._run, asked.seeds.tolist()
@@ -113,7 +113,7 @@ class PoolRewards(Rewards):
             held, seconds = run.runner.cache.streets(folder, self._recipe, units, seed, done)
             pool = pool._replace(held=held)
             jobs = self._jobs(pool, asked.subsets, seeds, seconds / len(jobs))
-        if not made:  # they were there, or nobody wants them
+        if not made:  # they existed, or are not needed
             run.progress.advance(len(units) * cost, replayed=True)
         results = run.runner.run(jobs, run.evaluations)
         run.runner.cache.forget(folder)
@@ -122,7 +122,7 @@ class PoolRewards(Rewards):
     def _jobs(
         self, pool: StreetPool, chosen: np.ndarray, seeds: list[int], rendered: float
     ) -> list[Job]:
-        """Rendering took so many seconds for each."""
+        """Jobs of the subsets, each with so many seconds of rendering."""
         sources = [
             beside(self._run, self._fidelity, Subset(pool, tuple(own))) for own in chosen.tolist()
         ]
@@ -133,13 +133,13 @@ class PoolRewards(Rewards):
 
 
 def answers(policies: Sequence[Policy], plan: SearchPlan) -> dict[Candidate, Streets]:
-    """The streets that may be the answer, from the policies before and after every round."""
+    """The candidates' streets, from the policies before and after every round."""
     first, previous, last = (streets_of(policies[k], plan) for k in (0, -2, -1))
     return {"last": last, "previous": previous, "mixed": _half(last, first)}
 
 
 def streets_of(policy: Policy, plan: SearchPlan) -> Streets:
-    """The streets of a policy; attributes that the search does not decide are random, or held."""
+    """The streets of a policy; attributes outside the search are random, or held."""
     shares, probabilities = (np.asarray(part, np.float64) for part in policy)
     whole = len(random_proposal(plan.space).centre)
     count = probabilities.shape[2]
@@ -152,6 +152,6 @@ def streets_of(policy: Policy, plan: SearchPlan) -> Streets:
 
 
 def _half(one: Streets, other: Streets) -> Streets:
-    """Half of the streets of each."""
+    """A mixture of both in equal parts."""
     parts = [*components(one), *components(other)]
     return mixture([share / 2 for share, _ in parts], [own for _, own in parts])

@@ -1,4 +1,4 @@
-"""The rewards that searches ask for: they run behind the callback of a jitted step, without JAX."""
+"""The rewards of searches, which run behind the callback of a jitted step, without JAX."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ from sdr_jax.names import MethodName
 from shell.errors import UserError
 
 PLACE = ("search", "update", "dataset")
-"""What the log of a run says of a reward's place."""
+"""Fields of a run's log for a reward's place."""
 
 
 class SearchPlan(NamedTuple):
-    """One search."""
+    """The plan of one search."""
 
-    name: str  # what the run's log calls it
+    name: str  # in the run's log
     space: SpaceName
     method: MethodName
     search: sdr_jax.Method
-    subset: tuple[str, ...]  # the attributes that it decides; all others stay random or are held
+    subset: tuple[str, ...]  # the optimised attributes; all others stay random or are held
     datasets: int  # per update
     updates: int
     options: SearchOptions
-    seed: int  # of the search, and of the datasets that it asks for
-    held: Mapping[str, float] = MappingProxyType({})  # unit values of attributes, by name
+    seed: int  # of the search and its datasets
+    held: Mapping[str, float] = MappingProxyType({})  # unit values of held attributes by name
 
     @property
     def evaluations(self) -> int:
-        """Rewards that it asks for."""
+        """The number of its rewards."""
         return self.datasets * self.updates
 
 
 def embed(plan: SearchPlan, proposals: Any) -> Proposal:
-    """Proposals f32[*batch, attributes of the subset] as those of the whole space.
+    """Extend proposals f32[*batch, attributes of the subset] to the whole space.
 
-    The others are random, or held.
+    The other attributes are random, or held.
     """
     where = [names(plan.space).index(name) for name in plan.subset]
     others = hold(random_proposal(plan.space), plan.held)
@@ -61,7 +61,7 @@ def embed(plan: SearchPlan, proposals: Any) -> Proposal:
 
 
 class Stopwatch:
-    """CPU and wall seconds of this process while it runs; what runs inside another is taken off it."""
+    """CPU and wall seconds of this process while it runs, without those of a stopwatch inside."""
 
     def __init__(self) -> None:
         self.cpu = self.wall = 0.0
@@ -75,10 +75,10 @@ class Stopwatch:
 
 
 class Rewards:
-    """Evaluates what one update after the other asks for.
+    """Evaluates the data sets of one update after the other.
 
     Args:
-        run: its reward's fidelity is the search's.
+        run: the run, whose reward's fidelity is used.
         plan: the search.
     """
 
@@ -92,10 +92,10 @@ class Rewards:
         self.results: list[Result] = []
 
     def __call__(self, asked: sdr_jax.DataSets) -> np.ndarray:
-        """Rewards f32[n]; NaN where the evaluation failed.
+        """Rewards f32[n]; NaN for a failed evaluation.
 
         Raises:
-            UserError: more than a tenth of the evaluations failed, or a log of another run.
+            UserError: more than a tenth of the evaluations failed, or the log is from another run.
         """
         with self.watch:
             results = self._evaluated(asked)
@@ -108,7 +108,7 @@ class Rewards:
         raise NotImplementedError
 
     def _refuse_another(self, jobs: Sequence[Job]) -> None:
-        """Raise UserError if the run folder has another reward in the place of a job."""
+        """Raise UserError if the run folder has another reward at the place of a job."""
         for job in jobs:
             place, key = tuple(job.notes[name] for name in PLACE), self._run.runner.key(job)
             if self._known.get(place, key) != key:
@@ -122,10 +122,10 @@ class Rewards:
 
 
 class DatasetRewards(Rewards):
-    """A dataset of its own for each reward.
+    """Evaluates a separate dataset for each reward.
 
     Args:
-        kind: of the rewards.
+        kind: kind of the rewards.
 
     Attributes:
         asked: the proposals of all datasets so far.
@@ -135,7 +135,7 @@ class DatasetRewards(Rewards):
         super().__init__(run, plan)
         recipe = run.recipe(run.config.reward)
         self._job = Job(recipe, random_proposal(plan.space), 0, {}, "reward", kind)
-        run.runner.about(self._job)  # what needs JAX is made now
+        run.runner.about(self._job)  # here, since it needs JAX
         self.asked: list[Proposal] = []
 
     def _evaluated(self, asked: sdr_jax.DataSets) -> list[Result]:

@@ -1,4 +1,4 @@
-"""The search: one jitted step per update, its rewards from worker processes through one callback."""
+"""The search: one jitted step per update, with rewards from worker processes through one callback."""
 
 from __future__ import annotations
 
@@ -21,39 +21,39 @@ from sdr_jax.pool import Policy, divergence
 
 
 class Found(NamedTuple):
-    """What a search found, and how it went."""
+    """The answer of a search, and its course."""
 
     solution: Proposal  # the method's answer, f32[attributes of the space] each
-    spread: Proposal  # the same, wide where the method is unsure
+    spread: Proposal  # the answer with wide intervals where the method is unsure
     best: Proposal  # the dataset with the best reward
-    results: list[Result]  # in the order in which they were asked for
-    rewards: np.ndarray  # f32[updates, datasets]; NaN where they failed
+    results: list[Result]  # in the order of the requests
+    rewards: np.ndarray  # f32[updates, datasets]; NaN for failed ones
     baselines: np.ndarray  # f32[updates]
     groups: np.ndarray  # i32[updates]
     probabilities: np.ndarray  # f32[updates, attributes of the subset, bins], after each update
-    cpu_seconds: float  # of the method itself, compiling included
+    cpu_seconds: float  # of the method itself, with compilation
     wall_seconds: float
     expected: np.ndarray | None = None
-    """f32[updates, datasets, 2]: mean and standard deviation that the method's model gave each reward before
-    it was made, NaN before it knew any; None without a model."""
+    """f32[updates, datasets, 2]: the model's prior mean and standard deviation of each reward, NaN before the
+    first rewards; None without a model."""
     answers: Mapping[Candidate, Streets] = MappingProxyType({})
-    """Of a search that learns a distribution of streets: those that may be the answer."""
+    """Candidates of a search that learns a distribution of streets."""
 
 
 def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
-    """Run a whole search, or what is left of it.
+    """Run a whole search, or the rest of it.
 
-    The loop replays what the run folder already knows: the same keys give the same actions, and a
-    logged reward takes no time. So a killed run ends with the answer of an unbroken one. A failed
-    evaluation is left out of its update.
+    The loop replays the rewards of the run folder: the same keys give the same actions, and a logged reward
+    takes no time. So a killed and continued run ends with the same answer. A failed evaluation is left out of
+    its update.
 
     Args:
         run: its reward's fidelity is the search's.
-        plan: what searches, and how long.
-        kind: of the rewards.
+        plan: the plan of the search.
+        kind: kind of the rewards.
 
     Raises:
-        UserError: more than a tenth of the evaluations failed, or a log of another run.
+        UserError: more than a tenth of the evaluations failed, or the log is from another run.
     """
     method, pool, watch = plan.search, plan.options.pool, Stopwatch()
     of_pool = method.subsets is not None
@@ -65,7 +65,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
     history: list[tuple] = []
     foreseen: list[np.ndarray] = []
     policies = [] if method.policy is None else [method.policy(sdr_jax.first_state(key, method))]
-    state: Any = None  # before the first update nothing is expected
+    state: Any = None  # there are no expectations before the first update
     clipped = False
     for update in range(plan.updates):
         with watch:
@@ -109,7 +109,7 @@ def search(run: Run[Any], plan: SearchPlan, kind: RewardKind = "miou") -> Found:
 
 
 def _foreseen(method: sdr_jax.Method, before: Any, record: sdr_jax.Record) -> list[np.ndarray]:
-    """What the method's model expected of an update before it, f32[datasets, 2]; nothing without a model."""
+    """The model's expectations of an update's rewards, f32[datasets, 2]; empty without a model."""
     if method.expects is None:
         return []
     if before is None:
@@ -118,12 +118,12 @@ def _foreseen(method: sdr_jax.Method, before: Any, record: sdr_jax.Record) -> li
 
 
 def _best(asked: Sequence[Proposal], rewards: np.ndarray) -> Proposal:
-    """The proposal with the best reward; the first, if all failed."""
+    """The proposal with the best reward; the first if all failed."""
     return asked[int(np.argmax(np.where(np.isfinite(rewards), rewards, -np.inf)))]
 
 
 def standing(kind: RewardKind, rewards: Sequence[np.ndarray]) -> str:
-    """The best of all updates' rewards, in words."""
+    """The best reward of all updates in words."""
     known = [float(np.nanmax(own)) for own in rewards if not np.isnan(own).all()]
     return f"best {REWARD_NAMES[kind]} {in_words(kind, max(known))}" if known else ""
 
@@ -135,7 +135,7 @@ def _said(
     history: Sequence[tuple],
     policies: Sequence[Policy],
 ) -> str:
-    """What progress says about an update."""
+    """The progress line of an update."""
     latest, baseline, group, _ = history[-1]
     where = f"{plan.name}: {'round' if policies else 'update'} {update + 1}/{plan.updates}"
     if plan.method == "sdr":
@@ -148,7 +148,7 @@ def _said(
         scale = 100 if plan.options.squared_reward else 1
         line += f", baseline {in_words(kind, baseline / scale)}"
     if policies:
-        line += f", moved {max(float(divergence(policies[-1], policies[-2])), 0.0):.2f} nats"  # it rounds
+        line += f", moved {max(float(divergence(policies[-1], policies[-2])), 0.0):.2f} nats"
         shares = [f"{100 * share:.0f}" for share in policies[-1].shares.tolist()]
         line += f", shares {' and '.join(shares)} %" if len(shares) > 1 else ""
     return f"{where} | {line}"

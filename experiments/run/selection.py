@@ -1,14 +1,14 @@
 """Model selection: is a challenger significantly better than the hand-set street?
 
 All candidates have one net for each of the same n seeds, and a net has one score, on all reward images. So
-seeds are the independent units, and k challengers are compared with the hand-set street by Dunnett's
-one-sided test, paired by seed:
+the seeds are independent, and Dunnett's one-sided test, paired by seed, compares k challengers with the
+hand-set street:
 
     t[i] = mean_j(y[i, j] - y[0, j]) / sqrt(2 s^2 / n)
 
 with s^2 the residual variance of the two-way layout y[i, j] = candidate[i] + seed[j] + error, which has
-k (n - 1) degrees of freedom. Where no challenger is better, any t is above the critical value in 5 % of runs.
-The test takes nets of all candidates to vary equally much.
+k (n - 1) degrees of freedom. If no challenger is better, some t exceeds the critical value in 5 % of runs.
+The test assumes that nets of all candidates have the same variance.
 
 Source: Dunnett (1955), "A Multiple Comparison Procedure for Comparing Several Treatments with a Control".
 """
@@ -27,34 +27,34 @@ from experiments.evaluation.job import Parts
 from shell.errors import UserError
 
 FEWEST, MOST = 2, 4
-"""Parts, where nobody says how many."""
+"""The least and the largest default number of parts."""
 LEVEL = 0.05
-"""Probability that any challenger passes where none is better: the family-wise error rate."""
+"""The family-wise error rate: the probability that any challenger passes if none is better."""
 
 Scores = Mapping[str, Sequence[float]]
-"""By candidate, one score for each seed; NaN where training failed."""
+"""Scores by candidate, one for each seed; NaN if training failed."""
 
 
 class Selection(NamedTuple):
-    """Which candidate was chosen, and why."""
+    """The chosen candidate, and the reasons."""
 
     chosen: str
-    scores: Scores  # of all that were compared
-    means: dict[str, float]  # over the seeds with no failed net; NaN where there is none
-    t: dict[str, float]  # of the challengers; empty where nothing was tested
-    critical: float | None  # what t must exceed; None where nothing was tested
+    scores: Scores  # of all compared candidates
+    means: dict[str, float]  # over the seeds without a failed net; NaN if there is none
+    t: dict[str, float]  # of the challengers; empty without a test
+    critical: float | None  # the value that t must exceed; None without a test
     verdict: str  # in words
 
 
 def parts_of(sequences: Sequence[str], count: int | None = None) -> Parts:
-    """Cut images into parts of about one size, between sequences where there are enough of them.
+    """Cut images into parts of about equal size, between sequences if there are enough of them.
 
     Args:
-        sequences: of every image, those of one sequence one after the other.
-        count: of parts; by default one for each sequence, but 2 to 4.
+        sequences: the sequence of every image; images of a sequence are consecutive.
+        count: number of parts; by default one for each sequence, but 2 to 4.
 
     Returns:
-        First image of every part, and the first after it.
+        First image of every part, and the first image after it.
 
     Raises:
         UserError: fewer images than parts.
@@ -82,13 +82,13 @@ def parts_of(sequences: Sequence[str], count: int | None = None) -> Parts:
 
 
 def complete(scores: Scores) -> np.ndarray:
-    """Scores f64[candidates n] with the n seeds of which no candidate's net failed."""
+    """Scores f64[candidates n] of the n seeds without a failed net."""
     values = np.array(list(scores.values()), float)
     return values[:, np.isfinite(values).all(axis=0)]
 
 
 def means_of(scores: Scores) -> dict[str, float]:
-    """Each candidate's mean over the seeds of which no net failed; NaN where there is none."""
+    """Each candidate's mean over the seeds without a failed net; NaN if there is none."""
     values = complete(scores)
     level = values.mean(axis=1) if values.size else np.full(len(values), np.nan)
     return dict(zip(scores, level.tolist(), strict=True))
@@ -96,19 +96,19 @@ def means_of(scores: Scores) -> dict[str, float]:
 
 @cache
 def critical_value(challengers: int, seeds: int) -> float:
-    """What t must exceed for a family-wise error rate of `LEVEL`, one-sided.
+    """The one-sided critical value of t for a family-wise error rate of `LEVEL`.
 
     Args:
-        challengers: k, that are compared with one reference.
-        seeds: n of each, 2 or more; the variance has k (n - 1) degrees of freedom.
+        challengers: k, the number of challengers of one reference.
+        seeds: n, the number of seeds, 2 or more; the variance has k (n - 1) degrees of freedom.
     """
-    # Differences to one reference share its noise, half of theirs.
+    # Differences to one reference share its noise, which is half of their variance.
     correlation = np.full((challengers, challengers), 0.5) + 0.5 * np.eye(challengers)
     freedom = challengers * (seeds - 1)
 
     def short(bound: float) -> float:
         at = np.full(challengers, bound)
-        # It integrates at random points: without a seed every call would give another value.
+        # It integrates at random points; without a seed every call would differ.
         below = stats.multivariate_t.cdf(at, shape=correlation, df=freedom, random_state=0)
         return float(below) - (1 - LEVEL)
 
@@ -116,12 +116,12 @@ def critical_value(challengers: int, seeds: int) -> float:
 
 
 def select(scores: Scores, reference: str | None = None) -> Selection:
-    """The challenger with the highest mean, if it is significantly better than the reference; else that.
+    """Choose the challenger with the highest mean if it is significantly better, otherwise the reference.
 
     Args:
-        scores: of all candidates with the same seeds; a failed net drops its seed for all of them.
-        reference: the candidate that others must be better than. Where it is not among the scores, the
-            highest mean decides, of equal ones the first.
+        scores: scores of all candidates with the same seeds; a failed net drops its seed for all of them.
+        reference: the candidate than which others must be better. If it has no scores, the highest mean
+            decides, and the first of equal ones.
     """
     values, means = complete(scores), means_of(scores)
     n = values.shape[1]
@@ -141,7 +141,7 @@ def select(scores: Scores, reference: str | None = None) -> Selection:
     residual = values - values.mean(axis=1, keepdims=True) - values.mean(axis=0) + values.mean()
     variance = np.sum(residual**2) / (len(challengers) * (n - 1))
     gain = np.array([means[name] - means[reference] for name in challengers])
-    with np.errstate(divide="ignore", invalid="ignore"):  # without any noise t has no bound
+    with np.errstate(divide="ignore", invalid="ignore"):  # without noise t is infinite
         t = gain / np.sqrt(2 * variance / n)
     bound, best = critical_value(len(challengers), n), int(gain.argmax())
     passed = bool(t[best] > bound)

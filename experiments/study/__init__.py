@@ -1,1 +1,1 @@
-"""The skeleton of every command: plan, jobs, report."""
+"""The common frame of every study: plan, jobs, report."""

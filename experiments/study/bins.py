@@ -1,4 +1,4 @@
-"""Proposals of given or random bins, as ``--search.bins`` and ``--search.relaxation`` cut attributes."""
+"""Proposals of given or random bins, by ``--search.bins`` and ``--search.relaxation``."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ def relaxed(config: Any, bins: np.ndarray) -> list[Proposal]:
 
 
 def random_bins(config: Any, count: int) -> list[Proposal]:
-    """Proposals f32[attributes] with random bins for all attributes that are not held.
+    """Draw proposals f32[attributes] with random bins for all attributes that are not held.
 
-    More of them begin with the same.
+    A larger count begins with the same proposals.
     """
     rng = np.random.default_rng(config.seed)
     size = (count, len(SPACES[config.space]))

@@ -1,6 +1,6 @@
-"""What a job leaves: ``NAME.json``, ``NAME.md`` and its figure, all from the scores of single nets.
+"""The files of a job: ``NAME.json``, ``NAME.md`` and its figure, all from the scores of single nets.
 
-The JSON holds every net's mIoU and class IoU, so table and figure can be worked out again from it, without
+The JSON holds every net's mIoU and class IoU, so that table and figure can be derived from it again without
 rendering: `sdr-jax study NAME --rederive FILE.json --out DIR`.
 """
 
@@ -24,17 +24,19 @@ Report = dict[str, Any]
 
 
 class Form(NamedTuple):
-    """How the report of one job is made from its scores."""
+    """How a job's report is made from its scores."""
 
     name: str  # of the job and of its files
-    derive: Callable[[Report], Report]  # adds all that follows from the scores; twice is as once
+    derive: Callable[[Report], Report]  # adds what follows from the scores; idempotent
     text: Callable[[Report], str]  # the table, in Markdown
     figures: Mapping[str, Callable[[Report], bytes | str]]  # by file name
-    pages: Mapping[str, Callable[[Report, Path], str]] = {}  # of what else the folder holds, too
+    pages: Mapping[
+        str, Callable[[Report, Path], str]
+    ] = {}  # they also use other files of the folder
 
 
 def write_report(form: Form, scores: Report, folder: Path) -> Report:
-    """Derive the report and write its files, the JSON last: where it is, the others are."""
+    """Derive the report and write its files, the JSON last, since it marks the others as done."""
     report = form.derive({"study": form.name, **scores})
     write(folder / f"{form.name}.md", form.text(report) + "\n")
     for name, draw in form.figures.items():
@@ -49,7 +51,7 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
     """Derive the report anew from the scores in an earlier one, and write its files.
 
     Raises:
-        UserError: the file is missing, or the report of something else.
+        UserError: the file is missing, or is another report.
     """
     try:
         scores = read_json(file)
@@ -71,11 +73,11 @@ def rewrite(form: Form, file: Path, folder: Path) -> Report:
 
 
 def about(run: Run[Any], fidelity: Fidelity) -> Report:
-    """What every report says first.
+    """The first fields of every report.
 
     Args:
-        run: what was done.
-        fidelity: at which its nets were scored.
+        run: the finished run.
+        fidelity: the fidelity of its tested nets.
     """
     config, target = run.config, run.target
     return {
@@ -94,7 +96,7 @@ def about(run: Run[Any], fidelity: Fidelity) -> Report:
 
 
 def nets(outcomes: Sequence[Result]) -> list[Report | None]:
-    """Scores of single nets in percent, in the order of the seeds; None where training failed."""
+    """Scores of single nets in percent, in the order of the seeds; None if training failed."""
     return [
         None
         if o.failed
@@ -112,7 +114,7 @@ def miou(scored: Sequence[Report | None]) -> list[float | None]:
 
 
 def class_means(scored: Sequence[Report | None], classes: Sequence[str]) -> dict[str, float | None]:
-    """Mean IoU of each class in percent; None for classes that never occur in the truth."""
+    """Mean IoU of each class in percent; None for classes that are absent from the ground truth."""
     return {
         name: mean([net["class_iou"][index] for net in scored if net is not None])
         for index, name in enumerate(classes)
@@ -120,7 +122,7 @@ def class_means(scored: Sequence[Report | None], classes: Sequence[str]) -> dict
 
 
 def number(value: float | None, form: str = ".1f") -> str:
-    """A figure in a table; nothing where there is none."""
+    """A figure in a table; empty for None."""
     return "" if value is None else format(value, form)
 
 
@@ -130,18 +132,18 @@ def interval(ci95: Sequence[float] | None, form: str = ".1f") -> str:
 
 
 def cells(entry: Report | None, form: str = ".1f") -> list[str]:
-    """Mean and interval of a row or a gain, as two cells of a table; a sign is the mean's alone."""
+    """Mean and interval of a row or a gain as two cells of a table; only the mean has a sign."""
     known = entry or {"mean": None, "ci95": None}
     return [number(known["mean"], form), interval(known["ci95"], form.lstrip("+"))]
 
 
 def half(row: Report) -> float:
-    """Half the interval of a row, for error bars; 0 where there is none."""
+    """Half the interval of a row for error bars; 0 without one."""
     return row["mean"] - row["ci95"][0] if row["ci95"] else 0.0
 
 
 def words(name: str) -> str:
-    """The name of an attribute, method or variant, for people."""
+    """The name of an attribute, method or variant for people."""
     return name.replace("_", " ")
 
 
@@ -152,13 +154,13 @@ def markdown(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 Column = tuple[str, Callable[[Report], str]]
-"""Of a table: its head, and the cell of a row."""
+"""A column of a table: its head, and the cell of a row."""
 
 
 def estimate(
     head: str, of: Callable[[Report], Report | None] = lambda row: row, form: str = ".1f"
 ) -> list[Column]:
-    """Two columns: a mean and its interval, of a row or of a part of it."""
+    """Two columns: the mean and interval of a row or of a part of it."""
     return [
         (head, lambda row: cells(of(row), form)[0]),
         ("95 % interval", lambda row: cells(of(row), form)[1]),
@@ -166,19 +168,19 @@ def estimate(
 
 
 def table(columns: Sequence[Column], rows: Sequence[Report]) -> list[str]:
-    """The lines of a table in Markdown, a line for each row of a report."""
+    """The lines of a table in Markdown, one for each row of a report."""
     lines = [[cell(row) for _, cell in columns] for row in rows]
     return markdown([head for head, _ in columns], lines)
 
 
 def failures(rows: Sequence[Report]) -> list[str]:
-    """A sentence about the nets of all rows that failed, if any did."""
+    """A sentence on the failed nets of all rows, if there are any."""
     failed = sum(net is None for row in rows for net in row["nets"])
     return ["", f"{failed} nets failed in training and are left out."] if failed else []
 
 
 def introduction(report: Report) -> str:
-    """The first sentences of a report: what was scored on what."""
+    """The first sentences of a report: the target, the test images and the intervals."""
     learnt = report.get("learnt_from")
     return (
         f"Target: {report['note']}. mIoU in percent at {report['scored_at']} on {report['test_images']} "
@@ -189,12 +191,12 @@ def introduction(report: Report) -> str:
 
 
 def starts(report: Report) -> str:
-    """Sentences about the weights that each kind of net starts from, if any, and attributes that are held."""
+    """Sentences on the weights from which nets start, and on held attributes, if there are any."""
     held = report.get("held")
     said = [*report.get("starts", ()), *([f"Held in all streets: {held}"] if held else [])]
     return "".join(f" {sentence}." for sentence in said)
 
 
 def target_of(report: Report) -> str:
-    """The target, for the title of a figure."""
+    """The target in the title of a figure."""
     return report["target"] + ("" if report["real"] else " (not real data)")

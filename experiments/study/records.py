@@ -1,7 +1,7 @@
 """Recorded rewards as arrays: from stores and run folders, or from lines of bins and rewards.
 
 A line of bins is ``{"bins": [23 integers], "reward": mIoU in percent}``, as in
-``benchmarks/data/camvid.jsonl``; what the bins mean, ``--search.bins`` and ``--search.relaxation`` say.
+``benchmarks/data/camvid.jsonl``; ``--search.bins`` and ``--search.relaxation`` give the bins' meaning.
 """
 
 from __future__ import annotations
@@ -24,32 +24,32 @@ from shell.files import naming
 from shell.lines import Record
 
 BINS = "bins"
-"""In place of a configuration's name: lines of bins, which do not tell theirs."""
+"""The configuration's name for lines of bins, which have none."""
 
 
 class Records(NamedTuple):
-    """Rewards of one configuration, in an order that does not depend on how they were read."""
+    """Rewards of one configuration, in an order that is independent of the files' order."""
 
     centre: np.ndarray  # f64[n, attributes]
     width: np.ndarray  # f64[n, attributes]
     rewards: np.ndarray  # f64[n], mIoU in percent
     config: str
-    words: str  # what the configuration is
-    failed: int  # evaluations without a reward, left out
-    aside: tuple[str, ...]  # other configurations that were found, in words
+    words: str  # description of the configuration
+    failed: int  # number of failed evaluations, which are left out
+    aside: tuple[str, ...]  # other configurations in words
 
 
 def read(paths: Sequence[Path], config: Any, target: str, wanted: str | None = None) -> Records:
-    """The rewards of one configuration in some files.
+    """Read the rewards of one configuration from files.
 
     Args:
         paths: stores, run folders, or files of bins; they may overlap.
-        config: what bins mean.
-        target: name of the target whose rewards count.
-        wanted: name of the configuration; by default that with the most rewards.
+        config: the configuration of the bins.
+        target: name of the target of the rewards.
+        wanted: name of the configuration; by default the one with the most rewards.
 
     Raises:
-        UserError: a file that cannot be read, or no reward that fits.
+        UserError: a file cannot be read, or no reward fits.
     """
     bins = [path for path in paths if path.is_file() and BINS in _first_line(path)]
     stored = [store.read(path) for path in paths if path not in bins]
@@ -61,7 +61,7 @@ def read(paths: Sequence[Path], config: Any, target: str, wanted: str | None = N
 
 
 def holds(record: Record, config: Config) -> bool:
-    """Whether attributes that a configuration holds stood at its values; of real images they did not."""
+    """Whether a record has the held attributes at the configuration's values; real images do not."""
     held = config.held
     if not held or record["centre"] is None:
         return not held
@@ -73,14 +73,14 @@ def holds(record: Record, config: Config) -> bool:
 def choose(
     records: Iterable[Record], target: str, space: SpaceName, wanted: str | None, where: str
 ) -> Records:
-    """The records of one configuration among those of proposals' mIoU on reward images of a target.
+    """Choose the records of one configuration: mIoU of proposals on the reward images of a target.
 
     Args:
         records: lines of a store.
         target: name of the target.
-        space: of the proposals.
-        wanted: name of the configuration; by default that with the most rewards.
-        where: they are from, for errors.
+        space: space of the proposals.
+        wanted: name of the configuration; by default the one with the most rewards.
+        where: origin of the lines, for errors.
 
     Raises:
         UserError: there are none.
@@ -88,7 +88,7 @@ def choose(
     kinds = store.kinds_of(records)
     needed = {"target": target, "side": "reward", "kind": "miou"}
     fitting = {
-        # Those of real images have no proposal.
+        # Records of real images have no proposal.
         name: [record for record in own if len(record["centre"] or ()) == len(SPACES[space])]
         for name, own in kinds.items()
         if all(own[0].get(field, value) == value for field, value in needed.items())
@@ -118,7 +118,7 @@ def choose(
 
 
 def _words(name: str, records: Sequence[Record]) -> str:
-    """A configuration in words."""
+    """Describe a configuration."""
     if name == BINS:
         return f"{len(records)} rewards of bins"
     fields = ("target", "side", "size", "images", "steps", "engine")
@@ -140,7 +140,7 @@ def _first_line(path: Path) -> Any:
 
 
 def _read_bins(path: Path, config: Any) -> list[Record]:
-    """Lines of bins as lines of a store."""
+    """Read lines of bins as lines of a store."""
     bins, rewards, count = [], [], len(SPACES[config.space])
     with naming(path):
         lines = path.read_text(encoding="utf-8", errors="replace").splitlines()

@@ -1,4 +1,4 @@
-"""What reports of many searches say of each."""
+"""Fields of searches in the reports of studies."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from experiments.study.form import Column, Report, number
 from experiments.study.stats import mean
 
 Rewards = list[float | None]
-"""Of one search in percent, in the order of its evaluations; None where one failed."""
+"""Rewards of one search in percent, in the order of its evaluations; None for failed ones."""
 
 
 def rewards(found: Found) -> Rewards:
@@ -21,12 +21,12 @@ def rewards(found: Found) -> Rewards:
 
 
 def core_seconds(found: Found) -> float:
-    """What the rewards took on a worker's one core; what another run had scored counts as done here."""
+    """Core seconds of the rewards, with those from other runs."""
     return round(sum(result.seconds for result in found.results), 2)
 
 
 def selection(learnt: Learnt) -> Report:
-    """How a search's answer was chosen; scores in percent, those of failed nets None.
+    """How a search's answer was chosen; scores in percent, None for failed nets.
 
     ``candidates`` holds one score for each seed, ``candidate_parts`` the means on each part of the images.
     """
@@ -54,7 +54,7 @@ def _percent(values: Iterable[float]) -> Rewards:
 
 
 def thirds(values: Sequence[float | None]) -> tuple[float | None, float | None]:
-    """The mean rewards of the search's first third and of its last."""
+    """The mean rewards of the first and the last third of a search."""
     third = max(len(values) // 3, 1)
     return mean(values[:third]), mean(values[-third:])
 
@@ -69,10 +69,10 @@ REWARDS: list[Column] = [
     ("last third", lambda row: number(thirds(_rewards(row))[1])),
     ("best", lambda row: number(max((r for r in _rewards(row) if r is not None), default=None))),
 ]
-"""Columns of a table whose rows have a ``search``, or none."""
+"""Columns of a table whose rows may have a ``search``."""
 
 
 def failed_evaluations(searches: Iterable[Rewards]) -> list[str]:
-    """A sentence about the evaluations that failed, if any did."""
+    """A sentence on the failed evaluations, if there are any."""
     failed = sum(values.count(None) for values in searches)
     return ["", f"{failed} evaluations failed and are left out of their update."] if failed else []

@@ -1,15 +1,14 @@
-"""A job from start to report: check, open, plan, work, write. The main job and all studies are one of these.
+"""A study from start to report: check, open, plan, work, write. The main job is a study, too.
 
     STUDY = Study(FORM, plan, scores, check)     # does its own work
-    STUDY = of_rows(FORM, rows, report, check)   # trains rows: the work is done here
+    STUDY = of_rows(FORM, rows, report, check)   # trains the nets of rows
     report = do(STUDY, config)
 
-A study of rows says what each `Row` is trained on, at which fidelity, and which search it waits for. From
-that come the plan with its cost, the order of the nets (those that wait for nothing fill the gaps of the
-searches), the paired seeds, and the scores of every net; a job that was stopped goes on from what its folder
-knows. The `Form` of its report says what follows from the scores: means and gains (``study.stats``), the
-table as a list of columns (``study.form``) and the figure (``study.figure``), so that ``--rederive`` needs no
-net.
+A study of rows gives each `Row` its training set, its fidelity, and the search that it waits for. From these
+follow the plan with its cost, the order of the nets (those that wait for nothing fill the gaps of the
+searches), the paired seeds, and the scores of every net; a stopped job continues from its folder. The `Form`
+of its report derives from the scores means and gains (``study.stats``), the table as a list of columns
+(``study.form``) and the figure (``study.figure``), so that ``--rederive`` needs no net.
 """
 
 from __future__ import annotations
@@ -39,32 +38,32 @@ def nothing(config: Any) -> None:
 
 
 def none(config: Any, target: Target) -> None:
-    """Nothing to be prepared."""
+    """Prepare nothing."""
 
 
 @dataclass(frozen=True)
 class Study(Generic[AnyConfig]):
-    """What makes one job different from the others."""
+    """The parts in which jobs differ."""
 
     form: Form
-    """Of its report."""
+    """The form of its report."""
     plan: Callable[[AnyConfig, Any], list[Work]]
-    """The nets that it trains; is given what ``prepare`` made, as ``scores`` is."""
+    """Plans its nets; takes the result of ``prepare``, as ``scores`` does."""
     scores: Callable[[Run[AnyConfig], Any], Report]
-    """Does the work, or what is left of it. Raises UserError, WorkerError."""
+    """Does the work, or the rest of it. Raises UserError, WorkerError."""
     check: Callable[[AnyConfig], None] = nothing
-    """Raises UserError for a field that only this job has and that is out of range, by flag."""
+    """Raises UserError with the flag for a field of this job alone that is out of range."""
     prepare: Callable[[AnyConfig, Target], Any] = none
-    """Made before the folder is; raises UserError or DataError for what cannot be done on this target."""
+    """Runs before the folder is made; raises UserError or DataError if the job does not fit this target."""
     target: Callable[[AnyConfig, Workers], Target] = named_target
     """Finds the target; raises UserError or DataError."""
 
 
 def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
-    """Do a whole job, or what is left of it, and return its report; with ``--rederive`` only write that.
+    """Do a whole job, or the rest of it, and return its report; with ``--rederive`` only derive that.
 
     Raises:
-        UserError, DataError: what a user can get wrong.
+        UserError, DataError: errors of the user.
         WorkerError: worker processes keep dying.
     """
     if isinstance(config, Rederived) and config.rederive is not None:
@@ -93,7 +92,7 @@ def do(study: Study[AnyConfig], config: AnyConfig) -> Report:
 
 
 def check(study: Study[AnyConfig], config: AnyConfig) -> None:
-    """Raise UserError for a configuration that the job cannot work with, by flag."""
+    """Raise UserError with the flag for a configuration that the job cannot use."""
     check_flags(config)
     if isinstance(config, LearntConfig) and config.learnt is not None:
         read_attributes("--learnt", config.learnt, config.space)
@@ -101,29 +100,29 @@ def check(study: Study[AnyConfig], config: AnyConfig) -> None:
 
 
 Made = Mapping[str, Any]
-"""What the searches of a study have come to, by name."""
+"""The results of a study's searches by name."""
 Search = Callable[[Run[Any]], Any]
-"""Does one search, or what is left of it."""
+"""Does one search, or the rest of it."""
 
 
 class Row(NamedTuple):
-    """One row of a study's table: a net for each seed, all trained alike."""
+    """One row of a study's table: a net for each seed, trained in the same way."""
 
     place: Report
-    """What tells it from other rows, in the report."""
+    """Fields that identify it in the report."""
     source: Callable[[Run[Any], Made, int], Source]
-    """What the net of a seed is trained on."""
+    """Gives the training set of a seed's net."""
     fidelity: Fidelity
     what: str
-    """Its nets are, in the run folder; nets that are called alike are made by one recipe."""
+    """The kind of its nets in the run folder; nets of one kind have the same recipe."""
     name: str
-    """Of the row, in the run folder."""
+    """The name of the row in the run folder."""
     after: str = ""
     """The search that it waits for, if any."""
     real: bool = False
-    """Whether it is trained on images that need no rendering."""
+    """Whether its images need no rendering."""
     pool: Mapping[str, Any] = {}
-    """Fields of the pool of assets that are its own."""
+    """Its changes of fields of the pool of assets."""
     order: tuple[int, ...] = ()
     """Rows of a seed train in this order; a worker keeps the rendered dataset of the row before."""
 
@@ -136,17 +135,16 @@ def of_rows(
     searches: Callable[[AnyConfig], Mapping[str, Search]] | None = None,
     work: Callable[[AnyConfig], list[Work]] | None = None,
 ) -> Study[AnyConfig]:
-    """A study of rows.
+    """Make a study of rows.
 
     Args:
-        form: of its report.
-        rows: what it trains. Raises UserError or DataError for what cannot be done on this target.
-        report: what the report holds beside what all reports begin with; is given what the searches have
-            come to, and the place of every row with its ``nets``.
-        check: as `Study` has it.
-        searches: by name, in the order in which they are made; by default attributes are learnt where a row
-            waits for that.
-        work: the nets of the searches; where there are none, no row fills their gaps.
+        form: the form of its report.
+        rows: gives the rows. Raises UserError or DataError if the study does not fit this target.
+        report: gives the report's fields beside the common ones, from the results of the searches and the
+            place of every row with its ``nets``.
+        check: as in `Study`.
+        searches: searches by name in order; by default attributes are learnt if a row waits for them.
+        work: plans the nets of the searches; without any, no row fills their gaps.
     """
 
     def learns(own: Sequence[Row]) -> bool:
@@ -179,7 +177,7 @@ def of_rows(
 
 
 def _planned(rows: Sequence[Row], seeds: int) -> Iterator[Work]:
-    """The nets of all rows, by fidelity and by whether they need rendering."""
+    """Plan the nets of all rows by fidelity and need of rendering."""
     kinds = [(row.fidelity, row.real) for row in rows]
     for fidelity, real in dict.fromkeys(kinds):
         count = kinds.count((fidelity, real))
@@ -189,7 +187,7 @@ def _planned(rows: Sequence[Row], seeds: int) -> Iterator[Work]:
 
 
 def _jobs(run: Run[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row, Job]]:
-    """The nets of all rows that wait for nothing any more."""
+    """The jobs of all rows that no longer wait for a search."""
     ready = [row for row in rows if not row.after or row.after in made]
     for what in dict.fromkeys(row.what for row in ready):
         own = sorted((row for row in ready if row.what == what), key=lambda row: row.order)
@@ -201,19 +199,19 @@ def _jobs(run: Run[Any], rows: Sequence[Row], made: Made) -> Iterator[tuple[Row,
 
 
 LEARNT = "learnt"
-"""The search for attributes, and the row that waits for it."""
+"""The name of the search for attributes, and of the row that waits for it."""
 
 
 def learnt_work(config: LearntConfig) -> list[Work]:
-    """What `learnt_attributes` trains."""
+    """Plan the nets of `learnt_attributes`."""
     return [] if config.learnt is not None else work_of(config)
 
 
 def learnt_attributes(run: Run[Any]) -> Streets:
-    """The attributes learnt for this target: from ``--learnt``, else by search, as the main job does.
+    """The attributes learnt for this target: from ``--learnt``, otherwise by the search of the main job.
 
-    A run of the main job with the same flags and the same ``--store`` gives the same, and what one of them
-    has evaluated, the other does not evaluate again.
+    A run of the main job with the same flags gives the same; with the same ``--store`` neither repeats
+    evaluations of the other.
 
     Raises:
         UserError: ``--learnt`` is no attributes.json.
@@ -225,7 +223,7 @@ def learnt_attributes(run: Run[Any]) -> Streets:
 
 
 def attributes(run: Run[Any], made: Made, name: str) -> Streets:
-    """From which streets are drawn: by a name that `streets_named` knows, or what ``learnt`` has come to."""
+    """The attributes of streets by a name that `streets_named` knows, or those of ``learnt``."""
     config = run.config
     return made.get(name) or hold(
         streets_named(name, config.space, config.default_width), config.held
@@ -233,5 +231,5 @@ def attributes(run: Run[Any], made: Made, name: str) -> Streets:
 
 
 def learnt_from(config: LearntConfig) -> str:
-    """Where learnt attributes are from, for reports."""
+    """The origin of learnt attributes, for reports."""
     return "a search of this run" if config.learnt is None else str(config.learnt)

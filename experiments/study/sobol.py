@@ -1,12 +1,12 @@
-"""What recorded rewards tell about each attribute: a Bayesian model, and its Sobol indices.
+"""A Bayesian model of recorded rewards, and its Sobol indices of the attributes.
 
     r = b + sum_i f_i(u_i) + sum_{i<j} g_ij(u_i, u_j) + noise,   u uniform on the unit cube
 
-f_i is a series of cosines `sqrt(2) cos(pi m u)`, g_ij a product of two shorter ones. These are orthonormal
-on the unit cube, so the variance of each term there is the sum of its squared weights, wherever the
-records lie: rewards that a search has asked for say as much as random ones. A dataset is taken for the
-mean of its streets, whose attributes are uniform on intervals: `cos(pi m u)` is on average
-`cos(pi m c) sinc(m w / 2)` over one with centre c and width w, and nothing over the whole range.
+f_i is a series of cosines `sqrt(2) cos(pi m u)`, g_ij a product of two shorter ones. These are orthonormal on
+the unit cube, so the variance of each term there is the sum of its squared weights, whatever the records: the
+rewards of a search serve as well as random ones. A dataset counts as the mean of its streets, whose
+attributes are uniform on intervals: the mean of `cos(pi m u)` is `cos(pi m c) sinc(m w / 2)` over an interval
+with centre c and width w, and 0 over the whole range.
 
 Source: Sobol (1993), "Sensitivity estimates for nonlinear mathematical models"; from the weights of an
 orthonormal basis: Sudret (2008), "Global sensitivity analysis using polynomial chaos expansions".
@@ -21,42 +21,42 @@ import numpy as np
 from scipy.linalg import cho_solve, cholesky, solve_triangular
 
 DEGREE = 5
-"""Cosines of each attribute."""
+"""Number of cosines of each attribute."""
 PAIR_ORDERS = ((1, 1), (1, 2), (2, 1))
-"""Orders of the cosines that an interaction multiplies."""
+"""Highest order of the cosines in an interaction."""
 STEPS = 30
-"""Of expectation maximisation, which finds the scale of each effect and the noise."""
+"""Steps of expectation maximisation, which finds the scale of each effect and the noise."""
 SIGNAL, PAIR_SHARE = 0.5, 0.3
-"""Where it starts: the signal's share of the variance, and the interactions' share of that."""
+"""Its start: the signal's share of the variance, and the interactions' share of the signal."""
 SHRINK = (1.0, 10.0)
-"""Pseudo-weights that pull each effect's scale towards the mean of its kind: attributes, and the many
-pairs, of which chance would else pick some. On the recorded rewards 10 predicts better than 1."""
+"""Pseudo-weights that pull each effect's scale towards the mean of its kind: attributes, or the many pairs,
+some of which chance would favour otherwise. On the recorded rewards 10 predicts better than 1."""
 NOISE_SHARE, NOISE_WEIGHT = 0.5, 4.0
-"""Prior of the noise: its share of the variance, and the rewards that is worth."""
+"""Prior of the noise: its share of the variance, and its weight in rewards."""
 
 
 class Layout(NamedTuple):
-    """Which effect each weight belongs to: the attributes, then the pairs (constants)."""
+    """The effect of each weight: the attributes, then the pairs (constants)."""
 
     attributes: int
     pairs: np.ndarray  # i[pairs, 2]
     effect: np.ndarray  # i[features]
-    relative: np.ndarray  # f64[features]: the prior's variance; sums to 1 over an effect
+    relative: np.ndarray  # f64[features]: variance of the prior; sums to 1 over an effect
 
     @property
     def effects(self) -> int:
-        """Attributes and pairs."""
+        """The number of attributes and pairs."""
         return self.attributes + len(self.pairs)
 
 
 class Fit(NamedTuple):
-    """What the records say of the weights: normal, in the terms of the records, which are the fewer."""
+    """The normal posterior of the weights, in a form of the size of the records, which are fewer."""
 
-    x: np.ndarray  # f64[n, features], less its mean
-    center: np.ndarray  # f64[features], that mean
-    rewards: np.ndarray  # f64[n], less their mean
+    x: np.ndarray  # f64[n, features], centred
+    center: np.ndarray  # f64[features], mean of the features
+    rewards: np.ndarray  # f64[n], centred
     mean_reward: float
-    variance: np.ndarray  # f64[features], the prior's
+    variance: np.ndarray  # f64[features], of the prior
     factor: np.ndarray  # f64[n, n], the Cholesky factor of the rewards' covariance
     noise: float  # standard deviation of one reward
 
@@ -67,17 +67,17 @@ class Fit(NamedTuple):
 
 
 class Shares(NamedTuple):
-    """Parts of the variance that attributes uniform on the unit cube give the reward."""
+    """Shares of the reward's variance under attributes that are uniform on the unit cube."""
 
     effects: np.ndarray  # f64[effects] of the expected model: attributes, pairs; they sum to 1
-    drawn: np.ndarray  # f64[draws, effects], what the posterior leaves open around these
-    signal: float  # the variance of which they are parts
+    drawn: np.ndarray  # f64[draws, effects], draws from the posterior around these
+    signal: float  # the whole variance
 
 
 def lay_out(attributes: int) -> Layout:
-    """The features of so many attributes, all pairs of which may interact.
+    """Lay out the features of attributes, all pairs of which may interact.
 
-    The prior's variance falls with the square of the orders: smooth functions are likelier.
+    The prior's variance falls with the square of the orders, so that smooth functions are likelier.
     """
     own = 1 / np.arange(1, DEGREE + 1) ** 2
     both = np.array([1 / (p * q) ** 2 for p, q in PAIR_ORDERS])
@@ -93,7 +93,7 @@ def waves(unit: np.ndarray, width: np.ndarray | float = 0.0) -> np.ndarray:
 
     Args:
         unit: centres f[*shape] in [0, 1].
-        width: of the intervals, f[*shape]; 0 for the values themselves.
+        width: widths of the intervals, f[*shape]; 0 for single values.
 
     Returns:
         f64[*shape, DEGREE].
@@ -113,10 +113,10 @@ def features(layout: Layout, centre: np.ndarray, width: np.ndarray) -> np.ndarra
 
 
 def fit(layout: Layout, x: np.ndarray, rewards: np.ndarray) -> Fit:
-    """Learn the weights, the scale of each effect and the noise, all from the same records.
+    """Fit the weights, the scale of each effect and the noise to the same records.
 
-    The prior is w ~ N(0, scale of the effect * relative variance). Scales and noise are those of most
-    evidence, by expectation maximisation.
+    The prior is w ~ N(0, scale of the effect * relative variance). Expectation maximisation finds the scales
+    and the noise of the highest evidence.
 
     Args:
         layout: of the features.
@@ -130,7 +130,7 @@ def fit(layout: Layout, x: np.ndarray, rewards: np.ndarray) -> Fit:
     pull = np.asarray(SHRINK)[kind]
     degrees = len(rewards) - 1
     y = rewards - rewards.mean()
-    # Without any difference between rewards every scale is as good as another.
+    # If all rewards are equal, any scale is as good as another.
     spread = (y @ y / degrees) or 1.0
     shares = np.array([1 - PAIR_SHARE, PAIR_SHARE]) / np.maximum(np.bincount(kind, minlength=2), 1)
     scales, noise = SIGNAL * spread * shares[kind], (1 - SIGNAL) * spread
@@ -147,7 +147,7 @@ def fit(layout: Layout, x: np.ndarray, rewards: np.ndarray) -> Fit:
         belief = believed()
         weights = belief.weights
         seen = solve_triangular(belief.factor, belief.x, lower=True)
-        # Of the prior's variance, what is left.
+        # The part of the prior's variance that remains.
         unknown = 1 - belief.variance * (seen**2).sum(axis=0)
         squares = (weights**2 + belief.variance * unknown) / relative
         sums = np.bincount(effect, squares, layout.effects)
@@ -164,9 +164,9 @@ def predict(model: Fit, x: np.ndarray) -> np.ndarray:
 
 
 def draw_weights(model: Fit, count: int, seed: int) -> np.ndarray:
-    """Weights f64[count, features] drawn from the posterior.
+    """Draw weights f64[count, features] from the posterior.
 
-    A draw from the prior is moved by what the records say it has wrong (Matheron's rule).
+    A draw from the prior is corrected by its errors on the records (Matheron's rule).
     """
     rng = np.random.default_rng(seed)
     prior = rng.normal(size=(count, len(model.variance))) * np.sqrt(model.variance)
@@ -176,13 +176,13 @@ def draw_weights(model: Fit, count: int, seed: int) -> np.ndarray:
 
 
 def shares(layout: Layout, expected: np.ndarray, drawn: np.ndarray) -> Shares:
-    """Sobol indices of the expected model, and how far others that fit lie around them.
+    """Sobol indices of the expected model, and their spread under the posterior.
 
-    The squares of what is not known add up in a drawn model, over the many pairs most of all. This
-    excess is taken out on average: draws of an effect that is not there lie around zero.
+    Squares of uncertain weights add up in a drawn model, most of all over the many pairs. The mean of this
+    excess is subtracted, so that draws of an absent effect lie around zero.
 
     Args:
-        layout: of the features.
+        layout: layout of the features.
         expected: weights f64[features].
         drawn: weights f64[draws, features] from the posterior.
     """
@@ -194,14 +194,14 @@ def shares(layout: Layout, expected: np.ndarray, drawn: np.ndarray) -> Shares:
 
 
 def totals(layout: Layout, effects: np.ndarray) -> np.ndarray:
-    """Shares f64[*batch, attributes] of attributes alone and in all pairs, from those of all effects."""
+    """Total shares f64[*batch, attributes] of attributes, alone and in pairs, from those of effects."""
     takes_part = (layout.pairs[:, :, None] == np.arange(layout.attributes)).any(axis=1)
     alone, together = np.split(effects, [layout.attributes], axis=-1)
     return alone + together @ takes_part
 
 
 def curves(layout: Layout, weights: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Main effects f_i f64[draws, attributes, points] at unit values f64[points], of mean 0 each."""
+    """Main effects f_i f64[draws, attributes, points] with mean 0 at unit values f64[points]."""
     own = weights[:, : layout.attributes * DEGREE].reshape(len(weights), layout.attributes, DEGREE)
     return np.einsum("dam,pm->dap", own, waves(grid))
 
@@ -209,7 +209,7 @@ def curves(layout: Layout, weights: np.ndarray, grid: np.ndarray) -> np.ndarray:
 def cross_validated(
     layout: Layout, x: np.ndarray, rewards: np.ndarray, fold: np.ndarray
 ) -> np.ndarray:
-    """Predictions f64[n] of every reward by a model that has not seen its fold.
+    """Predict every reward f64[n] by a model that has not seen its fold.
 
     Args:
         layout: of the features.

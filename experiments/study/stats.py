@@ -31,50 +31,49 @@ def paired_gain(ours: Sequence[float], theirs: Sequence[float]) -> tuple[float, 
 
 
 Values = Sequence[float | None]
-"""Of single nets, one for each seed; None where the net failed, which enters no mean."""
+"""Values of single nets, one for each seed; None for a failed net, which no mean includes."""
 
 
 def mean(values: Values) -> float | None:
-    """The mean of the values that are known."""
+    """The mean of the known values."""
     known = [v for v in values if v is not None]
     return float(np.mean(known)) if known else None
 
 
 def estimated(values: Values) -> dict[str, Any]:
-    """``mean`` and its 95 % interval ``ci95`` over seeds, None where there is none."""
+    """``mean`` and its 95 % interval ``ci95`` over seeds, or None."""
     known = [v for v in values if v is not None]
     average, ci95 = mean_ci95(known) if known else (None, None)
     return {"mean": average, "ci95": ci95}
 
 
 def gain(ours: Values, theirs: Values) -> dict[str, Any] | None:
-    """``mean`` and ``ci95`` of the differences of paired nets; None where no pair is known."""
+    """``mean`` and ``ci95`` of the differences of paired nets; None without a known pair."""
     pairs = zip(ours, theirs, strict=True)
     differences = [a - b for a, b in pairs if a is not None and b is not None]
     return estimated(differences) if differences else None
 
 
 def statistics(values: Values, baseline: Values | None = None) -> dict[str, Any]:
-    """What `estimated` says, and the ``gain`` over a baseline with the same seeds."""
+    """The result of `estimated`, and the ``gain`` over a baseline with the same seeds."""
     return {**estimated(values), "gain": None if baseline is None else gain(values, baseline)}
 
 
 def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | None]:
-    """Mean over searches and seeds, and its 95 % interval when both would be others.
+    """Mean over searches and seeds, and its 95 % interval for both as random samples.
 
-    The values are y_ij = m + a_i + b_j + e_ij, searches a, seeds b and the rest e each drawn at random. With
-    the mean squares A, B and E of the two-way analysis of variance,
+    The values are y_ij = m + a_i + b_j + e_ij, with random searches a, seeds b and residuals e. With the mean
+    squares A, B and E of the two-way analysis of variance,
 
         var(mean) = max(A, B, E, A + B - E) / (I J)
 
-    (the largest: where chance makes A or B less than E, E is what they estimate), with Student's t of
-    Satterthwaite's degrees of freedom. With two searches or two seeds these are too many (the interval would
-    cover the mean in down to 88 %): there the interval is the widest of this one and those of A, B and E
-    with their own degrees. Where there is one search or one seed, the interval is over the other alone: None
-    where both are one.
+    (if chance makes A or B less than E, both estimate E), with Student's t of Satterthwaite's degrees of
+    freedom. With two searches or two seeds these are too many (the interval would cover the mean in only 88
+    %): there the interval is the widest of this one and those of A, B and E with their own degrees. With one
+    search or one seed, the interval is over the other alone; with one of both it is None.
 
-    It is conservative. In simulations with 2 to 10 searches and 3 to 10 seeds it covers the mean in 93 to
-    97 % where searches or seeds differ more than the rest does, and in 98 to 99.8 % where they do not differ.
+    It is conservative. In simulations with 2 to 10 searches and 3 to 10 seeds it covers the mean in 93 to 97
+    % if searches or seeds differ more than the residuals, and in 98 to 99.8 % if they do not differ.
 
     Args:
         values: one row for each of the I searches, with a value for each of the same J seeds.
@@ -107,15 +106,15 @@ def crossed(values: Sequence[Sequence[float]]) -> tuple[float, list[float] | Non
 
 
 def reached(counts: Sequence[float], curve: Sequence[float], value: float) -> float:
-    """Where a curve over numbers of labels first reaches a value.
+    """The number of labels at which a curve first reaches a value.
 
-    Between numbers it is straight over log N. Where even the first is higher that one is given, where none
-    is as high the last.
+    The curve is linear in log N between its points. If the first value is higher already, the result is the
+    first number; if no value is as high, it is the last number.
 
     Args:
-        counts: numbers of labels above 0, in the order in which the curve is followed.
-        curve: of each.
-        value: to be reached.
+        counts: numbers of labels above 0, in the order of the curve.
+        curve: the curve's value at each.
+        value: the value to reach.
     """
     if curve[0] >= value:
         return float(counts[0])
@@ -128,19 +127,19 @@ def reached(counts: Sequence[float], curve: Sequence[float], value: float) -> fl
 
 
 GRID = 201
-"""Numbers of labels, evenly over log N, at which a paired interval is worked out, beside the nets' own."""
+"""Numbers of labels, evenly spaced in log N, for paired intervals beside those of the nets."""
 
 
 def worth(
     counts: Sequence[int], alone: np.ndarray, ours: np.ndarray
 ) -> tuple[float | None, list[float | None] | None]:
-    """How many labels alone make nets as good as others, and the 95 % confidence interval.
+    """The number of labels alone for nets as good as others, and its 95 % confidence interval.
 
-    The value is where the mean curve of labels alone first reaches the others' mean. The interval holds all
-    numbers of labels N at which the paired t interval of (others - labels alone) holds 0, each seed's curve
-    being straight over log N between its nets: the inverted paired t test, from the lowest such number to
-    the highest. In simulations of 3, 5 and 10 seeds it covers the truth in 95 to 98 %. Where the test does
-    not exclude the first or the last number, numbers beyond may be as good, and this end is None.
+    It is the number at which the mean curve of labels alone first reaches the others' mean. The interval
+    inverts a paired t test: it spans all numbers of labels N at which the paired t interval of (others -
+    labels alone) holds 0, with each seed's curve linear in log N between its nets. In simulations of 3, 5 and
+    10 seeds it covers the truth in 95 to 98 %. If the test does not exclude the first or the last number,
+    numbers beyond may be as good, and this end is None.
 
     Args:
         counts: numbers of labels above 0, ascending.
@@ -174,11 +173,11 @@ def worth(
 
 
 Table = Sequence[Values]
-"""A row for each search, with a net for each of the same seeds."""
+"""Values of nets: a row for each search, with the same seeds."""
 
 
 def over_both(values: Table) -> dict[str, Any]:
-    """``mean`` and ``ci95`` over searches and seeds by `crossed`, without seeds of which a net failed."""
+    """``mean`` and ``ci95`` over searches and seeds by `crossed`, without seeds with a failed net."""
     known = [column for column in zip(*values, strict=True) if None not in column]
     if not known:
         return {"mean": None, "ci95": None}
@@ -187,7 +186,7 @@ def over_both(values: Table) -> dict[str, Any]:
 
 
 def less(values: Table, baseline: Values) -> Table:
-    """Gains over a baseline's nets of the same seeds."""
+    """Gains over a baseline's nets with the same seeds."""
     return [
         [None if a is None or b is None else a - b for a, b in zip(own, baseline, strict=True)]
         for own in values
@@ -204,10 +203,10 @@ class Welch(NamedTuple):
 
 
 def welch(ours: Sequence[float], theirs: Sequence[float]) -> Welch | None:
-    """Whether two means differ, without assuming equal variances.
+    """Test whether two means differ, without assuming equal variances.
 
-    t = (mean(a) - mean(b)) / sqrt(var(a) / n_a + var(b) / n_b). None where a set has fewer than two
-    values or none of them varies: then there is nothing to test with.
+    t = (mean(a) - mean(b)) / sqrt(var(a) / n_a + var(b) / n_b). The result is None if a set has fewer than
+    two values, or if neither set varies.
 
     Source: Welch (1947), "The generalization of 'Student's' problem".
     """
@@ -220,9 +219,9 @@ def welch(ours: Sequence[float], theirs: Sequence[float]) -> Welch | None:
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """P values of several tests, such that one among all below 0.05 by chance is that rare.
+    """Correct p values of several tests for the family-wise error rate.
 
-    The k-th smallest of m is multiplied by m + 1 - k, and is at least the one before it.
+    The k-th smallest of m is multiplied by m + 1 - k, and raised to the one before it if that is larger.
 
     Source: Holm (1979), "A simple sequentially rejective multiple test procedure".
     """
@@ -239,11 +238,11 @@ def stars(p_value: float) -> str:
 
 
 RESAMPLES = 1000
-"""Of each bootstrap."""
+"""Number of samples of each bootstrap."""
 
 
 class Estimate(NamedTuple):
-    """A value and its 95 % interval; None where it is not defined."""
+    """A value and its 95 % interval; None if it is not defined."""
 
     value: float | None
     ci95: list[float] | None
@@ -252,13 +251,13 @@ class Estimate(NamedTuple):
 def bootstrap(counts: Sequence[int], statistic: Callable[..., float], seed: int) -> Estimate:
     """A statistic of one or more sets, with the interval of the percentile bootstrap.
 
-    It is for sets of about fourteen or more: of rank correlations of that many pairs it covers the truth in
-    94 to 99 % of simulations, of statistics of 3, 5 and 10 seeds in about 74, 84 and 91 %.
+    It needs sets of about fourteen or more: for rank correlations of so many pairs it covers the truth in 94
+    to 99 % of simulations, for statistics of 3, 5 and 10 seeds in about 74, 84 and 91 %.
 
     Args:
-        counts: how many each set holds; every set is drawn anew by itself.
-        statistic: of the chosen ones, one i64[count] for each set; NaN where it is not defined.
-        seed: of the resampling.
+        counts: the size of each set; sets are resampled independently.
+        statistic: a function of indices i64[count] for each set; NaN if it is not defined.
+        seed: seed of the resampling.
     """
     value = statistic(*(np.arange(count) for count in counts))
     if not math.isfinite(value):
@@ -285,11 +284,11 @@ class Pairing(NamedTuple):
 
     common: float  # both with the same seed: 2 var(e)
     independent: float  # with two seeds: 2 (var(b) + var(e))
-    p_value: float  # of seeds that do nothing to all proposals alike, by the F test
+    p_value: float  # F test of var(b) = 0
 
 
 def spearman(x: np.ndarray, y: np.ndarray) -> float:
-    """Rank correlation of f64[n] and f64[n], NaN where one of them is constant."""
+    """Rank correlation of f64[n] and f64[n], NaN if one of them is constant."""
     if len(x) < 3 or np.ptp(x) == 0 or np.ptp(y) == 0:
         return math.nan
     return float(np.corrcoef(stats.rankdata(x), stats.rankdata(y))[0, 1])
@@ -301,7 +300,7 @@ def noise_variance(table: np.ndarray) -> float:
 
 
 def residual_variance(table: np.ndarray) -> float:
-    """Variance of what is left without both means: var(e)."""
+    """Variance of the residuals of both means: var(e)."""
     p, s = table.shape
     if p < 2 or s < 2:
         return math.nan
@@ -310,7 +309,7 @@ def residual_variance(table: np.ndarray) -> float:
 
 
 def pairing(table: np.ndarray) -> Pairing | None:
-    """What sharing seeds does to differences of proposals.
+    """The effect of shared seeds on differences of proposals.
 
     Args:
         table: rewards f64[proposals, seeds], at least 2 of each.
@@ -326,20 +325,20 @@ def pairing(table: np.ndarray) -> Pairing | None:
 
 
 def signal_to_noise(rewards: np.ndarray, table: np.ndarray, seed: int) -> Estimate:
-    """How many times the noise of one reward the proposals' true differences are.
+    """The spread of proposals' true values divided by the noise of one reward.
 
-    sqrt(max(var(rewards) - var(e), 0) / (var(b) + var(e))): the spread of what proposals are worth over
-    that of one proposal's rewards.
+    sqrt(max(var(rewards) - var(e), 0) / (var(b) + var(e))), where the denominator is the variance of one
+    proposal's rewards.
 
-    The interval is a parametric bootstrap, with normal a, b and e: the mean square of ``rewards``, and those
-    of seeds and of what is left of ``table``, are divided by draws of chi^2 / degrees of freedom, each with
-    its own degrees, and the ratio is taken of what results. In simulations of 3, 5 and 10 seeds it covers
-    the truth in 95 to 98 %, also where b or a is nothing.
+    The interval is a parametric bootstrap with normal a, b and e: the mean square of ``rewards``, and those
+    of seeds and residuals of ``table``, are divided by draws of chi^2 / degrees of freedom, each with its own
+    degrees, and give draws of the ratio. In simulations of 3, 5 and 10 seeds it covers the truth in 95 to 98
+    %, also if b or a is 0.
 
     Args:
-        rewards: of random proposals, f64[n], all with the same seed, so that b does not spread them.
-        table: rewards f64[proposals, seeds] of those that were repeated.
-        seed: of the bootstrap.
+        rewards: rewards f64[n] of random proposals, all with the same seed, so that b does not spread them.
+        table: rewards f64[proposals, seeds] of repeated proposals.
+        seed: seed of the bootstrap.
 
     Source: Weerahandi (1993), "Generalized confidence intervals".
     """

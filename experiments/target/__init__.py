@@ -1,1 +1,1 @@
-"""What the nets must be good on: real images, or a twin where there are none."""
+"""Targets, on which nets are tested: real images, or without any a twin."""

@@ -1,4 +1,4 @@
-"""A target: real images for the reward, and others for the reported figures."""
+"""A target: images for the reward, and others for the reported figures."""
 
 from __future__ import annotations
 
@@ -14,36 +14,34 @@ from seg.data import LabelledImages
 from shell.errors import UserError
 
 SIZES = 2
-"""Sizes at which images are kept: that of the rewards and that of the final nets, which take turns."""
+"""Number of sizes at which images are kept: those of rewards and of final nets, which alternate."""
 
 
 Side = Literal["reward", "test", "few", "labelled"]
-"""Images of a target: those that give the reward, those that nets are tested on, those that join every
-training set and give no reward, and all whose labels may be used before the result is reported."""
+"""Sides of a target: images that give the reward, images for the test, images that join every training set
+and give no reward, and all images whose labels may be used before the test."""
 Sides = Mapping[Side, LabelledImages]
-"""Images of a target at one size; `few` is absent where no image joins every training set."""
+"""Images of a target's sides at one size; `few` is absent if no image joins every training set."""
 
 
 class Target(NamedTuple):
-    """A target; images are read (or rendered) when a size is asked for."""
+    """A target; images are read (or rendered) when a size is requested."""
 
     name: str  # of `experiments.config.TargetName`, or "far twin"
     real: bool
-    table: (
-        str  # class table, see ``seg.class_table``; every net of the run tells these classes apart
-    )
+    table: str  # class table of all nets of the run, see ``seg.class_table``
     title: str  # one line for people
     reward_names: tuple[str, ...]
     reward_sequences: tuple[str, ...]  # of those images
     test_names: tuple[str, ...]
     at: Callable[[int, int], Sides]  # (height, width) -> images and labels
     twin: TwinWorld | None = None
-    labelled: bool = True  # whether the reward images are
+    labelled: bool = True  # whether the reward images have labels
     few_names: tuple[str, ...] = ()  # images that join every training set
 
 
 def with_reward(target: Target, picked: np.ndarray) -> Target:
-    """The target with some of its reward images, by index, as if it had no others."""
+    """The target with only some of its reward images, by index."""
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:
@@ -60,7 +58,7 @@ def with_reward(target: Target, picked: np.ndarray) -> Target:
 
 
 def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> None:
-    """Raise UserError if an image would both give the reward and be reported on."""
+    """Raise UserError if an image is on both sides."""
     both = sorted(set(reward_names) & set(test_names))
     if both:
         raise UserError(
@@ -70,16 +68,16 @@ def refuse_overlap(reward_names: Sequence[str], test_names: Sequence[str]) -> No
 
 
 def two_sides(reward: LabelledImages, test: LabelledImages, where: str, labelled: bool) -> Sides:
-    """The sides of a target with no image that joins every training set.
+    """Make the sides of a target without images that join every training set.
 
     Args:
         reward: images that give the reward.
-        test: images that nets are tested on.
-        where: they are from, for the error.
+        test: images for the test.
+        where: their origin, for the error.
         labelled: whether the labels of the reward images are needed.
 
     Raises:
-        UserError: no pixel of a side whose labels are needed has one.
+        UserError: a side whose labels are needed has no labelled pixel.
     """
     sides: Sides = {"reward": reward, "test": test, "labelled": reward}
     for side in ("reward", "test") if labelled else ("test",):

@@ -1,4 +1,4 @@
-"""A few labelled images of the reward side that join every training set, and then give no reward."""
+"""A few labelled images of the reward side, which join every training set instead of giving the reward."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from seg.data import LabelledImages
 from shell.errors import UserError
 
 STREAM = 5
-"""Second word of the seed that chooses images, apart from all others."""
+"""Second word of the seed that chooses images; other streams have others."""
 CHOICE = 0
-"""Seed of the choice of a target's few images: the same for every --seed, as the target is."""
+"""Seed of the choice of a target's few images, the same for every --seed."""
 
 
 def with_few(target: Target, config: Config) -> Target:
-    """The target with ``--few`` of its labelled images apart from those that give the reward.
+    """Move ``--few`` of the target's labelled images from the reward side to every training set.
 
     Raises:
-        UserError: there are not so many, or none is left on one of the sides.
+        UserError: there are fewer, or a side would be empty.
     """
     few = config.few if isinstance(config, FewConfig) else None
     if few is None:
@@ -56,10 +56,10 @@ def with_few(target: Target, config: Config) -> Target:
 
 
 def count_of(few: int | float, images: int, name: str) -> int:
-    """How many images ``--few`` stands for: a number, or a share of them.
+    """The number of images of ``--few``, which is a number or a share.
 
     Raises:
-        UserError: more than there are, none, or all.
+        UserError: it is 0, all images, or more.
     """
     count = few if isinstance(few, int) else math.floor(few * images + 0.5)
     there = f"{images} labelled images of {name}"
@@ -80,13 +80,13 @@ def count_of(few: int | float, images: int, name: str) -> int:
 
 
 def spread(names: Sequence[str], sequences: Sequence[str], count: int, seed: int) -> np.ndarray:
-    """Indices of some images, ascending: in turn from each sequence, and spread over its time.
+    """Choose images from each sequence in turn, spread over its time; ascending indices.
 
     Args:
-        names: of all images; within a sequence they sort by time.
-        sequences: of each image.
-        count: how many to choose, at most all.
-        seed: of the choice.
+        names: names of all images, which sort by time within a sequence.
+        sequences: the sequence of each image.
+        count: number to choose, at most all.
+        seed: seed of the choice.
     """
     rng = np.random.default_rng([seed, STREAM])
     order = sorted(range(len(names)), key=lambda k: (sequences[k], names[k]))
@@ -99,7 +99,7 @@ def spread(names: Sequence[str], sequences: Sequence[str], count: int, seed: int
             quota[k] += 1
     chosen: list[int] = []
     for drive, own in zip(drives, quota, strict=True):
-        # One image out of each of so many equal stretches of time.
+        # One image out of each of `count` equal stretches of time.
         places = (np.arange(own) + rng.random()) * len(drive) / max(own, 1)
         chosen += [drive[int(place)] for place in places]
     return np.sort(np.array(chosen, np.int64))
@@ -108,7 +108,7 @@ def spread(names: Sequence[str], sequences: Sequence[str], count: int, seed: int
 def _refuse_void(
     reward: LabelledImages, chosen: LabelledImages, few: int | float | None, target: Target
 ) -> None:
-    """Raise UserError for a sequence of which the few show nothing that nets tell apart."""
+    """Raise UserError for a sequence whose few images show none of the nets' classes."""
     classes = len(class_table(target.table).classes)
     if np.all(reward.labels == IGNORE_LABEL):
         raise UserError(

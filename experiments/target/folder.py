@@ -1,7 +1,7 @@
-"""A target of one's own: a folder of labelled images that a target's file describes, and its parts.
+"""A user's own target: a folder of labelled images that a target's file describes, and its parts.
 
-Figures come from images that a net was not trained on: those of a group that is held out, of a published
-split, or else of each of k folds over groups, in turn.
+Figures come from images on which a net was not trained: those of a held-out group, of a published split, or
+otherwise of each of k folds over groups in turn.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from shell.listing import list_all, shared_groups
 from shell.target_file import Fit, TargetFile
 
 FOLDS = 5
-"""Parts into which images without a split are cut, if there are so many groups."""
+"""Number of folds of images without a split, if there are so many groups."""
 AREAS: dict[Preset, int] = {"smoke": 64 * 48, "quick": 240 * 176}
-"""Pixels of the images that nets see, about: what two cores train on within a minute, or ten."""
+"""Approximate pixels of the nets' images, for a training on two cores of one minute, or ten."""
 UNIT, SMALLEST = 8, 32
-"""Width and height are multiples of the one and no less than the other, the coarsest stride of a trunk."""
+"""Width and height are multiples of the first and at least the second, the coarsest stride of a trunk."""
 
 
 Read = Callable[[int, int], LabelledImages]
@@ -37,17 +37,16 @@ Read = Callable[[int, int], LabelledImages]
 
 
 class Parts(NamedTuple):
-    """The images of a folder, by what may be done with them."""
+    """The images of a folder, by their use."""
 
     target: TargetFile
-    entries: tuple[Entry, ...]  # whose labels may be used
+    entries: tuple[Entry, ...]  # their labels may be used
     folds: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
-    """Of each fold the images that nets are trained on, and those that they are tested on, by index into the
-    entries and the held-out images behind them."""
-    held_out: tuple[Entry, ...]  # of a split or a group that is only reported on
-    all_labels: bool  # whether the net that is left may see the held-out images, too
-    where: str  # figures are from, in words
-    notes: tuple[str, ...]  # warnings that belong into the report
+    """Training and test images of each fold, as indices of the entries and the held-out images after them."""
+    held_out: tuple[Entry, ...]  # a split or a group for the test only
+    all_labels: bool  # whether the saved net may see the held-out images, too
+    where: str  # origin of the figures in words
+    notes: tuple[str, ...]  # warnings for the report
 
     @property
     def every(self) -> tuple[Entry, ...]:
@@ -58,17 +57,17 @@ class Parts(NamedTuple):
 def parts_of(
     target: TargetFile, data: Path, holdout: str | None = None, few: int | None = None
 ) -> Parts:
-    """Sort the labelled images of a folder.
+    """Sort the labelled images of a folder into parts.
 
     Args:
-        target: what its files are.
+        target: describes its files.
         data: the folder.
-        holdout: the group that figures come from; by default the split that is reported on, ``test`` or
-            ``val``, where there is one, else folds over groups.
-        few: use the labels of so many images only, spread over groups and time.
+        holdout: the group to test on; by default the split ``test`` or ``val`` if there is one, otherwise
+            folds over groups.
+        few: number of images whose labels are used, spread over groups and time.
 
     Raises:
-        UserError: no such group, fewer images than are asked for, or too few for two parts.
+        UserError: there is no such group, there are fewer images, or too few for two parts.
     """
     splits = list_all(target, data)
     notes = [note] if (note := shared_groups(splits)) else []
@@ -107,19 +106,19 @@ def parts_of(
 
 
 def cut(groups: Sequence[str], data: Path) -> tuple[list[tuple[int, ...]], str]:
-    """Cut images into folds, so that no group is in two of them, and the folds are about as large.
+    """Cut images into folds of about equal size, with no group in two of them.
 
-    Images of one group only are cut into stretches of time.
+    Images of a single group are cut into stretches of time.
 
     Args:
-        groups: of each image, in the order of group and name.
+        groups: the group of each image, in the order of group and name.
         data: their folder, for the error.
 
     Returns:
-        The images of each fold, by index; and a warning, if there is one.
+        The indices of each fold's images; and a warning, if there is one.
 
     Raises:
-        UserError: a single image.
+        UserError: there is only one image.
     """
     own: dict[str, list[int]] = {}
     for index, group in enumerate(groups):
@@ -141,14 +140,14 @@ def cut(groups: Sequence[str], data: Path) -> tuple[list[tuple[int, ...]], str]:
 
 
 def suitable_size(width: int, height: int, preset: Preset = "quick") -> tuple[int, int]:
-    """Width and height for nets: an image's aspect, and no more pixels than it has or the preset affords."""
+    """Width and height for nets: an image's aspect, with at most its pixels and those of the preset."""
     scale = min(math.sqrt(AREAS[preset] / (width * height)), 1.0)
     wide, high = (max(round(scale * side / UNIT) * UNIT, SMALLEST) for side in (width, height))
     return wide, high
 
 
 def reader(parts: Parts, fit: Fit | None = None) -> Read:
-    """Reads all images, once for each size."""
+    """Make a function that reads all images, once for each size."""
 
     @lru_cache(maxsize=SIZES)
     def whole(height: int, width: int) -> LabelledImages:
@@ -163,10 +162,10 @@ def reader(parts: Parts, fit: Fit | None = None) -> Read:
 
 
 def fold_targets(parts: Parts, data: Path, whole: Read) -> list[Target]:
-    """A target for each fold.
+    """Make a target for each fold.
 
     Args:
-        parts: of the images.
+        parts: parts of the images.
         data: their folder, for errors.
         whole: reads all of them.
     """
@@ -193,15 +192,15 @@ def fold_targets(parts: Parts, data: Path, whole: Read) -> list[Target]:
 
 
 def all_labelled(parts: Parts, of: Target, data: Path, whole: Read) -> Target:
-    """The target whose labelled images are all that the net sees that is left.
+    """The target whose labelled images are all training images of the saved net.
 
-    A group that was held out is among them, unless only a few labels are to be used; a split is not.
+    They include a held-out group, unless only a few labels may be used, but not a split.
     """
     own = parts.every if parts.all_labels else parts.entries
 
     @lru_cache(maxsize=SIZES)
     def at(height: int, width: int) -> Sides:
-        images = whole(height, width).between(0, len(own))  # those that were held out are behind
+        images = whole(height, width).between(0, len(own))  # held-out images come after these
         return two_sides(images, images, str(data), True)
 
     names, sequences = zip(*((e.name, e.sequence) for e in own), strict=True)

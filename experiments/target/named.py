@@ -15,11 +15,11 @@ from shell.errors import UserError
 
 
 def named_target(config: Config, workers: Workers) -> Target:
-    """What ``--target``, ``--data`` and ``--few`` say.
+    """Find the target of ``--target``, ``--data`` and ``--few``.
 
     Raises:
-        UserError: no data where they are needed, data for the twin, or what neither can do.
-        DataError: the data are not as they should be.
+        UserError: data are missing, or given for the twin, or a flag does not fit the target.
+        DataError: the data are wrong.
     """
     if config.target == "twin":
         if config.data is not None:

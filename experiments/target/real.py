@@ -1,4 +1,4 @@
-"""CamVid, Cityscapes and LabelMeFacade as they lie on disk."""
+"""CamVid, Cityscapes and LabelMeFacade on disk."""
 
 from __future__ import annotations
 
@@ -25,29 +25,29 @@ from shell.errors import UserError
 from shell.target_file import TargetFile, shipped
 
 REPORTED = {"camvid": "test", "cityscapes": "val", "labelmefacade": "test"}
-"""The split that is reported on by default."""
+"""The default split for the test."""
 MOST_NAMED = 8
-"""Sequences on both sides that the title names; of more it says how many they are."""
+"""The title names up to so many sequences on both sides; otherwise it gives their number."""
 
 
 def real_target(name: str, config: Config, data: Path) -> Target:
     """A public data set in the folder ``data``.
 
     Raises:
-        UserError: no images on one of the sides, or the same ones on both.
-        DataError: the data are not as they should be.
+        UserError: a side has no images, or an image is on both.
+        DataError: the data are wrong.
     """
     files = shipped(name)
     reward, test, where = _sides(files, data, config.test_split or REPORTED[name], config)
-    # The same for every --seed: a study's searches share their target with the main job of each one's seed.
+    # The same for every --seed, so that a study's searches share their target with the main job.
     test = subset(test, config.test_images)
     unlabelled = config.unlabelled if isinstance(config, MainConfig) else None
     if unlabelled is not None:
-        # No label is read, nor is there a place for one.
+        # No label is read; the paths are empty.
         reward = tuple(Entry(p.stem, "", p, p) for p in list_unlabelled(unlabelled))
     reward = subset(reward, config.reward_images)
     refuse_overlap([e.name for e in reward], [e.name for e in test])
-    # What gives -MMD^2 needs no labels, even where there are some.
+    # Images for -MMD^2 need no labels, even if there are some.
     scored = not isinstance(config, RewardConfig) or config.reward_kind == "miou"
 
     @lru_cache(maxsize=SIZES)
@@ -80,7 +80,7 @@ def real_target(name: str, config: Config, data: Path) -> Target:
 def _sides(
     files: TargetFile, data: Path, test_split: str, config: Config
 ) -> tuple[tuple[Entry, ...], tuple[Entry, ...], str]:
-    """What gives the reward, what is reported on, and where that is from."""
+    """The reward images, the test images, and the origin of the latter."""
     reward = list_split(files, data, "train")
     if config.holdout is None:
         try:
@@ -103,7 +103,7 @@ def _sides(
 
 
 def _void(entries: Sequence[Entry], size: tuple[int, int]) -> LabelledImages:
-    """Images without labels as a set whose every pixel is void."""
+    """Images without labels as a set with void pixels."""
     images = load_unlabelled([e.image_path for e in entries], size)
     labels = np.full(images.shape[:3], IGNORE_LABEL, np.uint8)
     names, sequences = zip(*((e.name, e.sequence) for e in entries), strict=True)

@@ -1,8 +1,8 @@
-"""The twin: a stand-in real world for machines without data.
+"""The twin: a stand-in for real data on machines without any.
 
-Our own engine renders it with hidden attribute values drawn from a stated prior, with assets that the
-search may not use, and through another camera. Its optimum is known. It is not real data, and nothing
-learnt on it is a real-data result.
+Our engine renders it with hidden attribute values from a given prior, with assets that the search may not
+use, and through another camera. Its optimum is known. It is not real data, and nothing learnt on it is a
+result on real data.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from seg.data import LabelledImages
 PRIOR_STD = 0.12
 """Near: hidden centres are normal around the hand-set street, with this standard deviation (unit)."""
 FAR = (0.1, 0.9)
-"""Far: hidden centres are uniform in this range (unit), whatever the hand-set street is."""
+"""Far: hidden centres are uniform in this range (unit), independent of the hand-set street."""
 FAR_CAMERA = {"camera_position_y": (1.0, 2.5), "camera_rotation_x": (-8.0, 8.0)}
-"""But these in ranges of their own (m, deg), so that the camera sees a street."""
+"""Far: ranges of these attributes (m, deg), so that the camera sees a street."""
 HIDDEN_WIDTH = 0.15
 """Every street of the twin is uniform on an interval of this width around the hidden centre."""
 FIRST_ASSET = 100_000
-"""The twin's assets begin here; the search's end long before."""
+"""The first asset of the twin; the search has only earlier ones."""
 ASSETS = 48
-"""Assets of every family in the twin, unless the search itself has fewer."""
+"""Assets of every family in the twin, unless the search has fewer."""
 SHOTS: dict[TwinName, int] = {"near": 6, "far": 1}
-"""Images per street, that is, per sequence. The fewer, the more of what is learnt holds for other streets."""
+"""Images per street, which is a sequence. With fewer images, nets generalise better to other streets."""
 IMAGES = 120
-"""Images in each of its two splits, unless fewer are asked for."""
+"""The most images in each of its two splits."""
 
 
 class TwinWorld(NamedTuple):
-    """What is hidden: where the attributes lie, and how its camera sees."""
+    """The hidden attributes and camera."""
 
     centre: np.ndarray  # f32[attributes of scenex or extended] unit
     width: np.ndarray  # f32[attributes]
@@ -53,16 +53,16 @@ class TwinWorld(NamedTuple):
 def twin_world(twin_seed: int, twin: TwinName = "near") -> TwinWorld:
     """Draw a twin.
 
-    Prior, near: each of the paper's 23 centres is the default's unit value plus N(0, 0.12), kept inside
-    [0.08, 0.92]. Far: each centre of the extended space is uniform in `FAR`, or in `FAR_CAMERA`; an
-    interval that sticks out of [0, 1] is moved inside. The camera of both: its white balance is off by up
-    to 8 %, its gamma by up to 12 %, its lens blurs by 0.3-0.7 pixels and its noise is twice the engine's.
+    Near: each of the paper's 23 centres is the default's unit value plus N(0, 0.12), kept inside [0.08,
+    0.92]. Far: each centre of the extended space is uniform in `FAR`, or in `FAR_CAMERA`; an interval that
+    sticks out of [0, 1] is moved inside. The camera of both has a white balance that is off by up to 8 %, a
+    gamma that is off by up to 12 %, a lens that blurs by 0.3-0.7 pixels, and twice the engine's noise.
 
     Args:
         twin_seed: near and far twins of one seed have nothing in common.
         twin: near or far.
     """
-    # Another first word, as a third would meet the second half of a long seed.
+    # Another first word, since a third word would collide with the second half of a long seed.
     rng = np.random.default_rng([2006 if twin == "near" else 2007, twin_seed])
     if twin == "near":
         drawn = default_unit() + rng.normal(0, PRIOR_STD, len(NAMES))
@@ -75,7 +75,7 @@ def twin_world(twin_seed: int, twin: TwinName = "near") -> TwinWorld:
         gamma=float(rng.uniform(0.94, 1.12)),
         blur=float(rng.uniform(0.3, 0.7)),
         noise=0.012,
-        variation=0.0,  # one camera took all its pictures
+        variation=0.0,  # one camera takes all pictures
     )
     return TwinWorld(
         centre,
@@ -96,7 +96,7 @@ def _far_ranges() -> np.ndarray:
 
 
 def twin_names(split: str, images: int | None, shots: int) -> tuple[tuple[str, str], ...]:
-    """(name, sequence) of every image of a split with so many images per street, without rendering any."""
+    """(name, sequence) of every image of a split with so many images per street, without rendering."""
     count = min(images or IMAGES, IMAGES)
     sequences = [f"twin-{split}-{k // shots:03d}" for k in range(count)]
     return tuple((f"{s}_{k % shots}", s) for k, s in enumerate(sequences))
@@ -112,11 +112,11 @@ def twin_split(
     workers: Workers,
     assets: int = ASSETS,
 ) -> LabelledImages:
-    """Render one split, ``train`` (for the reward) or ``test``, at ``size`` (height, width).
+    """Render the split ``train`` (for the reward) or ``test`` at ``size`` (height, width).
 
-    Of every family it shows ``assets`` that the search never uses.
+    It shows ``assets`` assets of every family, which the search never uses.
 
-    Streets of the two splits are drawn apart, so no sequence is in both; the same world, split and
+    Streets of the two splits are drawn separately, so that no sequence is in both; the same world, split and
     size give the same images.
     """
     names, sequences = zip(*twin_names(split, images, world.shots), strict=True)
